@@ -1,0 +1,6 @@
+"""Warp kernels of warpknit: they know arrays, never objects. Imported as ``warpknit.kernels``.
+
+Two storage precisions come from one source. ``single`` keeps displacements from the affinely mapped rest shape as 32-bit
+fixed point (``unit`` metres a count, so that differences are exact and slow motion is never lost) and everything else as
+float32; ``double`` keeps both as float64 (``unit`` is 1).
+"""

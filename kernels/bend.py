@@ -1,0 +1,17 @@
+"""Bending at a node between two segments.
+
+    theta = angle from the edge before to the edge after       E = EI/l (theta - theta0)^2 / 2
+
+with l the rest length that belongs to the node. The moment g = EI/l (theta - theta0) acts on the direction of both
+edges: the gradient of E by an edge e with unit normal nu and length |e| is (g - g_next)/|e| nu.
+"""
+
+from typing import Any
+
+import warp as wp
+
+
+@wp.func
+def turning_angle(ax: Any, ay: Any, bx: Any, by: Any):
+    """Angle from edge a to edge b, in (-pi, pi]."""
+    return wp.atan2(ax * by - ay * bx, ax * bx + ay * by)

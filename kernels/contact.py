@@ -1,0 +1,231 @@
+"""Contact of a body with the smooth curve of a wire.
+
+On segment j between nodes j and j + 1, with u in [0, 1] and everything taken relative to node j,
+
+    p(u) = h10 m0 + h01 e + h11 m1 + u (1 - u) (b_t(u) t + b_n(u) nu)
+    m0 = (e_before + e)/2,  m1 = (e + e_after)/2        (Catmull-Rom tangents; h.. are the Hermite polynomials)
+
+t and nu are the unit tangent and left normal of the chord e; b_t and b_n are cubics whose coefficients come from a table
+of one repeat, such that p is the true curve of the wire at rest. With the closest point, n the left normal there and
+`side` telling on which side of the wire the body belongs,
+
+    gap = side n.(c - p) - reach         F = max(0, offset - k gap)
+
+The sign of the gap goes by the side, not by the distance, so a body that was pushed through is pushed back. F acts on
+the body along side n, and on the four nodes with the weights dp/dx and the couple of the chord's rotation: minus the
+gradient of the energy, so no net force and no net moment arises.
+
+| symbol | argument | unit |
+|---|---|---|
+| c | body centre, from pair_rest (counts, in the frame of the table) and the displacements | m |
+| reach | distance of body centre and wire centre line at which they touch | m |
+| offset | pair_offset: running multiplier | N |
+| k | CONTACT_STIFFNESS | N/m |
+"""
+
+from typing import Any
+
+import warp as wp
+
+from .control import CONTACT_STIFFNESS, GRADIENT, LENGTH_FACTOR, STATUS, STATUS_RUNNING, TRAVEL
+from .stretch import edge_component
+from .wires import node_at
+
+CURVE_COEFFICIENTS = 8  # b_t: 0..3, b_n: 4..7
+CLOSEST_POINT_ITERATIONS = 8
+
+
+@wp.func
+def cubic(c0: Any, c1: Any, c2: Any, c3: Any, u: Any):
+    return c0 + u * (c1 + u * (c2 + u * c3))
+
+
+@wp.func
+def cubic_slope(c1: Any, c2: Any, c3: Any, u: Any):
+    return c1 + u * (c2 + c2 + (c3 + c3 + c3) * u)
+
+
+@wp.kernel
+def find_contact_forces(
+    # what steers the step
+    control: wp.array(dtype=wp.float64),
+    unit: Any,
+    reach_at_rest: Any,
+    # rest data of one repeat
+    table_x: wp.array(dtype=Any),
+    table_y: wp.array(dtype=Any),
+    rest_x: wp.array(dtype=Any),
+    rest_y: wp.array(dtype=Any),
+    curve: wp.array2d(dtype=Any),
+    # pairs
+    pair_wire: wp.array(dtype=wp.int32),
+    pair_seed: wp.array(dtype=wp.int32),
+    pair_table: wp.array(dtype=wp.int32),
+    pair_low: wp.array(dtype=wp.int32),
+    pair_high: wp.array(dtype=wp.int32),
+    pair_side: wp.array(dtype=wp.int32),
+    pair_rest_x: wp.array(dtype=Any),
+    pair_rest_y: wp.array(dtype=Any),
+    pair_wake: wp.array(dtype=Any),
+    pair_offset: wp.array(dtype=Any),
+    wire_first: wp.array(dtype=wp.int32),
+    wire_count: wp.array(dtype=wp.int32),
+    wire_closed: wp.array(dtype=wp.int32),
+    # state in
+    ux: wp.array(dtype=Any),
+    uy: wp.array(dtype=Any),
+    body_ux: wp.array(dtype=Any),
+    body_uy: wp.array(dtype=Any),
+    # state in and out: the contact point of the step before is where the search starts
+    pair_slide: wp.array(dtype=wp.int32),
+    pair_u: wp.array(dtype=Any),
+    # out
+    pair_node: wp.array(dtype=wp.int32),
+    pair_gap: wp.array(dtype=Any),
+    pair_force: wp.array(dtype=Any),
+    pair_body_x: wp.array(dtype=Any),
+    pair_body_y: wp.array(dtype=Any),
+    pair_nodal_x: wp.array(dtype=Any),
+    pair_nodal_y: wp.array(dtype=Any),
+):
+    pair = wp.tid()
+    if control[STATUS] != STATUS_RUNNING:
+        return
+    zero = type(unit)(0.0)
+    one = type(unit)(1.0)
+    half = type(unit)(0.5)
+    two = type(unit)(2.0)
+    three = type(unit)(3.0)
+    if control[TRAVEL] < wp.float64(pair_wake[pair]):
+        pair_force[pair] = zero
+        return
+    length_factor = type(unit)(control[LENGTH_FACTOR])
+    body = pair / 2
+    wire = pair_wire[pair]
+    first = wire_first[wire]
+    count = wire_count[wire]
+    closed = wire_closed[wire]
+    fxx = type(unit)(control[GRADIENT])
+    fxy = type(unit)(control[GRADIENT + 1])
+    fyx = type(unit)(control[GRADIENT + 2])
+    fyy = type(unit)(control[GRADIENT + 3])
+    bx = body_ux[body]
+    by = body_uy[body]
+    slide = pair_slide[pair]
+    u = pair_u[pair]
+
+    node = int(0)
+    e0x = zero
+    e0y = zero
+    gx = zero
+    gy = zero
+    px = zero
+    py = zero
+    dx = zero
+    dy = zero
+    inverse = one
+    bend_t = zero
+    bend_n = zero
+    open_square = type(unit)(9.0) * reach_at_rest * reach_at_rest
+    here = u  # where on the segment the curve was evaluated last
+    for _iteration in range(CLOSEST_POINT_ITERATIONS):
+        node = node_at(pair_seed[pair] + slide, first, count, closed)
+        before = node_at(pair_seed[pair] + slide - 1, first, count, closed)
+        after = node_at(pair_seed[pair] + slide + 1, first, count, closed)
+        last = node_at(pair_seed[pair] + slide + 2, first, count, closed)
+        t = pair_table[pair] + slide
+        e0x = edge_component(fxx, fxy, rest_x[t], rest_y[t], ux[after], ux[node], unit)
+        e0y = edge_component(fyx, fyy, rest_x[t], rest_y[t], uy[after], uy[node], unit)
+        m0x = half * (e0x + edge_component(fxx, fxy, rest_x[t - 1], rest_y[t - 1], ux[node], ux[before], unit))
+        m0y = half * (e0y + edge_component(fyx, fyy, rest_x[t - 1], rest_y[t - 1], uy[node], uy[before], unit))
+        m1x = half * (e0x + edge_component(fxx, fxy, rest_x[t + 1], rest_y[t + 1], ux[last], ux[after], unit))
+        m1y = half * (e0y + edge_component(fyx, fyy, rest_x[t + 1], rest_y[t + 1], uy[last], uy[after], unit))
+        lx = unit * type(unit)(pair_rest_x[pair] - table_x[t])
+        ly = unit * type(unit)(pair_rest_y[pair] - table_y[t])
+        gx = edge_component(fxx, fxy, lx, ly, bx, ux[node], unit)
+        gy = edge_component(fyx, fyy, lx, ly, by, uy[node], unit)
+        inverse = one / wp.sqrt(e0x * e0x + e0y * e0y)
+        tx = e0x * inverse
+        ty = e0y * inverse
+        here = u
+        # point, slope and curvature of p(u)
+        h10 = u * (one - u) * (one - u)
+        h01 = u * u * (three - two * u)
+        h11 = u * u * (u - one)
+        d10 = (one - u) * (one - three * u)
+        d01 = type(unit)(6.0) * u * (one - u)
+        d11 = u * (three * u - two)
+        c10 = type(unit)(6.0) * u - type(unit)(4.0)
+        c01 = type(unit)(6.0) - type(unit)(12.0) * u
+        c11 = type(unit)(6.0) * u - two
+        bump = u * (one - u) * length_factor
+        slope = (one - two * u) * length_factor
+        cubic_t = cubic(curve[t, 0], curve[t, 1], curve[t, 2], curve[t, 3], u)
+        cubic_n = cubic(curve[t, 4], curve[t, 5], curve[t, 6], curve[t, 7], u)
+        bend_t = bump * cubic_t
+        bend_n = bump * cubic_n
+        turn_t = slope * cubic_t + bump * cubic_slope(curve[t, 1], curve[t, 2], curve[t, 3], u)
+        turn_n = slope * cubic_n + bump * cubic_slope(curve[t, 5], curve[t, 6], curve[t, 7], u)
+        px = h10 * m0x + h01 * e0x + h11 * m1x + bend_t * tx - bend_n * ty
+        py = h10 * m0y + h01 * e0y + h11 * m1y + bend_t * ty + bend_n * tx
+        dx = d10 * m0x + d01 * e0x + d11 * m1x + turn_t * tx - turn_n * ty
+        dy = d10 * m0y + d01 * e0y + d11 * m1y + turn_t * ty + turn_n * tx
+        ax = c10 * m0x + c01 * e0x + c11 * m1x
+        ay = c10 * m0y + c01 * e0y + c11 * m1y
+        # Newton step towards (c - p).p' = 0, kept positive where the curve bends away from the body
+        along = (gx - px) * dx + (gy - py) * dy
+        square = dx * dx + dy * dy
+        denominator = wp.max(square - ((gx - px) * ax + (gy - py) * ay), type(unit)(0.25) * square)
+        step = wp.clamp(along / denominator, -one, one)
+        target = u + step
+        if target < zero and slide > pair_low[pair]:
+            slide = slide - 1
+            u = wp.clamp(target + one, zero, one)
+        elif target > one and slide < pair_high[pair]:
+            slide = slide + 1
+            u = wp.clamp(target - one, zero, one)
+        else:
+            target = wp.clamp(target, zero, one)
+            done = wp.abs(target - u) < type(unit)(1.0e-5)
+            if done:
+                break
+            u = target
+        # a pair that is well open moves its point once a step; only near contact must it be exact
+        if (gx - px) * (gx - px) + (gy - py) * (gy - py) > open_square:
+            break
+    pair_slide[pair] = slide
+    pair_u[pair] = u
+    pair_node[pair] = node
+    side = type(unit)(pair_side[pair])
+    speed = one / wp.sqrt(dx * dx + dy * dy)
+    nx = -side * dy * speed
+    ny = side * dx * speed
+    gap = nx * (gx - px) + ny * (gy - py) - reach_at_rest * length_factor
+    force = wp.max(zero, pair_offset[pair] - type(unit)(control[CONTACT_STIFFNESS]) * gap)
+    pair_gap[pair] = gap
+    pair_force[pair] = force
+    if force == zero:
+        return
+    fx = force * nx
+    fy = force * ny
+    pair_body_x[pair] = fx
+    pair_body_y[pair] = fy
+    h10 = here * (one - here) * (one - here)
+    h01 = here * here * (three - two * here)
+    h11 = here * here * (here - one)
+    # couple of the chord's rotation: d(b_t t + b_n nu)/dphi = b_t nu - b_n t
+    tx = e0x * inverse
+    ty = e0y * inverse
+    couple = (fx * (-bend_t * ty - bend_n * tx) + fy * (bend_t * tx - bend_n * ty)) * inverse
+    w0 = half * h10
+    w1 = h01 - one + half * h11
+    w2 = -(h01 + half * h10)
+    w3 = -half * h11
+    pair_nodal_x[4 * pair] = w0 * fx
+    pair_nodal_y[4 * pair] = w0 * fy
+    pair_nodal_x[4 * pair + 1] = w1 * fx - couple * ty
+    pair_nodal_y[4 * pair + 1] = w1 * fy + couple * tx
+    pair_nodal_x[4 * pair + 2] = w2 * fx + couple * ty
+    pair_nodal_y[4 * pair + 2] = w2 * fy - couple * tx
+    pair_nodal_x[4 * pair + 3] = w3 * fx
+    pair_nodal_y[4 * pair + 3] = w3 * fy

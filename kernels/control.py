@@ -1,0 +1,143 @@
+"""The numbers that steer a time step, kept on the device, and the kernel that renews them after each step.
+
+Every step, for wires and bodies alike, reads
+
+    v' = VELOCITY_FACTOR v + FORCE_FACTOR f / m          u' = u + TIME_STEP (v' + LOOK_AHEAD (v' - v))
+
+with the factors of central differences under mass-proportional damping c,
+
+    VELOCITY_FACTOR = (1 - c dt/2)/(1 + c dt/2)          FORCE_FACTOR = dt/(1 + c dt/2)
+
+so one set of kernels serves both drives: `ramp` has real (or scaled) masses and a given c, `relax` has fictitious masses
+that are stable at unit step and a c near the critical damping of the slowest mode that still moves (kernels/relax.py).
+
+With LOOK_AHEAD = g the stored u is the place a mesh at x will reach in g steps, x + g dt v, so that forces are those of a
+moment later. A mode of frequency w then loses g (w dt)^2/2 of its amplitude a step on top of c dt/2: stiff modes die within
+tens of steps, slow ones feel nothing. The step is stable up to w dt = 2/sqrt(1 + 2 g). A ramp has g = 0.
+
+The boundary moves by the deformation gradient F, which follows a smooth ramp from FROM to TO over RAMP_STEPS steps.
+A step after which something moved farther than STEP_LIMIT freezes the state (STATUS_DIVERGED), and so does a travel since
+the last neighbour search above TRAVEL_LIMIT (STATUS_STALE): later steps of the batch then change nothing.
+"""
+
+import warp as wp
+
+# what a step reads
+VELOCITY_FACTOR = wp.constant(0)
+FORCE_FACTOR = wp.constant(1)
+TIME_STEP = wp.constant(2)
+GRADIENT = wp.constant(3)  # 4 entries: xx, xy, yx, yy, then the length factor 1 + alpha (T - T0) of the wires
+LENGTH_FACTOR = wp.constant(7)
+LOOK_AHEAD = wp.constant(8)  # steps by which forces look ahead, in relax
+CONTACT_STIFFNESS = wp.constant(9)  # [N/m]
+BODY_INVERSE_MASS = wp.constant(11)  # [1/kg]
+# the load ramp
+FROM = wp.constant(12)  # 5 entries: GRADIENT and LENGTH_FACTOR at the start of the ramp
+TO = wp.constant(17)  # 5 entries: at its end
+RAMP_STEP = wp.constant(22)
+RAMP_STEPS = wp.constant(23)
+# drive
+DRIVE = wp.constant(24)  # 0 relax, 1 ramp
+DAMPING = wp.constant(25)  # [1/s]
+SPEED_LIMIT = wp.constant(29)  # [m] farthest move a step in relax; speeds are scaled down to it
+# watch
+STEP_LIMIT = wp.constant(30)  # [m] a move beyond it is a divergence
+TRAVEL = wp.constant(31)  # [m] bound on any displacement since the last neighbour search
+TRAVEL_LIMIT = wp.constant(32)
+STATUS = wp.constant(33)
+STEP = wp.constant(34)  # steps taken
+# sums over the step just taken
+POWER = wp.constant(35)  # [W] sum f.v
+FORCE_SQUARE_BY_MASS = wp.constant(36)  # sum f^2/m
+KINETIC_TWICE = wp.constant(37)  # [J] sum m v^2
+SPEED_MAX = wp.constant(38)  # [m/s]
+FORCE_MAX = wp.constant(39)  # [N]
+FORCE_SQUARE = wp.constant(40)  # [N2]
+DISSIPATED = wp.constant(41)  # [J] taken out by mass-proportional damping
+CONTROL_COUNT = 42
+
+STATUS_RUNNING = wp.constant(wp.float64(0.0))
+STATUS_STALE = wp.constant(wp.float64(1.0))
+STATUS_DIVERGED = wp.constant(wp.float64(2.0))
+
+PARTIAL_COUNT = 6  # columns of the partial sums: power, f^2/m, m v^2, largest v^2, largest f^2, f^2
+
+
+@wp.func
+def smooth_ramp(x: wp.float64) -> wp.float64:
+    """x^3 (10 - 15 x + 6 x^2): speed and acceleration vanish at both ends."""
+    return x * x * x * (wp.float64(10.0) + x * (wp.float64(6.0) * x - wp.float64(15.0)))
+
+
+@wp.func
+def advance_load(control: wp.array(dtype=wp.float64)):
+    """Move the deformation gradient and the length factor one step along the ramp."""
+    if control[RAMP_STEP] < control[RAMP_STEPS]:
+        control[RAMP_STEP] = control[RAMP_STEP] + wp.float64(1.0)
+        s = smooth_ramp(control[RAMP_STEP] / control[RAMP_STEPS])
+        for k in range(5):
+            control[GRADIENT + k] = control[FROM + k] + s * (control[TO + k] - control[FROM + k])
+
+
+@wp.func
+def set_factors(control: wp.array(dtype=wp.float64)):
+    """Central differences with mass-proportional damping; in relax, speeds are scaled down to SPEED_LIMIT."""
+    half = wp.float64(0.5) * control[DAMPING] * control[TIME_STEP]
+    a = (wp.float64(1.0) - half) / (wp.float64(1.0) + half)
+    move = control[SPEED_MAX] * control[TIME_STEP]
+    if control[DRIVE] == wp.float64(0.0) and move > control[SPEED_LIMIT]:
+        a = a * control[SPEED_LIMIT] / move
+    control[VELOCITY_FACTOR] = a
+    control[FORCE_FACTOR] = control[TIME_STEP] / (wp.float64(1.0) + half)
+
+
+@wp.kernel
+def update_control(
+    # in
+    wire_partial: wp.array2d(dtype=wp.float64),
+    body_partial: wp.array2d(dtype=wp.float64),
+    # in and out
+    control: wp.array(dtype=wp.float64),
+):
+    """Sum the partial sums in their order, watch the limits, set the factors of the next step and move the load."""
+    if control[STATUS] != STATUS_RUNNING:
+        return
+    power = wp.float64(0.0)
+    force_by_mass = wp.float64(0.0)
+    kinetic = wp.float64(0.0)
+    speed_square = wp.float64(0.0)
+    force_max = wp.float64(0.0)
+    force_square = wp.float64(0.0)
+    finite = bool(True)
+    for b in range(wire_partial.shape[0]):
+        power += wire_partial[b, 0]
+        force_by_mass += wire_partial[b, 1]
+        kinetic += wire_partial[b, 2]
+        speed_square = wp.max(speed_square, wire_partial[b, 3])
+        force_max = wp.max(force_max, wire_partial[b, 4])
+        force_square += wire_partial[b, 5]
+    for b in range(body_partial.shape[0]):
+        power += body_partial[b, 0]
+        force_by_mass += body_partial[b, 1]
+        kinetic += body_partial[b, 2]
+        speed_square = wp.max(speed_square, body_partial[b, 3])
+        force_max = wp.max(force_max, body_partial[b, 4])
+        force_square += body_partial[b, 5]
+    finite = wp.isfinite(kinetic) and wp.isfinite(force_square)
+    control[POWER] = power
+    control[FORCE_SQUARE_BY_MASS] = force_by_mass
+    control[KINETIC_TWICE] = kinetic
+    control[SPEED_MAX] = wp.sqrt(speed_square)
+    control[FORCE_MAX] = wp.sqrt(force_max)
+    control[FORCE_SQUARE] = force_square
+    control[STEP] = control[STEP] + wp.float64(1.0)
+    control[DISSIPATED] = control[DISSIPATED] + control[DAMPING] * control[TIME_STEP] * kinetic
+    move = control[SPEED_MAX] * control[TIME_STEP]
+    control[TRAVEL] = control[TRAVEL] + move
+    if not finite or move > control[STEP_LIMIT]:
+        control[STATUS] = STATUS_DIVERGED
+        return
+    if control[TRAVEL] > control[TRAVEL_LIMIT]:
+        control[STATUS] = STATUS_STALE
+    set_factors(control)
+    advance_load(control)

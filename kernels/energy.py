@@ -1,0 +1,86 @@
+"""What the segments and nodes of the wires carry: tension, strain, turning, moment. Read at records, not in the step.
+
+    stretch energy = (EA/L) (|e| - L)^2 / 2 a segment        bend energy = EI/l (theta - theta0)^2 / 2 a node
+"""
+
+from typing import Any
+
+import warp as wp
+
+from .bend import turning_angle
+from .control import GRADIENT, LENGTH_FACTOR
+from .stretch import axial_force, edge_component
+from .wires import node_at
+
+
+@wp.kernel
+def evaluate_wires(
+    # blocks and wires
+    block_first: wp.array(dtype=wp.int32),
+    block_count: wp.array(dtype=wp.int32),
+    block_table: wp.array(dtype=wp.int32),
+    block_wire: wp.array(dtype=wp.int32),
+    block_size: int,
+    wire_first: wp.array(dtype=wp.int32),
+    wire_count: wp.array(dtype=wp.int32),
+    wire_closed: wp.array(dtype=wp.int32),
+    wire_axial: wp.array(dtype=Any),
+    # what steers the step
+    control: wp.array(dtype=wp.float64),
+    unit: Any,
+    # rest data
+    rest_x: wp.array(dtype=Any),
+    rest_y: wp.array(dtype=Any),
+    rest_length: wp.array(dtype=Any),
+    rest_angle: wp.array(dtype=Any),
+    tension_offset: wp.array(dtype=Any),
+    # state
+    ux: wp.array(dtype=Any),
+    uy: wp.array(dtype=Any),
+    # out: of the segment that starts at the node (zero behind the last node of an open wire) ...
+    edge_x: wp.array(dtype=Any),
+    edge_y: wp.array(dtype=Any),
+    elongation: wp.array(dtype=Any),
+    tension: wp.array(dtype=Any),
+    # ... and at the node itself (zero at the ends of an open wire)
+    turning: wp.array(dtype=Any),
+):
+    """Edge [m], elongation |e| - L [m], tension [N], and theta - theta0 [rad]."""
+    thread = wp.tid()
+    block = thread / block_size
+    lane = thread - block * block_size
+    if lane >= block_count[block]:
+        return
+    i = block_first[block] + lane
+    t = block_table[block] + lane
+    wire = block_wire[block]
+    first = wire_first[wire]
+    count = wire_count[wire]
+    closed = wire_closed[wire]
+    fxx = type(unit)(control[GRADIENT])
+    fxy = type(unit)(control[GRADIENT + 1])
+    fyx = type(unit)(control[GRADIENT + 2])
+    fyy = type(unit)(control[GRADIENT + 3])
+    before = node_at(i - 1, first, count, closed)
+    after = node_at(i + 1, first, count, closed)
+    bx = edge_component(fxx, fxy, rest_x[t - 1], rest_y[t - 1], ux[i], ux[before], unit)
+    by = edge_component(fyx, fyy, rest_x[t - 1], rest_y[t - 1], uy[i], uy[before], unit)
+    ex = edge_component(fxx, fxy, rest_x[t], rest_y[t], ux[after], ux[i], unit)
+    ey = edge_component(fyx, fyy, rest_x[t], rest_y[t], uy[after], uy[i], unit)
+    local = i - first
+    zero = type(unit)(0.0)
+    if closed != 0 or local < count - 1:
+        length = wp.sqrt(ex * ex + ey * ey)
+        natural = rest_length[t] * type(unit)(control[LENGTH_FACTOR])
+        edge_x[i] = ex
+        edge_y[i] = ey
+        elongation[i] = length - natural
+        tension[i] = axial_force(length, natural, wire_axial[wire], tension_offset[i])
+    else:
+        edge_x[i] = zero
+        edge_y[i] = zero
+        elongation[i] = zero
+        tension[i] = zero
+    turning[i] = zero
+    if closed != 0 or (local > 0 and local < count - 1):
+        turning[i] = turning_angle(bx, by, ex, ey) - rest_angle[t]

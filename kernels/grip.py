@@ -1,0 +1,48 @@
+"""Held nodes: a clamp moves with the boundary and keeps its direction.
+
+A clamp at rest position c holds nodes at rest positions X; they move as F c + (X - c), which is a displacement of
+(I - F)(X - c) from the affinely mapped rest shape.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from .control import GRADIENT, STATUS, STATUS_RUNNING
+
+
+@wp.kernel
+def move_held_nodes(
+    # in
+    control: wp.array(dtype=wp.float64),
+    unit: Any,
+    held_node: wp.array(dtype=wp.int32),
+    held_lever_x: wp.array(dtype=wp.float64),
+    held_lever_y: wp.array(dtype=wp.float64),
+    # out
+    ux: wp.array(dtype=Any),
+    uy: wp.array(dtype=Any),
+):
+    """`held_lever` is X - c [m]."""
+    h = wp.tid()
+    if control[STATUS] != STATUS_RUNNING:
+        return
+    one = wp.float64(1.0)
+    x = held_lever_x[h]
+    y = held_lever_y[h]
+    dx = (one - control[GRADIENT]) * x - control[GRADIENT + 1] * y
+    dy = (one - control[GRADIENT + 3]) * y - control[GRADIENT + 2] * x
+    i = held_node[h]
+    ux[i] = count_of(dx, unit)
+    uy[i] = count_of(dy, unit)
+
+
+@wp.func
+def count_of(x: wp.float64, unit: wp.float32) -> wp.int32:
+    """A length [m] in counts of the unit."""
+    return wp.int32(wp.rint(x / wp.float64(unit)))
+
+
+@wp.func
+def count_of(x: wp.float64, unit: wp.float64) -> wp.float64:  # noqa: F811  (an overload)
+    return x / unit

@@ -1,0 +1,75 @@
+"""Running multipliers: what softened segments and contact penalties would change is taken out again.
+
+A softened segment carries T = offset + K e with K = EA/s and e its strain. Wanted is e = T/EA, so the offset moves towards
+(1 - K/EA) T. Where the mesh is compliant, T stays and e gives way at once. Where a stretch is imposed, as in a straight wire
+between two grips, an update takes only a share K/EA of what is missing: such wires are softened less (softening.py).
+
+A closed pair carries F = offset - k gap; moving the offset to F lets the gap vanish at the same force.
+"""
+
+from typing import Any
+
+import warp as wp
+
+@wp.kernel
+def update_tension_offset(
+    # where
+    block_first: wp.array(dtype=wp.int32),
+    block_count: wp.array(dtype=wp.int32),
+    block_wire: wp.array(dtype=wp.int32),
+    block_size: int,
+    # in
+    rate: wp.float64,
+    axial_before: wp.array(dtype=Any),
+    axial: wp.array(dtype=Any),
+    true_stiffness: wp.float64,
+    tension: wp.array(dtype=Any),
+    # in and out
+    tension_offset: wp.array(dtype=Any),
+):
+    """One update of every segment; a change of a wire's stiffness from `axial_before` to `axial` keeps T."""
+    thread = wp.tid()
+    block = thread / block_size
+    lane = thread - block * block_size
+    if lane >= block_count[block]:
+        return
+    i = block_first[block] + lane
+    k = wp.float64(axial[block_wire[block]])
+    k_before = wp.float64(axial_before[block_wire[block]])
+    t = wp.float64(tension[i])
+    offset = t - k / k_before * (t - wp.float64(tension_offset[i]))
+    target = (wp.float64(1.0) - k / true_stiffness) * t
+    tension_offset[i] = tension_offset.dtype(offset + rate * (target - offset))
+
+
+@wp.kernel
+def update_pair_offset(
+    # in
+    rate: wp.float64,
+    pair_force: wp.array(dtype=Any),
+    # in and out
+    pair_offset: wp.array(dtype=Any),
+):
+    """offset += rate (F - offset)."""
+    pair = wp.tid()
+    offset = pair_offset[pair] + pair_offset.dtype(rate) * (pair_force[pair] - pair_offset[pair])
+    if offset < pair_offset.dtype(1.0e-16):
+        offset = pair_offset.dtype(0.0)  # an open pair forgets
+    pair_offset[pair] = offset
+
+
+@wp.kernel
+def extrapolate(
+    # in
+    ratio: wp.float64,
+    lowest: wp.float64,
+    # in and out: the value of this level becomes that of the last
+    value: wp.array(dtype=Any),
+    last: wp.array(dtype=Any),
+):
+    """value += ratio (value - last), not below `lowest`: the start of the next load level from the two before it."""
+    i = wp.tid()
+    now = value[i]
+    step = ratio * wp.float64(now - last[i])
+    value[i] = value.dtype(wp.max(wp.float64(now) + step, lowest))
+    last[i] = now

@@ -1,0 +1,199 @@
+"""One explicit step of all wires, one thread a node: stretch, bend, contact gathered from the pairs, update.
+
+    f_i = n_i - n_(i-1) + contact          n_j = T_j t_j + (g_j - g_(j+1)) / |e_j| nu_j
+
+with T_j the tension and t_j, nu_j the unit tangent and left normal of the segment from node j to node j + 1, and g_j the
+moment at node j (see stretch.py and bend.py). `wires_by_block.py` does the same for the CPU, a block of nodes a thread;
+a test holds the two together.
+
+Nodes of a wire are consecutive; block b holds nodes `block_first[b]` and on, and the threads of a block are consecutive
+too. Displacements are read from `*_in` and written to `*_out`, so that the neighbours of a node are never half updated.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from .bend import turning_angle
+from .control import (
+    FORCE_FACTOR,
+    GRADIENT,
+    LENGTH_FACTOR,
+    LOOK_AHEAD,
+    STATUS,
+    STATUS_RUNNING,
+    TIME_STEP,
+    VELOCITY_FACTOR,
+)
+from .stretch import axial_force, edge_component
+
+
+@wp.func
+def round_count(x: wp.float32, like: wp.int32) -> wp.int32:
+    return wp.int32(wp.rint(x))
+
+
+@wp.func
+def round_count(x: wp.float64, like: wp.float64) -> wp.float64:  # noqa: F811  (an overload)
+    return x
+
+
+@wp.func
+def without_denormals(speed: wp.float32) -> wp.float32:
+    """What dies out stops before its square is a denormal number, which is slow on a CPU."""
+    return wp.where(wp.abs(speed) < wp.float32(1.0e-18), wp.float32(0.0), speed)
+
+
+@wp.func
+def without_denormals(speed: wp.float64) -> wp.float64:  # noqa: F811  (an overload)
+    return wp.where(wp.abs(speed) < wp.float64(1.0e-150), wp.float64(0.0), speed)
+
+
+@wp.func
+def node_at(i: int, wire_first: int, wire_count: int, closed: int) -> int:
+    """Index of a node counted beyond the ends of its wire: wrapped if closed, else held at the end."""
+    j = i - wire_first
+    if closed != 0:
+        j = ((j % wire_count) + wire_count) % wire_count
+    else:
+        j = wp.clamp(j, 0, wire_count - 1)
+    return wire_first + j
+
+
+@wp.kernel
+def step_wires_by_node(
+    # blocks and wires
+    block_first: wp.array(dtype=wp.int32),
+    block_count: wp.array(dtype=wp.int32),
+    block_table: wp.array(dtype=wp.int32),
+    block_wire: wp.array(dtype=wp.int32),
+    block_pair_start: wp.array(dtype=wp.int32),
+    block_held_start: wp.array(dtype=wp.int32),
+    wire_first: wp.array(dtype=wp.int32),
+    wire_count: wp.array(dtype=wp.int32),
+    wire_closed: wp.array(dtype=wp.int32),
+    wire_axial: wp.array(dtype=Any),
+    wire_mass: wp.array(dtype=Any),
+    # what steers the step
+    control: wp.array(dtype=wp.float64),
+    unit: Any,
+    # rest data
+    rest_x: wp.array(dtype=Any),
+    rest_y: wp.array(dtype=Any),
+    rest_length: wp.array(dtype=Any),
+    rest_angle: wp.array(dtype=Any),
+    hinge_stiffness: wp.array(dtype=Any),
+    inverse_mass: wp.array(dtype=Any),
+    tension_offset: wp.array(dtype=Any),
+    # contact and grips
+    block_pair: wp.array(dtype=wp.int32),
+    pair_node: wp.array(dtype=wp.int32),
+    pair_force: wp.array(dtype=Any),
+    pair_nodal_x: wp.array(dtype=Any),
+    pair_nodal_y: wp.array(dtype=Any),
+    held_node: wp.array(dtype=wp.int32),
+    # state in
+    ux_in: wp.array(dtype=Any),
+    uy_in: wp.array(dtype=Any),
+    # state in and out
+    vx: wp.array(dtype=Any),
+    vy: wp.array(dtype=Any),
+    # out
+    ux_out: wp.array(dtype=Any),
+    uy_out: wp.array(dtype=Any),
+    partial: wp.array2d(dtype=wp.float64),
+    # launch
+    block_size: int,
+):
+    thread = wp.tid()
+    block = thread / block_size
+    lane = thread - block * block_size
+    if lane >= block_count[block]:
+        return
+    i = block_first[block] + lane
+    if control[STATUS] != STATUS_RUNNING:
+        ux_out[i] = ux_in[i]
+        uy_out[i] = uy_in[i]
+        return
+    zero = type(unit)(0.0)
+    wire = block_wire[block]
+    first = wire_first[wire]
+    count = wire_count[wire]
+    closed = wire_closed[wire]
+    table = block_table[block] + lane
+    fxx = type(unit)(control[GRADIENT])
+    fxy = type(unit)(control[GRADIENT + 1])
+    fyx = type(unit)(control[GRADIENT + 2])
+    fyy = type(unit)(control[GRADIENT + 3])
+    length_factor = type(unit)(control[LENGTH_FACTOR])
+    axial_stiffness = wire_axial[wire]
+
+    # edges and tensions of the four segments around the node: i-2, i-1, i, i+1
+    ex = wp.vector(zero, zero, zero, zero)
+    ey = wp.vector(zero, zero, zero, zero)
+    length = wp.vector(zero, zero, zero, zero)
+    for k in range(4):
+        j = node_at(i - 2 + k, first, count, closed)
+        j_next = node_at(i - 1 + k, first, count, closed)
+        t = table - 2 + k
+        ex[k] = edge_component(fxx, fxy, rest_x[t], rest_y[t], ux_in[j_next], ux_in[j], unit)
+        ey[k] = edge_component(fyx, fyy, rest_x[t], rest_y[t], uy_in[j_next], uy_in[j], unit)
+        length[k] = wp.sqrt(ex[k] * ex[k] + ey[k] * ey[k])
+    # moments at the three nodes i-1, i, i+1
+    moment = wp.vector(zero, zero, zero)
+    for k in range(3):
+        local = i - 1 + k - first
+        if closed != 0 or (local > 0 and local < count - 1):
+            t = table - 1 + k
+            angle = turning_angle(ex[k], ey[k], ex[k + 1], ey[k + 1])
+            moment[k] = hinge_stiffness[t] / length_factor * (angle - rest_angle[t])
+    fx = zero
+    fy = zero
+    for k in range(2):
+        # segment i-1 pulls with a minus sign, segment i with a plus sign
+        local = i - 1 + k - first
+        if closed != 0 or (local >= 0 and local < count - 1):
+            s = type(unit)(2 * k - 1)
+            inverse = type(unit)(1.0) / length[k + 1]
+            tx = ex[k + 1] * inverse
+            ty = ey[k + 1] * inverse
+            natural = rest_length[table - 1 + k] * length_factor
+            j = node_at(i - 1 + k, first, count, closed)
+            tension = axial_force(length[k + 1], natural, axial_stiffness, tension_offset[j])
+            shear = (moment[k] - moment[k + 1]) * inverse
+            fx += s * (tension * tx - shear * ty)
+            fy += s * (tension * ty + shear * tx)
+    for q in range(block_pair_start[block], block_pair_start[block + 1]):
+        p = block_pair[q]
+        if pair_force[p] != zero:
+            c = i - pair_node[p] + 1
+            if closed != 0:
+                c = ((c % count) + count) % count
+            if c >= 0 and c < 4:
+                fx += pair_nodal_x[4 * p + c]
+                fy += pair_nodal_y[4 * p + c]
+    for q in range(block_held_start[block], block_held_start[block + 1]):
+        if held_node[q] == i:
+            fx = zero
+            fy = zero
+    im = inverse_mass[table] / wire_mass[wire]
+    px = vx[i]
+    py = vy[i]
+    a = type(unit)(control[VELOCITY_FACTOR])
+    b = type(unit)(control[FORCE_FACTOR]) * im
+    qx = without_denormals(a * px + b * fx)
+    qy = without_denormals(a * py + b * fy)
+    counts = type(unit)(control[TIME_STEP]) / unit
+    ahead = type(unit)(control[LOOK_AHEAD])
+    vx[i] = qx
+    vy[i] = qy
+    ux_out[i] = ux_in[i] + round_count((qx + ahead * (qx - px)) * counts, ux_in[i])
+    uy_out[i] = uy_in[i] + round_count((qy + ahead * (qy - py)) * counts, uy_in[i])
+    force_square = wp.float64(fx * fx + fy * fy)
+    speed_square = wp.float64(qx * qx + qy * qy)
+    wp.atomic_add(partial, block, 0, wp.float64(fx * px + fy * py))
+    wp.atomic_add(partial, block, 1, force_square * wp.float64(im))
+    wp.atomic_add(partial, block, 2, speed_square / wp.float64(im))
+    wp.atomic_max(partial, block, 3, speed_square)
+    wp.atomic_max(partial, block, 4, force_square)
+    wp.atomic_add(partial, block, 5, force_square)

@@ -1,0 +1,460 @@
+"""One explicit step of all wires on the CPU: one thread a block of nodes (see wires.py for the equations).
+
+The work is written as loops over short arrays that the CPU compiler vectorises, and every segment and every angle is
+computed once a block. It is C++ because loops of a Warp kernel do not vectorise on the CPU. A block holds at most
+BLOCK_SIZE consecutive nodes of one wire; the rest data of its first node stand at `block_table` of the table of one
+repeat, whose entries unroll in step with the nodes.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from .control import (
+    FORCE_FACTOR,
+    GRADIENT,
+    LENGTH_FACTOR,
+    LOOK_AHEAD,
+    STATUS,
+    STATUS_RUNNING,
+    TIME_STEP,
+    VELOCITY_FACTOR,
+)
+
+BLOCK_SIZE = 128
+
+# Local indices: node k is global node first - 2 + k, segment k joins nodes k and k + 1, angle k sits at node k between
+# segments k - 1 and k.
+_BLOCK_STEP = r"""
+    typedef decltype(unit) real;
+    typedef COORDINATE coordinate;
+    enum { SIZE = BLOCK_SIZE, SPAN = SIZE + 4, LANES = 16 };
+    const int count = block_count;
+    const int nodes = count + 4, segments = count + 3;
+    const int offset_of_block = first - 2;
+    const int wire_end = wire_first + wire_count;
+    coordinate cx[SPAN], cy[SPAN];
+    real shift[SPAN];
+    if (offset_of_block >= wire_first && offset_of_block + nodes <= wire_end) {
+        for (int k = 0; k < nodes; ++k) {
+            cx[k] = ux_in.data[offset_of_block + k];
+            cy[k] = uy_in.data[offset_of_block + k];
+            shift[k] = tension_offset.data[offset_of_block + k];
+        }
+    } else {
+        for (int k = 0; k < nodes; ++k) {
+            int i = offset_of_block + k;
+            if (closed) {
+                while (i < wire_first) i += wire_count;
+                while (i >= wire_end) i -= wire_count;
+            } else {
+                i = i < wire_first ? wire_first : (i >= wire_end ? wire_end - 1 : i);
+            }
+            cx[k] = ux_in.data[i];
+            cy[k] = uy_in.data[i];
+            shift[k] = tension_offset.data[i];
+        }
+    }
+    const real* __restrict rx = rest_x.data + table - 2;
+    const real* __restrict ry = rest_y.data + table - 2;
+    const real* __restrict rl = rest_length.data + table - 2;
+    const real* __restrict ra = rest_angle.data + table - 2;
+    const real* __restrict rb = hinge_stiffness.data + table - 2;
+    const real* __restrict rm = inverse_mass.data + table - 2;
+
+    real tx[SPAN], ty[SPAN], il[SPAN], tension[SPAN], moment[SPAN];
+    {
+    #pragma clang fp reassociate(on) contract(fast)
+    #pragma clang loop vectorize(enable)
+    for (int k = 0; k < segments; ++k) {
+        const real ex = fxx * rx[k] + fxy * ry[k] + unit * real(cx[k + 1] - cx[k]);
+        const real ey = fyx * rx[k] + fyy * ry[k] + unit * real(cy[k + 1] - cy[k]);
+        const real length = sqrt(ex * ex + ey * ey);
+        const real inverse = real(1) / length;
+        const real natural = rl[k] * length_factor;
+        tx[k] = ex * inverse;
+        ty[k] = ey * inverse;
+        il[k] = inverse;
+        tension[k] = shift[k] + axial_stiffness * (length - natural) / natural;
+    }
+    }
+    moment[0] = real(0);
+    {
+    #pragma clang fp reassociate(on) contract(fast)
+    #pragma clang loop vectorize(enable)
+    for (int k = 1; k < segments; ++k) {
+        const real sine = tx[k - 1] * ty[k] - ty[k - 1] * tx[k];
+        const real cosine = tx[k - 1] * tx[k] + ty[k - 1] * ty[k];
+        // angle = 2 atan(sine / (1 + cosine)); the quotient is folded into [-tan(pi/8), tan(pi/8)]
+        const real below = real(1) + cosine;
+        const real q = sine / (below > real(1e-6) ? below : real(1e-6));
+        const real a = q < real(0) ? -q : q;
+        const real steep = a > real(2.414213562373095) ? real(1) : real(0);
+        const real middle = (a > real(0.4142135623730951) ? real(1) : real(0)) - steep;
+        const real top = steep > real(0) ? real(-1) : (middle > real(0) ? a - real(1) : a);
+        const real bottom = steep > real(0) ? a : (middle > real(0) ? a + real(1) : real(1));
+        const real x = top / bottom;
+        const real z = x * x;
+        real series;
+        if (sizeof(real) == 4) {
+            series = ATAN_SINGLE;
+        } else {
+            series = ATAN_DOUBLE;
+        }
+        const real folded = x * series + middle * real(0.7853981633974483) + steep * real(1.5707963267948966);
+        const real angle = real(2) * (q < real(0) ? -folded : folded);
+        moment[k] = hinge_factor * rb[k] * (angle - ra[k]);
+    }
+    }
+    // beyond the ends of an open wire there is nothing
+    if (!closed) {
+        for (int k = 0; k < segments; ++k) {
+            const int i = offset_of_block + k;
+            if (i < wire_first || i + 1 >= wire_end) { tension[k] = real(0); }
+            if (i <= wire_first || i + 1 >= wire_end) { moment[k] = real(0); }
+        }
+    }
+    real nx[SPAN], ny[SPAN], fx[SPAN], fy[SPAN];
+    {
+    #pragma clang fp reassociate(on) contract(fast)
+    #pragma clang loop vectorize(enable)
+    for (int k = 1; k < count + 2; ++k) {
+        const real shear = (moment[k] - moment[k + 1]) * il[k];
+        nx[k] = tension[k] * tx[k] - shear * ty[k];
+        ny[k] = tension[k] * ty[k] + shear * tx[k];
+    }
+    #pragma clang loop vectorize(enable)
+    for (int k = 2; k < count + 2; ++k) {
+        fx[k] = nx[k] - nx[k - 1];
+        fy[k] = ny[k] - ny[k - 1];
+    }
+    }
+    for (int q = pair_begin; q < pair_end; ++q) {
+        const int p = block_pair.data[q];
+        if (pair_force.data[p] == real(0)) continue;
+        for (int c = 0; c < 4; ++c) {
+            int i = pair_node.data[p] - 1 + c;
+            if (closed) {
+                if (i < wire_first) i += wire_count;
+                if (i >= wire_end) i -= wire_count;
+            }
+            const int k = i - offset_of_block;
+            if (k >= 2 && k < count + 2) {
+                fx[k] += pair_nodal_x.data[4 * p + c];
+                fy[k] += pair_nodal_y.data[4 * p + c];
+            }
+        }
+    }
+    for (int q = held_begin; q < held_end; ++q) {
+        const int k = held_node.data[q] - offset_of_block;
+        fx[k] = real(0);
+        fy[k] = real(0);
+    }
+    real* __restrict speed_x = vx.data + offset_of_block;
+    real* __restrict speed_y = vy.data + offset_of_block;
+    coordinate* __restrict moved_x = ux_out.data + offset_of_block;
+    coordinate* __restrict moved_y = uy_out.data + offset_of_block;
+    real qq[SPAN + LANES], ff[SPAN + LANES];
+    real power = 0, by_mass = 0, kinetic = 0, square = 0;
+    const real counts = time_step / unit;
+    const real still = sizeof(real) == 4 ? real(1e-18) : real(1e-150);
+    {
+    #pragma clang fp reassociate(on) contract(fast)
+    #pragma clang loop vectorize(enable)
+    for (int k = 2; k < count + 2; ++k) {
+        const real im = rm[k] * mass_factor;
+        const real px = speed_x[k], py = speed_y[k];
+        const real f2 = fx[k] * fx[k] + fy[k] * fy[k];
+        real qx = velocity_factor * px + force_factor * im * fx[k];
+        real qy = velocity_factor * py + force_factor * im * fy[k];
+        // what dies out stops before its square is a denormal number, which is slow
+        qx = (qx < still && qx > -still) ? real(0) : qx;
+        qy = (qy < still && qy > -still) ? real(0) : qy;
+        const real q2 = qx * qx + qy * qy;
+        power += fx[k] * px + fy[k] * py;
+        by_mass += f2 * im;
+        kinetic += q2 / im;
+        square += f2;
+        speed_x[k] = qx;
+        speed_y[k] = qy;
+        moved_x[k] = cx[k] + COUNT((qx + look_ahead * (qx - px)) * counts);
+        moved_y[k] = cy[k] + COUNT((qy + look_ahead * (qy - py)) * counts);
+        ff[k] = f2;
+        qq[k] = q2;
+    }
+    }
+    // largest squares, lane by lane: a plain maximum does not vectorise
+    for (int l = 0; l < LANES; ++l) {
+        ff[count + 2 + l] = real(0);
+        qq[count + 2 + l] = real(0);
+    }
+    real strong[LANES] = {0}, fast[LANES] = {0};
+    for (int k = 2; k < count + 2; k += LANES) {
+        for (int l = 0; l < LANES; ++l) {
+            strong[l] = ff[k + l] > strong[l] ? ff[k + l] : strong[l];
+            fast[l] = qq[k + l] > fast[l] ? qq[k + l] : fast[l];
+        }
+    }
+    real strongest = 0, fastest = 0;
+    for (int l = 0; l < LANES; ++l) {
+        strongest = strong[l] > strongest ? strong[l] : strongest;
+        fastest = fast[l] > fastest ? fast[l] : fastest;
+    }
+    double* partial_row = partial.data + 6 * block;
+    partial_row[0] = power;
+    partial_row[1] = by_mass;
+    partial_row[2] = kinetic;
+    partial_row[3] = fastest;
+    partial_row[4] = strongest;
+    partial_row[5] = square;
+"""
+
+
+def _polynomial(coefficients: tuple[float, ...], variable: str) -> str:
+    """Horner form in C++."""
+    text = f"real({coefficients[-1]!r})"
+    for c in reversed(coefficients[:-1]):
+        text = f"(real({c!r}) + {variable} * {text})"
+    return text
+
+
+# atan(x)/x in powers of x^2 on |x| <= tan(pi/8): interpolation at Chebyshev nodes; errors 6e-10 and below 1e-16.
+ATAN_SINGLE = (
+    0.9999999993712282,
+    -0.33333306893048514,
+    0.19998183041083206,
+    -0.14239532669648974,
+    0.10569828806414448,
+    -0.06026305227658459,
+)
+ATAN_DOUBLE = (
+    1.0,
+    -0.3333333333333312,
+    0.19999999999940893,
+    -0.14285714279250245,
+    0.11111110744919658,
+    -0.09090896809064027,
+    0.07692045330902225,
+    -0.06662951813629191,
+    0.05846878297330872,
+    -0.05035102456601552,
+    0.03796525745386593,
+    -0.017805397205419446,
+)
+
+
+def _block_step_snippet(coordinate: str, count: str) -> str:
+    return (
+        _BLOCK_STEP.replace("BLOCK_SIZE", str(BLOCK_SIZE))
+        .replace("ATAN_SINGLE", _polynomial(ATAN_SINGLE, "z"))
+        .replace("ATAN_DOUBLE", _polynomial(ATAN_DOUBLE, "z"))
+        .replace("COORDINATE", coordinate)
+        .replace("COUNT", count)
+    )
+
+
+@wp.func_native(_block_step_snippet("int", "(int)rint"))
+def block_step(
+    # where
+    block: wp.int32,
+    first: wp.int32,
+    block_count: wp.int32,
+    table: wp.int32,
+    wire_first: wp.int32,
+    wire_count: wp.int32,
+    closed: wp.int32,
+    pair_begin: wp.int32,
+    pair_end: wp.int32,
+    held_begin: wp.int32,
+    held_end: wp.int32,
+    # what steers the step
+    unit: wp.float32,
+    fxx: wp.float32,
+    fxy: wp.float32,
+    fyx: wp.float32,
+    fyy: wp.float32,
+    length_factor: wp.float32,
+    hinge_factor: wp.float32,
+    axial_stiffness: wp.float32,
+    mass_factor: wp.float32,
+    velocity_factor: wp.float32,
+    force_factor: wp.float32,
+    time_step: wp.float32,
+    look_ahead: wp.float32,
+    # rest data
+    rest_x: wp.array(dtype=wp.float32),
+    rest_y: wp.array(dtype=wp.float32),
+    rest_length: wp.array(dtype=wp.float32),
+    rest_angle: wp.array(dtype=wp.float32),
+    hinge_stiffness: wp.array(dtype=wp.float32),
+    inverse_mass: wp.array(dtype=wp.float32),
+    tension_offset: wp.array(dtype=wp.float32),
+    # contact and grips
+    block_pair: wp.array(dtype=wp.int32),
+    pair_node: wp.array(dtype=wp.int32),
+    pair_force: wp.array(dtype=wp.float32),
+    pair_nodal_x: wp.array(dtype=wp.float32),
+    pair_nodal_y: wp.array(dtype=wp.float32),
+    held_node: wp.array(dtype=wp.int32),
+    # state in, state out
+    ux_in: wp.array(dtype=wp.int32),
+    uy_in: wp.array(dtype=wp.int32),
+    vx: wp.array(dtype=wp.float32),
+    vy: wp.array(dtype=wp.float32),
+    ux_out: wp.array(dtype=wp.int32),
+    uy_out: wp.array(dtype=wp.int32),
+    partial: wp.array2d(dtype=wp.float64),
+): ...
+
+
+@wp.func_native(_block_step_snippet("double", ""))
+def block_step(
+    # where
+    block: wp.int32,
+    first: wp.int32,
+    block_count: wp.int32,
+    table: wp.int32,
+    wire_first: wp.int32,
+    wire_count: wp.int32,
+    closed: wp.int32,
+    pair_begin: wp.int32,
+    pair_end: wp.int32,
+    held_begin: wp.int32,
+    held_end: wp.int32,
+    # what steers the step
+    unit: wp.float64,
+    fxx: wp.float64,
+    fxy: wp.float64,
+    fyx: wp.float64,
+    fyy: wp.float64,
+    length_factor: wp.float64,
+    hinge_factor: wp.float64,
+    axial_stiffness: wp.float64,
+    mass_factor: wp.float64,
+    velocity_factor: wp.float64,
+    force_factor: wp.float64,
+    time_step: wp.float64,
+    look_ahead: wp.float64,
+    # rest data
+    rest_x: wp.array(dtype=wp.float64),
+    rest_y: wp.array(dtype=wp.float64),
+    rest_length: wp.array(dtype=wp.float64),
+    rest_angle: wp.array(dtype=wp.float64),
+    hinge_stiffness: wp.array(dtype=wp.float64),
+    inverse_mass: wp.array(dtype=wp.float64),
+    tension_offset: wp.array(dtype=wp.float64),
+    # contact and grips
+    block_pair: wp.array(dtype=wp.int32),
+    pair_node: wp.array(dtype=wp.int32),
+    pair_force: wp.array(dtype=wp.float64),
+    pair_nodal_x: wp.array(dtype=wp.float64),
+    pair_nodal_y: wp.array(dtype=wp.float64),
+    held_node: wp.array(dtype=wp.int32),
+    # state in, state out
+    ux_in: wp.array(dtype=wp.float64),
+    uy_in: wp.array(dtype=wp.float64),
+    vx: wp.array(dtype=wp.float64),
+    vy: wp.array(dtype=wp.float64),
+    ux_out: wp.array(dtype=wp.float64),
+    uy_out: wp.array(dtype=wp.float64),
+    partial: wp.array2d(dtype=wp.float64),
+): ...
+
+
+@wp.kernel
+def step_wires_by_block(
+    # blocks and wires
+    block_first: wp.array(dtype=wp.int32),
+    block_count: wp.array(dtype=wp.int32),
+    block_table: wp.array(dtype=wp.int32),
+    block_wire: wp.array(dtype=wp.int32),
+    block_pair_start: wp.array(dtype=wp.int32),
+    block_held_start: wp.array(dtype=wp.int32),
+    wire_first: wp.array(dtype=wp.int32),
+    wire_count: wp.array(dtype=wp.int32),
+    wire_closed: wp.array(dtype=wp.int32),
+    wire_axial: wp.array(dtype=Any),
+    wire_mass: wp.array(dtype=Any),
+    # what steers the step
+    control: wp.array(dtype=wp.float64),
+    unit: Any,
+    # rest data
+    rest_x: wp.array(dtype=Any),
+    rest_y: wp.array(dtype=Any),
+    rest_length: wp.array(dtype=Any),
+    rest_angle: wp.array(dtype=Any),
+    hinge_stiffness: wp.array(dtype=Any),
+    inverse_mass: wp.array(dtype=Any),
+    tension_offset: wp.array(dtype=Any),
+    # contact and grips
+    block_pair: wp.array(dtype=wp.int32),
+    pair_node: wp.array(dtype=wp.int32),
+    pair_force: wp.array(dtype=Any),
+    pair_nodal_x: wp.array(dtype=Any),
+    pair_nodal_y: wp.array(dtype=Any),
+    held_node: wp.array(dtype=wp.int32),
+    # state in
+    ux_in: wp.array(dtype=Any),
+    uy_in: wp.array(dtype=Any),
+    # state in and out
+    vx: wp.array(dtype=Any),
+    vy: wp.array(dtype=Any),
+    # out
+    ux_out: wp.array(dtype=Any),
+    uy_out: wp.array(dtype=Any),
+    partial: wp.array2d(dtype=wp.float64),
+):
+    block = wp.tid()
+    if control[STATUS] != STATUS_RUNNING:
+        # the state is frozen: hand it on unchanged
+        for i in range(block_first[block], block_first[block] + block_count[block]):
+            ux_out[i] = ux_in[i]
+            uy_out[i] = uy_in[i]
+        return
+    wire = block_wire[block]
+    block_step(
+        block,
+        block_first[block],
+        block_count[block],
+        block_table[block],
+        wire_first[wire],
+        wire_count[wire],
+        wire_closed[wire],
+        block_pair_start[block],
+        block_pair_start[block + 1],
+        block_held_start[block],
+        block_held_start[block + 1],
+        unit,
+        type(unit)(control[GRADIENT]),
+        type(unit)(control[GRADIENT + 1]),
+        type(unit)(control[GRADIENT + 2]),
+        type(unit)(control[GRADIENT + 3]),
+        type(unit)(control[LENGTH_FACTOR]),
+        type(unit)(wp.float64(1.0) / control[LENGTH_FACTOR]),
+        wire_axial[wire],
+        type(unit)(1.0) / wire_mass[wire],
+        type(unit)(control[VELOCITY_FACTOR]),
+        type(unit)(control[FORCE_FACTOR]),
+        type(unit)(control[TIME_STEP]),
+        type(unit)(control[LOOK_AHEAD]),
+        rest_x,
+        rest_y,
+        rest_length,
+        rest_angle,
+        hinge_stiffness,
+        inverse_mass,
+        tension_offset,
+        block_pair,
+        pair_node,
+        pair_force,
+        pair_nodal_x,
+        pair_nodal_y,
+        held_node,
+        ux_in,
+        uy_in,
+        vx,
+        vy,
+        ux_out,
+        uy_out,
+        partial,
+    )

@@ -1,0 +1,133 @@
+"""Figures are whole images, for every kind of run; what they look like is for people to see."""
+
+import csv
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from warpknit.export import plots
+from warpknit.frame import Frame, WireLayout
+
+
+def history(count: int, *, weft: float = 0.1, warp: float = 0.1, cold: int = 0) -> list[dict[str, object]]:
+    rows = []
+    for index in range(count + cold):
+        factor = min(1.0, (index + 1) / count)
+        rows.append(
+            {
+                "index": index,
+                "stage": "load" if index < count else "cold",
+                "load_factor": factor if index < count else (index + 1 - count) / cold,
+                "strain_weft": factor * weft,
+                "strain_warp": factor * warp,
+                "shear": 0.0,
+                "temperature_K": 293.15 if index < count else 83.15,
+                "active_percent": 67.0 * factor,
+                "tension_weft_N_per_m": 2.0 * factor**2,
+                "tension_warp_N_per_m": 1.9 * factor**2,
+                "energy_stretch_J": 1e-9 * factor**2,
+                "energy_bend_J": 1e-6 * factor**2,
+                "energy_contact_J": 0.0,
+                "energy_kinetic_J": 1e-30,
+                "residual": 1e-3,
+            }
+        )
+    return rows
+
+
+def check_image(path: Path) -> np.ndarray:
+    image = matplotlib.image.imread(path)
+    assert min(image.shape[:2]) > 400 and np.ptp(image[..., :3]) > 0.9
+    border = np.concatenate((image[0], image[-1], image[:, 0], image[:, -1]))
+    assert np.all(border[..., :3] == 1.0)  # nothing is cut off at the edge
+    return image
+
+
+@pytest.mark.parametrize("yield_stress", [None, 3e8, 3e9])
+def test_mesh_figure(
+    tmp_path: Path, layout: WireLayout, make_frame: Callable[..., Frame], yield_stress: float | None
+) -> None:
+    frame = replace(make_frame(4, shear=0.05), temperature=83.15)
+    path = plots.mesh_figure(layout, frame, tmp_path / "mesh.png", yield_stress=yield_stress, tension=(2.0, 2.2))
+    image = check_image(path)[..., :3]
+    is_cyan = np.all(np.abs(image - (0.0, 0xCF / 255, 1.0)) < 0.02, axis=-1)
+    assert is_cyan.any() == (yield_stress == 3e8)  # the largest stress is 400 MPa
+
+
+def test_mesh_figure_without_bodies(tmp_path: Path, layout: WireLayout, make_frame: Callable[..., Frame]) -> None:
+    bare = replace(layout, body_wires=np.empty((0, 2)), rhombus_bodies=np.empty(0))
+    empty = {"body_position": np.empty((0, 3)), "pair_force": np.empty(0), "pair_active": np.empty(0, bool)}
+    check_image(plots.mesh_figure(bare, replace(make_frame(0, strain=0.0), **empty), tmp_path / "mesh.png"))
+
+
+def test_big_mesh_is_drawn_as_a_map(
+    tmp_path: Path, layout: WireLayout, make_frame: Callable[..., Frame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(plots, "SEGMENTS_DRAWN", 100)
+    image = check_image(plots.mesh_figure(layout, make_frame(4), tmp_path / "map.png", yield_stress=1e9))
+    assert image.shape[1] > image.shape[0]  # two panels
+
+
+def test_cells_hold_every_point() -> None:
+    """Each point lies in the cell that its coordinates name: column floor(x / width), row floor(y / height)."""
+    position = np.array([[0.0, 0.0], [0.9, 0.1], [3.9, 1.9], [4.0, 2.0], [1.1, 1.1]])
+    assert plots._cell_of(position, np.zeros(2), np.array([4.0, 2.0]), (2, 4)).tolist() == [0, 0, 7, 7, 5]
+    assert plots._cells(np.array([4.0, 2.0]), 8.0, 100) == (2, 4)
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [history(10), history(10, warp=0.02), history(6, cold=5), history(1), history(5, weft=0.0, warp=0.0)],
+    ids=["equal", "two strains", "stages", "one record", "no strain"],
+)
+def test_curves_figure(tmp_path: Path, rows: list[dict[str, object]]) -> None:
+    check_image(plots.curves_figure(rows, tmp_path / "curves.png"))
+
+
+def test_curves_figure_reads_the_file(tmp_path: Path) -> None:
+    with open(tmp_path / "history.csv", "w", newline="") as file:
+        writer = csv.DictWriter(file, list(history(1)[0]))
+        writer.writeheader()
+        writer.writerows(history(4))
+    (tmp_path / "given").mkdir()
+    plots.curves_figure(tmp_path / "history.csv", tmp_path / "curves.png")
+    plots.curves_figure(history(4), tmp_path / "given" / "curves.png")
+    first, second = (
+        matplotlib.image.imread(path) for path in (tmp_path / "curves.png", tmp_path / "given" / "curves.png")
+    )
+    assert np.array_equal(first, second)
+
+
+def test_unrecorded_columns_are_said(tmp_path: Path) -> None:
+    rows = [
+        {"index": index, "strain_weft": 0.01 * index, "strain_warp": 0.0, "residual": math.nan} for index in range(3)
+    ]
+    check_image(plots.curves_figure(rows, tmp_path / "curves.png"))
+
+
+def test_empty_history_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="no row"):
+        plots.curves_figure([], tmp_path / "curves.png")
+
+
+@pytest.mark.parametrize(
+    ("rows", "label"),
+    [
+        (history(4), "strain, weft and warp [%]"),
+        (history(4, warp=0.0), "weft strain [%], warp 0 %"),
+        (history(4, weft=0.02), "warp strain [%], weft 0.5 to 2 %"),
+        (history(4, weft=0.0, warp=0.0), "load factor"),
+        (history(4, cold=3), "stage and its load factor"),
+        (history(1), "strain, weft and warp [%]"),
+    ],
+)
+def test_abscissa_is_what_varies(rows: list[dict[str, object]], label: str) -> None:
+    columns = {name: np.array([row[name] for row in rows]) for name in rows[0] if name != "stage"}
+    stages = plots._stages([str(row["stage"]) for row in rows])
+    values, given = plots._abscissa(columns, stages, len(rows))
+    assert given == label and np.all(np.diff(values) > 0.0)

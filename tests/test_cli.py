@@ -1,0 +1,196 @@
+"""The command line: exit statuses, one line for an error, what reaches the modules behind it."""
+
+import errno
+import json
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import pytest
+from click.testing import CliRunner
+
+from warpknit import errors
+from warpknit.cli import main
+from warpknit.knit.chain import KnitError
+from warpknit.progress import Bar, Progress, StageLines, progress_for
+
+ROOT = Path(__file__).parent.parent
+CELL = str(ROOT / "scenes" / "atlas_cell.toml")
+
+SUMMARY = {
+    "stop_reason": "steady",
+    "warnings": ["the wire is beyond its yield stress"],
+    "model": {"nodes": 216},
+    "solver": {"steps": 12345, "wall_s": 3.21, "compile_s": 0.0},
+    "contacts": {"pairs": 24, "active": 16, "active_percent": 66.7, "force_max_N": 3.1e-5},
+    "wire": {"stress_max_Pa": 1.48e8, "yield_fraction": 0.074},
+    "mesh": {"tension_weft_N_per_m": 0.019, "tension_warp_N_per_m": 0.018, "strain_weft": 0.1, "strain_warp": 0.1},
+}
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(main, list(arguments), prog_name="warpknit")
+
+
+@pytest.fixture
+def behind(monkeypatch):
+    """Stands in for the modules that run and plan; `calls` holds what reached them, `outcome` is returned or raised."""
+    stand_in = SimpleNamespace(calls=[], outcome=SimpleNamespace(exit_code=0, summary=SUMMARY, message="steady"))
+
+    def answer(*arguments, **options):
+        stand_in.calls.append((arguments, options))
+        if isinstance(stand_in.outcome, BaseException):
+            raise stand_in.outcome
+        return stand_in.outcome
+
+    for name, function in (("run", "run_scene"), ("plan", "make_plan"), ("export", "export_run")):
+        module = ModuleType(f"warpknit.{name}")
+        setattr(module, function, answer)
+        monkeypatch.setitem(sys.modules, f"warpknit.{name}", module)
+    return stand_in
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["run"], "Missing argument 'SCENE'"),
+        (["run", CELL, "--fast"], "No such option"),
+        (["run", CELL, "--set"], "requires an argument"),
+        (["run", CELL, "extra"], "unexpected extra argument"),
+        (["walk"], "No such command 'walk'"),
+        (["plan", "no/such.toml"], "no/such.toml: the file: given no such file or directory, allowed: a scene file"),
+        (["plan", str(ROOT)], "allowed: a scene file in TOML"),
+        (["run", CELL, "--set", "wire.diameter=15 kg"], "wire.diameter: given '15 kg', allowed: a length"),
+        (["plan", CELL, "--set", "wire.diamter=1"], "wire.diamter: unknown key, the nearest is wire.diameter"),
+        (["run", CELL, "--preset", "fast"], "solver.preset: given 'fast', allowed: 'draft', 'standard', 'reference'"),
+        (["export"], "Missing argument 'RUN_DIR'"),
+        (["export", "runs/x"], "Missing option '--to'"),
+        (["export", "runs/x", "--to", "pdf"], "'pdf' is not one of 'usd', 'vtk', 'csv', 'png'"),
+    ],
+)
+def test_bad_input_is_status_2_and_one_line(arguments, said):
+    result = invoke(*arguments)
+    assert result.exit_code == 2
+    assert said in result.stderr
+    assert result.stderr.startswith("warpknit: ")
+    assert result.stderr.count("\n") == 1
+    assert result.stdout == ""
+
+
+@pytest.mark.parametrize("arguments", [[], ["--help"], ["run", "--help"], ["plan", "-h"], ["export", "--help"]])
+def test_help_is_status_0(arguments):
+    result = invoke(*arguments)
+    assert result.exit_code == 0
+    assert result.stdout.startswith("Usage: warpknit")
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "said"),
+    [
+        (errors.ModelError("no clasp"), 2, f"{CELL}: no clasp"),
+        (errors.MemoryNeeded("needs 8 GiB"), 2, f"{CELL}: needs 8 GiB"),
+        (errors.DeviceError("no cuda:7"), 2, "no cuda:7"),
+        (errors.RunDirectoryError("a finished run"), 2, "a finished run"),
+        (
+            KnitError("knit.bars[0].chain", "1-0//", "a link at place 2"),
+            2,
+            f"{CELL}: knit.bars[0].chain: given '1-0//', allowed: a link at place 2",
+        ),
+        (PermissionError(errno.EACCES, "Permission denied", "/root/x"), 2, "/root/x: given permission denied"),
+        (errors.Diverged("wire 3, node 7"), 3, "wire 3, node 7"),
+        (errors.OutOfResources("8 GiB of 4"), 4, "8 GiB of 4"),
+        (MemoryError("8 GiB"), 4, "memory ran out: 8 GiB"),
+        (RuntimeError("Failed to allocate 8 bytes on device 'cpu'"), 4, "memory ran out"),
+        (OSError(errno.ENOSPC, "No space left on device", "summary.json"), 4, "disk ran out: summary.json"),
+        (KeyboardInterrupt(), 130, "interrupted"),
+    ],
+)
+def test_every_way_to_end_has_its_status_and_one_line(behind, error, status, said):
+    behind.outcome = error
+    result = invoke("run", CELL, "--quiet")
+    assert result.exit_code == status
+    assert said in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+
+
+def test_a_fault_of_the_program_is_not_hidden(behind):
+    behind.outcome = ZeroDivisionError()
+    result = invoke("run", CELL)
+    assert result.exit_code == 1
+    assert isinstance(result.exception, ZeroDivisionError)
+
+
+@pytest.mark.parametrize("status", [3, 4, 130])
+def test_a_run_that_ends_early_gives_its_status_and_message(behind, status):
+    behind.outcome = SimpleNamespace(exit_code=status, summary=SUMMARY, message="why it ended")
+    result = invoke("run", CELL, "--quiet")
+    assert result.exit_code == status
+    assert result.stderr == "warpknit: why it ended\n"
+    assert result.stdout == ""
+
+
+def test_a_finished_run_prints_a_short_table(behind):
+    result = invoke("run", CELL, "--out", "somewhere")
+    assert result.exit_code == 0
+    for text in ("16 of 24 pairs, 66.7 %", "19 mN/m / 18 mN/m", "148 MPa, 7% of yield", "12,345", "3.21 s", "steady"):
+        assert text in result.stdout
+    assert "the wire is beyond its yield stress" in result.stdout
+    assert "somewhere" in result.stdout
+
+
+def test_options_reach_the_run(behind):
+    invoke("run", CELL, "--set", "load.shear=0.1", "--preset", "draft", "--device", "cpu", "--resume", "--force")
+    ((scene,), options) = behind.calls[0]
+    assert scene.stages[0].shear == 0.1
+    assert scene.solver.preset == "draft"
+    assert isinstance(options.pop("progress"), Progress)
+    assert options == {"out": Path("runs/atlas_cell"), "device": "cpu", "resume": True, "force": True}
+
+
+def test_plan_prints_text_or_one_json_object(behind):
+    behind.outcome = SimpleNamespace(as_dict=lambda: {"nodes": 216}, lines=lambda: ["216 nodes", "24 pairs"])
+    assert invoke("plan", CELL).stdout == "216 nodes\n24 pairs\n"
+    assert json.loads(invoke("plan", CELL, "--json").stdout) == {"nodes": 216}
+    assert behind.calls[0][0][1] is None
+
+
+def test_export_prints_what_it_wrote(behind):
+    behind.outcome = [Path("runs/x/scene.usda")]
+    result = invoke("export", "runs/x", "--to", "usd")
+    assert (result.exit_code, result.stdout) == (0, "runs/x/scene.usda\n")
+    assert behind.calls == [((Path("runs/x"), "usd"), {})]
+
+
+def test_python_m_is_the_same_program():
+    """In a process of its own: the status reaches the shell and no traceback appears."""
+    command = [sys.executable, "-m", "warpknit", "plan", "missing.toml"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.startswith("warpknit: missing.toml: the file: given ")
+    assert done.stderr.count("\n") == 1
+
+
+def test_help_imports_nothing_heavy():
+    code = "import sys, warpknit.cli; print([name for name in ('warp', 'numpy', 'pydantic') if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_progress_is_silent_when_quiet_and_lines_without_a_terminal(monkeypatch, caplog):
+    assert type(progress_for(quiet=True)) is Progress
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: False)
+    with caplog.at_level("INFO", logger="warpknit.progress"), progress_for(quiet=False) as progress:
+        assert isinstance(progress, StageLines)
+        progress.stage("cold", number=2, of=3)
+        progress.update(done=0.5, load_factor=0.5)
+    assert caplog.messages == ["stage 2 of 3: cold"]
+
+
+def test_the_bar_goes_through_stages(capsys):
+    with Bar() as bar:
+        bar.update(done=0.0, load_factor=0.0)
+        for number in (1, 2):
+            bar.stage("load", number=number, of=2)
+            bar.update(done=1.5, load_factor=1.0, node_steps_per_s=3.2e8)
+    assert capsys.readouterr().out == ""

@@ -1,0 +1,190 @@
+"""The command line: `warpknit run`, `warpknit plan`, `warpknit export`.
+
+Whatever ends a command is turned into an exit status and a line in one place, `exit_status`.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import logging
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import click
+
+from warpknit.errors import ModelError, WarpknitError
+
+if TYPE_CHECKING:
+    from warpknit.scene import Scene
+
+FINISHED, BAD_INPUT, OUT_OF_RESOURCES, INTERRUPTED = 0, 2, 4, 130
+UNUSABLE_PATH = (errno.EACCES, errno.EPERM, errno.EROFS, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG)
+
+
+def exit_status(error: BaseException) -> tuple[int, str] | None:
+    """The exit status that an exception stands for, and the line to print; None for a fault of the program."""
+    match error:
+        case WarpknitError():
+            return error.exit_code, str(error)
+        case click.UsageError():
+            return BAD_INPUT, f"{error.format_message()} See 'warpknit --help'."
+        case click.ClickException():
+            return BAD_INPUT, error.format_message()
+        case KeyboardInterrupt() | click.Abort():
+            return INTERRUPTED, "interrupted"
+        case MemoryError():
+            return OUT_OF_RESOURCES, f"memory ran out: {error or 'more was needed than is available'}"
+        case RuntimeError() if str(error).startswith("Failed to allocate"):  # Warp's arrays
+            return OUT_OF_RESOURCES, f"memory ran out: {error}"
+        case OSError() if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            return OUT_OF_RESOURCES, f"disk ran out: {error.filename or 'no space left on the device'}"
+        case OSError() if error.errno in UNUSABLE_PATH and error.filename is not None:
+            return BAD_INPUT, f"{error.filename}: given {(error.strerror or '').lower()}, allowed: a path to write to"
+        case _:
+            return None
+
+
+class Program(click.Group):
+    """A group of commands that ends with the exit statuses of this program and one line for an error."""
+
+    def main(self, *args: Any, **options: Any) -> NoReturn:
+        options["standalone_mode"] = False
+        try:
+            status = super().main(*args, **options)
+        except BaseException as error:
+            known = exit_status(error)
+            if known is None:
+                raise
+            status, line = known
+            click.echo(f"warpknit: {' '.join(line.splitlines())}", err=True)
+        sys.exit(status or FINISHED)
+
+
+@click.group(cls=Program, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="warpknit", message="%(prog)s %(version)s")
+@click.pass_context
+def main(context: click.Context) -> None:
+    """Mechanics of knitted metal meshes, wire by wire and contact by contact.
+
+    SCENE is a TOML file. Exit status: 0 finished, 2 bad scene, key, value, unit, device or file, 3 diverged, 4 out of
+    memory or disk, 130 interrupted.
+    """
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
+
+
+def scene_options(command: Any) -> Any:
+    """The argument and options that say which scene."""
+    for option in (
+        click.option("--device", metavar="cpu|cuda:N", help="Default: the first CUDA device, else the CPU."),
+        click.option("--preset", metavar="draft|standard|reference", help="Accuracy against time; over solver.preset."),
+        click.option(
+            "--set",
+            "overrides",
+            multiple=True,
+            metavar="KEY=VALUE",
+            help='Another value for a dotted key of the scene, such as wire.diameter="17 um". Repeatable.',
+        ),
+        click.argument("scene", metavar="SCENE"),
+    ):
+        command = option(command)
+    return command
+
+
+@main.command()
+@scene_options
+@click.option("--out", metavar="DIR", help="Where the results go.  [default: runs/<scene name>]")
+@click.option("--resume", is_flag=True, help="Go on from the last checkpoint in DIR.")
+@click.option("--force", is_flag=True, help="Replace a finished run in DIR.")
+@click.option("--quiet", is_flag=True, help="No progress, no log.")
+def run(
+    scene: str,
+    overrides: tuple[str, ...],
+    preset: str | None,
+    device: str | None,
+    out: str | None,
+    resume: bool,
+    force: bool,
+    quiet: bool,
+) -> int:
+    """Run SCENE and leave its results in DIR."""
+    configure_logging(logging.WARNING if quiet else logging.INFO)
+    from warpknit.scene import load_scene
+
+    loaded = load_scene(scene, overrides, preset)
+    directory = Path(out) if out else Path("runs") / loaded.name
+
+    from warpknit.progress import progress_for
+    from warpknit.run import run_scene
+
+    with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
+        result = run_scene(loaded, out=directory, device=device, resume=resume, force=force, progress=progress)
+    if result.exit_code != FINISHED:
+        click.echo(f"warpknit: {result.message}", err=True)
+        return int(result.exit_code)
+    from warpknit.report import print_summary
+
+    print_summary(result.summary, directory)
+    return FINISHED
+
+
+@main.command()
+@scene_options
+@click.option("--json", "as_json", is_flag=True, help="One JSON object instead of text.")
+def plan(scene: str, overrides: tuple[str, ...], preset: str | None, device: str | None, as_json: bool) -> None:
+    """Say what running SCENE would take: nodes, physics and why, memory, time step, steps, time."""
+    configure_logging(logging.WARNING)
+    from warpknit.scene import load_scene
+
+    loaded = load_scene(scene, overrides, preset)
+
+    from warpknit.plan import make_plan
+
+    with naming_the_file(loaded):
+        planned = make_plan(loaded, device)
+    click.echo(json.dumps(planned.as_dict(), allow_nan=False) if as_json else "\n".join(planned.lines()))
+
+
+@main.command()
+@click.argument("run_dir", metavar="RUN_DIR")
+@click.option("--to", type=click.Choice(["usd", "vtk", "csv", "png"]), required=True, help="Which files to write.")
+def export(run_dir: str, to: str) -> None:
+    """Write the recorded states of the run in RUN_DIR in another format."""
+    configure_logging(logging.INFO)
+    from warpknit.export import export_run
+
+    for path in export_run(Path(run_dir), to):
+        click.echo(path)
+
+
+@contextmanager
+def naming_the_file(scene: Scene) -> Iterator[None]:
+    """Errors of the knit and of the model name a key but not the file that gave it: put the file in front."""
+    from warpknit.knit.chain import KnitError
+    from warpknit.scene_report import scene_error
+    from warpknit.units import shown
+
+    try:
+        yield
+    except KnitError as error:
+        raise scene_error(scene.path, error.key, shown(error.given), error.allowed) from error
+    except ModelError as error:
+        raise type(error)(f"{scene.path}: {error}") from error
+
+
+class StderrHandler(logging.Handler):
+    """Writes to whatever `sys.stderr` is at the time: lines go above a progress bar, and into captured output."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        sys.stderr.write(f"{self.format(record)}\n")
+
+
+def configure_logging(level: int) -> None:
+    """Log lines of this package go to stderr as they are."""
+    log = logging.getLogger("warpknit")
+    log.handlers[:] = [StderrHandler()]
+    log.setLevel(level)

@@ -1,0 +1,53 @@
+"""The damping of a relaxation: near critical for the slowest mode that still moves (kernels/relax.py)."""
+
+from __future__ import annotations
+
+import math
+
+import warp as wp
+
+from .kernels import control as c
+from .kernels.relax import sum_rayleigh
+from .model import Model
+from .state import State
+from .step import ForceProbe, Stepper
+
+SLOWEST = 1e-3  # [1/s] least damping, at unit step
+FASTEST = 0.5
+
+
+class SlowestMode:
+    """Renews the damping at every look; the state of the last look is its memory."""
+
+    def __init__(self, model: Model, state: State, stepper: Stepper) -> None:
+        self.model = model
+        self.state = state
+        self._probe = ForceProbe(model, state, stepper)
+        nodes, device = model.panel.node_count, model.device
+        kinds = [model.precision.coordinate] * 2 + [model.precision.real] * 2
+        self._last = [wp.zeros(nodes, dtype=kind, device=device) for kind in kinds]
+        self._partial = wp.zeros((len(model.panel.block_first), 2), dtype=wp.float64, device=device)
+
+    def look(self, *, use: bool) -> None:
+        """Take in the state; with `use`, set the damping from what happened since the last look."""
+        model, state = self.model, self.state
+        self._probe.evaluate()
+        wp.launch(
+            sum_rayleigh,
+            dim=len(model.panel.block_first),
+            inputs=[
+                model.mesh.block_first, model.mesh.block_count, model.mesh.block_table, model.mesh.block_wire,
+                state.wire_mass, model.rest.inverse_mass,
+                model.precision.real(model.precision.unit),
+                state.node_ux[state.parity], state.node_uy[state.parity],
+                self._probe.acceleration_x, self._probe.acceleration_y, *self._last, self._partial,
+            ],
+            device=model.device,
+        )  # fmt: skip
+        if not use:
+            return
+        force, moved = self._partial.numpy().sum(axis=0)
+        if moved > 0.0 and force > 0.0:
+            rate = min(max(2.0 * math.sqrt(force / moved), SLOWEST), FASTEST)
+            now = float(state.read_control()[int(c.DAMPING)])
+            self.state.write_control({c.DAMPING: math.sqrt(now * rate)})

@@ -1,0 +1,54 @@
+"""Every way a command can end other than well, each with the exit status it maps to.
+
+The command line catches these in one place (`warpknit.cli`). The text of an error is one line that a person can act on.
+"""
+
+from __future__ import annotations
+
+
+class WarpknitError(Exception):
+    """Base of the errors that this package raises on purpose; `exit_code` is the status the command line returns."""
+
+    exit_code = 1
+
+
+class InputError(WarpknitError, ValueError):
+    """Something that was asked for cannot be done: a scene, a key, a value, a unit, a device or a file."""
+
+    exit_code = 2
+
+
+class SceneError(InputError):
+    """The scene file or an override of it: the line names the file, the key, what was given and what is allowed."""
+
+
+class ModelError(InputError):
+    """The scene is well formed, but no model can be built from it."""
+
+
+class MemoryNeeded(ModelError):
+    """The model would not fit in memory; found when planned, before anything is allocated."""
+
+
+class DeviceError(InputError):
+    """The device that was named is not there."""
+
+
+class RunDirectoryError(InputError):
+    """The run directory cannot be used: it holds a finished run, or it is not a directory."""
+
+
+class ExportError(InputError):
+    """Nothing to export there, or not to that format."""
+
+
+class Diverged(WarpknitError):
+    """The run diverged: the line names the wire, the node, the load, the likely cause and what to change."""
+
+    exit_code = 3
+
+
+class OutOfResources(WarpknitError):
+    """Memory or disk ran out during a run: the line gives what was needed against what was available."""
+
+    exit_code = 4

@@ -1,0 +1,399 @@
+"""Figures of a run: the deformed mesh, and its contacts, tension and energies against strain.
+
+Matplotlib's objects on an Agg canvas, without pyplot's state: figures can be drawn in any thread and without a screen.
+"""
+
+import csv
+import math
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Colormap, LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from warpknit.files import path_aside
+from warpknit.frame import Frame, WireLayout, curve_position
+
+__all__ = ["curves_figure", "mesh_figure"]
+
+DOTS_PER_INCH = 150
+SEGMENTS_DRAWN = 200_000  # above, single wires cannot be told apart: a map is drawn
+DECADES_DRAWN = 1e-9  # of a logarithmic axis: a kinetic energy that has died away does not flatten the others
+ROOM = 293.15  # [K]  a temperature other than this is said in the title
+# Okabe and Ito's colours, distinct without red-green vision.
+BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#606060"
+STAGE_STYLES: tuple[tuple[str | tuple[int, tuple[float, ...]], str], ...] = (
+    ("-", "o"),
+    ((0, (5, 1.5)), "s"),
+    ((0, (1.2, 1.2)), "^"),
+    ((0, (5, 1.5, 1, 1.5)), "D"),
+    ((0, (8, 3)), "v"),
+    ((0, (3, 1, 1, 1, 1, 1)), "P"),
+)
+
+
+def mesh_figure(
+    layout: WireLayout,
+    frame: Frame,
+    path: str | os.PathLike[str],
+    *,
+    yield_stress: float | None = None,
+    tension: tuple[float, float] | None = None,
+) -> Path:
+    """Draw the deformed mesh in plan view: wires coloured by stress, active and open contacts, the central rhombus.
+
+    `yield_stress` [Pa]: stress beyond it is drawn in cyan. `tension` [N/m], weft and warp: said in the title.
+    """
+    frame.require_finite()
+    position = 1e3 * curve_position(layout, frame)[:, :2]
+    segment = layout.curve_segment
+    if segment.size > SEGMENTS_DRAWN:
+        return _mesh_map(layout, frame, path, position, yield_stress, tension)
+    low, high = position.min(axis=0), position.max(axis=0)
+    figure, (axes,), points_per_mm = _plan_figure(high - low, 1, _title(frame, tension))
+    stress = 1e-6 * np.asarray(frame.node_stress, dtype=float)[layout.curve_node]
+    colours, limits = _stress_colours(stress, yield_stress)
+    lines: Any = np.stack((position[segment], position[segment + 1]), axis=1)
+    wires = LineCollection(
+        lines,
+        array=0.5 * (stress[segment] + stress[segment + 1]),
+        cmap=colours,
+        clim=limits,
+        linewidths=max(1e3 * layout.diameter * points_per_mm, 0.9),
+        capstyle="round",
+        zorder=1,
+    )
+    axes.add_collection(wires)
+    _stress_bar(figure, axes, wires, limits, yield_stress)
+    _draw_contacts(figure, axes, layout, frame, points_per_mm)
+    _frame_axes(axes, low, high)
+    return _save(figure, path)
+
+
+def curves_figure(history: Iterable[Mapping[str, Any]] | str | os.PathLike[str], path: str | os.PathLike[str]) -> Path:
+    """Draw active contacts, tension, energies and residual of a run, from the rows of history.csv or from the file."""
+    rows = _rows(history)
+    names = {name for row in rows for name in row}
+    columns = {name: np.array([_number(row.get(name)) for row in rows]) for name in names}
+
+    def column(name: str) -> NDArray[Any]:
+        return columns.get(name, np.full(len(rows), np.nan))
+
+    stages = _stages([str(row.get("stage", "")) for row in rows])
+    abscissa, abscissa_label = _abscissa(columns, stages, len(rows))
+
+    figure = _figure(10.5, 7.6)
+    panels = figure.subplots(2, 2, sharex=True).ravel()
+    panel_curves: tuple[tuple[str, bool, tuple[tuple[str, str, NDArray[Any]], ...]], ...] = (
+        ("active contacts [% of pairs]", False, (("", GREEN, column("active_percent")),)),
+        (
+            "boundary tension [N/m]",
+            False,
+            (("weft", BLUE, column("tension_weft_N_per_m")), ("warp", ORANGE, column("tension_warp_N_per_m"))),
+        ),
+        (
+            "energy [µJ]",
+            True,
+            tuple(
+                (name, colour, 1e6 * column(f"energy_{name}_J"))
+                for name, colour in (("bend", BLUE), ("stretch", ORANGE), ("contact", GREEN), ("kinetic", PURPLE))
+            ),
+        ),
+        ("residual, relative to mean boundary force", True, (("", GREY, column("residual")),)),
+    )
+    for axes, (label, is_logarithmic, curves) in zip(panels, panel_curves, strict=True):
+        _draw_curves(axes, abscissa, stages, curves, is_logarithmic)
+        axes.set_ylabel(label)
+    panels[0].set_ylim(-3.0, 103.0)
+    if not any(np.any(values < 0.0) for _, _, values in panel_curves[1][2]):
+        panels[1].set_ylim(bottom=0.0)
+    for axes in panels[2:]:
+        axes.set_xlabel(abscissa_label)
+    if len(stages) > 1:
+        handles = []
+        for number, (name, _) in enumerate(stages):
+            style, marker = STAGE_STYLES[number % len(STAGE_STYLES)]
+            face = GREY if number % 2 == 0 else "white"
+            look: dict[str, Any] = {"linestyle": style, "marker": marker, "markersize": 4.5, "markerfacecolor": face}
+            handles.append(Line2D([], [], color=GREY, label=name, **look))
+        columns_shown = min(len(handles), 6)
+        figure.legend(handles=handles, title="stage", loc="outside upper center", ncols=columns_shown, frameon=False)
+    return _save(figure, path)
+
+
+# The mesh
+
+
+def _mesh_map(
+    layout: WireLayout,
+    frame: Frame,
+    path: str | os.PathLike[str],
+    position: NDArray[Any],
+    yield_stress: float | None,
+    tension: tuple[float, float] | None,
+) -> Path:
+    """Draw a mesh of too many wires as two maps on a grid: the highest stress, and the share of active pairs."""
+    low, high = position.min(axis=0), position.max(axis=0)
+    size = high - low
+    figure, (left, right), _ = _plan_figure(size, 2, _title(frame, tension))
+    extent = (low[0], high[0], low[1], high[1])
+
+    shape = _cells(size, position.shape[0] / 100.0, 500)
+    stress = np.full(math.prod(shape), np.nan)
+    np.fmax.at(stress, _cell_of(position, low, size, shape), 1e-6 * np.abs(frame.node_stress)[layout.curve_node])
+    colours, limits = _stress_colours(stress, yield_stress)
+    image = left.imshow(
+        stress.reshape(shape), origin="lower", extent=extent, cmap=colours, clim=limits, interpolation="nearest"
+    )
+    _stress_bar(figure, left, image, limits, yield_stress, "highest wire stress in each cell [MPa]")
+
+    body = 1e3 * np.asarray(frame.body_position)[:, :2]
+    shape = _cells(size, body.shape[0] / 12.0, 250)
+    cell = _cell_of(body, low, size, shape)
+    pairs = 2.0 * np.bincount(cell, minlength=math.prod(shape))
+    active = np.bincount(cell, frame.pair_active.reshape(-1, 2).sum(axis=1), minlength=math.prod(shape))
+    share = np.divide(100.0 * active, pairs, out=np.full(pairs.shape, np.nan), where=pairs > 0.0)
+    image = right.imshow(
+        share.reshape(shape), origin="lower", extent=extent, cmap="viridis", clim=(0.0, 100.0), interpolation="nearest"
+    )
+    _colour_bar(figure, right, image, "active contacts [% of the pairs in each cell]")
+    rhombus = body[layout.rhombus_bodies]
+    ring: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 11, "markerfacecolor": "none"}
+    for axes in (left, right):
+        if rhombus.size:
+            for colour, width in (("black", 3.5), ("white", 1.5)):
+                axes.plot(*rhombus.mean(axis=0), **ring, markeredgecolor=colour, markeredgewidth=width)
+        _frame_axes(axes, low, high)
+    if rhombus.size:
+        ring = {**ring, "markeredgecolor": "black", "markeredgewidth": 1.5}
+        handle = Line2D([], [], **ring, label="central rhombus")
+        figure.legend(handles=[handle], loc="outside lower center", frameon=False)
+    return _save(figure, path)
+
+
+def _cells(size: NDArray[Any], count: float, most: int) -> tuple[int, int]:
+    """Rows and columns of a grid of about `count` square cells, `most` a side at most."""
+    edge = max(math.sqrt(size[0] * size[1] / max(count, 1.0)), max(size) / most)
+    return max(1, round(size[1] / edge)), max(1, round(size[0] / edge))
+
+
+def _cell_of(position: NDArray[Any], low: NDArray[Any], size: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
+    """[point]  the number, row by row, of the cell that each point lies in."""
+    column_row = ((position - low) / size * (shape[1], shape[0])).astype(np.int64)
+    column, row = np.clip(column_row, 0, (shape[1] - 1, shape[0] - 1)).T
+    return np.asarray(row * shape[1] + column)
+
+
+def _draw_contacts(figure: Figure, axes: Axes, layout: WireLayout, frame: Frame, points_per_mm: float) -> None:
+    """Fill active bodies, leave open ones hollow, and ring those of the central rhombus."""
+    if not layout.body_count:
+        return
+    position = 1e3 * np.asarray(frame.body_position)[:, :2]
+    area = max(float(np.ptp(position[:, 0]) * np.ptp(position[:, 1])), 1e-12)
+    size = float(np.clip(0.2 * math.sqrt(area / layout.body_count) * points_per_mm, 2.0, 7.0))  # [pt]
+    active = frame.body_active
+    in_rhombus = np.isin(np.arange(layout.body_count), layout.rhombus_bodies)
+    style: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": size, "zorder": 3}
+    kinds: tuple[tuple[str, NDArray[Any], dict[str, Any]], ...] = (
+        ("active", active, {"markerfacecolor": BLUE, "markeredgecolor": "white", "markeredgewidth": 0.12 * size}),
+        ("open", ~active, {"markerfacecolor": "white", "markeredgecolor": BLUE, "markeredgewidth": 0.16 * size}),
+    )
+    handles = []
+    for name, chosen, look in kinds:
+        axes.plot(*position[chosen].T, **style, **look)
+        look = {**look, "markersize": 6.5, "markeredgewidth": 1.0}
+        handles.append(Line2D([], [], label=f"contact {name}: {np.count_nonzero(chosen)}", **{**style, **look}))
+    if in_rhombus.any():
+        ring: dict[str, Any] = {"markerfacecolor": "none", "markeredgecolor": GREEN, "linestyle": "none", "marker": "o"}
+        axes.plot(*position[in_rhombus].T, **ring, markersize=2.1 * size, markeredgewidth=0.3 * size, zorder=4)
+        if not layout.wire_closed.any():  # on a periodic tile its bodies may lie at opposite edges
+            spoke = position[in_rhombus] - position[in_rhombus].mean(axis=0)
+            outline = position[in_rhombus][np.argsort(np.arctan2(spoke[:, 1], spoke[:, 0]))]
+            axes.fill(*outline.T, color=GREEN, alpha=0.15, linewidth=0.0, zorder=0)
+        both = np.count_nonzero(active & in_rhombus)
+        label = f"central rhombus: {both} of {np.count_nonzero(in_rhombus)} active"
+        handles.append(Line2D([], [], label=label, **ring, markersize=10, markeredgewidth=1.5))
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, handletextpad=0.3)
+
+
+def _plan_figure(size: NDArray[Any], panels: int, title: str) -> tuple[Figure, NDArray[Any], float]:
+    """A figure for `panels` plan views of `size` [mm] side by side, its axes, and how many points of paper a mm has."""
+    width, height = 1.06 * np.maximum(size, 1e-9)
+    inches = min(8.0 / width, 8.0 / height)
+    across, up = max(inches * width, 3.2), max(inches * height, 3.2)
+    figure = _figure(panels * (across + 1.7), up + 1.5)
+    figure.suptitle(title, fontsize=12)
+    axes = np.atleast_1d(figure.subplots(1, panels))
+    return figure, axes, inches * 72.0
+
+
+def _frame_axes(axes: Axes, low: NDArray[Any], high: NDArray[Any]) -> None:
+    margin = 0.03 * np.maximum(high - low, 1e-9)
+    axes.set(xlim=(low[0] - margin[0], high[0] + margin[0]), ylim=(low[1] - margin[1], high[1] + margin[1]))
+    axes.set(xlabel="weft [mm]", ylabel="warp [mm]")
+    axes.set_aspect("equal", adjustable="box")
+
+
+def _stress_colours(stress: NDArray[Any], yield_stress: float | None) -> tuple[Colormap, tuple[float, float]]:
+    """A map from light sand to near black, cyan beyond the yield stress; and the stress [MPa] at its ends."""
+    table = matplotlib.colormaps["magma_r"](np.linspace(0.16, 0.95, 256))
+    colours = LinearSegmentedColormap.from_list("stress", table, N=256).with_extremes(over="#00CFFF", bad="white")
+    highest = float(np.nanmax(stress, initial=0.0))
+    if yield_stress is not None:
+        highest = min(highest, 1e-6 * yield_stress)
+    return colours, (min(float(np.nanmin(stress, initial=0.0)), 0.0), highest if highest > 0.0 else 1.0)
+
+
+def _stress_bar(
+    figure: Figure,
+    axes: Axes,
+    mappable: Any,
+    limits: tuple[float, float],
+    yield_stress: float | None,
+    label: str = "wire stress [MPa]",
+) -> None:
+    if yield_stress is not None:
+        label += f", yield at {1e-6 * yield_stress:.4g}"
+    is_beyond = yield_stress is not None and float(np.ma.max(mappable.get_array())) > limits[1]
+    _colour_bar(figure, axes, mappable, label, extend="max" if is_beyond else "neither")
+
+
+def _colour_bar(figure: Figure, axes: Axes, mappable: Any, label: str, **options: Any) -> None:
+    bar = figure.colorbar(mappable, ax=axes, shrink=0.85, aspect=32, pad=0.025, **options)
+    bar.set_label(label)
+    bar.outline.set_linewidth(0.5)
+
+
+def _title(frame: Frame, tension: tuple[float, float] | None) -> str:
+    load = [f"strain weft {100.0 * frame.strain_weft:.4g} %, warp {100.0 * frame.strain_warp:.4g} %"]
+    if frame.shear:
+        load.append(f"shear {100.0 * frame.shear:.4g} %")
+    answer = []
+    if tension is not None:
+        answer.append(f"tension weft {tension[0]:.3g} N/m, warp {tension[1]:.3g} N/m")
+    if abs(frame.temperature - ROOM) > 0.05:
+        answer.append(f"{frame.temperature - 273.15:.4g} °C")
+    return "\n".join("   ".join(parts) for parts in (load, answer) if parts)
+
+
+# The curves
+
+
+def _draw_curves(
+    axes: Axes,
+    abscissa: NDArray[Any],
+    stages: Sequence[tuple[str, slice]],
+    curves: Sequence[tuple[str, str, NDArray[Any]]],
+    is_logarithmic: bool,
+) -> None:
+    """One line a quantity and stage: the colour tells the quantity, the dashes and marks tell the stage."""
+    handles = []
+    for label, colour, values in curves:
+        shown = np.isfinite(values) & ((values > 0.0) if is_logarithmic else True)
+        if not shown.any():
+            continue
+        values = np.where(shown, values, np.nan)
+        for number, (_, rows) in enumerate(stages):
+            style, marker = STAGE_STYLES[number % len(STAGE_STYLES)]
+            look: dict[str, Any] = {"color": colour, "linestyle": style, "marker": marker, "markersize": 4.0}
+            face = colour if number % 2 == 0 else "white"
+            axes.plot(abscissa[rows], values[rows], linewidth=1.6, markerfacecolor=face, **look)
+        if label:
+            handles.append(Line2D([], [], color=colour, linewidth=2.5, label=label))
+    if not axes.lines:
+        axes.text(0.5, 0.5, "not recorded", transform=axes.transAxes, ha="center", va="center", color=GREY)
+    elif is_logarithmic:
+        axes.set_yscale("log")
+        low, high = axes.get_ylim()
+        axes.set_ylim(bottom=max(low, DECADES_DRAWN * high))
+    if handles:
+        axes.legend(handles=handles, frameon=False, loc="best")
+    axes.grid(color="#DDDDDD", linewidth=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _abscissa(
+    columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[str, slice]], count: int
+) -> tuple[NDArray[Any], str]:
+    """What varies in a run: strain if it does in each stage, else the way along the stages.
+
+    In a single stage without strain: shear, temperature, the load factor, or the number of the record.
+    """
+    held = [
+        all(float(np.ptp(columns[name][rows])) < 1e-9 for name in ("strain_weft", "strain_warp") if name in columns)
+        for _, rows in stages
+    ]
+    if len(stages) > 1 and any(held) and "load_factor" in columns:
+        stage = np.searchsorted([rows.stop for _, rows in stages], np.arange(count), side="right")
+        return stage + columns["load_factor"], "stage and its load factor"
+    spread = {name: float(np.ptp(values)) if np.isfinite(values).all() else 0.0 for name, values in columns.items()}
+    weft, warp = columns.get("strain_weft"), columns.get("strain_warp")
+    weft_spread, warp_spread = spread.get("strain_weft", 0.0), spread.get("strain_warp", 0.0)
+    if weft is not None and warp is not None and (count == 1 or max(weft_spread, warp_spread) > 1e-9):
+        if np.allclose(weft, warp, rtol=0.0, atol=1e-9):
+            return 100.0 * weft, "strain, weft and warp [%]"
+        name = "weft" if weft_spread >= warp_spread else "warp"
+        other = "warp" if name == "weft" else "weft"
+        label = f"{name} strain [%]"
+        values = 100.0 * columns[f"strain_{other}"]
+        value_range = f"{values.min():.3g} to {values.max():.3g}" if np.ptp(values) > 1e-7 else f"{values[0]:.3g}"
+        label += f", {other} {value_range} %"
+        return 100.0 * columns[f"strain_{name}"], label
+    if spread.get("shear", 0.0) > 1e-9:
+        return 100.0 * columns["shear"], "shear [%]"
+    if spread.get("temperature_K", 0.0) > 1e-6:
+        return columns["temperature_K"] - 273.15, "temperature [°C]"
+    if spread.get("load_factor", 0.0) > 0.0:
+        return columns["load_factor"], "load factor"
+    return np.arange(count, dtype=float), "record"
+
+
+def _stages(names: Sequence[str]) -> list[tuple[str, slice]]:
+    """Runs of rows of one stage, each beginning with the last row of the stage before: the curve is unbroken."""
+    first = [0, *(row for row in range(1, len(names)) if names[row] != names[row - 1])]
+    end = [*first[1:], len(names)]
+    return [(names[a] or "load", slice(max(a - 1, 0), b)) for a, b in zip(first, end, strict=True)]
+
+
+def _rows(history: Iterable[Mapping[str, Any]] | str | os.PathLike[str]) -> list[Mapping[str, Any]]:
+    if isinstance(history, str | os.PathLike):
+        with open(history, newline="", encoding="utf-8") as file:
+            rows: list[Mapping[str, Any]] = list(csv.DictReader(file))
+    else:
+        rows = list(history)
+    if not rows:
+        raise ValueError("history: no row to draw")
+    return rows
+
+
+def _number(value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return math.nan
+
+
+def _figure(width: float, height: float) -> Figure:
+    figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _save(figure: Figure, path: str | os.PathLike[str]) -> Path:
+    path = Path(path)
+    for axes in figure.axes:
+        if axes.get_xlabel() and axes.get_xscale() == "linear":
+            axes.xaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 5, 10]))
+    with path_aside(path) as aside:
+        figure.savefig(aside, format="png", dpi=DOTS_PER_INCH)
+    return path

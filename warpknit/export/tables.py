@@ -1,0 +1,83 @@
+"""A run as tables: for each frame one of its contacts, a row a body, and one of its wires.
+
+SI units, said in the headings.
+"""
+
+import csv
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpknit.files import write_aside
+from warpknit.frame import Frame, WireLayout, curve_position
+
+__all__ = ["contact_table", "wire_table", "write_tables"]
+
+
+def write_tables(directory: str | os.PathLike[str], layout: WireLayout, frames: Iterable[Frame]) -> list[Path]:
+    """Write contacts_######.csv and wires_######.csv for every frame; the paths."""
+    paths = []
+    for frame in frames:
+        frame.require_finite()
+        for name, table in (("contacts", contact_table(layout, frame)), ("wires", wire_table(layout, frame))):
+            paths.append(_write_table(Path(directory) / f"{name}_{frame.index:06d}.csv", table))
+    return paths
+
+
+def contact_table(layout: WireLayout, frame: Frame) -> dict[str, NDArray[Any]]:
+    """Columns, a value a body. `force_N` is what passes between the wires, the smaller of the two pairs' forces."""
+    frame.require_layout(layout)
+    body = np.arange(layout.body_count)
+    x, y, z = frame.body_position.T
+    return {
+        "body": body,
+        "wire_a": layout.body_wires[:, 0],
+        "wire_b": layout.body_wires[:, 1],
+        "x_m": x,
+        "y_m": y,
+        "z_m": z,
+        "force_N": frame.body_force,
+        "force_a_N": frame.pair_force[0::2],
+        "force_b_N": frame.pair_force[1::2],
+        "active": frame.body_active.astype(int),
+        "active_a": frame.pair_active[0::2].astype(int),
+        "active_b": frame.pair_active[1::2].astype(int),
+        "central_rhombus": np.isin(body, layout.rhombus_bodies).astype(int),
+    }
+
+
+def wire_table(layout: WireLayout, frame: Frame) -> dict[str, NDArray[Any]]:
+    """Columns, a value a wire. A closed wire's length is that of one period."""
+    points, start = curve_position(layout, frame), layout.wire_start
+    segment = layout.curve_segment
+    length = np.linalg.norm(points[segment + 1] - points[segment], axis=1)
+    nodes = np.diff(start)
+    bodies = [np.bincount(column, minlength=layout.wire_count) for column in layout.body_wires.T]
+    active = [
+        np.bincount(column, frame.pair_active[side::2], minlength=layout.wire_count).astype(int)
+        for side, column in enumerate(layout.body_wires.T)
+    ]
+    return {
+        "wire": np.arange(layout.wire_count),
+        "closed": layout.wire_closed.astype(int),
+        "nodes": nodes,
+        "length_m": np.add.reduceat(length, layout.curve_start[:-1] - np.arange(layout.wire_count)),
+        "x_mean_m": np.add.reduceat(frame.node_position[:, 0], start[:-1]) / nodes,
+        "y_mean_m": np.add.reduceat(frame.node_position[:, 1], start[:-1]) / nodes,
+        "stress_max_Pa": np.maximum.reduceat(frame.node_stress, start[:-1]),
+        "stress_mean_Pa": np.add.reduceat(frame.node_stress, start[:-1]) / nodes,
+        "pairs": bodies[0] + bodies[1],
+        "active_pairs": active[0] + active[1],
+    }
+
+
+def _write_table(path: Path, table: Mapping[str, NDArray[Any]]) -> Path:
+    with write_aside(path) as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(table)
+        writer.writerows(zip(*(np.asarray(column).tolist() for column in table.values()), strict=True))
+    return path

@@ -1,0 +1,81 @@
+"""A run as a time series for ParaView and PyVista.
+
+    wires.pvd       -> wires_######.vtu       line cells; point data `stress` [Pa], cell data `wire`
+    contacts.pvd    -> contacts_######.vtu    one vertex a contact body; `force`, `force_a`, `force_b` [N], `active`
+                                              (both pairs closed), `active_pairs` (0, 1 or 2), `wire_a`, `wire_b`,
+                                              `rhombus`
+
+SI units: lengths in m. The time is the index of the frame. Open the two .pvd files.
+"""
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import meshio
+import numpy as np
+
+from warpknit.files import path_aside, write_aside
+from warpknit.frame import Frame, WireLayout, curve_position
+
+__all__ = ["write_vtk"]
+
+
+def write_vtk(directory: str | os.PathLike[str], layout: WireLayout, frames: Iterable[Frame]) -> list[Path]:
+    """Write every frame, then the collections that name them; the paths, collections first."""
+    directory = Path(directory)
+    segment = layout.curve_segment
+    lines = np.stack((segment, segment + 1), axis=1)
+    line_wire = np.repeat(np.arange(layout.wire_count, dtype=np.int32), np.diff(layout.curve_start) - 1)
+    is_rhombus = np.zeros(layout.body_count, dtype=np.int32)
+    is_rhombus[layout.rhombus_bodies] = 1
+    series: dict[str, list[tuple[int, Path]]] = {"wires": [], "contacts": []}
+    for frame in frames:
+        frame.require_layout(layout)
+        frame.require_finite()
+        wires = meshio.Mesh(
+            curve_position(layout, frame),
+            [("line", lines)],
+            point_data={"stress": np.asarray(frame.node_stress, dtype=float)[layout.curve_node]},
+            cell_data={"wire": [line_wire]},
+        )
+        contacts = meshio.Mesh(
+            np.asarray(frame.body_position, dtype=float),
+            [("vertex", np.arange(layout.body_count)[:, None])],
+            point_data={
+                "force": np.asarray(frame.body_force, dtype=float),
+                "force_a": np.array(frame.pair_force[0::2], dtype=float),
+                "force_b": np.array(frame.pair_force[1::2], dtype=float),
+                "active": frame.body_active.astype(np.int32),
+                "active_pairs": frame.pair_active.reshape(-1, 2).sum(axis=1, dtype=np.int32),
+                "wire_a": layout.body_wires[:, 0].astype(np.int32),
+                "wire_b": layout.body_wires[:, 1].astype(np.int32),
+                "rhombus": is_rhombus,
+            },
+        )
+        for name, mesh in (("wires", wires), ("contacts", contacts)):
+            if mesh.points.size:
+                path = directory / f"{name}_{frame.index:06d}.vtu"
+                _write_mesh(path, mesh)
+                series[name].append((frame.index, path))
+    collections = []
+    for name, members in series.items():
+        if members:
+            collections.append(_write_collection(directory / f"{name}.pvd", members))
+    return collections + [path for members in series.values() for _, path in members]
+
+
+def _write_mesh(path: Path, mesh: Any) -> None:
+    with path_aside(path) as aside:
+        meshio.write(aside, mesh, file_format="vtu", binary=True)
+
+
+def _write_collection(path: Path, members: list[tuple[int, Path]]) -> Path:
+    """Name the files of a series, with their times, in a ParaView collection."""
+    rows = [f'    <DataSet timestep="{index}" part="0" file={quoteattr(member.name)}/>' for index, member in members]
+    with write_aside(path) as file:
+        file.write('<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n')
+        file.write("\n".join(rows) + "\n  </Collection>\n</VTKFile>\n")
+    return path

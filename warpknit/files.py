@@ -1,0 +1,54 @@
+"""Files that are either whole or absent.
+
+A file is written under a hidden name beside its place, brought to the disk, and renamed. Whoever is killed on the way
+leaves the earlier file, or none, and a hidden leftover that the next attempt overwrites.
+"""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+__all__ = ["path_aside", "write_aside"]
+
+
+@contextmanager
+def path_aside(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield a hidden path with the same suffix, for libraries that open files themselves, and rename it at the end.
+
+    If the block raises, `path` is left as it was.
+    """
+    target = Path(path)
+    aside = target.with_name(f".{target.stem}.partial{target.suffix}")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    aside.unlink(missing_ok=True)
+    try:
+        yield aside
+        _flush(aside)
+        os.replace(aside, target)
+    except BaseException:
+        aside.unlink(missing_ok=True)
+        raise
+    _flush(target.parent)
+
+
+@contextmanager
+def write_aside(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[Any]]:
+    """Open `path` for writing text in UTF-8 (mode "w") or bytes ("wb"); it takes its place when the block ends well."""
+    if mode not in ("w", "wb"):
+        raise ValueError(f"mode {mode!r}: 'w' and 'wb' are possible")
+    encoding, newline = ("utf-8", "") if mode == "w" else (None, None)
+    with path_aside(path) as aside, open(aside, mode, encoding=encoding, newline=newline) as file:
+        yield file  # it is closed before it is renamed
+
+
+def _flush(path: Path) -> None:
+    """Bring a file, or the names in a folder, to the disk."""
+    if path.is_dir() and os.name == "nt":
+        return
+    descriptor = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,211 @@
+"""What is recorded of a run: how its wires are laid out, once, and one `Frame` for each recorded state.
+
+NumPy arrays in SI units; they know nothing of the solver and need no Warp. x is weft, y is warp, z > 0 the technical
+face.
+
+A frame's mean deformation carries a rest vector (X, Y) of the cloth to
+
+    x = (1 + strain_weft) X + shear Y
+    y = (1 + strain_warp) Y
+"""
+
+import os
+import zipfile
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpknit.files import write_aside
+
+__all__ = ["Frame", "WireLayout", "curve_position"]
+
+Floats = NDArray[np.floating[Any]]
+Integers = NDArray[np.integer[Any]]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WireLayout:
+    """How nodes make wires and bodies join them; the same for every frame of a run."""
+
+    wire_start: Integers  # [wire + 1]  nodes of wire w are wire_start[w]:wire_start[w + 1]
+    wire_closed: NDArray[np.bool_]  # [wire]  a closed wire continues at its first node, one period up the warp
+    period: (
+        Floats  # [2] [m]  width and height of the tile at rest; wires run along the warp, so only the height is used
+    )
+    diameter: float  # [m]
+    body_radius: float  # [m]
+    body_wires: Integers  # [body, 2]  the wires of pairs 2b and 2b + 1
+    rhombus_bodies: Integers  # [k]  bodies round the central opening; may be empty
+
+    def __post_init__(self) -> None:
+        for name, kind, shape in (
+            ("wire_start", np.int64, (-1,)),
+            ("wire_closed", np.bool_, (-1,)),
+            ("period", np.float64, (2,)),
+            ("body_wires", np.int64, (-1, 2)),
+            ("rhombus_bodies", np.int64, (-1,)),
+        ):
+            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=kind).reshape(shape))
+        for name in ("diameter", "body_radius"):
+            object.__setattr__(self, name, float(getattr(self, name)))
+        if self.wire_start.size < 2 or self.wire_start[0] != 0 or np.any(np.diff(self.wire_start) < 1):
+            raise ValueError("wire_start: must begin with 0 and increase")
+        if self.wire_closed.size != self.wire_count:
+            raise ValueError(f"wire_closed: {self.wire_closed.size} values for {self.wire_count} wires")
+        for name, count in (("body_wires", self.wire_count), ("rhombus_bodies", self.body_count)):
+            values = getattr(self, name)
+            if np.any((values < 0) | (values >= count)):
+                raise ValueError(f"{name}: must lie in 0 .. {count - 1}")
+
+    @property
+    def wire_count(self) -> int:
+        return self.wire_start.size - 1
+
+    @property
+    def node_count(self) -> int:
+        return int(self.wire_start[-1])
+
+    @property
+    def body_count(self) -> int:
+        return int(self.body_wires.shape[0])
+
+    @cached_property
+    def curve_node(self) -> Integers:
+        """[point]  the node at each point of the drawn curves: a closed wire gets its first node again at its end."""
+        first, end = self.wire_start[:-1][self.wire_closed], self.wire_start[1:][self.wire_closed]
+        return np.asarray(np.insert(np.arange(self.node_count), end, first))
+
+    @cached_property
+    def curve_closing(self) -> Integers:
+        """[closed wire]  the points of the drawn curves that close a wire, and so are shifted by one period."""
+        end = self.wire_start[1:][self.wire_closed]
+        return end + np.arange(end.size)
+
+    @cached_property
+    def curve_start(self) -> Integers:
+        """[wire + 1]  points of the drawn curve of wire w are curve_start[w]:curve_start[w + 1]."""
+        return self.wire_start + np.concatenate(([0], np.cumsum(self.wire_closed)))
+
+    @cached_property
+    def curve_segment(self) -> Integers:
+        """[segment]  the first point of every segment of the drawn curves; its second is the next point."""
+        is_first = np.ones(int(self.curve_start[-1]), dtype=bool)
+        is_first[self.curve_start[1:] - 1] = False
+        return np.flatnonzero(is_first)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write an .npz; it is whole or absent."""
+        _save(self, path)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> "WireLayout":
+        return cls(**_load(cls, path))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Frame:
+    """One recorded state."""
+
+    index: int  # counts the records of a run from 0
+    stage: str
+    load_factor: float  # 0 .. 1 within the stage
+    strain_weft: float
+    strain_warp: float
+    shear: float
+    temperature: float  # [K]
+    node_position: Floats  # [node, 3] [m]  z is the rest height where the model is planar
+    node_stress: Floats  # [node] [Pa]
+    body_position: Floats  # [body, 3] [m]
+    pair_force: Floats  # [pair] [N]  pairs 2b and 2b + 1 belong to body b
+    pair_active: NDArray[np.bool_]  # [pair]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "index", int(self.index))
+        object.__setattr__(self, "stage", str(self.stage))
+        for name in ("load_factor", "strain_weft", "strain_warp", "shear", "temperature"):
+            object.__setattr__(self, name, float(getattr(self, name)))
+        nodes, bodies = np.shape(self.node_position)[0], np.shape(self.body_position)[0]
+        for name, shape in (
+            ("node_position", (nodes, 3)),
+            ("node_stress", (nodes,)),
+            ("body_position", (bodies, 3)),
+            ("pair_force", (2 * bodies,)),
+            ("pair_active", (2 * bodies,)),
+        ):
+            array = np.asarray(getattr(self, name), dtype=np.bool_ if name == "pair_active" else None)
+            if array.shape != shape:
+                raise ValueError(f"{name}: shape {array.shape}, expected {shape}")
+            object.__setattr__(self, name, array)
+        if self.index < 0:
+            raise ValueError(f"index: {self.index} is negative")
+
+    @property
+    def deformation(self) -> Floats:
+        """[2, 2]  the mean deformation gradient, see the top of this file."""
+        return np.array([[1.0 + self.strain_weft, self.shear], [0.0, 1.0 + self.strain_warp]])
+
+    @property
+    def body_active(self) -> NDArray[np.bool_]:
+        """[body]  a body is active when both its pairs are."""
+        return np.asarray(self.pair_active.reshape(-1, 2).all(axis=1))
+
+    @property
+    def body_force(self) -> Floats:
+        """[body] [N]  the force that passes from one wire to the other: the smaller of the two pairs'."""
+        return np.asarray(self.pair_force.reshape(-1, 2).min(axis=1))
+
+    def require_finite(self) -> None:
+        """Raise ValueError where a number is not finite: no file may hold one."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not isinstance(value, str) and not np.all(np.isfinite(value)):
+                where = f" at {tuple(map(int, np.argwhere(~np.isfinite(value))[0]))}" if np.ndim(value) else ""
+                raise ValueError(f"frame {self.index}: {field.name} is not finite{where}")
+
+    def require_layout(self, layout: WireLayout) -> None:
+        """Raise ValueError where the counts differ from the layout's."""
+        for name, given, expected in (
+            ("nodes", self.node_position.shape[0], layout.node_count),
+            ("bodies", self.body_position.shape[0], layout.body_count),
+        ):
+            if given != expected:
+                raise ValueError(f"frame {self.index}: {given} {name}, but the layout has {expected}")
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write an .npz; it is whole or absent. Raises ValueError rather than writing a number that is not finite."""
+        self.require_finite()
+        _save(self, path)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> "Frame":
+        return cls(**_load(cls, path))
+
+
+def curve_position(layout: WireLayout, frame: Frame) -> Floats:
+    """[point, 3] [m]  the drawn curves: the nodes, and at the end of each closed wire its first node one period on."""
+    frame.require_layout(layout)
+    if not layout.curve_closing.size:
+        return frame.node_position
+    position = frame.node_position[layout.curve_node]
+    position[layout.curve_closing, :2] += frame.deformation @ (0.0, layout.period[1])
+    return position
+
+
+def _save(record: WireLayout | Frame, path: str | os.PathLike[str]) -> None:
+    arrays: dict[str, Any] = {field.name: np.asarray(getattr(record, field.name)) for field in fields(record)}
+    with write_aside(path, "wb") as file:
+        np.savez(file, **arrays)
+
+
+def _load(kind: type, path: str | os.PathLike[str]) -> dict[str, Any]:
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            values = {field.name: archive[field.name] for field in fields(kind)}
+    except (KeyError, OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        if isinstance(error, FileNotFoundError):
+            raise
+        raise ValueError(f"{path}: not a saved {kind.__name__}") from error
+    return {name: value if value.ndim else value.item() for name, value in values.items()}

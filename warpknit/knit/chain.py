@@ -1,0 +1,92 @@
+"""Chain notation and threading, read and checked.
+
+A chain such as ``1-0/1-2/2-3/2-1`` lists one link a course.  The numbers are the gaps between needles: gap g lies left
+of needle g.  A link ``a-b`` carries the guide across needle min(a, b) in front of the hooks (the overlap); between
+links the guide returns behind the needles (the underlap).  ``a-a`` is an inlay: the wire is laid in without a loop.  A
+threading such as ``|.`` repeats along the guide bar: ``|`` is a guide with a wire, ``.`` an empty one.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+_LINK = re.compile(r"(\d+)-(\d+)")
+
+
+class KnitError(ValueError):
+    """A knit that cannot be read or made: one key, what was given, what is allowed."""
+
+    def __init__(self, key: str, given: object, allowed: str) -> None:
+        super().__init__(f"{key}: given {given!r}, allowed {allowed}")
+        self.key = key
+        self.given = given
+        self.allowed = allowed
+
+
+@dataclass(frozen=True)
+class Link:
+    """One course of a chain: the guide swings from gap `start` to gap `end`."""
+
+    start: int
+    end: int
+
+    @property
+    def needle(self) -> int:
+        """Needle the lap wraps (for an inlay: the needle right of the gap)."""
+        return min(self.start, self.end)
+
+    @property
+    def direction(self) -> int:
+        """+1 when the overlap runs towards larger needle numbers, -1 towards smaller, 0 for an inlay."""
+        return (self.end > self.start) - (self.end < self.start)
+
+
+def parse_chain(text: object, key: str = "chain") -> tuple[Link, ...]:
+    """Links of a chain such as ``1-0/1-2/2-3/2-1``.
+
+    Raises `KnitError` for an empty chain, a missing link, characters or numbers that are not gaps, an overlap of more
+    than one needle, and laps that do not return: the underlap that closes the repeat may not be longer than the
+    longest one within the chain (or one needle).
+    """
+    if not isinstance(text, str):
+        raise KnitError(key, text, "a string of links a-b joined by '/', for example '1-0/1-2'")
+    if not text.strip():
+        raise KnitError(key, text, "at least one link, for example '1-0/1-2'")
+    links = []
+    for number, word in enumerate(text.split("/"), start=1):
+        word = word.strip()
+        if not word:
+            raise KnitError(key, text, f"a link a-b at place {number}, where one is missing")
+        match = _LINK.fullmatch(word)
+        if match is None:
+            raise KnitError(key, text, f"two whole numbers a-b at place {number}, where {word!r} stands")
+        link = Link(int(match[1]), int(match[2]))
+        if abs(link.end - link.start) > 1:
+            raise KnitError(key, text, f"an overlap of one needle at place {number}, where {word!r} stands")
+        links.append(link)
+    underlaps = [abs(after.start - link.end) for link, after in zip(links, links[1:] + links[:1], strict=True)]
+    longest = max([1, *underlaps[:-1]])
+    if underlaps[-1] > longest:
+        raise KnitError(
+            key,
+            text,
+            f"laps that return: the last underlap spans {underlaps[-1]} needles, the others at most {longest}",
+        )
+    return tuple(links)
+
+
+def parse_threading(text: object, key: str = "threading") -> tuple[bool, ...]:
+    """Guides of a threading such as ``|.``: True where a guide carries a wire."""
+    if not isinstance(text, str) or not text or set(text) - {"|", "."}:
+        raise KnitError(key, text, "a string of '|' (a wire) and '.' (none), for example '|.'")
+    if "|" not in text:
+        raise KnitError(key, text, "at least one '|': a bar without wires knits nothing")
+    return tuple(character == "|" for character in text)
+
+
+def parse_shift(value: object, key: str = "shift") -> int:
+    """Needles by which a guide bar starts to the right."""
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise KnitError(key, value, "a whole number of needles")
+    return value

@@ -1,0 +1,228 @@
+"""Clasps: where two wires hook each other in the plane.
+
+Two crossings of the same two wire copies bound a lens when the arcs between them are short, no third crossing of the
+two lies within both arcs, and the second wire crosses the first there in opposite senses (turn).  A crossing is the
+corner of one lens only, the tightest.  The wires hook in a lens when the over/under sign alternates: wire A over B at
+one corner and under it at the other, so that both corners have the same sign over * turn and the arcs are linked.
+Equal over signs are a plain overlap that carries nothing in the plane.  No table of patterns is needed: the rule holds
+for any knit.  (Guglielmini, Marotta, Salvini 2022, section 2: "a couple of wires crosses in two points".)
+
+A loop may hook one head by two nested lenses; such lenses are merged into one clasp when `merge` is set.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .centreline import Thread
+from .crossings import Crossings
+from .interior import deepest_point, polygon_area
+
+ARC_LIMIT = 0.5  # longest arc of a lens, in wire lengths of a stitch: a leg and its foot, not a whole loop
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One of the two wires of a clasp."""
+
+    thread: int
+    column: int  # copy of the repeat, `column` repeats to the right of the clasp's
+    arc: float  # [m] unwrapped plan arc length of the point nearest to the body
+    arc_low: float  # [m] the lens on this wire; when merged: with the arcs of the other lenses that it meets
+    arc_high: float  # [m]
+    side: int  # +1 the body lies to the left of the wire's direction, -1 to the right
+    clearance: float  # [m] distance of the body from the wire's centre line
+
+
+@dataclass(frozen=True)
+class Clasp:
+    """Two hooked wires and the place of the body that carries their contact."""
+
+    position: NDArray[np.float64]  # (2,) [m] in [0, width) x [0, height)
+    arms: tuple[Arm, Arm]
+    lenses: int  # nested lenses merged into this clasp
+
+
+@dataclass(frozen=True, eq=False)
+class Lens:
+    """A bigon between wire (thread[0], column 0) and wire (thread[1], column)."""
+
+    thread: tuple[int, int]
+    column: int
+    low: NDArray[np.float64]  # (2,) [m] arcs where the lens begins on each wire
+    high: NDArray[np.float64]  # (2,) [m]
+    side: int  # +1 the lens lies to the left of the first wire
+    opposed: bool  # the two wires run in opposite directions round the lens
+    outline: NDArray[np.float64]  # (k, 2) [m]
+    corners: tuple[int, int]  # crossings, copies not told apart
+
+    @property
+    def sides(self) -> tuple[int, int]:
+        """Side of each wire on which the lens lies."""
+        return self.side, self.side if self.opposed else -self.side
+
+
+def find_lenses(
+    threads: Sequence[Thread], crossings: Crossings, size: NDArray[np.float64], stitch_length: float
+) -> list[Lens]:
+    """All hooked lenses of one repeat; stitch_length: mean wire length of a stitch [m]."""
+    lengths = np.array([t.length for t in threads])
+    limit = ARC_LIMIT * stitch_length
+    step = crossings.column[:, 1] - crossings.column[:, 0]
+    group = np.stack([crossings.thread[:, 0], crossings.thread[:, 1], step], axis=1)
+    lenses = []
+    for first, second, column in np.unique(group, axis=0):
+        member = np.nonzero(np.all(group == [first, second, column], axis=1))[0]
+        period = lengths[[first, second]]
+        copies = np.arange(-1 - int(limit // period.min()), 2 + int(limit // period.min()))
+        base = crossings.arc[member] - np.floor(crossings.arc[member, :1] / period[0]) * period
+        arcs = (base + copies[:, None, None] * period).reshape(-1, 2)
+        over, turn = (np.tile(sign[member], len(copies)) for sign in (crossings.over, crossings.turn))
+        for p in range(len(member)):
+            start = base[p]
+            advance = arcs - start
+            partner = (advance[:, 0] > 0.0) & (advance[:, 0] <= limit) & (np.abs(advance[:, 1]) <= limit)
+            partner &= (over == -crossings.over[member[p]]) & (turn == -crossings.turn[member[p]])
+            for q in np.nonzero(partner)[0]:
+                low, high = np.minimum(start, arcs[q]), np.maximum(start, arcs[q])
+                if np.any(np.all((arcs > low) & (arcs < high), axis=1)):
+                    continue
+                if first == second and column == 0 and high[0] > low[1]:
+                    continue
+                opposed = bool(arcs[q, 1] < start[1])
+                side = int(crossings.turn[member[p]]) * (-1 if opposed else 1)
+                outline = _outline(threads, (first, second), column, low, high, opposed, size)
+                if polygon_area(outline) * side > 0.0:
+                    corners = (int(member[p]), int(member[q % len(member)]))
+                    lenses.append(
+                        Lens((int(first), int(second)), int(column), low, high, side, opposed, outline, corners)
+                    )
+    return _tightest(lenses)
+
+
+def _tightest(lenses: list[Lens]) -> list[Lens]:
+    """Lenses that share no corner: where two would, as along a twist, the one with the shorter arcs stays."""
+    taken: set[int] = set()
+    kept = []
+    for lens in sorted(lenses, key=lambda lens: float(np.sum(lens.high - lens.low))):
+        if taken.isdisjoint(lens.corners):
+            taken.update(lens.corners)
+            kept.append(lens)
+    return kept
+
+
+def _outline(
+    threads: Sequence[Thread],
+    pair: tuple[int, int],
+    column: int,
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    opposed: bool,
+    size: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Closed outline (k, 2) of a lens: along the first wire, back along the second."""
+    along = threads[pair[0]].stretch(low[0], high[0], size[1])[:, :2]
+    back = threads[pair[1]].stretch(low[1], high[1], size[1])[:, :2] + [column * size[0], 0.0]
+    return np.concatenate([along[:-1], back[:-1] if opposed else back[:0:-1]])
+
+
+def make_clasps(
+    threads: Sequence[Thread], lenses: Sequence[Lens], size: NDArray[np.float64], merge: bool
+) -> tuple[Clasp, ...]:
+    """One clasp a lens, or one a bunch of nested lenses, ordered by position from bottom to top and left to right."""
+    bunches = _bunches(threads, lenses, size) if merge else [[lens] for lens in lenses]
+    clasps = [_clasp(threads, bunch, size) for bunch in bunches]
+    return tuple(sorted(clasps, key=lambda c: tuple(np.round(c.position[::-1] / size[::-1], 6))))
+
+
+def _bunches(threads: Sequence[Thread], lenses: Sequence[Lens], size: NDArray[np.float64]) -> list[list[Lens]]:
+    """Lenses gathered by shared stretches of wire, the smallest of each bunch first."""
+    left = sorted(lenses, key=lambda lens: abs(polygon_area(lens.outline)))
+    bunches = []
+    while left:
+        bunch = [left.pop(0)]
+        grown = True
+        while grown:
+            grown = False
+            for lens in left:
+                shifted = [_moved(lens, row, threads, size) for row in (0, 1, -1)]
+                match = [s for s in shifted if any(_belong(s, other) for other in bunch)]
+                if match:
+                    bunch.append(match[0])
+                    left.remove(lens)
+                    grown = True
+                    break
+        bunches.append(bunch)
+    return bunches
+
+
+def _moved(lens: Lens, row: int, threads: Sequence[Thread], size: NDArray[np.float64]) -> Lens:
+    """The copy of a lens `row` repeats up."""
+    shift = row * np.array([threads[t].length for t in lens.thread])
+    outline = lens.outline + [0.0, row * size[1]]
+    return Lens(
+        lens.thread, lens.column, lens.low + shift, lens.high + shift, lens.side, lens.opposed, outline, lens.corners
+    )
+
+
+def _belong(lens: Lens, other: Lens) -> bool:
+    """Whether two lenses of the same wires hold the same head.
+
+    Either they share a stretch of one wire on the same side of it, or they follow each other closely along one wire
+    while the other wire comes through one and goes back through the other.
+    """
+    if lens.thread != other.thread or lens.column != other.column:
+        return False
+    gap = np.maximum(lens.low, other.low) - np.minimum(lens.high, other.high)
+    room = np.minimum(lens.high - lens.low, other.high - other.low) if lens.opposed != other.opposed else np.zeros(2)
+    return any(gap[w] < room[w] and lens.sides[w] == other.sides[w] for w in (0, 1))
+
+
+def _clasp(threads: Sequence[Thread], bunch: list[Lens], size: NDArray[np.float64]) -> Clasp:
+    """The clasp of a bunch of lenses: its body lies deepest within all of them, else within the smallest."""
+    inner = bunch[0]
+    position = deepest_point([lens.outline for lens in bunch])
+    if position is None:
+        position = deepest_point([inner.outline])
+    assert position is not None
+    cell = np.floor(position / size + 1e-9).astype(int)
+    arms = []
+    for w in (0, 1):
+        low, high = _joined(inner.low[w], inner.high[w], [(lens.low[w], lens.high[w]) for lens in bunch])
+        thread = threads[inner.thread[w]]
+        column = w * inner.column
+        arc, side, distance = _nearest(thread, inner.low[w], inner.high[w], position - [column * size[0], 0.0], size[1])
+        back = cell[1] * thread.length
+        arms.append(Arm(inner.thread[w], int(column - cell[0]), arc - back, low - back, high - back, side, distance))
+    return Clasp(position - cell * size, (arms[0], arms[1]), len(bunch))
+
+
+def _joined(low: float, high: float, stretches: list[tuple[float, float]]) -> tuple[float, float]:
+    """Union of [low, high] with all stretches that it meets."""
+    for _ in stretches:
+        for other_low, other_high in stretches:
+            if other_low <= high and other_high >= low:
+                low, high = min(low, other_low), max(high, other_high)
+    return float(low), float(high)
+
+
+def _nearest(
+    thread: Thread, low: float, high: float, point: NDArray[np.float64], height: float
+) -> tuple[float, int, float]:
+    """Arc [m] of the point of a stretch nearest to `point`, the side on which `point` lies, its distance [m]."""
+    line = thread.stretch(low, high, height)[:, :2]
+    arcs = np.concatenate(
+        [[low], (np.floor(low / thread.spacing) + 1 + np.arange(len(line) - 2)) * thread.spacing, [high]]
+    )
+    direction = np.diff(line, axis=0)
+    length = np.maximum(np.hypot(direction[:, 0], direction[:, 1]), 1e-300)
+    along = np.clip(np.sum((point - line[:-1]) * direction, axis=1) / length**2, 0.0, 1.0)
+    away = point - (line[:-1] + along[:, None] * direction)
+    distance = np.hypot(away[:, 0], away[:, 1])
+    k = int(np.argmin(distance))
+    side = 1 if direction[k, 0] * away[k, 1] - direction[k, 1] * away[k, 0] > 0.0 else -1
+    return float(arcs[k] + along[k] * (arcs[k + 1] - arcs[k])), side, float(distance[k])

@@ -1,0 +1,74 @@
+"""Cloth: one repeat of endless knitted cloth, from chain notation to clasps.
+
+x is weft (wales side by side), y is warp (courses), z > 0 the technical face; SI units.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .centreline import Thread, thread_line
+from .chain import KnitError
+from .clasps import Clasp, find_lenses, make_clasps
+from .crossings import Crossings, find_crossings
+from .keypoints import LoopFrame
+from .lapping import Stitch, lapping_table
+from .loops import LoopProportions, Shape, loop_shape
+from .openings import Rhombus, find_rhombus
+
+
+@dataclass(frozen=True)
+class Cloth:
+    """One repeat; the cloth goes on with period size[0] along x and size[1] along y."""
+
+    size: NDArray[np.float64]  # (2,) [m] width and height of one repeat
+    wales: int
+    courses: int
+    shape: Shape  # of the loops
+    threads: tuple[Thread, ...]
+    stitches: tuple[Stitch, ...]
+    crossings: Crossings
+    clasps: tuple[Clasp, ...]
+    rhombus: Rhombus | None
+
+    @property
+    def stitch_length(self) -> float:
+        """Mean plan wire length of a stitch [m]."""
+        return sum(thread.length for thread in self.threads) / len(self.stitches)
+
+
+def knit_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tuple[int, int] = (1, 1)) -> Cloth:
+    """Knit one repeat of endless cloth.
+
+    knit: `bars` (each with `chain`, `threading`, `shift`), `wale_spacing` [m], `course_spacing` [m], and `loop`
+    (`LoopProportions` or any object with its names, None for the defaults).
+    diameter: of the wire [m].
+    merge_lenses: one clasp for nested lenses of the same wires.
+    tiles: pattern repeats (weft, warp) taken as one repeat.
+    Raises `KnitError` for a knit that cannot be made.
+    """
+    proportions = LoopProportions.of(knit.loop)
+    wale, course = float(knit.wale_spacing), float(knit.course_spacing)
+    for key, value in (("knit.wale_spacing", wale), ("knit.course_spacing", course), ("wire.diameter", diameter)):
+        if not 0.0 < value < np.inf:
+            raise KnitError(key, value, "a length above zero")
+    lapping = lapping_table(knit.bars, tiles)
+    shape = loop_shape(lapping, proportions)
+    layers = 1 + max(stitch.layer for stitch in lapping.stitches)
+    frame = LoopFrame(shape, proportions, wale, course, diameter, layers)
+    frame.check()
+    threads = tuple(
+        thread_line(number * lapping.courses, stitches, lapping.courses, frame)
+        for number, stitches in enumerate(lapping.threads)
+    )
+    size = np.array([lapping.wales * wale, lapping.courses * course])
+    crossings = find_crossings(threads, size)
+    stitch_length = sum(thread.length for thread in threads) / len(lapping.stitches)
+    lenses = find_lenses(threads, crossings, size, stitch_length)
+    clasps = make_clasps(threads, lenses, size, merge_lenses)
+    rhombus = find_rhombus(threads, lapping.stitches, crossings, clasps, size)
+    return Cloth(size, lapping.wales, lapping.courses, shape, threads, lapping.stitches, crossings, clasps, rhombus)

@@ -1,0 +1,103 @@
+"""Lapping table: which wire wraps which needle in which course of one repeat.
+
+The repeat is as wide as the least common multiple of the threadings [wales] and as high as that of the chains
+[courses]. A lap of direction s that ends in gap b is closed when the underlap to the next lap (from gap b to a_next)
+runs back, sign(a_next - b) = -s, and open otherwise; a = b is an inlay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import lcm
+from typing import Any, Literal
+
+from .chain import KnitError, Link, parse_chain, parse_shift, parse_threading
+
+Kind = Literal["closed", "open", "inlay"]
+
+
+@dataclass(frozen=True)
+class Stitch:
+    """One course of one thread."""
+
+    thread: int
+    course: int
+    needle: (
+        int  # needle in the thread's own copy, may lie outside 0..wales - 1; for an inlay: the needle right of the gap
+    )
+    bar: int
+    kind: Kind
+    direction: int  # of the overlap: +1 towards larger needle numbers, -1 towards smaller, 0 inlay
+    layer: int  # 0 for the only loop on its needle and course, 0, 1, ... by bar where several share it
+
+
+@dataclass(frozen=True)
+class Lapping:
+    """Stitches of one repeat, thread by thread, courses in order."""
+
+    wales: int
+    courses: int
+    bars: int
+    stitches: tuple[Stitch, ...]
+
+    @property
+    def threads(self) -> tuple[tuple[Stitch, ...], ...]:
+        """Stitches of each thread, course by course."""
+        count = len(self.stitches) // self.courses
+        return tuple(self.stitches[t * self.courses : (t + 1) * self.courses] for t in range(count))
+
+
+def lap_kind(link: Link, after: Link) -> Kind:
+    """Kind of the lap `link` that is followed by the lap `after`."""
+    if link.direction == 0:
+        return "inlay"
+    back = (after.start > link.end) - (after.start < link.end) == -link.direction
+    return "closed" if back else "open"
+
+
+def lapping_table(bars: Sequence[Any], tiles: tuple[int, int] = (1, 1)) -> Lapping:
+    """Lapping of one repeat of any number of guide bars.
+
+    bars: objects with `chain` (str), `threading` (str), `shift` (int).  The first bar lies nearest the technical face;
+    the underlaps of later bars run behind those of earlier ones. tiles: pattern repeats (along weft, along warp) taken
+    as one repeat. Raises `KnitError` where a bar is malformed or a needle receives no loop in some course.
+    """
+    if not bars:
+        raise KnitError("knit.bars", list(bars), "at least one guide bar")
+    chains = [parse_chain(bar.chain, f"knit.bars[{i}].chain") for i, bar in enumerate(bars)]
+    threadings = [parse_threading(bar.threading, f"knit.bars[{i}].threading") for i, bar in enumerate(bars)]
+    shifts = [parse_shift(bar.shift, f"knit.bars[{i}].shift") for i, bar in enumerate(bars)]
+    wales = lcm(*map(len, threadings)) * tiles[0]
+    courses = lcm(*map(len, chains)) * tiles[1]
+
+    loops = [[0] * courses for _ in range(wales)]
+    stitches = []
+    thread = 0
+    for bar, (chain, threading, shift) in enumerate(zip(chains, threadings, shifts, strict=True)):
+        bar_loops = []
+        for guide in range(wales):
+            if not threading[guide % len(threading)]:
+                continue
+            for course in range(courses):
+                link, after = chain[course % len(chain)], chain[(course + 1) % len(chain)]
+                needle = link.needle + shift + guide
+                kind = lap_kind(link, after)
+                layer = 0 if kind == "inlay" else loops[needle % wales][course]
+                stitches.append(Stitch(thread, course, needle, bar, kind, link.direction, layer))
+                if kind != "inlay":
+                    bar_loops.append((needle % wales, course))
+            thread += 1
+        for needle, course in bar_loops:
+            loops[needle][course] += 1
+
+    for needle in range(wales):
+        for course in range(courses):
+            if loops[needle][course] == 0:
+                threading_text = " ".join(bar.threading for bar in bars)
+                raise KnitError(
+                    "knit.bars.threading",
+                    threading_text,
+                    f"a loop on every needle in every course; needle {needle} of {wales} has none in course {course}",
+                )
+    return Lapping(wales, courses, len(bars), tuple(stitches))

@@ -1,0 +1,100 @@
+"""Shape and proportions of the loops.
+
+Two shapes are known.  `circular-oval`: closed laps are circles whose top lies `closed_head` above the next course
+line, open laps half ellipses leaning by `tilt`.  It is the mesh of Guglielmini, Marotta, Salvini 2022, section 2.5,
+figure 5; the paper gives no sizes, and the proportions here are our own.  `general`: feet, legs and head of one
+slim loop for every lap of any knit.  Within the ranges, one proportion changed at a time, wires of 15 um at
+W = 1.7 mm, C = 1 mm stay at least a diameter apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any, Literal
+
+from .chain import KnitError
+from .lapping import Lapping
+
+Shape = Literal["circular-oval", "general"]
+
+RANGES: dict[str, tuple[float, float]] = {
+    "closed_radius": (0.40, 0.78),
+    "closed_head": (0.30, 0.75),
+    "open_head": (0.35, 0.80),
+    "open_half_width": (0.22, 0.50),
+    "closed_foot": (0.03, 0.16),
+    "open_foot": (0.05, 0.35),
+    "foot_radius": (0.03, 0.20),
+    "tilt": (0.00, 0.16),
+    "lateral_shift": (0.00, 0.06),
+    "foot_half_width": (0.06, 0.18),
+    "leg_half_width": (0.16, 0.35),
+    "head_height": (0.12, 0.45),
+}
+
+
+@dataclass(frozen=True)
+class LoopProportions:
+    """Proportions of the loops; every one has a range in `RANGES`."""
+
+    closed_radius: float = 0.60  # radius of a circular loop [C]
+    closed_head: float = 0.55  # top of a circular loop above the next course line [C]
+    open_head: float = 0.50  # top of an oval loop above the next course line [C]
+    open_half_width: float = 0.26  # half width of an oval loop [C]
+    closed_foot: float = 0.10  # half distance of the feet of a circular loop [C]
+    open_foot: float = 0.19  # half distance of the feet of an oval loop [C]
+    foot_radius: float = 0.10  # radius of the bend at an exit foot [C]
+    tilt: float = 0.10  # lean of an oval loop towards its overlap [-]
+    lateral_shift: float = 0.02  # shift of a circular loop towards its underlaps [W]
+    foot_half_width: float = 0.12  # general shape: half distance of the feet [W]
+    leg_half_width: float = 0.24  # general shape: half distance of the legs [W]
+    head_height: float = 0.22  # general shape: top above the next course line [C]
+    shape: str = "auto"  # "auto" | "circular-oval" | "general"
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            key = f"knit.loop.{field.name}"
+            if field.name == "shape":
+                if value not in ("auto", "circular-oval", "general"):
+                    raise KnitError(key, value, "'auto', 'circular-oval' or 'general'")
+                continue
+            low, high = RANGES[field.name]
+            if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+                raise KnitError(key, value, f"a number from {low:g} to {high:g}")
+        if self.foot_half_width >= self.leg_half_width:
+            raise KnitError("knit.loop.foot_half_width", self.foot_half_width, "less than leg_half_width")
+
+    @classmethod
+    def of(cls, loop: Any) -> LoopProportions:
+        """Proportions from any object with some of these names (None: the defaults), checked."""
+        if isinstance(loop, cls):
+            return loop
+        return cls(**{field.name: getattr(loop, field.name) for field in fields(cls) if hasattr(loop, field.name)})
+
+
+def loop_shape(lapping: Lapping, proportions: LoopProportions) -> Shape:
+    """Shape of the loops of a cloth.
+
+    "auto" means circular-oval where exactly one loop is on each needle and course, there are no inlays, two bars lap
+    in opposition (at every course their overlaps run against each other and are both closed or both open), and closed
+    and open courses alternate; else general.
+    """
+    if proportions.shape != "auto":
+        if proportions.shape == "circular-oval" and any(s.kind == "inlay" or s.layer for s in lapping.stitches):
+            raise KnitError(
+                "knit.loop.shape", "circular-oval", "one loop on each needle and course; 'general' otherwise"
+            )
+        return proportions.shape  # type: ignore[return-value]
+    if lapping.bars != 2 or any(s.kind == "inlay" or s.layer for s in lapping.stitches):
+        return "general"
+    kinds = []
+    for course in range(lapping.courses):
+        row = [s for s in lapping.stitches if s.course == course]
+        first, second = ({(s.direction, s.kind) for s in row if s.bar == bar} for bar in (0, 1))
+        ((direction, kind),) = first
+        if second != {(-direction, kind)}:
+            return "general"
+        kinds.append(kind)
+    alternate = all(kind != before for kind, before in zip(kinds, kinds[-1:] + kinds[:-1], strict=True))
+    return "circular-oval" if alternate else "general"

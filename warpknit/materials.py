@@ -1,0 +1,36 @@
+"""Metals that meshes are knitted from, at 20 degC.
+
+Sources, by column:
+
+- Young's modulus, Poisson's ratio, density, thermal expansion: textbook values of the pure metals. Tungsten's modulus
+  and density are those of Guglielmini, Marotta and Salvini (2022).
+- Tensile strength: tungsten 4.5 GPa is the upper end found for drawn wire of 16 to 150 um (Riesch et al., Phys. Scr.
+  T170, 014032, 2017), thin wire being the stronger; molybdenum 0.8 GPa is the lower end of 0.8 to 1.2 GPa; gold
+  0.13 GPa is annealed.
+- Yield stress: no measured value of fine drawn wire was at hand, so these are assumptions on the safe side. Tungsten
+  2.0 GPa is less than half of the drawn strength; molybdenum 0.6 GPa is three quarters of its strength. A scene that
+  knows better sets `wire.yield_stress`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Material:
+    """An isotropic elastic metal, in SI units."""
+
+    youngs_modulus: float  # [Pa]
+    poissons_ratio: float
+    density: float  # [kg/m3]
+    expansion: float  # [1/K]
+    yield_stress: float  # [Pa]
+    tensile_strength: float  # [Pa]
+
+
+MATERIALS = {
+    "tungsten": Material(400e9, 0.28, 19250.0, 4.5e-6, 2.0e9, 4.5e9),
+    "molybdenum": Material(320e9, 0.31, 10220.0, 5.0e-6, 0.6e9, 0.8e9),
+    "gold": Material(78e9, 0.42, 19300.0, 14.2e-6, 0.1e9, 0.13e9),
+}

@@ -1,0 +1,393 @@
+"""Measures: pure functions of a model and a reading of its state.
+
+`read(model, state)` brings what is needed to the host once; everything else is NumPy in float64. Strain measures refer to
+the rest shape; the tension of the mesh is a force per current width (Cauchy).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import warp as wp
+
+from .frame import Frame
+from .kernels import control as c
+from .kernels.energy import evaluate_wires
+from .kernels.wires_by_block import BLOCK_SIZE
+from .model import Model, block_threads
+from .scene import Wire
+from .state import State
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The state on the host, float64. Segment values stand at the node that starts the segment."""
+
+    model: Model
+    control: np.ndarray
+    u: np.ndarray  # [node, 2] [m] displacement from the affinely mapped rest shape
+    body_u: np.ndarray  # [body, 2] [m]
+    edge: np.ndarray  # [node, 2] [m] zero behind the last node of an open wire
+    elongation: np.ndarray  # [node] [m]
+    tension: np.ndarray  # [node] [N]
+    wire_axial: np.ndarray  # [wire] [N] softened axial stiffness
+    turning: np.ndarray  # [node] [rad] turning angle less its natural value
+    pair_force: np.ndarray  # [pair] [N]
+    pair_offset: np.ndarray  # [pair] [N] part of the force that the running multiplier carries
+    pair_gap: np.ndarray  # [pair] [m] meaningful where the force is not zero
+    pair_node: np.ndarray  # [pair]
+    pair_slide: np.ndarray  # [pair]
+    pair_u: np.ndarray  # [pair]
+    pair_nodal: np.ndarray  # [pair, 4, 2] [N] zero where the force is zero
+
+    @property
+    def gradient(self) -> np.ndarray:
+        """Deformation gradient (2, 2) of the boundary."""
+        return self.control[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2)
+
+    @property
+    def length_factor(self) -> float:
+        return float(self.control[int(c.LENGTH_FACTOR)])
+
+    @cached_property
+    def entry(self) -> np.ndarray:
+        """[node] entry of the rest table."""
+        return node_entries(self.model)
+
+    @cached_property
+    def segment_force(self) -> np.ndarray:
+        """[node, 2] [N] gradient of the energy by the edge: n = T t + (g - g_next)/|e| nu (kernels/wires.py)."""
+        moment = self.moment
+        following = np.roll(moment, -1)
+        panel = self.model.panel
+        last = panel.wire_first + panel.wire_count - 1
+        following[last] = np.where(panel.wire_closed, moment[panel.wire_first], 0.0)
+        length = np.hypot(self.edge[:, 0], self.edge[:, 1])
+        safe = np.where(length > 0, length, 1.0)
+        tangent = self.edge / safe[:, None]
+        normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+        shear = np.where(length > 0, (moment - following) / safe, 0.0)
+        return self.tension[:, None] * tangent + shear[:, None] * normal
+
+    @cached_property
+    def moment(self) -> np.ndarray:
+        """[node] [N m] bending moment."""
+        hinge = self.model.bending_stiffness / self.model.table.hinge_length[self.entry]
+        return hinge / self.length_factor * self.turning
+
+
+def node_entries(model: Model) -> np.ndarray:
+    """Table entry (node,) of each node."""
+    panel = model.panel
+    lane = np.arange(panel.node_count) - np.repeat(panel.block_first, panel.block_count)
+    return np.repeat(panel.block_table, panel.block_count) + lane
+
+
+def read(model: Model, state: State) -> Reading:
+    """Evaluate the wires and copy the state to the host."""
+    nodes = model.panel.node_count
+    out = [wp.zeros(nodes, dtype=model.precision.real, device=model.device) for _ in range(5)]
+    evaluate(model, state, out)
+    edge_x, edge_y, elongation, tension, turning = (a.numpy().astype(np.float64) for a in out)
+    now = state.parity
+    unit = model.precision.unit
+
+    def metres(ax: wp.array, ay: wp.array) -> np.ndarray:
+        return np.stack([ax.numpy(), ay.numpy()], axis=1).astype(np.float64) * unit
+
+    force = state.pair_force.numpy().astype(np.float64)
+    nodal = np.stack([state.pair_nodal_x.numpy(), state.pair_nodal_y.numpy()], axis=1).astype(np.float64)
+    return Reading(
+        model=model,
+        control=state.read_control().copy(),
+        u=metres(state.node_ux[now], state.node_uy[now]),
+        body_u=metres(state.body_ux, state.body_uy),
+        edge=np.stack([edge_x, edge_y], axis=1),
+        elongation=elongation,
+        tension=tension,
+        wire_axial=state.wire_axial.numpy().astype(np.float64),
+        turning=turning,
+        pair_force=force,
+        pair_offset=state.pair_offset.numpy().astype(np.float64),
+        pair_gap=state.pair_gap.numpy().astype(np.float64),
+        pair_node=state.pair_node.numpy().copy(),
+        pair_slide=state.pair_slide.numpy().copy(),
+        pair_u=state.pair_u.numpy().astype(np.float64),
+        pair_nodal=np.where(force[:, None, None] > 0, nodal.reshape(-1, 4, 2), 0.0),
+    )
+
+
+def evaluate(model: Model, state: State, out: list[wp.array]) -> None:
+    """Run `evaluate_wires` into edge_x, edge_y, elongation, tension, turning, each [node]."""
+    mesh, rest = model.mesh, model.rest
+    wp.launch(
+        evaluate_wires,
+        dim=block_threads(model),
+        inputs=[
+            mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire, BLOCK_SIZE,
+            mesh.wire_first, mesh.wire_count, mesh.wire_closed, state.wire_axial,
+            state.control, model.precision.real(model.precision.unit),
+            rest.rest_x, rest.rest_y, rest.rest_length, rest.rest_angle, state.tension_offset,
+            state.node_ux[state.parity], state.node_uy[state.parity], *out,
+        ],
+        device=model.device,
+    )  # fmt: skip
+
+
+# --- energies ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Energies:
+    """Stored and kinetic energy of the mesh [J]."""
+
+    stretch: float
+    bend: float
+    contact: float
+    kinetic: float
+
+    @property
+    def stored(self) -> float:
+        return self.stretch + self.bend + self.contact
+
+
+def energies(r: Reading) -> Energies:
+    """T^2 L/(2 EA) a segment, EI theta^2/(2 l) a node, (F - offset)^2/(2 k) a pair; kinetic from the last step.
+
+    A softened segment stores T^2 L s/(2 EA) unless its running multiplier took the softening out.
+    """
+    model = r.model
+    natural = model.table.rest_length[r.entry] * r.length_factor
+    softened = np.repeat(r.wire_axial, model.panel.wire_count)
+    k = model.axial_stiffness if model.scene.solver.multipliers else softened
+    stiffness = r.control[int(c.CONTACT_STIFFNESS)]
+    return Energies(
+        stretch=float(np.sum(0.5 * r.tension**2 * natural / k)),
+        bend=float(np.sum(0.5 * r.moment * r.turning)),
+        contact=float(np.sum(0.5 * (r.pair_force - r.pair_offset) ** 2 * (r.pair_force > 0)) / stiffness),
+        kinetic=0.5 * float(r.control[int(c.KINETIC_TWICE)]),
+    )
+
+
+def energy_scale(model: Model) -> float:
+    """EI/W a loop [J]: what energies are compared with where little is stored."""
+    loops = model.panel.node_count / model.scene.model.nodes_per_loop
+    return model.bending_stiffness / model.scene.knit.wale_spacing * loops
+
+
+# --- loads ------------------------------------------------------------------------------------------------------------
+
+
+def nominal_stress(r: Reading) -> np.ndarray:
+    """Work-conjugate of the deformation gradient (2, 2) [N/m]: force per rest width.
+
+    P = (1/A0) [sum over segments n (x) E0 + sum over pairs and their four nodes f (x) (X_body - X_node)
+    + sum over held nodes f (x) (X - c)], f the forces on the nodes: the derivative of the energy by F, in which a clamp
+    moves with F c.
+    """
+    model, table, panel = r.model, r.model.table, r.model.panel
+    rest_edge = np.stack([table.rest_x[r.entry], table.rest_y[r.entry]], axis=1)
+    inside = np.any(r.edge != 0.0, axis=1)
+    sum_ = np.einsum("ia,ib->ab", r.segment_force[inside], rest_edge[inside])
+    touching = np.nonzero(r.pair_force > 0)[0]
+    if len(touching):
+        body = np.repeat(panel.body_rest, 2, axis=0)[touching] - panel.pair_shift[touching]
+        entry = panel.pair_table[touching] + r.pair_slide[touching]
+        offset = np.arange(-1, 3)
+        node = np.stack([table.x[entry[:, None] + offset], table.y[entry[:, None] + offset]], axis=2)
+        sum_ += np.einsum("pka,pkb->ab", r.pair_nodal[touching], body[:, None, :] - node)
+    if len(panel.held_node):
+        sum_ += np.einsum("ia,ib->ab", held_forces(r), panel.held_lever)
+    return sum_ / np.prod(panel.size)
+
+
+def held_forces(r: Reading) -> np.ndarray:
+    """Forces (held, 2) [N] of the wires on the held nodes."""
+    node = r.model.panel.held_node
+    n = r.segment_force
+    first = np.isin(node, r.model.panel.wire_first)
+    before = np.where((first & ~_closed_at(r.model, node))[:, None], 0.0, n[node - 1])
+    return n[node] - before
+
+
+def _closed_at(model: Model, node: np.ndarray) -> np.ndarray:
+    wire = np.searchsorted(model.panel.wire_first, node, side="right") - 1
+    return model.panel.wire_closed[wire]
+
+
+def mesh_tension(r: Reading) -> tuple[float, float]:
+    """Tension in weft and warp [N/m], force per current width: diagonal of P F^T / det F."""
+    f = r.gradient
+    cauchy = nominal_stress(r) @ f.T / np.linalg.det(f)
+    return float(cauchy[0, 0]), float(cauchy[1, 1])
+
+
+def mean_boundary_force(r: Reading) -> float:
+    """Mean force of a clamp [N]; on a periodic tile the tension over one wale and one course, averaged."""
+    panel = r.model.panel
+    if len(panel.held_node):
+        total = np.zeros((len(panel.clamp_position), 2))
+        np.add.at(total, panel.held_clamp, held_forces(r))
+        return float(np.mean(np.hypot(total[:, 0], total[:, 1])))
+    weft, warp = mesh_tension(r)
+    knit = r.model.scene.knit
+    return 0.5 * (abs(weft) * knit.course_spacing + abs(warp) * knit.wale_spacing)
+
+
+def force_scale(model: Model) -> float:
+    """EI/W^2 [N]: what forces are compared with where little is loaded."""
+    return model.bending_stiffness / model.scene.knit.wale_spacing**2
+
+
+def residual(r: Reading) -> float:
+    """Rms out-of-balance nodal force over the larger of the mean boundary force and EI/W^2."""
+    free = r.model.panel.node_count + r.model.panel.body_count - len(r.model.panel.held_node)
+    rms = np.sqrt(r.control[int(c.FORCE_SQUARE)] / free)
+    return float(rms / max(mean_boundary_force(r), force_scale(r.model)))
+
+
+# --- contacts ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Active pairs and bodies of a set of bodies."""
+
+    bodies: int
+    pairs: int
+    active: int  # pairs closed with more than the threshold
+    active_bodies: int  # bodies both of whose pairs are
+
+    @property
+    def active_percent(self) -> float:
+        return 100.0 * self.active / self.pairs if self.pairs else 0.0
+
+
+def pair_active(r: Reading) -> np.ndarray:
+    """[pair] closed with more than the threshold force; a body that drifts against one wire carries none."""
+    return r.pair_force > active_threshold(r.model)
+
+
+def active_threshold(model: Model) -> float:
+    """The scene's threshold [N], but not below what the steady state leaves out of balance."""
+    return max(model.scene.contact.threshold, 1e-4 * force_scale(model))
+
+
+def contacts(r: Reading, bodies: np.ndarray | None = None) -> Contacts:
+    """Contacts of `bodies`; default all."""
+    active = pair_active(r).reshape(-1, 2)
+    if bodies is not None:
+        active = active[bodies]
+    return Contacts(len(active), active.size, int(active.sum()), int(active.all(axis=1).sum()))
+
+
+def penetration(r: Reading) -> float:
+    """Largest penetration over the wire diameter; negative gaps of closed pairs."""
+    closed = r.pair_force > 0
+    if not closed.any():
+        return 0.0
+    return float(max(0.0, np.max(-r.pair_gap[closed])) / r.model.scene.wire.diameter)
+
+
+# --- wires ------------------------------------------------------------------------------------------------------------
+
+
+def section(wire: Wire) -> tuple[float, float]:
+    """Outer radius [m] and stress per tension [1/m2] of the wire itself: E/EA, plating and parallel ends included."""
+    return wire.diameter / 2, wire.youngs_modulus / wire.axial_stiffness
+
+
+def wire_stress(r: Reading) -> np.ndarray:
+    """[node] [Pa] E (d/2) |kappa - kappa0| + N/A, with the larger tension of the two segments at the node."""
+    radius, per_tension = section(r.model.scene.wire)
+    wire = r.model.scene.wire
+    change = np.abs(r.turning) / (r.model.table.hinge_length[r.entry] * r.length_factor)
+    before = np.roll(r.tension, 1)
+    panel = r.model.panel
+    last = panel.wire_first + panel.wire_count - 1
+    before[panel.wire_first] = np.where(panel.wire_closed, r.tension[last], r.tension[panel.wire_first])
+    axial = np.where(np.abs(r.tension) > np.abs(before), r.tension, before)
+    stress = wire.youngs_modulus * radius * change + np.abs(axial) * per_tension
+    stress[panel.held_node] = 0.0  # a clamp has no wire of its own
+    return stress
+
+
+def contact_stress(r: Reading) -> np.ndarray:
+    """[touching pair] [Pa] stress of the wire under a body: the curvature between two nodes peaks there.
+
+    kappa - kappa0 interpolated to the contact point, plus side F h u (1 - u)/EI from the point load.
+    """
+    model, wire = r.model, r.model.scene.wire
+    radius, per_tension = section(wire)
+    touching = np.nonzero(r.pair_force > 0)[0]
+    node = r.pair_node[touching]
+    w = model.panel.pair_wire[touching]
+    following = node + 1
+    end = model.panel.wire_first[w] + model.panel.wire_count[w]
+    following = np.where(following == end, model.panel.wire_first[w], following)
+    change = r.turning / (model.table.hinge_length[r.entry] * r.length_factor)
+    u = r.pair_u[touching]
+    h = np.hypot(r.edge[node, 0], r.edge[node, 1])
+    kappa = (1 - u) * change[node] + u * change[following]
+    kappa += model.panel.pair_side[touching] * r.pair_force[touching] * h * u * (1 - u) / model.bending_stiffness
+    return wire.youngs_modulus * radius * np.abs(kappa) + np.abs(r.tension[node]) * per_tension
+
+
+def stress_extremes(r: Reading) -> tuple[float, float, float]:
+    """Largest stress and 99th percentile [Pa], and the share of the wire above the yield stress."""
+    stress = wire_stress(r)
+    peak = contact_stress(r)
+    largest = max(float(stress.max()), float(peak.max()) if len(peak) else 0.0)
+    above = float(np.mean(stress > r.model.scene.wire.yield_stress))
+    return largest, float(np.percentile(stress, 99)), above
+
+
+def axial_strain(r: Reading) -> np.ndarray:
+    """[node] mechanical axial strain of the segments, T/EA."""
+    return r.tension / r.model.axial_stiffness
+
+
+def areal_mass(r: Reading) -> float:
+    """Mass of wire per current area [kg/m2]."""
+    model = r.model
+    held = len(model.panel.held_node) // 2
+    length = float(np.sum(model.table.node_length[r.entry])) - held * float(model.table.spacing.mean())
+    return length * model.scene.wire.linear_density / float(np.prod(model.panel.size) * np.linalg.det(r.gradient))
+
+
+# --- what is recorded -------------------------------------------------------------------------------------------------
+
+
+def positions(r: Reading) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (node, 3) and bodies (body, 3) [m] relative to the corner of the mesh; z is the rest height."""
+    model, panel, table = r.model, r.model.panel, r.model.table
+    origin = np.repeat(panel.block_origin, panel.block_count, axis=0)
+    rest = np.stack([table.x[r.entry], table.y[r.entry]], axis=1) + origin
+    corner = rest.min(axis=0) if panel.boundary == "periodic" else panel.clamp_position.min(axis=0)
+    node = (rest - corner) @ r.gradient.T + r.u
+    body = (panel.body_rest + panel.body_origin - corner) @ r.gradient.T + r.body_u
+    height = table.z[r.entry]
+    seed_height = height[r.model.panel.pair_seed].reshape(-1, 2).mean(axis=1)
+    return np.column_stack([node, height]), np.column_stack([body, seed_height])
+
+
+def frame(r: Reading, *, index: int, stage: str, load_factor: float, temperature: float) -> Frame:
+    """The recorded state for the exports."""
+    node, body = positions(r)
+    f = r.gradient
+    return Frame(
+        index=index,
+        stage=stage,
+        load_factor=load_factor,
+        strain_weft=float(f[0, 0] - 1.0),
+        strain_warp=float(f[1, 1] - 1.0),
+        shear=float(f[0, 1]),
+        temperature=temperature,
+        node_position=node,
+        node_stress=wire_stress(r),
+        body_position=body,
+        pair_force=r.pair_force,
+        pair_active=pair_active(r),
+    )

@@ -1,0 +1,413 @@
+"""The model: everything about a mesh that does not move, as device arrays in the precision of the run.
+
+`build_model(scene)` knits one repeat, samples it, lays out its copies, chooses the numerical stiffnesses and masses, and
+uploads the result. Host copies stay in `table` and `panel` (float64) for the measures.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import psutil
+import warp as wp
+
+from .errors import DeviceError, MemoryNeeded
+from .frame import WireLayout
+from .kernels.bodies import BODY_BLOCK
+from .kernels.contact import CURVE_COEFFICIENTS
+from .kernels.wires_by_block import BLOCK_SIZE
+from .knit.cloth import Cloth, knit_cloth
+from .panel import Panel, build_panel, table_lead
+from .scene import Scene
+from .table import Table, rest_table
+
+CONTACT_TO_AXIAL = 0.5  # contact stiffness over the softened axial stiffness of a segment, where the scene gives none
+MASS_MARGIN = 1.5  # fictitious masses over the least that is stable at unit step, in relax
+BODY_MASS_SHARE = 0.25  # body mass over the wire mass of a loop, in a ramp (the paper: under a half)
+SLIDE_ALLOWANCE = 0.5  # how far a contact may slide beyond its lens, in wire lengths of a loop
+MEMORY_PER_NODE = {"single": 64, "double": 120}  # bytes, device and host, measured by tests/test_model.py
+
+
+@dataclass(frozen=True)
+class Precision:
+    """The Warp types of a run; see kernels/__init__.py."""
+
+    name: str
+    real: type
+    coordinate: type
+    unit: float  # [m] of one count of a coordinate
+
+    def counts(self, metres: np.ndarray) -> np.ndarray:
+        """Lengths [m] in counts, ready to upload."""
+        if self.coordinate is wp.int32:
+            return np.rint(np.asarray(metres) / self.unit).astype(np.int64).astype(np.int32)
+        return np.asarray(metres, dtype=np.float64) / self.unit
+
+
+@dataclass(frozen=True)
+class RestArrays:
+    """Rest data of one repeat on the device; [entry], see table.py."""
+
+    place_x: wp.array  # [m] float64, for the neighbour search
+    place_y: wp.array
+    table_x: wp.array  # [counts], wrapped around
+    table_y: wp.array
+    rest_x: wp.array  # [m]
+    rest_y: wp.array
+    rest_length: wp.array  # [m]
+    rest_angle: wp.array  # [rad]
+    hinge_stiffness: wp.array  # [N m] EI over the length that belongs to the node
+    inverse_mass: wp.array  # [1/kg]
+    curve: wp.array  # [entry, 8] [m]
+
+
+@dataclass(frozen=True)
+class MeshArrays:
+    """Index arrays of the mesh on the device; see panel.py for their meaning."""
+
+    block_first: wp.array
+    block_count: wp.array
+    block_table: wp.array
+    block_wire: wp.array
+    block_origin_x: wp.array
+    block_origin_y: wp.array
+    block_pair_start: wp.array  # [block + 1] where the pairs that may touch the block stand in `block_pair`
+    block_pair: wp.array
+    block_held_start: wp.array  # [block + 1] into held_node
+    wire_first: wp.array
+    wire_count: wp.array
+    wire_closed: wp.array
+    pair_wire: wp.array
+    pair_seed: wp.array
+    pair_table: wp.array
+    pair_low: wp.array
+    pair_high: wp.array
+    pair_side: wp.array
+    pair_rest_x: wp.array  # [counts] body in the frame of the table
+    pair_rest_y: wp.array
+    body_origin_x: wp.array  # [m] body at rest
+    body_origin_y: wp.array
+    held_node: wp.array
+    held_lever_x: wp.array
+    held_lever_y: wp.array
+
+
+@dataclass(frozen=True)
+class Model:
+    """A mesh ready to run. Stiffnesses and masses are those the run starts with; the control array holds the current ones."""
+
+    scene: Scene
+    cloth: Cloth | None  # None for wires that no pattern made
+    table: Table
+    panel: Panel
+    precision: Precision
+    device: str
+    rest: RestArrays
+    mesh: MeshArrays
+    axial_stiffness: float  # [N] true EA
+    bending_stiffness: float  # [N m2]
+    softening: float  # EA over the stiffness of the dynamics
+    contact_stiffness: float  # [N/m]
+    contact_reach: float  # [m] body radius + half a wire thickness
+    body_mass: float  # [kg]; fictitious in relax
+    added_mass: float  # share of mass that scaling added, 0 where none; nan-free
+    time_step: float  # [s]; 1 in relax
+    limited_by: str  # what limits the time step
+
+    @property
+    def pair_count(self) -> int:
+        return 2 * self.panel.body_count
+
+    def layout(self) -> WireLayout:
+        """How the wires are laid out, for the exports."""
+        p = self.panel
+        return WireLayout(
+            wire_start=np.concatenate([p.wire_first, [p.node_count]]),
+            wire_closed=p.wire_closed,
+            period=np.array(p.size),
+            diameter=self.scene.wire.diameter,
+            body_radius=self.scene.model.body_radius,
+            body_wires=p.pair_wire.reshape(-1, 2),
+            rhombus_bodies=p.rhombus_bodies,
+        )
+
+
+def find_device(name: str | None) -> str:
+    """The Warp name of a device; None takes the first CUDA device if there is one. Raises `DeviceError`."""
+    available = [str(d) for d in wp.get_devices()]
+    if name is None:
+        return next((d for d in available if d.startswith("cuda")), "cpu")
+    if name not in available:
+        raise DeviceError(f"--device {name}: not on this machine; allowed: {', '.join(available)}")
+    return name
+
+
+def estimated_nodes(scene: Scene, cloth: Cloth) -> int:
+    """Nodes of the mesh before it is built, to refuse what cannot fit."""
+    repeats = scene.knit.repeats[0] * scene.knit.repeats[1]
+    return scene.model.nodes_per_loop * len(cloth.stitches) * repeats
+
+
+def required_memory(scene: Scene, nodes: int) -> int:
+    """Bytes for so many nodes with their share of bodies."""
+    return MEMORY_PER_NODE[scene.solver.precision] * nodes
+
+
+def available_memory() -> int:
+    """Bytes of main memory that a run may take now."""
+    return int(psutil.virtual_memory().available)
+
+
+def knit_scene(scene: Scene) -> Cloth:
+    """One repeat of the scene's cloth; refuses (`MemoryNeeded`) a mesh that cannot fit before anything is laid out."""
+    cloth = knit_cloth(scene.knit, scene.wire.diameter, merge_lenses=scene.model.merge_lenses)
+    nodes = estimated_nodes(scene, cloth)
+    needed, available = required_memory(scene, nodes), available_memory()
+    if needed > available or nodes > np.iinfo(np.int32).max:
+        raise MemoryNeeded(
+            f"knit.repeats = {list(scene.knit.repeats)}: {nodes:.3g} nodes need {needed / 2**30:.3g} GiB,"
+            f" available {available / 2**30:.3g} GiB"
+        )
+    return cloth
+
+
+def build_model(scene: Scene, device: str = "cpu") -> Model:
+    """Build and upload the model of a scene. Raises `ModelError`, `MemoryNeeded`, `KnitError`."""
+    cloth = knit_scene(scene)
+    wire = scene.wire
+    loop_length = sum(t.length for t in cloth.threads) / len(cloth.stitches)
+    slack = SLIDE_ALLOWANCE * loop_length
+    spacing = loop_length / scene.model.nodes_per_loop
+    table = rest_table(
+        cloth,
+        nodes_per_loop=scene.model.nodes_per_loop,
+        set_fraction=wire.set_fraction,
+        lead=table_lead(cloth, 0.8 * spacing, slack),
+    )
+    panel = build_panel(cloth, table, repeats=scene.knit.repeats, boundary=scene.model.boundary, slack=slack)
+    loop_size = max(scene.knit.wale_spacing, scene.knit.course_spacing)
+    return assemble_model(
+        scene, table, panel, device=device, loop_length=loop_length, displacement_range=2 * loop_size, cloth=cloth
+    )
+
+
+def assemble_model(
+    scene: Scene,
+    table: Table,
+    panel: Panel,
+    *,
+    device: str,
+    loop_length: float,
+    displacement_range: float,
+    cloth: Cloth | None = None,
+) -> Model:
+    """Choose the numbers and upload; `loop_length` [m] is the wire of one loop, which the mass of a body goes by."""
+    precision = _precision(scene.solver.precision, displacement_range)
+    numbers = choose_numbers(scene, table, loop_length)
+    return Model(
+        scene=scene,
+        cloth=cloth,
+        table=table,
+        panel=panel,
+        precision=precision,
+        device=device,
+        rest=_upload_rest(table, precision, numbers, scene.wire.bending_stiffness, device),
+        mesh=_upload_mesh(panel, precision, device),
+        axial_stiffness=scene.wire.axial_stiffness,
+        bending_stiffness=scene.wire.bending_stiffness,
+        softening=numbers.softening,
+        contact_stiffness=numbers.contact_stiffness,
+        contact_reach=scene.model.body_radius + 0.5 * yarn_thickness(scene),
+        body_mass=numbers.body_mass,
+        added_mass=numbers.added_mass,
+        time_step=numbers.time_step,
+        limited_by=numbers.limited_by,
+    )
+
+
+def yarn_thickness(scene: Scene) -> float:
+    """Thickness of the yarn where it touches [m]: one wire with its plating, several side by side in the plane of the
+    mesh count as a round bundle of the same section."""
+    plating = 0.0 if scene.wire.plating is None else scene.wire.plating.thickness
+    return (scene.wire.diameter + 2 * plating) * math.sqrt(scene.wire.ends)
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """What is chosen for the numerics."""
+
+    softening: float
+    contact_stiffness: float  # [N/m]
+    node_mass: np.ndarray  # [entry] [kg]
+    body_mass: float  # [kg]
+    added_mass: float
+    time_step: float  # [s]
+    limited_by: str
+
+
+def choose_numbers(scene: Scene, table: Table, loop_length: float) -> Numbers:
+    """Softening, contact stiffness, masses and time step of the unloaded mesh.
+
+    relax: fictitious masses that are stable at unit step, so a step of 1 s. ramp: real masses, scaled if asked.
+    """
+    wire = scene.wire
+    h = float(table.spacing.min())
+    softening = scene.solver.axial_softening
+    axial = wire.axial_stiffness / softening / h
+    bend = wire.bending_stiffness / h**3
+    contact = scene.contact.stiffness
+    if scene.solver.drive == "relax":
+        contact = CONTACT_TO_AXIAL * max(axial, 4 * bend) if contact is None else contact
+        node = float(unit_step_mass(wire.axial_stiffness / softening, wire.bending_stiffness, contact, h))
+        return Numbers(softening, contact, np.full(len(table.x), node), MASS_MARGIN * contact, 0.0, 1.0, "unit step")
+    true_mass = wire.linear_density * table.node_length
+    mass = true_mass * scene.solver.mass_scaling
+    contact = 20 * bend if contact is None else contact
+    body_mass = BODY_MASS_SHARE * wire.linear_density * loop_length * scene.solver.mass_scaling
+    stiffness = max(4 * axial, 16 * bend)
+    target = scene.solver.target_time_step
+    if target is not None:
+        mass = np.maximum(mass, (stiffness + 2 * contact) * (target / (2 * STEP_MARGIN)) ** 2)
+        body_mass = max(body_mass, 4 * contact * (target / (2 * STEP_MARGIN)) ** 2)
+    added = float(mass.sum() / true_mass.sum() - 1.0)
+    rates = {
+        "stretch": 4 * axial / mass.min(),
+        "bending": 16 * bend / mass.min(),
+        "contact": max((stiffness + 2 * contact) / mass.min(), 4 * contact / body_mass),
+    }
+    limited_by = max(rates, key=lambda k: rates[k])
+    step = STEP_MARGIN * 2 / math.sqrt(max(rates.values()))
+    return Numbers(softening, contact, mass, body_mass, added, step, limited_by)
+
+
+def unit_step_mass(
+    axial_stiffness: np.ndarray | float, bending_stiffness: float, contact_stiffness: float, spacing: float
+) -> np.ndarray | float:
+    """Node mass [kg] that is stable at a step of 1 s, for a softened EA [N], EI [N m2], a penalty [N/m] and a spacing [m].
+
+    A chain's largest eigenvalue is 4 k (stretch) or 16 EI/h^3 (bend), and the step is stable up to 4 m; a node takes one
+    contact fully at most.
+    """
+    stiffness = np.maximum(axial_stiffness / spacing, 4 * bending_stiffness / spacing**3)
+    return MASS_MARGIN * (stiffness + 0.8 * contact_stiffness)
+
+
+STEP_MARGIN = 0.9  # time step over the bound
+
+
+def _precision(name: str, displacement_range: float) -> Precision:
+    """`displacement_range` [m]: no displacement, and no distance of a body from its wire, is ever larger.
+
+    Counts of positions wrap around beyond it; only their differences are used, and those come out right.
+    """
+    if name == "double":
+        return Precision("double", wp.float64, wp.float64, 1.0)
+    # a power of two, so that counts convert exactly
+    return Precision("single", wp.float32, wp.int32, 2.0 ** math.ceil(math.log2(displacement_range / 2**31)))
+
+
+def _upload_rest(
+    table: Table, precision: Precision, numbers: Numbers, bending_stiffness: float, device: str
+) -> RestArrays:
+    def real(a: np.ndarray) -> wp.array:
+        return wp.array(a, dtype=precision.real, device=device)
+
+    def counts(a: np.ndarray) -> wp.array:
+        return wp.array(precision.counts(a), dtype=precision.coordinate, device=device)
+
+    assert table.curve.shape[1] == CURVE_COEFFICIENTS
+    return RestArrays(
+        place_x=wp.array(table.x, dtype=wp.float64, device=device),
+        place_y=wp.array(table.y, dtype=wp.float64, device=device),
+        table_x=counts(table.x),
+        table_y=counts(table.y),
+        rest_x=real(table.rest_x),
+        rest_y=real(table.rest_y),
+        rest_length=real(table.rest_length),
+        rest_angle=real(table.rest_angle),
+        hinge_stiffness=real(bending_stiffness / table.hinge_length),
+        inverse_mass=real(1.0 / numbers.node_mass),
+        curve=wp.array(table.curve, dtype=precision.real, device=device),
+    )
+
+
+def _upload_mesh(panel: Panel, precision: Precision, device: str) -> MeshArrays:
+    def index(a: np.ndarray) -> wp.array:
+        return wp.array(np.ascontiguousarray(a, dtype=np.int32), dtype=wp.int32, device=device)
+
+    def double(a: np.ndarray) -> wp.array:
+        return wp.array(np.ascontiguousarray(a, dtype=np.float64), dtype=wp.float64, device=device)
+
+    def counts(a: np.ndarray) -> wp.array:
+        return wp.array(precision.counts(a), dtype=precision.coordinate, device=device)
+
+    pair_rest = np.repeat(panel.body_rest, 2, axis=0) - panel.pair_shift
+    body_origin = panel.body_rest + panel.body_origin
+    pair_start, pair = _pairs_of_blocks(panel)
+    held_start = np.searchsorted(panel.held_node, np.append(panel.block_first, panel.node_count))
+    return MeshArrays(
+        block_first=index(panel.block_first),
+        block_count=index(panel.block_count),
+        block_table=index(panel.block_table),
+        block_wire=index(panel.block_wire),
+        block_origin_x=double(panel.block_origin[:, 0]),
+        block_origin_y=double(panel.block_origin[:, 1]),
+        block_pair_start=index(pair_start),
+        block_pair=index(pair),
+        block_held_start=index(held_start),
+        wire_first=index(panel.wire_first),
+        wire_count=index(panel.wire_count),
+        wire_closed=index(panel.wire_closed),
+        pair_wire=index(panel.pair_wire),
+        pair_seed=index(panel.pair_seed),
+        pair_table=index(panel.pair_table),
+        pair_low=index(panel.pair_low),
+        pair_high=index(panel.pair_high),
+        pair_side=index(panel.pair_side),
+        pair_rest_x=counts(pair_rest[:, 0]),
+        pair_rest_y=counts(pair_rest[:, 1]),
+        body_origin_x=double(body_origin[:, 0]),
+        body_origin_y=double(body_origin[:, 1]),
+        held_node=index(panel.held_node),
+        held_lever_x=double(panel.held_lever[:, 0]),
+        held_lever_y=double(panel.held_lever[:, 1]),
+    )
+
+
+def _pairs_of_blocks(panel: Panel) -> tuple[np.ndarray, np.ndarray]:
+    """For each block the pairs whose contact may act on its nodes, in rising order: starts (block + 1,) and pairs.
+
+    A pair acts on the nodes from one before its first segment to two behind the start of its last; on a closed wire the
+    range wraps, so it is laid over three rounds of the wire and cut back.
+    """
+    low = panel.pair_seed + panel.pair_low - 1
+    high = panel.pair_seed + panel.pair_high + 2
+    count = panel.wire_count[panel.pair_wire]
+    first = panel.wire_first[panel.pair_wire]
+    blocks, pairs = [], []
+    for turn in (-1, 0, 1):
+        a = np.maximum(low + turn * count, first)
+        b = np.minimum(high + turn * count, first + count - 1)
+        if turn != 0:
+            a = np.where(panel.wire_closed[panel.pair_wire], a, b + 1)
+        there = np.nonzero(a <= b)[0]
+        block_a = np.searchsorted(panel.block_first, a[there], side="right") - 1
+        block_b = np.searchsorted(panel.block_first, b[there], side="right") - 1
+        spans = block_b - block_a + 1
+        blocks.append(np.repeat(block_a, spans) + np.arange(spans.sum()) - np.repeat(np.cumsum(spans) - spans, spans))
+        pairs.append(np.repeat(there, spans))
+    block, pair = np.concatenate(blocks), np.concatenate(pairs)
+    key = np.unique(block.astype(np.int64) * (len(panel.pair_wire) + 1) + pair)
+    block, pair = np.divmod(key, len(panel.pair_wire) + 1)
+    return np.searchsorted(block, np.arange(len(panel.block_first) + 1)), pair
+
+
+def block_threads(model: Model) -> int:
+    """Threads of a launch with one thread a node place."""
+    return len(model.panel.block_first) * BLOCK_SIZE
+
+
+def body_blocks(model: Model) -> int:
+    return max(1, -(-model.panel.body_count // BODY_BLOCK))

@@ -1,0 +1,87 @@
+"""How far a run is, told while it runs. The run calls one object; which one decides what is seen.
+
+with progress:
+    progress.stage("load", number=1, of=2)
+    progress.update(done=0.4, load_factor=0.5, node_steps_per_s=3e8)
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+from types import TracebackType
+from typing import Any
+
+_log = logging.getLogger(__name__)
+
+
+class Progress:
+    """Says nothing: the null version, and the interface of the others."""
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """Nothing to put away."""
+
+    def stage(self, name: str, *, number: int, of: int) -> None:
+        """A stage of the loading begins; stages are numbered from 1."""
+
+    def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None) -> None:
+        """Within the stage: the share of the expected work that is `done`, and of the load that is applied (0 to 1)."""
+
+
+class StageLines(Progress):
+    """One line a stage through logging, where nobody watches."""
+
+    def stage(self, name: str, *, number: int, of: int) -> None:
+        _log.info("stage %d of %d: %s", number, of, name)
+
+
+class Bar(Progress):
+    """A bar on the terminal: stage, load, node-steps a second, time left."""
+
+    def __init__(self) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+        from rich.progress import Progress as RichProgress
+
+        self._bar = RichProgress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("load {task.fields[load_factor]:4.0%}"),
+            TextColumn("{task.fields[rate]}"),
+            TimeRemainingColumn(),
+            console=Console(stderr=True),
+            transient=True,
+        )
+        self._task: Any = None
+
+    def __enter__(self) -> Bar:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def stage(self, name: str, *, number: int, of: int) -> None:
+        if self._task is not None:
+            self._bar.remove_task(self._task)
+        self._task = self._bar.add_task(f"{name} ({number}/{of})", total=1.0, load_factor=0.0, rate="")
+
+    def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None) -> None:
+        if self._task is None:
+            return
+        rate = "" if node_steps_per_s is None else f"{node_steps_per_s:.2g} node-steps/s"
+        self._bar.update(self._task, completed=min(max(done, 0.0), 1.0), load_factor=load_factor, rate=rate)
+
+
+def progress_for(*, quiet: bool) -> Progress:
+    """A bar on a terminal, else a line a stage; nothing when `quiet`."""
+    if quiet:
+        return Progress()
+    return Bar() if sys.stderr.isatty() else StageLines()

@@ -1,0 +1,63 @@
+"""The short table at the end of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n"))
+
+
+def engineering(value: float, unit: str) -> str:
+    """`value` with three digits and a prefix: 1.48e8, "Pa" as 148 MPa."""
+    size = abs(value)
+    scale, prefix = next(((scale, prefix) for scale, prefix in PREFIXES if size >= scale), (1.0, ""))
+    return f"{value / scale:.3g} {prefix}{unit}"
+
+
+def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[str, str]]:
+    """What `summary.json` says, as pairs of a heading and a text; what is absent is left out."""
+
+    def value(*keys: str) -> Any:
+        found: Any = summary
+        for key in keys:
+            found = found.get(key) if isinstance(found, Mapping) else None
+        return found
+
+    if (strain := value("mesh", "strain_weft")) is not None:
+        yield "strain, weft / warp", f"{strain:.2%} / {value('mesh', 'strain_warp') or 0.0:.2%}"
+    if (active := value("contacts", "active")) is not None:
+        share = value("contacts", "active_percent")
+        text = f"{active} of {value('contacts', 'pairs')} pairs"
+        yield "active contacts", text if share is None else f"{text}, {share:.3g} %"
+    if (tension := value("mesh", "tension_weft_N_per_m")) is not None:
+        warp = value("mesh", "tension_warp_N_per_m") or 0.0
+        yield "tension, weft / warp", f"{engineering(tension, 'N/m')} / {engineering(warp, 'N/m')}"
+    if (force := value("contacts", "force_max_N")) is not None:
+        yield "largest contact force", engineering(force, "N")
+    if (stress := value("wire", "stress_max_Pa")) is not None:
+        share = value("wire", "yield_fraction")
+        yield "largest stress", engineering(stress, "Pa") + ("" if share is None else f", {share:.0%} of yield")
+    if (steps := value("solver", "steps")) is not None:
+        yield "time steps", f"{steps:,} of {value('model', 'nodes') or 0:,} nodes"
+    if (wall := value("solver", "wall_s")) is not None:
+        compiling = value("solver", "compile_s")
+        yield "wall time", f"{wall:.3g} s" + (f", and {compiling:.3g} s to compile" if compiling else "")
+    yield "stopped", str(value("stop_reason"))
+    for warning in value("warnings") or []:
+        yield "warning", str(warning)
+    yield "results in", str(directory)
+
+
+def print_summary(summary: Mapping[str, Any], directory: Path) -> None:
+    """Print the table to stdout."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=None, show_header=False, pad_edge=False)
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    for heading, text in summary_rows(summary, directory):
+        table.add_row(heading, text, style="yellow" if heading == "warning" else None)
+    Console(highlight=False, markup=False).print(table)

@@ -1,0 +1,364 @@
+"""The scene: what is knitted, how it is loaded and solved, as frozen objects in plain SI.
+
+    scene = load_scene("scenes/atlas_patch.toml", overrides=["load.strain_warp=0.05"], preset="draft")
+
+A scene file is TOML; `warpknit.scene_file` lists its keys. Whatever is wrong with it is a SceneError of one line.
+The unit of a field stands in its annotation.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import ValidationError
+from pydantic_core import PydanticCustomError
+
+from warpknit.errors import SceneError
+from warpknit.materials import MATERIALS
+from warpknit.presets import PRESETS, Preset
+from warpknit.scene_file import KnitTable, ModelTable, SceneFile, SolverTable, StageTable, WireTable
+from warpknit.scene_overrides import Override, with_overrides
+from warpknit.scene_report import dotted, first_error, scene_error
+from warpknit.scene_resolved import resolved_toml, scene_hash
+from warpknit.scene_values import STRAIN
+from warpknit.units import shown, tidy
+from warpknit.wire import Plating, Wire
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+__all__ = [
+    "Bar",
+    "Contact",
+    "Knit",
+    "Loop",
+    "ModelOptions",
+    "Output",
+    "Plating",
+    "Scene",
+    "SceneError",
+    "Solver",
+    "Stage",
+    "Sweep",
+    "Wire",
+    "load_scene",
+    "make_scene",
+    "resolved_toml",
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bar:
+    """A guide bar: its chain of links a-b, its threading of '|' and '.', its shift in needles."""
+
+    chain: str
+    threading: str
+    shift: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Loop:
+    """Proportions of the loops in units of the course spacing; `warpknit.knit.loops` says what they measure."""
+
+    shape: str  # auto | circular-oval | general
+    closed_radius: float
+    closed_head: float
+    open_head: float
+    open_half_width: float
+    closed_foot: float
+    open_foot: float
+    foot_radius: float
+    tilt: float
+    lateral_shift: float
+    foot_half_width: float
+    leg_half_width: float
+    head_height: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Knit:
+    """The pattern, its spacings, and how often it repeats along weft (x) and warp (y)."""
+
+    bars: tuple[Bar, ...]
+    wale_spacing: Annotated[float, "m"]
+    course_spacing: Annotated[float, "m"]
+    repeats: tuple[int, int]
+    scatter: float
+    seed: int
+    loop: Loop
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height of all repeats [m]: a repeat spans the common period of the threadings and of the chains."""
+        wales = math.lcm(*(len(bar.threading) for bar in self.bars))
+        courses = math.lcm(*(bar.chain.count("/") + 1 for bar in self.bars))
+        return (self.repeats[0] * wales * self.wale_spacing, self.repeats[1] * courses * self.course_spacing)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelOptions:
+    """What is kept of the mesh."""
+
+    kind: str  # planar
+    boundary: str  # gripped | periodic
+    nodes_per_loop: int
+    body_radius: Annotated[float, "m"]
+    merge_lenses: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stage:
+    """One stage of the loading, by its end: each direction by strain or by tension, the other of the two being None."""
+
+    name: str
+    strain_weft: float | None
+    tension_weft: Annotated[float, "N/m"] | None
+    strain_warp: float | None
+    tension_warp: Annotated[float, "N/m"] | None
+    shear: float
+    temperature: Annotated[float, "K"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contact:
+    """Contact of bodies with wires; a pair is active when closed with more force than the threshold."""
+
+    friction: float
+    threshold: Annotated[float, "N"]
+    stiffness: Annotated[float, "N/m"] | None  # None: chosen by the model
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solver:
+    """How the state is found. None: chosen by the solver."""
+
+    preset: str
+    drive: str  # relax | ramp
+    precision: str  # single | double
+    mass_scaling: float  # all masses times this, in a ramp
+    target_time_step: Annotated[float, "s"] | None  # masses raised element by element to reach it, in a ramp
+    axial_softening: float  # EA is divided by it in the dynamics
+    damping: Annotated[float, "1/s"] | None
+    loading_time: Annotated[float, "s"] | None  # of a stage, in a ramp
+    residual_tolerance: float
+    max_steps: int | None
+    multipliers: bool  # take the error of the softened EA and of the contact penalty out again
+
+
+@dataclass(frozen=True, kw_only=True)
+class Output:
+    """What is recorded and written."""
+
+    frames: int  # recorded load levels
+    usd: bool
+    vtk: bool
+    figures: bool
+    checkpoint_interval: Annotated[float, "s"]  # of wall time
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sweep:
+    """The grid of strains of a contact map."""
+
+    strain_weft: tuple[float, ...]
+    strain_warp: tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """Everything a run depends on. Equal scenes are equal wherever they were read from."""
+
+    name: str
+    path: Path = field(compare=False)
+    wire: Wire
+    knit: Knit
+    model: ModelOptions
+    stages: tuple[Stage, ...]  # [load], then each [[path]]
+    contact: Contact
+    solver: Solver
+    output: Output
+    sweep: Sweep | None
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 of the resolved values, in hex. The name and how the file is written do not enter."""
+        return scene_hash(self)
+
+
+def load_scene(path: str | os.PathLike[str], overrides: Sequence[Override] = (), preset: str | None = None) -> Scene:
+    """The scene in the TOML file at `path`.
+
+    overrides: "key=value" strings (the value is TOML, else a plain string) or (key, value) pairs; keys are dotted. A
+    strain set this way takes the place of the file's tension in that direction, and so for other ways to say the same.
+    preset: takes the place of `solver.preset`; keys that the file gives still stand.
+    Raises SceneError.
+    """
+    path = Path(path)
+    expected = "a scene file in TOML"
+    try:
+        table = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except OSError as error:
+        raise scene_error(path, "the file", (error.strerror or "an unreadable file").lower(), expected) from error
+    except (ValueError, RecursionError) as error:
+        raise scene_error(path, "the file", f"invalid TOML ({error})", expected) from error
+    return make_scene(table, overrides, preset, path=path)
+
+
+def make_scene(
+    table: dict[str, Any],
+    overrides: Sequence[Override] = (),
+    preset: str | None = None,
+    *,
+    path: str | os.PathLike[str] = "scene.toml",
+) -> Scene:
+    """The scene of a table as read from TOML; `path` is for messages, and names a scene without `name`."""
+    path = Path(path)
+    if preset is not None:
+        overrides = [*overrides, ("solver.preset", preset)]
+    table = with_overrides(path, table, overrides)
+    try:
+        file = SceneFile.model_validate(table)
+    except ValidationError as error:
+        raise first_error(path, error) from error
+    source = _Source(path, table)
+    wire = _wire(source, file.wire)
+    knit = _knit(source, file.knit, wire)
+    numerics = PRESETS[file.solver.preset]
+    return Scene(
+        name=file.name or path.stem,
+        path=path,
+        wire=wire,
+        knit=knit,
+        model=_model(source, file.model, wire, numerics),
+        stages=tuple(_stages(source, file, wire, knit)),
+        contact=Contact(**file.contact.model_dump()),
+        solver=_solver(file.solver, numerics),
+        output=Output(**file.output.model_dump()),
+        sweep=None
+        if file.sweep is None
+        else Sweep(strain_weft=tuple(file.sweep.strain_weft), strain_warp=tuple(file.sweep.strain_warp)),
+    )
+
+
+@dataclass(frozen=True)
+class _Source:
+    """Where the values came from, as they were written, for messages."""
+
+    path: Path
+    table: dict[str, Any]
+
+    def refusal(self, location: Sequence[int | str], value: float, allowed: str) -> SceneError:
+        """The error for a value that clashes with another; `value` is what was checked, shown if none was written."""
+        given: Any = self.table
+        for part in location:
+            known = part < len(given) if isinstance(part, int) else part in given
+            given = given[part] if known else value
+            if not known:
+                break
+        return scene_error(self.path, dotted(location), shown(given), allowed)
+
+
+def _wire(source: _Source, table: WireTable) -> Wire:
+    given = table.model_dump(exclude={"plating"})
+    for key, value in given.items():
+        if value is None:
+            given[key] = getattr(MATERIALS[table.material], key)
+    wire = Wire(**given, plating=None if table.plating is None else Plating(**table.plating.model_dump()))
+    if wire.yield_stress > wire.tensile_strength:
+        allowed = f"at most the tensile strength, {wire.tensile_strength:g} Pa"
+        raise source.refusal(("wire", "yield_stress"), wire.yield_stress, allowed)
+    if wire.plating is not None and wire.plating.thickness > wire.radius:
+        allowed = f"at most the radius of the wire, {wire.radius:g} m"
+        raise source.refusal(("wire", "plating", "thickness"), wire.plating.thickness, allowed)
+    return wire
+
+
+def _knit(source: _Source, table: KnitTable, wire: Wire) -> Knit:
+    spacing = {}
+    for key, length, count_key, count, default in (
+        ("wale_spacing", table.wale_spacing, "wales", table.wales, 1.7e-3),
+        ("course_spacing", table.course_spacing, "courses", table.courses, 1.0e-3),
+    ):
+        spacing[key] = length if length is not None else default if count is None else 1 / count
+        if not 2 * wire.diameter <= spacing[key] < math.inf:
+            allowed = f"two diameters of the wire or more between loops, {2 * wire.diameter:g} m"
+            raise source.refusal(("knit", key if count is None else count_key), spacing[key], allowed)
+    return Knit(
+        bars=tuple(Bar(**bar.model_dump()) for bar in table.bars),
+        **spacing,
+        repeats=table.repeats,
+        scatter=table.scatter,
+        seed=table.seed,
+        loop=Loop(**table.loop.model_dump()),
+    )
+
+
+def _model(source: _Source, table: ModelTable, wire: Wire, numerics: Preset) -> ModelOptions:
+    given = table.model_dump()
+    if given["nodes_per_loop"] is None:
+        given["nodes_per_loop"] = numerics.nodes_per_loop
+    if given["body_radius"] is None:
+        given["body_radius"] = wire.diameter / 8
+    elif given["body_radius"] > wire.diameter:
+        allowed = f"at most the diameter of the wire, {wire.diameter:g} m"
+        raise source.refusal(("model", "body_radius"), given["body_radius"], allowed)
+    return ModelOptions(**given)
+
+
+def _solver(table: SolverTable, numerics: Preset) -> Solver:
+    given = table.model_dump()
+    for key in ("precision", "axial_softening", "residual_tolerance"):
+        if given[key] is None:
+            given[key] = getattr(numerics, key)
+    return Solver(**given)
+
+
+def _stages(source: _Source, file: SceneFile, wire: Wire, knit: Knit) -> Iterator[Stage]:
+    """[load] and each [[path]], a stage taking over from the one before what it leaves out."""
+    load: dict[str, Any] = {
+        **_direction("weft", 0.0, None),
+        **_direction("warp", 0.0, None),
+        "shear": 0.0,
+        "temperature": wire.reference_temperature,
+    }
+    tables: list[tuple[tuple[int | str, ...], StageTable]] = [(("load",), file.load)]
+    tables += [(("path", index), table) for index, table in enumerate(file.path)]
+    for number, (location, table) in enumerate(tables, start=1):
+        given = table.model_dump(exclude={"name"}, exclude_none=True)
+        if "displacement" in given:
+            load |= _displaced(source, (*location, "displacement"), given.pop("displacement"), knit)
+        for side in ("weft", "warp"):
+            if f"strain_{side}" in given or f"tension_{side}" in given:
+                load |= _direction(side, given.pop(f"strain_{side}", None), given.pop(f"tension_{side}", None))
+        load |= given
+        yield Stage(name=table.name or ("load" if number == 1 else f"stage-{number}"), **load)
+
+
+def _direction(side: str, strain: float | None, tension: float | None) -> dict[str, float | None]:
+    return {f"strain_{side}": strain, f"tension_{side}": tension}
+
+
+def _displaced(
+    source: _Source, location: Sequence[int | str], displacement: float, knit: Knit
+) -> dict[str, float | None]:
+    """The strains of every side moved outward by `displacement` [m]."""
+    load: dict[str, float | None] = {}
+    for side, size in zip(("weft", "warp"), knit.size, strict=True):
+        strain = tidy(2 * displacement / size)
+        try:
+            STRAIN(strain)
+        except PydanticCustomError as error:
+            allowed = (
+                f"what makes a strain {STRAIN.allowed.removeprefix('a number ')}; this makes {strain:.3g} in {side}"
+            )
+            raise source.refusal(location, displacement, allowed) from error
+        load |= _direction(side, strain, None)
+    return load

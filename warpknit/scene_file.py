@@ -1,0 +1,259 @@
+"""The tables and keys of a scene file, with their defaults. Values are SI once checked.
+
+None means that the value follows from others: `warpknit.scene` fills in what it can, the model chooses the rest.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+from warpknit.materials import MATERIALS
+from warpknit.presets import DEFAULT_PRESET
+from warpknit.scene_values import (
+    Chain,
+    Choice,
+    Density,
+    Ends,
+    Expansion,
+    Factor,
+    Flag,
+    Force,
+    Fraction,
+    FrameCount,
+    Length,
+    Name,
+    NodesPerLoop,
+    PerLength,
+    PoissonsRatio,
+    PresetName,
+    Rate,
+    Repeats,
+    Seed,
+    Shear,
+    Shift,
+    SignedLength,
+    StepCount,
+    Stiffness,
+    Strain,
+    Stress,
+    Temperature,
+    Tension,
+    Threading,
+    Time,
+    Tolerance,
+    Zero,
+    proportion,
+    refused,
+)
+from warpknit.units import shown
+
+ROOM_TEMPERATURE = 293.15  # [K]
+
+MaterialName = Annotated[str, BeforeValidator(Choice(tuple(MATERIALS)))]
+Drive = Annotated[str, BeforeValidator(Choice(("relax", "ramp")))]
+Precision = Annotated[str, BeforeValidator(Choice(("single", "double")))]
+Kind = Annotated[str, BeforeValidator(Choice(("planar",), remark="the spatial model is not in this version"))]
+Boundary = Annotated[str, BeforeValidator(Choice(("gripped", "periodic")))]
+LoopShape = Annotated[str, BeforeValidator(Choice(("auto", "circular-oval", "general")))]
+Friction = Annotated[
+    float,
+    BeforeValidator(Zero("with friction the state depends on the path, which the relaxed states here do not follow")),
+]
+Scatter = Annotated[float, BeforeValidator(Zero("all repeats share one table of rest lengths and curvatures"))]
+
+
+class Table(BaseModel):
+    """A table of the scene file: unknown keys are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+def _exclusive(data: Any, *groups: tuple[str, ...]) -> Any:
+    """Refuse two keys of one group in the raw table `data`."""
+    for group in groups:
+        given = [key for key in group if isinstance(data, dict) and key in data]
+        if len(given) > 1:
+            first, second = given[:2]
+            raise refused(
+                f"one of {', '.join(group)}",
+                key=second,
+                given=f"{shown(data[second])} beside {first} = {shown(data[first])}",
+            )
+    return data
+
+
+class PlatingTable(Table):
+    """[wire] plating: a coat that adds stiffness and mass."""
+
+    material: MaterialName = "gold"
+    thickness: Length
+
+
+class WireTable(Table):
+    """[wire]: what is knitted. The material's values stand unless given here."""
+
+    material: MaterialName = "tungsten"
+    youngs_modulus: Stress | None = None
+    poissons_ratio: PoissonsRatio | None = None
+    density: Density | None = None
+    expansion: Expansion | None = None
+    yield_stress: Stress | None = None
+    tensile_strength: Stress | None = None
+    diameter: Length = 15e-6
+    ends: Ends = 1
+    plating: PlatingTable | None = None
+    set_fraction: Fraction = 1.0
+    reference_temperature: Temperature = ROOM_TEMPERATURE
+
+
+class BarTable(Table):
+    """One guide bar of [knit] bars."""
+
+    chain: Chain
+    threading: Threading = "|"
+    shift: Shift = 0
+
+
+class LoopTable(Table):
+    """[knit.loop]: proportions in units of the course spacing; `warpknit.knit.loops` says what they measure."""
+
+    shape: LoopShape = "auto"
+    closed_radius: Annotated[float, proportion(0.35, 0.80)] = 0.60
+    closed_head: Annotated[float, proportion(0.30, 0.80)] = 0.55
+    open_head: Annotated[float, proportion(0.30, 0.80)] = 0.50
+    open_half_width: Annotated[float, proportion(0.15, 0.50)] = 0.26
+    closed_foot: Annotated[float, proportion(0.03, 0.25)] = 0.10
+    open_foot: Annotated[float, proportion(0.05, 0.35)] = 0.19
+    foot_radius: Annotated[float, proportion(0.03, 0.20)] = 0.10
+    tilt: Annotated[float, proportion(-0.30, 0.30)] = 0.10
+    lateral_shift: Annotated[float, proportion(-0.15, 0.15)] = 0.02
+    foot_half_width: Annotated[float, proportion(0.06, 0.20)] = 0.12
+    leg_half_width: Annotated[float, proportion(0.12, 0.35)] = 0.24
+    head_height: Annotated[float, proportion(0.12, 0.45)] = 0.22
+
+
+class KnitTable(Table):
+    """[knit]: the double atlas net of the paper where a key is left out."""
+
+    bars: Annotated[list[BarTable], Field(min_length=1)] = [
+        BarTable(chain="1-0/1-2/2-3/2-1", threading="|.", shift=0),
+        BarTable(chain="2-3/2-1/1-0/1-2", threading="|.", shift=1),
+    ]
+    wale_spacing: Length | None = None
+    wales: PerLength | None = None
+    course_spacing: Length | None = None
+    courses: PerLength | None = None
+    repeats: Repeats = (1, 1)
+    scatter: Scatter = 0.0
+    seed: Seed = 0
+    loop: LoopTable = LoopTable()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_spacing(cls, data: Any) -> Any:
+        return _exclusive(data, ("wale_spacing", "wales"), ("course_spacing", "courses"))
+
+
+class ModelTable(Table):
+    """[model]."""
+
+    kind: Kind = "planar"
+    boundary: Boundary = "gripped"
+    nodes_per_loop: NodesPerLoop | None = None  # the preset's
+    body_radius: Length | None = None  # diameter / 8: both pairings of a body close where the wires are 1.25 d apart
+    merge_lenses: Flag = True
+
+
+class StageTable(Table):
+    """[load] and each [[path]]: what is left out is as in the stage before."""
+
+    name: Name | None = None
+    strain_weft: Strain | None = None
+    tension_weft: Tension | None = None
+    strain_warp: Strain | None = None
+    tension_warp: Tension | None = None
+    displacement: SignedLength | None = None
+    shear: Shear | None = None
+    temperature: Temperature | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_drive_a_direction(cls, data: Any) -> Any:
+        return _exclusive(
+            data, ("strain_weft", "tension_weft", "displacement"), ("strain_warp", "tension_warp", "displacement")
+        )
+
+
+class ContactTable(Table):
+    """[contact]."""
+
+    friction: Friction = 0.0
+    threshold: Force = 0.0
+    stiffness: Stiffness | None = None
+
+
+class SolverTable(Table):
+    """[solver]: what is left out follows from the preset, or is chosen by the solver."""
+
+    preset: PresetName = DEFAULT_PRESET
+    drive: Drive = "relax"
+    precision: Precision | None = None
+    mass_scaling: Factor = 1.0
+    target_time_step: Time | None = None
+    axial_softening: Factor | None = None
+    damping: Rate | None = None
+    loading_time: Time | None = None
+    residual_tolerance: Tolerance | None = None
+    max_steps: StepCount | None = None
+    multipliers: Flag = True
+
+    @model_validator(mode="before")
+    @classmethod
+    def _real_time_only_in_a_ramp(cls, data: Any) -> Any:
+        if isinstance(data, dict) and data.get("drive", "relax") == "relax":
+            for key in ("target_time_step", "loading_time"):
+                if key in data:
+                    raise refused(
+                        "only with drive = 'ramp' (a relaxation has no real time)", key=key, given=shown(data[key])
+                    )
+            if data.get("mass_scaling", 1) != 1:
+                raise refused(
+                    "1 with drive = 'relax' (its masses are fictitious), 1 or more with drive = 'ramp'",
+                    key="mass_scaling",
+                    given=shown(data["mass_scaling"]),
+                )
+        return data
+
+
+class OutputTable(Table):
+    """[output]."""
+
+    frames: FrameCount = 20
+    usd: Flag = True
+    vtk: Flag = False
+    figures: Flag = True
+    checkpoint_interval: Time = 60.0
+
+
+class SweepTable(Table):
+    """[sweep]: the grid of strains that `warpknit map` runs."""
+
+    strain_weft: Annotated[list[Strain], Field(min_length=1)]
+    strain_warp: Annotated[list[Strain], Field(min_length=1)]
+
+
+class SceneFile(Table):
+    """A whole scene file."""
+
+    name: Name | None = None
+    wire: WireTable = WireTable()
+    knit: KnitTable = KnitTable()
+    model: ModelTable = ModelTable()
+    load: StageTable = StageTable()
+    path: list[StageTable] = []
+    contact: ContactTable = ContactTable()
+    solver: SolverTable = SolverTable()
+    output: OutputTable = OutputTable()
+    sweep: SweepTable | None = None

@@ -1,0 +1,138 @@
+"""The state: everything about a mesh that moves, as device arrays.
+
+Positions are x = F X + u: the displacement u from the affinely mapped rest shape is stored (in counts, see
+kernels/__init__.py), never x itself. Two copies of the node displacements alternate: `node_ux[parity]` is current.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from .kernels import control as c
+from .model import Model, body_blocks
+
+LOOK_AHEAD = 0.12  # steps; stable up to 4/(1 + 2 LOOK_AHEAD) of the unit-step mass, see model.MASS_MARGIN
+WIRE_STATE = ("node_vx", "node_vy", "tension_offset", "wire_axial", "wire_mass")
+BODY_STATE = ("body_ux", "body_uy", "body_vx", "body_vy")
+PAIR_STATE = ("pair_slide", "pair_u", "pair_wake", "pair_offset", "pair_force", "pair_gap", "pair_node")
+
+
+@dataclass
+class State:
+    """Arrays on the device of the model."""
+
+    node_ux: list[wp.array]  # 2 x [node] [counts]
+    node_uy: list[wp.array]
+    node_vx: wp.array  # [node] [m/s]
+    node_vy: wp.array
+    tension_offset: wp.array  # [node] [N] running multiplier of the segment to the next node
+    wire_axial: wp.array  # [wire] [N] axial stiffness of the dynamics: EA over the softening
+    wire_mass: wp.array  # [wire] node masses over those of the rest table
+    body_ux: wp.array  # [body] [counts]
+    body_uy: wp.array
+    body_vx: wp.array  # [body] [m/s]
+    body_vy: wp.array
+    pair_slide: wp.array  # [pair] current segment, counted from the seed
+    pair_u: wp.array  # [pair] place on the segment, 0 .. 1
+    pair_wake: wp.array  # [pair] [m] travel since the last neighbour search at which the pair must be looked at
+    pair_offset: wp.array  # [pair] [N] running multiplier
+    pair_node: wp.array  # [pair] first node of the current segment
+    pair_gap: wp.array  # [pair] [m]; meaningful where near
+    pair_force: wp.array  # [pair] [N]
+    pair_body_x: wp.array  # [pair] [N] force on the body; stale where pair_force is 0
+    pair_body_y: wp.array
+    pair_nodal_x: wp.array  # [4 pair] [N] forces on the four nodes; stale where pair_force is 0
+    pair_nodal_y: wp.array
+    control: wp.array  # [CONTROL_COUNT] float64, see kernels/control.py
+    wire_partial: wp.array  # [block, 6]
+    body_partial: wp.array  # [body block, 6]
+    parity: int = 0
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Host copies of all that a run needs to go on."""
+        kept = {name: getattr(self, name).numpy().copy() for name in WIRE_STATE + BODY_STATE + PAIR_STATE}
+        kept["node_ux"] = self.node_ux[self.parity].numpy().copy()
+        kept["node_uy"] = self.node_uy[self.parity].numpy().copy()
+        kept["control"] = self.control.numpy().copy()
+        return kept
+
+    def restore(self, kept: dict[str, np.ndarray]) -> None:
+        """Put back what `arrays` returned."""
+        for name in WIRE_STATE + BODY_STATE + PAIR_STATE + ("control",):
+            getattr(self, name).assign(kept[name])
+        self.node_ux[self.parity].assign(kept["node_ux"])
+        self.node_uy[self.parity].assign(kept["node_uy"])
+
+    def read_control(self) -> np.ndarray:
+        """The control array on the host: a view on the CPU, a copy from a GPU."""
+        return self.control.numpy()
+
+    def write_control(self, values: dict[int, float]) -> None:
+        """Set entries of the control array."""
+        host = self.control.numpy()
+        for index, value in values.items():
+            host[int(index)] = value
+        if not self.control.device.is_cpu:
+            self.control.assign(host)
+
+
+def initial_state(model: Model) -> State:
+    """The rest state: knitted shape, no velocity, no load."""
+    real, coordinate, device = model.precision.real, model.precision.coordinate, model.device
+    nodes, bodies, pairs = model.panel.node_count, model.panel.body_count, model.pair_count
+    wires = len(model.panel.wire_first)
+
+    def zeros(count: int, dtype: type) -> wp.array:
+        return wp.zeros(count, dtype=dtype, device=device)
+
+    state = State(
+        node_ux=[zeros(nodes, coordinate), zeros(nodes, coordinate)],
+        node_uy=[zeros(nodes, coordinate), zeros(nodes, coordinate)],
+        node_vx=zeros(nodes, real),
+        node_vy=zeros(nodes, real),
+        tension_offset=zeros(nodes, real),
+        wire_axial=wp.full(wires, model.axial_stiffness / model.softening, dtype=real, device=device),
+        wire_mass=wp.full(wires, 1.0, dtype=real, device=device),
+        body_ux=zeros(bodies, coordinate),
+        body_uy=zeros(bodies, coordinate),
+        body_vx=zeros(bodies, real),
+        body_vy=zeros(bodies, real),
+        pair_slide=zeros(pairs, wp.int32),
+        pair_u=wp.full(pairs, 0.5, dtype=real, device=device),
+        pair_wake=zeros(pairs, real),
+        pair_offset=zeros(pairs, real),
+        pair_node=zeros(pairs, wp.int32),
+        pair_gap=zeros(pairs, real),
+        pair_force=zeros(pairs, real),
+        pair_body_x=zeros(pairs, real),
+        pair_body_y=zeros(pairs, real),
+        pair_nodal_x=zeros(4 * pairs, real),
+        pair_nodal_y=zeros(4 * pairs, real),
+        control=zeros(c.CONTROL_COUNT, wp.float64),
+        wire_partial=wp.zeros((len(model.panel.block_first), c.PARTIAL_COUNT), dtype=wp.float64, device=device),
+        body_partial=wp.zeros((body_blocks(model), c.PARTIAL_COUNT), dtype=wp.float64, device=device),
+    )
+    gradient = {c.GRADIENT: 1.0, c.GRADIENT + 1: 0.0, c.GRADIENT + 2: 0.0, c.GRADIENT + 3: 1.0, c.LENGTH_FACTOR: 1.0}
+    spacing = float(model.table.spacing.min())
+    relax = model.scene.solver.drive == "relax"
+    state.write_control(
+        gradient
+        | {int(c.FROM) + k: gradient[int(c.GRADIENT) + k] for k in range(5)}
+        | {int(c.TO) + k: gradient[int(c.GRADIENT) + k] for k in range(5)}
+        | {
+            c.CONTACT_STIFFNESS: model.contact_stiffness,
+            c.BODY_INVERSE_MASS: 1.0 / model.body_mass,
+            c.DRIVE: 0.0 if relax else 1.0,
+            c.TIME_STEP: model.time_step,
+            c.DAMPING: 0.02,
+            c.LOOK_AHEAD: LOOK_AHEAD if relax else 0.0,
+            c.FORCE_FACTOR: model.time_step,
+            c.VELOCITY_FACTOR: 1.0,
+            c.SPEED_LIMIT: 0.05 * spacing,
+            c.STEP_LIMIT: spacing,
+        }
+    )
+    return state

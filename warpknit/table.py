@@ -1,0 +1,147 @@
+"""Rest data of one repeat at the nodes: edges, lengths, angles, masses, and the true curve between the nodes.
+
+Nodes lie evenly along the plan arc length of each thread. Entry k of a thread repeats with its number of nodes a period,
+so the arrays hold a little more than one period and a run of nodes reads consecutive entries whatever its phase.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss
+from scipy.interpolate import CubicSpline
+
+from .knit.cloth import Cloth
+
+FIT_POINTS = 12  # Gauss points a segment for the fit of the rest curve
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rest data of one repeat, float64.
+
+    Arrays run over the entries of all threads, thread after thread; `start[t]` is the entry of node 0 of thread t, which has
+    `lead` entries before it and at least `nodes[t] + lead` behind.
+    """
+
+    start: np.ndarray  # [thread] int
+    nodes: np.ndarray  # [thread] int: nodes a period
+    spacing: np.ndarray  # [thread] [m] arc length between nodes
+    lead: int
+    x: np.ndarray  # [entry] [m] unrolled plan position in the frame of the repeat
+    y: np.ndarray  # [entry] [m]
+    z: np.ndarray  # [entry] [m] height of the knit's centre line
+    rest_x: np.ndarray  # [entry] [m] edge to the next node
+    rest_y: np.ndarray  # [entry] [m]
+    rest_length: np.ndarray  # [entry] [m] its natural length
+    rest_angle: np.ndarray  # [entry] [rad] natural turning angle at the node
+    hinge_length: np.ndarray  # [entry] [m] mean of the two chords at the node
+    node_length: np.ndarray  # [entry] [m] wire that the node stands for
+    curve: np.ndarray  # [entry, 8] [m] see kernels/contact.py
+    curve_error: float  # [m] largest distance of the fitted rest curve from the true one
+
+    @property
+    def smallest_radius(self) -> float:
+        """Smallest radius of curvature at rest [m], as the nodes see it."""
+        return float(1.0 / np.max(np.abs(self.rest_angle) / self.hinge_length))
+
+
+def rest_table(cloth: Cloth, *, nodes_per_loop: int, set_fraction: float, lead: int) -> Table:
+    """Sample the threads of a repeat at `nodes_per_loop` nodes a stitch.
+
+    `lead` entries are kept before and behind a period [-]; `set_fraction` scales the natural turning angles.
+    """
+    columns: dict[str, list[np.ndarray]] = {name: [] for name in ("x", "y", "z", "ex", "ey", "len", "ang", "hl", "nl")}
+    curves, starts, counts, spacings = [], [], [], []
+    error = 0.0
+    offset = 0
+    stitches = np.array([s.thread for s in cloth.stitches])
+    for t, thread in enumerate(cloth.threads):
+        n = nodes_per_loop * max(1, int(np.sum(stitches == t)))
+        h = thread.length / n
+        k = np.arange(-lead - 1, n + lead + 2)
+        centre_line = _centre_line(thread.points, thread.length, cloth.size[1])
+        position = centre_line(k * h)
+        edge = np.diff(position[:, :2], axis=0)  # edge of entry k joins k and k + 1
+        chord = np.hypot(edge[:, 0], edge[:, 1])
+        angle = _angle_between(edge[:-1], edge[1:])
+        inner = slice(1, -2)  # entries -lead .. n + lead - 1
+        columns["x"].append(position[inner, 0])
+        columns["y"].append(position[inner, 1])
+        columns["z"].append(position[inner, 2])
+        columns["ex"].append(edge[1:-1, 0])
+        columns["ey"].append(edge[1:-1, 1])
+        columns["len"].append(chord[1:-1])
+        columns["ang"].append(angle[:-1] * set_fraction)
+        columns["hl"].append(0.5 * (chord[:-2] + chord[1:-1]))
+        columns["nl"].append(np.full(len(k) - 3, h))
+        coefficients, miss = _fit_rest_curve(centre_line, n, h)
+        error = max(error, miss)
+        curves.append(coefficients[np.mod(k[inner], n)])
+        starts.append(offset + lead)
+        counts.append(n)
+        spacings.append(h)
+        offset += len(k) - 3
+    joined = {name: np.concatenate(parts) for name, parts in columns.items()}
+    return Table(
+        start=np.array(starts),
+        nodes=np.array(counts),
+        spacing=np.array(spacings),
+        lead=lead,
+        x=joined["x"],
+        y=joined["y"],
+        z=joined["z"],
+        rest_x=joined["ex"],
+        rest_y=joined["ey"],
+        rest_length=joined["len"],
+        rest_angle=joined["ang"],
+        hinge_length=joined["hl"],
+        node_length=joined["nl"],
+        curve=np.concatenate(curves),
+        curve_error=error,
+    )
+
+
+def _centre_line(points: np.ndarray, length: float, height: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Points (m, 3) [m] of a thread, periodic with (0, height, 0), as a function of unrolled plan arc length (m,) [m]."""
+    arc = np.linspace(0.0, length, len(points) + 1)
+    climb = np.array([0.0, height, 0.0]) / length
+    level = np.vstack([points, points[:1] + climb * length]) - arc[:, None] * climb
+    level[-1] = level[0]
+    spline = CubicSpline(arc, level, bc_type="periodic")
+    return lambda s: spline(np.mod(s, length)) + s[:, None] * climb
+
+
+def _angle_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Angle (m,) [rad] from vectors a to b, both (m, 2)."""
+    return np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], np.sum(a * b, axis=1))
+
+
+def _fit_rest_curve(
+    centre_line: Callable[[np.ndarray], np.ndarray], nodes: int, spacing: float
+) -> tuple[np.ndarray, float]:
+    """Coefficients (nodes, 8) [m] of the rest curve on the segments of one period, and the largest miss [m].
+
+    What the Hermite curve through four nodes misses, seen along and across the chord, is fitted by u (1 - u) times a cubic.
+    """
+    k = np.arange(nodes)
+    u = 0.5 * (leggauss(FIT_POINTS)[0] + 1.0)
+    corner = [centre_line((k + i) * spacing)[:, :2] for i in (-1, 0, 1, 2)]
+    chord = corner[2] - corner[1]
+    tangent = chord / np.linalg.norm(chord, axis=1)[:, None]
+    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    m0, m1 = 0.5 * (corner[2] - corner[0]), 0.5 * (corner[3] - corner[1])
+    h10, h01, h11 = u * (1 - u) ** 2, u * u * (3 - 2 * u), u * u * (u - 1)
+    hermite = h10[:, None, None] * m0 + h01[:, None, None] * chord + h11[:, None, None] * m1
+    arcs = (k[None, :] + u[:, None]) * spacing
+    true = centre_line(arcs.ravel())[:, :2].reshape(len(u), nodes, 2) - corner[1]
+    miss = true - hermite
+    basis = (u * (1 - u))[:, None] * u[:, None] ** np.arange(4)
+    along = np.sum(miss * tangent, axis=2)
+    across = np.sum(miss * normal, axis=2)
+    c_along = np.linalg.lstsq(basis, along, rcond=None)[0]
+    c_across = np.linalg.lstsq(basis, across, rcond=None)[0]
+    error = np.hypot(along - basis @ c_along, across - basis @ c_across)
+    return np.concatenate([c_along, c_across]).T.copy(), float(np.max(error))

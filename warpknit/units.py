@@ -1,0 +1,136 @@
+"""Quantities as people type them ("15 um", "-190 degC", "12 /cm") to plain SI floats, with the dimension checked."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+
+class QuantityError(ValueError):
+    """A value that is not a finite quantity of the wanted dimension; `allowed` says what would be."""
+
+    def __init__(self, given: object, allowed: str) -> None:
+        super().__init__(f"given {shown(given)}, expected {allowed}")
+        self.allowed = allowed
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A kind of quantity: the SI unit that bare numbers are in, what to call it, and an example for messages."""
+
+    unit: str
+    noun: str
+    example: str
+
+    def __str__(self) -> str:
+        return f"{self.noun} such as {self.example}"
+
+
+DIMENSIONS = {
+    "number": Dimension("", "a number", "0.1"),
+    "length": Dimension("m", "a length", "'15 um'"),
+    "per_length": Dimension("1/m", "a count per length", "'12 /cm'"),
+    "stress": Dimension("Pa", "a stress", "'400 GPa'"),
+    "density": Dimension("kg/m^3", "a density", "'19250 kg/m^3'"),
+    "expansion": Dimension("1/K", "an expansion coefficient", "'4.5e-6 /K'"),
+    "temperature": Dimension("K", "a temperature", "'-190 degC'"),
+    "tension": Dimension("N/m", "a force per length", "'2 N/m'"),
+    "force": Dimension("N", "a force", "'1 uN'"),
+    "time": Dimension("s", "a time", "'60 s'"),
+    "rate": Dimension("1/s", "a rate", "'100 /s'"),
+}
+
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+_UNIT = re.compile(r"[^\W\d_]?[\w%°²³µμ/*^().\- ]{0,39}")
+
+
+def si(value: object, dimension: str) -> float:
+    """`value` in the SI unit of `dimension` (a key of DIMENSIONS).
+
+    Bare numbers are SI already. A string is a number and a unit; a string without a unit is a bare number. Raises
+    QuantityError for another dimension, an unknown unit, anything that is not a number, NaN and infinity.
+    """
+    wanted = DIMENSIONS[dimension]
+    if isinstance(value, str):
+        number = _converted(value, wanted)
+    elif isinstance(value, (int, float)) and not isinstance(value, bool):
+        number = _finite(value)
+    else:
+        number = None
+    if number is None:
+        raise QuantityError(value, str(wanted))
+    return number + 0.0  # no negative zero: equal scenes have equal hashes
+
+
+def si_text(value: float, unit: str) -> str:
+    """`value` [unit] as a quantity string that `si` reads back to the same bits."""
+    return f"{value!r} {unit}"
+
+
+def tidy(value: float) -> float:
+    """`value` to 14 digits: what arithmetic left in the last two is no part of what was typed."""
+    return float(f"{value:.14g}")
+
+
+def shown(value: object, limit: int = 60) -> str:
+    """`value` as it would stand in the scene file, on one line and not too long."""
+    if isinstance(value, bool):
+        text = str(value).lower()
+    elif isinstance(value, int) and abs(value) >= 10**limit:
+        text = "an integer of many digits"
+    else:
+        text = repr(value)
+    return text if len(text) <= limit else text[: limit - 3] + "..."
+
+
+def _finite(value: int | float) -> float | None:
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _converted(text: str, wanted: Dimension) -> float | None:
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
+        return None
+    number = _finite(float(match[1]))
+    if number is None or not match[2]:
+        return number
+    unit = _unit(match[2])
+    if unit is None or not unit.is_compatible_with(wanted.unit or "dimensionless"):
+        return None
+    try:
+        converted = float(_registry().Quantity(number, unit).to(wanted.unit).magnitude)
+    except (ArithmeticError, ValueError):
+        return None
+    if converted != number:  # 15 um and 0.015 mm are the same 1.5e-05 m: drop the rounding of the conversion itself
+        converted = tidy(converted)
+    return _finite(converted)
+
+
+@lru_cache(maxsize=1)
+def _registry() -> Any:
+    """The pint registry. Made when the first unit is read: it costs a third of a second."""
+    import pint
+
+    return pint.UnitRegistry()
+
+
+@lru_cache(maxsize=256)
+def _unit(text: str) -> Any | None:
+    """The pint unit that `text` names ("/cm", "N/m", "kg/m3"), or None."""
+    if not _UNIT.fullmatch(text):
+        return None
+    text = re.sub(r"(?<=[A-Za-zµμ])(\d)(?!\w)", r"^\1", text.lstrip())
+    if text.startswith("/"):
+        text = "1" + text
+    registry = _registry()
+    try:
+        return registry.parse_units(text)
+    except Exception:  # pint lets the tokeniser's, the parser's and its own errors through: all mean an unknown unit
+        return None
