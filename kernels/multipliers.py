@@ -62,14 +62,34 @@ def update_pair_offset(
 def extrapolate(
     # in
     ratio: wp.float64,
+    limit: wp.float64,
     lowest: wp.float64,
     # in and out: the value of this level becomes that of the last
     value: wp.array(dtype=Any),
     last: wp.array(dtype=Any),
 ):
-    """value += ratio (value - last), not below `lowest`: the start of the next load level from the two before it."""
+    """value += ratio (value - last), at most `limit` far and not below `lowest`: where two levels point to."""
     i = wp.tid()
     now = value[i]
-    step = ratio * wp.float64(now - last[i])
+    step = wp.clamp(ratio * wp.float64(now - last[i]), -limit, limit)
     value[i] = value.dtype(wp.max(wp.float64(now) + step, lowest))
     last[i] = now
+
+
+@wp.kernel
+def extrapolate_held_bodies(
+    # in
+    ratio: wp.float64,
+    limit: wp.float64,
+    pair_force: wp.array(dtype=Any),
+    # in and out
+    value: wp.array(dtype=Any),
+    last: wp.array(dtype=Any),
+):
+    """The same for bodies, where both wires hold them: a free body has nowhere to go."""
+    body = wp.tid()
+    now = value[body]
+    if pair_force[2 * body] != pair_force.dtype(0.0) and pair_force[2 * body + 1] != pair_force.dtype(0.0):
+        step = wp.clamp(ratio * wp.float64(now - last[body]), -limit, limit)
+        value[body] = value.dtype(wp.float64(now) + step)
+    last[body] = now

@@ -88,6 +88,7 @@ def find_nearest_segments(
     pair_rest_x: wp.array(dtype=Any),
     pair_rest_y: wp.array(dtype=Any),
     pair_force: wp.array(dtype=Any),
+    pair_gap: wp.array(dtype=Any),
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
     wire_closed: wp.array(dtype=wp.int32),
@@ -104,8 +105,8 @@ def find_nearest_segments(
 ):
     """`pair_wake` [m] is the travel at which the pair wakes up: 0 in touch, beyond any travel where no wire is near."""
     pair = wp.tid()
-    if pair_force[pair] != type(unit)(0.0):
-        pair_wake[pair] = type(unit)(0.0)  # in touch: the contact point is followed along the wire
+    if pair_force[pair] != type(unit)(0.0) or pair_gap[pair] < type(unit)(0.0):
+        pair_wake[pair] = type(unit)(0.0)  # in touch, or pushed through: never asleep
         return
     body = pair / 2
     wire = pair_wire[pair]

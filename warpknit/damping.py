@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import warp as wp
 
 from .kernels import control as c
@@ -28,6 +29,14 @@ class SlowestMode:
         self._last = [wp.zeros(nodes, dtype=kind, device=device) for kind in kinds]
         self._partial = wp.zeros((len(model.panel.block_first), 2), dtype=wp.float64, device=device)
 
+    def memory(self) -> dict[str, np.ndarray]:
+        """What a checkpoint keeps."""
+        return {f"look_{k}": value.numpy().copy() for k, value in enumerate(self._last)}
+
+    def recall(self, kept: dict[str, np.ndarray]) -> None:
+        for k, value in enumerate(self._last):
+            value.assign(kept[f"look_{k}"])
+
     def look(self, *, use: bool) -> None:
         """Take in the state; with `use`, set the damping from what happened since the last look."""
         model, state = self.model, self.state
@@ -44,7 +53,7 @@ class SlowestMode:
             ],
             device=model.device,
         )  # fmt: skip
-        if not use:
+        if not use or state.read_control()[int(c.DRIVE)] != 0.0:
             return
         force, moved = self._partial.numpy().sum(axis=0)
         if moved > 0.0 and force > 0.0:

@@ -217,6 +217,16 @@ def _closed_at(model: Model, node: np.ndarray) -> np.ndarray:
     return model.panel.wire_closed[wire]
 
 
+def thermal_force(r: Reading) -> float:
+    """Derivative of the energy by the length factor of the wires [J]: what heating works against."""
+    model = r.model
+    natural = model.table.rest_length[r.entry]
+    inside = np.any(r.edge != 0.0, axis=1)
+    stretch = -np.sum((natural * (r.tension + 0.5 * r.tension**2 / model.axial_stiffness))[inside])
+    bend = -0.5 * np.sum(r.moment * r.turning) / r.length_factor
+    return float(stretch + bend + np.sum(r.pair_force) * model.contact_reach)
+
+
 def mesh_tension(r: Reading) -> tuple[float, float]:
     """Tension in weft and warp [N/m], force per current width: diagonal of P F^T / det F."""
     f = r.gradient

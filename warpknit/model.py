@@ -25,6 +25,7 @@ from .table import Table, rest_table
 
 CONTACT_TO_AXIAL = 0.5  # contact stiffness over the softened axial stiffness of a segment, where the scene gives none
 MASS_MARGIN = 1.5  # fictitious masses over the least that is stable at unit step, in relax
+LOADING_PERIODS = 10.0  # slowest periods over which a stage of a ramp loads, where the scene gives no time
 BODY_MASS_SHARE = 0.25  # body mass over the wire mass of a loop, in a ramp (the paper: under a half)
 SLIDE_ALLOWANCE = 0.5  # how far a contact may slide beyond its lens, in wire lengths of a loop
 MEMORY_PER_NODE = {"single": 64, "double": 120}  # bytes, device and host, measured by tests/test_model.py
@@ -113,7 +114,9 @@ class Model:
     contact_reach: float  # [m] body radius + half a wire thickness
     body_mass: float  # [kg]; fictitious in relax
     added_mass: float  # share of mass that scaling added, 0 where none; nan-free
-    time_step: float  # [s]; 1 in relax
+    time_step: float  # [s] of the unloaded mesh; 1 in relax
+    loading_time: float  # [s] of a stage, in a ramp
+    damping: float  # [1/s] mass-proportional, in a ramp
     limited_by: str  # what limits the time step
 
     @property
@@ -223,6 +226,8 @@ def assemble_model(
         body_mass=numbers.body_mass,
         added_mass=numbers.added_mass,
         time_step=numbers.time_step,
+        loading_time=numbers.loading_time,
+        damping=numbers.damping,
         limited_by=numbers.limited_by,
     )
 
@@ -245,6 +250,19 @@ class Numbers:
     added_mass: float
     time_step: float  # [s]
     limited_by: str
+    loading_time: float = 0.0  # [s] ramp
+    damping: float = 0.0  # [1/s] ramp
+
+
+def slowest_rate(scene: Scene, loop_length: float) -> float:
+    """Angular frequency [1/s] of the slowest bending mode: a wave of about three loops of wire.
+
+    w = sqrt(EI/mu) (2 pi/(3 L))^2; the softest mode of the double atlas cell has a wave length of 2.75 L (measured on the
+    stiffness matrix of its relaxed state at 10 %).
+    """
+    wire = scene.wire
+    wave = math.sqrt(wire.bending_stiffness / (wire.linear_density * scene.solver.mass_scaling))
+    return wave * (2.0 * math.pi / (3.0 * loop_length)) ** 2
 
 
 def choose_numbers(scene: Scene, table: Table, loop_length: float) -> Numbers:
@@ -279,7 +297,10 @@ def choose_numbers(scene: Scene, table: Table, loop_length: float) -> Numbers:
     }
     limited_by = max(rates, key=lambda k: rates[k])
     step = STEP_MARGIN * 2 / math.sqrt(max(rates.values()))
-    return Numbers(softening, contact, mass, body_mass, added, step, limited_by)
+    slowest = slowest_rate(scene, loop_length)
+    loading_time = scene.solver.loading_time or LOADING_PERIODS * 2.0 * math.pi / slowest
+    damping = slowest if scene.solver.damping is None else scene.solver.damping
+    return Numbers(softening, contact, mass, body_mass, added, step, limited_by, loading_time, damping)
 
 
 def unit_step_mass(

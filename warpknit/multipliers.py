@@ -38,6 +38,14 @@ class Multipliers:
         self._sinking = 0  # updates in a row with bodies sunk in
         self._stretched = np.zeros(len(model.panel.wire_first), dtype=int)  # [wire] updates in a row
 
+    def memory(self) -> dict[str, np.ndarray]:
+        """What a checkpoint keeps."""
+        return {"sunk": np.array([self._sunk, self._sinking]), "stretched": self._stretched}
+
+    def recall(self, kept: dict[str, np.ndarray]) -> None:
+        self._sunk, self._sinking = float(kept["sunk"][0]), int(kept["sunk"][1])
+        self._stretched = kept["stretched"].copy()
+
     def bound_softening(self, reading: measure.Reading) -> None:
         """Soften each wire no more than its shape bears."""
         model, panel = self.model, self.model.panel

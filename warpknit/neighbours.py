@@ -12,6 +12,7 @@ from .model import Model, block_threads
 from .state import State
 
 SAG = 0.15  # of the node spacing: how far a wire may bulge beyond the chord between two nodes (a radius of 0.8 spacings)
+RAMP_SHARE = 0.2  # of the margin: kept for the affine motion between two searches of a ramp
 MARGIN = 0.1  # in course spacings: how much closer a body and a wire may come before the next search
 
 
@@ -33,6 +34,21 @@ class NeighbourSearch:
         self._grid = wp.HashGrid(int(cells[0]), int(cells[1]), 1, device=model.device)
         self._position = wp.zeros(model.panel.node_count, dtype=wp.vec3, device=model.device)
         self._expected = 0.0
+        self._gradient = np.array([1.0, 0.0, 0.0, 1.0])
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """What a checkpoint keeps."""
+        return {"searches": np.array([self.searches]), "expected": np.array([self._expected, *self._gradient])}
+
+    def recall(self, kept: dict[str, np.ndarray]) -> None:
+        self.searches = int(kept["searches"][0])
+        self._expected, self._gradient = float(kept["expected"][0]), kept["expected"][1:].copy()
+
+    def follow(self, gradient: np.ndarray) -> None:
+        """Search again when the load has used up half of what was kept for it since the last search; see `expect`."""
+        moved = 2.0 * float(np.abs(gradient - self._gradient).max()) * self.radius
+        if moved > 0.5 * self._expected:
+            self.expect(RAMP_SHARE * self.margin)
 
     def expect(self, motion: float) -> None:
         """Search, and keep `motion` [m] of the margin for what the load itself will do until the next call."""
@@ -44,6 +60,7 @@ class NeighbourSearch:
         if self.model.pair_count:
             self._search()
         self.searches += 1
+        self._gradient = self.state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 4].copy()
         budget = max(0.5 * self.margin - self._expected, 0.1 * self.margin)
         self.state.write_control(
             {c.TRAVEL: 0.0, c.TRAVEL_LIMIT: budget, c.STATUS: 0.0} if self.model.pair_count else
@@ -79,7 +96,7 @@ class NeighbourSearch:
                 real(0.6 * spacing), real(SAG * spacing), real(model.contact_reach), real(self._expected), state.control, unit,
                 cell_x, cell_y, rest.table_x, rest.table_y, mesh.body_origin_x, mesh.body_origin_y,
                 mesh.pair_wire, mesh.pair_seed, mesh.pair_table, mesh.pair_low, mesh.pair_high,
-                mesh.pair_rest_x, mesh.pair_rest_y, state.pair_force,
+                mesh.pair_rest_x, mesh.pair_rest_y, state.pair_force, state.pair_gap,
                 mesh.wire_first, mesh.wire_count, mesh.wire_closed,
                 state.node_ux[now], state.node_uy[now], state.body_ux, state.body_uy,
                 state.pair_slide, state.pair_u, state.pair_wake,

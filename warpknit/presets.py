@@ -11,13 +11,36 @@ class Preset:
 
     nodes_per_loop: int  # model.nodes_per_loop
     axial_softening: float  # solver.axial_softening: EA is divided by it in the dynamics
+    ramp_axial_softening: float  # the same in a ramp, where nothing takes its error out again
     precision: str  # solver.precision: single | double
+    ramp_precision: str  # the same in a ramp: true masses and little softening make float32's round-off shake the wires
     residual_tolerance: float  # solver.residual_tolerance
 
 
 PRESETS = {
-    "draft": Preset(nodes_per_loop=18, axial_softening=1000.0, precision="single", residual_tolerance=3e-3),
-    "standard": Preset(nodes_per_loop=27, axial_softening=700.0, precision="single", residual_tolerance=3e-3),
-    "reference": Preset(nodes_per_loop=92, axial_softening=64.0, precision="double", residual_tolerance=1e-4),
+    "draft": Preset(
+        nodes_per_loop=18,
+        axial_softening=1000.0,
+        ramp_axial_softening=100.0,
+        precision="single",
+        ramp_precision="double",
+        residual_tolerance=1e-2,
+    ),
+    "standard": Preset(
+        nodes_per_loop=27,
+        axial_softening=700.0,
+        ramp_axial_softening=30.0,
+        precision="single",
+        ramp_precision="double",
+        residual_tolerance=3e-3,
+    ),
+    "reference": Preset(
+        nodes_per_loop=92,
+        axial_softening=64.0,
+        ramp_axial_softening=1.0,
+        precision="double",
+        ramp_precision="double",
+        residual_tolerance=1e-4,
+    ),
 }
 DEFAULT_PRESET = "standard"

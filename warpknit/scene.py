@@ -315,9 +315,14 @@ def _model(source: _Source, table: ModelTable, wire: Wire, numerics: Preset) -> 
 
 def _solver(table: SolverTable, numerics: Preset) -> Solver:
     given = table.model_dump()
-    for key in ("precision", "axial_softening", "residual_tolerance"):
+    ramp = "ramp_" if given["drive"] == "ramp" else ""
+    for key, name in (
+        ("precision", f"{ramp}precision"),
+        ("axial_softening", f"{ramp}axial_softening"),
+        ("residual_tolerance", "residual_tolerance"),
+    ):
         if given[key] is None:
-            given[key] = getattr(numerics, key)
+            given[key] = getattr(numerics, name)
     return Solver(**given)
 
 

@@ -127,7 +127,7 @@ def initial_state(model: Model) -> State:
             c.BODY_INVERSE_MASS: 1.0 / model.body_mass,
             c.DRIVE: 0.0 if relax else 1.0,
             c.TIME_STEP: model.time_step,
-            c.DAMPING: 0.02,
+            c.DAMPING: 0.02 if relax else model.damping,
             c.LOOK_AHEAD: LOOK_AHEAD if relax else 0.0,
             c.FORCE_FACTOR: model.time_step,
             c.VELOCITY_FACTOR: 1.0,
