@@ -4,3 +4,8 @@ Two storage precisions come from one source. ``single`` keeps displacements from
 fixed point (``unit`` metres a count, so that differences are exact and slow motion is never lost) and everything else as
 float32; ``double`` keeps both as float64 (``unit`` is 1).
 """
+
+import warp as wp
+
+wp.config.log_level = wp.LOG_WARNING
+wp.config.enable_backward = False  # nobody differentiates; it halves the time to compile

@@ -21,6 +21,9 @@ from .scene import Wire
 from .state import State
 
 
+INTERIOR = 0.25  # of the mesh's width and height from each edge
+
+
 @dataclass(frozen=True)
 class Reading:
     """The state on the host, float64. Segment values stand at the node that starts the segment."""
@@ -169,6 +172,11 @@ def energies(r: Reading) -> Energies:
         contact=float(np.sum(0.5 * (r.pair_force - r.pair_offset) ** 2 * (r.pair_force > 0)) / stiffness),
         kinetic=0.5 * float(r.control[int(c.KINETIC_TWICE)]),
     )
+
+
+def dissipated(r: Reading) -> float:
+    """Energy that mass-proportional damping took out since the start [J]."""
+    return float(r.control[int(c.DISSIPATED)])
 
 
 def energy_scale(model: Model) -> float:
@@ -352,6 +360,18 @@ def stress_extremes(r: Reading) -> tuple[float, float, float]:
     largest = max(float(stress.max()), float(peak.max()) if len(peak) else 0.0)
     above = float(np.mean(stress > r.model.scene.wire.yield_stress))
     return largest, float(np.percentile(stress, 99)), above
+
+
+def interior_stress(r: Reading) -> float:
+    """Largest stress [Pa] farther than INTERIOR of the mesh's size from its edge, where gripping does not show."""
+    stress = wire_stress(r)
+    if r.model.panel.boundary == "periodic":
+        return float(stress.max())
+    node, _ = positions(r)
+    low, high = node[:, :2].min(axis=0), node[:, :2].max(axis=0)
+    share = (node[:, :2] - low) / (high - low)
+    inside = np.all((share > INTERIOR) & (share < 1.0 - INTERIOR), axis=1)
+    return float(stress[inside].max(initial=0.0))
 
 
 def axial_strain(r: Reading) -> np.ndarray:

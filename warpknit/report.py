@@ -37,8 +37,10 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
     if (force := value("contacts", "force_max_N")) is not None:
         yield "largest contact force", engineering(force, "N")
     if (stress := value("wire", "stress_max_Pa")) is not None:
-        share = value("wire", "yield_fraction")
-        yield "largest stress", engineering(stress, "Pa") + ("" if share is None else f", {share:.0%} of yield")
+        limit = value("wire", "yield_stress_Pa")
+        yield "largest stress", engineering(stress, "Pa") + (f", {stress / limit:.0%} of the elastic limit" if limit else "")
+        if (interior := value("wire", "stress_interior_max_Pa")) is not None and interior < 0.95 * stress:
+            yield "  away from the grips", engineering(interior, "Pa")
     if (steps := value("solver", "steps")) is not None:
         yield "time steps", f"{steps:,} of {value('model', 'nodes') or 0:,} nodes"
     if (wall := value("solver", "wall_s")) is not None:

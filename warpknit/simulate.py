@@ -128,6 +128,19 @@ class Simulation:
             wp.zeros(model.panel.node_count, dtype=model.precision.real, device=model.device) for _ in range(5)
         ]
 
+    def warm_up(self) -> None:
+        """Have every kernel that the run will use compiled or loaded; the state stays as it is."""
+        before, kept = self.state.arrays(), self.memory()
+        self.neighbours.search()
+        self.stepper.step(2)
+        self.slowest_mode.look(use=True)
+        self._is_steady(self.state.read_control())
+        if self.scene.solver.drive == "relax":
+            self._start_level(LoadPoint(np.eye(2), self.scene.wire.reference_temperature))
+        self.state.restore(before)
+        self.recall(kept)
+        self.progress.residual = 0.0
+
     # --- what a checkpoint needs beside the state ---
 
     def memory(self) -> dict[str, np.ndarray]:

@@ -1,0 +1,341 @@
+"""A run from a scene to a directory: what it leaves there, how it is interrupted, resumed and refused.
+
+DIR holds summary.json, history.csv, scene.toml (resolved), layout.npz, states/state_######.npz, scene.usda with its layers,
+figures/*.png and checkpoint/. Every file is written aside and renamed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import math
+import shutil
+import signal
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from . import measure
+from .checkpoint import Checkpoint, has_checkpoint, write_checkpoint
+from .errors import Diverged, OutOfResources, RunDirectoryError
+from .files import write_aside
+from .history import Row, account_work, read_history, row_of, write_history
+from .model import Model, build_model, find_device
+from .progress import Progress as Display
+from .scene import Scene, resolved_toml
+from .simulate import Progress, Record, Simulation
+from .state import initial_state
+from .summary import run_summary, stage_summary
+
+if TYPE_CHECKING:
+    from .export.usd import StageWriter
+
+_log = logging.getLogger(__name__)
+
+COMPILING_S = 1.0  # kernels that took longer to be ready were compiled, not loaded
+OURS = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda", "wires.topology.usdc",
+        "wires.manifest.usda", "stages.json", "states", "frames", "figures", "checkpoint", "vtk", "tables")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Run:
+    """How a run ended."""
+
+    exit_code: int
+    summary: dict[str, Any]
+    message: str = ""
+
+
+class _Interrupted(Exception):
+    """Ctrl-C or a request to terminate, taken at the next look at the state."""
+
+
+def run_scene(
+    scene: Scene,
+    *,
+    out: Path,
+    device: str | None = None,
+    resume: bool = False,
+    force: bool = False,
+    progress: Display | None = None,
+) -> Run:
+    """Run `scene` into the directory `out`.
+
+    Raises `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. A divergence ends with
+    exit_code 3, an interrupt with 130; what was finished by then is kept.
+    """
+    progress = progress or Display()
+    finished = _finished_summary(out)
+    if finished is not None and resume:
+        return Run(0, finished)
+    _check_directory(out, finished is not None, resume, force)
+    name = find_device(device)
+    if device is None:
+        _log.info("running on %s", name)
+    checkpoint = Checkpoint(out, scene.hash) if resume and has_checkpoint(out) else None
+    if resume and checkpoint is None:
+        _log.info("%s has no checkpoint: starting over", out)
+    model = build_model(scene, name)
+    simulation, compile_time = _ready(model, checkpoint)
+    if checkpoint is None:
+        _clear(out)
+    out.mkdir(parents=True, exist_ok=True)
+    return _Recorder(model, simulation, out, progress, compile_time, checkpoint).run()
+
+
+def _finished_summary(out: Path) -> dict[str, Any] | None:
+    """The summary of a run that ended steady or finished in `out`, or None."""
+    try:
+        summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return summary if isinstance(summary, dict) and summary.get("stop_reason") in ("steady", "finished") else None
+
+
+def _check_directory(out: Path, finished: bool, resume: bool, force: bool) -> None:
+    if out.exists() and not out.is_dir():
+        raise RunDirectoryError(f"--out {out}: given a file, allowed: a directory")
+    if force:
+        return
+    if finished:
+        raise RunDirectoryError(f"{out}: holds a finished run; --force replaces it, --out names another directory")
+    if has_checkpoint(out) and not resume:
+        raise RunDirectoryError(f"{out}: holds an interrupted run; --resume goes on with it, --force starts over")
+    foreign = [p.name for p in out.iterdir() if p.name not in OURS and not p.name.startswith(".")] if out.is_dir() else []
+    if foreign and not (out / "scene.toml").exists():
+        raise RunDirectoryError(f"{out}: holds files of something else ({foreign[0]}); --out names another directory")
+
+
+def _clear(out: Path) -> None:
+    """Remove what an earlier run left, and nothing else."""
+    for name in OURS:
+        path = out / name
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink(missing_ok=True)
+
+
+def _ready(model: Model, checkpoint: Checkpoint | None) -> tuple[Simulation, float]:
+    """The simulation with its kernels compiled or loaded, and how long that took [s]."""
+    begin = time.perf_counter()
+    simulation = Simulation(
+        model, initial_state(model), progress=checkpoint.progress if checkpoint else None
+    )
+    simulation.warm_up()
+    if checkpoint is not None:
+        checkpoint.restore(simulation)
+    took = time.perf_counter() - begin
+    if took > COMPILING_S:
+        _log.info("compiled the kernels in %.0f s; they are kept for the next run", took)
+    return simulation, took
+
+
+class _Recorder:
+    """Runs a simulation and writes what it yields."""
+
+    def __init__(
+        self,
+        model: Model,
+        simulation: Simulation,
+        out: Path,
+        display: Display,
+        compile_time: float,
+        checkpoint: Checkpoint | None,
+    ) -> None:
+        self.model = model
+        self.scene = model.scene
+        self.simulation = simulation
+        self.out = out
+        self.display = display
+        self.compile_time = compile_time
+        self.wall_before = checkpoint.wall if checkpoint else 0.0
+        self.rows: list[Row] = []
+        self.stages: list[dict[str, Any]] = []
+        self._begin = self._saved = self._shown = time.perf_counter()
+        self._interrupt = False
+        self._stage_shown = -1
+        simulation.watch = self._watch
+        if checkpoint is not None:
+            self._recall()
+        else:
+            with write_aside(out / "scene.toml") as file:
+                file.write(resolved_toml(self.scene))
+            model.layout().save(out / "layout.npz")
+        self.usd = self._open_stage(resume=checkpoint is not None)
+
+    @property
+    def wall(self) -> float:
+        return self.wall_before + time.perf_counter() - self._begin
+
+    def run(self) -> Run:
+        reason, message, code = "steady", "", 0
+        with self._catching_signals():
+            try:
+                for record in self.simulation.run():
+                    self._keep(record)
+                if not self.rows[-1].steady:
+                    reason = "finished"
+            except _Interrupted:
+                reason, code = "interrupted", 130
+                message = f"interrupted; --resume goes on from {self.out}"
+                self._checkpoint()
+            except Diverged as error:
+                reason, code, message = "diverged", error.exit_code, str(error)
+            except (MemoryError, OSError, OutOfResources):
+                self._write_summary("interrupted", "ran out of memory or disk")
+                raise
+        summary = self._write_summary(reason, message)
+        if self.usd is not None:
+            self.usd.close(complete=code == 0)
+        if self.scene.output.figures and self.rows:
+            self._draw()
+        if self.scene.output.vtk and self.rows:
+            from .export import export_run
+
+            export_run(self.out, "vtk")
+        if code == 0:
+            shutil.rmtree(self.out / "checkpoint", ignore_errors=True)
+        return Run(code, summary, message)
+
+    # --- records ---
+
+    def _keep(self, record: Record) -> None:
+        """Write one record: its state, its USD frame, its row; then the stage's summary where the stage ends."""
+        frame = measure.frame(
+            record.reading,
+            index=record.index,
+            stage=record.stage,
+            load_factor=record.load_factor,
+            temperature=record.temperature,
+        )
+        frame.save(self.out / "states" / f"state_{record.index:06d}.npz")
+        if self.usd is not None:
+            self.usd.add_frame(frame)
+        self.rows.append(row_of(record))
+        account_work(self.rows, self.model)
+        write_history(self.out / "history.csv", self.rows)
+        if record.load_factor == 1.0:
+            self.stages.append(stage_summary(record, self.rows))
+            with write_aside(self.out / "stages.json") as file:
+                json.dump(self.stages, file, allow_nan=False)
+        self.last = record
+
+    def _write_summary(self, reason: str, message: str) -> dict[str, Any]:
+        stages = self.stages
+        if reason in ("diverged", "interrupted") and self.rows and hasattr(self, "last"):
+            unfinished = stage_summary(self.last, self.rows)
+            stages = [s for s in stages if s["name"] != unfinished["name"]] + [unfinished]
+        summary = run_summary(
+            self.model,
+            self.rows,
+            stages,
+            stop_reason=reason,
+            wall=self.wall,
+            compile_time=self.compile_time,
+            steps=self.simulation.progress.steps,
+            message=message,
+        )
+        with write_aside(self.out / "summary.json") as file:
+            json.dump(_finite(summary), file, indent=2, allow_nan=False)
+        return summary
+
+    def _recall(self) -> None:
+        """Take up the rows and stage summaries that stand in the directory, up to the checkpoint."""
+        count = self.simulation.progress.records
+        self.rows = read_history(self.out / "history.csv")[:count] if count else []
+        if len(self.rows) < count:
+            raise RunDirectoryError(f"{self.out}: history.csv is shorter than the checkpoint: start over with --force")
+        path = self.out / "stages.json"
+        if path.exists():
+            done = self.simulation.progress.stage_index
+            self.stages = json.loads(path.read_text(encoding="utf-8"))[:done]
+
+    # --- while it runs ---
+
+    def _watch(self, progress: Progress) -> None:
+        now = time.perf_counter()
+        if self._interrupt:
+            raise _Interrupted
+        if now - self._saved > self.scene.output.checkpoint_interval:
+            self._checkpoint()
+        if now - self._shown > 0.1:
+            self._shown = now
+            self._show(progress)
+
+    def _show(self, progress: Progress) -> None:
+        stages = self.scene.stages
+        if progress.stage_index != self._stage_shown:
+            self._stage_shown = progress.stage_index
+            self.display.stage(stages[progress.stage_index].name, number=progress.stage_index + 1, of=len(stages))
+        elapsed = time.perf_counter() - self._begin
+        rate = progress.steps * self.model.panel.node_count / elapsed if elapsed > 0 else None
+        self.display.update(
+            done=min(1.0, progress.level / max(1, self.scene.output.frames)),
+            load_factor=progress.load_factor,
+            node_steps_per_s=rate,
+        )
+
+    def _checkpoint(self) -> None:
+        write_checkpoint(self.out, self.simulation, self.scene.hash, self.wall)
+        self._saved = time.perf_counter()
+
+    @contextlib.contextmanager
+    def _catching_signals(self) -> Iterator[None]:
+        """The first interrupt is taken at the next look at the state, a second one at once."""
+
+        def take(number: int, _frame: object) -> None:
+            if self._interrupt:
+                raise KeyboardInterrupt
+            self._interrupt = True
+
+        before = {}
+        for number in (signal.SIGINT, signal.SIGTERM):
+            with contextlib.suppress(ValueError):  # not in the main thread: signals stay with whoever has them
+                before[number] = signal.signal(number, take)
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    # --- exports ---
+
+    def _open_stage(self, *, resume: bool) -> StageWriter | None:
+        if not self.scene.output.usd:
+            return None
+        from . import __version__
+        from .export.usd import StageWriter
+
+        return StageWriter(
+            self.out,
+            self.model.layout(),
+            scene_name=self.scene.name,
+            scene_hash=self.scene.hash,
+            version=__version__,
+            colour_stress_max=self.scene.wire.yield_stress,
+            resume=resume,
+        )
+
+    def _draw(self) -> None:
+        from .export import export_run
+
+        export_run(self.out, "png")
+        if self.model.cloth is not None:
+            from .export.knit_figure import knit_figure
+
+            knit_figure(self.model.cloth, self.scene.wire.diameter, self.out / "figures" / "knit.png")
+
+
+def _finite(tree: Any) -> Any:
+    """The same with None for numbers that are not finite: no file holds a NaN."""
+    if isinstance(tree, dict):
+        return {key: _finite(value) for key, value in tree.items()}
+    if isinstance(tree, list | tuple):
+        return [_finite(value) for value in tree]
+    if isinstance(tree, float) and not math.isfinite(tree):
+        return None
+    return tree

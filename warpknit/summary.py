@@ -1,0 +1,163 @@
+"""summary.json: what a run found, in SI units (the keys are fixed, see docs/scenes.md)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from . import __version__, measure
+from .history import Row
+from .model import Model
+from .simulate import Record
+
+
+def stage_summary(record: Record, rows: list[Row]) -> dict[str, Any]:
+    """Contacts, wire, mesh and quality of the state at the end of a stage; `rows` are all rows up to it."""
+    r = record.reading
+    model = r.model
+    contact = measure.contacts(r)
+    rhombus = measure.contacts(r, model.panel.rhombus_bodies)
+    force = r.pair_force[measure.pair_active(r)]
+    largest, high, above = measure.stress_extremes(r)
+    tension = measure.mesh_tension(r)
+    f = r.gradient
+    return {
+        "name": record.stage,
+        "quality": {
+            "kinetic_to_internal": kinetic_to_internal(rows, model),
+            "energy_balance": energy_balance(rows, model),
+            "energy_balance_of_stored": energy_balance(rows, model, floor=0.0),
+            "residual": measure.residual(r),
+            "penetration_max": max(row.penetration for row in rows),
+        },
+        "contacts": {
+            "pairs": contact.pairs,
+            "active": contact.active,
+            "active_percent": contact.active_percent,
+            "bodies": contact.bodies,
+            "active_bodies": contact.active_bodies,
+            "force_max_N": float(force.max(initial=0.0)),
+            "force_mean_N": float(force.mean()) if len(force) else 0.0,
+            "threshold_N": measure.active_threshold(model),
+            "central_rhombus": {
+                "bodies": rhombus.bodies,
+                "pairs": rhombus.pairs,
+                "active": rhombus.active,
+                "active_percent": rhombus.active_percent,
+            },
+        },
+        "wire": {
+            "stress_max_Pa": largest,
+            "stress_p99_Pa": high,
+            "stress_interior_max_Pa": measure.interior_stress(r),
+            "yield_stress_Pa": model.scene.wire.yield_stress,
+            "yield_fraction": above,
+            "axial_strain_max": float(np.max(np.abs(measure.axial_strain(r)))),
+        },
+        "mesh": {
+            "tension_weft_N_per_m": tension[0],
+            "tension_warp_N_per_m": tension[1],
+            "strain_weft": float(f[0, 0] - 1.0),
+            "strain_warp": float(f[1, 1] - 1.0),
+            "shear": float(f[0, 1]),
+            "temperature_K": record.temperature,
+            "areal_mass_kg_per_m2": measure.areal_mass(r),
+        },
+    }
+
+
+def kinetic_to_internal(rows: list[Row], model: Model) -> float:
+    """Largest kinetic over stored energy of the states that count: steady ones, or a ramp's after a tenth of its load."""
+    counted = [row for row in rows if (row.steady or row.load_factor > 0.1) and row.stored > 0.0 and row.load_factor > 0.0]
+    floor = 1e-12 * measure.energy_scale(model)
+    return max((row.energy_kinetic_J / max(row.stored, floor) for row in counted), default=0.0)
+
+
+def energy_balance(rows: list[Row], model: Model, floor: float = 1.0) -> float:
+    """Work in less stored, dissipated and kinetic energy of the last row, over the larger of stored and EI/W a loop.
+
+    What the damping of a ramp took out is on the books; a relaxation works along steady states, where it takes out nothing.
+    With floor 0 the balance is over the stored energy alone.
+    """
+    last = rows[-1]
+    dissipated = last.dissipated_J
+    kinetic = last.energy_kinetic_J if model.scene.solver.drive == "ramp" else 0.0
+    missing = last.work_J - last.stored - dissipated - kinetic
+    scale = max(last.stored, floor * measure.energy_scale(model))
+    return missing / scale if scale > 0.0 else 0.0
+
+
+def warnings_of(model: Model, rows: list[Row], stages: list[dict[str, Any]]) -> list[str]:
+    """What the user should know about this result."""
+    wire = model.scene.wire
+    found = list(model.panel.notes)
+    largest = max((row.stress_max_Pa for row in rows), default=0.0)
+    if largest > wire.tensile_strength:
+        found.append(
+            f"a wire is stressed to {largest / 1e9:.3g} GPa, beyond its strength of {wire.tensile_strength / 1e9:.3g} GPa:"
+            " it would break; the result is elastic"
+        )
+    elif largest > wire.yield_stress:
+        found.append(
+            f"a wire is stressed to {largest / 1e9:.3g} GPa, beyond its elastic limit of {wire.yield_stress / 1e9:.3g} GPa:"
+            " it would keep a set; the result is elastic"
+        )
+    if any(row.strain_weft < -0.005 or row.strain_warp < -0.005 for row in rows):
+        found.append("the mesh is compressed: a real one would wrinkle out of its plane, which this planar model cannot show")
+    if stages and abs(stages[-1]["quality"]["energy_balance_of_stored"]) > 0.05:
+        found.append(
+            f"work and stored energy differ by {stages[-1]['quality']['energy_balance_of_stored']:.0%}:"
+            " the mesh snapped between recorded states, or output.frames is too small to follow it"
+        )
+    return found
+
+
+def run_summary(
+    model: Model,
+    rows: list[Row],
+    stages: list[dict[str, Any]],
+    *,
+    stop_reason: str,
+    wall: float,
+    compile_time: float,
+    steps: int,
+    message: str = "",
+) -> dict[str, Any]:
+    """The whole of summary.json; the last stage's values stand at the top."""
+    scene, panel = model.scene, model.panel
+    last = {key: value for key, value in stages[-1].items() if key != "name"} if stages else {}
+    if "quality" in last:
+        last["quality"] = {**last["quality"], "estimated_error": None}
+    return {
+        "scene": {"name": scene.name, "hash": scene.hash},
+        "version": __version__,
+        "device": model.device,
+        "stop_reason": stop_reason,
+        "message": message,
+        "warnings": warnings_of(model, rows, stages),
+        "model": {
+            "kind": scene.model.kind,
+            "boundary": scene.model.boundary,
+            "precision": model.precision.name,
+            "wires": len(panel.wire_first),
+            "nodes": panel.node_count,
+            "repeats": list(scene.knit.repeats),
+            "bodies": panel.body_count,
+            "pairs": model.pair_count,
+            "rest_curve_error": model.table.curve_error / scene.wire.diameter,
+        },
+        "solver": {
+            "time_step_s": model.time_step,
+            "steps": steps,
+            "wall_s": wall,
+            "compile_s": compile_time,
+            "node_steps_per_s": steps * panel.node_count / wall if wall > 0 else 0.0,
+            "mass_scaling": 1.0 + model.added_mass,
+            "axial_softening": model.softening,
+            "preset": scene.solver.preset,
+            "drive": scene.solver.drive,
+        },
+        **last,
+        "stages": stages,
+    }
