@@ -8,8 +8,17 @@ from typing import Any
 
 import warp as wp
 
-from .control import BODY_INVERSE_MASS, FORCE_FACTOR, LOOK_AHEAD, STATUS, STATUS_RUNNING, TIME_STEP, VELOCITY_FACTOR
-from .wires import round_count, without_denormals
+from .control import (
+    BODY_INVERSE_MASS,
+    FORCE_FACTOR,
+    LOOK_AHEAD,
+    STATUS,
+    STATUS_RUNNING,
+    STEP,
+    TIME_STEP,
+    VELOCITY_FACTOR,
+)
+from .wires import round_count, rounding_phase, without_denormals
 
 BODY_BLOCK = 32
 
@@ -41,6 +50,7 @@ def step_bodies(
     b = type(unit)(control[FORCE_FACTOR]) * im
     counts = type(unit)(control[TIME_STEP]) / unit
     ahead = type(unit)(control[LOOK_AHEAD])
+    phase = type(unit)(rounding_phase(control[STEP]))
     power = wp.float64(0.0)
     square = wp.float64(0.0)
     speed = wp.float64(0.0)
@@ -59,8 +69,8 @@ def step_bodies(
         qy = without_denormals(a * py + b * fy)
         vx[i] = qx
         vy[i] = qy
-        ux[i] = ux[i] + round_count((qx + ahead * (qx - px)) * counts, ux[i])
-        uy[i] = uy[i] + round_count((qy + ahead * (qy - py)) * counts, uy[i])
+        ux[i] = ux[i] + round_count((qx + ahead * (qx - px)) * counts, phase, ux[i])
+        uy[i] = uy[i] + round_count((qy + ahead * (qy - py)) * counts, phase, uy[i])
         force_square = wp.float64(fx * fx + fy * fy)
         speed_square = wp.float64(qx * qx + qy * qy)
         power += wp.float64(fx * px + fy * py)

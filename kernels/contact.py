@@ -190,7 +190,7 @@ def find_contact_forces(
             if done:
                 break
             u = target
-        # a pair that is well open here, across the wire, moves its point once a step; only near contact must it be exact
+        # a pair well open here, across the wire, moves its point once a step; only near contact must it be exact
         across = type(unit)(pair_side[pair]) * (dx * (gy - py) - dy * (gx - px))
         if across > zero and across * across > open_square * square:
             break

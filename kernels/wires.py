@@ -22,6 +22,7 @@ from .control import (
     LOOK_AHEAD,
     STATUS,
     STATUS_RUNNING,
+    STEP,
     TIME_STEP,
     VELOCITY_FACTOR,
 )
@@ -29,12 +30,22 @@ from .stretch import axial_force, edge_component
 
 
 @wp.func
-def round_count(x: wp.float32, like: wp.int32) -> wp.int32:
-    return wp.int32(wp.rint(x))
+def rounding_phase(step: wp.float64) -> wp.float64:
+    """Where in [0, 1) a step rounds: multiples of the golden ratio, which cover it evenly whenever one stops.
+
+    A step adds floor(x + phase) counts, so that n equal steps add n x to a count or two, however small x is.
+    """
+    turns = step * wp.float64(0.6180339887498949)
+    return turns - wp.floor(turns)
 
 
 @wp.func
-def round_count(x: wp.float64, like: wp.float64) -> wp.float64:  # noqa: F811  (an overload)
+def round_count(x: wp.float32, phase: wp.float32, like: wp.int32) -> wp.int32:
+    return wp.int32(wp.floor(x + phase))
+
+
+@wp.func
+def round_count(x: wp.float64, phase: wp.float64, like: wp.float64) -> wp.float64:  # noqa: F811  (an overload)
     return x
 
 
@@ -185,10 +196,11 @@ def step_wires_by_node(
     qy = without_denormals(a * py + b * fy)
     counts = type(unit)(control[TIME_STEP]) / unit
     ahead = type(unit)(control[LOOK_AHEAD])
+    phase = type(unit)(rounding_phase(control[STEP]))
     vx[i] = qx
     vy[i] = qy
-    ux_out[i] = ux_in[i] + round_count((qx + ahead * (qx - px)) * counts, ux_in[i])
-    uy_out[i] = uy_in[i] + round_count((qy + ahead * (qy - py)) * counts, uy_in[i])
+    ux_out[i] = ux_in[i] + round_count((qx + ahead * (qx - px)) * counts, phase, ux_in[i])
+    uy_out[i] = uy_in[i] + round_count((qy + ahead * (qy - py)) * counts, phase, uy_in[i])
     force_square = wp.float64(fx * fx + fy * fy)
     speed_square = wp.float64(qx * qx + qy * qy)
     wp.atomic_add(partial, block, 0, wp.float64(fx * px + fy * py))

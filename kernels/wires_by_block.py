@@ -17,9 +17,11 @@ from .control import (
     LOOK_AHEAD,
     STATUS,
     STATUS_RUNNING,
+    STEP,
     TIME_STEP,
     VELOCITY_FACTOR,
 )
+from .wires import rounding_phase
 
 BLOCK_SIZE = 128
 
@@ -177,8 +179,8 @@ _BLOCK_STEP = r"""
         square += f2;
         speed_x[k] = qx;
         speed_y[k] = qy;
-        moved_x[k] = cx[k] + COUNT((qx + look_ahead * (qx - px)) * counts);
-        moved_y[k] = cy[k] + COUNT((qy + look_ahead * (qy - py)) * counts);
+        moved_x[k] = cx[k] + COUNT((qx + look_ahead * (qx - px)) * counts SHIFT);
+        moved_y[k] = cy[k] + COUNT((qy + look_ahead * (qy - py)) * counts SHIFT);
         ff[k] = f2;
         qq[k] = q2;
     }
@@ -243,17 +245,18 @@ ATAN_DOUBLE = (
 )
 
 
-def _block_step_snippet(coordinate: str, count: str) -> str:
+def _block_step_snippet(coordinate: str, count: str, shift: str) -> str:
     return (
         _BLOCK_STEP.replace("BLOCK_SIZE", str(BLOCK_SIZE))
         .replace("ATAN_SINGLE", _polynomial(ATAN_SINGLE, "z"))
         .replace("ATAN_DOUBLE", _polynomial(ATAN_DOUBLE, "z"))
         .replace("COORDINATE", coordinate)
         .replace("COUNT", count)
+        .replace("SHIFT", shift)
     )
 
 
-@wp.func_native(_block_step_snippet("int", "(int)rint"))
+@wp.func_native(_block_step_snippet("int", "(int)floor", "+ phase"))
 def block_step(
     # where
     block: wp.int32,
@@ -281,6 +284,7 @@ def block_step(
     force_factor: wp.float32,
     time_step: wp.float32,
     look_ahead: wp.float32,
+    phase: wp.float32,
     # rest data
     rest_x: wp.array(dtype=wp.float32),
     rest_y: wp.array(dtype=wp.float32),
@@ -307,7 +311,7 @@ def block_step(
 ): ...
 
 
-@wp.func_native(_block_step_snippet("double", ""))
+@wp.func_native(_block_step_snippet("double", "", ""))
 def block_step(
     # where
     block: wp.int32,
@@ -335,6 +339,7 @@ def block_step(
     force_factor: wp.float64,
     time_step: wp.float64,
     look_ahead: wp.float64,
+    phase: wp.float64,
     # rest data
     rest_x: wp.array(dtype=wp.float64),
     rest_y: wp.array(dtype=wp.float64),
@@ -437,6 +442,7 @@ def step_wires_by_block(
         type(unit)(control[FORCE_FACTOR]),
         type(unit)(control[TIME_STEP]),
         type(unit)(control[LOOK_AHEAD]),
+        type(unit)(rounding_phase(control[STEP])),
         rest_x,
         rest_y,
         rest_length,

@@ -1,4 +1,7 @@
-"""What all tests share: the device they run on."""
+"""What all tests share: the device they run on.
+
+SI values are small: pytest.approx needs `abs=0` beside `rel`, or its own 1e-12 hides a force of a piconewton.
+"""
 
 import pytest
 import warp as wp

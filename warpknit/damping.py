@@ -14,7 +14,7 @@ from .state import State
 from .step import ForceProbe, Stepper
 
 SLOWEST = 1e-3  # [1/s] least damping, at unit step
-FASTEST = 0.5
+FASTEST = 0.2
 
 
 class SlowestMode:

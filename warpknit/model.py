@@ -23,12 +23,14 @@ from .panel import Panel, build_panel, table_lead
 from .scene import Scene
 from .table import Table, rest_table
 
-CONTACT_TO_AXIAL = 0.5  # contact stiffness over the softened axial stiffness of a segment, where the scene gives none
+CONTACT_TO_AXIAL = 0.25  # contact stiffness over the softened axial stiffness of a segment, where the scene gives none
 MASS_MARGIN = 1.5  # fictitious masses over the least that is stable at unit step, in relax
 LOADING_PERIODS = 10.0  # slowest periods over which a stage of a ramp loads, where the scene gives no time
+CONTACT_SHARE = 1.6  # contact stiffness that a node's fictitious mass leaves room for, in penalties
+TURN_ALLOWANCE = 0.3  # [rad] by which load may sharpen a turn
 BODY_MASS_SHARE = 0.25  # body mass over the wire mass of a loop, in a ramp (the paper: under a half)
 SLIDE_ALLOWANCE = 0.5  # how far a contact may slide beyond its lens, in wire lengths of a loop
-MEMORY_PER_NODE = {"single": 64, "double": 120}  # bytes, device and host, measured by tests/test_model.py
+MEMORY_PER_NODE = {"single": 420, "double": 520}  # bytes, at the peak of a run on the CPU
 
 
 @dataclass(frozen=True)
@@ -278,8 +280,10 @@ def choose_numbers(scene: Scene, table: Table, loop_length: float) -> Numbers:
     contact = scene.contact.stiffness
     if scene.solver.drive == "relax":
         contact = CONTACT_TO_AXIAL * max(axial, 4 * bend) if contact is None else contact
-        node = float(unit_step_mass(wire.axial_stiffness / softening, wire.bending_stiffness, contact, h))
-        return Numbers(softening, contact, np.full(len(table.x), node), MASS_MARGIN * contact, 0.0, 1.0, "unit step")
+        node = unit_step_mass(
+            wire.axial_stiffness / softening, wire.bending_stiffness, contact, h, sharpest_turn(table)
+        )
+        return Numbers(softening, contact, node, MASS_MARGIN * contact, 0.0, 1.0, "unit step")
     true_mass = wire.linear_density * table.node_length
     mass = true_mass * scene.solver.mass_scaling
     contact = 20 * bend if contact is None else contact
@@ -304,15 +308,29 @@ def choose_numbers(scene: Scene, table: Table, loop_length: float) -> Numbers:
 
 
 def unit_step_mass(
-    axial_stiffness: np.ndarray | float, bending_stiffness: float, contact_stiffness: float, spacing: float
-) -> np.ndarray | float:
+    axial_stiffness: np.ndarray | float,
+    bending_stiffness: float,
+    contact_stiffness: float,
+    spacing: float,
+    turning: np.ndarray | float = 0.0,
+) -> np.ndarray:
     """Node mass [kg] that is stable at a step of 1 s, for a softened EA [N], EI [N m2], a penalty [N/m] and a spacing [m].
 
-    A chain's largest eigenvalue is 4 k (stretch) or 16 EI/h^3 (bend), and the step is stable up to 4 m; a node takes one
-    contact fully at most.
+    A chain's largest eigenvalue is a = 4 k (stretch) or b = 16 EI/h^3 (bend), the larger of the two where it is straight; a
+    turn theta [rad] couples them: (a + b)/2 + sqrt((a - b)^2/4 + a b sin^2 theta). The step is stable up to 4 m. CONTACT_SHARE
+    leaves room for the pairs of neighbouring bodies that may push the same node.
     """
-    stiffness = np.maximum(axial_stiffness / spacing, 4 * bending_stiffness / spacing**3)
-    return MASS_MARGIN * (stiffness + 0.8 * contact_stiffness)
+    a = 4.0 * np.asarray(axial_stiffness) / spacing
+    b = 16.0 * bending_stiffness / spacing**3
+    sine = np.sin(np.minimum(turning, 0.5 * np.pi))
+    wire = 0.5 * (a + b) + np.sqrt(0.25 * (a - b) ** 2 + a * b * sine**2)
+    return MASS_MARGIN * (0.25 * wire + CONTACT_SHARE * contact_stiffness)
+
+
+def sharpest_turn(table: Table) -> np.ndarray:
+    """Largest turning angle (entry,) [rad] at a node and its neighbours, with room for what load adds."""
+    turn = np.abs(table.rest_angle)
+    return np.maximum(turn, np.maximum(np.roll(turn, 1), np.roll(turn, -1))) + TURN_ALLOWANCE
 
 
 STEP_MARGIN = 0.9  # time step over the bound

@@ -20,7 +20,9 @@ from .model import MASS_MARGIN, Model, block_threads, unit_step_mass
 from .state import State
 
 PATIENCE = 4  # updates in a row that a limit must be passed, without coming down by itself, before numbers are renewed
-RATE = 0.4  # of a multiplier an update
+RATE = 0.4  # of a multiplier an update, at the start of a level
+RATE_LEAST = 0.02
+RATE_PATIENCE = 10  # updates without progress before the rate is lowered: wires that answer late would make it swing
 PENETRATION_LIMIT = 0.004  # wire diameters that a closed pair may overlap in a steady state
 PENETRATION_STIFFEN = 0.05  # wire diameters at which the contact penalty is doubled
 SOFTENING_STRAIN = 0.02  # softened axial strain at which a wire's softening is halved
@@ -37,13 +39,29 @@ class Multipliers:
         self._sunk = 0.0
         self._sinking = 0  # updates in a row with bodies sunk in
         self._stretched = np.zeros(len(model.panel.wire_first), dtype=int)  # [wire] updates in a row
+        self.begin_level()
+
+    def begin_level(self) -> None:
+        """Start with the full rate again."""
+        self._rate, self._best, self._waited = RATE, np.inf, 0
+
+    def _slow_down_without_progress(self, left: float) -> None:
+        if left < 0.9 * self._best:
+            self._best, self._waited = left, 0
+            return
+        self._waited += 1
+        if self._waited >= RATE_PATIENCE:
+            self._waited = 0
+            self._rate = max(0.7 * self._rate, RATE_LEAST)
 
     def memory(self) -> dict[str, np.ndarray]:
         """What a checkpoint keeps."""
-        return {"sunk": np.array([self._sunk, self._sinking]), "stretched": self._stretched}
+        numbers = [self._sunk, self._sinking, self._rate, self._best, self._waited]
+        return {"sunk": np.array(numbers, dtype=float), "stretched": self._stretched}
 
     def recall(self, kept: dict[str, np.ndarray]) -> None:
-        self._sunk, self._sinking = float(kept["sunk"][0]), int(kept["sunk"][1])
+        self._sunk, sinking, self._rate, self._best, waited = kept["sunk"].tolist()
+        self._sinking, self._waited = int(sinking), int(waited)
         self._stretched = kept["stretched"].copy()
 
     def bound_softening(self, reading: measure.Reading) -> None:
@@ -77,7 +95,7 @@ class Multipliers:
             wp.launch(
                 update_pair_offset,
                 dim=model.pair_count,
-                inputs=[wp.float64(RATE), state.pair_force, state.pair_offset],
+                inputs=[wp.float64(self._rate), state.pair_force, state.pair_offset],
                 device=model.device,
             )
         missing = np.abs(own / np.repeat(axial, model.panel.wire_count) - np.abs(host) / model.axial_stiffness).max()
@@ -89,7 +107,9 @@ class Multipliers:
             self._sinking = 0
         if np.any(stiffer != axial) or too_soft:
             self._set_stiffness(stiffer, 2.0 * penalty if too_soft else penalty)
-        return max(float(missing) / AXIAL_ERROR, sunk / PENETRATION_LIMIT)
+        left = max(float(missing) / AXIAL_ERROR, sunk / PENETRATION_LIMIT)
+        self._slow_down_without_progress(left)
+        return left
 
     def _restiffen(self, axial: np.ndarray, penalty: float | None, tension: np.ndarray) -> None:
         if np.all(axial <= self.state.wire_axial.numpy().astype(np.float64) * (1 + 1e-6)):
@@ -98,8 +118,9 @@ class Multipliers:
         self._move_offsets(wp.array(tension, dtype=self.model.precision.real, device=device), axial, rate=0.0)
         self._set_stiffness(axial, penalty)
 
-    def _move_offsets(self, tension: wp.array, axial: np.ndarray, rate: float = RATE) -> None:
+    def _move_offsets(self, tension: wp.array, axial: np.ndarray, rate: float | None = None) -> None:
         model, mesh, state = self.model, self.model.mesh, self.state
+        rate = self._rate if rate is None else rate
         wp.launch(
             update_tension_offset,
             dim=block_threads(model),

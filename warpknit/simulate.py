@@ -249,6 +249,7 @@ class Simulation:
             if not progress.settling:
                 self._start_level(self._target(stage, factor))
                 progress.search.begin_level()
+                self.multipliers.begin_level()
                 progress.settling, progress.looks = True, 0
             self._settle()
             if driven.any() and factor > 0.0:

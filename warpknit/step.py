@@ -41,7 +41,11 @@ class Stepper:
 
     def step(self, count: int) -> None:
         """Take `count` steps; they do nothing once the state is frozen (see kernels/control.py)."""
-        if self.model.device != "cpu" and self.state.parity == 0 and count >= 2:
+        if self.model.device != "cpu" and count >= 3:
+            if self.state.parity == 1:
+                self._step_once(1)
+                self.state.parity = 0
+                count -= 1
             if self._graph is None:
                 with wp.ScopedCapture(device=self.model.device) as capture:
                     self._step_once(0)

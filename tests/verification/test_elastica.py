@@ -3,9 +3,9 @@
     EI theta'' + P cos theta = 0,   theta(0) = 0,   theta'(L) = 0,   w = integral of sin theta
     P L^2/EI = 1, 5, 10:   w/L = 0.301721, 0.713792, 0.810609
 
-The clamp holds the first two nodes and sits half way between them, where the first segment has its angle; every other angle
-sits in the middle of its segment and every moment at its node, so the discrete equations are midpoint rules of the above and
-the error falls with h^2. The wire is 40 mm long, so that it stretches by EI/(EA L^2) P L^2/EI < 1e-7.
+The clamp holds the first two nodes and sits half way between them, where the first segment has its angle; every other
+angle sits in the middle of its segment and every moment at its node, so the discrete equations are midpoint rules of
+the above and the error falls with h^2. The wire is 40 mm long, so that it stretches by EI/(EA L^2) P L^2/EI < 1e-7.
 """
 
 from functools import cache
@@ -64,8 +64,8 @@ def test_reference_is_the_published_one(load: float) -> None:
 
 @pytest.mark.parametrize("load", DEFLECTION)
 def test_deflection_converges_at_second_order(load: float) -> None:
-    """The error goes with h^2 to a relative h^2/L^2; so Richardson's limit is the elastica to an error (here 0.003 .. 0.005)
-    times that, h^4/L^4/5 being the share that is left."""
+    """The error goes with h^2 to a relative h^2/L^2; so Richardson's limit is the elastica to an error (here 0.003 ..
+    0.005) times that, h^4/L^4/5 being the share that is left."""
     exact, _ = elastica(load)
     coarse, fine = (cantilever(load, n)[0] for n in (10, 20))
     assert abs((coarse - exact) / (fine - exact) * (9.5 / 19.5) ** 2 - 1) < 1 / 9.5**2

@@ -1,7 +1,7 @@
 """Meshes made by hand for the verification tests: single wires of any shape, with bodies where a test puts them.
 
-A `Rig` is such a mesh with its state: it takes positions and gives forces, or takes steps. Positions and forces of nodes and
-bodies stand in one array (node + body, 2), nodes first.
+A `Rig` is such a mesh with its state: it takes positions and gives forces, or takes steps. Positions and forces of
+nodes and bodies stand in one array (node + body, 2), nodes first.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from warpknit.step import ForceProbe, Stepper
 from warpknit.table import Table, _fit_rest_curve
 
 LEAD = BLOCK_SIZE + 40
-CLOSEST_POINT_TOLERANCE = 1e-5  # of a segment: how far the contact point may be from the closest one (kernels/contact.py)
+CLOSEST_POINT_TOLERANCE = 1e-5  # segments between contact point and closest point (kernels/contact.py)
 EPSILON = float(np.finfo(np.float64).eps)
 DIAMETER = 15e-6  # [m] of every wire here
 
@@ -31,7 +31,7 @@ def scene_with(**solver: object) -> Scene:
     return make_scene(
         {
             "wire": {"material": "tungsten", "diameter": "15 um"},
-            "solver": {"drive": "ramp", "precision": "double", "axial_softening": 1.0, **solver},
+            "solver": {"drive": "ramp", "precision": "double", "axial_softening": 1.0, "multipliers": False, **solver},
         }
     )
 
@@ -41,8 +41,8 @@ def table_of_wires(
 ) -> Table:
     """Table with one thread a wire; `shapes` are node positions (n, 2) [m]. A closed wire returns to its first node.
 
-    `natural` gives the stress-free shapes where they differ from the ones to start from (same number of nodes). The last
-    nodes of an open wire stand for half a segment.
+    `natural` gives the stress-free shapes where they differ from the ones to start from (same number of nodes). The
+    last nodes of an open wire stand for half a segment.
     """
     parts: dict[str, list[np.ndarray]] = {}
     start, nodes, offset = [], [], 0
@@ -79,7 +79,8 @@ def table_of_wires(
 
 
 def table_of_circle(radius: float, nodes: int, *, with_curve: bool) -> Table:
-    """A closed circle run counter-clockwise; `with_curve` fits the contact curve to the arc, else it is Catmull-Rom's."""
+    """A closed circle run counter-clockwise; `with_curve` fits the contact curve to the arc, else it is
+    Catmull-Rom's."""
     table = table_of_wires([circle(radius, nodes)], closed=True)
     if not with_curve:
         return table
@@ -101,7 +102,8 @@ def panel_of_wires(
     pairs: Sequence[tuple[int, int, int]] = (),
     block_size: int = BLOCK_SIZE,
 ) -> Panel:
-    """Wires of the table, held nodes that move with nothing, and bodies with pairs (wire, segment near the body, side)."""
+    """Wires of the table, held nodes that move with nothing, and bodies with pairs (wire, segment near the body,
+    side)."""
     count = table.nodes
     first = np.concatenate([[0], np.cumsum(count)[:-1]])
     blocks = [(w, low) for w in range(len(count)) for low in range(0, count[w], block_size)]
@@ -112,7 +114,7 @@ def panel_of_wires(
     around = 2 * count[wire]
     i32: Callable[..., np.ndarray] = lambda a: np.array(a, dtype=np.int32)  # noqa: E731
     return Panel(
-        size=np.array([1.0, 1.0]),
+        size=np.array([4e-3, 4e-3]),
         boundary="periodic" if closed else "gripped",
         wire_first=i32(first),
         wire_count=i32(count),
@@ -258,7 +260,8 @@ class Rig:
     def rest_position(
         self, position: np.ndarray, free: np.ndarray, load: np.ndarray | float = 0.0, tolerance: float = 1e-10
     ) -> np.ndarray:
-        """Where forces and `load` [N] balance at the `free` components (node + body, 2), by Newton's method from `position`.
+        """Where forces and `load` [N] balance at the `free` components (node + body, 2), by Newton's method from
+        `position`.
 
         `tolerance` [N] is on the largest force.
         """
@@ -272,5 +275,3 @@ class Rig:
             move = np.linalg.solve(stiffness, out_of_balance)
             x[free] += move * min(1.0, 0.3 * spacing / np.max(np.abs(move)))
         raise AssertionError(f"no rest position: largest force {np.max(np.abs(out_of_balance)):.3g} N is left")
-
-

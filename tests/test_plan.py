@@ -1,0 +1,185 @@
+"""The plan: its keys, that its counts are those of the model, its estimates against runs, and what it refuses."""
+
+import json
+import subprocess
+import sys
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import warp as wp
+
+from warpknit import measure, model, plan
+from warpknit.errors import DeviceError, MemoryNeeded
+from warpknit.knit.chain import KnitError
+from warpknit.model import MEMORY_PER_NODE, build_model
+from warpknit.plan import ESTIMATE_FACTOR, make_plan
+from warpknit.scene import load_scene, make_scene
+from warpknit.simulate import Simulation
+from warpknit.state import initial_state
+
+ROOT = Path(__file__).parent.parent
+CELL = ROOT / "scenes" / "atlas_cell.toml"
+PATCH = ROOT / "scenes" / "atlas_patch.toml"
+
+
+def test_keys_are_those_scripts_rely_on():
+    planned = make_plan(load_scene(CELL), "cpu").as_dict()
+    assert set(planned) == {
+        "nodes", "wires", "bodies", "pairs", "memory_bytes", "time_step_s", "limited_by", "steps", "wall_s", "physics",
+    }  # fmt: skip
+    assert json.loads(json.dumps(planned, allow_nan=False)) == planned
+
+
+def test_counts_of_the_cell():
+    """One repeat of the double atlas: 2 threads, 8 loops of 27 nodes, 12 bodies with two pairs each."""
+    planned = make_plan(load_scene(CELL), "cpu")
+    assert (planned.wires, planned.nodes, planned.bodies, planned.pairs) == (2, 8 * 27, 12, 24)
+    assert planned.counted
+
+
+@pytest.mark.parametrize("boundary", ["periodic", "gripped"])
+def test_estimated_sizes_of_large_meshes(monkeypatch, boundary):
+    """Above COUNTED_NODES sizes are those of endless cloth: exact for a tile, off by the edges of a gripped mesh.
+
+    A gripped mesh of 7 x 6 repeats loses clasps on a rim of at most a quarter of a repeat, 2 (1/7 + 1/6)/4 of all.
+    """
+    scene = load_scene(PATCH, [f'model.boundary="{boundary}"'])
+    counted = make_plan(scene, "cpu")
+    monkeypatch.setattr(plan, "COUNTED_NODES", 0)
+    estimated = make_plan(scene, "cpu")
+    assert not estimated.counted and "about" in estimated.lines()[1]
+    allowed = 0.0 if boundary == "periodic" else 0.5 * (1 / 7 + 1 / 6)
+    assert estimated.nodes == pytest.approx(counted.nodes, rel=allowed, abs=0)
+    assert estimated.bodies == pytest.approx(counted.bodies, rel=allowed, abs=0)
+    assert (estimated.time_step_s, estimated.limited_by) == (counted.time_step_s, counted.limited_by)
+
+
+@pytest.mark.parametrize(
+    ("override", "sentence"),
+    [
+        ('model.boundary="gripped"', "grips"),
+        ('model.boundary="periodic"', "periodic boundary"),
+        ('load.temperature="-190 degC"', "thermal strain"),
+        ("load.tension_weft=0.1", "tension search"),
+        ("load.shear=0.1", "shear"),
+        ('wire.plating={material="gold", thickness="0.2 um"}', "plating"),
+        ("wire.set_fraction=0.5", "set"),
+        ("wire.ends=3", "ends"),
+        ('solver.drive="ramp"', "ramp"),
+        ('solver.precision="double"', "double precision"),
+        ("solver.axial_softening=10", "softening"),
+    ],
+)
+def test_physics_is_named_where_the_scene_asks_for_it(override, sentence):
+    planned = make_plan(load_scene(CELL, ["knit.repeats=[2, 2]", override]), "cpu")
+    assert any(text.startswith(f"{sentence}:") for text in planned.physics)
+
+
+def test_physics_that_is_off_is_not_named():
+    overrides = ["solver.axial_softening=1", "solver.multipliers=false"]
+    named = {text.split(":")[0] for text in make_plan(load_scene(CELL, overrides), "cpu").physics}
+    assert named == {
+        "stretching", "bending", "contact", "periodic boundary", "affine carry", "relaxation", "single precision",
+    }  # fmt: skip
+
+
+def test_a_ramp_has_a_real_step_and_what_limits_it():
+    scene = load_scene(CELL, ['solver.drive="ramp"'])
+    planned = make_plan(scene, "cpu")
+    built = build_model(scene)
+    assert planned.time_step_s == built.time_step < 1e-5
+    assert planned.limited_by in ("stretch", "bending", "contact")
+    # every stage takes its loading time, at steps that are at most the first one
+    assert planned.steps >= built.loading_time / built.time_step
+
+
+def test_text_says_what_the_numbers_say():
+    planned = make_plan(load_scene(PATCH), "cpu")
+    text = "\n".join(planned.lines())
+    assert f"{planned.nodes:,} nodes on {planned.wires} wires" in text
+    assert f"{planned.bodies} bodies, {planned.pairs} pairs" in text
+    assert all(sentence in text for sentence in planned.physics)
+    assert "not estimated" in "\n".join(replace(planned, wall_s=None).lines())
+
+
+@pytest.mark.parametrize(
+    ("path", "overrides", "preset"),
+    [
+        (CELL, ["output.frames=5"], "standard"),
+        (CELL, [], "draft"),
+        (CELL, ["load.strain_weft=0.04", "load.strain_warp=0.04"], "standard"),
+        (PATCH, ["knit.repeats=[2, 2]"], "draft"),
+        (CELL, ['solver.drive="ramp"', "output.frames=2", "solver.loading_time=0.004"], "draft"),
+    ],
+)
+def test_steps_are_within_the_factor_that_is_promised(path, overrides, preset):
+    scene = load_scene(path, overrides, preset)
+    built = build_model(scene)
+    simulation = Simulation(built, initial_state(built))
+    for _record in simulation.run():
+        pass
+    planned = make_plan(scene, "cpu").steps
+    assert 1 / ESTIMATE_FACTOR < simulation.progress.steps / planned < ESTIMATE_FACTOR
+
+
+@pytest.mark.parametrize(("precision", "share"), [("single", 0.45), ("double", 0.55)])
+def test_memory_per_node_covers_the_arrays(precision, share):
+    """The arrays of a stepping mesh take `share` of MEMORY_PER_NODE, to 10 points; copies made by exports the rest.
+
+    What a repeat or a launch takes once is small beside 86,400 nodes.
+    """
+    scene = load_scene(CELL, ["knit.repeats=[20, 20]", f'solver.precision="{precision}"'])
+    built = build_model(scene)
+    state = initial_state(built)
+    simulation = Simulation(built, state)
+    simulation.neighbours.search()
+    reading = measure.read(built, state)
+    total = array_bytes([built, state, simulation, reading], set())
+    assert total / built.panel.node_count / MEMORY_PER_NODE[precision] == pytest.approx(share, abs=0.1)
+
+
+def array_bytes(thing, seen):
+    """Bytes of all arrays below some objects, each once."""
+    if id(thing) in seen or isinstance(thing, (str, int, float, type, wp.Launch)):
+        return 0
+    seen.add(id(thing))
+    if isinstance(thing, np.ndarray):
+        return thing.nbytes if thing.base is None else 0
+    if isinstance(thing, wp.array):
+        return thing.capacity
+    if isinstance(thing, (list, tuple)):
+        return sum(array_bytes(part, seen) for part in thing)
+    if is_dataclass(thing):
+        return sum(array_bytes(getattr(thing, field.name), seen) for field in fields(thing))
+    if type(thing).__module__.startswith("warpknit."):
+        return sum(array_bytes(part, seen) for part in vars(thing).values())
+    return 0
+
+
+def test_what_cannot_fit_is_refused_and_says_how_much(monkeypatch):
+    monkeypatch.setattr(model, "available_memory", lambda: 2**30)
+    with pytest.raises(MemoryNeeded, match=r"knit.repeats = \[1000000, 1000000\]: .* GiB, available 1 GiB"):
+        make_plan(load_scene(CELL, ["knit.repeats=[1000000, 1000000]"]), "cpu")
+
+
+def test_a_device_that_is_not_there_is_refused():
+    with pytest.raises(DeviceError, match="--device cuda:99: not on this machine; allowed: cpu"):
+        make_plan(load_scene(CELL), "cuda:99")
+
+
+def test_a_knit_that_cannot_be_made_is_refused():
+    with pytest.raises(KnitError):
+        make_plan(make_scene({"knit": {"bars": [{"chain": "1-0/1-2", "threading": "|."}]}}), "cpu")
+
+
+def test_planning_compiles_nothing(tmp_path):
+    """In a process with a kernel cache of its own: it stays empty."""
+    code = (
+        f"import warp as wp; wp.config.kernel_cache_dir = {str(tmp_path)!r}; wp.config.quiet = True\n"
+        "from warpknit.plan import make_plan; from warpknit.scene import load_scene\n"
+        f"make_plan(load_scene({str(CELL)!r}), 'cpu')"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []

@@ -1,0 +1,140 @@
+"""Runs as a user makes them: what a run leaves, interrupts, refusals, resumption to the same bits."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warpknit.errors import RunDirectoryError
+from warpknit.run import run_scene
+from warpknit.scene import load_scene
+
+SCENES = Path(__file__).parents[1] / "scenes"
+QUICK = ["output.frames=4", "solver.preset=draft", "output.usd=false", "output.figures=false"]
+
+
+def cell(*overrides: str):
+    return load_scene(SCENES / "atlas_cell.toml", [*QUICK, *overrides])
+
+
+def states(directory: Path) -> list[dict[str, np.ndarray]]:
+    return [dict(np.load(path)) for path in sorted((directory / "states").glob("*.npz"))]
+
+
+def test_run_leaves_the_files_of_the_contract(tmp_path: Path) -> None:
+    """Every file and every summary key that scripts rely on is there, and no number is missing."""
+    run = run_scene(load_scene(SCENES / "atlas_cell.toml", ["output.frames=3", "solver.preset=draft"]), out=tmp_path / "r")
+    assert run.exit_code == 0
+    for name in ("summary.json", "history.csv", "scene.toml", "scene.usda", "figures/mesh.png", "figures/curves.png"):
+        assert (tmp_path / "r" / name).stat().st_size > 0
+    summary = json.loads((tmp_path / "r" / "summary.json").read_text())
+    expected = {
+        "scene": {"name", "hash"},
+        "model": {"kind", "boundary", "precision", "wires", "nodes", "repeats", "bodies", "pairs"},
+        "solver": {"time_step_s", "steps", "wall_s", "compile_s", "node_steps_per_s", "mass_scaling", "axial_softening",
+                   "preset"},
+        "quality": {"kinetic_to_internal", "energy_balance", "residual", "penetration_max", "estimated_error"},
+        "contacts": {"pairs", "active", "active_percent", "force_max_N", "force_mean_N", "threshold_N", "central_rhombus"},
+        "wire": {"stress_max_Pa", "stress_p99_Pa", "yield_fraction", "axial_strain_max"},
+        "mesh": {"tension_weft_N_per_m", "tension_warp_N_per_m", "strain_weft", "strain_warp", "temperature_K",
+                 "areal_mass_kg_per_m2"},
+    }  # fmt: skip
+    for table, keys in expected.items():
+        assert keys <= summary[table].keys(), table
+    assert summary["stop_reason"] == "steady"
+    assert [stage["name"] for stage in summary["stages"]] == ["load"]
+    assert not math.isnan(summary["quality"]["energy_balance"])
+
+
+def test_two_runs_agree_to_the_bit(tmp_path: Path) -> None:
+    """Sums have a fixed order on the CPU."""
+    for name in ("a", "b"):
+        run_scene(cell(), out=tmp_path / name, device="cpu")
+    for a, b in zip(states(tmp_path / "a"), states(tmp_path / "b"), strict=True):
+        assert all(np.array_equal(a[key], b[key]) for key in a)
+
+
+@pytest.mark.parametrize("drive", ["relax", "ramp"])
+def test_interrupt_and_resume_give_the_same_bits(tmp_path: Path, drive: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run that is interrupted and resumed equals one that was not."""
+    extra = [f"solver.drive={drive}"]
+    if drive == "ramp":
+        extra += ['solver.loading_time="1 ms"', "solver.damping=30000", "solver.residual_tolerance=0.05"]
+    scene = cell(*extra)
+    run_scene(scene, out=tmp_path / "whole", device="cpu")
+    from warpknit import run as run_module
+
+    original = run_module._Recorder._watch
+    looks = 0
+
+    def interrupt_once(self: object, progress: object) -> None:
+        nonlocal looks
+        looks += 1
+        if looks in (7, 31):
+            self._interrupt = True
+        original(self, progress)
+
+    monkeypatch.setattr(run_module._Recorder, "_watch", interrupt_once)
+    first = run_scene(scene, out=tmp_path / "parts", device="cpu")
+    assert first.exit_code == 130 and first.summary["stop_reason"] == "interrupted"
+    with pytest.raises(RunDirectoryError, match="--resume"):
+        run_scene(scene, out=tmp_path / "parts", device="cpu")
+    second = run_scene(scene, out=tmp_path / "parts", device="cpu", resume=True)
+    assert second.exit_code == 130
+    assert run_scene(scene, out=tmp_path / "parts", device="cpu", resume=True).exit_code == 0
+    assert (tmp_path / "whole" / "history.csv").read_text() == (tmp_path / "parts" / "history.csv").read_text()
+    for a, b in zip(states(tmp_path / "whole"), states(tmp_path / "parts"), strict=True):
+        assert all(np.array_equal(a[key], b[key]) for key in a)
+
+
+def test_finished_run_is_never_lost(tmp_path: Path) -> None:
+    """A finished directory is refused without --force, and --resume of it runs nothing."""
+    run_scene(cell(), out=tmp_path / "r", device="cpu")
+    before = (tmp_path / "r" / "summary.json").read_text()
+    with pytest.raises(RunDirectoryError, match="--force"):
+        run_scene(cell(), out=tmp_path / "r", device="cpu")
+    assert run_scene(cell(), out=tmp_path / "r", device="cpu", resume=True).exit_code == 0
+    assert (tmp_path / "r" / "summary.json").read_text() == before
+    assert run_scene(cell(), out=tmp_path / "r", device="cpu", force=True).exit_code == 0
+
+
+def test_foreign_directory_is_refused(tmp_path: Path) -> None:
+    """A directory with somebody's files is not written into."""
+    (tmp_path / "thesis.tex").write_text("x")
+    with pytest.raises(RunDirectoryError, match="thesis.tex"):
+        run_scene(cell(), out=tmp_path, device="cpu")
+
+
+def test_ctrl_c_ends_with_130_and_a_checkpoint(tmp_path: Path) -> None:
+    """SIGINT to the program: exit status 130, one line, a checkpoint, no traceback."""
+    command = [sys.executable, "-m", "warpknit", "run", str(SCENES / "atlas_patch.toml"), "--out", str(tmp_path / "r"),
+               "--device", "cpu", "--set", "output.usd=false", "--set", "output.figures=false"]  # fmt: skip
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=os.environ)
+    deadline = time.monotonic() + 120
+    while not list((tmp_path / "r").glob("states/*.npz")) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "--resume" in errors and "Traceback" not in errors
+    assert (tmp_path / "r" / "checkpoint" / "checkpoint.npz").is_file()
+    assert json.loads((tmp_path / "r" / "summary.json").read_text())["stop_reason"] == "interrupted"
+
+
+def test_divergence_ends_with_3_and_no_nan(tmp_path: Path) -> None:
+    """A level that is never steady stops with one line; what was recorded stays whole."""
+    run = run_scene(cell("solver.max_steps=200"), out=tmp_path / "r", device="cpu")
+    assert run.exit_code == 3 and "max_steps" in run.message and "\n" not in run.message
+    assert run.summary["stop_reason"] == "diverged"
+    assert "NaN" not in (tmp_path / "r" / "summary.json").read_text()
+    for state in states(tmp_path / "r"):
+        assert all(np.isfinite(value).all() for value in state.values() if value.dtype.kind == "f")

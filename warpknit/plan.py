@@ -1,0 +1,293 @@
+"""What running a scene would take, said without running it: size, physics, memory, time step, steps, time.
+
+    plan = make_plan(load_scene("scenes/atlas_patch.toml"))
+    print("\n".join(plan.lines()))
+
+Sizes are those of the real model, built without compiling a kernel, up to COUNTED_NODES nodes, and those of the endless
+cloth above. Steps and time are estimates: see `relax_steps` and `wall_time` for what they go by.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from .knit.cloth import Cloth
+from .model import (
+    SLIDE_ALLOWANCE,
+    Model,
+    Numbers,
+    available_memory,
+    build_model,
+    choose_numbers,
+    estimated_nodes,
+    find_device,
+    knit_scene,
+    required_memory,
+)
+from .panel import table_lead
+from .scene import Scene, Stage
+from .table import Table, rest_table
+
+COUNTED_NODES = 2_000_000  # meshes up to here are laid out to be counted: a second or two
+PROGRAM_MEMORY = 430 * 2**20  # [bytes] of a run of few nodes, its libraries included
+ESTIMATE_FACTOR = 3  # steps and time may be off by so much either way
+
+# Measured on the Atlas-Atlas mesh of scenes/atlas_cell.toml: 13,050, 14,800 and 20,800 steps to 5, 20 and 40 levels.
+STEPS_TO_LOAD = 12_000.0  # of a stage, at MEASURED_NODES and MEASURED_TOLERANCE, however many levels it has
+STEPS_PER_LEVEL = 200.0
+MEASURED_NODES = 27  # a loop
+MEASURED_TOLERANCE = 3e-3
+TOLERANCE_POWER = 1 / 3  # 11,500 steps at 1e-2, 30,750 at 3e-4
+GRIPPED = 4.5  # times the steps of a tile: 2 to 7 at the standard preset, 5 to 7 at draft, 2 x 2 to 7 x 6 repeats
+TENSION_STATES = 6.0  # steady states tried for a level that is driven by tension
+RAMP_SHARE = 1.2  # steps of a ramp over loading time/step at the start: 1.15 and 1.20, the step shrinks with the load
+
+STEP_TIME = 40e-6  # [s] of a step on a CPU core, however few nodes: launches, and a look at the state every 50 steps
+NODE_STEPS_PER_S = {"single": 6e7, "double": 3e7}  # beyond that, on a CPU core, 2,000 to 350,000 nodes
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What `make_plan` found. `counted` tells whether sizes are exact; `wall_s` is None on a GPU."""
+
+    scene: str
+    device: str
+    nodes: int
+    wires: int
+    bodies: int
+    pairs: int
+    memory_bytes: int
+    available_bytes: int
+    time_step_s: float
+    limited_by: str
+    steps: int
+    wall_s: float | None
+    physics: tuple[str, ...]
+    counted: bool
+    relaxes: bool
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `warpknit plan --json` prints."""
+        kept = asdict(self)
+        for name in ("scene", "device", "available_bytes", "counted", "relaxes"):
+            del kept[name]
+        return kept | {"physics": list(self.physics)}
+
+    def lines(self) -> list[str]:
+        """The same as text."""
+        about = "" if self.counted else "about "
+        step = f"{self.time_step_s:.3g} s, limited by {self.limited_by}"
+        if self.relaxes:
+            step = "1, which fictitious masses make stable"
+        if self.wall_s is None:
+            time = "not estimated on a GPU"
+        else:
+            time = f"about {duration(self.wall_s)} on a CPU core, kernels compiled"
+        rows = [
+            ("scene", f"{self.scene}, on {self.device}"),
+            ("mesh", f"{about}{self.nodes:,} nodes on {self.wires:,} wires"),
+            ("contact", f"{about}{self.bodies:,} bodies, {self.pairs:,} pairs"),
+            ("memory", f"{size(self.memory_bytes)} of {size(self.available_bytes)} available"),
+            ("time step", step),
+            ("steps", f"about {rounded(self.steps):,}"),
+            ("time", time),
+            ("", f"both within a factor of {ESTIMATE_FACTOR}, where the mesh is like the ones they were measured on"),
+            ("physics", self.physics[0]),
+            *(("", sentence) for sentence in self.physics[1:]),
+        ]
+        return [f"{heading:<11}{text}" for heading, text in rows]
+
+
+def make_plan(scene: Scene, device: str | None = None) -> Plan:
+    """Plan a run of `scene`. Raises `DeviceError`, `MemoryNeeded`, `ModelError`, `KnitError`."""
+    name = find_device(device)
+    cloth = knit_scene(scene)
+    counted = estimated_nodes(scene, cloth) <= COUNTED_NODES
+    mesh = _count(build_model(scene, "cpu")) if counted else _estimate(scene, cloth)
+    steps = relax_steps(scene, mesh.table) if scene.solver.drive == "relax" else ramp_steps(scene, mesh)
+    return Plan(
+        scene=scene.name,
+        device=name,
+        nodes=mesh.nodes,
+        wires=mesh.wires,
+        bodies=mesh.bodies,
+        pairs=2 * mesh.bodies,
+        memory_bytes=PROGRAM_MEMORY + required_memory(scene, mesh.nodes),
+        available_bytes=available_memory(),
+        time_step_s=mesh.time_step,
+        limited_by=mesh.limited_by,
+        steps=steps,
+        wall_s=wall_time(steps, mesh.nodes, scene.solver.precision) if name == "cpu" else None,
+        physics=tuple(physics_of(scene, mesh)),
+        counted=counted,
+        relaxes=scene.solver.drive == "relax",
+    )
+
+
+# --- size -------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class MeshSize:
+    """What the rest of the plan goes by."""
+
+    nodes: int
+    wires: int
+    bodies: int
+    table: Table
+    softening: float
+    time_step: float  # [s]
+    limited_by: str
+    loading_time: float  # [s] of a stage of a ramp
+
+
+def _count(model: Model) -> MeshSize:
+    """The sizes of a model."""
+    panel = model.panel
+    return MeshSize(
+        panel.node_count,
+        len(panel.wire_first),
+        panel.body_count,
+        model.table,
+        model.softening,
+        model.time_step,
+        model.limited_by,
+        model.loading_time,
+    )
+
+
+def _estimate(scene: Scene, cloth: Cloth) -> MeshSize:
+    """The sizes of so many repeats of endless cloth: right for a tile, and but for its edges for a gripped mesh."""
+    columns, rows = scene.knit.repeats
+    spacing = cloth.stitch_length / scene.model.nodes_per_loop
+    table = rest_table(
+        cloth,
+        nodes_per_loop=scene.model.nodes_per_loop,
+        set_fraction=scene.wire.set_fraction,
+        lead=table_lead(cloth, 0.8 * spacing, SLIDE_ALLOWANCE * cloth.stitch_length),
+    )
+    numbers: Numbers = choose_numbers(scene, table, cloth.stitch_length)
+    return MeshSize(
+        estimated_nodes(scene, cloth),
+        len(cloth.threads) * columns,
+        len(cloth.clasps) * columns * rows,
+        table,
+        numbers.softening,
+        numbers.time_step,
+        numbers.limited_by,
+        numbers.loading_time,
+    )
+
+
+# --- steps and time ---------------------------------------------------------------------------------------------------
+
+
+def relax_steps(scene: Scene, table: Table) -> int:
+    """Steps of a relaxation, from what the Atlas-Atlas mesh took.
+
+    The slowest mode takes steps in proportion to n^2 (n nodes a loop) where bending rules the fictitious masses, and
+    sqrt(s*/s) times as many where the softened stretch rules them, s* = (2 h/d)^2 being the softening at which both are
+    equal. A tile takes the same number whatever its size, as the interior moves with its boundary.
+    """
+    solver = scene.solver
+    n = scene.model.nodes_per_loop
+    balance = (2.0 * float(table.spacing.min()) / scene.wire.diameter) ** 2
+    work = (n / MEASURED_NODES) ** 2 * math.sqrt(max(1.0, balance / solver.axial_softening))
+    work *= (MEASURED_TOLERANCE / solver.residual_tolerance) ** TOLERANCE_POWER
+    if scene.model.boundary == "gripped":
+        work *= GRIPPED
+    total = 0.0
+    for stage in scene.stages:
+        states = TENSION_STATES if _is_driven_by_tension(stage) else 1.0
+        steps = states * work * (STEPS_TO_LOAD + STEPS_PER_LEVEL * scene.output.frames)
+        if solver.max_steps is not None:
+            steps = min(steps, states * scene.output.frames * solver.max_steps)
+        total += steps
+    return max(1, round(total))
+
+
+def ramp_steps(scene: Scene, mesh: MeshSize) -> int:
+    """Steps of a ramp: the loading time of each stage over the step at its start, and a little more as that shrinks."""
+    return max(1, round(RAMP_SHARE * len(scene.stages) * mesh.loading_time / mesh.time_step))
+
+
+def wall_time(steps: int, nodes: int, precision: str) -> float:
+    """Time [s] of so many steps on a CPU core, without compilation and files."""
+    return steps * (STEP_TIME + nodes / NODE_STEPS_PER_S[precision])
+
+
+# --- physics ----------------------------------------------------------------------------------------------------------
+
+
+def physics_of(scene: Scene, mesh: MeshSize) -> Iterator[str]:
+    """What the scene switches on and why, a sentence each."""
+    wire, solver = scene.wire, scene.solver
+    yield f"stretching: wires carry tension, EA = {wire.axial_stiffness:.3g} N"
+    yield f"bending: wires resist a change of curvature, EI = {wire.bending_stiffness:.3g} N m2"
+    if mesh.bodies:
+        merged = "nested lenses merged" if scene.model.merge_lenses else "one for each lens, model.merge_lenses = false"
+        yield f"contact: wires hook in {mesh.bodies:,} places, each with a body between its two wires ({merged})"
+    if scene.model.boundary == "periodic":
+        yield "periodic boundary: one tile of an endless mesh, model.boundary = 'periodic'"
+    else:
+        yield "grips: every cut wire end is held in position and direction, model.boundary = 'gripped'"
+    yield "affine carry: the interior moves with the boundary, so that only what differs from it has to be solved"
+    if wire.set_fraction != 1.0:
+        yield f"set: a wire let free keeps {wire.set_fraction:g} of its knitted curvature, wire.set_fraction"
+    if wire.plating is not None:
+        coat = f"{wire.plating.thickness * 1e6:.3g} um of {wire.plating.material}"
+        yield f"plating: {coat} add stiffness, mass and thickness, wire.plating"
+    if wire.ends > 1:
+        yield f"ends: {wire.ends} wires side by side make one yarn, wire.ends"
+    hot = [stage for stage in scene.stages if stage.temperature != wire.reference_temperature]
+    if hot:
+        names = ", ".join(f"{stage.temperature:.5g} K in {stage.name!r}" for stage in hot)
+        yield f"thermal strain: {names}, against {wire.reference_temperature:.5g} K where it is zero"
+    if any(stage.shear for stage in scene.stages):
+        yield "shear: a stage asks for it"
+    if any(_is_driven_by_tension(stage) for stage in scene.stages):
+        yield "tension search: a direction is given by tension, so strains are tried until the steady mesh carries it"
+    if solver.drive == "relax":
+        yield "relaxation: no state depends on the path, so each load level is brought to rest, solver.drive = 'relax'"
+    else:
+        yield f"ramp: {mesh.loading_time:.3g} s of real time a stage, solver.drive = 'ramp'"
+    if solver.drive == "ramp" and solver.mass_scaling != 1.0:
+        yield f"mass scaling: all masses {solver.mass_scaling:g} times the real ones, solver.mass_scaling"
+    if solver.drive == "ramp" and solver.target_time_step is not None:
+        yield f"mass scaling: masses raised until a step of {solver.target_time_step:.3g} s is stable"
+    if mesh.softening != 1.0:
+        yield f"softening: wires stretch {mesh.softening:g} times as easily in the dynamics, solver.axial_softening"
+    if solver.drive == "relax" and solver.multipliers:
+        yield "running multipliers: take out again what softening and contact penalty change, solver.multipliers"
+    if solver.precision == "single":
+        yield "single precision: displacements are 32-bit fixed point, the rest is float32, solver.precision"
+    else:
+        yield "double precision: everything is float64, solver.precision"
+
+
+def _is_driven_by_tension(stage: Stage) -> bool:
+    return stage.tension_weft is not None or stage.tension_warp is not None
+
+
+# --- numbers as text --------------------------------------------------------------------------------------------------
+
+
+def size(count: int) -> str:
+    """Bytes with a binary prefix."""
+    return f"{count / 2**30:.3g} GiB" if count >= 2**30 else f"{count / 2**20:.0f} MiB"
+
+
+def duration(seconds: float) -> str:
+    """Two digits of a time, in the unit that suits it."""
+    for unit, length in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * length:
+            return f"{seconds / length:.2g} {unit}"
+    return f"{seconds:.2g} s"
+
+
+def rounded(count: int) -> int:
+    """Two digits of a count."""
+    return int(float(f"{count:.2g}"))
