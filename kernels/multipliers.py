@@ -2,7 +2,7 @@
 
 A softened segment carries T = offset + K e with K = EA/s and e its strain. Wanted is e = T/EA, so the offset moves towards
 (1 - K/EA) T. Where the mesh is compliant, T stays and e gives way at once. Where a stretch is imposed, as in a straight wire
-between two grips, an update takes only a share K/EA of what is missing: such wires are softened less (softening.py).
+between two grips, an update takes only a share K/EA of what is missing: such wires are softened less (warpknit/multipliers.py).
 
 A closed pair carries F = offset - k gap; moving the offset to F lets the gap vanish at the same force.
 """
@@ -10,6 +10,7 @@ A closed pair carries F = offset - k gap; moving the offset to F lets the gap va
 from typing import Any
 
 import warp as wp
+
 
 @wp.kernel
 def update_tension_offset(

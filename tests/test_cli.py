@@ -24,7 +24,7 @@ SUMMARY = {
     "model": {"nodes": 216},
     "solver": {"steps": 12345, "wall_s": 3.21, "compile_s": 0.0},
     "contacts": {"pairs": 24, "active": 16, "active_percent": 66.7, "force_max_N": 3.1e-5},
-    "wire": {"stress_max_Pa": 1.48e8, "yield_fraction": 0.074},
+    "wire": {"stress_max_Pa": 1.48e8, "yield_stress_Pa": 2.0e9},
     "mesh": {"tension_weft_N_per_m": 0.019, "tension_warp_N_per_m": 0.018, "strain_weft": 0.1, "strain_warp": 0.1},
 }
 
@@ -133,7 +133,7 @@ def test_a_run_that_ends_early_gives_its_status_and_message(behind, status):
 def test_a_finished_run_prints_a_short_table(behind):
     result = invoke("run", CELL, "--out", "somewhere")
     assert result.exit_code == 0
-    for text in ("16 of 24 pairs, 66.7 %", "19 mN/m / 18 mN/m", "148 MPa, 7% of yield", "12,345", "3.21 s", "steady"):
+    for text in ("16 of 24 pairs, 66.7 %", "19 mN/m / 18 mN/m", "148 MPa, 7% of the elastic limit", "12,345", "3.21 s", "steady"):
         assert text in result.stdout
     assert "the wire is beyond its yield stress" in result.stdout
     assert "somewhere" in result.stdout

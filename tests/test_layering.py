@@ -27,8 +27,8 @@ LAYERS = (
     # what everything may use, and what shows a run without knowing one
     {"errors", "files", "units", "materials", "presets", "progress", "report", "tension", "kernels"},
     # the scene file, and the form in which results leave
-    {"wire", "scene_values", "scene_file", "scene_report", "scene_overrides", "scene_resolved", "scene", "frame"},
     {"knit"},
+    {"wire", "scene_values", "scene_file", "scene_report", "scene_overrides", "scene_resolved", "scene", "frame"},
     {"table", "panel"},
     {"model"},
     {"state"},

@@ -14,6 +14,7 @@ from .files import write_aside
 from .model import Model
 from .simulate import Record
 
+
 @dataclass
 class Row:
     """One recorded state in SI units; the columns of history.csv."""

@@ -20,7 +20,6 @@ from .model import Model, block_threads
 from .scene import Wire
 from .state import State
 
-
 INTERIOR = 0.25  # of the mesh's width and height from each edge
 
 
@@ -164,7 +163,8 @@ def energies(r: Reading) -> Energies:
     model = r.model
     natural = model.table.rest_length[r.entry] * r.length_factor
     softened = np.repeat(r.wire_axial, model.panel.wire_count)
-    k = model.axial_stiffness if model.scene.solver.multipliers else softened
+    solver = model.scene.solver
+    k = model.axial_stiffness if solver.multipliers and solver.drive == "relax" else softened
     stiffness = r.control[int(c.CONTACT_STIFFNESS)]
     return Energies(
         stretch=float(np.sum(0.5 * r.tension**2 * natural / k)),
@@ -195,7 +195,7 @@ def nominal_stress(r: Reading) -> np.ndarray:
     + sum over held nodes f (x) (X - c)], f the forces on the nodes: the derivative of the energy by F, in which a clamp
     moves with F c.
     """
-    model, table, panel = r.model, r.model.table, r.model.panel
+    table, panel = r.model.table, r.model.panel
     rest_edge = np.stack([table.rest_x[r.entry], table.rest_y[r.entry]], axis=1)
     inside = np.any(r.edge != 0.0, axis=1)
     sum_ = np.einsum("ia,ib->ab", r.segment_force[inside], rest_edge[inside])
@@ -392,7 +392,7 @@ def areal_mass(r: Reading) -> float:
 
 def positions(r: Reading) -> tuple[np.ndarray, np.ndarray]:
     """Nodes (node, 3) and bodies (body, 3) [m] relative to the corner of the mesh; z is the rest height."""
-    model, panel, table = r.model, r.model.panel, r.model.table
+    panel, table = r.model.panel, r.model.table
     origin = np.repeat(panel.block_origin, panel.block_count, axis=0)
     rest = np.stack([table.x[r.entry], table.y[r.entry]], axis=1) + origin
     corner = rest.min(axis=0) if panel.boundary == "periodic" else panel.clamp_position.min(axis=0)

@@ -313,18 +313,20 @@ def unit_step_mass(
     contact_stiffness: float,
     spacing: float,
     turning: np.ndarray | float = 0.0,
+    tension: np.ndarray | float = 0.0,
 ) -> np.ndarray:
     """Node mass [kg] that is stable at a step of 1 s, for a softened EA [N], EI [N m2], a penalty [N/m] and a spacing [m].
 
     A chain's largest eigenvalue is a = 4 k (stretch) or b = 16 EI/h^3 (bend), the larger of the two where it is straight; a
     turn theta [rad] couples them: (a + b)/2 + sqrt((a - b)^2/4 + a b sin^2 theta). The step is stable up to 4 m. CONTACT_SHARE
-    leaves room for the pairs of neighbouring bodies that may push the same node.
+    leaves room for the pairs of neighbouring bodies that may push the same node; a tension T [N] stiffens sideways by 4 T/h.
     """
     a = 4.0 * np.asarray(axial_stiffness) / spacing
     b = 16.0 * bending_stiffness / spacing**3
     sine = np.sin(np.minimum(turning, 0.5 * np.pi))
     wire = 0.5 * (a + b) + np.sqrt(0.25 * (a - b) ** 2 + a * b * sine**2)
-    return MASS_MARGIN * (0.25 * wire + CONTACT_SHARE * contact_stiffness)
+    sideways = np.maximum(tension, 0.0) / spacing
+    return MASS_MARGIN * (0.25 * wire + sideways + CONTACT_SHARE * contact_stiffness)
 
 
 def sharpest_turn(table: Table) -> np.ndarray:

@@ -4,7 +4,9 @@ A wire is softened no more than it can bear: the softened stretch must stay smal
 nodes lie off its chord by y (root mean square), bending gives about y^2/EI a length and stretch s/EA, so s is at most
 y^2 EA/(BEND_OVER_STRETCH EI); a closed wire has no chord that something could impose. Wires straighten under load, so the
 bound is renewed at every level. A wire whose softened strain grows past SOFTENING_STRAIN is softened half as much, and the
-contact penalty is doubled when a body sinks in past PENETRATION_STIFFEN; fictitious masses follow (model.node_mass).
+contact penalty is doubled when a body sinks in past PENETRATION_STIFFEN. A short open wire whose multipliers do not
+converge once the mesh is nearly at rest is taut: its softening is divided by TAUT_FACTOR. Fictitious masses follow the
+stiffnesses, the tension and the sharpest turn of each wire (model.unit_step_mass).
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from . import measure
 from .kernels import control as c
 from .kernels.multipliers import update_pair_offset, update_tension_offset
 from .kernels.wires_by_block import BLOCK_SIZE
-from .model import MASS_MARGIN, Model, block_threads, unit_step_mass
+from .model import MASS_MARGIN, TURN_ALLOWANCE, Model, block_threads, unit_step_mass
 from .state import State
 
 PATIENCE = 4  # updates in a row that a limit must be passed, without coming down by itself, before numbers are renewed
@@ -26,6 +28,10 @@ RATE_PATIENCE = 10  # updates without progress before the rate is lowered: wires
 PENETRATION_LIMIT = 0.004  # wire diameters that a closed pair may overlap in a steady state
 PENETRATION_STIFFEN = 0.05  # wire diameters at which the contact penalty is doubled
 SOFTENING_STRAIN = 0.02  # softened axial strain at which a wire's softening is halved
+TAUT_FACTOR = 4.0
+TAUT_PATIENCE = 6  # updates in a row without convergence before a wire counts as taut
+TAUT_LENGTH = 8.0  # loops: a longer wire always has slack
+MASS_HEADROOM = 1.1  # a renewed mass over the least that is stable
 AXIAL_ERROR = 2e-5  # strain by which a softened segment may miss its true stretch in a steady state
 BEND_OVER_STRETCH = 3.0  # least ratio of what bending and softened stretch give to an imposed pull
 
@@ -39,6 +45,9 @@ class Multipliers:
         self._sunk = 0.0
         self._sinking = 0  # updates in a row with bodies sunk in
         self._stretched = np.zeros(len(model.panel.wire_first), dtype=int)  # [wire] updates in a row
+        self._unsettled = np.zeros(len(model.panel.wire_first), dtype=int)  # [wire] updates in a row without convergence
+        self._missing = np.zeros(len(model.panel.wire_first))  # [wire] strain, at the last update
+        self._short = (model.panel.wire_count < TAUT_LENGTH * model.scene.model.nodes_per_loop) & ~model.panel.wire_closed
         self.begin_level()
 
     def begin_level(self) -> None:
@@ -57,12 +66,19 @@ class Multipliers:
     def memory(self) -> dict[str, np.ndarray]:
         """What a checkpoint keeps."""
         numbers = [self._sunk, self._sinking, self._rate, self._best, self._waited]
-        return {"sunk": np.array(numbers, dtype=float), "stretched": self._stretched}
+        return {
+            "sunk": np.array(numbers, dtype=float),
+            "stretched": self._stretched,
+            "unsettled": self._unsettled,
+            "missing": self._missing,
+        }
 
     def recall(self, kept: dict[str, np.ndarray]) -> None:
         self._sunk, sinking, self._rate, self._best, waited = kept["sunk"].tolist()
         self._sinking, self._waited = int(sinking), int(waited)
-        self._stretched = kept["stretched"].copy()
+        self._stretched, self._unsettled, self._missing = (
+            kept[name].copy() for name in ("stretched", "unsettled", "missing")
+        )
 
     def bound_softening(self, reading: measure.Reading) -> None:
         """Soften each wire no more than its shape bears."""
@@ -72,51 +88,65 @@ class Multipliers:
         y = offset_from_chord(reading)
         most = np.maximum(1.0, y**2 * model.axial_stiffness / (BEND_OVER_STRETCH * model.bending_stiffness))
         now = self.state.wire_axial.numpy().astype(np.float64)
-        self._restiffen(np.maximum(now, np.minimum(model.axial_stiffness / most, model.axial_stiffness)), None, reading.tension)
+        axial = np.maximum(now, np.minimum(model.axial_stiffness / most, model.axial_stiffness))
+        if np.all(axial <= now * (1 + 1e-6)):
+            return
+        tension = wp.array(reading.tension, dtype=model.precision.real, device=model.device)
+        self._move_offsets(tension, axial, rate=0.0)
+        penalty = float(self.state.read_control()[int(c.CONTACT_STIFFNESS)])
+        self._renew(axial, penalty, reading.tension, reading.turning)
 
-    def update(self, tension: wp.array) -> float:
+    def update(self, tension: wp.array, turning: wp.array, *, nearly_steady: bool) -> float:
         """Move every multiplier once; what is still missing, 1 being the most that counts as steady.
 
-        tension: [node] of the current state, on the device.
+        tension [N], turning [rad]: [node] of the current state, on the device (measure.evaluate).
         """
-        model, state = self.model, self.state
+        model, state, panel = self.model, self.state, self.model.panel
         host = tension.numpy().astype(np.float64)
         axial = state.wire_axial.numpy().astype(np.float64)
         own = np.abs(host - state.tension_offset.numpy())
-        strain = np.maximum.reduceat(own, model.panel.wire_first) / axial
-        self._stretched = np.where(strain > SOFTENING_STRAIN, self._stretched + 1, 0)
-        stiffer = np.where(self._stretched >= PATIENCE, np.minimum(2.0 * axial, model.axial_stiffness), axial)
-        self._stretched[self._stretched >= PATIENCE] = 0
+        strain = np.maximum.reduceat(own, panel.wire_first) / axial
+        error = np.abs(own / np.repeat(axial, panel.wire_count) - np.abs(host) / model.axial_stiffness)
+        missing = np.maximum.reduceat(error, panel.wire_first)
+        stiffer = self._outgrown(axial, strain, missing, nearly_steady)
         penalty = float(state.read_control()[int(c.CONTACT_STIFFNESS)])
-        closed = state.pair_force.numpy() > 0
-        sunk = 0.0
-        if closed.any():
-            sunk = float(np.max(np.abs(state.pair_gap.numpy()[closed]))) / model.scene.wire.diameter
-            wp.launch(
-                update_pair_offset,
-                dim=model.pair_count,
-                inputs=[wp.float64(self._rate), state.pair_force, state.pair_offset],
-                device=model.device,
-            )
-        missing = np.abs(own / np.repeat(axial, model.panel.wire_count) - np.abs(host) / model.axial_stiffness).max()
+        sunk = self._move_pair_offsets()
         self._move_offsets(tension, stiffer)
         self._sinking = self._sinking + 1 if sunk > PENETRATION_STIFFEN and sunk > 0.8 * self._sunk else 0
         self._sunk = sunk
-        too_soft = self._sinking >= PATIENCE
-        if too_soft:
-            self._sinking = 0
-        if np.any(stiffer != axial) or too_soft:
-            self._set_stiffness(stiffer, 2.0 * penalty if too_soft else penalty)
-        left = max(float(missing) / AXIAL_ERROR, sunk / PENETRATION_LIMIT)
+        if self._sinking >= PATIENCE:
+            self._sinking, penalty = 0, 2.0 * penalty
+        self._renew(stiffer, penalty, host, turning.numpy())
+        left = max(float(missing.max()) / AXIAL_ERROR, sunk / PENETRATION_LIMIT)
         self._slow_down_without_progress(left)
         return left
 
-    def _restiffen(self, axial: np.ndarray, penalty: float | None, tension: np.ndarray) -> None:
-        if np.all(axial <= self.state.wire_axial.numpy().astype(np.float64) * (1 + 1e-6)):
-            return
-        device = self.model.device
-        self._move_offsets(wp.array(tension, dtype=self.model.precision.real, device=device), axial, rate=0.0)
-        self._set_stiffness(axial, penalty)
+    def _outgrown(self, axial: np.ndarray, strain: np.ndarray, missing: np.ndarray, nearly_steady: bool) -> np.ndarray:
+        """Axial stiffness [wire] [N], raised where the softening is more than a wire bears."""
+        true = self.model.axial_stiffness
+        self._stretched = np.where(strain > SOFTENING_STRAIN, self._stretched + 1, 0)
+        stuck = self._short & (missing > AXIAL_ERROR) & (missing > 0.8 * self._missing) & nearly_steady
+        self._unsettled = np.where(stuck, self._unsettled + 1, 0)
+        self._missing = missing
+        factor = np.where(self._stretched >= PATIENCE, 2.0, 1.0)
+        factor = np.where(self._unsettled >= TAUT_PATIENCE, TAUT_FACTOR, factor)
+        self._stretched[factor > 1.0] = 0
+        self._unsettled[factor > 1.0] = 0
+        return np.minimum(factor * axial, true)
+
+    def _move_pair_offsets(self) -> float:
+        """Move the multipliers of the pairs; the largest gap or overlap of a closed one, in wire diameters."""
+        state = self.state
+        closed = state.pair_force.numpy() > 0
+        if not closed.any():
+            return 0.0
+        wp.launch(
+            update_pair_offset,
+            dim=self.model.pair_count,
+            inputs=[wp.float64(self._rate), state.pair_force, state.pair_offset],
+            device=self.model.device,
+        )
+        return float(np.max(np.abs(state.pair_gap.numpy()[closed]))) / self.model.scene.wire.diameter
 
     def _move_offsets(self, tension: wp.array, axial: np.ndarray, rate: float | None = None) -> None:
         model, mesh, state = self.model, self.model.mesh, self.state
@@ -132,20 +162,24 @@ class Multipliers:
             device=model.device,
         )  # fmt: skip
 
-    def _set_stiffness(self, axial: np.ndarray, penalty: float | None) -> None:
-        """Renew the stiffnesses and with them the fictitious masses."""
-        model, state = self.model, self.state
-        control = {}
-        if penalty is None:
-            penalty = float(state.read_control()[int(c.CONTACT_STIFFNESS)])
-        else:
-            control = {c.CONTACT_STIFFNESS: penalty, c.BODY_INVERSE_MASS: 1.0 / (MASS_MARGIN * penalty)}
+    def _renew(self, axial: np.ndarray, penalty: float, tension: np.ndarray, turning: np.ndarray) -> None:
+        """Renew stiffnesses, and raise the fictitious masses of the wires where they no longer suffice."""
+        model, state, first = self.model, self.state, self.model.panel.wire_first
         h = float(model.table.spacing.min())
-        at_start = unit_step_mass(model.axial_stiffness / model.softening, model.bending_stiffness, model.contact_stiffness, h)
-        mass = unit_step_mass(axial, model.bending_stiffness, penalty, h) / at_start
-        state.wire_axial.assign(axial)
-        state.wire_mass.assign(mass)
-        state.write_control(control)
+        stiffness = model.bending_stiffness
+        pull = np.maximum.reduceat(tension, first)
+        bent = np.where(np.maximum.reduceat(np.abs(turning), first) > TURN_ALLOWANCE, 0.5 * np.pi, 0.0)
+        at_start = unit_step_mass(model.axial_stiffness / model.softening, stiffness, model.contact_stiffness, h)
+        needed = unit_step_mass(axial, stiffness, penalty, h, bent, pull) / at_start
+        mass = state.wire_mass.numpy().astype(np.float64)
+        # the rest table's masses have a margin for a load like that of the start
+        short = needed > mass * MASS_HEADROOM
+        if penalty != float(state.read_control()[int(c.CONTACT_STIFFNESS)]):
+            state.write_control({c.CONTACT_STIFFNESS: penalty, c.BODY_INVERSE_MASS: 1.0 / (MASS_MARGIN * penalty)})
+        if np.any(axial != state.wire_axial.numpy()):
+            state.wire_axial.assign(axial)
+        if short.any():
+            state.wire_mass.assign(np.where(short, needed * MASS_HEADROOM, mass))
 
 
 def offset_from_chord(r: measure.Reading) -> np.ndarray:

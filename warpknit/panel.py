@@ -132,7 +132,8 @@ def _cut_strands(cloth: Cloth, table: Table, low: np.ndarray, high: np.ndarray) 
         assert np.array_equal(c_on, c_off)
         long_enough = k_off - k_on >= 2 * END_NODES
         label = np.full(inside.shape, -1, dtype=np.int64)
-        run = np.cumsum(edges == 1, axis=1) + np.concatenate([[0], np.cumsum(np.bincount(c_on, minlength=len(columns)))])[:-1, None] - 1
+        runs_before = np.concatenate([[0], np.cumsum(np.bincount(c_on, minlength=len(columns)))[:-1]])  # [column]
+        run = np.cumsum(edges == 1, axis=1) + runs_before[:, None] - 1
         number = np.where(long_enough, np.cumsum(long_enough) - 1 + wires, -1)
         label[:, 1:] = np.where(inside[:, 1:], number[np.clip(run, 0, None)] if len(number) else -1, -1)
         wire_at.append(label)

@@ -55,6 +55,9 @@ __all__ = [
 ]
 
 
+SINGLE_TOLERANCE = 1e-3  # least residual tolerance that single precision can meet
+
+
 @dataclass(frozen=True, kw_only=True)
 class Bar:
     """A guide bar: its chain of links a-b, its threading of '|' and '.', its shift in needles."""
@@ -240,7 +243,7 @@ def make_scene(
         model=_model(source, file.model, wire, numerics),
         stages=tuple(_stages(source, file, wire, knit)),
         contact=Contact(**file.contact.model_dump()),
-        solver=_solver(file.solver, numerics),
+        solver=_solver(source, file.solver, numerics),
         output=Output(**file.output.model_dump()),
         sweep=None
         if file.sweep is None
@@ -313,7 +316,7 @@ def _model(source: _Source, table: ModelTable, wire: Wire, numerics: Preset) -> 
     return ModelOptions(**given)
 
 
-def _solver(table: SolverTable, numerics: Preset) -> Solver:
+def _solver(source: _Source, table: SolverTable, numerics: Preset) -> Solver:
     given = table.model_dump()
     ramp = "ramp_" if given["drive"] == "ramp" else ""
     for key, name in (
@@ -323,6 +326,9 @@ def _solver(table: SolverTable, numerics: Preset) -> Solver:
     ):
         if given[key] is None:
             given[key] = getattr(numerics, name)
+    if given["precision"] == "single" and given["residual_tolerance"] < SINGLE_TOLERANCE:
+        allowed = f"{SINGLE_TOLERANCE:g} or more in single precision, whose round-off hides less; or precision = \"double\""
+        raise source.refusal(("solver", "residual_tolerance"), given["residual_tolerance"], allowed)
     return Solver(**given)
 
 

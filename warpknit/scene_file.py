@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
+from warpknit.knit.loops import RANGES
 from warpknit.materials import MATERIALS
 from warpknit.presets import DEFAULT_PRESET
 from warpknit.scene_values import (
@@ -117,21 +118,21 @@ class BarTable(Table):
 
 
 class LoopTable(Table):
-    """[knit.loop]: proportions in units of the course spacing; `warpknit.knit.loops` says what they measure."""
+    """[knit.loop]: proportions in units of the course spacing; `warpknit.knit.loops` says what they measure and their ranges."""
 
     shape: LoopShape = "auto"
-    closed_radius: Annotated[float, proportion(0.35, 0.80)] = 0.60
-    closed_head: Annotated[float, proportion(0.30, 0.80)] = 0.55
-    open_head: Annotated[float, proportion(0.30, 0.80)] = 0.50
-    open_half_width: Annotated[float, proportion(0.15, 0.50)] = 0.26
-    closed_foot: Annotated[float, proportion(0.03, 0.25)] = 0.10
-    open_foot: Annotated[float, proportion(0.05, 0.35)] = 0.19
-    foot_radius: Annotated[float, proportion(0.03, 0.20)] = 0.10
-    tilt: Annotated[float, proportion(-0.30, 0.30)] = 0.10
-    lateral_shift: Annotated[float, proportion(-0.15, 0.15)] = 0.02
-    foot_half_width: Annotated[float, proportion(0.06, 0.20)] = 0.12
-    leg_half_width: Annotated[float, proportion(0.12, 0.35)] = 0.24
-    head_height: Annotated[float, proportion(0.12, 0.45)] = 0.22
+    closed_radius: Annotated[float, proportion(*RANGES["closed_radius"])] = 0.6
+    closed_head: Annotated[float, proportion(*RANGES["closed_head"])] = 0.55
+    open_head: Annotated[float, proportion(*RANGES["open_head"])] = 0.5
+    open_half_width: Annotated[float, proportion(*RANGES["open_half_width"])] = 0.26
+    closed_foot: Annotated[float, proportion(*RANGES["closed_foot"])] = 0.1
+    open_foot: Annotated[float, proportion(*RANGES["open_foot"])] = 0.19
+    foot_radius: Annotated[float, proportion(*RANGES["foot_radius"])] = 0.1
+    tilt: Annotated[float, proportion(*RANGES["tilt"])] = 0.1
+    lateral_shift: Annotated[float, proportion(*RANGES["lateral_shift"])] = 0.02
+    foot_half_width: Annotated[float, proportion(*RANGES["foot_half_width"])] = 0.12
+    leg_half_width: Annotated[float, proportion(*RANGES["leg_half_width"])] = 0.24
+    head_height: Annotated[float, proportion(*RANGES["head_height"])] = 0.22
 
 
 class KnitTable(Table):

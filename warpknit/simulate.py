@@ -41,6 +41,7 @@ FORCE_FLOOR = 0.05  # of EI/W^2: what the residual is compared with where contac
 ROUND_OFF_RMS = 2.0  # rms residual that counts as round-off, over the estimate of it
 ROUND_OFF_LARGEST = 4.0  # the same of the largest residual, which is allowed LOCAL_ALLOWANCE times more
 LOCAL_ALLOWANCE = 10.0
+NEARLY_STEADY = 10.0  # residual over the tolerance below which multipliers that do not converge tell of taut wires
 HOLD_LIMIT = 5.0  # loading times that a ramp is held at the end before it stops without being steady
 
 
@@ -340,9 +341,6 @@ class Simulation:
         """
         model, tolerance = self.model, self.scene.solver.residual_tolerance
         measure.evaluate(model, self.state, self._scratch)
-        left = 0.0
-        if self.scene.solver.drive == "relax" and self.scene.solver.multipliers:
-            left = self.multipliers.update(self._scratch[3])
         force = self.state.pair_force.numpy()
         closed = force[force > 0]
         scale = max(float(closed.mean()) if len(closed) else 0.0, FORCE_FLOOR * measure.force_scale(model))
@@ -359,6 +357,11 @@ class Simulation:
             0.5 * float(control[int(c.KINETIC_TWICE)]) / max(stored, ENERGY_FLOOR * measure.energy_scale(model))
         )
         self.progress.residual = max(balance, motion)
+        left = 0.0
+        if self.scene.solver.drive == "relax" and self.scene.solver.multipliers:
+            left = self.multipliers.update(
+                self._scratch[3], self._scratch[4], nearly_steady=self.progress.residual < NEARLY_STEADY * tolerance
+            )
         return self.progress.residual < tolerance and left < 1.0
 
     # --- ramp ---
