@@ -13,7 +13,7 @@ import numpy as np
 import psutil
 import warp as wp
 
-from .errors import DeviceError, MemoryNeeded
+from .errors import MemoryNeeded
 from .frame import WireLayout
 from .kernels.bodies import BODY_BLOCK
 from .kernels.contact import CURVE_COEFFICIENTS
@@ -137,16 +137,6 @@ class Model:
             body_wires=p.pair_wire.reshape(-1, 2),
             rhombus_bodies=p.rhombus_bodies,
         )
-
-
-def find_device(name: str | None) -> str:
-    """The Warp name of a device; None takes the first CUDA device if there is one. Raises `DeviceError`."""
-    available = [str(d) for d in wp.get_devices()]
-    if name is None:
-        return next((d for d in available if d.startswith("cuda")), "cpu")
-    if name not in available:
-        raise DeviceError(f"--device {name}: not on this machine; allowed: {', '.join(available)}")
-    return name
 
 
 def estimated_nodes(scene: Scene, cloth: Cloth) -> int:

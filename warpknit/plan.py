@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from .device import find_device
 from .knit.cloth import Cloth
 from .model import (
     SLIDE_ALLOWANCE,
@@ -23,7 +24,6 @@ from .model import (
     build_model,
     choose_numbers,
     estimated_nodes,
-    find_device,
     knit_scene,
     required_memory,
 )

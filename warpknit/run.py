@@ -20,10 +20,11 @@ from typing import TYPE_CHECKING, Any
 
 from . import measure
 from .checkpoint import Checkpoint, has_checkpoint, write_checkpoint
+from .device import find_device
 from .errors import Diverged, OutOfResources, RunDirectoryError
 from .files import write_aside
 from .history import Row, account_work, read_history, row_of, write_history
-from .model import Model, build_model, find_device
+from .model import Model, build_model
 from .progress import Progress as Display
 from .scene import Scene, resolved_toml
 from .simulate import Progress, Record, Simulation

@@ -1,0 +1,46 @@
+"""The device of a run, and a quiet start of Warp."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+import tempfile
+from functools import cache
+
+import warp as wp
+
+from .errors import DeviceError
+
+_log = logging.getLogger(__name__)
+
+NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"  # what Warp's library prints on a machine without a GPU
+
+
+@cache
+def start_warp() -> None:
+    """Initialise Warp. Its library writes to the stderr of the process; all but the lack of a GPU is passed on as a warning."""
+    sys.stderr.flush()
+    kept = os.dup(2)
+    with tempfile.TemporaryFile() as said:
+        os.dup2(said.fileno(), 2)
+        try:
+            wp.init()
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+        said.seek(0)
+        for line in said.read().decode(errors="replace").splitlines():
+            if line.strip() and NO_DRIVER not in line:
+                _log.warning("%s", line)
+
+
+def find_device(name: str | None) -> str:
+    """The Warp name of a device; None takes the first CUDA device if there is one. Raises `DeviceError`."""
+    start_warp()
+    available = [str(d) for d in wp.get_devices()]
+    if name is None:
+        return next((d for d in available if d.startswith("cuda")), "cpu")
+    if name not in available:
+        raise DeviceError(f"--device {name}: not on this machine; allowed: {', '.join(available)}")
+    return name
