@@ -13,7 +13,7 @@ from .model import Model
 from .state import State
 from .step import ForceProbe, Stepper
 
-SLOWEST = 1e-3  # [1/s] least damping, at unit step
+SLOWEST_WAVE = 3.0  # loops of wire: bending waves longer than this are left overdamped; they carry next to nothing
 FASTEST = 0.2
 
 
@@ -24,6 +24,10 @@ class SlowestMode:
         self.model = model
         self.state = state
         self._probe = ForceProbe(model, state, stepper)
+        h = float(model.table.spacing.min())
+        wave_number = 2.0 * math.pi / (SLOWEST_WAVE * model.scene.model.nodes_per_loop * h)
+        heaviest = 1.0 / float(model.rest.inverse_mass.numpy().min())
+        self._slowest = 2.0 * math.sqrt(model.bending_stiffness * wave_number**4 * h / heaviest)  # [1/s]
         nodes, device = model.panel.node_count, model.device
         kinds = [model.precision.coordinate] * 2 + [model.precision.real] * 2
         self._last = [wp.zeros(nodes, dtype=kind, device=device) for kind in kinds]
@@ -57,6 +61,6 @@ class SlowestMode:
             return
         force, moved = self._partial.numpy().sum(axis=0)
         if moved > 0.0 and force > 0.0:
-            rate = min(max(2.0 * math.sqrt(force / moved), SLOWEST), FASTEST)
+            rate = min(max(2.0 * math.sqrt(force / moved), self._slowest), FASTEST)
             now = float(state.read_control()[int(c.DAMPING)])
             self.state.write_control({c.DAMPING: math.sqrt(now * rate)})
