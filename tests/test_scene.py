@@ -512,3 +512,9 @@ def test_the_size_of_the_panel_is_that_of_the_knit():
         pytest.skip("no knit yet")
     scene = load_scene(SCENES / "atlas_cell.toml")
     assert scene.knit.size == pytest.approx(tuple(knit_cloth(scene.knit, scene.wire.diameter).size), rel=1e-12)
+
+
+def test_tension_in_a_ramp_is_refused():
+    """A ramp in real time is driven by strain: a tension there would be ignored, so it is refused."""
+    with pytest.raises(SceneError, match="load.tension_weft: given '2 N/m', allowed: strain_weft in a ramp"):
+        make_scene({"load": {"tension_weft": "2 N/m"}, "solver": {"drive": "ramp"}})
