@@ -30,7 +30,7 @@ LAYERS = (
     {"knit"},
     {"wire", "scene_values", "scene_file", "scene_report", "scene_overrides", "scene_resolved", "scene", "frame"},
     {"table", "panel"},
-    {"device", "model"},
+    {"device", "numerics", "model"},
     {"state"},
     {"step", "measure"},
     {"damping", "multipliers", "neighbours", "timestep"},

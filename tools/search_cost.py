@@ -2,9 +2,9 @@
 
     python tools/search_cost.py [SCENE] [KEY=VALUE ...]
 
-Stretches the scene's mesh by 10 %, then times, on the state it has then: one neighbour search through the hash, one step's contact
-kernel with the pairs that sleep, the same with every pair awake (each walks along the arc from its last contact point), and
-the whole step. Prints one line each and the amortised share of the search in the run.
+Loads the scene's mesh, then times, on the state it has then: one neighbour search through the hash, one step's contact
+kernel with the pairs that sleep, the same with every pair awake (each walks along the arc from its last contact point),
+and the whole step. Prints one line each and the amortised share of the search in the run.
 """
 
 from __future__ import annotations
@@ -50,7 +50,8 @@ def main() -> None:
     awake = seconds(simulation.stepper.evaluate_contact, 200)
     simulation.neighbours.search()
     step = seconds(lambda: simulation.stepper.step(2), 100) / 2
-    print(f"{model.panel.node_count} nodes, {model.pair_count} pairs, {asleep} asleep, {measure.contacts(last.reading).active} active")
+    active = measure.contacts(last.reading).active
+    print(f"{model.panel.node_count} nodes, {model.pair_count} pairs, {asleep} asleep, {active} active")
     print(f"neighbour search (hash)           {search * 1e6:9.1f} us, {searches} in {steps} steps")
     print(f"contact kernel, sleepers skipped  {contact * 1e6:9.1f} us")
     print(f"contact kernel, every pair walks  {awake * 1e6:9.1f} us")

@@ -6,7 +6,7 @@ y^2 EA/(BEND_OVER_STRETCH EI); a closed wire has no chord that something could i
 bound is renewed at every level. A wire whose softened strain grows past SOFTENING_STRAIN is softened half as much, and the
 contact penalty is doubled when a body sinks in past PENETRATION_STIFFEN. A short open wire whose multipliers do not
 converge once the mesh is nearly at rest is taut: its softening is divided by TAUT_FACTOR. Fictitious masses follow the
-stiffnesses, the tension and the sharpest turn of each wire (model.unit_step_mass).
+stiffnesses, the tension and the sharpest turn of each wire (numerics.unit_step_mass).
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from . import measure
 from .kernels import control as c
 from .kernels.multipliers import update_pair_offset, update_tension_offset
 from .kernels.wires_by_block import BLOCK_SIZE
-from .model import MASS_MARGIN, TURN_ALLOWANCE, Model, block_threads, unit_step_mass
+from .model import Model, block_threads
+from .numerics import MASS_MARGIN, TURN_ALLOWANCE, unit_step_mass
 from .state import State
 
 PATIENCE = 4  # updates in a row that a limit must be passed, without coming down by itself, before numbers are renewed

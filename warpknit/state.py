@@ -14,7 +14,7 @@ import warp as wp
 from .kernels import control as c
 from .model import Model, body_blocks
 
-LOOK_AHEAD = 0.12  # steps; stable up to 4/(1 + 2 LOOK_AHEAD) of the unit-step mass, see model.MASS_MARGIN
+LOOK_AHEAD = 0.12  # steps; stable up to 4/(1 + 2 LOOK_AHEAD) of the unit-step mass, see numerics.MASS_MARGIN
 WIRE_STATE = ("node_vx", "node_vy", "tension_offset", "wire_axial", "wire_mass")
 BODY_STATE = ("body_ux", "body_uy", "body_vx", "body_vy")
 PAIR_STATE = ("pair_slide", "pair_u", "pair_wake", "pair_offset", "pair_force", "pair_gap", "pair_node")

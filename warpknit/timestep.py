@@ -23,7 +23,8 @@ import numpy as np
 
 from . import measure
 from .kernels import control as c
-from .model import STEP_MARGIN, Model
+from .model import Model
+from .numerics import STEP_MARGIN
 from .state import State
 
 

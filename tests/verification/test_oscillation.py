@@ -17,7 +17,7 @@ from verification.test_forces import deformed, two_rings
 from verification.wires import DIAMETER, EPSILON, Rig, panel_of_wires, straight, table_of_wires
 
 from warpknit.kernels import control as c
-from warpknit.model import MASS_MARGIN
+from warpknit.numerics import MASS_MARGIN
 from warpknit.state import LOOK_AHEAD
 
 LENGTH = 1e-3
