@@ -9,10 +9,13 @@ from __future__ import annotations
 
 import logging
 import sys
+import time
 from types import TracebackType
 from typing import Any
 
 _log = logging.getLogger(__name__)
+
+LINE_INTERVAL = 30.0  # [s] between lines where there is no terminal
 
 
 class Progress:
@@ -34,10 +37,19 @@ class Progress:
 
 
 class StageLines(Progress):
-    """One line a stage through logging, where nobody watches."""
+    """A line a stage through logging, and one every LINE_INTERVAL, where nobody watches."""
+
+    def __init__(self) -> None:
+        self._said = time.monotonic()
 
     def stage(self, name: str, *, number: int, of: int) -> None:
         _log.info("stage %d of %d: %s", number, of, name)
+
+    def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None) -> None:
+        if time.monotonic() - self._said > LINE_INTERVAL:
+            self._said = time.monotonic()
+            rate = "" if node_steps_per_s is None else f", {node_steps_per_s:.2g} node-steps/s"
+            _log.info("  %.0f %% done, load %.0f %%%s", 100 * done, 100 * load_factor, rate)
 
 
 class Bar(Progress):

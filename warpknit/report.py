@@ -25,6 +25,9 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
             found = found.get(key) if isinstance(found, Mapping) else None
         return found
 
+    stages = value("stages") or []
+    if len(stages) > 1:
+        yield "at the end of stage", f"{stages[-1].get('name')} ({len(stages)} stages; summary.json has all)"
     if (strain := value("mesh", "strain_weft")) is not None:
         yield "strain, weft / warp", f"{strain:.2%} / {value('mesh', 'strain_warp') or 0.0:.2%}"
     if (active := value("contacts", "active")) is not None:
@@ -41,11 +44,13 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
         yield "largest stress", engineering(stress, "Pa") + (f", {stress / limit:.0%} of the elastic limit" if limit else "")
         if (interior := value("wire", "stress_interior_max_Pa")) is not None and interior < 0.95 * stress:
             yield "  away from the grips", engineering(interior, "Pa")
+    if (peak := value("wire", "stress_max_so_far_Pa")) is not None and stress is not None and peak > 1.001 * stress:
+        yield "largest on the way", engineering(peak, "Pa")
     if (steps := value("solver", "steps")) is not None:
         yield "time steps", f"{steps:,} of {value('model', 'nodes') or 0:,} nodes"
     if (wall := value("solver", "wall_s")) is not None:
         compiling = value("solver", "compile_s")
-        yield "wall time", f"{wall:.3g} s" + (f", and {compiling:.3g} s to compile" if compiling else "")
+        yield "wall time", f"{wall:.3g} s" + (f", and {compiling:.3g} s to compile" if compiling and compiling > 1.0 else "")
     yield "stopped", str(value("stop_reason"))
     for warning in value("warnings") or []:
         yield "warning", str(warning)

@@ -83,7 +83,10 @@ def run_scene(
     simulation, compile_time = _ready(model, checkpoint)
     if checkpoint is None:
         _clear(out)
-    out.mkdir(parents=True, exist_ok=True)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunDirectoryError(f"--out {out}: given {(error.strerror or 'unusable').lower()}, allowed: a directory") from error
     return _Recorder(model, simulation, out, progress, compile_time, checkpoint).run()
 
 

@@ -55,6 +55,7 @@ __all__ = [
 ]
 
 
+SPACING_RATIO = 10.0  # largest ratio of wale and course spacing, either way
 SINGLE_TOLERANCE = 1e-3  # least residual tolerance that single precision can meet
 
 
@@ -292,8 +293,18 @@ def _knit(source: _Source, table: KnitTable, wire: Wire) -> Knit:
     ):
         spacing[key] = length if length is not None else default if count is None else 1 / count
         if not 2 * wire.diameter <= spacing[key] < math.inf:
-            allowed = f"two diameters of the wire or more between loops, {2 * wire.diameter:g} m"
+            least = 2 * wire.diameter
+            allowed = f"two diameters of the wire or more between loops, {least:g} m (wire.diameter is {wire.diameter:g} m)"
             raise source.refusal(("knit", key if count is None else count_key), spacing[key], allowed)
+    ratio = spacing["wale_spacing"] / spacing["course_spacing"]
+    if not 1 / SPACING_RATIO <= ratio <= SPACING_RATIO:
+        key = "wales" if table.wales is not None else "wale_spacing"
+        allowed = (
+            f"between 1/{SPACING_RATIO:g} and {SPACING_RATIO:g} course spacings; this makes wales"
+            f" {spacing['wale_spacing'] * 1e3:.4g} mm and courses {spacing['course_spacing'] * 1e3:.4g} mm apart"
+            " (bare numbers are SI)"
+        )
+        raise source.refusal(("knit", key), spacing["wale_spacing"], allowed)
     return Knit(
         bars=tuple(Bar(**bar.model_dump()) for bar in table.bars),
         **spacing,

@@ -36,6 +36,7 @@ from .timestep import stable_step
 CHECK_STEPS = 50  # steps between looks at the state
 SOFTENING_LOOKS = 10  # looks between renewals of the bound on the softening
 LEVEL_RAMP_STEPS = 100  # steps over which the first load of a stage comes on, in relax
+LEVEL_STEP_LIMIT = 500_000  # steps of a level after which it counts as never steady, where the scene gives no max_steps
 ENERGY_FLOOR = 1e-5  # of EI/W a loop: what kinetic energy is compared with where less is stored
 FORCE_FLOOR = 0.05  # of EI/W^2: what the residual is compared with where contacts carry less
 ROUND_OFF_RMS = 2.0  # rms residual that counts as round-off, over the estimate of it
@@ -273,6 +274,7 @@ class Simulation:
                     f" {wanted[0]:.3g} N/m in weft and {wanted[1]:.3g} N/m in warp (now {tension[0]:.3g} and"
                     f" {tension[1]:.3g} N/m): give smaller tensions, more output.frames, or strains"
                 )
+            self.progress.looks = 0
             target = self._target(stage, factor)
             gradient = target.gradient.copy()
             gradient[np.diag_indices(2)] = np.where(driven, 1.0 + following, np.diag(gradient))
@@ -313,7 +315,7 @@ class Simulation:
 
     def _settle(self) -> None:
         """Step until the level is steady."""
-        limit = self.scene.solver.max_steps
+        limit = self.scene.solver.max_steps or LEVEL_STEP_LIMIT
         while True:
             self._advance(CHECK_STEPS)
             self.progress.looks += 1
@@ -325,7 +327,7 @@ class Simulation:
             if self.scene.solver.multipliers and self.progress.looks % SOFTENING_LOOKS == 0:
                 self.multipliers.bound_softening(measure.read(self.model, self.state))
             self.watch(self.progress)
-            if limit is not None and self.progress.looks * CHECK_STEPS > limit:
+            if self.progress.looks * CHECK_STEPS > limit:
                 raise Diverged(
                     f"level {self.progress.load_factor:.3g} of stage {self.progress.stage!r} is not steady after {limit}"
                     f" steps (residual {self.progress.residual:.2g}): raise solver.max_steps or solver.residual_tolerance"

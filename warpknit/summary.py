@@ -11,6 +11,8 @@ from .history import Row
 from .model import Model
 from .simulate import Record
 
+STRAIN_JUMP = 0.06  # between two recorded states of a relaxation: worth a warning
+
 
 def stage_summary(record: Record, rows: list[Row]) -> dict[str, Any]:
     """Contacts, wire, mesh and quality of the state at the end of a stage; `rows` are all rows up to it."""
@@ -44,13 +46,14 @@ def stage_summary(record: Record, rows: list[Row]) -> dict[str, Any]:
                 "bodies": rhombus.bodies,
                 "pairs": rhombus.pairs,
                 "active": rhombus.active,
-                "active_percent": rhombus.active_percent,
+                "active_percent": rhombus.active_percent if rhombus.bodies else None,
             },
         },
         "wire": {
             "stress_max_Pa": largest,
             "stress_p99_Pa": high,
             "stress_interior_max_Pa": measure.interior_stress(r),
+            "stress_max_so_far_Pa": max(row.stress_max_Pa for row in rows),
             "yield_stress_Pa": model.scene.wire.yield_stress,
             "yield_fraction": above,
             "axial_strain_max": float(np.max(np.abs(measure.axial_strain(r)))),
@@ -105,6 +108,19 @@ def warnings_of(model: Model, rows: list[Row], stages: list[dict[str, Any]]) -> 
         )
     if any(row.strain_weft < -0.005 or row.strain_warp < -0.005 for row in rows):
         found.append("the mesh is compressed: a real one would wrinkle out of its plane, which this planar model cannot show")
+    if rows and rows[0].active_pairs:
+        found.append(
+            f"as knitted {rows[0].active_pairs} pairs press already, with {rows[0].tension_weft_N_per_m:.2g} N/m in weft and"
+            f" {rows[0].tension_warp_N_per_m:.2g} N/m in warp at no strain: the yarn is thicker than the loops leave room for"
+        )
+    for a, b in zip(rows, rows[1:], strict=False):
+        jump = max(abs(b.strain_weft - a.strain_weft), abs(b.strain_warp - a.strain_warp))
+        if jump > STRAIN_JUMP and model.scene.solver.drive == "relax":
+            found.append(
+                f"the mesh jumps by {jump:.1%} strain between loads {a.load_factor:.3g} and {b.load_factor:.3g} of stage"
+                f" {b.stage!r}: more than one state carries such a load, and which is found depends on the way there"
+            )
+            break
     if stages and abs(stages[-1]["quality"]["energy_balance_of_stored"]) > 0.05:
         found.append(
             f"work and stored energy differ by {stages[-1]['quality']['energy_balance_of_stored']:.0%}:"

@@ -212,7 +212,7 @@ def _draw_contacts(figure: Figure, axes: Axes, layout: WireLayout, frame: Frame,
     for name, chosen, look in kinds:
         axes.plot(*position[chosen].T, **style, **look)
         look = {**look, "markersize": 6.5, "markeredgewidth": 1.0}
-        handles.append(Line2D([], [], label=f"contact {name}: {np.count_nonzero(chosen)}", **{**style, **look}))
+        handles.append(Line2D([], [], label=f"bodies {name}: {np.count_nonzero(chosen)}", **{**style, **look}))
     if in_rhombus.any():
         ring: dict[str, Any] = {"markerfacecolor": "none", "markeredgecolor": GREEN, "linestyle": "none", "marker": "o"}
         axes.plot(*position[in_rhombus].T, **ring, markersize=2.1 * size, markeredgewidth=0.3 * size, zorder=4)
