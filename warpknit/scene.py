@@ -56,6 +56,7 @@ __all__ = [
 
 
 SPACING_RATIO = 10.0  # largest ratio of wale and course spacing, either way
+SINGLE_NODES = 48  # nodes a loop above which double is the default: round-off grows as EI/h^2
 SINGLE_TOLERANCE = 1e-3  # least residual tolerance that single precision can meet
 
 
@@ -244,7 +245,7 @@ def make_scene(
         model=_model(source, file.model, wire, numerics),
         stages=tuple(_stages(source, file, wire, knit)),
         contact=Contact(**file.contact.model_dump()),
-        solver=_solver(source, file.solver, numerics),
+        solver=_solver(source, file.solver, numerics, file.model.nodes_per_loop or numerics.nodes_per_loop),
         output=Output(**file.output.model_dump()),
         sweep=None
         if file.sweep is None
@@ -327,7 +328,7 @@ def _model(source: _Source, table: ModelTable, wire: Wire, numerics: Preset) -> 
     return ModelOptions(**given)
 
 
-def _solver(source: _Source, table: SolverTable, numerics: Preset) -> Solver:
+def _solver(source: _Source, table: SolverTable, numerics: Preset, nodes_per_loop: int) -> Solver:
     given = table.model_dump()
     ramp = "ramp_" if given["drive"] == "ramp" else ""
     for key, name in (
@@ -337,6 +338,8 @@ def _solver(source: _Source, table: SolverTable, numerics: Preset) -> Solver:
     ):
         if given[key] is None:
             given[key] = getattr(numerics, name)
+    if table.precision is None and nodes_per_loop > SINGLE_NODES:
+        given["precision"] = "double"
     if given["precision"] == "single" and given["residual_tolerance"] < SINGLE_TOLERANCE:
         allowed = f"{SINGLE_TOLERANCE:g} or more in single precision, whose round-off hides less; or precision = \"double\""
         raise source.refusal(("solver", "residual_tolerance"), given["residual_tolerance"], allowed)
