@@ -289,7 +289,7 @@ def pair_active(r: Reading) -> np.ndarray:
 
 
 def active_threshold(model: Model) -> float:
-    """The scene's threshold [N], but not below what the steady state leaves out of balance."""
+    """The scene's threshold [N], but not below 1e-4 EI/W^2, about what a steady state leaves out of balance."""
     return max(model.scene.contact.threshold, 1e-4 * force_scale(model))
 
 
@@ -299,6 +299,17 @@ def contacts(r: Reading, bodies: np.ndarray | None = None) -> Contacts:
     if bodies is not None:
         active = active[bodies]
     return Contacts(len(active), active.size, int(active.sum()), int(active.all(axis=1).sum()))
+
+
+def pairs_at_reach_end(r: Reading) -> int:
+    """Closed pairs whose contact point stands at the end of the stretch of wire that it may slide on.
+
+    Beyond it the wire is continued straight, which pushes a body that has slid off; such contacts are not to be believed.
+    """
+    panel = r.model.panel
+    at_low = (r.pair_slide <= panel.pair_low) & (r.pair_u < 1e-3)
+    at_high = (r.pair_slide >= panel.pair_high) & (r.pair_u > 1.0 - 1e-3)
+    return int(np.count_nonzero((r.pair_force > active_threshold(r.model)) & (at_low | at_high)))
 
 
 def penetration(r: Reading) -> float:

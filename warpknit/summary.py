@@ -39,6 +39,7 @@ def stage_summary(record: Record, rows: list[Row]) -> dict[str, Any]:
             "active_percent": contact.active_percent,
             "bodies": contact.bodies,
             "active_bodies": contact.active_bodies,
+            "at_reach_end": measure.pairs_at_reach_end(r),
             "force_max_N": float(force.max(initial=0.0)),
             "force_mean_N": float(force.mean()) if len(force) else 0.0,
             "threshold_N": measure.active_threshold(model),
@@ -108,6 +109,9 @@ def warnings_of(model: Model, rows: list[Row], stages: list[dict[str, Any]]) -> 
         )
     if any(row.strain_weft < -0.005 or row.strain_warp < -0.005 for row in rows):
         found.append("the mesh is compressed: a real one would wrinkle out of its plane, which this planar model cannot show")
+    ends = max((stage["contacts"]["at_reach_end"] for stage in stages), default=0)
+    if ends:
+        found.append(f"{ends} active contacts have slid as far along their wire as the model follows them: do not believe their forces")
     if rows and rows[0].active_pairs:
         found.append(
             f"as knitted {rows[0].active_pairs} pairs press already, with {rows[0].tension_weft_N_per_m:.2g} N/m in weft and"
