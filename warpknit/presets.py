@@ -24,7 +24,7 @@ PRESETS = {
         ramp_axial_softening=100.0,
         precision="single",
         ramp_precision="double",
-        residual_tolerance=3e-3,
+        residual_tolerance=1e-2,
     ),
     "standard": Preset(
         nodes_per_loop=27,

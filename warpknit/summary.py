@@ -111,7 +111,7 @@ def warnings_of(model: Model, rows: list[Row], stages: list[dict[str, Any]]) -> 
         found.append("the mesh is compressed: a real one would wrinkle out of its plane, which this planar model cannot show")
     ends = max((stage["contacts"]["at_reach_end"] for stage in stages), default=0)
     if ends:
-        found.append(f"{ends} active contacts have slid as far along their wire as the model follows them: do not believe their forces")
+        found.append(f"{ends} active contacts have slid as far along their wire as the model follows: never trust their forces")
     if rows and rows[0].active_pairs:
         found.append(
             f"as knitted {rows[0].active_pairs} pairs press already, with {rows[0].tension_weft_N_per_m:.2g} N/m in weft and"
