@@ -42,11 +42,6 @@ class Table:
     curve: np.ndarray  # [entry, 8] [m] see kernels/contact.py
     curve_error: float  # [m] largest distance of the fitted rest curve from the true one
 
-    @property
-    def smallest_radius(self) -> float:
-        """Smallest radius of curvature at rest [m], as the nodes see it."""
-        return float(1.0 / np.max(np.abs(self.rest_angle) / self.hinge_length))
-
 
 def rest_table(cloth: Cloth, *, nodes_per_loop: int, set_fraction: float, lead: int) -> Table:
     """Sample the threads of a repeat at `nodes_per_loop` nodes a stitch.

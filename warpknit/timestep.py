@@ -44,7 +44,7 @@ class FrequencyBound:
         return max(parts, key=lambda name: parts[name])
 
 
-def frequency_bound(model: Model, reading: measure.Reading, contact_closed: bool = True) -> FrequencyBound:
+def frequency_bound(model: Model, reading: measure.Reading) -> FrequencyBound:
     """Bound on the highest frequency of a state."""
     table, panel = model.table, model.panel
     inverse_mass = model.rest.inverse_mass.numpy().astype(float)
@@ -65,7 +65,7 @@ def frequency_bound(model: Model, reading: measure.Reading, contact_closed: bool
         if square > worst[3]:
             worst = (a, b, t, square)
     contact = 0.0
-    if model.pair_count and contact_closed:
+    if model.pair_count:
         penalty = float(reading.control[int(c.CONTACT_STIFFNESS)])
         contact = 2.0 * penalty * (float(reading.control[int(c.BODY_INVERSE_MASS)]) + float(inverse_mass.max()))
     return FrequencyBound(*worst[:3], contact, worst[3] + contact)
