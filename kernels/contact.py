@@ -2,18 +2,20 @@
 
 On segment j between nodes j and j + 1, with u in [0, 1] and everything taken relative to node j,
 
-    p(u) = h10 m0 + h01 e + h11 m1 + u (1 - u) (b_t(u) t + b_n(u) nu)
-    m0 = (e_before + e)/2,  m1 = (e + e_after)/2        (Catmull-Rom tangents; h.. are the Hermite polynomials)
+    p(u) = h10 M0 + h01 e + h11 M1 + u^2 (1 - u)^2 (b_t(u) e + b_n(u) J e)
+    M = m + a m + b J m,    m0 = (e_before + e)/2,  m1 = (e + e_after)/2
 
-t and nu are the unit tangent and left normal of the chord e; b_t and b_n are cubics whose coefficients come from a table
-of one repeat, such that p is the true curve of the wire at rest. With the closest point, n the left normal there and
-`side` telling on which side of the wire the body belongs,
+h.. are the Hermite polynomials, m the Catmull-Rom tangents, J turns by +90 degrees. The numbers a, b of the nodes and
+the cubics b_t, b_n of the segment come from a table of one repeat, such that p is the true curve of the wire at
+rest. M belongs to the node and the last term has no slope there, so the curve is continuously differentiable whatever
+shape the wire takes. With the closest point, n the left normal there and `side` telling on which side of the wire the
+body belongs,
 
     gap = side n.(c - p) - reach         F = max(0, offset - k gap)
 
 The sign of the gap goes by the side, not by the distance, so a body that was pushed through is pushed back. F acts on
-the body along side n, and on the four nodes with the weights dp/dx and the couple of the chord's rotation: minus the
-gradient of the energy, so no net force and no net moment arises.
+the body along side n, and on the four nodes, in which p is linear, with minus the transposed weights: the gradient of
+the energy, so no net force and, p being carried along by rotations, no net moment arises.
 
 | symbol | argument | unit |
 |---|---|---|
@@ -31,7 +33,7 @@ from .control import CONTACT_STIFFNESS, GRADIENT, LENGTH_FACTOR, STATUS, STATUS_
 from .stretch import edge_component
 from .wires import node_at
 
-CURVE_COEFFICIENTS = 8  # b_t: 0..3, b_n: 4..7
+CURVE_COEFFICIENTS = 10  # a, b of the node; then four of b_t and four of b_n of the segment to the next node
 CLOSEST_POINT_ITERATIONS = 8
 
 
@@ -43,6 +45,12 @@ def cubic(c0: Any, c1: Any, c2: Any, c3: Any, u: Any):
 @wp.func
 def cubic_slope(c1: Any, c2: Any, c3: Any, u: Any):
     return c1 + u * (c2 + c2 + (c3 + c3 + c3) * u)
+
+
+@wp.func
+def turned(a: Any, b: Any, x: Any, y: Any):
+    """a v + b J v of the vector v = (x, y)."""
+    return a * x - b * y, a * y + b * x
 
 
 @wp.kernel
@@ -115,17 +123,15 @@ def find_contact_forces(
     u = pair_u[pair]
 
     node = int(0)
-    e0x = zero
-    e0y = zero
     gx = zero
     gy = zero
     px = zero
     py = zero
     dx = zero
     dy = zero
-    inverse = one
     bend_t = zero
     bend_n = zero
+    t = int(0)
     open_square = type(unit)(9.0) * reach_at_rest * reach_at_rest
     here = u  # where on the segment the curve was evaluated last
     for _iteration in range(CLOSEST_POINT_ITERATIONS):
@@ -144,9 +150,8 @@ def find_contact_forces(
         ly = unit * type(unit)(pair_rest_y[pair] - table_y[t])
         gx = edge_component(fxx, fxy, lx, ly, bx, ux[node], unit)
         gy = edge_component(fyx, fyy, lx, ly, by, uy[node], unit)
-        inverse = one / wp.sqrt(e0x * e0x + e0y * e0y)
-        tx = e0x * inverse
-        ty = e0y * inverse
+        m0x, m0y = turned(one + curve[t, 0], curve[t, 1], m0x, m0y)
+        m1x, m1y = turned(one + curve[t + 1, 0], curve[t + 1, 1], m1x, m1y)
         here = u
         # point, slope and curvature of p(u)
         h10 = u * (one - u) * (one - u)
@@ -158,18 +163,19 @@ def find_contact_forces(
         c10 = type(unit)(6.0) * u - type(unit)(4.0)
         c01 = type(unit)(6.0) - type(unit)(12.0) * u
         c11 = type(unit)(6.0) * u - two
-        bump = u * (one - u) * length_factor
-        slope = (one - two * u) * length_factor
-        cubic_t = cubic(curve[t, 0], curve[t, 1], curve[t, 2], curve[t, 3], u)
-        cubic_n = cubic(curve[t, 4], curve[t, 5], curve[t, 6], curve[t, 7], u)
-        bend_t = bump * cubic_t
-        bend_n = bump * cubic_n
-        turn_t = slope * cubic_t + bump * cubic_slope(curve[t, 1], curve[t, 2], curve[t, 3], u)
-        turn_n = slope * cubic_n + bump * cubic_slope(curve[t, 5], curve[t, 6], curve[t, 7], u)
-        px = h10 * m0x + h01 * e0x + h11 * m1x + bend_t * tx - bend_n * ty
-        py = h10 * m0y + h01 * e0y + h11 * m1y + bend_t * ty + bend_n * tx
-        dx = d10 * m0x + d01 * e0x + d11 * m1x + turn_t * tx - turn_n * ty
-        dy = d10 * m0y + d01 * e0y + d11 * m1y + turn_t * ty + turn_n * tx
+        rise = u * (one - u)
+        bump = rise * rise
+        bump_slope = two * rise * (one - two * u)
+        along_chord = cubic(curve[t, 2], curve[t, 3], curve[t, 4], curve[t, 5], u)
+        across_chord = cubic(curve[t, 6], curve[t, 7], curve[t, 8], curve[t, 9], u)
+        bend_t = h01 + bump * along_chord
+        bend_n = bump * across_chord
+        turn_t = d01 + bump_slope * along_chord + bump * cubic_slope(curve[t, 3], curve[t, 4], curve[t, 5], u)
+        turn_n = bump_slope * across_chord + bump * cubic_slope(curve[t, 7], curve[t, 8], curve[t, 9], u)
+        px = h10 * m0x + bend_t * e0x - bend_n * e0y + h11 * m1x
+        py = h10 * m0y + bend_t * e0y + bend_n * e0x + h11 * m1y
+        dx = d10 * m0x + turn_t * e0x - turn_n * e0y + d11 * m1x
+        dy = d10 * m0y + turn_t * e0y + turn_n * e0x + d11 * m1y
         ax = c10 * m0x + c01 * e0x + c11 * m1x
         ay = c10 * m0y + c01 * e0y + c11 * m1y
         # Newton step towards (c - p).p' = 0, kept positive where the curve bends away from the body
@@ -211,22 +217,17 @@ def find_contact_forces(
     fy = force * ny
     pair_body_x[pair] = fx
     pair_body_y[pair] = fy
-    h10 = here * (one - here) * (one - here)
-    h01 = here * here * (three - two * here)
-    h11 = here * here * (here - one)
-    # couple of the chord's rotation: d(b_t t + b_n nu)/dphi = b_t nu - b_n t
-    tx = e0x * inverse
-    ty = e0y * inverse
-    couple = (fx * (-bend_t * ty - bend_n * tx) + fy * (bend_t * tx - bend_n * ty)) * inverse
-    w0 = half * h10
-    w1 = h01 - one + half * h11
-    w2 = -(h01 + half * h10)
-    w3 = -half * h11
-    pair_nodal_x[4 * pair] = w0 * fx
-    pair_nodal_y[4 * pair] = w0 * fy
-    pair_nodal_x[4 * pair + 1] = w1 * fx - couple * ty
-    pair_nodal_y[4 * pair + 1] = w1 * fy + couple * tx
-    pair_nodal_x[4 * pair + 2] = w2 * fx + couple * ty
-    pair_nodal_y[4 * pair + 2] = w2 * fy - couple * tx
-    pair_nodal_x[4 * pair + 3] = w3 * fx
-    pair_nodal_y[4 * pair + 3] = w3 * fy
+    h10 = half * here * (one - here) * (one - here)
+    h11 = half * here * here * (here - one)
+    # transposed weights of the chord and of the two tangents
+    cx, cy = turned(bend_t, -bend_n, fx, fy)
+    before_x, before_y = turned(h10 * (one + curve[t, 0]), -h10 * curve[t, 1], fx, fy)
+    after_x, after_y = turned(h11 * (one + curve[t + 1, 0]), -h11 * curve[t + 1, 1], fx, fy)
+    pair_nodal_x[4 * pair] = before_x
+    pair_nodal_y[4 * pair] = before_y
+    pair_nodal_x[4 * pair + 1] = cx + after_x - fx
+    pair_nodal_y[4 * pair + 1] = cy + after_y - fy
+    pair_nodal_x[4 * pair + 2] = -(cx + before_x)
+    pair_nodal_y[4 * pair + 2] = -(cy + before_y)
+    pair_nodal_x[4 * pair + 3] = -after_x
+    pair_nodal_y[4 * pair + 3] = -after_y

@@ -58,7 +58,7 @@ class RestArrays:
     rest_angle: wp.array  # [rad]
     hinge_stiffness: wp.array  # [N m] EI over the length that belongs to the node
     inverse_mass: wp.array  # [1/kg]
-    curve: wp.array  # [entry, 8] [m]
+    curve: wp.array2d  # [entry, CURVE_COEFFICIENTS] [-]
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,8 @@ from scipy.interpolate import CubicSpline
 from .knit.cloth import Cloth
 
 FIT_POINTS = 12  # Gauss points a segment for the fit of the rest curve
+SLIDE_WEIGHT = 0.1  # of a miss along the line in that fit
+SLOPE_SHARE = 1e-4  # of the node spacing, over which the slope of the centre line is taken
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ class Table:
     rest_angle: np.ndarray  # [entry] [rad] natural turning angle at the node
     hinge_length: np.ndarray  # [entry] [m] mean of the two chords at the node
     node_length: np.ndarray  # [entry] [m] wire that the node stands for
-    curve: np.ndarray  # [entry, 8] [m] see kernels/contact.py
+    curve: np.ndarray  # [entry, CURVE_COEFFICIENTS] [-] see kernels/contact.py
     curve_error: float  # [m] largest distance of the fitted rest curve from the true one
 
 
@@ -117,26 +119,47 @@ def _angle_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def _fit_rest_curve(
     centre_line: Callable[[np.ndarray], np.ndarray], nodes: int, spacing: float
 ) -> tuple[np.ndarray, float]:
-    """Coefficients (nodes, 8) [m] of the rest curve on the segments of one period, and the largest miss [m].
+    """Coefficients (nodes, CURVE_COEFFICIENTS) [-] of the rest curve of a period, and the largest miss [m] across it.
 
-    What the Hermite curve through four nodes misses, seen along and across the chord, is fitted by u (1 - u) times a cubic.
+    The slope at the nodes is that of the centre line; what is missed between them is fitted at Gauss points, across the line
+    before along it: a point that is late on the line does not change the gap.
     """
     k = np.arange(nodes)
     u = 0.5 * (leggauss(FIT_POINTS)[0] + 1.0)
     corner = [centre_line((k + i) * spacing)[:, :2] for i in (-1, 0, 1, 2)]
     chord = corner[2] - corner[1]
-    tangent = chord / np.linalg.norm(chord, axis=1)[:, None]
-    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
     m0, m1 = 0.5 * (corner[2] - corner[0]), 0.5 * (corner[3] - corner[1])
+    apart = SLOPE_SHARE * spacing
+    slope = (centre_line(k * spacing + apart) - centre_line(k * spacing - apart))[:, :2] / (2.0 * SLOPE_SHARE)
+    correction = np.stack(_parts(slope - m0, m0), axis=1)
+    next_slope = m1 + _turned(np.roll(correction, -1, axis=0), m1)
     h10, h01, h11 = u * (1 - u) ** 2, u * u * (3 - 2 * u), u * u * (u - 1)
-    hermite = h10[:, None, None] * m0 + h01[:, None, None] * chord + h11[:, None, None] * m1
-    arcs = (k[None, :] + u[:, None]) * spacing
-    true = centre_line(arcs.ravel())[:, :2].reshape(len(u), nodes, 2) - corner[1]
+    hermite = h10[:, None] * slope[:, None] + h01[:, None] * chord[:, None] + h11[:, None] * next_slope[:, None]
+    arcs = ((k[:, None] + u) * spacing).ravel()
+    true = centre_line(arcs)[:, :2].reshape(nodes, len(u), 2) - corner[1][:, None]
     miss = true - hermite
-    basis = (u * (1 - u))[:, None] * u[:, None] ** np.arange(4)
-    along = np.sum(miss * tangent, axis=2)
-    across = np.sum(miss * normal, axis=2)
-    c_along = np.linalg.lstsq(basis, along, rcond=None)[0]
-    c_across = np.linalg.lstsq(basis, across, rcond=None)[0]
-    error = np.hypot(along - basis @ c_along, across - basis @ c_across)
-    return np.concatenate([c_along, c_across]).T.copy(), float(np.max(error))
+    tangent = centre_line(arcs + apart)[:, :2] - centre_line(arcs - apart)[:, :2]
+    tangent = (tangent / np.linalg.norm(tangent, axis=1)[:, None]).reshape(miss.shape)
+    normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
+    directions = np.stack([SLIDE_WEIGHT * tangent, normal], axis=2)  # [segment, point, direction, xy]
+    chord_normal = np.stack([-chord[:, 1], chord[:, 0]], axis=1)
+    sides = np.stack([chord, chord_normal], axis=1)  # [segment, side, xy]
+    basis = (u * (1 - u))[:, None] ** 2 * u[:, None] ** np.arange(4)
+    system = np.einsum("sudx,scx,up->sudcp", directions, sides, basis).reshape(nodes, 2 * len(u), -1)
+    wanted = np.einsum("sudx,sux->sud", directions, miss).reshape(nodes, -1, 1)
+    bump = np.linalg.pinv(system) @ wanted
+    error = np.abs(wanted - system @ bump).reshape(miss.shape)[..., 1]
+    return np.concatenate([correction, bump[..., 0]], axis=1), float(np.max(error))
+
+
+def _parts(vector: np.ndarray, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers a, b (...) such that vector = a base + b J base, both (..., 2)."""
+    square = np.sum(base * base, axis=-1)
+    across = base[..., 0] * vector[..., 1] - base[..., 1] * vector[..., 0]
+    return np.sum(vector * base, axis=-1) / square, across / square
+
+
+def _turned(parts: np.ndarray, base: np.ndarray) -> np.ndarray:
+    """a base + b J base (..., 2) of parts a, b (..., 2)."""
+    normal = np.stack([-base[..., 1], base[..., 0]], axis=-1)
+    return parts[..., :1] * base + parts[..., 1:] * normal

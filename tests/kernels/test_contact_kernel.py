@@ -13,6 +13,8 @@ from warpknit.model import build_model
 from warpknit.scene import load_scene
 from warpknit.table import _centre_line
 
+J = np.array([[0.0, -1.0], [1.0, 0.0]])
+
 
 def contact_parts(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of the pairs in touch: forces on body and four nodes (pair, 5, 2) [N], their places relative to the segment's
@@ -71,13 +73,17 @@ def curve_miss(nodes_per_loop: int) -> tuple[float, float]:
 
         def miss(k: int, u: np.ndarray, arm: Arm = arm, line: Callable = line, h: float = h) -> float:
             a, b, d, e = line((k + np.arange(-1, 3)) * h)[:, :2]
-            tangent = (d - b) / np.linalg.norm(d - b)
-            row = table.curve[table.start[arm.thread] + np.mod(k, table.nodes[arm.thread])]
+            entry = table.start[arm.thread] + np.mod(k, table.nodes[arm.thread])
+            row = table.curve[entry]
+            ends = ((d - a) / 2, row), ((e - b) / 2, table.curve[entry + 1])
+            m0, m1 = ((1 + x) * m + y * (J @ m) for m, (x, y, *_) in ends)
             u = u[:, None]
-            along, across = (np.polyval(row[i : i + 4][::-1], u) * u * (1 - u) for i in (0, 4))
-            fitted = b + u * (1 - u) ** 2 * (d - a) / 2 + u**2 * (3 - 2 * u) * (d - b) + u**2 * (u - 1) * (e - b) / 2
-            fitted += along * tangent + across * np.array([-tangent[1], tangent[0]])
-            return float(np.max(np.linalg.norm(fitted - line((k + u[:, 0]) * h)[:, :2], axis=1)))
+            along, across = (np.polyval(row[i : i + 4][::-1], u) * (u * (1 - u)) ** 2 for i in (2, 6))
+            fitted = b + u * (1 - u) ** 2 * m0 + u**2 * (3 - 2 * u) * (d - b) + u**2 * (u - 1) * m1
+            fitted += along * (d - b) + across * (J @ (d - b))
+            way = line((k + u[:, 0]) * h + 1e-3 * h)[:, :2] - line((k + u[:, 0]) * h - 1e-3 * h)[:, :2]
+            off = fitted - line((k + u[:, 0]) * h)[:, :2]
+            return float(np.max(np.abs(np.sum(off * (way @ J), axis=1)) / np.hypot(*way.T)))
 
         lens = range(int(np.floor(arm.arc_low / h)), int(np.ceil(arm.arc_high / h)))
         in_lens = max(in_lens, *(miss(k, np.linspace(0, 1, 41)) for k in lens))
@@ -87,10 +93,10 @@ def curve_miss(nodes_per_loop: int) -> tuple[float, float]:
 
 def test_fitted_rest_curve_is_the_knitted_one() -> None:
     """A gap that is wrong by 0.05 d moves the contact forces by 4.6 % at 10 % strain, in proportion. At the standard
-    27 nodes a loop the fit is to miss by no more than that anywhere in a lens, and by a fifth of it (1 %) at the
+    27 nodes a loop the fit is to miss by less than half of that anywhere in a lens, and by a fifth of it (1 %) at the
     bodies."""
     in_lens, at_body = curve_miss(27)
-    assert in_lens < 0.05
+    assert in_lens < 0.02
     assert at_body < 0.01
 
 

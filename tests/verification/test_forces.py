@@ -11,6 +11,7 @@ import pytest
 from verification.wires import CLOSEST_POINT_TOLERANCE, EPSILON, Rig, circle, panel_of_wires, table_of_wires
 
 from warpknit.kernels import control as c
+from warpknit.kernels.contact import CURVE_COEFFICIENTS
 from warpknit.table import Table
 
 NODES = 40
@@ -22,13 +23,12 @@ SPEED = 0.2  # [m/s] of nodes and bodies in flight
 
 
 def two_rings(bodies: int, device: str = "cpu", **solver: object) -> Rig:
-    """Two concentric rings with bodies squeezed between them, and contact curves bent at random by 0.1 um."""
+    """Two concentric rings with bodies squeezed between them, and contact curves bent at random by up to 1 % of a segment."""
     random = np.random.default_rng(1)
     reach = 0.625 * 15e-6
     gap = 2 * (reach - DEPTH)
     table = table_of_wires([circle(RADIUS, NODES), circle(RADIUS + gap, NODES)], closed=True)
-    bend = random.uniform(-5e-7, 5e-7, (2 * NODES, 2, 2))  # no slope at either end of a segment, so no kinks
-    curve = np.stack([0 * bend[..., 0], bend[..., 0], bend[..., 1], -bend.sum(axis=2)], axis=2).reshape(2 * NODES, 8)
+    curve = random.uniform(-1, 1, (2 * NODES, CURVE_COEFFICIENTS)) * ([0.02] * 2 + [0.1] * (CURVE_COEFFICIENTS - 2))
     period = [np.mod(np.arange(-table.lead, NODES + table.lead), NODES) + w * NODES for w in range(2)]
     table = Table(**{**vars(table), "curve": curve[np.concatenate(period)]})
     turn = 2 * np.pi * (np.arange(bodies) / max(bodies, 1) + 0.013 * np.arange(bodies))
@@ -197,3 +197,24 @@ def test_contacts_keep_the_energy() -> None:
     stored = 14 * 0.5 * 1e4 * DEPTH**2
     off_line = turned_by_contacts(rig, 7, steps) / rig.model.contact_reach * SPEED
     assert np.ptp(kept) < 0.2**2 / 4 * stored + off_line < 0.02 * stored
+
+
+def test_force_on_a_body_is_continuous_where_it_passes_a_node() -> None:
+    """The curve has one tangent at a node, in a deformed state with any coefficients: from 1e-3 h before a node to as
+    much behind it, the force changes by as much as along the next 1e-3 h on either side, to second order in those and
+    to the tolerance of the contact point."""
+    rig = two_rings(1)
+    x = deformed(rig)
+    apart = 1e-3 * SPACING
+    for node in range(NODES):
+        back, here, ahead = x[NODES + np.mod(node + np.arange(-1, 2), NODES)]
+        along = (ahead - back) / np.hypot(*(ahead - back))
+        inward = np.array([-along[1], along[0]])
+        forces = []
+        for share in (-100, -50, -3, -1, 1, 3):  # the first ones lead the contact point there
+            y = x.copy()
+            y[-1] = here + inward * (rig.model.contact_reach - DEPTH) + share * apart * along
+            forces.append(rig.forces(y)[-1])
+        before, across, behind = np.diff(forces[2:], axis=0)
+        kink = np.hypot(*(across - 0.5 * (before + behind)))
+        assert kink < 0.6 * (np.hypot(*before) + np.hypot(*behind)) + 2 * contact_error(rig)

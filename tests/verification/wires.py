@@ -12,6 +12,7 @@ import numpy as np
 
 from warpknit import measure
 from warpknit.kernels import control as c
+from warpknit.kernels.contact import CURVE_COEFFICIENTS
 from warpknit.kernels.wires_by_block import BLOCK_SIZE
 from warpknit.model import Model, assemble_model
 from warpknit.panel import END_NODES, Panel
@@ -65,7 +66,7 @@ def table_of_wires(
         for name, value in dict(
             x=shape[wrap, 0], y=shape[wrap, 1], z=0 * length, rest_x=edge[:, 0], rest_y=edge[:, 1], rest_length=length,
             rest_angle=angle, hinge_length=0.5 * (length + before), node_length=node_length,
-            curve=np.zeros((len(wrap), 8)),
+            curve=np.zeros((len(wrap), CURVE_COEFFICIENTS)),
         ).items():  # fmt: skip
             parts.setdefault(name, []).append(value)
         start.append(offset + LEAD)
