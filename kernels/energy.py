@@ -37,7 +37,9 @@ def evaluate_wires(
     # state
     ux: wp.array(dtype=Any),
     uy: wp.array(dtype=Any),
-    # out: of the segment that starts at the node (zero behind the last node of an open wire) ...
+    grip_segments: int,
+    # out: of the segment that starts at the node (zero behind the last node of an open wire; inside a grip, the first and
+    # the last `grip_segments` of an open wire, only the edge) ...
     edge_x: wp.array(dtype=Any),
     edge_y: wp.array(dtype=Any),
     elongation: wp.array(dtype=Any),
@@ -74,8 +76,12 @@ def evaluate_wires(
         natural = rest_length[t] * type(unit)(control[LENGTH_FACTOR])
         edge_x[i] = ex
         edge_y[i] = ey
-        elongation[i] = length - natural
-        tension[i] = axial_force(length, natural, wire_axial[wire], tension_offset[i])
+        if closed != 0 or (local >= grip_segments and local < count - 1 - grip_segments):
+            elongation[i] = length - natural
+            tension[i] = axial_force(length, natural, wire_axial[wire], tension_offset[i])
+        else:
+            elongation[i] = zero
+            tension[i] = zero
     else:
         edge_x[i] = zero
         edge_y[i] = zero

@@ -83,6 +83,7 @@ def step_wires_by_node(
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
     wire_closed: wp.array(dtype=wp.int32),
+    wire_hinge: wp.array2d(dtype=Any),
     wire_axial: wp.array(dtype=Any),
     wire_mass: wp.array(dtype=Any),
     # what steers the step
@@ -158,6 +159,10 @@ def step_wires_by_node(
             t = table - 1 + k
             angle = turning_angle(ex[k], ey[k], ex[k + 1], ey[k + 1])
             moment[k] = hinge_stiffness[t] / length_factor * (angle - rest_angle[t])
+            if closed == 0 and local == 1:
+                moment[k] = moment[k] * wire_hinge[wire, 0]
+            if closed == 0 and local == count - 2:
+                moment[k] = moment[k] * wire_hinge[wire, 1]
     fx = zero
     fy = zero
     for k in range(2):

@@ -108,13 +108,14 @@ _BLOCK_STEP = r"""
         moment[k] = hinge_factor * rb[k] * (angle - ra[k]);
     }
     }
-    // beyond the ends of an open wire there is nothing
     if (!closed) {
-        for (int k = 0; k < segments; ++k) {
-            const int i = offset_of_block + k;
-            if (i < wire_first || i + 1 >= wire_end) { tension[k] = real(0); }
-            if (i <= wire_first || i + 1 >= wire_end) { moment[k] = real(0); }
-        }
+        // beyond the ends of an open wire there is nothing; its outermost hinges stand for a length of their own
+        const int begin = wire_first - offset_of_block, end = wire_end - offset_of_block;
+        for (int k = 0; k <= begin; ++k) { moment[k] = real(0); }
+        for (int k = 0; k < begin; ++k) { tension[k] = real(0); }
+        for (int k = end - 1; k < segments; ++k) { tension[k] = moment[k] = real(0); }
+        if (begin + 1 >= 0 && begin + 1 < segments) { moment[begin + 1] *= hinge_begin; }
+        if (end - 2 < segments) { moment[end - 2] *= hinge_end; }
     }
     real nx[SPAN], ny[SPAN], fx[SPAN], fy[SPAN];
     {
@@ -270,6 +271,8 @@ def block_step(
     pair_end: wp.int32,
     held_begin: wp.int32,
     held_end: wp.int32,
+    hinge_begin: wp.float32,
+    hinge_end: wp.float32,
     # what steers the step
     unit: wp.float32,
     fxx: wp.float32,
@@ -325,6 +328,8 @@ def block_step(
     pair_end: wp.int32,
     held_begin: wp.int32,
     held_end: wp.int32,
+    hinge_begin: wp.float64,
+    hinge_end: wp.float64,
     # what steers the step
     unit: wp.float64,
     fxx: wp.float64,
@@ -378,6 +383,7 @@ def step_wires_by_block(
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
     wire_closed: wp.array(dtype=wp.int32),
+    wire_hinge: wp.array2d(dtype=Any),
     wire_axial: wp.array(dtype=Any),
     wire_mass: wp.array(dtype=Any),
     # what steers the step
@@ -429,6 +435,8 @@ def step_wires_by_block(
         block_pair_start[block + 1],
         block_held_start[block],
         block_held_start[block + 1],
+        wire_hinge[wire, 0],
+        wire_hinge[wire, 1],
         unit,
         type(unit)(control[GRADIENT]),
         type(unit)(control[GRADIENT + 1]),

@@ -29,7 +29,7 @@ LAYERS = (
     # the scene file, and the form in which results leave
     {"knit"},
     {"wire", "scene_values", "scene_file", "scene_report", "scene_overrides", "scene_resolved", "scene", "frame"},
-    {"table", "panel"},
+    {"thread_curve", "cut", "table", "panel"},
     {"device", "numerics", "model"},
     {"state"},
     {"step", "measure"},

@@ -76,8 +76,16 @@ class Reading:
     @cached_property
     def moment(self) -> np.ndarray:
         """[node] [N m] bending moment."""
-        hinge = self.model.bending_stiffness / self.model.table.hinge_length[self.entry]
-        return hinge / self.length_factor * self.turning
+        return self.model.bending_stiffness * self.curvature_change
+
+    @cached_property
+    def curvature_change(self) -> np.ndarray:
+        """[node] [1/m] curvature less the natural one: the turning over the length that the hinge stands for."""
+        panel = self.model.panel
+        share = np.ones(len(self.turning))
+        share[panel.wire_first + 1] = panel.wire_hinge[:, 0]
+        share[panel.wire_first + panel.wire_count - 2] = panel.wire_hinge[:, 1]
+        return share * self.turning / (self.model.table.hinge_length[self.entry] * self.length_factor)
 
 
 def node_entries(model: Model) -> np.ndarray:
@@ -132,7 +140,7 @@ def evaluate(model: Model, state: State, out: list[wp.array]) -> None:
             mesh.wire_first, mesh.wire_count, mesh.wire_closed, state.wire_axial,
             state.control, model.precision.real(model.precision.unit),
             rest.rest_x, rest.rest_y, rest.rest_length, rest.rest_angle, state.tension_offset,
-            state.node_ux[state.parity], state.node_uy[state.parity], *out,
+            state.node_ux[state.parity], state.node_uy[state.parity], int(len(model.panel.clamp_position) > 1), *out,
         ],
         device=model.device,
     )  # fmt: skip
@@ -162,16 +170,21 @@ def energies(r: Reading) -> Energies:
     """
     model = r.model
     natural = model.table.rest_length[r.entry] * r.length_factor
-    softened = np.repeat(r.wire_axial, model.panel.wire_count)
-    solver = model.scene.solver
-    k = model.axial_stiffness if solver.multipliers and solver.drive == "relax" else softened
     stiffness = r.control[int(c.CONTACT_STIFFNESS)]
     return Energies(
-        stretch=float(np.sum(0.5 * r.tension**2 * natural / k)),
+        stretch=float(np.sum(0.5 * r.tension**2 * natural / _stretch_stiffness(r))),
         bend=float(np.sum(0.5 * r.moment * r.turning)),
         contact=float(np.sum(0.5 * (r.pair_force - r.pair_offset) ** 2 * (r.pair_force > 0)) / stiffness),
         kinetic=0.5 * float(r.control[int(c.KINETIC_TWICE)]),
     )
+
+
+def _stretch_stiffness(r: Reading) -> np.ndarray | float:
+    """[N] true axial stiffness where multipliers took the softening out, else the softened one [node]."""
+    solver = r.model.scene.solver
+    if solver.multipliers and solver.drive == "relax":
+        return r.model.axial_stiffness
+    return np.repeat(r.wire_axial, r.model.panel.wire_count)
 
 
 def dissipated(r: Reading) -> float:
@@ -212,12 +225,20 @@ def nominal_stress(r: Reading) -> np.ndarray:
 
 
 def held_forces(r: Reading) -> np.ndarray:
-    """Forces (held, 2) [N] of the wires on the held nodes."""
-    node = r.model.panel.held_node
+    """Forces (held, 2) [N] of the wires and of contacts on the held nodes."""
+    panel = r.model.panel
+    node = panel.held_node
     n = r.segment_force
-    first = np.isin(node, r.model.panel.wire_first)
+    first = np.isin(node, panel.wire_first)
     before = np.where((first & ~_closed_at(r.model, node))[:, None], 0.0, n[node - 1])
-    return n[node] - before
+    touching = np.nonzero((r.pair_force > 0) & ~panel.wire_closed[panel.pair_wire])[0]
+    reached = r.pair_node[touching][:, None] + np.arange(-1, 3)
+    place = np.searchsorted(node, reached)
+    held = place < len(node)
+    held[held] = node[place[held]] == reached[held]
+    contact = np.zeros((len(node), 2))
+    np.add.at(contact, place[held], r.pair_nodal[touching][held])
+    return n[node] - before + contact
 
 
 def _closed_at(model: Model, node: np.ndarray) -> np.ndarray:
@@ -229,8 +250,7 @@ def thermal_force(r: Reading) -> float:
     """Derivative of the energy by the length factor of the wires [J]: what heating works against."""
     model = r.model
     natural = model.table.rest_length[r.entry]
-    inside = np.any(r.edge != 0.0, axis=1)
-    stretch = -np.sum((natural * (r.tension + 0.5 * r.tension**2 / model.axial_stiffness))[inside])
+    stretch = -np.sum(natural * (r.tension + 0.5 * r.tension**2 / _stretch_stiffness(r)))
     bend = -0.5 * np.sum(r.moment * r.turning) / r.length_factor
     return float(stretch + bend + np.sum(r.pair_force) * model.contact_reach)
 
@@ -332,15 +352,13 @@ def wire_stress(r: Reading) -> np.ndarray:
     """[node] [Pa] E (d/2) |kappa - kappa0| + N/A, with the larger tension of the two segments at the node."""
     radius, per_tension = section(r.model.scene.wire)
     wire = r.model.scene.wire
-    change = np.abs(r.turning) / (r.model.table.hinge_length[r.entry] * r.length_factor)
+    change = np.abs(r.curvature_change)
     before = np.roll(r.tension, 1)
     panel = r.model.panel
     last = panel.wire_first + panel.wire_count - 1
     before[panel.wire_first] = np.where(panel.wire_closed, r.tension[last], r.tension[panel.wire_first])
     axial = np.where(np.abs(r.tension) > np.abs(before), r.tension, before)
-    stress = wire.youngs_modulus * radius * change + np.abs(axial) * per_tension
-    stress[panel.held_node] = 0.0  # a clamp has no wire of its own
-    return stress
+    return wire.youngs_modulus * radius * change + np.abs(axial) * per_tension
 
 
 def contact_stress(r: Reading) -> np.ndarray:
@@ -356,7 +374,7 @@ def contact_stress(r: Reading) -> np.ndarray:
     following = node + 1
     end = model.panel.wire_first[w] + model.panel.wire_count[w]
     following = np.where(following == end, model.panel.wire_first[w], following)
-    change = r.turning / (model.table.hinge_length[r.entry] * r.length_factor)
+    change = r.curvature_change
     u = r.pair_u[touching]
     h = np.hypot(r.edge[node, 0], r.edge[node, 1])
     kappa = (1 - u) * change[node] + u * change[following]
@@ -393,8 +411,7 @@ def axial_strain(r: Reading) -> np.ndarray:
 def areal_mass(r: Reading) -> float:
     """Mass of wire per current area [kg/m2]."""
     model = r.model
-    held = len(model.panel.held_node) // 2
-    length = float(np.sum(model.table.node_length[r.entry])) - held * float(model.table.spacing.mean())
+    length = float(np.sum(model.panel.wire_length))
     return length * model.scene.wire.linear_density / float(np.prod(model.panel.size) * np.linalg.det(r.gradient))
 
 

@@ -77,6 +77,7 @@ class MeshArrays:
     wire_first: wp.array
     wire_count: wp.array
     wire_closed: wp.array
+    wire_hinge: wp.array2d  # [wire, 2]
     pair_wire: wp.array
     pair_seed: wp.array
     pair_table: wp.array
@@ -289,6 +290,7 @@ def _upload_mesh(panel: Panel, precision: Precision, device: str) -> MeshArrays:
         wire_first=index(panel.wire_first),
         wire_count=index(panel.wire_count),
         wire_closed=index(panel.wire_closed),
+        wire_hinge=wp.array(panel.wire_hinge, dtype=precision.real, device=device),
         pair_wire=index(panel.pair_wire),
         pair_seed=index(panel.pair_seed),
         pair_table=index(panel.pair_table),

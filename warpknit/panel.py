@@ -1,7 +1,9 @@
 """Copies of one repeat make a mesh: wires, blocks of nodes, contact bodies with their pairs, and what is held.
 
 *Periodic*: the tile is closed onto itself, every wire is an endless loop. *Gripped*: the mesh is cut by a rectangle from
-endless cloth; the two nodes on either side of a cut form a clamp, which sits half way between them.
+endless cloth (cut.py); a clamp sits where a wire is cut and holds the nodes before and behind. A hinge next to a clamp stands
+for the wire from there to the middle of the next segment, so what a wire does between its grips does not depend on where
+its nodes fall.
 """
 
 from __future__ import annotations
@@ -10,12 +12,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .cut import cut_rectangle
 from .errors import ModelError
 from .kernels.wires_by_block import BLOCK_SIZE
 from .knit.cloth import Cloth
 from .table import Table
+from .thread_curve import ThreadCurve
 
-END_NODES = 3  # nodes next to a clamp that a contact point may not come to: its curve needs two beyond
+END_NODES = 1  # segments at the end of a wire that a contact point may not come to: its curve needs a node beyond
+SHORTEST = 4  # segments of a cut wire: with three, no node between the grips is free
+GRIP_CLEARANCE = 0.05  # loops of wire that a lens must keep from a grip, or its clasp is left out
 
 
 @dataclass(frozen=True)
@@ -28,6 +34,8 @@ class Panel:
     wire_count: np.ndarray  # [wire] nodes
     wire_closed: np.ndarray  # [wire] bool
     wire_thread: np.ndarray  # [wire] thread of the repeat
+    wire_length: np.ndarray  # [wire] [m] between its clamps, or all round
+    wire_hinge: np.ndarray  # [wire, 2] stiffness of its second and last but one hinge, over that of the others
     block_first: np.ndarray  # [block] first node
     block_count: np.ndarray  # [block] nodes, at most BLOCK_SIZE
     block_table: np.ndarray  # [block] table entry of the first node
@@ -60,7 +68,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class _Strands:
-    """Copies of the threads and which of their nodes belong to which wire.
+    """Copies of the threads and which stretch of them is which wire.
 
     A strand is thread t in column c of repeats; its nodes are counted by K = row * nodes[t] + k with k in one period.
     """
@@ -68,92 +76,66 @@ class _Strands:
     columns: np.ndarray  # [column] columns of repeats that are kept
     rows: np.ndarray  # [row]
     closed: bool
-    first_column: int  # of `wire_at`
-    first_node: np.ndarray  # [thread] K of the first column of `wire_at`
-    wire_at: list[np.ndarray]  # [thread][column, K - first_node] wire, or -1
     thread: np.ndarray  # [wire]
     column: np.ndarray  # [wire]
     begin: np.ndarray  # [wire] K of its first node
     count: np.ndarray  # [wire] nodes
+    arc_begin: np.ndarray  # [wire] [m] where the wire begins and ends on its strand
+    arc_end: np.ndarray  # [wire] [m]
 
-    def wire(self, thread: np.ndarray, column: np.ndarray, node: np.ndarray) -> np.ndarray:
-        """Wire (m,) that holds nodes K (m,) of strands (thread, column), -1 where none does."""
-        found = np.full(node.shape, -1, dtype=np.int64)
-        for t, wire_at in enumerate(self.wire_at):
-            here = thread == t
-            c = column - self.first_column
-            k = node - self.first_node[t]
-            if self.closed:
-                c, k = np.mod(c, wire_at.shape[0]), np.mod(k, wire_at.shape[1])
-            here &= (c >= 0) & (c < wire_at.shape[0]) & (k >= 0) & (k < wire_at.shape[1])
-            found[here] = wire_at[c[here], k[here]]
-        return found
+    def wire(self, thread: np.ndarray, column: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """Wire (...) that holds the stretch from arc `low` to `high` [m] of strands (thread, column), -1 where none does."""
+        if self.closed:
+            return np.mod(column, len(self.columns)) * (self.thread.max() + 1) + thread
+        # wires and stretches on one line: strand after strand, farther apart than any strand is long
+        apart = 4.0 * max(np.abs(self.arc_begin).max(), np.abs(self.arc_end).max(), np.abs(low).max(), np.abs(high).max())
+        first = self.columns[0]
+        span = len(self.columns) + 4 * (1 + np.abs(column).max())
+
+        def place(t: np.ndarray, c: np.ndarray) -> np.ndarray:
+            return (t * span + c - first) * apart
+
+        starts = place(self.thread, self.column) + self.arc_begin
+        here = place(thread, column)
+        found = np.searchsorted(starts, here + low, side="right") - 1
+        ends = place(self.thread, self.column) + self.arc_end
+        return np.where((found >= 0) & (here + high <= ends[found]), found, -1)
 
 
-def _closed_strands(table: Table, repeats: tuple[int, int]) -> _Strands:
+def _closed_strands(cloth: Cloth, table: Table, repeats: tuple[int, int]) -> _Strands:
     threads = len(table.nodes)
     columns = np.arange(repeats[0])
-    wire_at = []
-    for t in range(threads):
-        wires = columns * threads + t
-        wire_at.append(np.broadcast_to(wires[:, None], (repeats[0], table.nodes[t] * repeats[1])))
     thread = np.tile(np.arange(threads), repeats[0])
+    length = np.array([t.length for t in cloth.threads])[thread]
     return _Strands(
         columns=columns,
         rows=np.arange(repeats[1]),
         closed=True,
-        first_column=0,
-        first_node=np.zeros(threads, dtype=np.int64),
-        wire_at=wire_at,
         thread=thread,
         column=np.repeat(columns, threads),
         begin=np.zeros(len(thread), dtype=np.int64),
         count=table.nodes[thread] * repeats[1],
+        arc_begin=np.zeros(len(thread)),
+        arc_end=length * repeats[1],
     )
 
 
 def _cut_strands(cloth: Cloth, table: Table, low: np.ndarray, high: np.ndarray) -> _Strands:
-    """Runs of nodes inside the rectangle low .. high, each with one node more at either end to make its clamps."""
-    width, height = cloth.size
-    columns = np.arange(int(np.floor(low[0] / width)) - 2, int(np.ceil(high[0] / width)) + 2)
-    rows = np.arange(int(np.floor(low[1] / height)) - 1, int(np.ceil(high[1] / height)) + 1)
-    wire_at, thread, column, begin, count = [], [], [], [], []
-    wires = 0
-    for t, n in enumerate(table.nodes):
-        entry = table.start[t] + np.arange(n)
-        x = np.tile(table.x[entry], len(rows))
-        y = (table.y[entry][None, :] + rows[:, None] * height).ravel()
-        shifted = x[None, :] + columns[:, None] * width
-        inside = (shifted >= low[0]) & (shifted <= high[0]) & ((y >= low[1]) & (y <= high[1]))[None, :]
-        inside[:, 0] = inside[:, -1] = False
-        edges = np.diff(inside.astype(np.int8), axis=1)
-        c_on, k_on = np.nonzero(edges == 1)  # K of the node before the run
-        c_off, k_off = np.nonzero(edges == -1)  # K of the last node of the run
-        assert np.array_equal(c_on, c_off)
-        long_enough = k_off - k_on >= 2 * END_NODES
-        label = np.full(inside.shape, -1, dtype=np.int64)
-        runs_before = np.concatenate([[0], np.cumsum(np.bincount(c_on, minlength=len(columns)))[:-1]])  # [column]
-        run = np.cumsum(edges == 1, axis=1) + runs_before[:, None] - 1
-        number = np.where(long_enough, np.cumsum(long_enough) - 1 + wires, -1)
-        label[:, 1:] = np.where(inside[:, 1:], number[np.clip(run, 0, None)] if len(number) else -1, -1)
-        wire_at.append(label)
-        kept = np.nonzero(long_enough)[0]
-        thread.append(np.full(len(kept), t))
-        column.append(columns[c_on[kept]])
-        begin.append(k_on[kept] + rows[0] * n)
-        count.append(k_off[kept] - k_on[kept] + 2)
-        wires += len(kept)
+    """Wires inside the rectangle, from the node before the one cut to the node behind the other."""
+    cut = cut_rectangle(cloth, low, high)
+    spacing = table.spacing[cut.thread]
+    begin = np.floor(cut.begin / spacing).astype(np.int64)
+    last = np.floor(cut.end / spacing).astype(np.int64) + 1
     return _Strands(
-        columns=columns,
-        rows=rows,
+        columns=cut.columns,
+        rows=cut.rows,
         closed=False,
-        first_column=int(columns[0]),
-        first_node=rows[0] * np.asarray(table.nodes),
-        wire_at=wire_at,
-        thread=np.concatenate(thread),
-        column=np.concatenate(column),
-        begin=np.concatenate(begin),
-        count=np.concatenate(count),
+        thread=cut.thread,
+        column=cut.column,
+        begin=begin,
+        count=last - begin + 1,
+        arc_begin=cut.begin,
+        arc_end=cut.end,
     )
 
 
@@ -172,41 +154,40 @@ class _Bodies:
     strand_column: np.ndarray  # [body, 2]
 
 
-def _place_bodies(cloth: Cloth, table: Table, strands: _Strands, slack: float) -> _Bodies:
-    """All copies of the clasps whose lens lies whole on wires that are there.
+def _place_bodies(cloth: Cloth, table: Table, strands: _Strands, slack: float, clearance: float) -> _Bodies:
+    """All copies of the clasps whose lens lies whole on wires that are there, `clearance` [m] of wire from any grip.
 
     `slack` [m] is how far a contact may slide beyond its lens along the wire.
     """
-    arms = [[clasp.arms[0], clasp.arms[1]] for clasp in cloth.clasps]
-    thread = np.array([[a.thread for a in pair] for pair in arms], dtype=np.int64).reshape(-1, 2)
+
+    def of_arms(name: str, dtype: type = np.int64) -> np.ndarray:
+        return np.array([[getattr(a, name) for a in clasp.arms] for clasp in cloth.clasps], dtype=dtype).reshape(-1, 2)
+
+    thread, arm_column, side = of_arms("thread"), of_arms("column"), of_arms("side")
+    arc, arc_low, arc_high = (of_arms(name, float) for name in ("arc", "arc_low", "arc_high"))
     h = table.spacing[thread]
-    seed = np.floor(np.array([[a.arc for a in pair] for pair in arms]).reshape(-1, 2) / h).astype(np.int64)
-    lens_low = np.floor(np.array([[a.arc_low for a in pair] for pair in arms]).reshape(-1, 2) / h).astype(np.int64)
-    lens_high = np.ceil(np.array([[a.arc_high for a in pair] for pair in arms]).reshape(-1, 2) / h).astype(np.int64)
-    arm_column = np.array([[a.column for a in pair] for pair in arms], dtype=np.int64).reshape(-1, 2)
-    side = np.array([[a.side for a in pair] for pair in arms], dtype=np.int64).reshape(-1, 2)
-    extra = np.ceil(slack / h).astype(np.int64)
+    seed = np.floor(arc / h).astype(np.int64)
+    reach_low = np.floor((arc_low - slack) / h).astype(np.int64) - seed
+    reach_high = np.ceil((arc_high + slack) / h).astype(np.int64) - 1 - seed
 
     clasp, column, row = (a.ravel() for a in np.meshgrid(
-        np.arange(len(arms)), strands.columns, strands.rows, indexing="ij"))
+        np.arange(len(thread)), strands.columns, strands.rows, indexing="ij"))
     order = np.lexsort((clasp, row, column))  # neighbours in the mesh are neighbours in memory
     clasp, column, row = clasp[order], column[order], row[order]
     t = thread[clasp]
     strand_column = column[:, None] + arm_column[clasp]
-    lift = row[:, None] * np.asarray(table.nodes)[t]
-    node = seed[clasp] + lift
-    first, last = lens_low[clasp] + lift, lens_high[clasp] + lift
-    wire = strands.wire(t, strand_column, node)
-    keep = wire >= 0
-    low, high = (lens_low - extra - seed)[clasp], (lens_high + extra - 1 - seed)[clasp]
+    period = np.array([thread.length for thread in cloth.threads])[t]
+    lift = row[:, None] * period
+    wire = strands.wire(t, strand_column, arc_low[clasp] + lift - clearance, arc_high[clasp] + lift + clearance)
+    node = seed[clasp] + row[:, None] * np.asarray(table.nodes)[t]
+    low, high = reach_low[clasp], reach_high[clasp]
     if not strands.closed:
-        keep &= (strands.wire(t, strand_column, first) == wire) & (strands.wire(t, strand_column, last) == wire)
         begin = strands.begin[wire]
         end = begin + strands.count[wire] - 1
         low = np.maximum(low, begin + END_NODES - node)
-        high = np.minimum(high, end - END_NODES - 1 - node)
-        keep &= (low <= 0) & (high >= 0)
-    keep = keep.all(axis=1)
+        high = np.minimum(high, end - 1 - END_NODES - node)
+        wire[(low > 0) | (high < 0) | (strands.count[wire] <= SHORTEST)] = -1
+    keep = (wire >= 0).all(axis=1)
     return _Bodies(
         clasp=clasp[keep], column=column[keep], row=row[keep], wire=wire[keep], node=node[keep],
         low=low[keep], high=high[keep], side=side[clasp][keep], strand_column=strand_column[keep],
@@ -231,12 +212,12 @@ def build_panel(cloth: Cloth, table: Table, *, repeats: tuple[int, int], boundar
     notes: list[str] = []
     if boundary == "periodic":
         middle = 0.5 * size
-        strands = _closed_strands(table, repeats)
+        strands = _closed_strands(cloth, table, repeats)
     else:
         # an opening sits in the middle, so that its rhombus is as far from the grips as it can be
         middle = np.zeros(2) if cloth.rhombus is None else np.array(cloth.rhombus.centre)
         strands = _cut_strands(cloth, table, middle - 0.5 * size, middle + 0.5 * size)
-    bodies = _place_bodies(cloth, table, strands, slack)
+    bodies = _place_bodies(cloth, table, strands, slack, GRIP_CLEARANCE * cloth.stitch_length)
     if boundary == "periodic":
         used = np.arange(len(strands.thread))
     else:
@@ -274,8 +255,9 @@ def build_panel(cloth: Cloth, table: Table, *, repeats: tuple[int, int], boundar
         ],
         axis=2,
     )
+    arc_begin, arc_end = strands.arc_begin[used], strands.arc_end[used]
     held_node, held_lever, held_clamp, clamp_position = _clamps(
-        table, repeat, boundary, thread, column, begin, count, first
+        cloth, table, boundary, thread, column, begin, count, first, arc_begin, arc_end
     )
     return Panel(
         size=size,
@@ -284,6 +266,8 @@ def build_panel(cloth: Cloth, table: Table, *, repeats: tuple[int, int], boundar
         wire_count=_as32(count),
         wire_closed=np.full(len(used), strands.closed),
         wire_thread=_as32(thread),
+        wire_length=arc_end - arc_begin,
+        wire_hinge=np.ones((len(used), 2)) if strands.closed else _hinge_factors(table.spacing[thread], arc_begin, arc_end),
         block_first=_as32(first[block_wire] + block_low),
         block_count=_as32(block_high - block_low),
         block_table=_as32(table.start[thread[block_wire]] + np.mod(block_node, block_n)),
@@ -314,33 +298,46 @@ def _as32(a: np.ndarray) -> np.ndarray:
 
 
 def _clamps(
+    cloth: Cloth,
     table: Table,
-    repeat: np.ndarray,
     boundary: str,
     thread: np.ndarray,
     column: np.ndarray,
     begin: np.ndarray,
     count: np.ndarray,
     first: np.ndarray,
+    arc_begin: np.ndarray,
+    arc_end: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Held nodes, their levers and clamps, and the clamps' positions: two clamps an open wire, two nodes a clamp."""
     if boundary == "periodic":
         return np.zeros(0, int), np.zeros((0, 2)), np.zeros(0, int), np.zeros((0, 2))
     local = np.stack([np.zeros_like(count), np.ones_like(count), count - 2, count - 1], axis=1)
-    node = begin[:, None] + local
-    n = np.asarray(table.nodes)[thread][:, None]
-    entry = table.start[thread][:, None] + np.mod(node, n)
-    position = np.stack(
-        [
-            table.x[entry] + column[:, None] * repeat[0],
-            table.y[entry] + np.floor_divide(node, n) * repeat[1],
-        ],
-        axis=2,
-    ).reshape(-1, 2, 2)  # [clamp, node of the clamp, xy]
-    centre = position.mean(axis=1)
-    lever = (position - centre[:, None, :]).reshape(-1, 2)
+    node_arc = (begin[:, None] + local) * table.spacing[thread][:, None]
+    arc = np.stack([arc_begin, arc_end], axis=1)
+    position, centre = np.zeros((*node_arc.shape, 2)), np.zeros((*arc.shape, 2))
+    for t, line in enumerate(cloth.threads):
+        here = thread == t
+        curve = ThreadCurve(line, cloth.size[1])
+        for place, at in ((position, node_arc), (centre, arc)):
+            place[here] = curve(at[here].ravel())[:, :2].reshape(*at[here].shape, 2)
+    shift = (column * cloth.size[0])[:, None]
+    position[..., 0] += shift
+    centre[..., 0] += shift
+    centre = centre.reshape(-1, 2)
+    lever = (position.reshape(-1, 2, 2) - centre[:, None, :]).reshape(-1, 2)
     held = (first[:, None] + local).ravel()
     return held, lever, np.repeat(np.arange(len(centre)), 2), centre
+
+
+def _hinge_factors(spacing: np.ndarray, arc_begin: np.ndarray, arc_end: np.ndarray) -> np.ndarray:
+    """Stiffness (wire, 2) of the hinges next to the clamps over that of one in the middle of a wire.
+
+    Such a hinge bends for the wire from the clamp to the middle of the next segment, between h/2 and 3h/2 of it.
+    """
+    begin = 1.5 - np.mod(arc_begin / spacing, 1.0)
+    end = 0.5 + np.mod(arc_end / spacing, 1.0)
+    return 1.0 / np.stack([begin, end], axis=1)
 
 
 def _central_rhombus(

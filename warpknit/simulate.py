@@ -120,8 +120,7 @@ class Simulation:
         h = float(model.table.spacing.min())
         epsilon = float(np.finfo(np.float32 if model.precision.name == "single" else np.float64).eps) / 2
         # rounding of an edge, seen through the stretching and the bending stiffness of a segment
-        axial = model.axial_stiffness / model.softening
-        self._round_off = epsilon * math.hypot(axial, 4 * model.bending_stiffness / h**2)
+        self._round_off_terms = (epsilon, 4 * model.bending_stiffness / h**2)
         self._stretch_energy = h / model.axial_stiffness
         self._bend_energy = model.bending_stiffness / h
         self._last = [wp.zeros_like(value) for value in self._level_values()]
@@ -348,10 +347,12 @@ class Simulation:
         scale = max(float(closed.mean()) if len(closed) else 0.0, FORCE_FLOOR * measure.force_scale(model))
         free = model.panel.node_count + model.panel.body_count - len(model.panel.held_node)
         rms, largest = math.sqrt(control[int(c.FORCE_SQUARE)] / free), float(control[int(c.FORCE_MAX)])
-        floor = self._round_off / tolerance
+        epsilon, bending = self._round_off_terms
+        round_off = epsilon * np.hypot(self.state.wire_axial.numpy().astype(np.float64), bending)  # [wire]
+        round_off_rms = math.sqrt(float(np.average(round_off**2, weights=model.panel.wire_count)))
         balance = max(
-            rms / max(scale, ROUND_OFF_RMS * floor),
-            largest / (LOCAL_ALLOWANCE * max(scale, ROUND_OFF_LARGEST * floor)),
+            rms / max(scale, ROUND_OFF_RMS * round_off_rms / tolerance),
+            largest / (LOCAL_ALLOWANCE * max(scale, ROUND_OFF_LARGEST * float(round_off.max()) / tolerance)),
         )
         tension, turning = (self._scratch[k].numpy().astype(np.float64) for k in (3, 4))
         stored = 0.5 * float(tension @ tension) * self._stretch_energy + 0.5 * float(turning @ turning) * self._bend_energy

@@ -14,6 +14,7 @@ import warp as wp
 from .kernels import control as c
 from .model import Model, body_blocks
 
+STEP_LIMIT = 0.1  # course spacings in one step: a move beyond it, and beyond a node spacing, is a divergence
 LOOK_AHEAD = 0.12  # steps; stable up to 4/(1 + 2 LOOK_AHEAD) of the unit-step mass, see numerics.MASS_MARGIN
 WIRE_STATE = ("node_vx", "node_vy", "tension_offset", "wire_axial", "wire_mass")
 BODY_STATE = ("body_ux", "body_uy", "body_vx", "body_vy")
@@ -132,7 +133,7 @@ def initial_state(model: Model) -> State:
             c.FORCE_FACTOR: model.time_step,
             c.VELOCITY_FACTOR: 1.0,
             c.SPEED_LIMIT: 0.05 * spacing,
-            c.STEP_LIMIT: spacing,
+            c.STEP_LIMIT: max(spacing, STEP_LIMIT * model.scene.knit.course_spacing),
         }
     )
     return state

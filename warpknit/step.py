@@ -139,7 +139,7 @@ def wire_arguments(model: Model, state: State, now: int, then: int) -> list:
     return [
         mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire,
         mesh.block_pair_start, mesh.block_held_start, mesh.wire_first, mesh.wire_count, mesh.wire_closed,
-        state.wire_axial, state.wire_mass, state.control, real(model.precision.unit),
+        mesh.wire_hinge, state.wire_axial, state.wire_mass, state.control, real(model.precision.unit),
         rest.rest_x, rest.rest_y, rest.rest_length, rest.rest_angle, rest.hinge_stiffness, rest.inverse_mass,
         state.tension_offset,
         mesh.block_pair, state.pair_node, state.pair_force, state.pair_nodal_x, state.pair_nodal_y, mesh.held_node,

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
-from scipy.interpolate import CubicSpline
 
 from .knit.cloth import Cloth
+from .thread_curve import ThreadCurve
 
 FIT_POINTS = 12  # Gauss points a segment for the fit of the rest curve
 SLIDE_WEIGHT = 0.1  # of a miss along the line in that fit
@@ -59,7 +59,7 @@ def rest_table(cloth: Cloth, *, nodes_per_loop: int, set_fraction: float, lead: 
         n = nodes_per_loop * max(1, int(np.sum(stitches == t)))
         h = thread.length / n
         k = np.arange(-lead - 1, n + lead + 2)
-        centre_line = _centre_line(thread.points, thread.length, cloth.size[1])
+        centre_line = ThreadCurve(thread, cloth.size[1])
         position = centre_line(k * h)
         edge = np.diff(position[:, :2], axis=0)  # edge of entry k joins k and k + 1
         chord = np.hypot(edge[:, 0], edge[:, 1])
@@ -99,16 +99,6 @@ def rest_table(cloth: Cloth, *, nodes_per_loop: int, set_fraction: float, lead: 
         curve=np.concatenate(curves),
         curve_error=error,
     )
-
-
-def _centre_line(points: np.ndarray, length: float, height: float) -> Callable[[np.ndarray], np.ndarray]:
-    """Points (m, 3) [m] of a thread, periodic with (0, height, 0), as a function of unrolled plan arc length (m,) [m]."""
-    arc = np.linspace(0.0, length, len(points) + 1)
-    climb = np.array([0.0, height, 0.0]) / length
-    level = np.vstack([points, points[:1] + climb * length]) - arc[:, None] * climb
-    level[-1] = level[0]
-    spline = CubicSpline(arc, level, bc_type="periodic")
-    return lambda s: spline(np.mod(s, length)) + s[:, None] * climb
 
 
 def _angle_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:

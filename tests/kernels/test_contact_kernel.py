@@ -11,7 +11,7 @@ from warpknit import measure
 from warpknit.knit.clasps import Arm
 from warpknit.model import build_model
 from warpknit.scene import load_scene
-from warpknit.table import _centre_line
+from warpknit.thread_curve import ThreadCurve
 
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
 
@@ -68,7 +68,7 @@ def curve_miss(nodes_per_loop: int) -> tuple[float, float]:
     in_lens, at_body = 0.0, 0.0
     for arm in (arm for clasp in cloth.clasps for arm in clasp.arms):
         thread = cloth.threads[arm.thread]
-        line = _centre_line(thread.points, thread.length, cloth.size[1])
+        line = ThreadCurve(thread, cloth.size[1])
         h = table.spacing[arm.thread]
 
         def miss(k: int, u: np.ndarray, arm: Arm = arm, line: Callable = line, h: float = h) -> float:

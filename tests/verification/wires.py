@@ -121,6 +121,8 @@ def panel_of_wires(
         wire_count=i32(count),
         wire_closed=np.full(len(count), closed),
         wire_thread=i32(np.arange(len(count))),
+        wire_length=(count - (not closed)) * table.spacing,
+        wire_hinge=np.ones((len(count), 2)),
         block_first=i32(first[wire_of] + low_of),
         block_count=i32(np.minimum(block_size, count[wire_of] - low_of)),
         block_table=i32(table.start[wire_of] + low_of),
