@@ -15,3 +15,13 @@ import warp as wp
 def turning_angle(ax: Any, ay: Any, bx: Any, by: Any):
     """Angle from edge a to edge b, in (-pi, pi]."""
     return wp.atan2(ax * by - ay * bx, ax * bx + ay * by)
+
+
+# A segment is an arc: of length L and curvature k, its chord is shorter by (k L)^2/24 of it, with the mean of k^2 at its ends.
+BOW = wp.constant(1.0 / 48.0)
+
+
+@wp.func
+def bow(angle: Any, angle_after: Any):
+    """Share by which the arc of a segment is longer than its chord, from the turning angles [rad] at its two nodes."""
+    return type(angle)(BOW) * (angle * angle + angle_after * angle_after)

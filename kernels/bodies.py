@@ -1,7 +1,8 @@
 """One explicit step of the contact bodies, which feel nothing but their two pairs.
 
 A thread steps BODY_BLOCK consecutive bodies and leaves one row of partial sums. `pair_body_x, _y` are the forces [N] of
-pairs 2b and 2b + 1 on body b. The update is that of control.py.
+pairs 2b and 2b + 1 on body b. The update is that of control.py. Where masses are fictitious, a body that no wire touches stays
+where it was let go (`rest_when_free`): a flight would be as fictitious, and could carry it out of its lens.
 """
 
 from typing import Any
@@ -29,6 +30,7 @@ def step_bodies(
     control: wp.array(dtype=wp.float64),
     unit: Any,
     body_block: int,
+    rest_when_free: int,
     # contact
     pair_force: wp.array(dtype=Any),
     pair_body_x: wp.array(dtype=Any),
@@ -67,6 +69,11 @@ def step_bodies(
         py = vy[i]
         qx = without_denormals(a * px + b * fx)
         qy = without_denormals(a * py + b * fy)
+        if rest_when_free != 0 and pair_force[2 * i] == zero and pair_force[2 * i + 1] == zero:
+            qx = zero
+            qy = zero
+            px = zero
+            py = zero
         vx[i] = qx
         vy[i] = qy
         ux[i] = ux[i] + round_count((qx + ahead * (qx - px)) * counts, phase, ux[i])

@@ -7,7 +7,7 @@ from typing import Any
 
 import warp as wp
 
-from .bend import turning_angle
+from .bend import bow, turning_angle
 from .control import GRADIENT, LENGTH_FACTOR
 from .stretch import axial_force, edge_component
 from .wires import node_at
@@ -33,6 +33,7 @@ def evaluate_wires(
     rest_y: wp.array(dtype=Any),
     rest_length: wp.array(dtype=Any),
     rest_angle: wp.array(dtype=Any),
+    rest_bow: wp.array(dtype=Any),
     tension_offset: wp.array(dtype=Any),
     # state
     ux: wp.array(dtype=Any),
@@ -42,12 +43,12 @@ def evaluate_wires(
     # the last `grip_segments` of an open wire, only the edge) ...
     edge_x: wp.array(dtype=Any),
     edge_y: wp.array(dtype=Any),
-    elongation: wp.array(dtype=Any),
+    strain: wp.array(dtype=Any),
     tension: wp.array(dtype=Any),
     # ... and at the node itself (zero at the ends of an open wire)
     turning: wp.array(dtype=Any),
 ):
-    """Edge [m], elongation |e| - L [m], tension [N], and theta - theta0 [rad]."""
+    """Edge [m], strain of the curved segment [-], tension [N], and theta - theta0 [rad]."""
     thread = wp.tid()
     block = thread / block_size
     lane = thread - block * block_size
@@ -71,22 +72,26 @@ def evaluate_wires(
     ey = edge_component(fyx, fyy, rest_x[t], rest_y[t], uy[after], uy[i], unit)
     local = i - first
     zero = type(unit)(0.0)
+    edge_x[i] = zero
+    edge_y[i] = zero
+    strain[i] = zero
+    tension[i] = zero
+    turning[i] = zero
+    angle = zero
+    if closed != 0 or (local > 0 and local < count - 1):
+        angle = turning_angle(bx, by, ex, ey)
+        turning[i] = angle - rest_angle[t]
     if closed != 0 or local < count - 1:
-        length = wp.sqrt(ex * ex + ey * ey)
-        natural = rest_length[t] * type(unit)(control[LENGTH_FACTOR])
         edge_x[i] = ex
         edge_y[i] = ey
-        if closed != 0 or (local >= grip_segments and local < count - 1 - grip_segments):
-            elongation[i] = length - natural
-            tension[i] = axial_force(length, natural, wire_axial[wire], tension_offset[i])
-        else:
-            elongation[i] = zero
-            tension[i] = zero
-    else:
-        edge_x[i] = zero
-        edge_y[i] = zero
-        elongation[i] = zero
-        tension[i] = zero
-    turning[i] = zero
-    if closed != 0 or (local > 0 and local < count - 1):
-        turning[i] = turning_angle(bx, by, ex, ey) - rest_angle[t]
+    if closed != 0 or (local >= grip_segments and local < count - 1 - grip_segments):
+        length = wp.sqrt(ex * ex + ey * ey)
+        natural = rest_length[t] * type(unit)(control[LENGTH_FACTOR])
+        tension[i] = axial_force(length, natural, wire_axial[wire], tension_offset[i])
+        beyond = node_at(i + 2, first, count, closed)
+        angle_after = zero
+        if closed != 0 or local < count - 2:
+            ax = edge_component(fxx, fxy, rest_x[t + 1], rest_y[t + 1], ux[beyond], ux[after], unit)
+            ay = edge_component(fyx, fyy, rest_x[t + 1], rest_y[t + 1], uy[beyond], uy[after], unit)
+            angle_after = turning_angle(ex, ey, ax, ay)
+        strain[i] = (length - natural) / natural + bow(angle, angle_after) - rest_bow[t]

@@ -1,8 +1,10 @@
 """Running multipliers: what softened segments and contact penalties would change is taken out again.
 
-A softened segment carries T = offset + K e with K = EA/s and e its strain. Wanted is e = T/EA, so the offset moves towards
-(1 - K/EA) T. Where the mesh is compliant, T stays and e gives way at once. Where a stretch is imposed, as in a straight wire
-between two grips, an update takes only a share K/EA of what is missing: such wires are softened less (warpknit/multipliers.py).
+A softened segment carries T = offset + K e with K = EA/s and e the strain of its chord. Wanted is T/EA as the strain of its
+arc, which is longer than the chord by a bow (bend.py) that changes as the wire bends: the offset grows by K times what the
+arc is stretched too far. Where the mesh is compliant, T stays and e gives way at once. Where a stretch is imposed, as in a
+straight wire between two grips, an update takes only a share K/EA of what is missing: such wires are softened less
+(warpknit/multipliers.py).
 
 A closed pair carries F = offset - k gap; moving the offset to F lets the gap vanish at the same force.
 """
@@ -25,6 +27,7 @@ def update_tension_offset(
     axial: wp.array(dtype=Any),
     true_stiffness: wp.float64,
     tension: wp.array(dtype=Any),
+    strain: wp.array(dtype=Any),
     # in and out
     tension_offset: wp.array(dtype=Any),
 ):
@@ -39,8 +42,8 @@ def update_tension_offset(
     k_before = wp.float64(axial_before[block_wire[block]])
     t = wp.float64(tension[i])
     offset = t - k / k_before * (t - wp.float64(tension_offset[i]))
-    target = (wp.float64(1.0) - k / true_stiffness) * t
-    tension_offset[i] = tension_offset.dtype(offset + rate * (target - offset))
+    excess = wp.float64(strain[i]) - t / true_stiffness
+    tension_offset[i] = tension_offset.dtype(offset + rate * k * excess)
 
 
 @wp.kernel

@@ -32,7 +32,6 @@ class Reading:
     u: np.ndarray  # [node, 2] [m] displacement from the affinely mapped rest shape
     body_u: np.ndarray  # [body, 2] [m]
     edge: np.ndarray  # [node, 2] [m] zero behind the last node of an open wire
-    elongation: np.ndarray  # [node] [m]
     tension: np.ndarray  # [node] [N]
     wire_axial: np.ndarray  # [wire] [N] softened axial stiffness
     turning: np.ndarray  # [node] [rad] turning angle less its natural value
@@ -100,7 +99,7 @@ def read(model: Model, state: State) -> Reading:
     nodes = model.panel.node_count
     out = [wp.zeros(nodes, dtype=model.precision.real, device=model.device) for _ in range(5)]
     evaluate(model, state, out)
-    edge_x, edge_y, elongation, tension, turning = (a.numpy().astype(np.float64) for a in out)
+    edge_x, edge_y, _, tension, turning = (a.numpy().astype(np.float64) for a in out)
     now = state.parity
     unit = model.precision.unit
 
@@ -115,7 +114,6 @@ def read(model: Model, state: State) -> Reading:
         u=metres(state.node_ux[now], state.node_uy[now]),
         body_u=metres(state.body_ux, state.body_uy),
         edge=np.stack([edge_x, edge_y], axis=1),
-        elongation=elongation,
         tension=tension,
         wire_axial=state.wire_axial.numpy().astype(np.float64),
         turning=turning,
@@ -130,7 +128,7 @@ def read(model: Model, state: State) -> Reading:
 
 
 def evaluate(model: Model, state: State, out: list[wp.array]) -> None:
-    """Run `evaluate_wires` into edge_x, edge_y, elongation, tension, turning, each [node]."""
+    """Run `evaluate_wires` into edge_x, edge_y, strain, tension, turning, each [node]."""
     mesh, rest = model.mesh, model.rest
     wp.launch(
         evaluate_wires,
@@ -139,7 +137,7 @@ def evaluate(model: Model, state: State, out: list[wp.array]) -> None:
             mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire, BLOCK_SIZE,
             mesh.wire_first, mesh.wire_count, mesh.wire_closed, state.wire_axial,
             state.control, model.precision.real(model.precision.unit),
-            rest.rest_x, rest.rest_y, rest.rest_length, rest.rest_angle, state.tension_offset,
+            rest.rest_x, rest.rest_y, rest.rest_length, rest.rest_angle, rest.rest_bow, state.tension_offset,
             state.node_ux[state.parity], state.node_uy[state.parity], int(len(model.panel.clamp_position) > 1), *out,
         ],
         device=model.device,

@@ -24,7 +24,7 @@ from .panel import Panel, build_panel, table_lead
 from .scene import Scene
 from .table import Table, rest_table
 
-SLIDE_ALLOWANCE = 0.5  # how far a contact may slide beyond its lens, in wire lengths of a loop
+SLIDE_ALLOWANCE = 0.2  # how far a contact may slide beyond its lens, in wire lengths of a loop
 MEMORY_PER_NODE = {"single": 420, "double": 520}  # bytes, at the peak of a run on the CPU
 
 
@@ -55,6 +55,7 @@ class RestArrays:
     rest_x: wp.array  # [m]
     rest_y: wp.array
     rest_length: wp.array  # [m]
+    rest_bow: wp.array  # [-] share by which the arc is longer
     rest_angle: wp.array  # [rad]
     hinge_stiffness: wp.array  # [N m] EI over the length that belongs to the node
     inverse_mass: wp.array  # [1/kg]
@@ -256,6 +257,7 @@ def _upload_rest(
         rest_x=real(table.rest_x),
         rest_y=real(table.rest_y),
         rest_length=real(table.rest_length),
+        rest_bow=real(table.rest_bow),
         rest_angle=real(table.rest_angle),
         hinge_stiffness=real(bending_stiffness / table.hinge_length),
         inverse_mass=real(1.0 / numbers.node_mass),

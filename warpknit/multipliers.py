@@ -47,7 +47,7 @@ class Multipliers:
         self._sinking = 0  # updates in a row with bodies sunk in
         self._stretched = np.zeros(len(model.panel.wire_first), dtype=int)  # [wire] updates in a row
         self._unsettled = np.zeros(len(model.panel.wire_first), dtype=int)  # [wire] updates in a row without convergence
-        self._missing = np.zeros(len(model.panel.wire_first))  # [wire] strain, at the last update
+        self._imposed = np.zeros(len(model.panel.wire_first))  # [wire] strain missing in the mean, at the last update
         self._short = (model.panel.wire_count < TAUT_LENGTH * model.scene.model.nodes_per_loop) & ~model.panel.wire_closed
         self.begin_level()
 
@@ -71,14 +71,14 @@ class Multipliers:
             "sunk": np.array(numbers, dtype=float),
             "stretched": self._stretched,
             "unsettled": self._unsettled,
-            "missing": self._missing,
+            "imposed": self._imposed,
         }
 
     def recall(self, kept: dict[str, np.ndarray]) -> None:
         self._sunk, sinking, self._rate, self._best, waited = kept["sunk"].tolist()
         self._sinking, self._waited = int(sinking), int(waited)
-        self._stretched, self._unsettled, self._missing = (
-            kept[name].copy() for name in ("stretched", "unsettled", "missing")
+        self._stretched, self._unsettled, self._imposed = (
+            kept[name].copy() for name in ("stretched", "unsettled", "imposed")
         )
 
     def bound_softening(self, reading: measure.Reading) -> None:
@@ -93,26 +93,28 @@ class Multipliers:
         if np.all(axial <= now * (1 + 1e-6)):
             return
         tension = wp.array(reading.tension, dtype=model.precision.real, device=model.device)
-        self._move_offsets(tension, axial, rate=0.0)
+        self._move_offsets(tension, tension, axial, rate=0.0)
         penalty = float(self.state.read_control()[int(c.CONTACT_STIFFNESS)])
         self._renew(axial, penalty, reading.tension, reading.turning)
 
-    def update(self, tension: wp.array, turning: wp.array, *, nearly_steady: bool) -> float:
+    def update(self, strain: wp.array, tension: wp.array, turning: wp.array, *, nearly_steady: bool) -> float:
         """Move every multiplier once; what is still missing, 1 being the most that counts as steady.
 
-        tension [N], turning [rad]: [node] of the current state, on the device (measure.evaluate).
+        strain [-], tension [N], turning [rad]: [node] of the current state, on the device (measure.evaluate).
         """
         model, state, panel = self.model, self.state, self.model.panel
         host = tension.numpy().astype(np.float64)
         axial = state.wire_axial.numpy().astype(np.float64)
         own = np.abs(host - state.tension_offset.numpy())
-        strain = np.maximum.reduceat(own, panel.wire_first) / axial
-        error = np.abs(own / np.repeat(axial, panel.wire_count) - np.abs(host) / model.axial_stiffness)
-        missing = np.maximum.reduceat(error, panel.wire_first)
-        stiffer = self._outgrown(axial, strain, missing, nearly_steady)
+        softened = np.maximum.reduceat(own, panel.wire_first) / axial
+        error = strain.numpy() - host / model.axial_stiffness
+        missing = np.maximum.reduceat(np.abs(error), panel.wire_first)
+        # a segment gives way to its neighbours at once; what is missing in the mean is what the ends impose
+        imposed = np.abs(np.add.reduceat(error, panel.wire_first)) / panel.wire_count
+        stiffer = self._outgrown(axial, softened, imposed, nearly_steady)
         penalty = float(state.read_control()[int(c.CONTACT_STIFFNESS)])
         sunk = self._move_pair_offsets()
-        self._move_offsets(tension, stiffer)
+        self._move_offsets(tension, strain, stiffer)
         self._sinking = self._sinking + 1 if sunk > PENETRATION_STIFFEN and sunk > 0.8 * self._sunk else 0
         self._sunk = sunk
         if self._sinking >= PATIENCE:
@@ -122,13 +124,13 @@ class Multipliers:
         self._slow_down_without_progress(left)
         return left
 
-    def _outgrown(self, axial: np.ndarray, strain: np.ndarray, missing: np.ndarray, nearly_steady: bool) -> np.ndarray:
+    def _outgrown(self, axial: np.ndarray, strain: np.ndarray, imposed: np.ndarray, nearly_steady: bool) -> np.ndarray:
         """Axial stiffness [wire] [N], raised where the softening is more than a wire bears."""
         true = self.model.axial_stiffness
         self._stretched = np.where(strain > SOFTENING_STRAIN, self._stretched + 1, 0)
-        stuck = self._short & (missing > AXIAL_ERROR) & (missing > 0.8 * self._missing) & nearly_steady
+        stuck = self._short & (imposed > AXIAL_ERROR) & (imposed > 0.8 * self._imposed) & nearly_steady
         self._unsettled = np.where(stuck, self._unsettled + 1, 0)
-        self._missing = missing
+        self._imposed = imposed
         factor = np.where(self._stretched >= PATIENCE, 2.0, 1.0)
         factor = np.where(self._unsettled >= TAUT_PATIENCE, TAUT_FACTOR, factor)
         self._stretched[factor > 1.0] = 0
@@ -149,7 +151,7 @@ class Multipliers:
         )
         return float(np.max(np.abs(state.pair_gap.numpy()[closed]))) / self.model.scene.wire.diameter
 
-    def _move_offsets(self, tension: wp.array, axial: np.ndarray, rate: float | None = None) -> None:
+    def _move_offsets(self, tension: wp.array, strain: wp.array, axial: np.ndarray, rate: float | None = None) -> None:
         model, mesh, state = self.model, self.model.mesh, self.state
         rate = self._rate if rate is None else rate
         wp.launch(
@@ -158,7 +160,7 @@ class Multipliers:
             inputs=[
                 mesh.block_first, mesh.block_count, mesh.block_wire, BLOCK_SIZE, wp.float64(rate),
                 state.wire_axial, wp.array(axial, dtype=model.precision.real, device=model.device),
-                wp.float64(model.axial_stiffness), tension, state.tension_offset,
+                wp.float64(model.axial_stiffness), tension, strain, state.tension_offset,
             ],
             device=model.device,
         )  # fmt: skip

@@ -39,7 +39,7 @@ LEVEL_RAMP_STEPS = 100  # steps over which the first load of a stage comes on, i
 LEVEL_STEP_LIMIT = 500_000  # steps of a level after which it counts as never steady, where the scene gives no max_steps
 ENERGY_FLOOR = 1e-5  # of EI/W a loop: what kinetic energy is compared with where less is stored
 FORCE_FLOOR = 0.05  # of EI/W^2: what the residual is compared with where contacts carry less
-ROUND_OFF_RMS = 2.0  # rms residual that counts as round-off, over the estimate of it
+ROUND_OFF_RMS = 3.0  # rms residual that counts as round-off, over that of an edge: 1.7 of its length, a force has two edges
 ROUND_OFF_LARGEST = 4.0  # the same of the largest residual, which is allowed LOCAL_ALLOWANCE times more
 LOCAL_ALLOWANCE = 10.0
 NEARLY_STEADY = 10.0  # residual over the tolerance below which multipliers that do not converge tell of taut wires
@@ -363,7 +363,7 @@ class Simulation:
         left = 0.0
         if self.scene.solver.drive == "relax" and self.scene.solver.multipliers:
             left = self.multipliers.update(
-                self._scratch[3], self._scratch[4], nearly_steady=self.progress.residual < NEARLY_STEADY * tolerance
+                *self._scratch[2:5], nearly_steady=self.progress.residual < NEARLY_STEADY * tolerance
             )
         return self.progress.residual < tolerance and left < 1.0
 

@@ -151,6 +151,7 @@ def wire_arguments(model: Model, state: State, now: int, then: int) -> list:
 def body_arguments(model: Model, state: State) -> list:
     return [
         state.control, model.precision.real(model.precision.unit), BODY_BLOCK,
+        int(model.scene.solver.drive == "relax"),
         state.pair_force, state.pair_body_x, state.pair_body_y,
         state.body_ux, state.body_uy, state.body_vx, state.body_vy, state.body_partial,
     ]  # fmt: skip

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
+from .kernels.bend import BOW
 from .knit.cloth import Cloth
 from .thread_curve import ThreadCurve
 
@@ -38,6 +39,7 @@ class Table:
     rest_x: np.ndarray  # [entry] [m] edge to the next node
     rest_y: np.ndarray  # [entry] [m]
     rest_length: np.ndarray  # [entry] [m] its natural length
+    rest_bow: np.ndarray  # [entry] [-] share by which the arc is longer, as the kernel sees it (kernels/bend.py)
     rest_angle: np.ndarray  # [entry] [rad] natural turning angle at the node
     hinge_length: np.ndarray  # [entry] [m] mean of the two chords at the node
     node_length: np.ndarray  # [entry] [m] wire that the node stands for
@@ -50,7 +52,7 @@ def rest_table(cloth: Cloth, *, nodes_per_loop: int, set_fraction: float, lead: 
 
     `lead` entries are kept before and behind a period [-]; `set_fraction` scales the natural turning angles.
     """
-    columns: dict[str, list[np.ndarray]] = {name: [] for name in ("x", "y", "z", "ex", "ey", "len", "ang", "hl", "nl")}
+    columns: dict[str, list[np.ndarray]] = {name: [] for name in ("x", "y", "z", "ex", "ey", "len", "bow", "ang", "hl", "nl")}
     curves, starts, counts, spacings = [], [], [], []
     error = 0.0
     offset = 0
@@ -71,6 +73,7 @@ def rest_table(cloth: Cloth, *, nodes_per_loop: int, set_fraction: float, lead: 
         columns["ex"].append(edge[1:-1, 0])
         columns["ey"].append(edge[1:-1, 1])
         columns["len"].append(chord[1:-1])
+        columns["bow"].append(BOW * (angle[:-1] ** 2 + angle[1:] ** 2))
         columns["ang"].append(angle[:-1] * set_fraction)
         columns["hl"].append(0.5 * (chord[:-2] + chord[1:-1]))
         columns["nl"].append(np.full(len(k) - 3, h))
@@ -93,6 +96,7 @@ def rest_table(cloth: Cloth, *, nodes_per_loop: int, set_fraction: float, lead: 
         rest_x=joined["ex"],
         rest_y=joined["ey"],
         rest_length=joined["len"],
+        rest_bow=joined["bow"],
         rest_angle=joined["ang"],
         hinge_length=joined["hl"],
         node_length=joined["nl"],

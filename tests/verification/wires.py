@@ -65,7 +65,7 @@ def table_of_wires(
         angle = np.arctan2(b[:, 0] * e[:, 1] - b[:, 1] * e[:, 0], np.sum(b * e, axis=1))
         for name, value in dict(
             x=shape[wrap, 0], y=shape[wrap, 1], z=0 * length, rest_x=edge[:, 0], rest_y=edge[:, 1], rest_length=length,
-            rest_angle=angle, hinge_length=0.5 * (length + before), node_length=node_length,
+            rest_bow=np.zeros(len(wrap)), rest_angle=angle, hinge_length=0.5 * (length + before), node_length=node_length,
             curve=np.zeros((len(wrap), CURVE_COEFFICIENTS)),
         ).items():  # fmt: skip
             parts.setdefault(name, []).append(value)
