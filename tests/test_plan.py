@@ -134,7 +134,7 @@ def test_memory_per_node_covers_the_arrays(precision, share):
     built = build_model(scene)
     state = initial_state(built)
     simulation = Simulation(built, state)
-    simulation.neighbours.search()
+    simulation.drive.neighbours.search()
     reading = measure.read(built, state)
     total = array_bytes([built, state, simulation, reading], set())
     assert total / built.panel.node_count / MEMORY_PER_NODE[precision] == pytest.approx(share, abs=0.1)

@@ -42,14 +42,14 @@ def main() -> None:
     simulation.warm_up()
     for record in simulation.run():
         last = record
-    state, steps, searches = simulation.state, simulation.progress.steps, simulation.neighbours.searches
-    search = seconds(simulation.neighbours.search, 20)
+    state, steps, searches = simulation.state, simulation.progress.steps, simulation.drive.neighbours.searches
+    search = seconds(simulation.drive.neighbours.search, 20)
     asleep = int(np.sum(state.pair_wake.numpy() > 0.0))
-    contact = seconds(simulation.stepper.evaluate_contact, 200)
+    contact = seconds(simulation.drive.stepper.evaluate_contact, 200)
     state.pair_wake.zero_()
-    awake = seconds(simulation.stepper.evaluate_contact, 200)
-    simulation.neighbours.search()
-    step = seconds(lambda: simulation.stepper.step(2), 100) / 2
+    awake = seconds(simulation.drive.stepper.evaluate_contact, 200)
+    simulation.drive.neighbours.search()
+    step = seconds(lambda: simulation.drive.stepper.step(2), 100) / 2
     active = measure.contacts(last.reading).active
     print(f"{model.panel.node_count} nodes, {model.pair_count} pairs, {asleep} asleep, {active} active")
     print(f"neighbour search (hash)           {search * 1e6:9.1f} us, {searches} in {steps} steps")

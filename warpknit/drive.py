@@ -1,0 +1,202 @@
+"""What the two drives share: where a run stands, how a load is put on, and how steps are taken.
+
+`Drive.stage` is a generator of `Record`s, one a recorded state. A divergence raises `Diverged`. After every look at the state
+it calls `watch`, which may raise to stop the run.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+
+from . import measure
+from .errors import Diverged
+from .kernels import control as c
+from .model import Model
+from .neighbours import NeighbourSearch
+from .scene import Stage
+from .state import State
+from .steadiness import Steadiness
+from .step import Stepper
+from .tension import TensionSearch
+
+CHECK_STEPS = 50  # steps between looks at the state
+
+
+@dataclass(frozen=True)
+class Record:
+    """A state worth keeping: where it stands in the load and what was read."""
+
+    index: int
+    stage: str
+    stage_index: int
+    load_factor: float
+    temperature: float
+    steps: int
+    steady: bool
+    work: float | None  # [J] put in since the start, where the drive keeps account of it (ramp)
+    reading: measure.Reading
+
+
+@dataclass
+class Progress:
+    """Where a run is: for whoever watches it, and for a checkpoint. Plain numbers."""
+
+    stage_index: int = 0
+    stage: str = ""
+    level: int = 0  # records of this stage so far
+    records: int = 0
+    steps: int = 0
+    settling: bool = False  # inside a level
+    load_factor: float = 0.0
+    residual: float = 0.0
+    looks: int = 0  # of the level
+    start: dict[str, list[float] | float] = field(default_factory=dict)  # load at the start of the stage
+    best: float = 1e30  # of what is left to do, in the level
+    waited: int = 0  # looks since that came down by a tenth
+    search: TensionSearch = field(default_factory=TensionSearch)
+    time: float = 0.0  # [s] of the stage, in a ramp
+    work: float = 0.0  # [J] in a ramp
+    stress: list[float] = field(default_factory=list)  # [N/m] nominal stress at the last look, in a ramp
+
+    def as_dict(self) -> dict:
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, values: dict) -> Progress:
+        return cls(**{**values, "search": TensionSearch(**values["search"])})
+
+
+@dataclass(frozen=True)
+class LoadPoint:
+    """A deformation gradient and what goes with it."""
+
+    gradient: np.ndarray  # (2, 2)
+    temperature: float  # [K]
+
+
+class Drive(ABC):
+    """Steps a model through one stage after the other."""
+
+    def __init__(self, model: Model, state: State, progress: Progress, watch: Callable[[Progress], None]) -> None:
+        self.model = model
+        self.state = state
+        self.scene = model.scene
+        self.progress = progress
+        self.watch = watch
+        self.stepper = Stepper(model, state)
+        self.neighbours = NeighbourSearch(model, state)
+        self.steadiness = Steadiness(model, state)
+
+    @abstractmethod
+    def stage(self, stage: Stage) -> Iterator[Record]:
+        """Records of one stage, from where `progress` stands."""
+
+    @abstractmethod
+    def warm_up(self) -> None:
+        """Launch every kernel that the run will use."""
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """Arrays that the loop carries from look to look."""
+        return self.neighbours.memory()
+
+    def recall(self, kept: dict[str, np.ndarray]) -> None:
+        """Put back what `memory` returned."""
+        self.neighbours.recall(kept)
+
+    # --- loads ---
+
+    def load_now(self) -> dict[str, list[float] | float]:
+        index = self.progress.stage_index
+        before = self.scene.stages[index - 1].temperature if index else self.scene.wire.reference_temperature
+        reading = measure.read(self.model, self.state)
+        return {
+            "gradient": reading.gradient.ravel().tolist(),
+            "tension": list(measure.mesh_tension(reading)),
+            "temperature": before,
+        }
+
+    def _target(self, stage: Stage, factor: float) -> LoadPoint:
+        """Load of a stage at a load factor; a direction driven by tension keeps the strain it has."""
+        start = self.progress.start
+        first = np.array(start["gradient"]).reshape(2, 2)
+        now = self.state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2)
+        target = first.copy()
+        for axis, strain in enumerate((stage.strain_weft, stage.strain_warp)):
+            end = 1.0 + strain if strain is not None else None
+            target[axis, axis] = now[axis, axis] if end is None else (1 - factor) * first[axis, axis] + factor * end
+        target[0, 1] = (1 - factor) * first[0, 1] + factor * stage.shear
+        before = float(start["temperature"])
+        return LoadPoint(target, before + factor * (stage.temperature - before))
+
+    def _record(self, stage: Stage, factor: float, steady: bool, work: float | None = None) -> Record:
+        progress = self.progress
+        before = float(progress.start["temperature"])
+        record = Record(
+            index=progress.records,
+            stage=stage.name,
+            stage_index=progress.stage_index,
+            load_factor=factor,
+            temperature=before + factor * (stage.temperature - before),
+            steps=progress.steps,
+            steady=steady,
+            work=work,
+            reading=measure.read(self.model, self.state),
+        )
+        progress.records += 1
+        progress.level += 1
+        return record
+
+    def _set_ramp(self, target: LoadPoint, steps: int) -> None:
+        """Aim at a load; with no steps it is there at once."""
+        wire = self.scene.wire
+        control = self.state.read_control()
+        now = control[int(c.GRADIENT) : int(c.GRADIENT) + 5].tolist()
+        factor = 1.0 + wire.expansion * (target.temperature - wire.reference_temperature)
+        then = [*target.gradient.ravel().tolist(), factor]
+        values: dict[int, float] = {int(c.RAMP_STEP): 0.0, int(c.RAMP_STEPS): float(steps)}
+        for k in range(5):
+            values[int(c.FROM) + k] = now[k]
+            values[int(c.TO) + k] = then[k]
+            if steps == 0:
+                values[int(c.GRADIENT) + k] = then[k]
+        self.state.write_control(values)
+        # the affine motion itself brings a body and a wire within the search radius closer by at most this
+        self.neighbours.expect(2.0 * float(np.abs(np.subtract(then[:4], now[:4])).max()) * self.neighbours.radius)
+
+    # --- steps ---
+
+    def _advance(self, steps: int) -> None:
+        """Take steps, searching neighbours whenever the state says that the last search no longer holds."""
+        left = steps
+        while left > 0:
+            before = int(self.state.read_control()[int(c.STEP)])
+            self.stepper.step(left)
+            control = self.state.read_control()
+            taken = int(control[int(c.STEP)]) - before
+            self.progress.steps += taken
+            left -= taken
+            status = control[int(c.STATUS)]
+            if status == 2.0:
+                raise self._divergence()
+            if status == 1.0:
+                self.neighbours.search()
+
+    def _fastest(self) -> str:
+        """Name the wire and node that move fastest."""
+        speed = np.hypot(self.state.node_vx.numpy().astype(float), self.state.node_vy.numpy().astype(float))
+        node = int(np.argmax(np.nan_to_num(speed, nan=np.inf)))
+        wire = int(np.searchsorted(self.model.panel.wire_first, node, side="right") - 1)
+        return f"wire {wire}, node {node - int(self.model.panel.wire_first[wire])}"
+
+    def _divergence(self) -> Diverged:
+        control = self.state.read_control()
+        strain = [control[int(c.GRADIENT)] - 1, control[int(c.GRADIENT) + 3] - 1]
+        return Diverged(
+            f"diverged at step {self.progress.steps}: {self._fastest()}, stage {self.progress.stage!r}, weft strain"
+            f" {strain[0]:.3g}, warp strain {strain[1]:.3g}; likely the load comes on too fast for the stiffness there:"
+            f" raise output.frames (relax) or solver.loading_time (ramp)"
+        )

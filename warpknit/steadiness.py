@@ -1,0 +1,64 @@
+"""When a state counts as at rest: forces balance, and motion has died down."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import warp as wp
+
+from . import measure
+from .kernels import control as c
+from .model import Model
+from .state import State
+
+ENERGY_FLOOR = 1e-5  # of EI/W a loop: what kinetic energy is compared with where less is stored
+FORCE_FLOOR = 0.05  # of EI/W^2: what the residual is compared with where contacts carry less
+ROUND_OFF_RMS = 3.0  # rms residual that counts as round-off, over that of an edge: 1.7 of its length, a force has two edges
+ROUND_OFF_LARGEST = 4.0  # the same of the largest residual, which is allowed LOCAL_ALLOWANCE times more
+LOCAL_ALLOWANCE = 10.0
+
+
+class Steadiness:
+    """Measures how far a state is from rest. `strain`, `tension` and `turning` are those of the last measure, on the device."""
+
+    def __init__(self, model: Model, state: State) -> None:
+        self.model = model
+        self.state = state
+        h = float(model.table.spacing.min())
+        epsilon = float(np.finfo(np.float32 if model.precision.name == "single" else np.float64).eps) / 2
+        # rounding of an edge, seen through the stretching and the bending stiffness of a segment
+        self._round_off_terms = (epsilon, 4 * model.bending_stiffness / h**2)
+        self._stretch_energy = h / model.axial_stiffness
+        self._bend_energy = model.bending_stiffness / h
+        self._scratch = [
+            wp.zeros(model.panel.node_count, dtype=model.precision.real, device=model.device) for _ in range(5)
+        ]
+        self.strain, self.tension, self.turning = self._scratch[2:]
+
+    def measure(self, control: np.ndarray) -> float:
+        """The larger of balance and motion, both to be compared with solver.residual_tolerance.
+
+        Balance: rms nodal residual over the mean contact force, and a tenth of the largest; less where round-off leaves more.
+        Motion: root of kinetic over stored energy; it is what soft modes still have to go, which the residual does not see.
+        """
+        model, tolerance = self.model, self.model.scene.solver.residual_tolerance
+        measure.evaluate(model, self.state, self._scratch)
+        force = self.state.pair_force.numpy()
+        closed = force[force > 0]
+        scale = max(float(closed.mean()) if len(closed) else 0.0, FORCE_FLOOR * measure.force_scale(model))
+        free = model.panel.node_count + model.panel.body_count - len(model.panel.held_node)
+        rms, largest = math.sqrt(control[int(c.FORCE_SQUARE)] / free), float(control[int(c.FORCE_MAX)])
+        epsilon, bending = self._round_off_terms
+        round_off = epsilon * np.hypot(self.state.wire_axial.numpy().astype(np.float64), bending)  # [wire]
+        round_off_rms = math.sqrt(float(np.average(round_off**2, weights=model.panel.wire_count)))
+        balance = max(
+            rms / max(scale, ROUND_OFF_RMS * round_off_rms / tolerance),
+            largest / (LOCAL_ALLOWANCE * max(scale, ROUND_OFF_LARGEST * float(round_off.max()) / tolerance)),
+        )
+        tension, turning = (values.numpy().astype(np.float64) for values in (self.tension, self.turning))
+        stored = 0.5 * float(tension @ tension) * self._stretch_energy + 0.5 * float(turning @ turning) * self._bend_energy
+        motion = math.sqrt(
+            0.5 * float(control[int(c.KINETIC_TWICE)]) / max(stored, ENERGY_FLOOR * measure.energy_scale(model))
+        )
+        return max(balance, motion)
