@@ -18,6 +18,7 @@ def turning_angle(ax: Any, ay: Any, bx: Any, by: Any):
 
 
 # A segment is an arc: of length L and curvature k, its chord is shorter by (k L)^2/24 of it, with the mean of k^2 at its ends.
+# Where the wire keeps the length of its arcs, a tension T pulls on the angles of its ends with the moment T L d(bow)/d(theta).
 BOW = wp.constant(1.0 / 48.0)
 
 

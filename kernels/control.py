@@ -30,6 +30,7 @@ GRADIENT = wp.constant(3)  # 4 entries: xx, xy, yx, yy, then the length factor 1
 LENGTH_FACTOR = wp.constant(7)
 LOOK_AHEAD = wp.constant(8)  # steps by which forces look ahead, in relax
 CONTACT_STIFFNESS = wp.constant(9)  # [N/m]
+BOW_MOMENT = wp.constant(10)  # 2 BOW (bend.py) where multipliers keep the length of arcs, else 0
 BODY_INVERSE_MASS = wp.constant(11)  # [1/kg]
 # the load ramp
 FROM = wp.constant(12)  # 5 entries: GRADIENT and LENGTH_FACTOR at the start of the ramp

@@ -3,8 +3,8 @@
     f_i = n_i - n_(i-1) + contact          n_j = T_j t_j + (g_j - g_(j+1)) / |e_j| nu_j
 
 with T_j the tension and t_j, nu_j the unit tangent and left normal of the segment from node j to node j + 1, and g_j the
-moment at node j (see stretch.py and bend.py). `wires_by_block.py` does the same for the CPU, a block of nodes a thread;
-a test holds the two together.
+moment at node j with what the tension of its two arcs adds (see stretch.py and bend.py). `wires_by_block.py` does the same
+for the CPU, a block of nodes a thread; a test holds the two together.
 
 Nodes of a wire are consecutive; block b holds nodes `block_first[b]` and on, and the threads of a block are consecutive
 too. Displacements are read from `*_in` and written to `*_out`, so that the neighbours of a node are never half updated.
@@ -16,6 +16,7 @@ import warp as wp
 
 from .bend import turning_angle
 from .control import (
+    BOW_MOMENT,
     FORCE_FACTOR,
     GRADIENT,
     LENGTH_FACTOR,
@@ -138,6 +139,7 @@ def step_wires_by_node(
     fyx = type(unit)(control[GRADIENT + 2])
     fyy = type(unit)(control[GRADIENT + 3])
     length_factor = type(unit)(control[LENGTH_FACTOR])
+    bow_moment = type(unit)(control[BOW_MOMENT])
     axial_stiffness = wire_axial[wire]
 
     # edges and tensions of the four segments around the node: i-2, i-1, i, i+1
@@ -151,6 +153,14 @@ def step_wires_by_node(
         ex[k] = edge_component(fxx, fxy, rest_x[t], rest_y[t], ux_in[j_next], ux_in[j], unit)
         ey[k] = edge_component(fyx, fyy, rest_x[t], rest_y[t], uy_in[j_next], uy_in[j], unit)
         length[k] = wp.sqrt(ex[k] * ex[k] + ey[k] * ey[k])
+    # tensions of the segments there are, times their natural length
+    pull = wp.vector(zero, zero, zero, zero)
+    for k in range(4):
+        local = i - 2 + k - first
+        if closed != 0 or (local >= 0 and local < count - 1):
+            natural = rest_length[table - 2 + k] * length_factor
+            j = node_at(i - 2 + k, first, count, closed)
+            pull[k] = natural * axial_force(length[k], natural, axial_stiffness, tension_offset[j])
     # moments at the three nodes i-1, i, i+1
     moment = wp.vector(zero, zero, zero)
     for k in range(3):
@@ -163,6 +173,7 @@ def step_wires_by_node(
                 moment[k] = moment[k] * wire_hinge[wire, 0]
             if closed == 0 and local == count - 2:
                 moment[k] = moment[k] * wire_hinge[wire, 1]
+            moment[k] = moment[k] + bow_moment * angle * (pull[k] + pull[k + 1])
     fx = zero
     fy = zero
     for k in range(2):
@@ -174,8 +185,7 @@ def step_wires_by_node(
             tx = ex[k + 1] * inverse
             ty = ey[k + 1] * inverse
             natural = rest_length[table - 1 + k] * length_factor
-            j = node_at(i - 1 + k, first, count, closed)
-            tension = axial_force(length[k + 1], natural, axial_stiffness, tension_offset[j])
+            tension = pull[k + 1] / natural
             shear = (moment[k] - moment[k + 1]) * inverse
             fx += s * (tension * tx - shear * ty)
             fy += s * (tension * ty + shear * tx)

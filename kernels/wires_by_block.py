@@ -11,6 +11,7 @@ from typing import Any
 import warp as wp
 
 from .control import (
+    BOW_MOMENT,
     FORCE_FACTOR,
     GRADIENT,
     LENGTH_FACTOR,
@@ -64,7 +65,7 @@ _BLOCK_STEP = r"""
     const real* __restrict rb = hinge_stiffness.data + table - 2;
     const real* __restrict rm = inverse_mass.data + table - 2;
 
-    real tx[SPAN], ty[SPAN], il[SPAN], tension[SPAN], moment[SPAN];
+    real tx[SPAN], ty[SPAN], il[SPAN], tension[SPAN], moment[SPAN], unbending[SPAN];
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
@@ -80,7 +81,7 @@ _BLOCK_STEP = r"""
         tension[k] = shift[k] + axial_stiffness * (length - natural) / natural;
     }
     }
-    moment[0] = real(0);
+    moment[0] = unbending[0] = real(0);
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
@@ -106,20 +107,23 @@ _BLOCK_STEP = r"""
         const real folded = x * series + middle * real(0.7853981633974483) + steep * real(1.5707963267948966);
         const real angle = real(2) * (q < real(0) ? -folded : folded);
         moment[k] = hinge_factor * rb[k] * (angle - ra[k]);
+        unbending[k] = bow_moment * angle * (tension[k - 1] * rl[k - 1] + tension[k] * rl[k]);
     }
     }
     if (!closed) {
         // beyond the ends of an open wire there is nothing; its outermost hinges stand for a length of their own
         const int begin = wire_first - offset_of_block, end = wire_end - offset_of_block;
-        for (int k = 0; k <= begin; ++k) { moment[k] = real(0); }
+        for (int k = 0; k <= begin; ++k) { moment[k] = unbending[k] = real(0); }
         for (int k = 0; k < begin; ++k) { tension[k] = real(0); }
-        for (int k = end - 1; k < segments; ++k) { tension[k] = moment[k] = real(0); }
+        for (int k = end - 1; k < segments; ++k) { tension[k] = moment[k] = unbending[k] = real(0); }
         if (begin + 1 >= 0 && begin + 1 < segments) { moment[begin + 1] *= hinge_begin; }
         if (end - 2 < segments) { moment[end - 2] *= hinge_end; }
     }
     real nx[SPAN], ny[SPAN], fx[SPAN], fy[SPAN];
     {
     #pragma clang fp reassociate(on) contract(fast)
+    #pragma clang loop vectorize(enable)
+    for (int k = 1; k < segments; ++k) { moment[k] += unbending[k]; }
     #pragma clang loop vectorize(enable)
     for (int k = 1; k < count + 2; ++k) {
         const real shear = (moment[k] - moment[k + 1]) * il[k];
@@ -281,6 +285,7 @@ def block_step(
     fyy: wp.float32,
     length_factor: wp.float32,
     hinge_factor: wp.float32,
+    bow_moment: wp.float32,
     axial_stiffness: wp.float32,
     mass_factor: wp.float32,
     velocity_factor: wp.float32,
@@ -338,6 +343,7 @@ def block_step(
     fyy: wp.float64,
     length_factor: wp.float64,
     hinge_factor: wp.float64,
+    bow_moment: wp.float64,
     axial_stiffness: wp.float64,
     mass_factor: wp.float64,
     velocity_factor: wp.float64,
@@ -444,6 +450,7 @@ def step_wires_by_block(
         type(unit)(control[GRADIENT + 3]),
         type(unit)(control[LENGTH_FACTOR]),
         type(unit)(wp.float64(1.0) / control[LENGTH_FACTOR]),
+        type(unit)(control[BOW_MOMENT] * control[LENGTH_FACTOR]),
         wire_axial[wire],
         type(unit)(1.0) / wire_mass[wire],
         type(unit)(control[VELOCITY_FACTOR]),

@@ -60,7 +60,7 @@ class Reading:
     @cached_property
     def segment_force(self) -> np.ndarray:
         """[node, 2] [N] gradient of the energy by the edge: n = T t + (g - g_next)/|e| nu (kernels/wires.py)."""
-        moment = self.moment
+        moment = self.moment + self.bow_moment
         following = np.roll(moment, -1)
         panel = self.model.panel
         last = panel.wire_first + panel.wire_count - 1
@@ -76,6 +76,19 @@ class Reading:
     def moment(self) -> np.ndarray:
         """[node] [N m] bending moment."""
         return self.model.bending_stiffness * self.curvature_change
+
+    @cached_property
+    def bow_moment(self) -> np.ndarray:
+        """[node] [N m] by which tension unbends arcs that keep their length (kernels/bend.py)."""
+        panel, table = self.model.panel, self.model.table
+        pull = self.tension * table.rest_length[self.entry] * self.length_factor
+        before = np.roll(pull, 1)
+        last = panel.wire_first + panel.wire_count - 1
+        before[panel.wire_first] = pull[last]
+        moment = float(self.control[int(c.BOW_MOMENT)]) * (self.turning + table.rest_angle[self.entry]) * (pull + before)
+        for end in (panel.wire_first, last):
+            moment[end] = np.where(panel.wire_closed, moment[end], 0.0)
+        return moment
 
     @cached_property
     def curvature_change(self) -> np.ndarray:

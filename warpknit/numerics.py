@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .kernels.bend import BOW
 from .scene import Scene
 from .table import Table
 
@@ -100,14 +101,15 @@ def unit_step_mass(
 
     A chain's largest eigenvalue is a = 4 k (stretch) or b = 16 EI/h^3 (bend), the larger of the two where it is straight; a
     turn theta [rad] couples them: (a + b)/2 + sqrt((a - b)^2/4 + a b sin^2 theta). The step is stable up to 4 m. CONTACT_SHARE
-    leaves room for the pairs of neighbouring bodies that may push the same node; a tension T [N] stiffens sideways by 4 T/h.
+    leaves room for the pairs of neighbouring bodies that may push the same node; a tension T [N] stiffens sideways by 4 T/h, and
+    unbends arcs (kernels/bend.py).
     """
     a = 4.0 * np.asarray(axial_stiffness) / spacing
-    b = 16.0 * bending_stiffness / spacing**3
+    pull = np.maximum(tension, 0.0)
+    b = 16.0 * (bending_stiffness / spacing**3 + 4.0 * BOW * pull / spacing)
     sine = np.sin(np.minimum(turning, 0.5 * np.pi))
     wire = 0.5 * (a + b) + np.sqrt(0.25 * (a - b) ** 2 + a * b * sine**2)
-    sideways = np.maximum(tension, 0.0) / spacing
-    return MASS_MARGIN * (0.25 * wire + sideways + CONTACT_SHARE * contact_stiffness)
+    return MASS_MARGIN * (0.25 * wire + pull / spacing + CONTACT_SHARE * contact_stiffness)
 
 
 def sharpest_turn(table: Table) -> np.ndarray:

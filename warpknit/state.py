@@ -12,6 +12,7 @@ import numpy as np
 import warp as wp
 
 from .kernels import control as c
+from .kernels.bend import BOW
 from .model import Model, body_blocks
 
 STEP_LIMIT = 0.1  # course spacings in one step: a move beyond it, and beyond a node spacing, is a divergence
@@ -129,6 +130,7 @@ def initial_state(model: Model) -> State:
             c.DRIVE: 0.0 if relax else 1.0,
             c.TIME_STEP: model.time_step,
             c.DAMPING: 0.02 if relax else model.damping,
+            c.BOW_MOMENT: 2.0 * BOW if relax and model.scene.solver.multipliers else 0.0,
             c.LOOK_AHEAD: LOOK_AHEAD if relax else 0.0,
             c.FORCE_FACTOR: model.time_step,
             c.VELOCITY_FACTOR: 1.0,
