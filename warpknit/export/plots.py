@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
-from matplotlib.colors import Colormap, LinearSegmentedColormap
+from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize, PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
@@ -62,19 +62,19 @@ def mesh_figure(
     low, high = position.min(axis=0), position.max(axis=0)
     figure, (axes,), points_per_mm = _plan_figure(high - low, 1, _title(frame, tension))
     stress = 1e-6 * np.asarray(frame.node_stress, dtype=float)[layout.curve_node]
-    colours, limits = _stress_colours(stress, yield_stress)
+    colours, scale = _stress_colours(stress, yield_stress)
     lines: Any = np.stack((position[segment], position[segment + 1]), axis=1)
     wires = LineCollection(
         lines,
         array=0.5 * (stress[segment] + stress[segment + 1]),
         cmap=colours,
-        clim=limits,
+        norm=scale,
         linewidths=max(1e3 * layout.diameter * points_per_mm, 0.9),
         capstyle="round",
         zorder=1,
     )
     axes.add_collection(wires)
-    _stress_bar(figure, axes, wires, limits, yield_stress)
+    _stress_bar(figure, axes, wires, yield_stress)
     _draw_contacts(figure, axes, layout, frame, points_per_mm)
     _frame_axes(axes, low, high)
     return _save(figure, path)
@@ -151,11 +151,11 @@ def _mesh_map(
     shape = _cells(size, position.shape[0] / 100.0, 500)
     stress = np.full(math.prod(shape), np.nan)
     np.fmax.at(stress, _cell_of(position, low, size, shape), 1e-6 * np.abs(frame.node_stress)[layout.curve_node])
-    colours, limits = _stress_colours(stress, yield_stress)
+    colours, scale = _stress_colours(stress, yield_stress)
     image = left.imshow(
-        stress.reshape(shape), origin="lower", extent=extent, cmap=colours, clim=limits, interpolation="nearest"
+        stress.reshape(shape), origin="lower", extent=extent, cmap=colours, norm=scale, interpolation="nearest"
     )
-    _stress_bar(figure, left, image, limits, yield_stress, "highest wire stress in each cell [MPa]")
+    _stress_bar(figure, left, image, yield_stress, "highest wire stress in each cell [MPa]")
 
     body = 1e3 * np.asarray(frame.body_position)[:, :2]
     shape = _cells(size, body.shape[0] / 12.0, 250)
@@ -244,27 +244,29 @@ def _frame_axes(axes: Axes, low: NDArray[Any], high: NDArray[Any]) -> None:
     axes.set_aspect("equal", adjustable="box")
 
 
-def _stress_colours(stress: NDArray[Any], yield_stress: float | None) -> tuple[Colormap, tuple[float, float]]:
-    """A map from light sand to near black, cyan beyond the yield stress; and the stress [MPa] at its ends."""
+def _stress_colours(stress: NDArray[Any], yield_stress: float | None) -> tuple[Colormap, Normalize]:
+    """A map from light sand to near black, cyan beyond the yield stress; and the scale of the stress [MPa].
+
+    The scale goes by the square root, so that a peak at a grip does not leave the rest of the mesh in one colour.
+    """
     table = matplotlib.colormaps["magma_r"](np.linspace(0.16, 0.95, 256))
     colours = LinearSegmentedColormap.from_list("stress", table, N=256).with_extremes(over="#00CFFF", bad="white")
     highest = float(np.nanmax(stress, initial=0.0))
     if yield_stress is not None:
         highest = min(highest, 1e-6 * yield_stress)
-    return colours, (min(float(np.nanmin(stress, initial=0.0)), 0.0), highest if highest > 0.0 else 1.0)
+    return colours, PowerNorm(0.5, vmin=0.0, vmax=highest if highest > 0.0 else 1.0)
 
 
 def _stress_bar(
     figure: Figure,
     axes: Axes,
     mappable: Any,
-    limits: tuple[float, float],
     yield_stress: float | None,
     label: str = "wire stress [MPa]",
 ) -> None:
     if yield_stress is not None:
         label += f", yield at {1e-6 * yield_stress:.4g}"
-    is_beyond = yield_stress is not None and float(np.ma.max(mappable.get_array())) > limits[1]
+    is_beyond = yield_stress is not None and float(np.ma.max(mappable.get_array())) > mappable.norm.vmax
     _colour_bar(figure, axes, mappable, label, extend="max" if is_beyond else "neither")
 
 
