@@ -32,6 +32,23 @@ class SlowestMode:
         kinds = [model.precision.coordinate] * 2 + [model.precision.real] * 2
         self._last = [wp.zeros(nodes, dtype=kind, device=device) for kind in kinds]
         self._partial = wp.zeros((len(model.panel.block_first), 2), dtype=wp.float64, device=device)
+        self._sum = [self._record(parity) for parity in (0, 1)]
+
+    def _record(self, parity: int) -> wp.Launch:
+        model, state = self.model, self.state
+        return wp.launch(
+            sum_rayleigh,
+            dim=len(model.panel.block_first),
+            inputs=[
+                model.mesh.block_first, model.mesh.block_count, model.mesh.block_table, model.mesh.block_wire,
+                state.wire_mass, model.rest.inverse_mass,
+                model.precision.real(model.precision.unit),
+                state.node_ux[parity], state.node_uy[parity],
+                self._probe.acceleration_x, self._probe.acceleration_y, *self._last, self._partial,
+            ],
+            device=model.device,
+            record_cmd=True,
+        )  # fmt: skip
 
     def memory(self) -> dict[str, np.ndarray]:
         """What a checkpoint keeps."""
@@ -43,20 +60,9 @@ class SlowestMode:
 
     def look(self, *, use: bool) -> None:
         """Take in the state; with `use`, set the damping from what happened since the last look."""
-        model, state = self.model, self.state
+        state = self.state
         self._probe.evaluate()
-        wp.launch(
-            sum_rayleigh,
-            dim=len(model.panel.block_first),
-            inputs=[
-                model.mesh.block_first, model.mesh.block_count, model.mesh.block_table, model.mesh.block_wire,
-                state.wire_mass, model.rest.inverse_mass,
-                model.precision.real(model.precision.unit),
-                state.node_ux[state.parity], state.node_uy[state.parity],
-                self._probe.acceleration_x, self._probe.acceleration_y, *self._last, self._partial,
-            ],
-            device=model.device,
-        )  # fmt: skip
+        self._sum[state.parity].launch()
         if not use or state.read_control()[int(c.DRIVE)] != 0.0:
             return
         force, moved = self._partial.numpy().sum(axis=0)

@@ -142,8 +142,13 @@ def read(model: Model, state: State) -> Reading:
 
 def evaluate(model: Model, state: State, out: list[wp.array]) -> None:
     """Run `evaluate_wires` into edge_x, edge_y, strain, tension, turning, each [node]."""
+    evaluation(model, state, state.parity, out).launch()
+
+
+def evaluation(model: Model, state: State, parity: int, out: list[wp.array]) -> wp.Launch:
+    """The launch of `evaluate`, to be repeated where the displacements stand in the buffers of `parity`."""
     mesh, rest = model.mesh, model.rest
-    wp.launch(
+    return wp.launch(
         evaluate_wires,
         dim=block_threads(model),
         inputs=[
@@ -151,9 +156,10 @@ def evaluate(model: Model, state: State, out: list[wp.array]) -> None:
             mesh.wire_first, mesh.wire_count, mesh.wire_closed, state.wire_axial,
             state.control, model.precision.real(model.precision.unit),
             rest.rest_x, rest.rest_y, rest.rest_length, rest.rest_angle, rest.rest_bow, state.tension_offset,
-            state.node_ux[state.parity], state.node_uy[state.parity], int(len(model.panel.clamp_position) > 1), *out,
+            state.node_ux[parity], state.node_uy[parity], int(len(model.panel.clamp_position) > 1), *out,
         ],
         device=model.device,
+        record_cmd=True,
     )  # fmt: skip
 
 

@@ -34,6 +34,7 @@ TAUT_PATIENCE = 6  # updates in a row without convergence before a wire counts a
 TAUT_LENGTH = 8.0  # loops: a longer wire always has slack
 MASS_HEADROOM = 1.1  # a renewed mass over the least that is stable
 AXIAL_ERROR = 2e-5  # strain by which a softened segment may miss its true stretch in a steady state
+RATE_AT = 4  # argument of update_tension_offset; tension and strain stand 4 and 5 behind it
 BEND_OVER_STRETCH = 3.0  # least ratio of what bending and softened stretch give to an imposed pull
 
 
@@ -49,6 +50,7 @@ class Multipliers:
         self._unsettled = np.zeros(len(model.panel.wire_first), dtype=int)  # [wire] updates in a row without convergence
         self._imposed = np.zeros(len(model.panel.wire_first))  # [wire] strain missing in the mean, at the last update
         self._short = (model.panel.wire_count < TAUT_LENGTH * model.scene.model.nodes_per_loop) & ~model.panel.wire_closed
+        self._record()
         self.begin_level()
 
     def begin_level(self) -> None:
@@ -114,7 +116,7 @@ class Multipliers:
         stiffer = self._outgrown(axial, softened, imposed, nearly_steady)
         penalty = float(state.read_control()[int(c.CONTACT_STIFFNESS)])
         sunk = self._move_pair_offsets()
-        self._move_offsets(tension, strain, stiffer)
+        self._move_offsets(tension, strain, stiffer, self._rate)
         self._sinking = self._sinking + 1 if sunk > PENETRATION_STIFFEN and sunk > 0.8 * self._sunk else 0
         self._sunk = sunk
         if self._sinking >= PATIENCE:
@@ -143,27 +145,35 @@ class Multipliers:
         closed = state.pair_force.numpy() > 0
         if not closed.any():
             return 0.0
-        wp.launch(
-            update_pair_offset,
-            dim=self.model.pair_count,
-            inputs=[wp.float64(self._rate), state.pair_force, state.pair_offset],
-            device=self.model.device,
-        )
+        self._update_pairs.set_param_at_index(0, wp.float64(self._rate))
+        self._update_pairs.launch()
         return float(np.max(np.abs(state.pair_gap.numpy()[closed]))) / self.model.scene.wire.diameter
 
-    def _move_offsets(self, tension: wp.array, strain: wp.array, axial: np.ndarray, rate: float | None = None) -> None:
-        model, mesh, state = self.model, self.model.mesh, self.state
-        rate = self._rate if rate is None else rate
-        wp.launch(
-            update_tension_offset,
-            dim=block_threads(model),
-            inputs=[
-                mesh.block_first, mesh.block_count, mesh.block_wire, BLOCK_SIZE, wp.float64(rate),
-                state.wire_axial, wp.array(axial, dtype=model.precision.real, device=model.device),
-                wp.float64(model.axial_stiffness), tension, strain, state.tension_offset,
-            ],
-            device=model.device,
-        )  # fmt: skip
+    def _move_offsets(self, tension: wp.array, strain: wp.array, axial: np.ndarray, rate: float) -> None:
+        self._axial.assign(axial)
+        for index, value in ((RATE_AT, wp.float64(rate)), (RATE_AT + 4, tension), (RATE_AT + 5, strain)):
+            self._update_wires.set_param_at_index(index, value)
+        self._update_wires.launch()
+
+    def _record(self) -> None:
+        """The two launches of an update, to be repeated with other numbers."""
+        model, mesh, state, device = self.model, self.model.mesh, self.state, self.model.device
+        self._axial = wp.zeros_like(state.wire_axial)
+        arguments = [
+            mesh.block_first, mesh.block_count, mesh.block_wire, BLOCK_SIZE, wp.float64(0.0),
+            state.wire_axial, self._axial, wp.float64(model.axial_stiffness),
+            state.tension_offset, state.tension_offset, state.tension_offset,
+        ]  # fmt: skip
+        self._update_wires = wp.launch(
+            update_tension_offset, dim=block_threads(model), inputs=arguments, device=device, record_cmd=True
+        )
+        self._update_pairs = wp.launch(
+            update_pair_offset,
+            dim=max(1, model.pair_count),
+            inputs=[wp.float64(0.0), state.pair_force, state.pair_offset],
+            device=device,
+            record_cmd=True,
+        )
 
     def _renew(self, axial: np.ndarray, penalty: float, tension: np.ndarray, turning: np.ndarray) -> None:
         """Renew stiffnesses, and raise the fictitious masses of the wires where they no longer suffice."""

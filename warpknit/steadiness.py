@@ -35,6 +35,7 @@ class Steadiness:
             wp.zeros(model.panel.node_count, dtype=model.precision.real, device=model.device) for _ in range(5)
         ]
         self.strain, self.tension, self.turning = self._scratch[2:]
+        self._evaluate = [measure.evaluation(model, state, parity, self._scratch) for parity in (0, 1)]
 
     def measure(self, control: np.ndarray) -> float:
         """The larger of balance and motion, both to be compared with solver.residual_tolerance.
@@ -43,7 +44,7 @@ class Steadiness:
         Motion: root of kinetic over stored energy; it is what soft modes still have to go, which the residual does not see.
         """
         model, tolerance = self.model, self.model.scene.solver.residual_tolerance
-        measure.evaluate(model, self.state, self._scratch)
+        self._evaluate[self.state.parity].launch()
         force = self.state.pair_force.numpy()
         closed = force[force > 0]
         scale = max(float(closed.mean()) if len(closed) else 0.0, FORCE_FLOOR * measure.force_scale(model))

@@ -1,7 +1,7 @@
 """One time step: the table of contents of the physics.
 
-A `Stepper` holds the launches of a step, recorded once for either parity of the displacement buffers, so that a step
-costs a few microseconds of Python on the CPU; on a GPU a pair of steps is captured as a graph.
+A `Stepper` holds the launches of a step, recorded once for either parity of the displacement buffers, and graphs of many
+steps, which Warp replays without Python in between, on the CPU as on a GPU.
 """
 
 from __future__ import annotations
@@ -21,6 +21,9 @@ from .state import State
 KERNELS = (find_contact_forces, step_wires_by_block, step_wires_by_node, step_bodies, move_held_nodes, update_control)
 
 
+GRAPH_STEPS = (50, 2)  # steps that are replayed at once
+
+
 class Stepper:
     """Takes steps of a model's state."""
 
@@ -30,7 +33,7 @@ class Stepper:
         self.state = state
         self.by_node = model.device != "cpu" if by_node is None else by_node
         self._launches = [self._record(0), self._record(1)]
-        self._graph: wp.Graph | None = None
+        self._graphs: dict[int, wp.Graph] = {}
 
     @property
     def wire_kernel(self) -> tuple[wp.Kernel, int, list[int]]:
@@ -41,22 +44,27 @@ class Stepper:
 
     def step(self, count: int) -> None:
         """Take `count` steps; they do nothing once the state is frozen (see kernels/control.py)."""
-        if self.model.device != "cpu" and count >= 3:
-            if self.state.parity == 1:
-                self._step_once(1)
-                self.state.parity = 0
-                count -= 1
-            if self._graph is None:
-                with wp.ScopedCapture(device=self.model.device) as capture:
+        if count and self.state.parity == 1:
+            self._step_once(1)
+            self.state.parity = 0
+            count -= 1
+        for size in GRAPH_STEPS:
+            for _ in range(count // size):
+                wp.capture_launch(self._graph(size))
+            count %= size
+        if count:
+            self._step_once(0)
+            self.state.parity = 1
+
+    def _graph(self, steps: int) -> wp.Graph:
+        """So many steps, an even number, from parity 0."""
+        if steps not in self._graphs:
+            with wp.ScopedCapture(device=self.model.device) as capture:
+                for _ in range(steps // 2):
                     self._step_once(0)
                     self._step_once(1)
-                self._graph = capture.graph
-            for _ in range(count // 2):
-                wp.capture_launch(self._graph)
-            count %= 2
-        for _ in range(count):
-            self._step_once(self.state.parity)
-            self.state.parity = 1 - self.state.parity
+            self._graphs[steps] = capture.graph
+        return self._graphs[steps]
 
     def _step_once(self, parity: int) -> None:
         if self.by_node:
