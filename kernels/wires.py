@@ -94,9 +94,11 @@ def step_wires_by_node(
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
     rest_length: wp.array(dtype=Any),
+    inverse_length: wp.array(dtype=Any),
     rest_angle: wp.array(dtype=Any),
     hinge_stiffness: wp.array(dtype=Any),
     inverse_mass: wp.array(dtype=Any),
+    node_mass: wp.array(dtype=Any),
     tension_offset: wp.array(dtype=Any),
     # contact and grips
     block_pair: wp.array(dtype=wp.int32),

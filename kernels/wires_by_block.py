@@ -25,78 +25,87 @@ from .control import (
 from .wires import rounding_phase
 
 BLOCK_SIZE = 128
+BLOCK_PAD = 32  # table entries behind a block that may be read
 
 # Local indices: node k is global node first - 2 + k, segment k joins nodes k and k + 1, angle k sits at node k between
 # segments k - 1 and k.
 _BLOCK_STEP = r"""
     typedef decltype(unit) real;
     typedef COORDINATE coordinate;
-    enum { SIZE = BLOCK_SIZE, SPAN = SIZE + 4, LANES = 16 };
+    // loops run over whole vectors: PAD places behind the last node hold numbers that nothing uses
+    enum { LANES = 16, PAD = BLOCK_PAD, SPAN = BLOCK_SIZE + 4 + PAD };
     const int count = block_count;
     const int nodes = count + 4, segments = count + 3;
+    const int whole = (segments + LANES) / LANES * LANES;
+    const int lanes = (count + LANES - 1) / LANES * LANES;
     const int offset_of_block = first - 2;
     const int wire_end = wire_first + wire_count;
     coordinate cx[SPAN], cy[SPAN];
     real shift[SPAN];
-    if (offset_of_block >= wire_first && offset_of_block + nodes <= wire_end) {
-        for (int k = 0; k < nodes; ++k) {
-            cx[k] = ux_in.data[offset_of_block + k];
-            cy[k] = uy_in.data[offset_of_block + k];
-            shift[k] = tension_offset.data[offset_of_block + k];
+    for (int k = 2; k < count + 2; ++k) {
+        cx[k] = ux_in.data[offset_of_block + k];
+        cy[k] = uy_in.data[offset_of_block + k];
+        shift[k] = tension_offset.data[offset_of_block + k];
+    }
+    for (int q = 0; q < 4; ++q) {
+        // two nodes of the wire before the block and two behind it
+        const int k = q < 2 ? q : count + q;
+        int i = offset_of_block + k;
+        if (closed) {
+            while (i < wire_first) i += wire_count;
+            while (i >= wire_end) i -= wire_count;
+        } else {
+            i = i < wire_first ? wire_first : (i >= wire_end ? wire_end - 1 : i);
         }
-    } else {
-        for (int k = 0; k < nodes; ++k) {
-            int i = offset_of_block + k;
-            if (closed) {
-                while (i < wire_first) i += wire_count;
-                while (i >= wire_end) i -= wire_count;
-            } else {
-                i = i < wire_first ? wire_first : (i >= wire_end ? wire_end - 1 : i);
-            }
-            cx[k] = ux_in.data[i];
-            cy[k] = uy_in.data[i];
-            shift[k] = tension_offset.data[i];
-        }
+        cx[k] = ux_in.data[i];
+        cy[k] = uy_in.data[i];
+        shift[k] = tension_offset.data[i];
+    }
+    for (int k = nodes; k <= whole; ++k) {
+        cx[k] = cx[nodes - 1];
+        cy[k] = cy[nodes - 1];
+        shift[k] = real(0);
     }
     const real* __restrict rx = rest_x.data + table - 2;
     const real* __restrict ry = rest_y.data + table - 2;
     const real* __restrict rl = rest_length.data + table - 2;
+    const real* __restrict ri = inverse_length.data + table - 2;
     const real* __restrict ra = rest_angle.data + table - 2;
     const real* __restrict rb = hinge_stiffness.data + table - 2;
-    const real* __restrict rm = inverse_mass.data + table - 2;
+    const real* __restrict ri_m = inverse_mass.data + table - 2;
+    const real* __restrict rm = node_mass.data + table - 2;
 
+    const real axial_by_factor = axial_stiffness * hinge_factor;
     real tx[SPAN], ty[SPAN], il[SPAN], tension[SPAN], moment[SPAN], unbending[SPAN];
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    for (int k = 0; k < segments; ++k) {
+    for (int k = 0; k < whole; ++k) {
         const real ex = fxx * rx[k] + fxy * ry[k] + unit * real(cx[k + 1] - cx[k]);
         const real ey = fyx * rx[k] + fyy * ry[k] + unit * real(cy[k + 1] - cy[k]);
         const real length = sqrt(ex * ex + ey * ey);
         const real inverse = real(1) / length;
-        const real natural = rl[k] * length_factor;
         tx[k] = ex * inverse;
         ty[k] = ey * inverse;
         il[k] = inverse;
-        tension[k] = shift[k] + axial_stiffness * (length - natural) / natural;
+        tension[k] = shift[k] + axial_by_factor * (length - rl[k] * length_factor) * ri[k];
     }
     }
-    moment[0] = unbending[0] = real(0);
+    tx[whole] = ty[whole] = tension[whole] = moment[0] = unbending[0] = real(0);
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    for (int k = 1; k < segments; ++k) {
-        const real sine = tx[k - 1] * ty[k] - ty[k - 1] * tx[k];
-        const real cosine = tx[k - 1] * tx[k] + ty[k - 1] * ty[k];
-        // angle = 2 atan(sine / (1 + cosine)); the quotient is folded into [-tan(pi/8), tan(pi/8)]
+    for (int j = 0; j < whole; ++j) {
+        const real sine = tx[j] * ty[j + 1] - ty[j] * tx[j + 1];
+        const real cosine = tx[j] * tx[j + 1] + ty[j] * ty[j + 1];
+        // angle = 2 atan(sine / (1 + cosine)), the quotient folded into [-tan(pi/8), tan(pi/8)] before the one division
         const real below = real(1) + cosine;
-        const real q = sine / (below > real(1e-6) ? below : real(1e-6));
-        const real a = q < real(0) ? -q : q;
-        const real steep = a > real(2.414213562373095) ? real(1) : real(0);
-        const real middle = (a > real(0.4142135623730951) ? real(1) : real(0)) - steep;
-        const real top = steep > real(0) ? real(-1) : (middle > real(0) ? a - real(1) : a);
-        const real bottom = steep > real(0) ? a : (middle > real(0) ? a + real(1) : real(1));
-        const real x = top / bottom;
+        const real a = sine < real(0) ? -sine : sine;
+        const real steep = a > real(2.414213562373095) * below ? real(1) : real(0);
+        const real middle = (a > real(0.4142135623730951) * below ? real(1) : real(0)) - steep;
+        const real top = steep > real(0) ? -below : (middle > real(0) ? a - below : a);
+        const real bottom = steep > real(0) ? a : (middle > real(0) ? a + below : below);
+        const real x = top / (bottom > real(1e-12) ? bottom : real(1e-12));
         const real z = x * x;
         real series;
         if (sizeof(real) == 4) {
@@ -105,9 +114,9 @@ _BLOCK_STEP = r"""
             series = ATAN_DOUBLE;
         }
         const real folded = x * series + middle * real(0.7853981633974483) + steep * real(1.5707963267948966);
-        const real angle = real(2) * (q < real(0) ? -folded : folded);
-        moment[k] = hinge_factor * rb[k] * (angle - ra[k]);
-        unbending[k] = bow_moment * angle * (tension[k - 1] * rl[k - 1] + tension[k] * rl[k]);
+        const real angle = real(2) * (sine < real(0) ? -folded : folded);
+        moment[j + 1] = hinge_factor * rb[j + 1] * (angle - ra[j + 1]);
+        unbending[j + 1] = bow_moment * angle * (tension[j] * rl[j] + tension[j + 1] * rl[j + 1]);
     }
     }
     if (!closed) {
@@ -123,17 +132,15 @@ _BLOCK_STEP = r"""
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    for (int k = 1; k < segments; ++k) { moment[k] += unbending[k]; }
-    #pragma clang loop vectorize(enable)
-    for (int k = 1; k < count + 2; ++k) {
-        const real shear = (moment[k] - moment[k + 1]) * il[k];
+    for (int k = 0; k < whole; ++k) {
+        const real shear = (moment[k] - moment[k + 1] + unbending[k] - unbending[k + 1]) * il[k];
         nx[k] = tension[k] * tx[k] - shear * ty[k];
         ny[k] = tension[k] * ty[k] + shear * tx[k];
     }
     #pragma clang loop vectorize(enable)
-    for (int k = 2; k < count + 2; ++k) {
-        fx[k] = nx[k] - nx[k - 1];
-        fy[k] = ny[k] - ny[k - 1];
+    for (int j = 0; j < lanes; ++j) {
+        fx[j + 2] = nx[j + 2] - nx[j + 1];
+        fy[j + 2] = ny[j + 2] - ny[j + 1];
     }
     }
     for (int q = pair_begin; q < pair_end; ++q) {
@@ -161,7 +168,7 @@ _BLOCK_STEP = r"""
     real* __restrict speed_y = vy.data + offset_of_block;
     coordinate* __restrict moved_x = ux_out.data + offset_of_block;
     coordinate* __restrict moved_y = uy_out.data + offset_of_block;
-    real qq[SPAN + LANES], ff[SPAN + LANES];
+    real qq[SPAN], ff[SPAN];
     real power = 0, by_mass = 0, kinetic = 0, square = 0;
     const real counts = time_step / unit;
     const real still = sizeof(real) == 4 ? real(1e-18) : real(1e-150);
@@ -169,7 +176,7 @@ _BLOCK_STEP = r"""
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
     for (int k = 2; k < count + 2; ++k) {
-        const real im = rm[k] * mass_factor;
+        const real im = ri_m[k] * mass_factor;
         const real px = speed_x[k], py = speed_y[k];
         const real f2 = fx[k] * fx[k] + fy[k] * fy[k];
         real qx = velocity_factor * px + force_factor * im * fx[k];
@@ -180,7 +187,7 @@ _BLOCK_STEP = r"""
         const real q2 = qx * qx + qy * qy;
         power += fx[k] * px + fy[k] * py;
         by_mass += f2 * im;
-        kinetic += q2 / im;
+        kinetic += q2 * rm[k];
         square += f2;
         speed_x[k] = qx;
         speed_y[k] = qy;
@@ -210,7 +217,7 @@ _BLOCK_STEP = r"""
     double* partial_row = partial.data + 6 * block;
     partial_row[0] = power;
     partial_row[1] = by_mass;
-    partial_row[2] = kinetic;
+    partial_row[2] = kinetic / mass_factor;
     partial_row[3] = fastest;
     partial_row[4] = strongest;
     partial_row[5] = square;
@@ -253,6 +260,7 @@ ATAN_DOUBLE = (
 def _block_step_snippet(coordinate: str, count: str, shift: str) -> str:
     return (
         _BLOCK_STEP.replace("BLOCK_SIZE", str(BLOCK_SIZE))
+        .replace("BLOCK_PAD", str(BLOCK_PAD))
         .replace("ATAN_SINGLE", _polynomial(ATAN_SINGLE, "z"))
         .replace("ATAN_DOUBLE", _polynomial(ATAN_DOUBLE, "z"))
         .replace("COORDINATE", coordinate)
@@ -297,9 +305,11 @@ def block_step(
     rest_x: wp.array(dtype=wp.float32),
     rest_y: wp.array(dtype=wp.float32),
     rest_length: wp.array(dtype=wp.float32),
+    inverse_length: wp.array(dtype=wp.float32),
     rest_angle: wp.array(dtype=wp.float32),
     hinge_stiffness: wp.array(dtype=wp.float32),
     inverse_mass: wp.array(dtype=wp.float32),
+    node_mass: wp.array(dtype=wp.float32),
     tension_offset: wp.array(dtype=wp.float32),
     # contact and grips
     block_pair: wp.array(dtype=wp.int32),
@@ -355,9 +365,11 @@ def block_step(
     rest_x: wp.array(dtype=wp.float64),
     rest_y: wp.array(dtype=wp.float64),
     rest_length: wp.array(dtype=wp.float64),
+    inverse_length: wp.array(dtype=wp.float64),
     rest_angle: wp.array(dtype=wp.float64),
     hinge_stiffness: wp.array(dtype=wp.float64),
     inverse_mass: wp.array(dtype=wp.float64),
+    node_mass: wp.array(dtype=wp.float64),
     tension_offset: wp.array(dtype=wp.float64),
     # contact and grips
     block_pair: wp.array(dtype=wp.int32),
@@ -399,9 +411,11 @@ def step_wires_by_block(
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
     rest_length: wp.array(dtype=Any),
+    inverse_length: wp.array(dtype=Any),
     rest_angle: wp.array(dtype=Any),
     hinge_stiffness: wp.array(dtype=Any),
     inverse_mass: wp.array(dtype=Any),
+    node_mass: wp.array(dtype=Any),
     tension_offset: wp.array(dtype=Any),
     # contact and grips
     block_pair: wp.array(dtype=wp.int32),
@@ -461,9 +475,11 @@ def step_wires_by_block(
         rest_x,
         rest_y,
         rest_length,
+        inverse_length,
         rest_angle,
         hinge_stiffness,
         inverse_mass,
+        node_mass,
         tension_offset,
         block_pair,
         pair_node,

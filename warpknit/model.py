@@ -55,10 +55,12 @@ class RestArrays:
     rest_x: wp.array  # [m]
     rest_y: wp.array
     rest_length: wp.array  # [m]
+    inverse_length: wp.array  # [1/m]
     rest_bow: wp.array  # [-] share by which the arc is longer
     rest_angle: wp.array  # [rad]
     hinge_stiffness: wp.array  # [N m] EI over the length that belongs to the node
     inverse_mass: wp.array  # [1/kg]
+    node_mass: wp.array  # [kg]
     curve: wp.array2d  # [entry, CURVE_COEFFICIENTS] [-]
 
 
@@ -257,10 +259,12 @@ def _upload_rest(
         rest_x=real(table.rest_x),
         rest_y=real(table.rest_y),
         rest_length=real(table.rest_length),
+        inverse_length=real(1.0 / table.rest_length),
         rest_bow=real(table.rest_bow),
         rest_angle=real(table.rest_angle),
         hinge_stiffness=real(bending_stiffness / table.hinge_length),
         inverse_mass=real(1.0 / numbers.node_mass),
+        node_mass=real(np.broadcast_to(numbers.node_mass, table.rest_length.shape)),
         curve=wp.array(table.curve, dtype=precision.real, device=device),
     )
 

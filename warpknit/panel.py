@@ -14,7 +14,7 @@ import numpy as np
 
 from .cut import cut_rectangle
 from .errors import ModelError
-from .kernels.wires_by_block import BLOCK_SIZE
+from .kernels.wires_by_block import BLOCK_PAD, BLOCK_SIZE
 from .knit.cloth import Cloth
 from .table import Table
 from .thread_curve import ThreadCurve
@@ -198,7 +198,7 @@ def table_lead(cloth: Cloth, spacing: float, slack: float) -> int:
     """Entries that a table needs before and behind a period [-], at the given node spacing [m]."""
     spans = [arm.arc_high - arm.arc_low for clasp in cloth.clasps for arm in clasp.arms]
     reach = int(np.ceil((max(spans, default=0.0) + slack) / spacing))
-    return max(BLOCK_SIZE, reach) + 6
+    return max(BLOCK_SIZE + BLOCK_PAD, reach) + 6
 
 
 def build_panel(cloth: Cloth, table: Table, *, repeats: tuple[int, int], boundary: str, slack: float) -> Panel:
