@@ -30,6 +30,7 @@ def step_bodies(
     control: wp.array(dtype=wp.float64),
     unit: Any,
     body_block: int,
+    first_block: int,
     rest_when_free: int,
     # contact
     pair_force: wp.array(dtype=Any),
@@ -43,7 +44,7 @@ def step_bodies(
     # out
     partial: wp.array2d(dtype=wp.float64),
 ):
-    block = wp.tid()
+    block = first_block + wp.tid()
     if control[STATUS] != STATUS_RUNNING:
         return
     zero = type(unit)(0.0)

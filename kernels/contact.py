@@ -59,6 +59,7 @@ def find_contact_forces(
     control: wp.array(dtype=wp.float64),
     unit: Any,
     reach_at_rest: Any,
+    first_pair: int,
     # rest data of one repeat
     table_x: wp.array(dtype=Any),
     table_y: wp.array(dtype=Any),
@@ -96,7 +97,7 @@ def find_contact_forces(
     pair_nodal_x: wp.array(dtype=Any),
     pair_nodal_y: wp.array(dtype=Any),
 ):
-    pair = wp.tid()
+    pair = first_pair + wp.tid()
     if control[STATUS] != STATUS_RUNNING:
         return
     zero = type(unit)(0.0)

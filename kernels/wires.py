@@ -90,6 +90,7 @@ def step_wires_by_node(
     # what steers the step
     control: wp.array(dtype=wp.float64),
     unit: Any,
+    first_block: int,
     # rest data
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
@@ -123,6 +124,7 @@ def step_wires_by_node(
     thread = wp.tid()
     block = thread / block_size
     lane = thread - block * block_size
+    block = first_block + block
     if lane >= block_count[block]:
         return
     i = block_first[block] + lane

@@ -407,6 +407,7 @@ def step_wires_by_block(
     # what steers the step
     control: wp.array(dtype=wp.float64),
     unit: Any,
+    first_block: int,
     # rest data
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
@@ -435,7 +436,7 @@ def step_wires_by_block(
     uy_out: wp.array(dtype=Any),
     partial: wp.array2d(dtype=wp.float64),
 ):
-    block = wp.tid()
+    block = first_block + wp.tid()
     if control[STATUS] != STATUS_RUNNING:
         # the state is frozen: hand it on unchanged
         for i in range(block_first[block], block_first[block] + block_count[block]):

@@ -1,103 +1,162 @@
 """One time step: the table of contents of the physics.
 
 A `Stepper` holds the launches of a step, recorded once for either parity of the displacement buffers, and graphs of many
-steps, which Warp replays without Python in between, on the CPU as on a GPU.
+steps, which Warp replays without Python in between, on the CPU as on a GPU. On the CPU several threads may share a step;
+sums are taken in the same order whatever their number, so results do not depend on it.
 """
 
 from __future__ import annotations
 
+import ctypes
+import os
+from concurrent.futures import ThreadPoolExecutor
+
 import warp as wp
 
 from .kernels import control as c
+from .kernels.barrier import wait_for_all
 from .kernels.bodies import BODY_BLOCK, step_bodies
 from .kernels.contact import find_contact_forces
 from .kernels.control import update_control
 from .kernels.grip import move_held_nodes
 from .kernels.wires import step_wires_by_node
 from .kernels.wires_by_block import BLOCK_SIZE, step_wires_by_block
-from .model import Model, block_threads, body_blocks
+from .model import Model, body_blocks
 from .state import State
 
 KERNELS = (find_contact_forces, step_wires_by_block, step_wires_by_node, step_bodies, move_held_nodes, update_control)
 
 
 GRAPH_STEPS = (50, 2)  # steps that are replayed at once
+NODES_A_THREAD = 20_000  # fewer nodes are not worth the waiting
 
 
 class Stepper:
     """Takes steps of a model's state."""
 
-    def __init__(self, model: Model, state: State, *, by_node: bool | None = None) -> None:
-        """`by_node` picks the wire kernel; default: a thread a node on a GPU, a thread a block on the CPU."""
+    def __init__(self, model: Model, state: State, *, by_node: bool | None = None, threads: int | None = None) -> None:
+        """`by_node` picks the wire kernel; default: a thread a node on a GPU, a thread a block on the CPU.
+
+        `threads` share the work of a step on the CPU; default: as many as the machine has and the mesh is worth.
+        """
         self.model = model
         self.state = state
         self.by_node = model.device != "cpu" if by_node is None else by_node
-        self._launches = [self._record(0), self._record(1)]
-        self._graphs: dict[int, wp.Graph] = {}
+        self.threads = 1 if model.device != "cpu" else threads or thread_count(model.panel.node_count)
+        self._barrier = wp.zeros(64, dtype=wp.int32, device=model.device)
+        self._launches = [[self._record(parity, part) for parity in (0, 1)] for part in range(self.threads)]
+        self._contact = [
+            wp.launch(
+                find_contact_forces,
+                dim=max(1, model.pair_count),
+                inputs=contact_arguments(model, state, parity, 0),
+                device=model.device,
+                record_cmd=True,
+            )
+            for parity in (0, 1)
+        ]
+        self._graphs: dict[tuple[int, int], wp.Graph] = {}
+        self._helpers = ThreadPoolExecutor(self.threads - 1, "step") if self.threads > 1 else None
 
     @property
     def wire_kernel(self) -> tuple[wp.Kernel, int, list[int]]:
-        """The wire kernel, its threads, and what its arguments end with."""
-        if self.by_node:
-            return step_wires_by_node, block_threads(self.model), [BLOCK_SIZE]
-        return step_wires_by_block, len(self.model.panel.block_first), []
+        """The wire kernel, its threads a block, and what its arguments end with."""
+        return (step_wires_by_node, BLOCK_SIZE, [BLOCK_SIZE]) if self.by_node else (step_wires_by_block, 1, [])
 
     def step(self, count: int) -> None:
         """Take `count` steps; they do nothing once the state is frozen (see kernels/control.py)."""
         if count and self.state.parity == 1:
-            self._step_once(1)
+            self._replay(1, 1)
             self.state.parity = 0
             count -= 1
         for size in GRAPH_STEPS:
             for _ in range(count // size):
-                wp.capture_launch(self._graph(size))
+                self._replay(0, size)
             count %= size
         if count:
-            self._step_once(0)
+            self._replay(0, 1)
             self.state.parity = 1
 
-    def _graph(self, steps: int) -> wp.Graph:
-        """So many steps, an even number, from parity 0."""
-        if steps not in self._graphs:
-            with wp.ScopedCapture(device=self.model.device) as capture:
-                for _ in range(steps // 2):
-                    self._step_once(0)
-                    self._step_once(1)
-            self._graphs[steps] = capture.graph
-        return self._graphs[steps]
+    def _replay(self, parity: int, steps: int) -> None:
+        """Have every thread replay its part of so many steps."""
+        graphs = self._graphs_of(parity, steps)
+        if self._helpers is None:
+            wp.capture_launch(graphs[0])
+            return
+        waiting = [self._helpers.submit(wp.capture_launch, graph) for graph in graphs[1:]]
+        wp.capture_launch(graphs[0])
+        for helper in waiting:
+            helper.result()
 
-    def _step_once(self, parity: int) -> None:
-        if self.by_node:
-            self.state.wire_partial.zero_()
-        for launch in self._launches[parity]:
-            launch.launch()
+    def _graphs_of(self, parity: int, steps: int) -> list[wp.Graph]:
+        """A graph for each thread: so many steps from `parity`."""
+        if (parity, steps) not in self._graphs:
+            graphs = []
+            for launches in self._launches:
+                with wp.ScopedCapture(device=self.model.device) as capture:
+                    for k in range(steps):
+                        if self.by_node:
+                            self.state.wire_partial.zero_()
+                        for launch in launches[(parity + k) % 2]:
+                            launch.launch()
+                graphs.append(capture.graph)
+            self._graphs[parity, steps] = graphs
+        return self._graphs[parity, steps]
 
     def evaluate_contact(self) -> None:
         """Contact forces of the current state, without a step."""
         if self.model.pair_count:
-            self._launches[self.state.parity][0].launch()
+            self._contact[self.state.parity].launch()
 
-    def _record(self, parity: int) -> list[wp.Launch]:
-        """Contact, then wires, bodies and grips, then the numbers of the next step."""
+    def _record(self, parity: int, part: int) -> list[wp.Launch]:
+        """One thread's part of a step: contact, then wires and bodies, then the first thread alone grips and the numbers
+        of the next step."""
         model, state = self.model, self.state
         now, then = parity, 1 - parity
-        wire_kernel, threads, size = self.wire_kernel
+        wire_kernel, size, last = self.wire_kernel
+
+        def share(count: int) -> tuple[int, int]:
+            """Begin and number of what this part takes of `count` things."""
+            begin, end = count * part // self.threads, count * (part + 1) // self.threads
+            return begin, end - begin
+
+        pair, pairs = share(model.pair_count)
+        block, blocks = share(len(model.panel.block_first))
+        body, bodies = share(body_blocks(model))
+        wait = [(wait_for_all, 1, [self.threads, _yield_address(), self._barrier])] if self.threads > 1 else []
         work = [
-            (find_contact_forces, model.pair_count, contact_arguments(model, state, now)),
-            (
-                wire_kernel,
-                threads,
-                [*wire_arguments(model, state, now, then), *size],
-            ),
-            (step_bodies, body_blocks(model), body_arguments(model, state)),
-            (move_held_nodes, len(model.panel.held_node), grip_arguments(model, state, then)),
-            (update_control, 1, [state.wire_partial, state.body_partial, state.control]),
+            (find_contact_forces, pairs, contact_arguments(model, state, now, pair)),
+            *wait,
+            (wire_kernel, blocks * size, [*wire_arguments(model, state, now, then, block), *last]),
+            (step_bodies, bodies, body_arguments(model, state, body)),
+            *wait,
         ]
+        if part == 0:
+            work += [
+                (move_held_nodes, len(model.panel.held_node), grip_arguments(model, state, then)),
+                (update_control, 1, [state.wire_partial, state.body_partial, state.control]),
+            ]
         return [
             wp.launch(kernel, dim=dim, inputs=arguments, device=model.device, record_cmd=True)
-            for kernel, dim, arguments in work
+            for kernel, dim, arguments in [*work, *wait]
             if dim > 0
         ]
+
+
+def _yield_address() -> int:
+    """Address of the C library's sched_yield, 0 where it has none."""
+    try:
+        return ctypes.cast(ctypes.CDLL(None).sched_yield, ctypes.c_void_p).value or 0
+    except (AttributeError, OSError, TypeError):
+        return 0
+
+
+def thread_count(nodes: int) -> int:
+    """Threads that share a step of so many nodes on the CPU: WARPKNIT_THREADS, or one a core that has NODES_A_THREAD."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    given = os.environ.get("WARPKNIT_THREADS", "")
+    wanted = int(given) if given.isdecimal() else cores
+    return max(1, min(wanted, cores, nodes // NODES_A_THREAD))
 
 
 class ForceProbe:
@@ -112,12 +171,11 @@ class ForceProbe:
         self._stepper = stepper
         self._launches = []
         for parity in (0, 1):
-            arguments = wire_arguments(model, state, parity, parity)
+            arguments = wire_arguments(model, state, parity, parity, 0)
             arguments[-5:] = [self.acceleration_x, self.acceleration_y, *unused, state.wire_partial]
-            kernel, threads, size = stepper.wire_kernel
-            self._launches.append(
-                wp.launch(kernel, dim=threads, inputs=[*arguments, *size], device=device, record_cmd=True)
-            )
+            kernel, size, last = stepper.wire_kernel
+            dim = size * len(model.panel.block_first)
+            self._launches.append(wp.launch(kernel, dim=dim, inputs=[*arguments, *last], device=device, record_cmd=True))
 
     def evaluate(self) -> None:
         kept = self.state.read_control().copy()
@@ -127,10 +185,10 @@ class ForceProbe:
         self.state.control.assign(kept)
 
 
-def contact_arguments(model: Model, state: State, now: int) -> list:
+def contact_arguments(model: Model, state: State, now: int, first_pair: int) -> list:
     rest, mesh, real = model.rest, model.mesh, model.precision.real
     return [
-        state.control, real(model.precision.unit), real(model.contact_reach),
+        state.control, real(model.precision.unit), real(model.contact_reach), first_pair,
         rest.table_x, rest.table_y, rest.rest_x, rest.rest_y, rest.curve,
         mesh.pair_wire, mesh.pair_seed, mesh.pair_table, mesh.pair_low, mesh.pair_high, mesh.pair_side,
         mesh.pair_rest_x, mesh.pair_rest_y, state.pair_wake, state.pair_offset,
@@ -142,12 +200,13 @@ def contact_arguments(model: Model, state: State, now: int) -> list:
     ]  # fmt: skip
 
 
-def wire_arguments(model: Model, state: State, now: int, then: int) -> list:
+def wire_arguments(model: Model, state: State, now: int, then: int, first_block: int) -> list:
     rest, mesh, real = model.rest, model.mesh, model.precision.real
     return [
         mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire,
         mesh.block_pair_start, mesh.block_held_start, mesh.wire_first, mesh.wire_count, mesh.wire_closed,
         mesh.wire_hinge, state.wire_axial, state.wire_mass, state.control, real(model.precision.unit),
+        first_block,
         rest.rest_x, rest.rest_y, rest.rest_length, rest.inverse_length, rest.rest_angle, rest.hinge_stiffness,
         rest.inverse_mass, rest.node_mass,
         state.tension_offset,
@@ -157,10 +216,10 @@ def wire_arguments(model: Model, state: State, now: int, then: int) -> list:
     ]  # fmt: skip
 
 
-def body_arguments(model: Model, state: State) -> list:
+def body_arguments(model: Model, state: State, first_block: int) -> list:
     return [
         state.control, model.precision.real(model.precision.unit), BODY_BLOCK,
-        int(model.scene.solver.drive == "relax"),
+        first_block, int(model.scene.solver.drive == "relax"),
         state.pair_force, state.pair_body_x, state.pair_body_y,
         state.body_ux, state.body_uy, state.body_vx, state.body_vy, state.body_partial,
     ]  # fmt: skip

@@ -110,3 +110,16 @@ def test_two_runs_are_the_same_to_the_bit() -> None:
     assert kept[0]["control"][int(c.STEP)] == settled("cell", "single").state.read_control()[int(c.STEP)] + 500
     for name, array in kept[0].items():
         assert np.array_equal(array, kept[1][name]), name
+
+
+@pytest.mark.parametrize("mesh", ["cell", "patch"])
+def test_threads_share_a_step_to_the_same_bits(mesh: str) -> None:
+    """Sums are taken in the same order however many threads there are, so nothing differs, not by a bit."""
+    ends = []
+    for threads in (1, 2, 3):
+        moved = shaken(mesh)
+        Stepper(moved.model, moved.state, threads=threads).step(107)
+        ends.append(moved.state.arrays())
+    for name, value in ends[0].items():
+        np.testing.assert_array_equal(ends[1][name], value, err_msg=name)
+        np.testing.assert_array_equal(ends[2][name], value, err_msg=name)
