@@ -57,6 +57,7 @@ class Progress:
     start: dict[str, list[float] | float] = field(default_factory=dict)  # load at the start of the stage
     best: float = 1e30  # of what is left to do, in the level
     waited: int = 0  # looks since that came down by a tenth
+    tensions: list[list[float]] = field(default_factory=list)  # [N/m] nominal, at the last looks of a level nearly at rest
     search: TensionSearch = field(default_factory=TensionSearch)
     time: float = 0.0  # [s] of the stage, in a ramp
     work: float = 0.0  # [J] in a ramp

@@ -107,9 +107,10 @@ class Multipliers:
         model, state, panel = self.model, self.state, self.model.panel
         host = tension.numpy().astype(np.float64)
         axial = state.wire_axial.numpy().astype(np.float64)
-        own = np.abs(host - state.tension_offset.numpy())
-        softened = np.maximum.reduceat(own, panel.wire_first) / axial
-        error = strain.numpy() - host / model.axial_stiffness
+        arc = strain.numpy().astype(np.float64)
+        # of the arc: the chord of a wire that straightens grows, however stiff the wire is
+        softened = np.maximum.reduceat(np.abs(arc), panel.wire_first)
+        error = arc - host / model.axial_stiffness
         missing = np.maximum.reduceat(np.abs(error), panel.wire_first)
         # a segment gives way to its neighbours at once; what is missing in the mean is what the ends impose
         imposed = np.abs(np.add.reduceat(error, panel.wire_first)) / panel.wire_count

@@ -25,7 +25,10 @@ from .tension import MOST_STATES
 SOFTENING_LOOKS = 10  # looks between renewals of the bound on the softening
 LEVEL_RAMP_STEPS = 100  # steps over which the first load of a stage comes on
 LEVEL_STEP_LIMIT = 500_000  # steps of a level after which it counts as never steady, where the scene gives no max_steps
+WORSE = 100.0  # times what was left at best: the mesh has gone on to another state
 PATIENCE = 1500  # looks without progress by a tenth after which a level counts as never steady
+DRIFT_LOOKS = 4  # looks over which the tension must stand still
+TENSION_FLOOR = 1e-3  # of EI/C^3: what a change of tension is compared with where the mesh carries less
 NEARLY_STEADY = 10.0  # residual over the tolerance below which multipliers that do not converge tell of taut wires
 
 
@@ -149,7 +152,11 @@ class Relaxation(Drive):
             if not ramping:
                 left = self._left(control)
                 if left < 1.0:
-                    return
+                    left = max(left, self._drift())
+                    if left < 1.0:
+                        return
+                else:
+                    progress.tensions.clear()
                 self._expect_progress(left)
             if self.scene.solver.multipliers and progress.looks % SOFTENING_LOOKS == 0:
                 self.multipliers.bound_softening(measure.read(self.model, self.state))
@@ -162,11 +169,26 @@ class Relaxation(Drive):
 
     def _begin_settling(self) -> None:
         self.progress.looks, self.progress.best, self.progress.waited = 0, 1e30, 0
+        self.progress.tensions.clear()
+
+    def _drift(self) -> float:
+        """How much the nominal tensions moved over DRIFT_LOOKS, over what the tolerance allows; 1 or more before that.
+
+        A soft mode can be far from rest where forces are nearly balanced and slow; the tension tells.
+        """
+        tensions = self.progress.tensions
+        tensions.append(measure.nominal_stress(measure.read(self.model, self.state)).ravel().tolist())
+        if len(tensions) <= DRIFT_LOOKS:
+            return 1.0
+        moved = np.abs(np.subtract(tensions[-1], tensions.pop(0))).max()
+        least = TENSION_FLOOR * self.model.bending_stiffness / self.scene.knit.course_spacing**3
+        scale = max(np.abs(tensions[-1]).max(), least)
+        return float(moved / (self.scene.solver.residual_tolerance * scale))
 
     def _expect_progress(self, left: float) -> None:
         progress = self.progress
         progress.waited += 1
-        if left < 0.9 * progress.best:
+        if left < 0.9 * progress.best or left > WORSE * progress.best:  # a snap begins anew
             progress.best, progress.waited = left, 0
         if progress.waited > PATIENCE:
             raise Diverged(
