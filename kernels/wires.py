@@ -91,6 +91,7 @@ def step_wires_by_node(
     control: wp.array(dtype=wp.float64),
     unit: Any,
     first_block: int,
+    grip_segments: int,
     # rest data
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
@@ -157,11 +158,11 @@ def step_wires_by_node(
         ex[k] = edge_component(fxx, fxy, rest_x[t], rest_y[t], ux_in[j_next], ux_in[j], unit)
         ey[k] = edge_component(fyx, fyy, rest_x[t], rest_y[t], uy_in[j_next], uy_in[j], unit)
         length[k] = wp.sqrt(ex[k] * ex[k] + ey[k] * ey[k])
-    # tensions of the segments there are, times their natural length
+    # tensions of the segments there are, but those that a clamp holds rigid, times their natural length
     pull = wp.vector(zero, zero, zero, zero)
     for k in range(4):
         local = i - 2 + k - first
-        if closed != 0 or (local >= 0 and local < count - 1):
+        if closed != 0 or (local >= grip_segments and local < count - 1 - grip_segments):
             natural = rest_length[table - 2 + k] * length_factor
             j = node_at(i - 2 + k, first, count, closed)
             pull[k] = natural * axial_force(length[k], natural, axial_stiffness, tension_offset[j])

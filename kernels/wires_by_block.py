@@ -91,6 +91,12 @@ _BLOCK_STEP = r"""
         tension[k] = shift[k] + axial_by_factor * (length - rl[k] * length_factor) * ri[k];
     }
     }
+    if (!closed && grip_segments) {
+        // what a clamp holds rigid pulls on no angle
+        const int begin = wire_first - offset_of_block, end = wire_end - offset_of_block;
+        if (begin >= 0 && begin < segments) { tension[begin] = real(0); }
+        if (end - 2 >= 0 && end - 2 < segments) { tension[end - 2] = real(0); }
+    }
     tx[whole] = ty[whole] = tension[whole] = moment[0] = unbending[0] = real(0);
     {
     #pragma clang fp reassociate(on) contract(fast)
@@ -283,6 +289,7 @@ def block_step(
     pair_end: wp.int32,
     held_begin: wp.int32,
     held_end: wp.int32,
+    grip_segments: wp.int32,
     hinge_begin: wp.float32,
     hinge_end: wp.float32,
     # what steers the step
@@ -343,6 +350,7 @@ def block_step(
     pair_end: wp.int32,
     held_begin: wp.int32,
     held_end: wp.int32,
+    grip_segments: wp.int32,
     hinge_begin: wp.float64,
     hinge_end: wp.float64,
     # what steers the step
@@ -408,6 +416,7 @@ def step_wires_by_block(
     control: wp.array(dtype=wp.float64),
     unit: Any,
     first_block: int,
+    grip_segments: int,
     # rest data
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
@@ -456,6 +465,7 @@ def step_wires_by_block(
         block_pair_start[block + 1],
         block_held_start[block],
         block_held_start[block + 1],
+        grip_segments,
         wire_hinge[wire, 0],
         wire_hinge[wire, 1],
         unit,

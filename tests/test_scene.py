@@ -140,6 +140,7 @@ REFUSED = [
     ("load.temperature=-300 degC", "load.temperature", "'-300 degC'", "a temperature above 0 K and at most 4000 K"),
     ("path=3", "path", "3", "a list"),
     ("path[0].temperature=2 m", "path[0].temperature", "'2 m'", "such as '-190 degC'"),
+    ("path[0].name=load", "path[0].name", "'load'", "a name that no other stage has"),
     ("path[3].temperature=2", "path[3]", "2", "an entry 0 to 0 of a list"),
     ("contact.friction=0.2", "contact.friction", "0.2", "0 in this version (with friction the state depends"),
     ("contact.threshold=-1", "contact.threshold", "-1", "a force at least 0 N"),

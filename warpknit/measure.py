@@ -16,7 +16,7 @@ from .frame import Frame
 from .kernels import control as c
 from .kernels.energy import evaluate_wires
 from .kernels.wires_by_block import BLOCK_SIZE
-from .model import Model, block_threads
+from .model import Model, block_threads, grip_segments
 from .scene import Wire
 from .state import State
 
@@ -156,7 +156,7 @@ def evaluation(model: Model, state: State, parity: int, out: list[wp.array]) -> 
             mesh.wire_first, mesh.wire_count, mesh.wire_closed, state.wire_axial,
             state.control, model.precision.real(model.precision.unit),
             rest.rest_x, rest.rest_y, rest.rest_length, rest.rest_angle, rest.rest_bow, state.tension_offset,
-            state.node_ux[parity], state.node_uy[parity], int(len(model.panel.clamp_position) > 1), *out,
+            state.node_ux[parity], state.node_uy[parity], grip_segments(model), *out,
         ],
         device=model.device,
         record_cmd=True,

@@ -348,3 +348,8 @@ def block_threads(model: Model) -> int:
 
 def body_blocks(model: Model) -> int:
     return max(1, -(-model.panel.body_count // BODY_BLOCK))
+
+
+def grip_segments(model: Model) -> int:
+    """Segments at either end of an open wire that a clamp holds rigid."""
+    return int(len(model.panel.clamp_position) > 1)

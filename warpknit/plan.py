@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from .device import find_device
+from .knit.chain import parse_chain
 from .knit.cloth import Cloth
 from .model import (
     SLIDE_ALLOWANCE,
@@ -69,11 +70,12 @@ class Plan:
     physics: tuple[str, ...]
     counted: bool
     relaxes: bool
+    knit: str
 
     def as_dict(self) -> dict[str, Any]:
         """What `warpknit plan --json` prints."""
         kept = asdict(self)
-        for name in ("scene", "device", "available_bytes", "counted", "relaxes"):
+        for name in ("scene", "device", "available_bytes", "counted", "relaxes", "knit"):
             del kept[name]
         return kept | {"physics": list(self.physics)}
 
@@ -89,6 +91,7 @@ class Plan:
             time = f"about {duration(self.wall_s)} on a CPU core, kernels compiled"
         rows = [
             ("scene", f"{self.scene}, on {self.device}"),
+            ("knit", self.knit),
             ("mesh", f"{about}{self.nodes:,} nodes on {self.wires:,} wires"),
             ("contact", f"{about}{self.bodies:,} bodies, {self.pairs:,} pairs"),
             ("memory", f"{size(self.memory_bytes)} of {size(self.available_bytes)} available"),
@@ -125,7 +128,17 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         physics=tuple(physics_of(scene, mesh)),
         counted=counted,
         relaxes=scene.solver.drive == "relax",
+        knit=_repeat(scene, cloth),
     )
+
+
+def _repeat(scene: Scene, cloth: Cloth) -> str:
+    """One repeat in words, with what tells of a lost link: the links of each bar."""
+    links = [len(parse_chain(bar.chain)) for bar in scene.knit.bars]
+    text = f"a repeat of {cloth.wales} wales x {cloth.courses} courses, {1e3 * cloth.stitch_length:.3g} mm of wire a stitch"
+    if len(set(links)) > 1:
+        text += f"; chains of {' and '.join(map(str, links))} links, each over and over"
+    return text
 
 
 # --- size -------------------------------------------------------------------------------------------------------------

@@ -71,6 +71,8 @@ def run_scene(
     progress = progress or Display()
     finished = _finished_summary(out)
     if finished is not None and resume:
+        if finished.get("scene", {}).get("hash") != scene.hash:
+            raise RunDirectoryError(f"{out}: holds the finished run of another scene; --force replaces it, --out names another")
         return Run(0, finished)
     _check_directory(out, finished is not None, resume, force)
     name = find_device(device)

@@ -356,7 +356,12 @@ def _stages(source: _Source, file: SceneFile, wire: Wire, knit: Knit) -> Iterato
     }
     tables: list[tuple[tuple[int | str, ...], StageTable]] = [(("load",), file.load)]
     tables += [(("path", index), table) for index, table in enumerate(file.path)]
+    names: set[str] = set()
     for number, (location, table) in enumerate(tables, start=1):
+        name = table.name or ("load" if number == 1 else f"stage-{number}")
+        if name in names:
+            raise source.refusal((*location, "name"), name, "a name that no other stage has")
+        names.add(name)
         given = table.model_dump(exclude={"name"}, exclude_none=True)
         if "displacement" in given:
             load |= _displaced(source, (*location, "displacement"), given.pop("displacement"), knit)
@@ -367,7 +372,7 @@ def _stages(source: _Source, file: SceneFile, wire: Wire, knit: Knit) -> Iterato
             if f"strain_{side}" in given or f"tension_{side}" in given:
                 load |= _direction(side, given.pop(f"strain_{side}", None), given.pop(f"tension_{side}", None))
         load |= given
-        yield Stage(name=table.name or ("load" if number == 1 else f"stage-{number}"), **load)
+        yield Stage(name=name, **load)
 
 
 def _direction(side: str, strain: float | None, tension: float | None) -> dict[str, float | None]:

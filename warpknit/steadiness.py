@@ -16,6 +16,7 @@ ENERGY_FLOOR = 1e-5  # of EI/W a loop: what kinetic energy is compared with wher
 FORCE_FLOOR = 0.05  # of EI/W^2: what the residual is compared with where contacts carry less
 ROUND_OFF_RMS = 3.0  # rms residual that counts as round-off, over that of an edge: 1.7 of its length, a force has two edges
 ROUND_OFF_LARGEST = 4.0  # the same of the largest residual, which is allowed LOCAL_ALLOWANCE times more
+ROUND_OFF_SHARE = 0.1  # of the mean contact force: more round-off than this is no balance, and needs double precision
 LOCAL_ALLOWANCE = 10.0
 
 
@@ -53,9 +54,10 @@ class Steadiness:
         epsilon, bending = self._round_off_terms
         round_off = epsilon * np.hypot(self.state.wire_axial.numpy().astype(np.float64), bending)  # [wire]
         round_off_rms = math.sqrt(float(np.average(round_off**2, weights=model.panel.wire_count)))
+        most = ROUND_OFF_SHARE * scale
         balance = max(
-            rms / max(scale, ROUND_OFF_RMS * round_off_rms / tolerance),
-            largest / (LOCAL_ALLOWANCE * max(scale, ROUND_OFF_LARGEST * float(round_off.max()) / tolerance)),
+            rms / max(scale, min(ROUND_OFF_RMS * round_off_rms, most) / tolerance),
+            largest / (LOCAL_ALLOWANCE * max(scale, min(ROUND_OFF_LARGEST * float(round_off.max()), most) / tolerance)),
         )
         tension, turning = (values.numpy().astype(np.float64) for values in (self.tension, self.turning))
         stored = 0.5 * float(tension @ tension) * self._stretch_energy + 0.5 * float(turning @ turning) * self._bend_energy

@@ -29,7 +29,7 @@ def stage_summary(record: Record, rows: list[Row]) -> dict[str, Any]:
         "quality": {
             "kinetic_to_internal": kinetic_to_internal(rows, model),
             "energy_balance": energy_balance(rows, model),
-            "energy_balance_of_stored": energy_balance(rows, model, floor=0.0),
+            "energy_balance_of_stored": energy_balance_of_stored(rows, model),
             "residual": measure.residual(r),
             "penetration_max": max(row.penetration for row in rows),
         },
@@ -78,18 +78,24 @@ def kinetic_to_internal(rows: list[Row], model: Model) -> float:
     return max((row.energy_kinetic_J / max(row.stored, floor) for row in counted), default=0.0)
 
 
-def energy_balance(rows: list[Row], model: Model, floor: float = 1.0) -> float:
+def energy_balance(rows: list[Row], model: Model) -> float:
     """Work in less stored, dissipated and kinetic energy of the last row, over the larger of stored and EI/W a loop.
 
     What the damping of a ramp took out is on the books; a relaxation works along steady states, where it takes out nothing.
-    With floor 0 the balance is over the stored energy alone.
     """
+    return _missing_work(rows, model) / max(rows[-1].stored, measure.energy_scale(model))
+
+
+def energy_balance_of_stored(rows: list[Row], model: Model) -> float:
+    """The same over the most energy that was stored so far; 0 where none was."""
+    most = max(row.stored for row in rows)
+    return _missing_work(rows, model) / most if most > 0.0 else 0.0
+
+
+def _missing_work(rows: list[Row], model: Model) -> float:
     last = rows[-1]
-    dissipated = last.dissipated_J
     kinetic = last.energy_kinetic_J if model.scene.solver.drive == "ramp" else 0.0
-    missing = last.work_J - last.stored - dissipated - kinetic
-    scale = max(last.stored, floor * measure.energy_scale(model))
-    return missing / scale if scale > 0.0 else 0.0
+    return last.work_J - last.stored - last.dissipated_J - kinetic
 
 
 def warnings_of(model: Model, rows: list[Row], stages: list[dict[str, Any]]) -> list[str]:
@@ -97,15 +103,17 @@ def warnings_of(model: Model, rows: list[Row], stages: list[dict[str, Any]]) -> 
     wire = model.scene.wire
     found = list(model.panel.notes)
     largest = max((row.stress_max_Pa for row in rows), default=0.0)
+    interior = max((stage["wire"]["stress_interior_max_Pa"] for stage in stages), default=largest)
+    where = f" (away from the grips {interior / 1e6:.3g} MPa)" if interior < 0.95 * largest else ""
     if largest > wire.tensile_strength:
         found.append(
-            f"a wire is stressed to {largest / 1e9:.3g} GPa, beyond its strength of {wire.tensile_strength / 1e9:.3g} GPa:"
+            f"a wire is stressed to {largest / 1e9:.3g} GPa{where}, beyond its strength of {wire.tensile_strength / 1e9:.3g} GPa:"
             " it would break; the result is elastic"
         )
     elif largest > wire.yield_stress:
         found.append(
-            f"a wire is stressed to {largest / 1e9:.3g} GPa, beyond its elastic limit of {wire.yield_stress / 1e9:.3g} GPa:"
-            " it would keep a set; the result is elastic"
+            f"a wire is stressed to {largest / 1e9:.3g} GPa{where}, beyond its elastic limit of"
+            f" {wire.yield_stress / 1e9:.3g} GPa: it would keep a set; the result is elastic"
         )
     if any(row.strain_weft < -0.005 or row.strain_warp < -0.005 for row in rows):
         found.append("the mesh is compressed: a real one would wrinkle out of its plane, which this planar model cannot show")
@@ -127,8 +135,8 @@ def warnings_of(model: Model, rows: list[Row], stages: list[dict[str, Any]]) -> 
             break
     if stages and abs(stages[-1]["quality"]["energy_balance_of_stored"]) > 0.05:
         found.append(
-            f"work and stored energy differ by {stages[-1]['quality']['energy_balance_of_stored']:.0%}:"
-            " the mesh snapped between recorded states, or output.frames is too small to follow it"
+            f"work and stored energy differ by {stages[-1]['quality']['energy_balance_of_stored']:.0%} of the most that was"
+            " stored: the mesh snapped between recorded states, or output.frames is too small to follow it"
         )
     return found
 

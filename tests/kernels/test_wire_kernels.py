@@ -8,6 +8,7 @@ import pytest
 from meshes import MESHES, PRECISIONS, node_forces, round_off, settled, shaken
 from verification.wires import EPSILON, Rig, circle, panel_of_wires, table_of_wires
 
+from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.step import Stepper
 
@@ -123,3 +124,22 @@ def test_threads_share_a_step_to_the_same_bits(mesh: str) -> None:
     for name, value in ends[0].items():
         np.testing.assert_array_equal(ends[1][name], value, err_msg=name)
         np.testing.assert_array_equal(ends[2][name], value, err_msg=name)
+
+
+@pytest.mark.parametrize("length_factor", [1.0, 0.999])
+@pytest.mark.parametrize("by_node", [True, False])
+def test_kernel_forces_are_those_that_the_measures_see(by_node: bool, length_factor: float) -> None:
+    """Next to clamps too, where what is held rigid carries neither tension nor thermal strain."""
+    made = shaken("patch")
+    made.state.write_control({c.LENGTH_FACTOR: length_factor})
+    force = node_forces(made, made.probe(by_node))
+    reading = measure.read(made.model, made.state)
+    panel, segment = made.model.panel, reading.segment_force
+    before = np.roll(segment, 1, axis=0)
+    before[panel.wire_first] = 0.0
+    expected = segment - before
+    touching = np.nonzero(reading.pair_force > 0)[0]
+    np.add.at(expected, reading.pair_node[touching][:, None] + np.arange(-1, 3), reading.pair_nodal[touching])
+    expected[panel.held_node] = 0.0
+    assert np.abs(force).max() > 1e-6
+    np.testing.assert_allclose(force, expected, atol=EDGES_AND_ANGLES * round_off(made))
