@@ -8,6 +8,7 @@ from typing import Any
 import warp as wp
 
 from .bend import bow, turning_angle
+from .clamp import bow_at_clamp, edge_at_clamp, hinge_at_clamp, length_at_clamp
 from .control import GRADIENT, LENGTH_FACTOR
 from .stretch import axial_force, edge_component
 from .wires import node_at
@@ -24,6 +25,7 @@ def evaluate_wires(
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
     wire_closed: wp.array(dtype=wp.int32),
+    wire_clamp: wp.array2d(dtype=Any),
     wire_axial: wp.array(dtype=Any),
     # what steers the step
     control: wp.array(dtype=wp.float64),
@@ -38,9 +40,9 @@ def evaluate_wires(
     # state
     ux: wp.array(dtype=Any),
     uy: wp.array(dtype=Any),
-    grip_segments: int,
-    # out: of the segment that starts at the node (zero behind the last node of an open wire; inside a grip, the first and
-    # the last `grip_segments` of an open wire, only the edge) ...
+    gripped: int,
+    # out: of the segment that starts at the node (zero behind the last node of an open wire; a segment that a clamp holds
+    # rigid has an edge only) ...
     edge_x: wp.array(dtype=Any),
     edge_y: wp.array(dtype=Any),
     strain: wp.array(dtype=Any),
@@ -71,6 +73,8 @@ def evaluate_wires(
     ex = edge_component(fxx, fxy, rest_x[t], rest_y[t], ux[after], ux[i], unit)
     ey = edge_component(fyx, fyy, rest_x[t], rest_y[t], uy[after], uy[i], unit)
     local = i - first
+    bx, by = edge_at_clamp(bx, by, local - 1, count, gripped, wire, wire_clamp)
+    ex, ey = edge_at_clamp(ex, ey, local, count, gripped, wire, wire_clamp)
     zero = type(unit)(0.0)
     edge_x[i] = zero
     edge_y[i] = zero
@@ -80,18 +84,21 @@ def evaluate_wires(
     angle = zero
     if closed != 0 or (local > 0 and local < count - 1):
         angle = turning_angle(bx, by, ex, ey)
-        turning[i] = angle - rest_angle[t]
+        natural_angle, _share = hinge_at_clamp(rest_angle[t], local, count, gripped, wire, wire_clamp)
+        turning[i] = angle - natural_angle
     if closed != 0 or local < count - 1:
         edge_x[i] = ex
         edge_y[i] = ey
-    if closed != 0 or (local >= grip_segments and local < count - 1 - grip_segments):
+    if closed != 0 or (local >= gripped and local < count - 1 - gripped):
         length = wp.sqrt(ex * ex + ey * ey)
-        natural = rest_length[t] * type(unit)(control[LENGTH_FACTOR])
+        natural = length_at_clamp(rest_length[t], local, count, gripped, wire, wire_clamp) * type(unit)(control[LENGTH_FACTOR])
         tension[i] = axial_force(length, natural, wire_axial[wire], tension_offset[i])
         beyond = node_at(i + 2, first, count, closed)
         angle_after = zero
         if closed != 0 or local < count - 2:
             ax = edge_component(fxx, fxy, rest_x[t + 1], rest_y[t + 1], ux[beyond], ux[after], unit)
             ay = edge_component(fyx, fyy, rest_x[t + 1], rest_y[t + 1], uy[beyond], uy[after], unit)
+            ax, ay = edge_at_clamp(ax, ay, local + 1, count, gripped, wire, wire_clamp)
             angle_after = turning_angle(ex, ey, ax, ay)
-        strain[i] = (length - natural) / natural + bow(angle, angle_after) - rest_bow[t]
+        natural_bow = bow_at_clamp(rest_bow[t], local, count, gripped, wire, wire_clamp)
+        strain[i] = (length - natural) / natural + bow(angle, angle_after) - natural_bow

@@ -15,6 +15,7 @@ from typing import Any
 import warp as wp
 
 from .bend import turning_angle
+from .clamp import edge_at_clamp, hinge_at_clamp, length_at_clamp
 from .control import (
     BOW_MOMENT,
     FORCE_FACTOR,
@@ -84,14 +85,14 @@ def step_wires_by_node(
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
     wire_closed: wp.array(dtype=wp.int32),
-    wire_hinge: wp.array2d(dtype=Any),
+    wire_clamp: wp.array2d(dtype=Any),
     wire_axial: wp.array(dtype=Any),
     wire_mass: wp.array(dtype=Any),
     # what steers the step
     control: wp.array(dtype=wp.float64),
     unit: Any,
     first_block: int,
-    grip_segments: int,
+    gripped: int,
     # rest data
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
@@ -157,13 +158,16 @@ def step_wires_by_node(
         t = table - 2 + k
         ex[k] = edge_component(fxx, fxy, rest_x[t], rest_y[t], ux_in[j_next], ux_in[j], unit)
         ey[k] = edge_component(fyx, fyy, rest_x[t], rest_y[t], uy_in[j_next], uy_in[j], unit)
+        edge_x, edge_y = edge_at_clamp(ex[k], ey[k], i - 2 + k - first, count, gripped, wire, wire_clamp)
+        ex[k] = edge_x
+        ey[k] = edge_y
         length[k] = wp.sqrt(ex[k] * ex[k] + ey[k] * ey[k])
     # tensions of the segments there are, but those that a clamp holds rigid, times their natural length
     pull = wp.vector(zero, zero, zero, zero)
     for k in range(4):
         local = i - 2 + k - first
-        if closed != 0 or (local >= grip_segments and local < count - 1 - grip_segments):
-            natural = rest_length[table - 2 + k] * length_factor
+        if closed != 0 or (local >= gripped and local < count - 1 - gripped):
+            natural = length_at_clamp(rest_length[table - 2 + k], local, count, gripped, wire, wire_clamp) * length_factor
             j = node_at(i - 2 + k, first, count, closed)
             pull[k] = natural * axial_force(length[k], natural, axial_stiffness, tension_offset[j])
     # moments at the three nodes i-1, i, i+1
@@ -173,11 +177,8 @@ def step_wires_by_node(
         if closed != 0 or (local > 0 and local < count - 1):
             t = table - 1 + k
             angle = turning_angle(ex[k], ey[k], ex[k + 1], ey[k + 1])
-            moment[k] = hinge_stiffness[t] / length_factor * (angle - rest_angle[t])
-            if closed == 0 and local == 1:
-                moment[k] = moment[k] * wire_hinge[wire, 0]
-            if closed == 0 and local == count - 2:
-                moment[k] = moment[k] * wire_hinge[wire, 1]
+            natural_angle, share = hinge_at_clamp(rest_angle[t], local, count, gripped, wire, wire_clamp)
+            moment[k] = share * hinge_stiffness[t] / length_factor * (angle - natural_angle)
             moment[k] = moment[k] + bow_moment * angle * (pull[k] + pull[k + 1])
     fx = zero
     fy = zero
@@ -189,7 +190,7 @@ def step_wires_by_node(
             inverse = type(unit)(1.0) / length[k + 1]
             tx = ex[k + 1] * inverse
             ty = ey[k + 1] * inverse
-            natural = rest_length[table - 1 + k] * length_factor
+            natural = length_at_clamp(rest_length[table - 1 + k], local, count, gripped, wire, wire_clamp) * length_factor
             tension = pull[k + 1] / natural
             shear = (moment[k] - moment[k + 1]) * inverse
             fx += s * (tension * tx - shear * ty)

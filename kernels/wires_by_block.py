@@ -91,11 +91,28 @@ _BLOCK_STEP = r"""
         tension[k] = shift[k] + axial_by_factor * (length - rl[k] * length_factor) * ri[k];
     }
     }
-    if (!closed && grip_segments) {
-        // what a clamp holds rigid pulls on no angle
-        const int begin = wire_first - offset_of_block, end = wire_end - offset_of_block;
-        if (begin >= 0 && begin < segments) { tension[begin] = real(0); }
-        if (end - 2 >= 0 && end - 2 < segments) { tension[end - 2] = real(0); }
+    const int begin = wire_first - offset_of_block, end = wire_end - offset_of_block;
+    // the numbers of a clamp: see clamp.py
+    enum { LEVER_X, LEVER_Y, TANGENT_X, TANGENT_Y, LENGTH, ANGLE, NEXT_ANGLE, HINGE, NEXT_HINGE, CLAMP_NUMBERS = 11 };
+    const real* __restrict clamps = wire_clamp.data + 2 * CLAMP_NUMBERS * wire;
+    if (gripped) {
+        for (int far = 0; far < 2; ++far) {
+            const real* clamp = clamps + far * CLAMP_NUMBERS;
+            const int rigid = far ? end - 2 : begin, k = far ? end - 3 : begin + 1;
+            if (rigid >= 0 && rigid < segments) {
+                tx[rigid] = clamp[TANGENT_X];
+                ty[rigid] = clamp[TANGENT_Y];
+                tension[rigid] = real(0);
+            }
+            if (k >= 0 && k < segments) {
+                const real ex = tx[k] / il[k] + clamp[LEVER_X], ey = ty[k] / il[k] + clamp[LEVER_Y];
+                const real length = sqrt(ex * ex + ey * ey);
+                tx[k] = ex / length;
+                ty[k] = ey / length;
+                il[k] = real(1) / length;
+                tension[k] = shift[k] + axial_by_factor * (length - clamp[LENGTH] * length_factor) / clamp[LENGTH];
+            }
+        }
     }
     tx[whole] = ty[whole] = tension[whole] = moment[0] = unbending[0] = real(0);
     {
@@ -125,14 +142,26 @@ _BLOCK_STEP = r"""
         unbending[j + 1] = bow_moment * angle * (tension[j] * rl[j] + tension[j + 1] * rl[j + 1]);
     }
     }
+    if (gripped) {
+        for (int far = 0; far < 2; ++far) {
+            const real* clamp = clamps + far * CLAMP_NUMBERS;
+            for (int next = 0; next < 2; ++next) {
+                const int k = far ? end - 2 - next : begin + 1 + next;
+                if (k < 1 || k >= segments) continue;
+                // segment from the clamp, and the one beyond the first free node
+                const int own = far ? end - 3 : begin + 1, other = far ? k - 1 : k;
+                const real angle = moment[k] / (hinge_factor * rb[k]) + ra[k];
+                const real pull = tension[own] * clamp[LENGTH] + (next ? tension[other] * rl[other] : real(0));
+                unbending[k] = bow_moment * angle * pull;
+                moment[k] = clamp[HINGE + next] * hinge_factor * rb[k] * (angle - clamp[ANGLE + next]);
+            }
+        }
+    }
     if (!closed) {
-        // beyond the ends of an open wire there is nothing; its outermost hinges stand for a length of their own
-        const int begin = wire_first - offset_of_block, end = wire_end - offset_of_block;
+        // beyond the ends of an open wire there is nothing
         for (int k = 0; k <= begin; ++k) { moment[k] = unbending[k] = real(0); }
         for (int k = 0; k < begin; ++k) { tension[k] = real(0); }
         for (int k = end - 1; k < segments; ++k) { tension[k] = moment[k] = unbending[k] = real(0); }
-        if (begin + 1 >= 0 && begin + 1 < segments) { moment[begin + 1] *= hinge_begin; }
-        if (end - 2 < segments) { moment[end - 2] *= hinge_end; }
     }
     real nx[SPAN], ny[SPAN], fx[SPAN], fy[SPAN];
     {
@@ -289,9 +318,9 @@ def block_step(
     pair_end: wp.int32,
     held_begin: wp.int32,
     held_end: wp.int32,
-    grip_segments: wp.int32,
-    hinge_begin: wp.float32,
-    hinge_end: wp.float32,
+    gripped: wp.int32,
+    wire: wp.int32,
+    wire_clamp: wp.array2d(dtype=wp.float32),
     # what steers the step
     unit: wp.float32,
     fxx: wp.float32,
@@ -350,9 +379,9 @@ def block_step(
     pair_end: wp.int32,
     held_begin: wp.int32,
     held_end: wp.int32,
-    grip_segments: wp.int32,
-    hinge_begin: wp.float64,
-    hinge_end: wp.float64,
+    gripped: wp.int32,
+    wire: wp.int32,
+    wire_clamp: wp.array2d(dtype=wp.float64),
     # what steers the step
     unit: wp.float64,
     fxx: wp.float64,
@@ -409,14 +438,14 @@ def step_wires_by_block(
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
     wire_closed: wp.array(dtype=wp.int32),
-    wire_hinge: wp.array2d(dtype=Any),
+    wire_clamp: wp.array2d(dtype=Any),
     wire_axial: wp.array(dtype=Any),
     wire_mass: wp.array(dtype=Any),
     # what steers the step
     control: wp.array(dtype=wp.float64),
     unit: Any,
     first_block: int,
-    grip_segments: int,
+    gripped: int,
     # rest data
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
@@ -465,9 +494,9 @@ def step_wires_by_block(
         block_pair_start[block + 1],
         block_held_start[block],
         block_held_start[block + 1],
-        grip_segments,
-        wire_hinge[wire, 0],
-        wire_hinge[wire, 1],
+        gripped,
+        wire,
+        wire_clamp,
         unit,
         type(unit)(control[GRADIENT]),
         type(unit)(control[GRADIENT + 1]),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from warpknit import measure
+from warpknit.kernels import clamp
 from warpknit.model import Model, build_model
 from warpknit.scene import load_scene
 from warpknit.simulate import Simulation
@@ -40,28 +41,32 @@ def test_clamps_sit_on_the_boundary() -> None:
     np.testing.assert_allclose(outside.max(axis=1), 0.0, atol=1e-9 * panel.size.max())
 
 
-def test_held_nodes_stand_before_and_behind_their_clamp() -> None:
-    """Nodes of a wire are one spacing apart, so two of them take the clamp in their middle or nearer to one."""
+def test_first_free_node_is_near_its_clamp() -> None:
+    """Between 0.75 and 1.75 spacings of wire, so that the first segment is neither much stiffer nor much coarser."""
     model = patch(24)
     panel, spacing = model.panel, model.table.spacing.max()
-    distance = np.hypot(*panel.held_lever.T).reshape(-1, 2)
-    assert (distance.sum(axis=1) <= spacing * (1 + 1e-9)).all()
-    facing = np.einsum("cx,cx->c", panel.held_lever[0::2], panel.held_lever[1::2])
-    assert (facing <= 1e-9 * spacing**2).all()
+    length = panel.wire_clamp[:, :, clamp.LENGTH] / spacing
+    assert (length < 1.75 * (1 + 1e-6)).all() and (length > 0.7).all()
 
 
-def test_hinges_beside_a_clamp_stand_for_the_wire_that_is_free() -> None:
-    """Lengths that the hinges stand for add up to the wire between its clamps."""
+def test_lengths_and_hinges_add_up_to_the_wire_between_its_clamps() -> None:
+    """Chords and hinges fall short of the wire by the bow of their arcs: 0.65^2/24 at the sharpest foot at 24 a loop."""
     model = patch(24)
     panel = model.panel
-    spacing = model.table.spacing[panel.wire_thread]
-    inner = panel.wire_count - 4  # hinges of a full spacing each: all but the two outermost of each end
-    represented = spacing * (inner + (1.0 / panel.wire_hinge).sum(axis=1))
-    np.testing.assert_allclose(represented, panel.wire_length, rtol=1e-9)
+    reading = measure.read(model, initial_state(model))
+    chords, hinges = reading.natural_length.copy(), reading.hinge_length.copy()
+    first, last = panel.wire_first, panel.wire_first + panel.wire_count - 1
+    for node in (first, last - 1, last):
+        chords[node] = 0.0
+    for node in (first, last):
+        hinges[node] = 0.0
+    for total in (np.add.reduceat(chords, first), np.add.reduceat(hinges, first)):
+        np.testing.assert_allclose(total, panel.wire_length, rtol=0.02)
+        assert (total < panel.wire_length).all()
 
 
 def test_tension_of_a_small_gripped_patch_settles_with_the_nodes() -> None:
-    """Before any contact closes; its shortest wires have three free nodes at 24 a loop, which is where the 4 % come from."""
+    """Before any contact closes; its shortest wires have three free nodes at 24 a loop, which is where the 6 % come from."""
     tension = []
     for nodes_per_loop in (24, 54):
         model = build_model(load_scene(PATCH, [
@@ -70,4 +75,4 @@ def test_tension_of_a_small_gripped_patch_settles_with_the_nodes() -> None:
         ]))  # fmt: skip
         *_, last = Simulation(model, initial_state(model)).run()
         tension.append(measure.mesh_tension(last.reading))
-    assert tension[0] == pytest.approx(tension[1], rel=0.04)
+    assert tension[0] == pytest.approx(tension[1], rel=0.06)

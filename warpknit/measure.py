@@ -13,10 +13,11 @@ import numpy as np
 import warp as wp
 
 from .frame import Frame
+from .kernels import clamp
 from .kernels import control as c
 from .kernels.energy import evaluate_wires
 from .kernels.wires_by_block import BLOCK_SIZE
-from .model import Model, block_threads, grip_segments
+from .model import Model, block_threads
 from .scene import Wire
 from .state import State
 
@@ -80,12 +81,12 @@ class Reading:
     @cached_property
     def bow_moment(self) -> np.ndarray:
         """[node] [N m] by which tension unbends arcs that keep their length (kernels/bend.py)."""
-        panel, table = self.model.panel, self.model.table
-        pull = self.tension * table.rest_length[self.entry] * self.length_factor
+        panel = self.model.panel
+        pull = self.tension * self.natural_length * self.length_factor
         before = np.roll(pull, 1)
         last = panel.wire_first + panel.wire_count - 1
         before[panel.wire_first] = pull[last]
-        moment = float(self.control[int(c.BOW_MOMENT)]) * (self.turning + table.rest_angle[self.entry]) * (pull + before)
+        moment = float(self.control[int(c.BOW_MOMENT)]) * (self.turning + self.natural_angle) * (pull + before)
         for end in (panel.wire_first, last):
             moment[end] = np.where(panel.wire_closed, moment[end], 0.0)
         return moment
@@ -93,11 +94,48 @@ class Reading:
     @cached_property
     def curvature_change(self) -> np.ndarray:
         """[node] [1/m] curvature less the natural one: the turning over the length that the hinge stands for."""
+        return self.turning / (self.hinge_length * self.length_factor)
+
+    # rest data of the nodes: those of the table but next to clamps
+
+    @cached_property
+    def natural_length(self) -> np.ndarray:
+        """[node] [m] of the segment that starts there, at the reference temperature."""
+        values = self.model.table.rest_length[self.entry]
+        if self.model.is_gripped:
+            for far, node in enumerate(self._segments_at_clamps):
+                values[node] = self.model.panel.wire_clamp[:, far, clamp.LENGTH]
+        return values
+
+    @cached_property
+    def natural_angle(self) -> np.ndarray:
+        """[node] [rad] natural turning angle."""
+        values = self.model.table.rest_angle[self.entry]
+        for far, following, node in self._hinges_at_clamps:
+            values[node] = self.model.panel.wire_clamp[:, far, clamp.ANGLE + following]
+        return values
+
+    @cached_property
+    def hinge_length(self) -> np.ndarray:
+        """[node] [m] wire that the hinge at the node stands for, at the reference temperature."""
+        values = self.model.table.hinge_length[self.entry]
+        for far, following, node in self._hinges_at_clamps:
+            values[node] /= self.model.panel.wire_clamp[:, far, clamp.HINGE + following]
+        return values
+
+    @property
+    def _segments_at_clamps(self) -> tuple[np.ndarray, np.ndarray]:
+        """Nodes [wire] that the first and the last segment between clamps start at."""
         panel = self.model.panel
-        share = np.ones(len(self.turning))
-        share[panel.wire_first + 1] = panel.wire_hinge[:, 0]
-        share[panel.wire_first + panel.wire_count - 2] = panel.wire_hinge[:, 1]
-        return share * self.turning / (self.model.table.hinge_length[self.entry] * self.length_factor)
+        return panel.wire_first + 1, panel.wire_first + panel.wire_count - 3
+
+    @property
+    def _hinges_at_clamps(self) -> list[tuple[int, int, np.ndarray]]:
+        """End of the wire, 0 at the clamp or 1 at the next node, and those nodes [wire]."""
+        if not self.model.is_gripped:
+            return []
+        first, last = self.model.panel.wire_first, self.model.panel.wire_first + self.model.panel.wire_count - 1
+        return [(0, 0, first + 1), (0, 1, first + 2), (1, 0, last - 1), (1, 1, last - 2)]
 
 
 def node_entries(model: Model) -> np.ndarray:
@@ -153,10 +191,10 @@ def evaluation(model: Model, state: State, parity: int, out: list[wp.array]) -> 
         dim=block_threads(model),
         inputs=[
             mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire, BLOCK_SIZE,
-            mesh.wire_first, mesh.wire_count, mesh.wire_closed, state.wire_axial,
+            mesh.wire_first, mesh.wire_count, mesh.wire_closed, mesh.wire_clamp, state.wire_axial,
             state.control, model.precision.real(model.precision.unit),
             rest.rest_x, rest.rest_y, rest.rest_length, rest.rest_angle, rest.rest_bow, state.tension_offset,
-            state.node_ux[parity], state.node_uy[parity], grip_segments(model), *out,
+            state.node_ux[parity], state.node_uy[parity], int(model.is_gripped), *out,
         ],
         device=model.device,
         record_cmd=True,
@@ -185,8 +223,7 @@ def energies(r: Reading) -> Energies:
 
     A softened segment stores T^2 L s/(2 EA) unless its running multiplier took the softening out.
     """
-    model = r.model
-    natural = model.table.rest_length[r.entry] * r.length_factor
+    natural = r.natural_length * r.length_factor
     stiffness = r.control[int(c.CONTACT_STIFFNESS)]
     return Energies(
         stretch=float(np.sum(0.5 * r.tension**2 * natural / _stretch_stiffness(r))),
@@ -266,7 +303,7 @@ def _closed_at(model: Model, node: np.ndarray) -> np.ndarray:
 def thermal_force(r: Reading) -> float:
     """Derivative of the energy by the length factor of the wires [J]: what heating works against."""
     model = r.model
-    natural = model.table.rest_length[r.entry]
+    natural = r.natural_length
     stretch = -np.sum(natural * (r.tension + 0.5 * r.tension**2 / _stretch_stiffness(r)))
     bend = -0.5 * np.sum(r.moment * r.turning) / r.length_factor
     return float(stretch + bend + np.sum(r.pair_force) * model.contact_reach)

@@ -80,7 +80,7 @@ class MeshArrays:
     wire_first: wp.array
     wire_count: wp.array
     wire_closed: wp.array
-    wire_hinge: wp.array2d  # [wire, 2]
+    wire_clamp: wp.array2d  # [wire, 2 CLAMP_NUMBERS]
     pair_wire: wp.array
     pair_seed: wp.array
     pair_table: wp.array
@@ -119,6 +119,11 @@ class Model:
     loading_time: float  # [s] of a stage, in a ramp
     damping: float  # [1/s] mass-proportional, in a ramp
     limited_by: str  # what limits the time step
+
+    @property
+    def is_gripped(self) -> bool:
+        """Whether two clamps hold every wire (kernels/clamp.py)."""
+        return len(self.panel.clamp_position) == 2 * len(self.panel.wire_first)
 
     @property
     def pair_count(self) -> int:
@@ -180,7 +185,9 @@ def build_model(scene: Scene, device: str = "cpu") -> Model:
         set_fraction=wire.set_fraction,
         lead=table_lead(cloth, 0.8 * spacing, slack),
     )
-    panel = build_panel(cloth, table, repeats=scene.knit.repeats, boundary=scene.model.boundary, slack=slack)
+    panel = build_panel(
+        cloth, table, repeats=scene.knit.repeats, boundary=scene.model.boundary, slack=slack, set_fraction=wire.set_fraction
+    )
     loop_size = max(scene.knit.wale_spacing, scene.knit.course_spacing)
     return assemble_model(
         scene, table, panel, device=device, loop_length=loop_length, displacement_range=2 * loop_size, cloth=cloth
@@ -296,7 +303,7 @@ def _upload_mesh(panel: Panel, precision: Precision, device: str) -> MeshArrays:
         wire_first=index(panel.wire_first),
         wire_count=index(panel.wire_count),
         wire_closed=index(panel.wire_closed),
-        wire_hinge=wp.array(panel.wire_hinge, dtype=precision.real, device=device),
+        wire_clamp=wp.array(panel.wire_clamp.reshape(len(panel.wire_first), -1), dtype=precision.real, device=device),
         pair_wire=index(panel.pair_wire),
         pair_seed=index(panel.pair_seed),
         pair_table=index(panel.pair_table),
@@ -349,7 +356,3 @@ def block_threads(model: Model) -> int:
 def body_blocks(model: Model) -> int:
     return max(1, -(-model.panel.body_count // BODY_BLOCK))
 
-
-def grip_segments(model: Model) -> int:
-    """Segments at either end of an open wire that a clamp holds rigid."""
-    return int(len(model.panel.clamp_position) > 1)

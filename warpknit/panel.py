@@ -14,13 +14,17 @@ import numpy as np
 
 from .cut import cut_rectangle
 from .errors import ModelError
+from .kernels import clamp
+from .kernels.bend import BOW
 from .kernels.wires_by_block import BLOCK_PAD, BLOCK_SIZE
 from .knit.cloth import Cloth
 from .table import Table
 from .thread_curve import ThreadCurve
 
 END_NODES = 1  # segments at the end of a wire that a contact point may not come to: its curve needs a node beyond
-SHORTEST = 4  # segments of a cut wire: with three, no node between the grips is free
+SHORTEST = 5  # segments of a cut wire: with less, the two clamps would share a hinge
+NEAREST = 0.75  # node spacings from a clamp to the first free node, at least: nearer ones would need smaller steps
+TANGENT_SHARE = 1e-3  # of a node spacing, either side of a clamp: where its direction is taken from
 GRIP_CLEARANCE = 0.05  # loops of wire that a lens must keep from a grip, or its clasp is left out
 
 
@@ -35,7 +39,7 @@ class Panel:
     wire_closed: np.ndarray  # [wire] bool
     wire_thread: np.ndarray  # [wire] thread of the repeat
     wire_length: np.ndarray  # [wire] [m] between its clamps, or all round
-    wire_hinge: np.ndarray  # [wire, 2] stiffness of its second and last but one hinge, over that of the others
+    wire_clamp: np.ndarray  # [wire, 2, CLAMP_NUMBERS] its clamps (kernels/clamp.py), zero where it has none
     block_first: np.ndarray  # [block] first node
     block_count: np.ndarray  # [block] nodes, at most BLOCK_SIZE
     block_table: np.ndarray  # [block] table entry of the first node
@@ -121,11 +125,11 @@ def _closed_strands(cloth: Cloth, table: Table, repeats: tuple[int, int]) -> _St
 
 
 def _cut_strands(cloth: Cloth, table: Table, low: np.ndarray, high: np.ndarray) -> _Strands:
-    """Wires inside the rectangle, from the node before the one cut to the node behind the other."""
+    """Wires inside the rectangle: at either end two held nodes, the inner one next to the clamp, before or behind it."""
     cut = cut_rectangle(cloth, low, high)
     spacing = table.spacing[cut.thread]
-    begin = np.floor(cut.begin / spacing).astype(np.int64)
-    last = np.floor(cut.end / spacing).astype(np.int64) + 1
+    begin = np.ceil(cut.begin / spacing + NEAREST).astype(np.int64) - 2
+    last = np.floor(cut.end / spacing - NEAREST).astype(np.int64) + 2
     return _Strands(
         columns=cut.columns,
         rows=cut.rows,
@@ -201,8 +205,11 @@ def table_lead(cloth: Cloth, spacing: float, slack: float) -> int:
     return max(BLOCK_SIZE + BLOCK_PAD, reach) + 6
 
 
-def build_panel(cloth: Cloth, table: Table, *, repeats: tuple[int, int], boundary: str, slack: float) -> Panel:
-    """Lay out `repeats` (weft, warp) copies of the repeat; `slack` [m]: see `table_lead`.
+def build_panel(
+    cloth: Cloth, table: Table, *, repeats: tuple[int, int], boundary: str, slack: float, set_fraction: float = 1.0
+) -> Panel:
+    """Lay out `repeats` (weft, warp) copies of the repeat; `slack` [m]: see `table_lead`; `set_fraction` as in
+    `rest_table`.
 
     Raises `ModelError` where nothing is left after the cut.
     """
@@ -255,10 +262,9 @@ def build_panel(cloth: Cloth, table: Table, *, repeats: tuple[int, int], boundar
         ],
         axis=2,
     )
-    arc_begin, arc_end = strands.arc_begin[used], strands.arc_end[used]
-    held_node, held_lever, held_clamp, clamp_position = _clamps(
-        cloth, table, boundary, thread, column, begin, count, first, arc_begin, arc_end
-    )
+    grips = _no_clamps(len(used))
+    if not strands.closed:
+        grips = _clamps(cloth, table, strands, used, first, set_fraction)
     return Panel(
         size=size,
         boundary=boundary,
@@ -266,8 +272,8 @@ def build_panel(cloth: Cloth, table: Table, *, repeats: tuple[int, int], boundar
         wire_count=_as32(count),
         wire_closed=np.full(len(used), strands.closed),
         wire_thread=_as32(thread),
-        wire_length=arc_end - arc_begin,
-        wire_hinge=np.ones((len(used), 2)) if strands.closed else _hinge_factors(table.spacing[thread], arc_begin, arc_end),
+        wire_length=strands.arc_end[used] - strands.arc_begin[used],
+        wire_clamp=grips.numbers,
         block_first=_as32(first[block_wire] + block_low),
         block_count=_as32(block_high - block_low),
         block_table=_as32(table.start[thread[block_wire]] + np.mod(block_node, block_n)),
@@ -284,10 +290,10 @@ def build_panel(cloth: Cloth, table: Table, *, repeats: tuple[int, int], boundar
         pair_low=_as32(bodies.low.ravel()),
         pair_high=_as32(bodies.high.ravel()),
         pair_side=_as32(bodies.side.ravel()),
-        held_node=_as32(held_node),
-        held_lever=held_lever,
-        held_clamp=_as32(held_clamp),
-        clamp_position=clamp_position,
+        held_node=_as32(grips.node),
+        held_lever=grips.lever,
+        held_clamp=_as32(np.repeat(np.arange(len(grips.position)), 2)),
+        clamp_position=grips.position,
         rhombus_bodies=_central_rhombus(cloth, bodies, strands, middle, repeat),
         notes=tuple(notes),
     )
@@ -297,47 +303,75 @@ def _as32(a: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(a, dtype=np.int32)
 
 
+@dataclass(frozen=True)
+class _Grips:
+    """Two clamps a wire and what they hold."""
+
+    node: np.ndarray  # [held]
+    lever: np.ndarray  # [held, 2] [m]
+    position: np.ndarray  # [clamp, 2] [m]
+    numbers: np.ndarray  # [wire, 2, CLAMP_NUMBERS]
+
+
+def _no_clamps(wires: int) -> _Grips:
+    return _Grips(np.zeros(0, int), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((wires, 2, clamp.CLAMP_NUMBERS)))
+
+
 def _clamps(
-    cloth: Cloth,
-    table: Table,
-    boundary: str,
-    thread: np.ndarray,
-    column: np.ndarray,
-    begin: np.ndarray,
-    count: np.ndarray,
-    first: np.ndarray,
-    arc_begin: np.ndarray,
-    arc_end: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Held nodes, their levers and clamps, and the clamps' positions: two clamps an open wire, two nodes a clamp."""
-    if boundary == "periodic":
-        return np.zeros(0, int), np.zeros((0, 2)), np.zeros(0, int), np.zeros((0, 2))
-    local = np.stack([np.zeros_like(count), np.ones_like(count), count - 2, count - 1], axis=1)
-    node_arc = (begin[:, None] + local) * table.spacing[thread][:, None]
-    arc = np.stack([arc_begin, arc_end], axis=1)
-    position, centre = np.zeros((*node_arc.shape, 2)), np.zeros((*arc.shape, 2))
+    cloth: Cloth, table: Table, strands: _Strands, used: np.ndarray, first: np.ndarray, set_fraction: float
+) -> _Grips:
+    """The clamps of the wires that are kept; see kernels/clamp.py for their numbers."""
+    thread, begin, count = strands.thread[used], strands.begin[used], strands.count[used]
+    spacing = table.spacing[thread]
+    arc = np.stack([strands.arc_begin[used], strands.arc_end[used]], axis=1)
+    # the clamp, points a little before and behind it, and the five nodes at its end of the wire, the outermost first
+    inward = np.array([1, -1])
+    local = np.stack([np.zeros_like(count), count - 1], axis=1)[:, :, None] + inward[:, None] * np.arange(5)
+    node_arc = (begin[:, None, None] + local) * spacing[:, None, None]
+    apart = TANGENT_SHARE * spacing[:, None]
+    at = np.concatenate([np.stack([arc, arc - apart, arc + apart], axis=2), node_arc], axis=2)
+    place = np.zeros((*at.shape, 2))
     for t, line in enumerate(cloth.threads):
         here = thread == t
-        curve = ThreadCurve(line, cloth.size[1])
-        for place, at in ((position, node_arc), (centre, arc)):
-            place[here] = curve(at[here].ravel())[:, :2].reshape(*at[here].shape, 2)
-    shift = (column * cloth.size[0])[:, None]
-    position[..., 0] += shift
-    centre[..., 0] += shift
-    centre = centre.reshape(-1, 2)
-    lever = (position.reshape(-1, 2, 2) - centre[:, None, :]).reshape(-1, 2)
-    held = (first[:, None] + local).ravel()
-    return held, lever, np.repeat(np.arange(len(centre)), 2), centre
+        place[here] = ThreadCurve(line, cloth.size[1])(at[here].ravel())[:, :2].reshape(*at[here].shape, 2)
+    place[..., 0] += (strands.column[used] * cloth.size[0])[:, None, None]
+    centre, node = place[:, :, 0], place[:, :, 3:]
+    tangent = place[:, :, 2] - place[:, :, 1]
+    tangent /= np.linalg.norm(tangent, axis=2)[:, :, None]
+
+    # edges from the clamp inwards, and turned so that they run along the wire at both ends
+    edge = np.diff(np.concatenate([centre[:, :, None], node[:, :, 2:]], axis=2), axis=2) * inward[:, None, None]
+    length = np.linalg.norm(edge, axis=3)
+    turn = np.stack([_turn(tangent, edge[:, :, 0], inward), _turn(edge[:, :, 0], edge[:, :, 1], inward)], axis=2)
+    hinge = np.stack([0.5 * length[..., 0], 0.5 * (length[..., 0] + length[..., 1])], axis=2)
+    # table entries [wire, end, hinge] of the two nodes
+    entry = np.mod(begin[:, None, None] + local[:, :, 1:3], table.nodes[thread][:, None, None])
+    entry += table.start[thread][:, None, None]
+    in_table = table.rest_turn[entry]
+    numbers = np.zeros((len(used), 2, clamp.CLAMP_NUMBERS))
+    lever = centre - node[:, :, 1]
+    numbers[..., [clamp.LEVER_X, clamp.LEVER_Y]] = -lever * inward[:, None]
+    numbers[..., [clamp.TANGENT_X, clamp.TANGENT_Y]] = tangent
+    numbers[..., clamp.LENGTH] = length[..., 0]
+    numbers[..., [clamp.ANGLE, clamp.NEXT_ANGLE]] = set_fraction * turn
+    numbers[..., [clamp.HINGE, clamp.NEXT_HINGE]] = table.hinge_length[entry] / hinge
+    change = BOW * (turn**2 - in_table**2)
+    numbers[..., clamp.BOW_CHANGE] = change.sum(axis=2)
+    numbers[..., clamp.NEXT_BOW_CHANGE] = change[..., 1]
+    held = (first[:, None, None] + np.sort(local[:, :, :2], axis=2)).reshape(-1)
+    held_place = np.where((inward < 0)[:, None, None], node[:, :, 1::-1], node[:, :, :2])
+    return _Grips(
+        node=held,
+        lever=(held_place - centre[:, :, None]).reshape(-1, 2),
+        position=centre.reshape(-1, 2),
+        numbers=numbers,
+    )
 
 
-def _hinge_factors(spacing: np.ndarray, arc_begin: np.ndarray, arc_end: np.ndarray) -> np.ndarray:
-    """Stiffness (wire, 2) of the hinges next to the clamps over that of one in the middle of a wire.
-
-    Such a hinge bends for the wire from the clamp to the middle of the next segment, between h/2 and 3h/2 of it.
-    """
-    begin = 1.5 - np.mod(arc_begin / spacing, 1.0)
-    end = 0.5 + np.mod(arc_end / spacing, 1.0)
-    return 1.0 / np.stack([begin, end], axis=1)
+def _turn(a: np.ndarray, b: np.ndarray, inward: np.ndarray) -> np.ndarray:
+    """Turning angle [wire, end] [rad] from edge a to b (wire, end, 2) at the near end; from b to a at the far one."""
+    cross = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return np.arctan2(inward * cross, np.sum(a * b, axis=-1))
 
 
 def _central_rhombus(

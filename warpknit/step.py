@@ -21,7 +21,7 @@ from .kernels.control import update_control
 from .kernels.grip import move_held_nodes
 from .kernels.wires import step_wires_by_node
 from .kernels.wires_by_block import BLOCK_SIZE, step_wires_by_block
-from .model import Model, body_blocks, grip_segments
+from .model import Model, body_blocks
 from .state import State
 
 KERNELS = (find_contact_forces, step_wires_by_block, step_wires_by_node, step_bodies, move_held_nodes, update_control)
@@ -205,8 +205,8 @@ def wire_arguments(model: Model, state: State, now: int, then: int, first_block:
     return [
         mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire,
         mesh.block_pair_start, mesh.block_held_start, mesh.wire_first, mesh.wire_count, mesh.wire_closed,
-        mesh.wire_hinge, state.wire_axial, state.wire_mass, state.control, real(model.precision.unit),
-        first_block, grip_segments(model),
+        mesh.wire_clamp, state.wire_axial, state.wire_mass, state.control, real(model.precision.unit),
+        first_block, int(model.is_gripped),
         rest.rest_x, rest.rest_y, rest.rest_length, rest.inverse_length, rest.rest_angle, rest.hinge_stiffness,
         rest.inverse_mass, rest.node_mass,
         state.tension_offset,

@@ -40,7 +40,8 @@ class Table:
     rest_y: np.ndarray  # [entry] [m]
     rest_length: np.ndarray  # [entry] [m] its natural length
     rest_bow: np.ndarray  # [entry] [-] share by which the arc is longer, as the kernel sees it (kernels/bend.py)
-    rest_angle: np.ndarray  # [entry] [rad] natural turning angle at the node
+    rest_turn: np.ndarray  # [entry] [rad] turning angle at the node as knitted
+    rest_angle: np.ndarray  # [entry] [rad] natural turning angle: what is left of it when the wire is let free
     hinge_length: np.ndarray  # [entry] [m] mean of the two chords at the node
     node_length: np.ndarray  # [entry] [m] wire that the node stands for
     curve: np.ndarray  # [entry, CURVE_COEFFICIENTS] [-] see kernels/contact.py
@@ -52,7 +53,8 @@ def rest_table(cloth: Cloth, *, nodes_per_loop: int, set_fraction: float, lead: 
 
     `lead` entries are kept before and behind a period [-]; `set_fraction` scales the natural turning angles.
     """
-    columns: dict[str, list[np.ndarray]] = {name: [] for name in ("x", "y", "z", "ex", "ey", "len", "bow", "ang", "hl", "nl")}
+    names = ("x", "y", "z", "ex", "ey", "len", "bow", "turn", "ang", "hl", "nl")
+    columns: dict[str, list[np.ndarray]] = {name: [] for name in names}
     curves, starts, counts, spacings = [], [], [], []
     error = 0.0
     offset = 0
@@ -74,6 +76,7 @@ def rest_table(cloth: Cloth, *, nodes_per_loop: int, set_fraction: float, lead: 
         columns["ey"].append(edge[1:-1, 1])
         columns["len"].append(chord[1:-1])
         columns["bow"].append(BOW * (angle[:-1] ** 2 + angle[1:] ** 2))
+        columns["turn"].append(angle[:-1])
         columns["ang"].append(angle[:-1] * set_fraction)
         columns["hl"].append(0.5 * (chord[:-2] + chord[1:-1]))
         columns["nl"].append(np.full(len(k) - 3, h))
@@ -97,6 +100,7 @@ def rest_table(cloth: Cloth, *, nodes_per_loop: int, set_fraction: float, lead: 
         rest_y=joined["ey"],
         rest_length=joined["len"],
         rest_bow=joined["bow"],
+        rest_turn=joined["turn"],
         rest_angle=joined["ang"],
         hinge_length=joined["hl"],
         node_length=joined["nl"],

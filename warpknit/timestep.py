@@ -59,7 +59,7 @@ def frequency_bound(model: Model, reading: measure.Reading) -> FrequencyBound:
         b = 16.0 * model.bending_stiffness / h**3 * im
         nodes = np.concatenate([np.arange(panel.wire_first[w], panel.wire_first[w] + panel.wire_count[w]) for w in wires])
         t = 4.0 * max(0.0, float(reading.tension[nodes].max())) / h * im
-        angle = np.abs(reading.turning[nodes] + table.rest_angle[reading.entry[nodes]]).max()
+        angle = np.abs(reading.turning[nodes] + reading.natural_angle[nodes]).max()
         sine = math.sin(min(float(angle), 0.5 * math.pi))
         square = 0.5 * (a + b) + math.sqrt(0.25 * (a - b) ** 2 + a * b * sine * sine) + t
         if square > worst[3]:

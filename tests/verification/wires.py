@@ -12,6 +12,7 @@ import numpy as np
 
 from warpknit import measure
 from warpknit.kernels import control as c
+from warpknit.kernels.clamp import CLAMP_NUMBERS
 from warpknit.kernels.contact import CURVE_COEFFICIENTS
 from warpknit.kernels.wires_by_block import BLOCK_SIZE
 from warpknit.model import Model, assemble_model
@@ -65,8 +66,8 @@ def table_of_wires(
         angle = np.arctan2(b[:, 0] * e[:, 1] - b[:, 1] * e[:, 0], np.sum(b * e, axis=1))
         for name, value in dict(
             x=shape[wrap, 0], y=shape[wrap, 1], z=0 * length, rest_x=edge[:, 0], rest_y=edge[:, 1], rest_length=length,
-            rest_bow=np.zeros(len(wrap)), rest_angle=angle, hinge_length=0.5 * (length + before), node_length=node_length,
-            curve=np.zeros((len(wrap), CURVE_COEFFICIENTS)),
+            rest_bow=np.zeros(len(wrap)), rest_turn=angle, rest_angle=angle, hinge_length=0.5 * (length + before),
+            node_length=node_length, curve=np.zeros((len(wrap), CURVE_COEFFICIENTS)),
         ).items():  # fmt: skip
             parts.setdefault(name, []).append(value)
         start.append(offset + LEAD)
@@ -122,7 +123,7 @@ def panel_of_wires(
         wire_closed=np.full(len(count), closed),
         wire_thread=i32(np.arange(len(count))),
         wire_length=(count - (not closed)) * table.spacing,
-        wire_hinge=np.ones((len(count), 2)),
+        wire_clamp=np.zeros((len(count), 2, CLAMP_NUMBERS)),
         block_first=i32(first[wire_of] + low_of),
         block_count=i32(np.minimum(block_size, count[wire_of] - low_of)),
         block_table=i32(table.start[wire_of] + low_of),
