@@ -30,6 +30,7 @@ from .model import (
 )
 from .panel import table_lead
 from .scene import Scene, Stage
+from .step import thread_count
 from .table import Table, rest_table
 
 COUNTED_NODES = 2_000_000  # meshes up to here are laid out to be counted: a second or two
@@ -37,18 +38,18 @@ PROGRAM_MEMORY = 430 * 2**20  # [bytes] of a run of few nodes, its libraries inc
 ESTIMATE_FACTOR = 3  # steps and time may be off by so much either way
 
 # Measured on the Atlas-Atlas mesh of scenes/atlas_cell.toml: 13,050, 14,800 and 20,800 steps to 5, 20 and 40 levels.
-STEPS_TO_LOAD = 9_000.0  # of a stage, at MEASURED_NODES and MEASURED_TOLERANCE, however many levels it has
-STEPS_PER_LEVEL = 500.0
+STEPS_TO_LOAD = 10_000.0  # of a stage, at MEASURED_NODES and MEASURED_TOLERANCE, however many levels it has
+STEPS_PER_LEVEL = 800.0
 MEASURED_NODES = 24  # a loop
 NODES_POWER = 1.25  # steps of the cell by nodes a loop: 6,600 at 8, 11,700 at 16, 17,500 at 27, 85,000 at 54
 MEASURED_TOLERANCE = 3e-3
 TOLERANCE_POWER = 1 / 3  # 11,500 steps at 1e-2, 30,750 at 3e-4
-GRIPPED = 2.5  # times the steps of a tile: 1.2 to 4 at the standard preset, 2 to 3 at draft, 2 x 2 to 7 x 6 repeats
-TENSION_STATES = 6.0  # steady states tried for a level that is driven by tension
+GRIPPED = 2.5  # times the steps of a tile: 1 to 4 at the standard preset, 2 to 3 at draft, 2 x 2 to 7 x 6 repeats
+TENSION_STATES = 10.0  # steady states tried for a level that is driven by tension
 RAMP_SHARE = 1.2  # steps of a ramp over loading time/step at the start: 1.15 and 1.20, the step shrinks with the load
 
-STEP_TIME = 40e-6  # [s] of a step on a CPU core, however few nodes: launches, and a look at the state every 50 steps
-NODE_STEPS_PER_S = {"single": 6e7, "double": 3e7}  # beyond that, on a CPU core, 2,000 to 350,000 nodes
+STEP_TIME = 10e-6  # [s] of a step on the CPU, however few nodes: launches, and a look at the state every 50 steps
+NODE_STEPS_PER_S = {"single": 9e7, "double": 5.5e7}  # beyond that, on one core, 2,000 to 350,000 nodes
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ class Plan:
         if self.wall_s is None:
             time = "not estimated on a GPU"
         else:
-            time = f"about {duration(self.wall_s)} on a CPU core, kernels compiled"
+            time = f"about {duration(self.wall_s)} on this CPU, kernels compiled"
         rows = [
             ("scene", f"{self.scene}, on {self.device}"),
             ("knit", self.knit),
@@ -229,8 +230,8 @@ def ramp_steps(scene: Scene, mesh: MeshSize) -> int:
 
 
 def wall_time(steps: int, nodes: int, precision: str) -> float:
-    """Time [s] of so many steps on a CPU core, without compilation and files."""
-    return steps * (STEP_TIME + nodes / NODE_STEPS_PER_S[precision])
+    """Time [s] of so many steps on this machine's cores, without compilation and files."""
+    return steps * (STEP_TIME + nodes / (NODE_STEPS_PER_S[precision] * thread_count(nodes)))
 
 
 # --- physics ----------------------------------------------------------------------------------------------------------

@@ -259,3 +259,22 @@ def _with_path(text: str, *overrides: str):
         path = Path(folder) / "path.toml"
         path.write_text(head + text)
         return load_scene(path, ["solver.preset=draft", "output.frames=4", *overrides])
+
+
+def test_cooling_held_wires_is_a_stretch_of_shorter_ones() -> None:
+    """Cooled between fixed grips, a mesh is the same mesh, all of it shorter by the length factor, stretched to the same size:
+    forces of bending go with 1/length^2, so tension (force a width) with 1/length^3. Steady to 0.1 %, of increments 3 %."""
+    patch = ("knit.repeats=[2,2]", "model.boundary=gripped", "solver.preset=draft", "solver.precision=double",
+             "solver.residual_tolerance=1e-3", "output.frames=2")  # fmt: skip
+    held = "[load]\nstrain_weft=0.03\nstrain_warp=0.03\n"
+    runs = {}
+    for name, text in (("warm", held), ("cold", held + '[[path]]\ntemperature = "143.15 K"\n')):
+        model = build_model(_with_path(text, *patch))
+        *_, last = Simulation(model, initial_state(model)).run()
+        runs[name] = np.array(measure.mesh_tension(last.reading))
+    factor = last.reading.length_factor
+    strain = 1.03 / factor - 1.0
+    model = build_model(_with_path(f"[load]\nstrain_weft={strain}\nstrain_warp={strain}\n", *patch))
+    *_, last = Simulation(model, initial_state(model)).run()
+    stretched = np.array(measure.mesh_tension(last.reading))
+    assert runs["cold"] * factor**3 - runs["warm"] == pytest.approx(stretched - runs["warm"], rel=0.03)
