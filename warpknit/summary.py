@@ -130,7 +130,8 @@ def warnings_of(model: Model, rows: list[Row], stages: list[dict[str, Any]]) -> 
         if jump > STRAIN_JUMP and model.scene.solver.drive == "relax":
             found.append(
                 f"the mesh jumps by {jump:.1%} strain between loads {a.load_factor:.3g} and {b.load_factor:.3g} of stage"
-                f" {b.stage!r}: more than one state carries such a load, and which is found depends on the way there"
+                f" {b.stage!r}: slack was taken up, or more than one state carries such a load and which is found depends on"
+                " the way there"
             )
             break
     if stages and abs(stages[-1]["quality"]["energy_balance_of_stored"]) > 0.05:

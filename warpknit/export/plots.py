@@ -28,6 +28,7 @@ __all__ = ["curves_figure", "mesh_figure"]
 
 DOTS_PER_INCH = 150
 SEGMENTS_DRAWN = 200_000  # above, single wires cannot be told apart: a map is drawn
+NEIGHBOURS_DRAWN = 2_000  # segments of a periodic tile up to which the tiles around it are drawn, pale
 DECADES_DRAWN = 1e-9  # of a logarithmic axis: a kinetic energy that has died away does not flatten the others
 ROOM = 293.15  # [K]  a temperature other than this is said in the title
 # Okabe and Ito's colours, distinct without red-green vision.
@@ -74,10 +75,19 @@ def mesh_figure(
         zorder=1,
     )
     axes.add_collection(wires)
+    if layout.wire_closed.any() and segment.size <= NEIGHBOURS_DRAWN:
+        _draw_neighbours(axes, lines, 1e3 * frame.deformation @ np.diag(layout.period))
     _stress_bar(figure, axes, wires, yield_stress)
     _draw_contacts(figure, axes, layout, frame, points_per_mm)
     _frame_axes(axes, low, high)
     return _save(figure, path)
+
+
+def _draw_neighbours(axes: Axes, lines: NDArray[Any], period: NDArray[Any]) -> None:
+    """Draw the eight tiles around a periodic one, pale; the columns of `period` (2, 2) [mm] lead to the next tile."""
+    steps = [np.array(step) for step in np.ndindex(3, 3) if step != (1, 1)]
+    copies = np.concatenate([lines + period @ (step - 1) for step in steps])
+    axes.add_collection(LineCollection(copies, colors="#D8D8D8", linewidths=0.9, zorder=0.5))
 
 
 def curves_figure(history: Iterable[Mapping[str, Any]] | str | os.PathLike[str], path: str | os.PathLike[str]) -> Path:
@@ -319,7 +329,7 @@ def _draw_curves(
         low, high = axes.get_ylim()
         axes.set_ylim(bottom=max(low, DECADES_DRAWN * high))
     if handles:
-        axes.legend(handles=handles, frameon=False, loc="best")
+        axes.legend(handles=handles, frameon=True, framealpha=0.8, edgecolor="none", loc="best")
     axes.grid(color="#DDDDDD", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
 
