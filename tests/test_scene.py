@@ -519,9 +519,3 @@ def test_fine_nodes_are_double_unless_said():
     """Round-off of single precision grows as EI/h^2: many nodes a loop default to double."""
     assert make_scene({"model": {"nodes_per_loop": 60}}).solver.precision == "double"
     assert make_scene({"model": {"nodes_per_loop": 60}, "solver": {"precision": "single"}}).solver.precision == "single"
-
-
-def test_tension_in_a_ramp_is_refused():
-    """A ramp in real time is driven by strain: a tension there would be ignored, so it is refused."""
-    with pytest.raises(SceneError, match="load.tension_weft: given '2 N/m', allowed: strain_weft in a ramp"):
-        make_scene({"load": {"tension_weft": "2 N/m"}, "solver": {"drive": "ramp"}})

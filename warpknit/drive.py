@@ -61,6 +61,8 @@ class Progress:
     search: TensionSearch = field(default_factory=TensionSearch)
     time: float = 0.0  # [s] of the stage, in a ramp
     work: float = 0.0  # [J] in a ramp
+    compliance: list[float] = field(default_factory=list)  # [m/N] strain by tension, of a ramp driven by tension
+    followed: list[float] = field(default_factory=list)  # strains and tensions [N/m] at its last look
     stress: list[float] = field(default_factory=list)  # [N/m] nominal stress at the last look, in a ramp
 
     def as_dict(self) -> dict:

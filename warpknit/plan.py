@@ -37,7 +37,7 @@ COUNTED_NODES = 2_000_000  # meshes up to here are laid out to be counted: a sec
 PROGRAM_MEMORY = 430 * 2**20  # [bytes] of a run of few nodes, its libraries included
 ESTIMATE_FACTOR = 3  # steps and time may be off by so much either way
 
-# Measured on the Atlas-Atlas mesh of scenes/atlas_cell.toml: 13,050, 14,800 and 20,800 steps to 5, 20 and 40 levels.
+# Measured on the Atlas-Atlas mesh of scenes/atlas_cell.toml: 13,750, 21,350 and 31,250 steps to 5, 10 and 20 levels.
 STEPS_TO_LOAD = 10_000.0  # of a stage, at MEASURED_NODES and MEASURED_TOLERANCE, however many levels it has
 STEPS_PER_LEVEL = 800.0
 MEASURED_NODES = 24  # a loop
@@ -47,6 +47,7 @@ TOLERANCE_POWER = 1 / 3  # 11,500 steps at 1e-2, 30,750 at 3e-4
 GRIPPED = 2.5  # times the steps of a tile: 1 to 4 at the standard preset, 2 to 3 at draft, 2 x 2 to 7 x 6 repeats
 TENSION_STATES = 10.0  # steady states tried for a level that is driven by tension
 RAMP_SHARE = 1.2  # steps of a ramp over loading time/step at the start: 1.15 and 1.20, the step shrinks with the load
+RAMP_BY_TENSION = 5.0  # times that, where the boundary has to find a tension
 
 STEP_TIME = 10e-6  # [s] of a step on the CPU, however few nodes: launches, and a look at the state every 50 steps
 NODE_STEPS_PER_S = {"single": 9e7, "double": 5.5e7}  # beyond that, on one core, 2,000 to 350,000 nodes
@@ -226,7 +227,8 @@ def relax_steps(scene: Scene, table: Table) -> int:
 
 def ramp_steps(scene: Scene, mesh: MeshSize) -> int:
     """Steps of a ramp: the loading time of each stage over the step at its start, and a little more as that shrinks."""
-    return max(1, round(RAMP_SHARE * len(scene.stages) * mesh.loading_time / mesh.time_step))
+    stages = sum(RAMP_BY_TENSION if _is_driven_by_tension(stage) else 1.0 for stage in scene.stages)
+    return max(1, round(RAMP_SHARE * stages * mesh.loading_time / mesh.time_step))
 
 
 def wall_time(steps: int, nodes: int, precision: str) -> float:

@@ -366,9 +366,6 @@ def _stages(source: _Source, file: SceneFile, wire: Wire, knit: Knit) -> Iterato
         if "displacement" in given:
             load |= _displaced(source, (*location, "displacement"), given.pop("displacement"), knit)
         for side in ("weft", "warp"):
-            if f"tension_{side}" in given and file.solver.drive == "ramp":
-                allowed = f"strain_{side} in a ramp; a tension is found between steady states, solver.drive = 'relax'"
-                raise source.refusal((*location, f"tension_{side}"), given[f"tension_{side}"], allowed)
             if f"strain_{side}" in given or f"tension_{side}" in given:
                 load |= _direction(side, given.pop(f"strain_{side}", None), given.pop(f"tension_{side}", None))
         load |= given
