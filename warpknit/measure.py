@@ -478,8 +478,8 @@ def positions(r: Reading) -> tuple[np.ndarray, np.ndarray]:
     origin = np.repeat(panel.block_origin, panel.block_count, axis=0)
     rest = np.stack([table.x[r.entry], table.y[r.entry]], axis=1) + origin
     corner = rest.min(axis=0) if panel.boundary == "periodic" else panel.clamp_position.min(axis=0)
-    node = (rest - corner) @ r.gradient.T + r.u
-    body = (panel.body_rest + panel.body_origin - corner) @ r.gradient.T + r.body_u
+    node = np.einsum("ia,ba->ib", rest - corner, r.gradient) + r.u
+    body = np.einsum("ia,ba->ib", panel.body_rest + panel.body_origin - corner, r.gradient) + r.body_u
     height = table.z[r.entry]
     seed_height = height[r.model.panel.pair_seed].reshape(-1, 2).mean(axis=1)
     return np.column_stack([node, height]), np.column_stack([body, seed_height])

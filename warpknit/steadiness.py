@@ -60,7 +60,9 @@ class Steadiness:
             largest / (LOCAL_ALLOWANCE * max(scale, min(ROUND_OFF_LARGEST * float(round_off.max()), most) / tolerance)),
         )
         tension, turning = (values.numpy().astype(np.float64) for values in (self.tension, self.turning))
-        stored = 0.5 * float(tension @ tension) * self._stretch_energy + 0.5 * float(turning @ turning) * self._bend_energy
+        # sums without BLAS, whose threads would go on spinning on the cores that the steps need
+        stretch, bend = float(np.sum(tension * tension)), float(np.sum(turning * turning))
+        stored = 0.5 * stretch * self._stretch_energy + 0.5 * bend * self._bend_energy
         motion = math.sqrt(
             0.5 * float(control[int(c.KINETIC_TWICE)]) / max(stored, ENERGY_FLOOR * measure.energy_scale(model))
         )

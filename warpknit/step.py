@@ -27,8 +27,9 @@ from .state import State
 KERNELS = (find_contact_forces, step_wires_by_block, step_wires_by_node, step_bodies, move_held_nodes, update_control)
 
 
-GRAPH_STEPS = (50, 2)  # steps that are replayed at once
-NODES_A_THREAD = 20_000  # fewer nodes are not worth the waiting
+GRAPH_STEPS = (50, 10, 1)  # steps that are replayed at once
+CORES = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
+NODES_A_THREAD = 4_000  # fewer nodes are not worth the waiting
 
 
 class Stepper:
@@ -65,17 +66,11 @@ class Stepper:
 
     def step(self, count: int) -> None:
         """Take `count` steps; they do nothing once the state is frozen (see kernels/control.py)."""
-        if count and self.state.parity == 1:
-            self._replay(1, 1)
-            self.state.parity = 0
-            count -= 1
         for size in GRAPH_STEPS:
             for _ in range(count // size):
-                self._replay(0, size)
+                self._replay(self.state.parity, size)
+                self.state.parity = (self.state.parity + size) % 2
             count %= size
-        if count:
-            self._replay(0, 1)
-            self.state.parity = 1
 
     def _replay(self, parity: int, steps: int) -> None:
         """Have every thread replay its part of so many steps."""
@@ -153,7 +148,7 @@ def _yield_address() -> int:
 
 def thread_count(nodes: int) -> int:
     """Threads that share a step of so many nodes on the CPU: WARPKNIT_THREADS, or one a core that has NODES_A_THREAD."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    cores = len(CORES)
     given = os.environ.get("WARPKNIT_THREADS", "")
     wanted = int(given) if given.isdecimal() else cores
     return max(1, min(wanted, cores, nodes // NODES_A_THREAD))
