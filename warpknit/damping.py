@@ -23,7 +23,7 @@ class SlowestMode:
     def __init__(self, model: Model, state: State, stepper: Stepper) -> None:
         self.model = model
         self.state = state
-        self._probe = ForceProbe(model, state, stepper)
+        self.probe = ForceProbe(model, state, stepper)
         h = float(model.table.spacing.min())
         wave_number = 2.0 * math.pi / (SLOWEST_WAVE * model.scene.model.nodes_per_loop * h)
         heaviest = 1.0 / float(model.rest.inverse_mass.numpy().min())
@@ -44,7 +44,7 @@ class SlowestMode:
                 state.wire_mass, model.rest.inverse_mass,
                 model.precision.real(model.precision.unit),
                 state.node_ux[parity], state.node_uy[parity],
-                self._probe.acceleration_x, self._probe.acceleration_y, *self._last, self._partial,
+                self.probe.acceleration_x, self.probe.acceleration_y, *self._last, self._partial,
             ],
             device=model.device,
             record_cmd=True,
@@ -61,7 +61,7 @@ class SlowestMode:
     def look(self, *, use: bool) -> None:
         """Take in the state; with `use`, set the damping from what happened since the last look."""
         state = self.state
-        self._probe.evaluate()
+        self.probe.evaluate()
         self._sum[state.parity].launch()
         if not use or state.read_control()[int(c.DRIVE)] != 0.0:
             return

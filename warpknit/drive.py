@@ -6,6 +6,7 @@ it calls `watch`, which may raise to stop the run.
 
 from __future__ import annotations
 
+import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
@@ -15,6 +16,7 @@ import numpy as np
 from . import measure
 from .errors import Diverged
 from .kernels import control as c
+from .look import Look
 from .model import Model
 from .neighbours import NeighbourSearch
 from .scene import Stage
@@ -57,6 +59,7 @@ class Progress:
     start: dict[str, list[float] | float] = field(default_factory=dict)  # load at the start of the stage
     best: float = 1e30  # of what is left to do, in the level
     waited: int = 0  # looks since that came down by a tenth
+    imbalance: float = 1e30  # of the mesh as a membrane, over what counts as steady; large meshes only
     tensions: list[list[float]] = field(default_factory=list)  # [N/m] nominal, at the last looks of a level nearly at rest
     search: TensionSearch = field(default_factory=TensionSearch)
     time: float = 0.0  # [s] of the stage, in a ramp
@@ -92,15 +95,33 @@ class Drive(ABC):
         self.watch = watch
         self.stepper = Stepper(model, state)
         self.neighbours = NeighbourSearch(model, state)
+        self.look = Look(model, state)
         self.steadiness = Steadiness(model, state)
 
     @abstractmethod
     def stage(self, stage: Stage) -> Iterator[Record]:
         """Records of one stage, from where `progress` stands."""
 
-    @abstractmethod
     def warm_up(self) -> None:
+        """Have every kernel that the run will use compiled or loaded; everything stays as it is."""
+        kept = self.everything()
+        self._launch_all()
+        self.put_back(kept)
+
+    @abstractmethod
+    def _launch_all(self) -> None:
         """Launch every kernel that the run will use."""
+
+    def everything(self) -> dict[str, np.ndarray]:
+        """Host copies of the state, of what the loop carries from look to look, and of the progress."""
+        state = {f"state_{name}": value for name, value in self.state.arrays().items()}
+        return self.memory() | state | {"progress": np.array(json.dumps(self.progress.as_dict()))}
+
+    def put_back(self, kept: dict[str, np.ndarray]) -> None:
+        """Put back what `everything` returned."""
+        self.state.restore({name[6:]: value for name, value in kept.items() if name.startswith("state_")})
+        self.progress.__dict__.update(Progress.from_dict(json.loads(str(kept["progress"]))).__dict__)
+        self.recall(kept)
 
     def memory(self) -> dict[str, np.ndarray]:
         """Arrays that the loop carries from look to look."""

@@ -14,10 +14,10 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from . import measure
 from .kernels import control as c
 from .kernels.multipliers import update_pair_offset, update_tension_offset
 from .kernels.wires_by_block import BLOCK_SIZE
+from .look import Look, Sums
 from .model import Model, block_threads
 from .numerics import MASS_MARGIN, TURN_ALLOWANCE, unit_step_mass
 from .state import State
@@ -83,47 +83,39 @@ class Multipliers:
             kept[name].copy() for name in ("stretched", "unsettled", "imposed")
         )
 
-    def bound_softening(self, reading: measure.Reading) -> None:
+    def bound_softening(self, look: Look) -> None:
         """Soften each wire no more than its shape bears."""
         model, panel = self.model, self.model.panel
         if panel.boundary == "periodic":
             return
-        y = offset_from_chord(reading)
+        y = look.distance_from_chord()
         most = np.maximum(1.0, y**2 * model.axial_stiffness / (BEND_OVER_STRETCH * model.bending_stiffness))
         now = self.state.wire_axial.numpy().astype(np.float64)
         axial = np.maximum(now, np.minimum(model.axial_stiffness / most, model.axial_stiffness))
         if np.all(axial <= now * (1 + 1e-6)):
             return
-        tension = wp.array(reading.tension, dtype=model.precision.real, device=model.device)
-        self._move_offsets(tension, tension, axial, rate=0.0)
+        sums = look.take()
+        self._move_offsets(look, axial, rate=0.0)
+        self._renew(axial, float(self.state.read_control()[int(c.CONTACT_STIFFNESS)]), sums)
+
+    def update(self, look: Look, sums: Sums, *, nearly_steady: bool) -> float:
+        """Move every multiplier once, by what a look has just summed up; what is still missing, 1 being the most that counts
+        as steady."""
+        axial = self.state.wire_axial.numpy().astype(np.float64)
+        # strains are those of the arc: the chord of a wire that straightens grows, however stiff the wire is. A segment gives
+        # way to its neighbours at once; what is missing in the mean is what the ends impose
+        stiffer = self._outgrown(axial, sums.strain_max, sums.error_mean, nearly_steady)
         penalty = float(self.state.read_control()[int(c.CONTACT_STIFFNESS)])
-        self._renew(axial, penalty, reading.tension, reading.turning)
-
-    def update(self, strain: wp.array, tension: wp.array, turning: wp.array, *, nearly_steady: bool) -> float:
-        """Move every multiplier once; what is still missing, 1 being the most that counts as steady.
-
-        strain [-], tension [N], turning [rad]: [node] of the current state, on the device (measure.evaluate).
-        """
-        model, state, panel = self.model, self.state, self.model.panel
-        host = tension.numpy().astype(np.float64)
-        axial = state.wire_axial.numpy().astype(np.float64)
-        arc = strain.numpy().astype(np.float64)
-        # of the arc: the chord of a wire that straightens grows, however stiff the wire is
-        softened = np.maximum.reduceat(np.abs(arc), panel.wire_first)
-        error = arc - host / model.axial_stiffness
-        missing = np.maximum.reduceat(np.abs(error), panel.wire_first)
-        # a segment gives way to its neighbours at once; what is missing in the mean is what the ends impose
-        imposed = np.abs(np.add.reduceat(error, panel.wire_first)) / panel.wire_count
-        stiffer = self._outgrown(axial, softened, imposed, nearly_steady)
-        penalty = float(state.read_control()[int(c.CONTACT_STIFFNESS)])
-        sunk = self._move_pair_offsets()
-        self._move_offsets(tension, strain, stiffer, self._rate)
+        sunk = sums.gap_max / self.model.scene.wire.diameter
+        self._update_pairs.set_param_at_index(0, wp.float64(self._rate))
+        self._update_pairs.launch()
+        self._move_offsets(look, stiffer, self._rate)
         self._sinking = self._sinking + 1 if sunk > PENETRATION_STIFFEN and sunk > 0.8 * self._sunk else 0
         self._sunk = sunk
         if self._sinking >= PATIENCE:
             self._sinking, penalty = 0, 2.0 * penalty
-        self._renew(stiffer, penalty, host, turning.numpy())
-        left = max(float(missing.max()) / AXIAL_ERROR, sunk / PENETRATION_LIMIT)
+        self._renew(stiffer, penalty, sums)
+        left = max(float(sums.error_max.max()) / AXIAL_ERROR, sunk / PENETRATION_LIMIT)
         self._slow_down_without_progress(left)
         return left
 
@@ -140,19 +132,9 @@ class Multipliers:
         self._unsettled[factor > 1.0] = 0
         return np.minimum(factor * axial, true)
 
-    def _move_pair_offsets(self) -> float:
-        """Move the multipliers of the pairs; the largest gap or overlap of a closed one, in wire diameters."""
-        state = self.state
-        closed = state.pair_force.numpy() > 0
-        if not closed.any():
-            return 0.0
-        self._update_pairs.set_param_at_index(0, wp.float64(self._rate))
-        self._update_pairs.launch()
-        return float(np.max(np.abs(state.pair_gap.numpy()[closed]))) / self.model.scene.wire.diameter
-
-    def _move_offsets(self, tension: wp.array, strain: wp.array, axial: np.ndarray, rate: float) -> None:
+    def _move_offsets(self, look: Look, axial: np.ndarray, rate: float) -> None:
         self._axial.assign(axial)
-        for index, value in ((RATE_AT, wp.float64(rate)), (RATE_AT + 4, tension), (RATE_AT + 5, strain)):
+        for index, value in ((RATE_AT, wp.float64(rate)), (RATE_AT + 4, look.tension), (RATE_AT + 5, look.strain)):
             self._update_wires.set_param_at_index(index, value)
         self._update_wires.launch()
 
@@ -176,15 +158,14 @@ class Multipliers:
             record_cmd=True,
         )
 
-    def _renew(self, axial: np.ndarray, penalty: float, tension: np.ndarray, turning: np.ndarray) -> None:
+    def _renew(self, axial: np.ndarray, penalty: float, sums: Sums) -> None:
         """Renew stiffnesses, and raise the fictitious masses of the wires where they no longer suffice."""
-        model, state, first = self.model, self.state, self.model.panel.wire_first
+        model, state = self.model, self.state
         h = float(model.table.spacing.min())
         stiffness = model.bending_stiffness
-        pull = np.maximum.reduceat(tension, first)
-        bent = np.where(np.maximum.reduceat(np.abs(turning), first) > TURN_ALLOWANCE, 0.5 * np.pi, 0.0)
+        bent = np.where(sums.turning_max > TURN_ALLOWANCE, 0.5 * np.pi, 0.0)
         at_start = unit_step_mass(model.axial_stiffness / model.softening, stiffness, model.contact_stiffness, h)
-        needed = unit_step_mass(axial, stiffness, penalty, h, bent, pull) / at_start
+        needed = unit_step_mass(axial, stiffness, penalty, h, bent, sums.tension_max) / at_start
         mass = state.wire_mass.numpy().astype(np.float64)
         # the rest table's masses have a margin for a load like that of the start
         short = needed > mass * MASS_HEADROOM
@@ -194,15 +175,3 @@ class Multipliers:
             state.wire_axial.assign(axial)
         if short.any():
             state.wire_mass.assign(np.where(short, needed * MASS_HEADROOM, mass))
-
-
-def offset_from_chord(r: measure.Reading) -> np.ndarray:
-    """[wire] [m] root mean square distance of a wire's nodes from the straight line through its ends."""
-    panel = r.model.panel
-    node, _ = measure.positions(r)
-    first, last = panel.wire_first, panel.wire_first + panel.wire_count - 1
-    chord = node[last, :2] - node[first, :2]
-    length = np.maximum(np.hypot(chord[:, 0], chord[:, 1]), 1e-30)
-    normal = np.repeat(np.stack([-chord[:, 1], chord[:, 0]], axis=1) / length[:, None], panel.wire_count, axis=0)
-    off = np.sum((node[:, :2] - np.repeat(node[first, :2], panel.wire_count, axis=0)) * normal, axis=1)
-    return np.sqrt(np.add.reduceat(off**2, first) / panel.wire_count)

@@ -45,6 +45,7 @@ class Panel:
     block_table: np.ndarray  # [block] table entry of the first node
     block_wire: np.ndarray  # [block]
     block_origin: np.ndarray  # [block, 2] [m]
+    body_clasp: np.ndarray  # [body] clasp of the repeat
     body_rest: np.ndarray  # [body, 2] [m] position at rest in the frame of its repeat
     body_origin: np.ndarray  # [body, 2] [m] what to add to it
     pair_wire: np.ndarray  # [pair]; pairs 2b and 2b + 1 belong to body b
@@ -281,6 +282,7 @@ def build_panel(
         block_origin=np.stack(
             [column[block_wire] * repeat[0], np.floor_divide(block_node, block_n) * repeat[1]], axis=1
         ),
+        body_clasp=_as32(bodies.clasp),
         body_rest=np.array([c.position for c in cloth.clasps]).reshape(-1, 2)[bodies.clasp],
         body_origin=np.stack([bodies.column * repeat[0], bodies.row * repeat[1]], axis=1),
         pair_wire=_as32(pair_wire.ravel()),

@@ -24,10 +24,10 @@ HOLD_LIMIT = 5.0  # loading times that a ramp is held at the end before it stops
 class Ramp(Drive):
     """Records `output.frames` states of a stage, the last one steady; the first stage starts with the unloaded state."""
 
-    def warm_up(self) -> None:
+    def _launch_all(self) -> None:
         self.neighbours.search()
         self.stepper.step(2)
-        self.steadiness.measure(self.state.read_control())
+        self._is_steady(self.state.read_control())
 
     def stage(self, stage: Stage) -> Iterator[Record]:
         progress, frames = self.progress, self.scene.output.frames
@@ -117,7 +117,7 @@ class Ramp(Drive):
         return bool(np.all(~driven | (np.abs(tension - wanted) <= near)))
 
     def _is_steady(self, control: np.ndarray) -> bool:
-        self.progress.residual = self.steadiness.measure(control)
+        self.progress.residual = self.steadiness.measure(control, self.look.take())
         return self.progress.residual < self.scene.solver.residual_tolerance
 
     def _renew_step(self) -> float:

@@ -6,6 +6,7 @@ Running multipliers take out what softened segments and contact penalties would 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
@@ -16,8 +17,11 @@ from .drive import CHECK_STEPS, Drive, LoadPoint, Progress, Record
 from .errors import Diverged
 from .kernels import control as c
 from .kernels.multipliers import extrapolate, extrapolate_held_bodies
+from .membrane import Membrane
 from .model import Model
 from .multipliers import Multipliers
+from .prolongation import Prolongation
+from .response import carried_values, find_response, no_response, recall_response
 from .scene import Stage
 from .state import State
 from .tension import MOST_STATES
@@ -27,22 +31,67 @@ LEVEL_RAMP_STEPS = 100  # steps over which the first load of a stage comes on
 LEVEL_STEP_LIMIT = 500_000  # steps of a level after which it counts as never steady, where the scene gives no max_steps
 WORSE = 100.0  # times what was left at best: the mesh has gone on to another state
 PATIENCE = 1500  # looks without progress by a tenth after which a level counts as never steady
+CORRECTION_LOOKS = 6  # looks between corrections of the mesh as a membrane
+MEMBRANE_TOLERANCE = 0.02  # stress out of balance over the tension, root mean square over the mesh
+UNLOADED = 1e-3  # of EI/W^2: forces that count as none in a mesh as knitted
 DRIFT_LOOKS = 4  # looks over which the tension must stand still
 TENSION_FLOOR = 1e-3  # of EI/C^3: what a change of tension is compared with where the mesh carries less
 NEARLY_STEADY = 10.0  # residual over the tolerance below which multipliers that do not converge tell of taut wires
 
 
+@dataclass(frozen=True)
+class WantedTension:
+    """The directions (weft, warp) of a level that are driven by tension, and how much."""
+
+    driven: np.ndarray  # (2,) bool
+    tension: np.ndarray  # (2,) [N/m]
+
+    def gradient(self, gradient: np.ndarray, strain: np.ndarray) -> np.ndarray:
+        """The deformation gradient with `strain` in the driven directions."""
+        there = gradient.copy()
+        there[np.diag_indices(2)] = np.where(self.driven, 1.0 + strain, np.diag(gradient))
+        return there
+
+
 class Relaxation(Drive):
     """`output.frames` steady levels a stage; the first stage starts with the unloaded state."""
 
-    def __init__(self, model: Model, state: State, progress: Progress, watch: Callable[[Progress], None]) -> None:
+    def __init__(
+        self,
+        model: Model,
+        state: State,
+        progress: Progress,
+        watch: Callable[[Progress], None],
+        smaller: Relaxation | None = None,
+        cell: Relaxation | None = None,
+    ) -> None:
+        """`smaller`: a smaller mesh of the same knit that each level starts from; `cell`: one periodic repeat, which gives the
+        stiffness of the cloth to a large gripped mesh."""
         super().__init__(model, state, progress, watch)
+        self.smaller = smaller
+        self.cell = cell
+        self.prolongation = Prolongation(model, state, smaller.model, smaller.state) if smaller else None
         self.multipliers = Multipliers(model, state)
         self.slowest_mode = SlowestMode(model, state, self.stepper)
-        self._last = [wp.zeros_like(value) for value in self._level_values()]
+        self.membrane = None
+        if smaller is not None:
+            self._response = no_response(cell.model if cell else smaller.model)
+        if cell is not None and self.prolongation is not None:
+            self.membrane = Membrane(model, state, self.slowest_mode.probe, self.prolongation.low_corner)
+        self._last = [wp.zeros_like(value) for value in self._level_values()] if smaller is None else []
         self._last_gradient: list[float] | None = None
 
     def warm_up(self) -> None:
+        if self.smaller is None or self.prolongation is None:
+            super().warm_up()
+            return
+        # the steps of a large mesh launch what those of the smaller one do
+        self.smaller.warm_up()
+        self.prolongation.carry(self._response)
+        if self.membrane is not None:
+            self.membrane.warm_up(self._response)
+
+    def _launch_all(self) -> None:
         self.neighbours.search()
         self.stepper.step(2)
         self.slowest_mode.look(use=True)
@@ -52,6 +101,12 @@ class Relaxation(Drive):
     def memory(self) -> dict[str, np.ndarray]:
         kept = {f"last_{k}": value.numpy().copy() for k, value in enumerate(self._last)}
         kept["last_gradient"] = np.array(self._last_gradient or [])
+        if self.smaller is not None and self.prolongation is not None:
+            kept |= {f"smaller_{name}": value for name, value in self.smaller.everything().items()}
+            kept |= self.prolongation.memory()
+        if self.cell is not None and self.membrane is not None:
+            kept |= {f"cell_{name}": value for name, value in self.cell.everything().items()}
+            kept |= self._response.memory()
         return super().memory() | kept | self.multipliers.memory() | self.slowest_mode.memory()
 
     def recall(self, kept: dict[str, np.ndarray]) -> None:
@@ -61,6 +116,13 @@ class Relaxation(Drive):
         self._last_gradient = kept["last_gradient"].tolist() or None
         self.multipliers.recall(kept)
         self.slowest_mode.recall(kept)
+        if self.smaller is not None and self.prolongation is not None:
+            self.smaller.put_back(_under("smaller_", kept))
+            self.prolongation.recall(kept)
+        if self.cell is not None and self.membrane is not None:
+            self.cell.put_back(_under("cell_", kept))
+            self._response = recall_response(kept, self.cell.model)
+            self.membrane.renew(self._response)
 
     def stage(self, stage: Stage) -> Iterator[Record]:
         progress = self.progress
@@ -69,42 +131,80 @@ class Relaxation(Drive):
         driven = np.array([stage.strain_weft is None, stage.strain_warp is None])
         tension_start = np.array(progress.start["tension"])
         tension_end = np.array([stage.tension_weft or 0.0, stage.tension_warp or 0.0])
-        scale = self.model.bending_stiffness / self.scene.knit.course_spacing**3
         while progress.level < levels + unloaded:
             factor = (progress.level + (not unloaded)) / levels
             progress.load_factor = factor
-            if not progress.settling:
-                self._start_level(self._target(stage, factor))
-                progress.search.begin_level()
-                self.multipliers.begin_level()
-                progress.settling = True
-                self._begin_settling()
-            self._settle()
+            wanted = None
             if driven.any() and factor > 0.0:
-                self._find_tension(tension_start + factor * (tension_end - tension_start), driven, scale, stage, factor)
-            progress.settling = False
+                wanted = WantedTension(driven, tension_start + factor * (tension_end - tension_start))
+            self.bring_to_rest(self._target(stage, factor), wanted)
             yield self._record(stage, factor, steady=True)
 
-    def _find_tension(self, wanted: np.ndarray, driven: np.ndarray, scale: float, stage: Stage, factor: float) -> None:
+    def bring_to_rest(self, target: LoadPoint, wanted: WantedTension | None) -> None:
+        """Go to the next load level, the smaller mesh first, or on with the one that was begun."""
+        progress = self.progress
+        if progress.steps == 0 and wanted is None and self._is_at_rest(target):
+            return
+        if not progress.settling:
+            if self.smaller is not None:
+                target = self._bring_smaller_to_rest(self.smaller, target, wanted)
+            if self.membrane is not None:
+                self._response = find_response(self.cell, target.gradient, target.temperature)
+                self.membrane.renew(self._response)
+            self._start_level(target)
+            progress.search.begin_level()
+            self.multipliers.begin_level()
+            progress.settling = True
+            self._begin_settling()
+        self._settle()
+        if wanted is not None:
+            self._find_tension(wanted, target.temperature)
+        progress.settling = False
+
+    def _is_at_rest(self, target: LoadPoint) -> bool:
+        """Whether a mesh that was not stepped yet is at rest under a load: as knitted, unless it was knitted under stress."""
+        as_knitted = np.array_equal(target.gradient, np.eye(2)) and target.temperature == self.scene.wire.reference_temperature
+        if not as_knitted:
+            return False
+        self.stepper.evaluate_contact()
+        sums = self.look.take()
+        least = UNLOADED * measure.force_scale(self.model)
+        bend = self.model.bending_stiffness / float(self.model.table.hinge_length.min()) ** 2
+        return sums.closed == 0 and float(sums.tension_max.max()) < least and float(sums.turning_max.max()) * bend < least
+
+    def rest_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Nominal stress (2, 2) [N/m] of the mesh at rest under a load, and the values that describe the state."""
+        self.bring_to_rest(LoadPoint(gradient, temperature), None)
+        return measure.nominal_stress(measure.read(self.model, self.state)), carried_values(self.model, self.state)
+
+    def _bring_smaller_to_rest(self, smaller: Relaxation, target: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
+        """The target, with the strains at which the smaller mesh carries what is wanted."""
+        smaller.progress.load_factor, smaller.progress.stage = self.progress.load_factor, self.progress.stage
+        smaller.bring_to_rest(target, wanted)
+        smaller.progress.level += 1
+        if wanted is None:
+            return target
+        now = smaller.state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2)
+        return LoadPoint(wanted.gradient(target.gradient, np.diag(now) - 1.0), target.temperature)
+
+    def _find_tension(self, wanted: WantedTension, temperature: float) -> None:
         """Try strains until the steady state carries the wanted tension."""
+        scale = self.model.bending_stiffness / self.scene.knit.course_spacing**3
         while True:
             reading = measure.read(self.model, self.state)
             strain = np.diag(reading.gradient) - 1.0
             tension = np.array(measure.mesh_tension(reading))
-            following = self.progress.search.next_strain(strain, tension, wanted, driven, scale)
+            following = self.progress.search.next_strain(strain, tension, wanted.tension, wanted.driven, scale)
             if following is None:
                 return
             if self.progress.search.states > MOST_STATES:
                 raise Diverged(
-                    f"stage {stage.name!r}, load {factor:.3g}: no strain found at which the mesh carries"
-                    f" {wanted[0]:.3g} N/m in weft and {wanted[1]:.3g} N/m in warp (now {tension[0]:.3g} and"
-                    f" {tension[1]:.3g} N/m): give smaller tensions, more output.frames, or strains"
+                    f"stage {self.progress.stage!r}, load {self.progress.load_factor:.3g}: no strain found at which the mesh"
+                    f" carries {wanted.tension[0]:.3g} N/m in weft and {wanted.tension[1]:.3g} N/m in warp (now"
+                    f" {tension[0]:.3g} and {tension[1]:.3g} N/m): give smaller tensions, more output.frames, or strains"
                 )
             self._begin_settling()
-            target = self._target(stage, factor)
-            gradient = target.gradient.copy()
-            gradient[np.diag_indices(2)] = np.where(driven, 1.0 + following, np.diag(gradient))
-            self._set_ramp(LoadPoint(gradient, target.temperature), LEVEL_RAMP_STEPS)
+            self._set_ramp(LoadPoint(wanted.gradient(reading.gradient, following), temperature), LEVEL_RAMP_STEPS)
             self._settle()
 
     def _level_values(self) -> list[wp.array]:
@@ -113,7 +213,12 @@ class Relaxation(Drive):
         return [s.node_ux[s.parity], s.node_uy[s.parity], s.body_ux, s.body_uy, s.tension_offset, s.pair_offset]
 
     def _start_level(self, target: LoadPoint) -> None:
-        """Put the load of the next level on, and the state where the last two levels point to."""
+        """Put the load of the next level on, and the state where the smaller mesh or the last two levels point to."""
+        if self.prolongation is not None:
+            self.prolongation.carry(self._response)
+            self._begin_at_rest()
+            self._set_ramp(target, 0)
+            return
         now = self.state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 4].copy()
         ratio = 0.0
         if self._last_gradient is not None:
@@ -134,10 +239,13 @@ class Relaxation(Drive):
                     numbers[1] = wp.float64(np.inf)
                 numbers.append(wp.float64(0.0 if value is s.pair_offset else -np.inf))
             wp.launch(kernel, dim=value.shape[0], inputs=[*numbers, value, last], device=self.model.device)
-        for speed in (self.state.node_vx, self.state.node_vy, self.state.body_vx, self.state.body_vy):
-            speed.zero_()
+        self._begin_at_rest()
         self._last_gradient = now.tolist()
         self._set_ramp(target, 0 if ratio > 0.0 else LEVEL_RAMP_STEPS)
+
+    def _begin_at_rest(self) -> None:
+        for speed in (self.state.node_vx, self.state.node_vy, self.state.body_vx, self.state.body_vy):
+            speed.zero_()
 
     def _settle(self) -> None:
         """Step until the level is steady."""
@@ -151,6 +259,10 @@ class Relaxation(Drive):
             self.slowest_mode.look(use=not ramping)
             if not ramping:
                 left = self._left(control)
+                if self.membrane is not None:
+                    if progress.looks % CORRECTION_LOOKS == 0:
+                        self._move_as_membrane()
+                    left = max(left, progress.imbalance)
                 if left < 1.0:
                     left = max(left, self._drift())
                     if left < 1.0:
@@ -159,7 +271,7 @@ class Relaxation(Drive):
                     progress.tensions.clear()
                 self._expect_progress(left)
             if self.scene.solver.multipliers and progress.looks % SOFTENING_LOOKS == 0:
-                self.multipliers.bound_softening(measure.read(self.model, self.state))
+                self.multipliers.bound_softening(self.look)
             self.watch(progress)
             if progress.looks * CHECK_STEPS > limit:
                 raise Diverged(
@@ -167,8 +279,18 @@ class Relaxation(Drive):
                     f" ({self._how_far()}): raise solver.max_steps or solver.residual_tolerance"
                 )
 
+    def _move_as_membrane(self) -> None:
+        """Move the mesh towards where it balances as a membrane, unless it is there."""
+        displacement, stress = self.membrane.solve()
+        scale = max(float(np.abs(self._sums.stress).max()), self._least_tension())
+        self.progress.imbalance = stress / (MEMBRANE_TOLERANCE * scale)
+        if self.progress.imbalance > 1.0:
+            self.membrane.move(displacement)
+            self.neighbours.search()
+            self.multipliers.begin_level()
+
     def _begin_settling(self) -> None:
-        self.progress.looks, self.progress.best, self.progress.waited = 0, 1e30, 0
+        self.progress.looks, self.progress.best, self.progress.waited, self.progress.imbalance = 0, 1e30, 0, 1e30
         self.progress.tensions.clear()
 
     def _drift(self) -> float:
@@ -177,13 +299,16 @@ class Relaxation(Drive):
         A soft mode can be far from rest where forces are nearly balanced and slow; the tension tells.
         """
         tensions = self.progress.tensions
-        tensions.append(measure.nominal_stress(measure.read(self.model, self.state)).ravel().tolist())
+        tensions.append(self.look.take().stress.ravel().tolist())  # with what the multipliers have just changed
         if len(tensions) <= DRIFT_LOOKS:
             return 1.0
         moved = np.abs(np.subtract(tensions[-1], tensions.pop(0))).max()
-        least = TENSION_FLOOR * self.model.bending_stiffness / self.scene.knit.course_spacing**3
-        scale = max(np.abs(tensions[-1]).max(), least)
+        scale = max(np.abs(tensions[-1]).max(), self._least_tension())
         return float(moved / (self.scene.solver.residual_tolerance * scale))
+
+    def _least_tension(self) -> float:
+        """[N/m] what tensions are compared with where the mesh carries less."""
+        return TENSION_FLOOR * self.model.bending_stiffness / self.scene.knit.course_spacing**3
 
     def _expect_progress(self, left: float) -> None:
         progress = self.progress
@@ -201,7 +326,7 @@ class Relaxation(Drive):
         """Residual, what moves most, and whether the wires are beyond what they bear."""
         reading = measure.read(self.model, self.state)
         wire, stress = self.scene.wire, float(measure.stress_extremes(reading)[0])
-        beyond = f", wires at {stress / 1e9:.3g} GPa are beyond their strength" if stress > wire.tensile_strength else ""
+        beyond = f", w at {stress / 1e9:.3g} GPa are beyond their strength" if stress > wire.tensile_strength else ""
         return (
             f"residual {self.progress.residual:.2g} at a tolerance of {self.scene.solver.residual_tolerance:g},"
             f" {self._fastest()} moves most{beyond}"
@@ -210,10 +335,14 @@ class Relaxation(Drive):
     def _left(self, control: np.ndarray) -> float:
         """What is left to do, 1 being the most that counts as steady; moves the multipliers."""
         tolerance = self.scene.solver.residual_tolerance
-        self.progress.residual = self.steadiness.measure(control)
+        self._sums = self.look.take()
+        self.progress.residual = self.steadiness.measure(control, self._sums)
         left = self.progress.residual / tolerance
         if self.scene.solver.multipliers:
-            left = max(left, self.multipliers.update(
-                self.steadiness.strain, self.steadiness.tension, self.steadiness.turning, nearly_steady=left < NEARLY_STEADY
-            ))  # fmt: skip
+            left = max(left, self.multipliers.update(self.look, self._sums, nearly_steady=left < NEARLY_STEADY))
         return left
+
+
+def _under(prefix: str, kept: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The entries whose names begin with `prefix`, without it."""
+    return {name.removeprefix(prefix): value for name, value in kept.items() if name.startswith(prefix)}

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
-from .drive import Progress, Record
-from .model import Model
+from .drive import Drive, Progress, Record
+from .model import Model, build_model
+from .prolongation import smaller_scene
 from .ramp import Ramp
 from .relax import Relaxation
-from .state import State
+from .state import State, initial_state
 
 __all__ = ["Progress", "Record", "Simulation"]
-
-DRIVES = {"relax": Relaxation, "ramp": Ramp}  # solver.drive
 
 
 class Simulation:
@@ -33,15 +33,36 @@ class Simulation:
         self.resumed = progress is not None
         self.progress = progress or Progress()
         self.watch = watch or (lambda _progress: None)
-        self.drive = DRIVES[model.scene.solver.drive](model, state, self.progress, lambda p: self.watch(p))
+        if model.scene.solver.drive == "relax":
+            self.drive: Drive = self._relaxation(model, state, self.progress, self._cell_of(model))
+        else:
+            self.drive = Ramp(model, state, self.progress, self._look)
+
+    def _look(self, _progress: Progress) -> None:
+        self.watch(self.progress)
+
+    def _relaxation(self, model: Model, state: State, progress: Progress, cell: Relaxation | None) -> Relaxation:
+        """A relaxation with the smaller meshes that it starts from."""
+        scene = smaller_scene(model.scene) if model.cloth is not None else None
+        if scene is None:
+            return Relaxation(model, state, progress, self._look)
+        smaller = build_model(scene, model.device)
+        below = self._relaxation(smaller, initial_state(smaller), Progress(), cell)
+        return Relaxation(model, state, progress, self._look, smaller=below, cell=cell)
+
+    @staticmethod
+    def _cell_of(model: Model) -> Relaxation | None:
+        """One periodic repeat under the same load, for a gripped mesh that is large enough to need it."""
+        scene = model.scene
+        if model.cloth is None or scene.model.boundary == "periodic" or smaller_scene(scene) is None:
+            return None
+        knit, options = replace(scene.knit, repeats=(1, 1)), replace(scene.model, boundary="periodic")
+        cell = build_model(replace(scene, knit=knit, model=options), model.device)
+        return Relaxation(cell, initial_state(cell), Progress(), lambda _progress: None)
 
     def warm_up(self) -> None:
         """Have every kernel that the run will use compiled or loaded; the state stays as it is."""
-        before, kept = self.state.arrays(), self.memory()
         self.drive.warm_up()
-        self.state.restore(before)
-        self.recall(kept)
-        self.progress.residual = 0.0
 
     def memory(self) -> dict[str, np.ndarray]:
         """What a checkpoint needs beside the state: arrays that the loop carries from look to look."""

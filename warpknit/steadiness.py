@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import warp as wp
 
 from . import measure
 from .kernels import control as c
+from .look import Sums
 from .model import Model
 from .state import State
 
@@ -21,7 +21,7 @@ LOCAL_ALLOWANCE = 10.0
 
 
 class Steadiness:
-    """Measures how far a state is from rest. `strain`, `tension` and `turning` are those of the last measure, on the device."""
+    """Measures how far a state is from rest, from what a look at it summed up."""
 
     def __init__(self, model: Model, state: State) -> None:
         self.model = model
@@ -32,23 +32,15 @@ class Steadiness:
         self._round_off_terms = (epsilon, 4 * model.bending_stiffness / h**2)
         self._stretch_energy = h / model.axial_stiffness
         self._bend_energy = model.bending_stiffness / h
-        self._scratch = [
-            wp.zeros(model.panel.node_count, dtype=model.precision.real, device=model.device) for _ in range(5)
-        ]
-        self.strain, self.tension, self.turning = self._scratch[2:]
-        self._evaluate = [measure.evaluation(model, state, parity, self._scratch) for parity in (0, 1)]
 
-    def measure(self, control: np.ndarray) -> float:
+    def measure(self, control: np.ndarray, sums: Sums) -> float:
         """The larger of balance and motion, both to be compared with solver.residual_tolerance.
 
         Balance: rms nodal residual over the mean contact force, and a tenth of the largest; less where round-off leaves more.
         Motion: root of kinetic over stored energy; it is what soft modes still have to go, which the residual does not see.
         """
         model, tolerance = self.model, self.model.scene.solver.residual_tolerance
-        self._evaluate[self.state.parity].launch()
-        force = self.state.pair_force.numpy()
-        closed = force[force > 0]
-        scale = max(float(closed.mean()) if len(closed) else 0.0, FORCE_FLOOR * measure.force_scale(model))
+        scale = max(sums.force_mean, FORCE_FLOOR * measure.force_scale(model))
         free = model.panel.node_count + model.panel.body_count - len(model.panel.held_node)
         rms, largest = math.sqrt(control[int(c.FORCE_SQUARE)] / free), float(control[int(c.FORCE_MAX)])
         epsilon, bending = self._round_off_terms
@@ -59,10 +51,7 @@ class Steadiness:
             rms / max(scale, min(ROUND_OFF_RMS * round_off_rms, most) / tolerance),
             largest / (LOCAL_ALLOWANCE * max(scale, min(ROUND_OFF_LARGEST * float(round_off.max()), most) / tolerance)),
         )
-        tension, turning = (values.numpy().astype(np.float64) for values in (self.tension, self.turning))
-        # sums without BLAS, whose threads would go on spinning on the cores that the steps need
-        stretch, bend = float(np.sum(tension * tension)), float(np.sum(turning * turning))
-        stored = 0.5 * stretch * self._stretch_energy + 0.5 * bend * self._bend_energy
+        stored = 0.5 * sums.tension_square * self._stretch_energy + 0.5 * sums.turning_square * self._bend_energy
         motion = math.sqrt(
             0.5 * float(control[int(c.KINETIC_TWICE)]) / max(stored, ENERGY_FLOOR * measure.energy_scale(model))
         )

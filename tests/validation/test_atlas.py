@@ -263,9 +263,9 @@ def _with_path(text: str, *overrides: str):
 
 def test_cooling_held_wires_is_a_stretch_of_shorter_ones() -> None:
     """Cooled between fixed grips, a mesh is the same mesh, all of it shorter by the length factor, stretched to the same size:
-    forces of bending go with 1/length^2, so tension (force a width) with 1/length^3. Steady to 0.1 %, of increments 3 %."""
+    forces of bending go with 1/length^2, so tension (force a width) with 1/length^3. Steady to 0.03 %, of increments 3 %."""
     patch = ("knit.repeats=[2,2]", "model.boundary=gripped", "solver.preset=draft", "solver.precision=double",
-             "solver.residual_tolerance=1e-3", "output.frames=2")  # fmt: skip
+             "solver.residual_tolerance=3e-4", "output.frames=2")  # fmt: skip
     held = "[load]\nstrain_weft=0.03\nstrain_warp=0.03\n"
     runs = {}
     for name, text in (("warm", held), ("cold", held + '[[path]]\ntemperature = "143.15 K"\n')):

@@ -129,6 +129,7 @@ def panel_of_wires(
         block_table=i32(table.start[wire_of] + low_of),
         block_wire=i32(wire_of),
         block_origin=np.zeros((len(blocks), 2)),
+        body_clasp=i32(np.zeros(len(bodies))),
         body_rest=bodies,
         body_origin=np.zeros_like(bodies),
         pair_wire=i32(wire),

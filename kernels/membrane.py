@@ -1,0 +1,213 @@
+"""Between a mesh and a coarse grid of a membrane: out-of-balance forces gathered onto it, displacements spread from it.
+
+Grid node (a, b) stands at low + (a, b) cell; its shape function is bilinear in the rest position and falls to zero at the next
+grid nodes. A virtual displacement of the membrane moves every node and body of the mesh by the shape functions at its rest
+position, so the force on a grid node is the sum of the forces there by the same weights.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from .prolong import weighed
+
+
+@wp.struct
+class Grid:
+    """Where the grid lies."""
+
+    low: wp.vec2d  # [m]
+    cell: wp.vec2d  # [m]
+    cells: wp.vec2i
+
+
+@wp.func
+def cell_at(x: wp.float64, low: wp.float64, cell: wp.float64, cells: int) -> wp.float64:
+    """Place on the grid in cells, kept on it."""
+    return wp.clamp((x - low) / cell, wp.float64(0.0), wp.float64(cells))
+
+
+@wp.func
+def corner_index(grid: Grid, ix: int, iy: int, corner: int) -> int:
+    """Grid node at a corner of a cell."""
+    return (ix + corner % 2) * (grid.cells[1] + 1) + iy + corner / 2
+
+
+@wp.func
+def corner_weight(sx: wp.float64, sy: wp.float64, corner: int) -> wp.float64:
+    one = wp.float64(1.0)
+    wx = wp.where(corner % 2 == 0, one - sx, sx)
+    wy = wp.where(corner / 2 == 0, one - sy, sy)
+    return wx * wy
+
+
+@wp.func
+def gather(grid: Grid, x: wp.float64, y: wp.float64, fx: wp.float64, fy: wp.float64, force: wp.array2d(dtype=wp.float64)):
+    gx = cell_at(x, grid.low[0], grid.cell[0], grid.cells[0])
+    gy = cell_at(y, grid.low[1], grid.cell[1], grid.cells[1])
+    ix = wp.min(int(gx), grid.cells[0] - 1)
+    iy = wp.min(int(gy), grid.cells[1] - 1)
+    for corner in range(4):
+        w = corner_weight(gx - wp.float64(ix), gy - wp.float64(iy), corner)
+        there = corner_index(grid, ix, iy, corner)
+        wp.atomic_add(force, there, 0, w * fx)
+        wp.atomic_add(force, there, 1, w * fy)
+
+
+@wp.func
+def spread(grid: Grid, x: wp.float64, y: wp.float64, displacement: wp.array2d(dtype=wp.float64)):
+    """Displacement (2,) [m] of the grid at a place, and its gradient (xx, xy, yx, yy)."""
+    gx = cell_at(x, grid.low[0], grid.cell[0], grid.cells[0])
+    gy = cell_at(y, grid.low[1], grid.cell[1], grid.cells[1])
+    ix = wp.min(int(gx), grid.cells[0] - 1)
+    iy = wp.min(int(gy), grid.cells[1] - 1)
+    sx = gx - wp.float64(ix)
+    sy = gy - wp.float64(iy)
+    one = wp.float64(1.0)
+    moved = wp.vec2d(wp.float64(0.0), wp.float64(0.0))
+    gradient = wp.vec4d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
+    for corner in range(4):
+        wx = wp.where(corner % 2 == 0, one - sx, sx)
+        wy = wp.where(corner / 2 == 0, one - sy, sy)
+        slope_x = wp.where(corner % 2 == 0, -wy, wy) / grid.cell[0]
+        slope_y = wp.where(corner / 2 == 0, -wx, wx) / grid.cell[1]
+        there = corner_index(grid, ix, iy, corner)
+        dx = displacement[there, 0]
+        dy = displacement[there, 1]
+        moved += wx * wy * wp.vec2d(dx, dy)
+        gradient += wp.vec4d(slope_x * dx, slope_y * dx, slope_x * dy, slope_y * dy)
+    return moved, gradient
+
+
+@wp.kernel
+def gather_node_forces(
+    # blocks
+    block_first: wp.array(dtype=wp.int32),
+    block_count: wp.array(dtype=wp.int32),
+    block_table: wp.array(dtype=wp.int32),
+    block_wire: wp.array(dtype=wp.int32),
+    block_origin_x: wp.array(dtype=wp.float64),
+    block_origin_y: wp.array(dtype=wp.float64),
+    block_size: int,
+    place_x: wp.array(dtype=wp.float64),
+    place_y: wp.array(dtype=wp.float64),
+    grid: Grid,
+    # masses and accelerations
+    wire_mass: wp.array(dtype=Any),
+    node_mass: wp.array(dtype=Any),
+    acceleration_x: wp.array(dtype=Any),
+    acceleration_y: wp.array(dtype=Any),
+    # out, added to
+    force: wp.array2d(dtype=wp.float64),
+):
+    """force[grid node] [N]; held nodes have no acceleration."""
+    thread = wp.tid()
+    block = thread / block_size
+    lane = thread - block * block_size
+    if lane >= block_count[block]:
+        return
+    i = block_first[block] + lane
+    t = block_table[block] + lane
+    mass = wp.float64(node_mass[t] * wire_mass[block_wire[block]])
+    x = place_x[t] + block_origin_x[block]
+    y = place_y[t] + block_origin_y[block]
+    gather(grid, x, y, mass * wp.float64(acceleration_x[i]), mass * wp.float64(acceleration_y[i]), force)
+
+
+@wp.kernel
+def gather_body_forces(
+    # bodies
+    body_x: wp.array(dtype=wp.float64),
+    body_y: wp.array(dtype=wp.float64),
+    grid: Grid,
+    # contact
+    pair_force: wp.array(dtype=Any),
+    pair_body_x: wp.array(dtype=Any),
+    pair_body_y: wp.array(dtype=Any),
+    # out, added to
+    force: wp.array2d(dtype=wp.float64),
+):
+    """The same for bodies."""
+    body = wp.tid()
+    for p in range(2 * body, 2 * body + 2):
+        if pair_force[p] != pair_force.dtype(0.0):
+            gather(grid, body_x[body], body_y[body], wp.float64(pair_body_x[p]), wp.float64(pair_body_y[p]), force)
+
+
+@wp.kernel
+def spread_to_nodes(
+    # blocks
+    block_first: wp.array(dtype=wp.int32),
+    block_count: wp.array(dtype=wp.int32),
+    block_table: wp.array(dtype=wp.int32),
+    block_wire: wp.array(dtype=wp.int32),
+    block_origin_x: wp.array(dtype=wp.float64),
+    block_origin_y: wp.array(dtype=wp.float64),
+    block_size: int,
+    place_x: wp.array(dtype=wp.float64),
+    place_y: wp.array(dtype=wp.float64),
+    grid: Grid,
+    wire_axial: wp.array(dtype=Any),
+    # in: displacement of the grid [m], and what changes in one repeat with its deformation gradient
+    displacement: wp.array2d(dtype=wp.float64),
+    cell_node: wp.array(dtype=wp.int32),
+    change_x: wp.array2d(dtype=wp.float64),
+    change_y: wp.array2d(dtype=wp.float64),
+    change_tension: wp.array2d(dtype=wp.float64),
+    change_strain: wp.array2d(dtype=wp.float64),
+    unit: Any,
+    # in and out
+    ux: wp.array(dtype=Any),
+    uy: wp.array(dtype=Any),
+    tension_offset: wp.array(dtype=Any),
+):
+    """Move every node with the grid, and as the node of a repeat that comes to rest under the same strain.
+
+    `cell_node[entry]` is the node of the repeat; `change_*[gradient entry, node]` are displacement [m], tension [N] and
+    softened strain [-].
+    """
+    thread = wp.tid()
+    block = thread / block_size
+    lane = thread - block * block_size
+    if lane >= block_count[block]:
+        return
+    i = block_first[block] + lane
+    t = block_table[block] + lane
+    moved, gradient = spread(grid, place_x[t] + block_origin_x[block], place_y[t] + block_origin_y[block], displacement)
+    node = cell_node[t]
+    per_count = wp.float64(1.0) / wp.float64(unit)
+    ux[i] = ux[i] + ux.dtype((moved[0] + weighed(change_x, node, gradient)) * per_count)
+    uy[i] = uy[i] + uy.dtype((moved[1] + weighed(change_y, node, gradient)) * per_count)
+    softened = wp.float64(wire_axial[block_wire[block]]) * weighed(change_strain, node, gradient)
+    tension_offset[i] = tension_offset[i] + tension_offset.dtype(weighed(change_tension, node, gradient) - softened)
+
+
+@wp.kernel
+def spread_to_bodies(
+    # bodies
+    body_x: wp.array(dtype=wp.float64),
+    body_y: wp.array(dtype=wp.float64),
+    body_clasp: wp.array(dtype=wp.int32),
+    grid: Grid,
+    # in: see spread_to_nodes; offsets of pairs [N]
+    displacement: wp.array2d(dtype=wp.float64),
+    change_x: wp.array2d(dtype=wp.float64),
+    change_y: wp.array2d(dtype=wp.float64),
+    change_offset: wp.array2d(dtype=wp.float64),
+    unit: Any,
+    # in and out
+    ux: wp.array(dtype=Any),
+    uy: wp.array(dtype=Any),
+    pair_offset: wp.array(dtype=Any),
+):
+    """The same for bodies and their pairs."""
+    body = wp.tid()
+    moved, gradient = spread(grid, body_x[body], body_y[body], displacement)
+    clasp = body_clasp[body]
+    per_count = wp.float64(1.0) / wp.float64(unit)
+    ux[body] = ux[body] + ux.dtype((moved[0] + weighed(change_x, clasp, gradient)) * per_count)
+    uy[body] = uy[body] + uy.dtype((moved[1] + weighed(change_y, clasp, gradient)) * per_count)
+    for side in range(2):
+        change = weighed(change_offset, 2 * clasp + side, gradient)
+        pair = 2 * body + side
+        pair_offset[pair] = wp.max(pair_offset.dtype(0.0), pair_offset[pair] + pair_offset.dtype(change))

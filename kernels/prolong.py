@@ -1,0 +1,254 @@
+"""Carry what changed on a small mesh of the same knit over to a larger one, from which a relaxation then starts.
+
+Both meshes are copies of one repeat. A node at rest position X of the large mesh takes its values from the same node of the
+repeat on the small mesh, moved by a shift that depends on X: none within `rim` repeats of an edge, counted from that edge,
+and growing evenly between, so that edges and corners come out as they are and what changes slowly over the mesh is drawn
+out over the larger one. Shifts are seldom whole repeats: values are interpolated between the four repeats around. What is
+drawn out is less steep, so each repeat is less strained than the one it takes its values from: what such a strain does within a
+repeat is taken off again.
+
+| symbol | meaning | unit |
+|---|---|---|
+| large, small | repeats of the meshes in a direction; small = 1 and periodic: all repeats are alike | - |
+| place | distance from the lower edge of the large mesh, in repeats | - |
+"""
+
+from typing import Any
+
+import warp as wp
+
+
+@wp.func
+def shift_at(place: wp.float64, large: int, small: int, rim: int, periodic: int) -> wp.float64:
+    """Repeats to go from a place on the large mesh to that on the small one, both counted from the lower edge."""
+    if periodic != 0:
+        return wp.float64(0.0)
+    inner = wp.float64(large - 2 * rim)
+    share = wp.clamp((place - wp.float64(rim)) / wp.max(inner, wp.float64(1.0)), wp.float64(0.0), wp.float64(1.0))
+    return -share * wp.float64(large - small)
+
+
+@wp.func
+def slope_at(place: wp.float64, large: int, small: int, rim: int, periodic: int) -> wp.float64:
+    """By how much less a change over the mesh is steep where it is drawn out: the derivative of the shift."""
+    if periodic != 0 or place <= wp.float64(rim) or place >= wp.float64(large - rim):
+        return wp.float64(0.0)
+    return -wp.float64(large - small) / wp.max(wp.float64(large - 2 * rim), wp.float64(1.0))
+
+
+@wp.func
+def weighed(change: wp.array2d(dtype=wp.float64), i: int, gradient: wp.vec4d) -> wp.float64:
+    """What changes within a repeat when it is strained by a gradient (xx, xy, yx, yy)."""
+    return (
+        change[0, i] * gradient[0] + change[1, i] * gradient[1] + change[2, i] * gradient[2] + change[3, i] * gradient[3]
+    )
+
+
+@wp.func
+def index_on_small(index: int, offset: int, small: int, periodic: int) -> int:
+    """Column or row of the small mesh's table of places."""
+    if periodic != 0:
+        return ((index % small) + small) % small
+    return index + offset
+
+
+@wp.func
+def found(table: wp.array3d(dtype=wp.int32), a: int, b: int, c: int) -> int:
+    """Entry of a table of places, -1 beyond its ends."""
+    if b < 0 or b >= table.shape[1] or c < 0 or c >= table.shape[2]:
+        return -1
+    return table[a, b, c]
+
+
+@wp.kernel
+def prolong_nodes(
+    # blocks of the large mesh; column and row are those of the repeat of the first node
+    block_first: wp.array(dtype=wp.int32),
+    block_count: wp.array(dtype=wp.int32),
+    block_table: wp.array(dtype=wp.int32),
+    block_wire: wp.array(dtype=wp.int32),
+    block_column: wp.array(dtype=wp.int32),
+    block_row: wp.array(dtype=wp.int32),
+    block_thread: wp.array(dtype=wp.int32),
+    block_size: int,
+    thread_start: wp.array(dtype=wp.int32),
+    thread_nodes: wp.array(dtype=wp.int32),
+    wire_axial: wp.array(dtype=Any),
+    # rest places
+    place_x: wp.array(dtype=wp.float64),
+    place_y: wp.array(dtype=wp.float64),
+    repeat_x: wp.float64,
+    repeat_y: wp.float64,
+    low_x: wp.float64,
+    low_y: wp.float64,
+    # the two meshes
+    large: wp.vec2i,
+    small: wp.vec2i,
+    offset: wp.vec2i,
+    rim: int,
+    periodic: int,
+    small_node: wp.array3d(dtype=wp.int32),
+    # in: what changed on the small mesh [m], [m], [N], [-]
+    change_x: wp.array(dtype=Any),
+    change_y: wp.array(dtype=Any),
+    change_tension: wp.array(dtype=Any),
+    change_strain: wp.array(dtype=Any),
+    # in: what changes in one repeat with its deformation gradient, see kernels/membrane.py
+    cell_node: wp.array(dtype=wp.int32),
+    cell_x: wp.array2d(dtype=wp.float64),
+    cell_y: wp.array2d(dtype=wp.float64),
+    cell_tension: wp.array2d(dtype=wp.float64),
+    cell_strain: wp.array2d(dtype=wp.float64),
+    unit: Any,
+    # in and out
+    ux: wp.array(dtype=Any),
+    uy: wp.array(dtype=Any),
+    tension_offset: wp.array(dtype=Any),
+):
+    """Add what changed; `small_node[thread, column, row n + k]` is the node of the small mesh, -1 where there is none."""
+    thread = wp.tid()
+    block = thread / block_size
+    lane = thread - block * block_size
+    if lane >= block_count[block]:
+        return
+    i = block_first[block] + lane
+    t = block_table[block] + lane
+    strand = block_thread[block]
+    n = thread_nodes[strand]
+    local = block_table[block] - thread_start[strand] + lane  # counted from the row of the block
+    x = (place_x[t] - low_x) / repeat_x + wp.float64(block_column[block])
+    y = (place_y[t] - low_y) / repeat_y + wp.float64(block_row[block])
+    shift_x = shift_at(x, large[0], small[0], rim, periodic)
+    shift_y = shift_at(y, large[1], small[1], rim, periodic)
+    whole_x = wp.floor(shift_x)
+    whole_y = wp.floor(shift_y)
+    row = block_row[block] + local / n
+    k = local % n
+    slope_x = slope_at(x, large[0], small[0], rim, periodic) / repeat_x
+    slope_y = slope_at(y, large[1], small[1], rim, periodic) / repeat_y
+    strained = wp.vec4d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
+    complete = int(0)
+    weight = wp.float64(0.0)
+    sum_x = wp.float64(0.0)
+    sum_y = wp.float64(0.0)
+    sum_tension = wp.float64(0.0)
+    sum_strain = wp.float64(0.0)
+    for corner in range(4):
+        ax = corner % 2
+        ay = corner / 2
+        column_there = index_on_small(block_column[block] + int(whole_x) + ax, offset[0], small[0], periodic)
+        row_there = index_on_small(row + int(whole_y) + ay, offset[1], small[1], periodic)
+        source = found(small_node, strand, column_there, row_there * n + k)
+        wx = wp.abs(wp.float64(1 - ax) - (shift_x - whole_x))
+        wy = wp.abs(wp.float64(1 - ay) - (shift_y - whole_y))
+        if source >= 0:
+            w = wx * wy
+            weight += w
+            ux_there = wp.float64(change_x[source])
+            uy_there = wp.float64(change_y[source])
+            along_x = slope_x * wp.float64(2 * ax - 1) * wy
+            along_y = slope_y * wp.float64(2 * ay - 1) * wx
+            strained += wp.vec4d(along_x * ux_there, along_y * ux_there, along_x * uy_there, along_y * uy_there)
+            complete += 1
+            sum_x += w * wp.float64(change_x[source])
+            sum_y += w * wp.float64(change_y[source])
+            sum_tension += w * wp.float64(change_tension[source])
+            sum_strain += w * wp.float64(change_strain[source])
+    if weight > wp.float64(0.0):
+        if complete == 4:
+            node = cell_node[t]
+            sum_x += weighed(cell_x, node, strained)
+            sum_y += weighed(cell_y, node, strained)
+            sum_tension += weighed(cell_tension, node, strained)
+            sum_strain += weighed(cell_strain, node, strained)
+        per_count = wp.float64(1.0) / (weight * wp.float64(unit))
+        ux[i] = ux[i] + ux.dtype(sum_x * per_count)
+        uy[i] = uy[i] + uy.dtype(sum_y * per_count)
+        softened = wp.float64(wire_axial[block_wire[block]]) * sum_strain
+        tension_offset[i] = tension_offset[i] + tension_offset.dtype((sum_tension - softened) / weight)
+
+
+@wp.kernel
+def prolong_bodies(
+    # bodies of the large mesh
+    body_clasp: wp.array(dtype=wp.int32),
+    body_column: wp.array(dtype=wp.int32),
+    body_row: wp.array(dtype=wp.int32),
+    body_x: wp.array(dtype=wp.float64),
+    body_y: wp.array(dtype=wp.float64),
+    repeat_x: wp.float64,
+    repeat_y: wp.float64,
+    low_x: wp.float64,
+    low_y: wp.float64,
+    # the two meshes
+    large: wp.vec2i,
+    small: wp.vec2i,
+    offset: wp.vec2i,
+    rim: int,
+    periodic: int,
+    small_body: wp.array3d(dtype=wp.int32),
+    # in: what changed on the small mesh [m], [m], [N]
+    change_x: wp.array(dtype=Any),
+    change_y: wp.array(dtype=Any),
+    change_offset: wp.array(dtype=Any),
+    # in: what changes in one repeat with its deformation gradient
+    cell_x: wp.array2d(dtype=wp.float64),
+    cell_y: wp.array2d(dtype=wp.float64),
+    cell_offset: wp.array2d(dtype=wp.float64),
+    unit: Any,
+    # in and out
+    ux: wp.array(dtype=Any),
+    uy: wp.array(dtype=Any),
+    pair_offset: wp.array(dtype=Any),
+):
+    """The same for bodies and their pairs; `small_body[clasp, column, row]` is the body of the small mesh, or -1."""
+    body = wp.tid()
+    x = (body_x[body] - low_x) / repeat_x
+    y = (body_y[body] - low_y) / repeat_y
+    shift_x = shift_at(x, large[0], small[0], rim, periodic)
+    shift_y = shift_at(y, large[1], small[1], rim, periodic)
+    whole_x = wp.floor(shift_x)
+    whole_y = wp.floor(shift_y)
+    slope_x = slope_at(x, large[0], small[0], rim, periodic) / repeat_x
+    slope_y = slope_at(y, large[1], small[1], rim, periodic) / repeat_y
+    strained = wp.vec4d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
+    complete = int(0)
+    weight = wp.float64(0.0)
+    sum_x = wp.float64(0.0)
+    sum_y = wp.float64(0.0)
+    first = wp.float64(0.0)
+    second = wp.float64(0.0)
+    for corner in range(4):
+        ax = corner % 2
+        ay = corner / 2
+        column_there = index_on_small(body_column[body] + int(whole_x) + ax, offset[0], small[0], periodic)
+        row_there = index_on_small(body_row[body] + int(whole_y) + ay, offset[1], small[1], periodic)
+        source = found(small_body, body_clasp[body], column_there, row_there)
+        wx = wp.abs(wp.float64(1 - ax) - (shift_x - whole_x))
+        wy = wp.abs(wp.float64(1 - ay) - (shift_y - whole_y))
+        if source >= 0:
+            w = wx * wy
+            weight += w
+            ux_there = wp.float64(change_x[source])
+            uy_there = wp.float64(change_y[source])
+            along_x = slope_x * wp.float64(2 * ax - 1) * wy
+            along_y = slope_y * wp.float64(2 * ay - 1) * wx
+            strained += wp.vec4d(along_x * ux_there, along_y * ux_there, along_x * uy_there, along_y * uy_there)
+            complete += 1
+            sum_x += w * wp.float64(change_x[source])
+            sum_y += w * wp.float64(change_y[source])
+            first += w * wp.float64(change_offset[2 * source])
+            second += w * wp.float64(change_offset[2 * source + 1])
+    if weight > wp.float64(0.0):
+        if complete == 4:
+            clasp = body_clasp[body]
+            sum_x += weighed(cell_x, clasp, strained)
+            sum_y += weighed(cell_y, clasp, strained)
+            first += weighed(cell_offset, 2 * clasp, strained)
+            second += weighed(cell_offset, 2 * clasp + 1, strained)
+        per_count = wp.float64(1.0) / (weight * wp.float64(unit))
+        ux[body] = ux[body] + ux.dtype(sum_x * per_count)
+        uy[body] = uy[body] + uy.dtype(sum_y * per_count)
+        nothing = pair_offset.dtype(0.0)
+        pair_offset[2 * body] = wp.max(nothing, pair_offset[2 * body] + pair_offset.dtype(first / weight))
+        pair_offset[2 * body + 1] = wp.max(nothing, pair_offset[2 * body + 1] + pair_offset.dtype(second / weight))

@@ -1,0 +1,168 @@
+"""Large meshes start from smaller ones and come to rest as a membrane: the same answer, in steps that do not grow."""
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warpknit import measure
+from warpknit.kernels import control as c
+from warpknit.model import Model, build_model
+from warpknit.prolongation import smaller_scene
+from warpknit.relax import MEMBRANE_TOLERANCE, Relaxation
+from warpknit.response import STRAIN, carried_values
+from warpknit.scene import load_scene
+from warpknit.simulate import Progress, Simulation
+from warpknit.state import State, initial_state
+
+CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"
+TOLERANCE = 3e-3  # of the standard preset: what a tension may still drift
+LOADED = ("solver.preset=draft", "load.strain_weft=0.1", "load.strain_warp=0.1", "output.frames=1")
+
+
+def panel(repeats: list[int], boundary: str = "gripped") -> Model:
+    return build_model(load_scene(CELL, [*LOADED, f"knit.repeats={repeats}", f"model.boundary={boundary}"]))
+
+
+@cache
+def settled(repeats: tuple[int, int], boundary: str, alone: bool) -> tuple[Model, State, Simulation, int]:
+    """A mesh at 10 % both ways, with its smaller meshes or without."""
+    model = panel(list(repeats), boundary)
+    state = initial_state(model)
+    simulation = Simulation(model, state)
+    if alone:
+        simulation.drive = Relaxation(model, state, simulation.progress, lambda _progress: None)
+    *_, last = simulation.run()
+    return model, state, simulation, last.steps
+
+
+def tension(model: Model, state: State) -> np.ndarray:
+    return np.array(measure.mesh_tension(measure.read(model, state)))
+
+
+def test_smaller_scene_keeps_the_parity_and_ends() -> None:
+    """Odd panels are cut through the middle of a repeat, even ones between two: a smaller panel must be cut alike."""
+    scene = load_scene(CELL, ["model.boundary=gripped"])
+    for repeats in ((290, 291), (24, 300), (13, 40)):
+        there, sizes = replace(scene, knit=replace(scene.knit, repeats=repeats)), [repeats]
+        while (there := smaller_scene(there)) is not None:
+            sizes.append(there.knit.repeats)
+        assert all(np.all((np.array(larger) - less) % 2 == 0) for larger, less in zip(sizes, sizes[1:], strict=False))
+        assert max(sizes[-1]) <= 13 and len(sizes) <= 5
+    assert smaller_scene(replace(scene, knit=replace(scene.knit, repeats=(7, 6)))) is None
+
+
+def test_periodic_mesh_starts_at_its_answer() -> None:
+    """Repeats of a periodic mesh are alike, so it begins where one repeat came to rest, and needs no more than the looks that
+    tell so: DRIFT_LOOKS + 1."""
+    model, state, simulation, steps = settled((3, 2), "periodic", False)
+    cell = simulation.drive.smaller
+    assert steps <= 10 * 50
+    assert tension(model, state) == pytest.approx(tension(cell.model, cell.state), rel=TOLERANCE)
+
+
+def test_start_from_smaller_meshes_gives_the_same_answer_in_fewer_steps() -> None:
+    """14 x 14 repeats with a start from 8 x 8, against the same mesh that begins undeformed: tensions within what both may still
+    drift; contact forces, which rise about three times as steeply, within three times the local tension's MEMBRANE_TOLERANCE;
+    all in less than half of the steps."""
+    model, state, _, steps = settled((14, 14), "gripped", False)
+    _, alone, _, many = settled((14, 14), "gripped", True)
+    assert tension(model, state) == pytest.approx(tension(model, alone), rel=3 * TOLERANCE)
+    force, expected = state.pair_force.numpy(), alone.pair_force.numpy()
+    assert np.sqrt(np.mean((force - expected) ** 2)) < 3 * MEMBRANE_TOLERANCE * np.sqrt(np.mean(expected**2))
+    assert steps < 0.5 * many
+
+
+def test_membrane_moves_and_forces_are_adjoint() -> None:
+    """A displacement w of the grid does the work w . R on the grid, R the gathered forces, and f . (w spread) on the mesh."""
+    model, state, simulation, _ = settled((14, 14), "gripped", False)
+    drive = simulation.drive
+    kept = state.arrays()
+    state.restore(kept)
+    rng = np.random.default_rng(5)
+    for speed in (state.node_vx, state.node_vy):
+        speed.zero_()
+    drive.slowest_mode.look(use=False)
+    probe, membrane = drive.slowest_mode.probe, drive.membrane
+    shaken = 1e3 * rng.normal(size=(2, model.panel.node_count))
+    shaken[:, model.panel.held_node] = 0.0
+    probe.acceleration_x.assign(shaken[0])
+    probe.acceleration_y.assign(shaken[1])
+    state.pair_force.zero_()
+    gathered = membrane.imbalance().copy()
+    before = carried_values(model, state)
+    displacement = 1e-6 * rng.normal(size=gathered.shape)
+    response = replace(drive._response, change={name: _nothing(value) for name, value in drive._response.change.items()})
+    membrane.warm_up(response)
+    membrane.move(displacement)
+    after = carried_values(model, state)
+    table = model.rest.node_mass.numpy()[measure.node_entries(model)]
+    mass = table * np.repeat(state.wire_mass.numpy(), model.panel.wire_count)
+    work = np.sum(mass * (shaken[0] * (after["x"] - before["x"]) + shaken[1] * (after["y"] - before["y"])))
+    # counts of 2^-39 m against moves of 1 um
+    assert work == pytest.approx(np.sum(gathered * displacement), rel=1e-4)
+    membrane.renew(drive._response)
+    state.restore(kept)
+
+
+def _nothing(value: object) -> object:
+    import warp as wp
+
+    return wp.zeros_like(value)
+
+
+def test_response_is_the_derivative_of_the_stress() -> None:
+    """dP/dF of an elastic cloth has the major symmetry, and a rotation W turns the stress: dP/dF : W F = W P.
+
+    Differences are one-sided: what they miss is STRAIN over the strain of 10 % by which the stiffness changes by itself."""
+    model, _, simulation, _ = settled((14, 14), "gripped", False)
+    tangent = simulation.drive._response.tangent
+    assert tangent == pytest.approx(tangent.transpose(2, 3, 0, 1))
+    cell = simulation.drive.cell
+    gradient = np.diag([1.1, 1.1])
+    stress, _ = cell.rest_at(gradient, model.scene.wire.reference_temperature)
+    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+    turned = np.einsum("abcd,cd->ab", tangent, turn @ gradient)
+    assert turned == pytest.approx(turn @ stress, abs=STRAIN / 0.1 * np.abs(tangent).max())
+
+
+def test_interrupted_start_goes_on_to_the_same_bits() -> None:
+    """What a look at any time keeps is enough to go on from: in the smaller mesh, the cell and the large mesh alike."""
+    model = panel([14, 14])
+
+    class Stop(Exception):
+        pass
+
+    def run(stop_at: int | None, kept: dict | None) -> tuple[dict, Simulation]:
+        state = initial_state(model)
+        simulation = Simulation(model, state, progress=Progress.from_dict(kept["about"]) if kept else None)
+        if kept:
+            state.restore(kept["state"])
+            simulation.recall(kept["memory"])
+        looks = 0
+
+        def watch(progress: Progress) -> None:
+            nonlocal looks
+            looks += 1
+            if looks == stop_at:
+                raise Stop
+
+        simulation.watch = watch
+        try:
+            for _record in simulation.run():
+                pass
+        except Stop:
+            pass
+        about = json.loads(json.dumps(simulation.progress.as_dict()))
+        return {"state": state.arrays(), "memory": simulation.memory(), "about": about}, simulation
+
+    whole, _ = run(None, None)
+    for stop_at in (5, 60):
+        part, _ = run(stop_at, None)
+        part, _ = run(None, part)
+        for name, value in whole["state"].items():
+            assert np.array_equal(value, part["state"][name]), (stop_at, name)
+    assert whole["state"]["control"][int(c.STEP)] > 0

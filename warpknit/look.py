@@ -1,0 +1,150 @@
+"""A look at the whole state between steps: sums over nodes and pairs that the time loop decides by.
+
+Everything is summed on the device (kernels/look.py); what comes to the host is a row a wire and a handful of numbers. A full
+reading for a record is measure.read.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from . import measure
+from .kernels import control as c
+from .kernels import look as k
+from .model import Model
+from .state import State
+
+
+@dataclass(frozen=True)
+class Sums:
+    """What a look gave."""
+
+    strain_max: np.ndarray  # [wire] largest |strain| of an arc
+    error_max: np.ndarray  # [wire] largest |strain - tension/EA|
+    error_mean: np.ndarray  # [wire] |mean| of the same
+    tension_max: np.ndarray  # [wire] [N]
+    turning_max: np.ndarray  # [wire] [rad] largest change of a turning angle
+    tension_square: float  # [N2] over all segments
+    turning_square: float  # [rad2] over all nodes
+    closed: int  # pairs that carry force
+    force_mean: float  # [N] of those
+    gap_max: float  # [m] largest gap or overlap of those
+    stress: np.ndarray  # (2, 2) [N/m] nominal stress of the mesh; see measure.nominal_stress
+
+
+class Look:
+    """`strain`, `tension` and `turning` of the last look stay on the device, [node]; see kernels/energy.py."""
+
+    def __init__(self, model: Model, state: State) -> None:
+        self.model = model
+        self.state = state
+        panel, real, device = model.panel, model.precision.real, model.device
+        scratch = [wp.zeros(panel.node_count, dtype=real, device=device) for _ in range(5)]
+        self._force_x, self._force_y, self.strain, self.tension, self.turning = scratch
+        self._evaluate = [measure.evaluation(model, state, parity, scratch) for parity in (0, 1)]
+        self._first_block = np.searchsorted(panel.block_wire, np.arange(len(panel.wire_first)))
+        self._wires = wp.zeros((len(panel.block_first), k.WIRE_COLUMNS), dtype=wp.float64, device=device)
+        self._pairs = wp.zeros((max(1, -(-model.pair_count // k.PAIR_BLOCK)), k.PAIR_COLUMNS), dtype=wp.float64, device=device)
+        self._squares = wp.zeros(len(panel.block_first), dtype=wp.float64, device=device)
+        mesh, rest, unit = model.mesh, model.rest, real(model.precision.unit)
+        self._sum_wires = wp.launch(
+            k.sum_wires,
+            dim=len(panel.block_first),
+            inputs=[
+                mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire,
+                mesh.wire_first, mesh.wire_count, mesh.wire_closed, mesh.wire_clamp, int(model.is_gripped),
+                state.control, unit, wp.float64(model.axial_stiffness),
+                rest.rest_x, rest.rest_y, rest.rest_length, rest.rest_angle, rest.hinge_stiffness,
+                self.strain, self.tension, self.turning, self._force_x, self._force_y, self._wires,
+            ],
+            device=device,
+            record_cmd=True,
+        )  # fmt: skip
+        self._sum_pairs = wp.launch(
+            k.sum_pairs,
+            dim=self._pairs.shape[0],
+            inputs=[
+                k.PAIR_BLOCK, unit, mesh.pair_table, mesh.pair_rest_x, mesh.pair_rest_y, rest.table_x, rest.table_y,
+                state.pair_slide, state.pair_force, state.pair_gap, state.pair_nodal_x, state.pair_nodal_y, self._pairs,
+            ],
+            device=device,
+            record_cmd=True,
+        )  # fmt: skip
+
+    def take(self) -> Sums:
+        """Look at the state as it is."""
+        self._evaluate[self.state.parity].launch()
+        self._sum_wires.launch()
+        self._sum_pairs.launch()
+        wires, pairs = self._wires.numpy(), self._pairs.numpy()
+        largest = np.maximum.reduceat(wires, self._first_block, axis=0)
+        panel = self.model.panel
+        error_sum = np.add.reduceat(wires[:, int(k.ERROR_SUM)], self._first_block)
+        total, contact = wires.sum(axis=0), pairs.sum(axis=0)
+        stress = total[int(k.WIRE_STRESS) :] + contact[int(k.PAIR_STRESS) :]
+        stress = stress.reshape(2, 2) + self._held_stress()
+        closed = int(contact[int(k.CLOSED)])
+        return Sums(
+            strain_max=largest[:, int(k.STRAIN_MAX)],
+            error_max=largest[:, int(k.ERROR_MAX)],
+            error_mean=np.abs(error_sum) / panel.wire_count,
+            tension_max=largest[:, int(k.TENSION_MAX)],
+            turning_max=largest[:, int(k.TURNING_MAX)],
+            tension_square=float(total[int(k.TENSION_SQUARE)]),
+            turning_square=float(total[int(k.TURNING_SQUARE)]),
+            closed=closed,
+            force_mean=float(contact[int(k.FORCE_SUM)]) / max(1, closed),
+            gap_max=float(pairs[:, int(k.GAP_MAX)].max()),
+            stress=stress / np.prod(panel.size),
+        )
+
+    def _held_stress(self) -> np.ndarray:
+        """(2, 2) [N m] what the wires' forces on held nodes add: a clamp moves with its own place, not with the node's.
+
+        Contacts next to a clamp act on held nodes too; that is left out here.
+        """
+        panel = self.model.panel
+        if not len(panel.held_node):
+            return np.zeros((2, 2))
+        node = panel.held_node
+        force_x, force_y = self._force_x.numpy(), self._force_y.numpy()
+        force, before = (np.stack([force_x[at], force_y[at]], axis=1).astype(np.float64) for at in (node, node - 1))
+        before[np.isin(node, panel.wire_first)] = 0.0
+        return np.einsum("ia,ib->ab", force - before, panel.held_lever)
+
+    def distance_from_chord(self) -> np.ndarray:
+        """[wire] [m] root mean square distance of the nodes of a wire from the straight line through its ends."""
+        model, state, panel, table = self.model, self.state, self.model.panel, self.model.table
+        unit, now = model.precision.unit, state.parity
+        ux, uy = state.node_ux[now], state.node_uy[now]
+        first, last = panel.wire_first, panel.wire_first + panel.wire_count - 1
+        block = self._first_block
+        last_block = np.append(block[1:], len(panel.block_wire)) - 1
+        host_x, host_y = ux.numpy(), uy.numpy()
+
+        def place(block: np.ndarray, node: np.ndarray) -> np.ndarray:
+            entry = panel.block_table[block] + node - panel.block_first[block]
+            return np.stack([table.x[entry], table.y[entry]], axis=1) + panel.block_origin[block]
+
+        start = place(block, first)
+        gradient = state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2)
+        moved = np.stack([host_x[last] - host_x[first], host_y[last] - host_y[first]], axis=1).astype(np.float64) * unit
+        chord = np.einsum("ab,ib->ia", gradient, place(last_block, last) - start) + moved
+        length = np.maximum(np.hypot(chord[:, 0], chord[:, 1]), 1e-30)
+        normal = np.stack([-chord[:, 1], chord[:, 0]], axis=1) / length[:, None]
+        mesh = model.mesh
+        wp.launch(
+            k.sum_distances_from_chords,
+            dim=len(panel.block_first),
+            inputs=[
+                mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire, mesh.block_origin_x, mesh.block_origin_y,
+                model.rest.place_x, model.rest.place_y, wp.array(start, dtype=wp.vec2d, device=model.device), mesh.wire_first,
+                wp.array(normal, dtype=wp.vec2d, device=model.device), wp.mat22d(*gradient.ravel()),
+                model.precision.real(unit), ux, uy, self._squares,
+            ],
+            device=model.device,
+        )  # fmt: skip
+        return np.sqrt(np.add.reduceat(self._squares.numpy(), block) / panel.wire_count)
