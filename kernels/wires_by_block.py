@@ -181,6 +181,14 @@ _BLOCK_STEP = r"""
     for (int q = pair_begin; q < pair_end; ++q) {
         const int p = block_pair.data[q];
         if (pair_force.data[p] == real(0)) continue;
+        const int reached = pair_node.data[p] - 1 - offset_of_block;
+        if (reached >= 2 && reached < count - 1) {
+            for (int c = 0; c < 4; ++c) {
+                fx[reached + c] += pair_nodal_x.data[4 * p + c];
+                fy[reached + c] += pair_nodal_y.data[4 * p + c];
+            }
+            continue;
+        }
         for (int c = 0; c < 4; ++c) {
             int i = pair_node.data[p] - 1 + c;
             if (closed) {

@@ -17,6 +17,7 @@ from .errors import MemoryNeeded
 from .frame import WireLayout
 from .kernels.bodies import BODY_BLOCK
 from .kernels.contact import CURVE_COEFFICIENTS
+from .kernels.contact_by_batch import PAIR_BATCH
 from .kernels.wires_by_block import BLOCK_SIZE
 from .knit.cloth import Cloth, knit_cloth
 from .numerics import Numbers, choose_numbers
@@ -356,3 +357,6 @@ def block_threads(model: Model) -> int:
 def body_blocks(model: Model) -> int:
     return max(1, -(-model.panel.body_count // BODY_BLOCK))
 
+
+def contact_batches(model: Model) -> int:
+    return -(-model.pair_count // int(PAIR_BATCH))

@@ -14,7 +14,7 @@ from .neighbours import RAMP_SHARE
 from .scene import Stage
 from .timestep import stable_step
 
-TENSION_GAIN = 0.1  # of the strain that would carry the wanted tension, a look
+TENSION_GAIN = 0.03  # of the strain that would carry the wanted tension, a look
 TENSION_TOLERANCE = 5e-3  # of the wanted tension, in a steady state
 MOST_STRAIN = 0.5  # a loading time
 COMPLIANCE_RANGE = 1e-4  # of that of a loose mesh: the least that is reckoned with

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from .kernels import contact_by_batch as b
 from .kernels import control as c
 from .kernels.bend import BOW
-from .model import Model, body_blocks
+from .model import Model, body_blocks, contact_batches
 
 STEP_LIMIT = 0.1  # course spacings in one step: a move beyond it, and beyond a node spacing, is a divergence
 LOOK_AHEAD = 0.12  # steps; stable up to 4/(1 + 2 LOOK_AHEAD) of the unit-step mass, see numerics.MASS_MARGIN
@@ -48,6 +49,9 @@ class State:
     pair_body_y: wp.array
     pair_nodal_x: wp.array  # [4 pair] [N] forces on the four nodes; stale where pair_force is 0
     pair_nodal_y: wp.array
+    cached_slide: wp.array  # what kernels/contact_by_batch.py keeps from step to step; follows from the rest
+    cached_node: wp.array
+    cached_number: wp.array
     control: wp.array  # [CONTROL_COUNT] float64, see kernels/control.py
     wire_partial: wp.array  # [block, 6]
     body_partial: wp.array  # [body block, 6]
@@ -86,6 +90,7 @@ def initial_state(model: Model) -> State:
     real, coordinate, device = model.precision.real, model.precision.coordinate, model.device
     nodes, bodies, pairs = model.panel.node_count, model.panel.body_count, model.pair_count
     wires = len(model.panel.wire_first)
+    batched = contact_batches(model) * int(b.PAIR_BATCH) if wp.get_device(device).is_cpu else 0
 
     def zeros(count: int, dtype: type) -> wp.array:
         return wp.zeros(count, dtype=dtype, device=device)
@@ -113,6 +118,9 @@ def initial_state(model: Model) -> State:
         pair_body_y=zeros(pairs, real),
         pair_nodal_x=zeros(4 * pairs, real),
         pair_nodal_y=zeros(4 * pairs, real),
+        cached_slide=wp.full(batched, b.UNCACHED, dtype=wp.int32, device=device),
+        cached_node=zeros(b.CACHED_NODES * batched, wp.int32),
+        cached_number=zeros(b.CACHED_NUMBERS * batched, real),
         control=zeros(c.CONTROL_COUNT, wp.float64),
         wire_partial=wp.zeros((len(model.panel.block_first), c.PARTIAL_COUNT), dtype=wp.float64, device=device),
         body_partial=wp.zeros((body_blocks(model), c.PARTIAL_COUNT), dtype=wp.float64, device=device),

@@ -17,15 +17,13 @@ from .kernels import control as c
 from .kernels.barrier import wait_for_all
 from .kernels.bodies import BODY_BLOCK, step_bodies
 from .kernels.contact import find_contact_forces
+from .kernels.contact_by_batch import find_contact_forces_by_batch
 from .kernels.control import update_control
 from .kernels.grip import move_held_nodes
 from .kernels.wires import step_wires_by_node
 from .kernels.wires_by_block import BLOCK_SIZE, step_wires_by_block
-from .model import Model, body_blocks
+from .model import Model, body_blocks, contact_batches
 from .state import State
-
-KERNELS = (find_contact_forces, step_wires_by_block, step_wires_by_node, step_bodies, move_held_nodes, update_control)
-
 
 GRAPH_STEPS = (50, 10, 1)  # steps that are replayed at once
 CORES = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
@@ -36,7 +34,8 @@ class Stepper:
     """Takes steps of a model's state."""
 
     def __init__(self, model: Model, state: State, *, by_node: bool | None = None, threads: int | None = None) -> None:
-        """`by_node` picks the wire kernel; default: a thread a node on a GPU, a thread a block on the CPU.
+        """`by_node` picks the kernels of wires and contact: a thread a node and a pair, as on a GPU, or what is fast on a CPU, a
+        thread a block of nodes and a batch of pairs. Default: by the device.
 
         `threads` share the work of a step on the CPU; default: as many as the machine has and the mesh is worth.
         """
@@ -47,14 +46,8 @@ class Stepper:
         self._barrier = wp.zeros(64, dtype=wp.int32, device=model.device)
         self._launches = [[self._record(parity, part) for parity in (0, 1)] for part in range(self.threads)]
         self._contact = [
-            wp.launch(
-                find_contact_forces,
-                dim=max(1, model.pair_count),
-                inputs=contact_arguments(model, state, parity, 0),
-                device=model.device,
-                record_cmd=True,
-            )
-            for parity in (0, 1)
+            wp.launch(kernel, dim=max(1, dim), inputs=arguments, device=model.device, record_cmd=True)
+            for kernel, dim, arguments in (self._contact_launch(parity, None) for parity in (0, 1))
         ]
         self._graphs: dict[tuple[int, int], wp.Graph] = {}
         self._helpers = ThreadPoolExecutor(self.threads - 1, "step") if self.threads > 1 else None
@@ -103,6 +96,22 @@ class Stepper:
         if self.model.pair_count:
             self._contact[self.state.parity].launch()
 
+    def _contact_launch(self, parity: int, part: int | None) -> tuple[wp.Kernel, int, list]:
+        """Kernel, threads and arguments that find one part of the contact forces, or all."""
+        model, state = self.model, self.state
+        if self.by_node:
+            return find_contact_forces, model.pair_count, contact_arguments(model, state, parity, 0, ())
+        cache = (state.cached_slide, state.cached_node, state.cached_number)
+        batch, batches = self._share(contact_batches(model), part)
+        return find_contact_forces_by_batch, batches, contact_arguments(model, state, parity, batch, cache)
+
+    def _share(self, count: int, part: int | None) -> tuple[int, int]:
+        """Begin and number of what a part takes of `count` things, of all without a part."""
+        if part is None:
+            return 0, count
+        begin, end = count * part // self.threads, count * (part + 1) // self.threads
+        return begin, end - begin
+
     def _record(self, parity: int, part: int) -> list[wp.Launch]:
         """One thread's part of a step: contact, then wires and bodies, then the first thread alone grips and the numbers
         of the next step."""
@@ -110,17 +119,11 @@ class Stepper:
         now, then = parity, 1 - parity
         wire_kernel, size, last = self.wire_kernel
 
-        def share(count: int) -> tuple[int, int]:
-            """Begin and number of what this part takes of `count` things."""
-            begin, end = count * part // self.threads, count * (part + 1) // self.threads
-            return begin, end - begin
-
-        pair, pairs = share(model.pair_count)
-        block, blocks = share(len(model.panel.block_first))
-        body, bodies = share(body_blocks(model))
+        block, blocks = self._share(len(model.panel.block_first), part)
+        body, bodies = self._share(body_blocks(model), part)
         wait = [(wait_for_all, 1, [self.threads, _yield_address(), self._barrier])] if self.threads > 1 else []
         work = [
-            (find_contact_forces, pairs, contact_arguments(model, state, now, pair)),
+            self._contact_launch(now, part),
             *wait,
             (wire_kernel, blocks * size, [*wire_arguments(model, state, now, then, block), *last]),
             (step_bodies, bodies, body_arguments(model, state, body)),
@@ -180,16 +183,17 @@ class ForceProbe:
         self.state.control.assign(kept)
 
 
-def contact_arguments(model: Model, state: State, now: int, first_pair: int) -> list:
+def contact_arguments(model: Model, state: State, now: int, first: int, cache: tuple[wp.array, ...]) -> list:
+    """`first` pair or batch; `cache`: what the kernel by batch keeps."""
     rest, mesh, real = model.rest, model.mesh, model.precision.real
     return [
-        state.control, real(model.precision.unit), real(model.contact_reach), first_pair,
+        state.control, real(model.precision.unit), real(model.contact_reach), first,
         rest.table_x, rest.table_y, rest.rest_x, rest.rest_y, rest.curve,
         mesh.pair_wire, mesh.pair_seed, mesh.pair_table, mesh.pair_low, mesh.pair_high, mesh.pair_side,
         mesh.pair_rest_x, mesh.pair_rest_y, state.pair_wake, state.pair_offset,
         mesh.wire_first, mesh.wire_count, mesh.wire_closed,
         state.node_ux[now], state.node_uy[now], state.body_ux, state.body_uy,
-        state.pair_slide, state.pair_u,
+        state.pair_slide, state.pair_u, *cache,
         state.pair_node, state.pair_gap, state.pair_force, state.pair_body_x, state.pair_body_y,
         state.pair_nodal_x, state.pair_nodal_y,
     ]  # fmt: skip

@@ -282,13 +282,16 @@ def test_cooling_held_wires_is_a_stretch_of_shorter_ones() -> None:
 
 def test_ramp_finds_the_strains_that_carry_a_tension() -> None:
     """Driven by tension in real time, the mesh ends where the steady states of the same tension are: the ramp keeps chords and
-    a softening of 100, which the strains at 0.05 N/m see by less than 2 %."""
+    a softening of 100, which the strains at 0.05 N/m see by less than 2 %. Tensions are met to 0.6 %; what such a difference
+    between weft and warp does to the strains is a third run's."""
     ends = {}
-    for drive in ("relax", "ramp"):
-        load = "[load]\ntension_weft=0.05\ntension_warp=0.05\n"
+    for drive, weft, warp in (("relax", 0.05, 0.05), ("ramp", 0.05, 0.05), ("relax", 0.0503, 0.0497)):
+        load = f"[load]\ntension_weft={weft}\ntension_warp={warp}\n"
         model = build_model(_with_path(load, f"solver.drive={drive}", "output.frames=5"))
         *_, last = Simulation(model, initial_state(model)).run()
         assert last.steady
-        assert measure.mesh_tension(last.reading) == pytest.approx((0.05, 0.05), rel=6e-3)
-        ends[drive] = np.diag(last.reading.gradient) - 1.0
-    assert ends["ramp"] == pytest.approx(ends["relax"], rel=0.02)
+        assert measure.mesh_tension(last.reading) == pytest.approx((weft, warp), rel=6e-3)
+        ends[drive, weft] = np.diag(last.reading.gradient) - 1.0
+    found = ends["relax", 0.05]
+    open_ = np.abs(ends["relax", 0.0503] - found)
+    assert np.all(np.abs(ends["ramp", 0.05] - found) <= 0.02 * found + 2.0 * open_)
