@@ -61,7 +61,8 @@ _STEP = r"""
         power += fx * px + fy * py;
         square += f2;
         speed += q2;
-        ff[i] = f2;
+        // a body that one wire drags along is on its way, not out of balance
+        ff[i] = first != zero && second != zero ? f2 : zero;
         qq[i] = q2;
     }
     }

@@ -136,10 +136,11 @@ class Drive(ABC):
     def load_now(self) -> dict[str, list[float] | float]:
         index = self.progress.stage_index
         before = self.scene.stages[index - 1].temperature if index else self.scene.wire.reference_temperature
-        reading = measure.read(self.model, self.state)
+        gradient = self.state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2).copy()
+        tension = measure.true_stress(self.look.take().stress, gradient)
         return {
-            "gradient": reading.gradient.ravel().tolist(),
-            "tension": list(measure.mesh_tension(reading)),
+            "gradient": gradient.ravel().tolist(),
+            "tension": np.diag(tension).tolist(),
             "temperature": before,
         }
 

@@ -311,9 +311,13 @@ def thermal_force(r: Reading) -> float:
 
 def mesh_tension(r: Reading) -> tuple[float, float]:
     """Tension in weft and warp [N/m], force per current width: diagonal of P F^T / det F."""
-    f = r.gradient
-    cauchy = nominal_stress(r) @ f.T / np.linalg.det(f)
+    cauchy = true_stress(nominal_stress(r), r.gradient)
     return float(cauchy[0, 0]), float(cauchy[1, 1])
+
+
+def true_stress(nominal: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+    """Cauchy stress (2, 2) [N/m], force per current width, of a nominal one: P F^T / det F."""
+    return nominal @ gradient.T / np.linalg.det(gradient)
 
 
 def mean_boundary_force(r: Reading) -> float:

@@ -17,7 +17,8 @@ FORCE_FLOOR = 0.05  # of EI/W^2: what the residual is compared with where contac
 ROUND_OFF_RMS = 3.0  # rms residual that counts as round-off, over that of an edge: 1.7 of its length, a force has two edges
 ROUND_OFF_LARGEST = 4.0  # the same of the largest residual, which is allowed LOCAL_ALLOWANCE times more
 ROUND_OFF_SHARE = 0.1  # of the mean contact force: more round-off than this is no balance, and needs double precision
-LOCAL_ALLOWANCE = 10.0
+LOCAL_ALLOWANCE = 10.0  # times the tolerance that the largest residual may be; the fourth root of their number if that is more,
+# which is as much as one that is alone adds to the mean fourth power of all
 
 
 class Steadiness:
@@ -36,7 +37,7 @@ class Steadiness:
     def measure(self, control: np.ndarray, sums: Sums) -> float:
         """The larger of balance and motion, both to be compared with solver.residual_tolerance.
 
-        Balance: rms nodal residual over the mean contact force, and a tenth of the largest; less where round-off leaves more.
+        Balance: rms nodal residual over the mean contact force, and a share of the largest; less where round-off leaves more.
         Motion: root of kinetic over stored energy; it is what soft modes still have to go, which the residual does not see.
         """
         model, tolerance = self.model, self.model.scene.solver.residual_tolerance
@@ -47,9 +48,10 @@ class Steadiness:
         round_off = epsilon * np.hypot(self.state.wire_axial.numpy().astype(np.float64), bending)  # [wire]
         round_off_rms = math.sqrt(float(np.average(round_off**2, weights=model.panel.wire_count)))
         most = ROUND_OFF_SHARE * scale
+        local = max(LOCAL_ALLOWANCE, free**0.25)
         balance = max(
             rms / max(scale, min(ROUND_OFF_RMS * round_off_rms, most) / tolerance),
-            largest / (LOCAL_ALLOWANCE * max(scale, min(ROUND_OFF_LARGEST * float(round_off.max()), most) / tolerance)),
+            largest / (local * max(scale, min(ROUND_OFF_LARGEST * float(round_off.max()), most) / tolerance)),
         )
         stored = 0.5 * sums.tension_square * self._stretch_energy + 0.5 * sums.turning_square * self._bend_energy
         motion = math.sqrt(
