@@ -21,7 +21,7 @@ CACHED_NUMBERS = 20  # numbers a pair: three rest edges, place of the body from 
 _BATCH = r"""
     typedef decltype(unit) real;
     typedef decltype(ux.data[0] + ux.data[0]) coordinate;
-    enum { LANES = PAIR_BATCH, ITERATIONS = CLOSEST_POINT_ITERATIONS };
+    enum { LANES = PAIR_BATCH, AHEAD = 2, ITERATIONS = CLOSEST_POINT_ITERATIONS };
     const real zero = 0, one = 1, half = 0.5, two = 2, three = 3, four = 4, six = 6;
     const real open_square = real(9) * reach_at_rest * reach_at_rest;
     const int begin = LANES * batch;
@@ -37,6 +37,14 @@ _BATCH = r"""
     if (!any) {
         for (int l = 0; l < count; ++l) pair_force.data[begin + l] = zero;
         return;
+    }
+    // what a later batch will gather is fetched by now
+    if (begin + (AHEAD + 1) * LANES <= pairs) {
+        const int* later = cached_node.data + CACHED_NODES * (begin + AHEAD * LANES) + LANES;
+        for (int l = 0; l < LANES; ++l) {
+            __builtin_prefetch(ux.data + later[l]);
+            __builtin_prefetch(uy.data + later[l]);
+        }
     }
     int* __restrict at = cached_node.data + CACHED_NODES * begin;
     real* __restrict cached = cached_number.data + CACHED_NUMBERS * begin;

@@ -40,6 +40,14 @@ _BLOCK_STEP = r"""
     const int lanes = (count + LANES - 1) / LANES * LANES;
     const int offset_of_block = first - 2;
     const int wire_end = wire_first + wire_count;
+    for (int q = pair_begin; q < pair_end; ++q) {
+        // needed below, from far apart
+        const int p = block_pair.data[q];
+        __builtin_prefetch(pair_force.data + p);
+        __builtin_prefetch(pair_node.data + p);
+        __builtin_prefetch(pair_nodal_x.data + 4 * p);
+        __builtin_prefetch(pair_nodal_y.data + 4 * p);
+    }
     coordinate cx[SPAN], cy[SPAN];
     real shift[SPAN];
     for (int k = 2; k < count + 2; ++k) {
