@@ -57,11 +57,11 @@ def test_smaller_scene_keeps_the_parity_and_ends() -> None:
 
 def test_periodic_mesh_starts_at_its_answer() -> None:
     """Repeats of a periodic mesh are alike, so it begins where one repeat came to rest, and needs no more than the looks that
-    tell so: DRIFT_LOOKS + 1."""
+    tell so: DRIFT_LOOKS + 1. The tensions of both may drift by the tolerance."""
     model, state, simulation, steps = settled((3, 2), "periodic", False)
     cell = simulation.drive.smaller
     assert steps <= 10 * 50
-    assert tension(model, state) == pytest.approx(tension(cell.model, cell.state), rel=TOLERANCE)
+    assert tension(model, state) == pytest.approx(tension(cell.model, cell.state), rel=2 * TOLERANCE)
 
 
 def test_start_from_smaller_meshes_gives_the_same_answer_in_fewer_steps() -> None:

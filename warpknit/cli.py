@@ -8,6 +8,8 @@ from __future__ import annotations
 import errno
 import json
 import logging
+import os
+import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,6 +22,9 @@ from warpknit.errors import ModelError, WarpknitError
 
 if TYPE_CHECKING:
     from warpknit.scene import Scene
+
+# NumPy's threads are worth nothing here: they would take memory and go on spinning on the cores that the steps need
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 FINISHED, BAD_INPUT, OUT_OF_RESOURCES, INTERRUPTED = 0, 2, 4, 130
 UNUSABLE_PATH = (errno.EACCES, errno.EPERM, errno.EROFS, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG)
@@ -41,11 +46,19 @@ def exit_status(error: BaseException) -> tuple[int, str] | None:
         case RuntimeError() if str(error).startswith("Failed to allocate"):  # Warp's arrays
             return OUT_OF_RESOURCES, f"memory ran out: {error}"
         case OSError() if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            return OUT_OF_RESOURCES, f"disk ran out: {error.filename or 'no space left on the device'}"
+            return OUT_OF_RESOURCES, f"disk ran out: {_free(error.filename)}"
         case OSError() if error.errno in UNUSABLE_PATH and error.filename is not None:
             return BAD_INPUT, f"{error.filename}: given {(error.strerror or '').lower()}, allowed: a path to write to"
         case _:
             return None
+
+
+def _free(path: str | None) -> str:
+    """What is left on the disk of a path that could not be written."""
+    for folder in Path(path).parents if path else ():
+        if folder.is_dir():
+            return f"{path} needs more than the {shutil.disk_usage(folder).free / 1024:,.0f} KiB that are left"
+    return "no space left on the device"
 
 
 class Program(click.Group):

@@ -56,6 +56,8 @@ class Progress:
     load_factor: float = 0.0
     residual: float = 0.0
     looks: int = 0  # of the level
+    corrected: float = 0.0  # the imbalance at the last correction of the mesh as a membrane
+    trust: float = 1.0  # share of a correction that is taken
     start: dict[str, list[float] | float] = field(default_factory=dict)  # load at the start of the stage
     best: float = 1e30  # of what is left to do, in the level
     waited: int = 0  # looks since that came down by a tenth

@@ -26,6 +26,7 @@ from .scene import Scene
 from .table import Table, rest_table
 
 SLIDE_ALLOWANCE = 0.2  # how far a contact may slide beyond its lens, in wire lengths of a loop
+LIBRARY_MEMORY = 512 * 2**20  # [bytes] of addresses that libraries may still take: threads, compiler, USD
 MEMORY_PER_NODE = {"single": 420, "double": 520}  # bytes, at the peak of a run on the CPU
 
 
@@ -156,8 +157,14 @@ def required_memory(scene: Scene, nodes: int) -> int:
 
 
 def available_memory() -> int:
-    """Bytes of main memory that a run may take now."""
-    return int(psutil.virtual_memory().available)
+    """Bytes of main memory that a run may take now, a limit of the process included."""
+    available = int(psutil.virtual_memory().available)
+    process = psutil.Process()
+    if hasattr(process, "rlimit"):
+        limit, _ = process.rlimit(psutil.RLIMIT_AS)
+        if limit != psutil.RLIM_INFINITY:
+            available = min(available, max(0, limit - process.memory_info().vms - LIBRARY_MEMORY))
+    return available
 
 
 def knit_scene(scene: Scene) -> Cloth:

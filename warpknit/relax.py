@@ -5,6 +5,7 @@ Running multipliers take out what softened segments and contact penalties would 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -32,7 +33,10 @@ LEVEL_STEP_LIMIT = 500_000  # steps of a level after which it counts as never st
 WORSE = 100.0  # times what was left at best: the mesh has gone on to another state
 PATIENCE = 1500  # looks without progress by a tenth after which a level counts as never steady
 CORRECTION_LOOKS = 6  # looks between corrections of the mesh as a membrane
+CORRECTION_GAIN = 0.7  # a correction that leaves more of the imbalance was too much
+LEAST_TRUST = 0.05  # share of corrections below which they are given up for the level
 MEMBRANE_TOLERANCE = 0.02  # stress out of balance over the tension, root mean square over the mesh
+FOLLOWED_STRAIN = 0.005  # by which the levels of the smallest mesh are apart, at most
 UNLOADED = 1e-3  # of EI/W^2: forces that count as none in a mesh as knitted
 DRIFT_LOOKS = 4  # looks over which the tension must stand still
 TENSION_FLOOR = 1e-3  # of EI/C^3: what a change of tension is compared with where the mesh carries less
@@ -180,12 +184,35 @@ class Relaxation(Drive):
     def _bring_smaller_to_rest(self, smaller: Relaxation, target: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
         """The target, with the strains at which the smaller mesh carries what is wanted."""
         smaller.progress.load_factor, smaller.progress.stage = self.progress.load_factor, self.progress.stage
-        smaller.bring_to_rest(target, wanted)
-        smaller.progress.level += 1
+        if smaller.smaller is None and wanted is None:
+            self._follow_path(smaller, target)
+        else:
+            smaller.bring_to_rest(target, wanted)
         if wanted is None:
             return target
         now = smaller.state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2)
         return LoadPoint(wanted.gradient(target.gradient, np.diag(now) - 1.0), target.temperature)
+
+    def _follow_path(self, smallest: Relaxation, target: LoadPoint) -> None:
+        """Take the smallest mesh to a load by levels near each other: which state a mesh finds may depend on the way there."""
+        progress = smallest.progress
+        if not progress.start:
+            control = smallest.state.read_control()
+            warmed = (float(control[int(c.LENGTH_FACTOR)]) - 1.0) / max(self.scene.wire.expansion, 1e-12)
+            progress.start = {
+                "gradient": control[int(c.GRADIENT) : int(c.GRADIENT) + 4].tolist(),
+                "temperature": self.scene.wire.reference_temperature + warmed,
+                "levels": 0.0,
+            }
+        gradient = np.array(progress.start["gradient"]).reshape(2, 2)
+        temperature = float(progress.start["temperature"])
+        levels = max(1, math.ceil(float(np.abs(target.gradient - gradient).max()) / FOLLOWED_STRAIN - 1e-9))
+        while float(progress.start["levels"]) < levels:
+            share = (float(progress.start["levels"]) + 1.0) / levels
+            there = gradient + share * (target.gradient - gradient)
+            smallest.bring_to_rest(LoadPoint(there, temperature + share * (target.temperature - temperature)), None)
+            progress.start["levels"] = float(progress.start["levels"]) + 1.0
+        progress.start = {}
 
     def _find_tension(self, wanted: WantedTension, temperature: float) -> None:
         """Try strains until the steady state carries the wanted tension."""
@@ -260,7 +287,7 @@ class Relaxation(Drive):
             if not ramping:
                 left = self._left(control)
                 if self.membrane is not None:
-                    if progress.looks % CORRECTION_LOOKS == 0:
+                    if progress.looks % CORRECTION_LOOKS == 0 and progress.trust >= LEAST_TRUST:
                         self._move_as_membrane()
                     left = max(left, progress.imbalance)
                 if left < 1.0:
@@ -284,14 +311,22 @@ class Relaxation(Drive):
         displacement, stress = self.membrane.solve()
         scale = max(float(np.abs(self._sums.stress).max()), self._least_tension())
         self.progress.imbalance = stress / (MEMBRANE_TOLERANCE * scale)
-        if self.progress.imbalance > 1.0:
-            self.membrane.move(displacement)
+        progress = self.progress
+        if progress.corrected and progress.imbalance > CORRECTION_GAIN * progress.corrected:
+            progress.trust *= 0.25
+        if progress.trust < LEAST_TRUST:
+            progress.imbalance = 0.0  # the mesh is not like a membrane of endless cloth: it comes to rest by itself
+        elif progress.imbalance > 1.0:
+            self.membrane.move(progress.trust * displacement)
+            progress.corrected = progress.imbalance
             self.neighbours.search()
             self.multipliers.begin_level()
 
     def _begin_settling(self) -> None:
-        self.progress.looks, self.progress.best, self.progress.waited, self.progress.imbalance = 0, 1e30, 0, 1e30
-        self.progress.tensions.clear()
+        progress = self.progress
+        progress.looks, progress.best, progress.waited = 0, 1e30, 0
+        progress.imbalance, progress.corrected, progress.trust = 1e30, 0.0, 1.0
+        progress.tensions.clear()
 
     def _drift(self) -> float:
         """How much the nominal tensions moved over DRIFT_LOOKS, over what the tolerance allows; 1 or more before that.

@@ -24,7 +24,7 @@ from .device import find_device
 from .errors import Diverged, OutOfResources, RunDirectoryError
 from .files import write_aside
 from .history import Row, account_work, read_history, row_of, write_history
-from .model import Model, build_model
+from .model import Model, available_memory, build_model
 from .progress import Progress as Display
 from .scene import Scene, resolved_toml
 from .simulate import Progress, Record, Simulation
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
+RECORD_MEMORY = 400  # bytes a node that writing a record takes: the frame, its tables and the USD layer
 COMPILING_S = 1.0  # kernels that took longer to be ready were compiled, not loaded
 OURS = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda", "wires.topology.usdc",
         "wires.manifest.usda", "stages.json", "states", "frames", "figures", "checkpoint", "vtk", "tables")  # fmt: skip
@@ -211,6 +212,7 @@ class _Recorder:
 
     def _keep(self, record: Record) -> None:
         """Write one record: its state, its USD frame, its row; then the stage's summary where the stage ends."""
+        self._reserve_memory()
         frame = measure.frame(
             record.reading,
             index=record.index,
@@ -229,6 +231,14 @@ class _Recorder:
             with write_aside(self.out / "stages.json") as file:
                 json.dump(self.stages, file, allow_nan=False)
         self.last = record
+
+    def _reserve_memory(self) -> None:
+        """Raise `OutOfResources` before a library that does not survive it runs out of memory."""
+        needed, available = RECORD_MEMORY * self.model.panel.node_count, available_memory()
+        if needed > available:
+            raise OutOfResources(
+                f"memory ran out: a record needs {needed / 2**20:,.0f} MiB, {available / 2**20:,.0f} MiB are available"
+            )
 
     def _write_summary(self, reason: str, message: str) -> dict[str, Any]:
         stages = self.stages

@@ -18,16 +18,18 @@ names it, and every file is written aside and renamed, so a killed run leaves a 
 `active` and `activePairs` are integers because USD interpolates floats between frames and holds integers.
 """
 
+import errno
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
+from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
 from warpknit.files import path_aside
 from warpknit.frame import Frame, WireLayout, curve_position
@@ -145,7 +147,7 @@ class StageWriter:
         if self._scene is None:
             self._begin(frame, position, body_position)
         path = self.directory / FRAMES / f"wires.{frame.index:06d}.usdc"
-        with path_aside(path) as aside:
+        with path_aside(path) as aside, _disk_errors(path):
             layer = Sdf.Layer.CreateNew(str(aside))
             layer.defaultPrim = PANEL.name
             with Sdf.ChangeBlock():
@@ -153,8 +155,7 @@ class StageWriter:
                     _declare(layer, prim, attributes, values)
                     for name, value in values.items():
                         layer.SetTimeSample(prim.AppendProperty(name), frame.index, value)
-            if not layer.Save():
-                raise OSError(f"{path}: could not be written")
+            _written(layer.Save(), path)
             del layer
         self._loads[frame.index] = _load(frame)
         for points in (position, body_position):
@@ -475,9 +476,23 @@ def _surface(stage: Usd.Stage, material: UsdShade.Material, inputs: Mapping[str,
 
 
 def _export(layer: Sdf.Layer, path: Path) -> None:
-    with path_aside(path) as aside:
-        if not layer.Export(str(aside)):
-            raise OSError(f"{path}: could not be written")
+    with path_aside(path) as aside, _disk_errors(path):
+        _written(layer.Export(str(aside)), path)
+
+
+@contextmanager
+def _disk_errors(path: Path) -> Iterator[None]:
+    """USD tells of a full disk in its own way: as `OSError` with the path."""
+    try:
+        yield
+    except Tf.ErrorException as error:
+        number = errno.ENOSPC if os.strerror(errno.ENOSPC) in str(error) else errno.EIO
+        raise OSError(number, os.strerror(number), str(path)) from error
+
+
+def _written(done: bool, path: Path) -> None:
+    if not done:
+        raise OSError(errno.EIO, os.strerror(errno.EIO), str(path))
 
 
 def _earlier_stage(path: Path) -> dict[str, Any]:
