@@ -11,7 +11,7 @@ A frame's mean deformation carries a rest vector (X, Y) of the cloth to
 
 import os
 import zipfile
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
@@ -39,6 +39,7 @@ class WireLayout:
     body_radius: float  # [m]
     body_wires: Integers  # [body, 2]  the wires of pairs 2b and 2b + 1
     rhombus_bodies: Integers  # [k]  bodies round the central opening; may be empty
+    repeats: Integers = field(default_factory=lambda: np.zeros(2, dtype=np.int64))  # [2]  of the knit; 0 where unknown
 
     def __post_init__(self) -> None:
         for name, kind, shape in (
@@ -47,6 +48,7 @@ class WireLayout:
             ("period", np.float64, (2,)),
             ("body_wires", np.int64, (-1, 2)),
             ("rhombus_bodies", np.int64, (-1,)),
+            ("repeats", np.int64, (2,)),
         ):
             object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=kind).reshape(shape))
         for name in ("diameter", "body_radius"):
@@ -159,11 +161,11 @@ class Frame:
 
     def require_finite(self) -> None:
         """Raise ValueError where a number is not finite: no file may hold one."""
-        for field in fields(self):
-            value = getattr(self, field.name)
+        for entry in fields(self):
+            value = getattr(self, entry.name)
             if not isinstance(value, str) and not np.all(np.isfinite(value)):
                 where = f" at {tuple(map(int, np.argwhere(~np.isfinite(value))[0]))}" if np.ndim(value) else ""
-                raise ValueError(f"frame {self.index}: {field.name} is not finite{where}")
+                raise ValueError(f"frame {self.index}: {entry.name} is not finite{where}")
 
     def require_layout(self, layout: WireLayout) -> None:
         """Raise ValueError where the counts differ from the layout's."""
@@ -195,7 +197,7 @@ def curve_position(layout: WireLayout, frame: Frame) -> Floats:
 
 
 def _save(record: WireLayout | Frame, path: str | os.PathLike[str]) -> None:
-    arrays: dict[str, Any] = {field.name: np.asarray(getattr(record, field.name)) for field in fields(record)}
+    arrays: dict[str, Any] = {f.name: np.asarray(getattr(record, f.name)) for f in fields(record)}
     with write_aside(path, "wb") as file:
         np.savez(file, **arrays)
 
@@ -203,7 +205,8 @@ def _save(record: WireLayout | Frame, path: str | os.PathLike[str]) -> None:
 def _load(kind: type, path: str | os.PathLike[str]) -> dict[str, Any]:
     try:
         with np.load(path, allow_pickle=False) as archive:
-            values = {field.name: archive[field.name] for field in fields(kind)}
+            wanted = [f.name for f in fields(kind) if f.name in archive or f.default_factory is MISSING]
+            values = {name: archive[name] for name in wanted}
     except (KeyError, OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
         if isinstance(error, FileNotFoundError):
             raise

@@ -142,6 +142,7 @@ class Model:
             body_radius=self.scene.model.body_radius,
             body_wires=p.pair_wire.reshape(-1, 2),
             rhombus_bodies=p.rhombus_bodies,
+            repeats=np.array(self.scene.knit.repeats if self.cloth is not None else (0, 0)),
         )
 
 

@@ -29,6 +29,7 @@ from .model import (
     required_memory,
 )
 from .panel import table_lead
+from .prolongation import smaller_scene
 from .scene import Scene, Stage
 from .step import thread_count
 from .table import Table, rest_table
@@ -44,13 +45,17 @@ MEASURED_NODES = 24  # a loop
 NODES_POWER = 1.25  # steps of the cell by nodes a loop: 6,600 at 8, 11,700 at 16, 17,500 at 27, 85,000 at 54
 MEASURED_TOLERANCE = 3e-3
 TOLERANCE_POWER = 1 / 3  # 11,500 steps at 1e-2, 30,750 at 3e-4
+STEPS_FROM_SMALLER = 2_000.0  # of a level of a large mesh, which starts from a smaller one: 1,550 to 2,600 measured
+SMALLER_SHARE = 1.4  # time of a large mesh with its looks and its smaller meshes over that of its steps
 GRIPPED = 2.5  # times the steps of a tile: 1 to 4 at the standard preset, 2 to 3 at draft, 2 x 2 to 7 x 6 repeats
 TENSION_STATES = 10.0  # steady states tried for a level that is driven by tension
 RAMP_SHARE = 1.2  # steps of a ramp over loading time/step at the start: 1.15 and 1.20, the step shrinks with the load
 RAMP_BY_TENSION = 5.0  # times that, where the boundary has to find a tension
 
 STEP_TIME = 10e-6  # [s] of a step on the CPU, however few nodes: launches, and a look at the state every 50 steps
-NODE_STEPS_PER_S = {"single": 9e7, "double": 5.5e7}  # beyond that, on one core, 2,000 to 350,000 nodes
+NODE_STEPS_PER_S = {"single": 1.6e8, "double": 9e7}  # beyond that, on one core, with contacts
+NODE_STEPS_PER_S_FROM_MEMORY = {"single": 1.1e8, "double": 5e7}
+MEMORY_RULES = 4_000_000  # nodes from which the caches no longer help
 
 
 @dataclass(frozen=True)
@@ -126,7 +131,7 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         time_step_s=mesh.time_step,
         limited_by=mesh.limited_by,
         steps=steps,
-        wall_s=wall_time(steps, mesh.nodes, scene.solver.precision) if name == "cpu" else None,
+        wall_s=wall_time(scene, steps, mesh.nodes) if name == "cpu" else None,
         physics=tuple(physics_of(scene, mesh)),
         counted=counted,
         relaxes=scene.solver.drive == "relax",
@@ -206,9 +211,12 @@ def relax_steps(scene: Scene, table: Table) -> int:
 
     Steps go with n^NODES_POWER (n nodes a loop) where bending rules the fictitious masses; there are sqrt(s*/s) times as
     many where the softened stretch rules them, s* = (2 h/d)^2 being the softening at which both are equal. A
-    tile takes the same number whatever its size, as the interior moves with its boundary.
+    tile takes the same number whatever its size, as the interior moves with its boundary. A large mesh starts from a smaller one.
     """
     solver = scene.solver
+    if smaller_scene(scene) is not None:
+        states = sum(2.0 if _is_driven_by_tension(stage) else 1.0 for stage in scene.stages)
+        return round(states * STEPS_FROM_SMALLER * scene.output.frames)
     n = scene.model.nodes_per_loop
     balance = (2.0 * float(table.spacing.min()) / scene.wire.diameter) ** 2
     work = (n / MEASURED_NODES) ** NODES_POWER * math.sqrt(max(1.0, balance / solver.axial_softening))
@@ -231,9 +239,13 @@ def ramp_steps(scene: Scene, mesh: MeshSize) -> int:
     return max(1, round(RAMP_SHARE * stages * mesh.loading_time / mesh.time_step))
 
 
-def wall_time(steps: int, nodes: int, precision: str) -> float:
+def wall_time(scene: Scene, steps: int, nodes: int) -> float:
     """Time [s] of so many steps on this machine's cores, without compilation and files."""
-    return steps * (STEP_TIME + nodes / (NODE_STEPS_PER_S[precision] * thread_count(nodes)))
+    rates = NODE_STEPS_PER_S if nodes < MEMORY_RULES else NODE_STEPS_PER_S_FROM_MEMORY
+    time = steps * (STEP_TIME + nodes / (rates[scene.solver.precision] * thread_count(nodes)))
+    if scene.solver.drive == "relax" and smaller_scene(scene) is not None:
+        time *= SMALLER_SHARE
+    return time
 
 
 # --- physics ----------------------------------------------------------------------------------------------------------
@@ -252,6 +264,8 @@ def physics_of(scene: Scene, mesh: MeshSize) -> Iterator[str]:
     else:
         yield "grips: every cut wire end is held in position and direction, model.boundary = 'gripped'"
     yield "affine carry: the interior moves with the boundary, so that only what differs from it has to be solved"
+    if solver.drive == "relax" and (smaller := smaller_scene(scene)) is not None:
+        yield f"start: a smaller mesh of {' x '.join(map(str, smaller.knit.repeats))} repeats comes to rest first, and so on down"
     if wire.set_fraction != 1.0:
         yield f"set: a wire let free keeps {wire.set_fraction:g} of its knitted curvature, wire.set_fraction"
     if wire.plating is not None:

@@ -288,9 +288,11 @@ class _Recorder:
             self._stage_shown = progress.stage_index
             self.display.stage(stages[progress.stage_index].name, number=progress.stage_index + 1, of=len(stages))
         elapsed = time.perf_counter() - self._begin
-        rate = progress.steps * self.model.panel.node_count / elapsed if elapsed > 0 else None
+        # none while a large mesh waits for its smaller ones
+        rate = progress.steps * self.model.panel.node_count / elapsed if elapsed > 0 and progress.steps else None
+        records = progress.level - (progress.stage_index == 0)  # the first stage begins with the unloaded state
         self.display.update(
-            done=min(1.0, progress.level / max(1, self.scene.output.frames)),
+            done=min(1.0, max(0, records) / max(1, self.scene.output.frames)),
             load_factor=progress.load_factor,
             node_steps_per_s=rate,
         )

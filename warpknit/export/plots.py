@@ -156,9 +156,9 @@ def _mesh_map(
     low, high = position.min(axis=0), position.max(axis=0)
     size = high - low
     figure, (left, right), _ = _plan_figure(size, 2, _title(frame, tension))
-    extent = (low[0], high[0], low[1], high[1])
 
     shape = _cells(size, position.shape[0] / 100.0, 500)
+    extent = (low[0], high[0], low[1], high[1])
     stress = np.full(math.prod(shape), np.nan)
     np.fmax.at(stress, _cell_of(position, low, size, shape), 1e-6 * np.abs(frame.node_stress)[layout.curve_node])
     colours, scale = _stress_colours(stress, yield_stress)
@@ -168,8 +168,9 @@ def _mesh_map(
     _stress_bar(figure, left, image, yield_stress, "highest wire stress in each cell [MPa]")
 
     body = 1e3 * np.asarray(frame.body_position)[:, :2]
-    shape = _cells(size, body.shape[0] / 12.0, 250)
-    cell = _cell_of(body, low, size, shape)
+    shape, covered = _cells_of_repeats(layout.repeats, size, body.shape[0] / 12.0, 250)
+    extent = (low[0], low[0] + covered[0], low[1], low[1] + covered[1])
+    cell = _cell_of(body, low, covered, shape)
     pairs = 2.0 * np.bincount(cell, minlength=math.prod(shape))
     active = np.bincount(cell, frame.pair_active.reshape(-1, 2).sum(axis=1), minlength=math.prod(shape))
     share = np.divide(100.0 * active, pairs, out=np.full(pairs.shape, np.nan), where=pairs > 0.0)
@@ -195,6 +196,18 @@ def _cells(size: NDArray[Any], count: float, most: int) -> tuple[int, int]:
     """Rows and columns of a grid of about `count` square cells, `most` a side at most."""
     edge = max(math.sqrt(size[0] * size[1] / max(count, 1.0)), max(size) / most)
     return max(1, round(size[1] / edge)), max(1, round(size[0] / edge))
+
+
+def _cells_of_repeats(
+    repeats: NDArray[Any], size: NDArray[Any], count: float, most: int
+) -> tuple[tuple[int, int], NDArray[Any]]:
+    """Rows and columns of a grid of whole repeats of the knit, and the size that it covers: cells that cut repeats in
+    two would show a pattern that the mesh does not have. About `count` square cells where there is no knit."""
+    if not repeats.all():
+        return _cells(size, count, most), size
+    together = -(-int(repeats.max()) // most)
+    cells = -(-repeats // together)
+    return (int(cells[1]), int(cells[0])), size * cells * together / repeats
 
 
 def _cell_of(position: NDArray[Any], low: NDArray[Any], size: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
