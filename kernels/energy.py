@@ -22,6 +22,7 @@ def evaluate_wires(
     block_table: wp.array(dtype=wp.int32),
     block_wire: wp.array(dtype=wp.int32),
     block_size: int,
+    first_block: int,
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
     wire_closed: wp.array(dtype=wp.int32),
@@ -54,6 +55,7 @@ def evaluate_wires(
     thread = wp.tid()
     block = thread / block_size
     lane = thread - block * block_size
+    block = first_block + block
     if lane >= block_count[block]:
         return
     i = block_first[block] + lane

@@ -50,6 +50,7 @@ def sum_wires(
     block_count: wp.array(dtype=wp.int32),
     block_table: wp.array(dtype=wp.int32),
     block_wire: wp.array(dtype=wp.int32),
+    first_block: int,
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
     wire_closed: wp.array(dtype=wp.int32),
@@ -75,7 +76,7 @@ def sum_wires(
     # out
     partial: wp.array2d(dtype=wp.float64),
 ):
-    block = wp.tid()
+    block = first_block + wp.tid()
     zero = type(unit)(0.0)
     wire = block_wire[block]
     first = wire_first[wire]

@@ -97,7 +97,7 @@ class Drive(ABC):
         self.watch = watch
         self.stepper = Stepper(model, state)
         self.neighbours = NeighbourSearch(model, state)
-        self.look = Look(model, state)
+        self.look = Look(model, state, self.stepper)
         self.steadiness = Steadiness(model, state)
 
     @abstractmethod

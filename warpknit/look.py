@@ -16,6 +16,7 @@ from .kernels import control as c
 from .kernels import look as k
 from .model import Model
 from .state import State
+from .step import Stepper
 
 
 @dataclass(frozen=True)
@@ -38,31 +39,38 @@ class Sums:
 class Look:
     """`strain`, `tension` and `turning` of the last look stay on the device, [node]; see kernels/energy.py."""
 
-    def __init__(self, model: Model, state: State) -> None:
+    def __init__(self, model: Model, state: State, stepper: Stepper) -> None:
         self.model = model
         self.state = state
         panel, real, device = model.panel, model.precision.real, model.device
         scratch = [wp.zeros(panel.node_count, dtype=real, device=device) for _ in range(5)]
         self._force_x, self._force_y, self.strain, self.tension, self.turning = scratch
-        self._evaluate = [measure.evaluation(model, state, parity, scratch) for parity in (0, 1)]
+        self._stepper = stepper
+        shares = stepper.shares(len(panel.block_first))
+        self._evaluate = [
+            [measure.evaluation(model, state, parity, scratch, share).launch for share in shares] for parity in (0, 1)
+        ]
         self._first_block = np.searchsorted(panel.block_wire, np.arange(len(panel.wire_first)))
         self._wires = wp.zeros((len(panel.block_first), k.WIRE_COLUMNS), dtype=wp.float64, device=device)
         self._pairs = wp.zeros((max(1, -(-model.pair_count // k.PAIR_BLOCK)), k.PAIR_COLUMNS), dtype=wp.float64, device=device)
         self._squares = wp.zeros(len(panel.block_first), dtype=wp.float64, device=device)
         mesh, rest, unit = model.mesh, model.rest, real(model.precision.unit)
-        self._sum_wires = wp.launch(
-            k.sum_wires,
-            dim=len(panel.block_first),
-            inputs=[
-                mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire,
-                mesh.wire_first, mesh.wire_count, mesh.wire_closed, mesh.wire_clamp, int(model.is_gripped),
-                state.control, unit, wp.float64(model.axial_stiffness),
-                rest.rest_x, rest.rest_y, rest.rest_length, rest.rest_angle, rest.hinge_stiffness,
-                self.strain, self.tension, self.turning, self._force_x, self._force_y, self._wires,
-            ],
-            device=device,
-            record_cmd=True,
-        )  # fmt: skip
+        self._sum_wires = [
+            wp.launch(
+                k.sum_wires,
+                dim=blocks,
+                inputs=[
+                    mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire, block,
+                    mesh.wire_first, mesh.wire_count, mesh.wire_closed, mesh.wire_clamp, int(model.is_gripped),
+                    state.control, unit, wp.float64(model.axial_stiffness),
+                    rest.rest_x, rest.rest_y, rest.rest_length, rest.rest_angle, rest.hinge_stiffness,
+                    self.strain, self.tension, self.turning, self._force_x, self._force_y, self._wires,
+                ],
+                device=device,
+                record_cmd=True,
+            ).launch
+            for block, blocks in shares
+        ]  # fmt: skip
         self._sum_pairs = wp.launch(
             k.sum_pairs,
             dim=self._pairs.shape[0],
@@ -76,8 +84,8 @@ class Look:
 
     def take(self) -> Sums:
         """Look at the state as it is."""
-        self._evaluate[self.state.parity].launch()
-        self._sum_wires.launch()
+        self._stepper.together(self._evaluate[self.state.parity])
+        self._stepper.together(self._sum_wires)
         self._sum_pairs.launch()
         wires, pairs = self._wires.numpy(), self._pairs.numpy()
         largest = np.maximum.reduceat(wires, self._first_block, axis=0)

@@ -17,7 +17,7 @@ from .kernels import clamp
 from .kernels import control as c
 from .kernels.energy import evaluate_wires
 from .kernels.wires_by_block import BLOCK_SIZE
-from .model import Model, block_threads
+from .model import Model
 from .scene import Wire
 from .state import State
 
@@ -180,17 +180,18 @@ def read(model: Model, state: State) -> Reading:
 
 def evaluate(model: Model, state: State, out: list[wp.array]) -> None:
     """Run `evaluate_wires` into edge_x, edge_y, strain, tension, turning, each [node]."""
-    evaluation(model, state, state.parity, out).launch()
+    evaluation(model, state, state.parity, out, (0, len(model.panel.block_first))).launch()
 
 
-def evaluation(model: Model, state: State, parity: int, out: list[wp.array]) -> wp.Launch:
-    """The launch of `evaluate`, to be repeated where the displacements stand in the buffers of `parity`."""
+def evaluation(model: Model, state: State, parity: int, out: list[wp.array], blocks: tuple[int, int]) -> wp.Launch:
+    """The launch of `evaluate` for so many blocks from one on, to be repeated where the displacements stand in the buffers of
+    `parity`."""
     mesh, rest = model.mesh, model.rest
     return wp.launch(
         evaluate_wires,
-        dim=block_threads(model),
+        dim=blocks[1] * BLOCK_SIZE,
         inputs=[
-            mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire, BLOCK_SIZE,
+            mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire, BLOCK_SIZE, blocks[0],
             mesh.wire_first, mesh.wire_count, mesh.wire_closed, mesh.wire_clamp, state.wire_axial,
             state.control, model.precision.real(model.precision.unit),
             rest.rest_x, rest.rest_y, rest.rest_length, rest.rest_angle, rest.rest_bow, state.tension_offset,

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import ctypes
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import warp as wp
 
@@ -46,8 +48,12 @@ class Stepper:
         self._barrier = wp.zeros(64, dtype=wp.int32, device=model.device)
         self._launches = [[self._record(parity, part) for parity in (0, 1)] for part in range(self.threads)]
         self._contact = [
-            wp.launch(kernel, dim=max(1, dim), inputs=arguments, device=model.device, record_cmd=True)
-            for kernel, dim, arguments in (self._contact_launch(parity, None) for parity in (0, 1))
+            [
+                wp.launch(kernel, dim=max(1, dim), inputs=arguments, device=model.device, record_cmd=True).launch
+                for kernel, dim, arguments in (self._contact_launch(parity, part) for part in range(self.threads))
+                if dim > 0
+            ]
+            for parity in (0, 1)
         ]
         self._graphs: dict[tuple[int, int], wp.Graph] = {}
         self._helpers = ThreadPoolExecutor(self.threads - 1, "step") if self.threads > 1 else None
@@ -67,14 +73,18 @@ class Stepper:
 
     def _replay(self, parity: int, steps: int) -> None:
         """Have every thread replay its part of so many steps."""
-        graphs = self._graphs_of(parity, steps)
-        if self._helpers is None:
-            wp.capture_launch(graphs[0])
-            return
-        waiting = [self._helpers.submit(wp.capture_launch, graph) for graph in graphs[1:]]
-        wp.capture_launch(graphs[0])
+        self.together([partial(wp.capture_launch, graph) for graph in self._graphs_of(parity, steps)])
+
+    def together(self, parts: list[Callable[[], object]]) -> None:
+        """Call one part in each thread at a time, and return when all are done."""
+        waiting = [self._helpers.submit(part) for part in parts[1:]] if self._helpers is not None else []
+        parts[0]()
         for helper in waiting:
             helper.result()
+
+    def shares(self, count: int) -> list[tuple[int, int]]:
+        """Begin and number of what each thread takes of `count` things."""
+        return [self._share(count, part) for part in range(self.threads)]
 
     def _graphs_of(self, parity: int, steps: int) -> list[wp.Graph]:
         """A graph for each thread: so many steps from `parity`."""
@@ -94,10 +104,10 @@ class Stepper:
     def evaluate_contact(self) -> None:
         """Contact forces of the current state, without a step."""
         if self.model.pair_count:
-            self._contact[self.state.parity].launch()
+            self.together(self._contact[self.state.parity])
 
-    def _contact_launch(self, parity: int, part: int | None) -> tuple[wp.Kernel, int, list]:
-        """Kernel, threads and arguments that find one part of the contact forces, or all."""
+    def _contact_launch(self, parity: int, part: int) -> tuple[wp.Kernel, int, list]:
+        """Kernel, threads and arguments that find one part of the contact forces."""
         model, state = self.model, self.state
         if self.by_node:
             return find_contact_forces, model.pair_count, contact_arguments(model, state, parity, 0, ())
@@ -105,10 +115,8 @@ class Stepper:
         batch, batches = self._share(contact_batches(model), part)
         return find_contact_forces_by_batch, batches, contact_arguments(model, state, parity, batch, cache)
 
-    def _share(self, count: int, part: int | None) -> tuple[int, int]:
-        """Begin and number of what a part takes of `count` things, of all without a part."""
-        if part is None:
-            return 0, count
+    def _share(self, count: int, part: int) -> tuple[int, int]:
+        """Begin and number of what a part takes of `count` things."""
         begin, end = count * part // self.threads, count * (part + 1) // self.threads
         return begin, end - begin
 
@@ -169,17 +177,20 @@ class ForceProbe:
         self._stepper = stepper
         self._launches = []
         for parity in (0, 1):
-            arguments = wire_arguments(model, state, parity, parity, 0)
-            arguments[-5:] = [self.acceleration_x, self.acceleration_y, *unused, state.wire_partial]
             kernel, size, last = stepper.wire_kernel
-            dim = size * len(model.panel.block_first)
-            self._launches.append(wp.launch(kernel, dim=dim, inputs=[*arguments, *last], device=device, record_cmd=True))
+            parts = []
+            for block, blocks in stepper.shares(len(model.panel.block_first)):
+                arguments = wire_arguments(model, state, parity, parity, block)
+                arguments[-5:] = [self.acceleration_x, self.acceleration_y, *unused, state.wire_partial]
+                launch = wp.launch(kernel, dim=size * blocks, inputs=[*arguments, *last], device=device, record_cmd=True)
+                parts.append(launch.launch)
+            self._launches.append(parts)
 
     def evaluate(self) -> None:
         kept = self.state.read_control().copy()
         self.state.write_control({c.VELOCITY_FACTOR: 0.0, c.FORCE_FACTOR: 1.0, c.TIME_STEP: 0.0})
         self._stepper.evaluate_contact()
-        self._launches[self.state.parity].launch()
+        self._stepper.together(self._launches[self.state.parity])
         self.state.control.assign(kept)
 
 
