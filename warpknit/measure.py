@@ -61,24 +61,31 @@ class Reading:
     @cached_property
     def segment_force(self) -> np.ndarray:
         """[node, 2] [N] gradient of the energy by the edge: n = T t + (g - g_next)/|e| nu (kernels/wires.py)."""
-        moment = self.moment + self.bow_moment
-        following = np.roll(moment, -1)
         panel = self.model.panel
+        moment = self.moment
+        moment += self.bow_moment
+        shear = np.roll(moment, -1)
         last = panel.wire_first + panel.wire_count - 1
-        following[last] = np.where(panel.wire_closed, moment[panel.wire_first], 0.0)
-        length = np.hypot(self.edge[:, 0], self.edge[:, 1])
-        safe = np.where(length > 0, length, 1.0)
-        tangent = self.edge / safe[:, None]
-        normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
-        shear = np.where(length > 0, (moment - following) / safe, 0.0)
-        return self.tension[:, None] * tangent + shear[:, None] * normal
+        shear[last] = np.where(panel.wire_closed, moment[panel.wire_first], 0.0)
+        np.subtract(moment, shear, out=shear)
+        inverse = np.hypot(self.edge[:, 0], self.edge[:, 1])
+        np.divide(1.0, inverse, out=inverse, where=inverse > 0)
+        shear *= inverse
+        pull = self.tension * inverse
+        shear *= inverse
+        force = self.edge * pull[:, None]
+        force[:, 0] -= shear * self.edge[:, 1]
+        force[:, 1] += shear * self.edge[:, 0]
+        return force
 
-    @cached_property
+    # what follows is worked out when asked for: kept, it would be most of the memory of a large mesh
+
+    @property
     def moment(self) -> np.ndarray:
         """[node] [N m] bending moment."""
         return self.model.bending_stiffness * self.curvature_change
 
-    @cached_property
+    @property
     def bow_moment(self) -> np.ndarray:
         """[node] [N m] by which tension unbends arcs that keep their length (kernels/bend.py)."""
         panel = self.model.panel
@@ -91,14 +98,14 @@ class Reading:
             moment[end] = np.where(panel.wire_closed, moment[end], 0.0)
         return moment
 
-    @cached_property
+    @property
     def curvature_change(self) -> np.ndarray:
         """[node] [1/m] curvature less the natural one: the turning over the length that the hinge stands for."""
         return self.turning / (self.hinge_length * self.length_factor)
 
     # rest data of the nodes: those of the table but next to clamps
 
-    @cached_property
+    @property
     def natural_length(self) -> np.ndarray:
         """[node] [m] of the segment that starts there, at the reference temperature."""
         values = self.model.table.rest_length[self.entry]
@@ -107,7 +114,7 @@ class Reading:
                 values[node] = self.model.panel.wire_clamp[:, far, clamp.LENGTH]
         return values
 
-    @cached_property
+    @property
     def natural_angle(self) -> np.ndarray:
         """[node] [rad] natural turning angle."""
         values = self.model.table.rest_angle[self.entry]
@@ -115,7 +122,7 @@ class Reading:
             values[node] = self.model.panel.wire_clamp[:, far, clamp.ANGLE + following]
         return values
 
-    @cached_property
+    @property
     def hinge_length(self) -> np.ndarray:
         """[node] [m] wire that the hinge at the node stands for, at the reference temperature."""
         values = self.model.table.hinge_length[self.entry]
@@ -141,7 +148,7 @@ class Reading:
 def node_entries(model: Model) -> np.ndarray:
     """Table entry (node,) of each node."""
     panel = model.panel
-    lane = np.arange(panel.node_count) - np.repeat(panel.block_first, panel.block_count)
+    lane = np.arange(panel.node_count, dtype=np.int32) - np.repeat(panel.block_first, panel.block_count)
     return np.repeat(panel.block_table, panel.block_count) + lane
 
 
