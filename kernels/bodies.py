@@ -27,7 +27,6 @@ BODY_BLOCK = 32
 
 _STEP = r"""
     typedef decltype(unit) real;
-    enum { LANES = 16 };
     const real zero = 0, counts = time_step / unit;
     const real still = sizeof(real) == 4 ? real(1e-18) : real(1e-150);
     const real* __restrict force = pair_force.data + 2 * begin;
@@ -38,7 +37,7 @@ _STEP = r"""
     real* __restrict speed_x = vx.data + begin;
     real* __restrict speed_y = vy.data + begin;
     const int count = end - begin;
-    real power = 0, square = 0, speed = 0, ff[BODY_BLOCK + LANES], qq[BODY_BLOCK + LANES];
+    real power = 0, square = 0, speed = 0, ff[BODY_BLOCK], qq[BODY_BLOCK];
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)

@@ -34,21 +34,28 @@ def corner_index(grid: Grid, ix: int, iy: int, corner: int) -> int:
 
 
 @wp.func
-def corner_weight(sx: wp.float64, sy: wp.float64, corner: int) -> wp.float64:
-    one = wp.float64(1.0)
-    wx = wp.where(corner % 2 == 0, one - sx, sx)
-    wy = wp.where(corner / 2 == 0, one - sy, sy)
-    return wx * wy
-
-
-@wp.func
-def gather(grid: Grid, x: wp.float64, y: wp.float64, fx: wp.float64, fy: wp.float64, force: wp.array2d(dtype=wp.float64)):
+def place_on(grid: Grid, x: wp.float64, y: wp.float64):
+    """The cell (column, row) that a place lies in, and where in it, 0 to 1 in either direction."""
     gx = cell_at(x, grid.low[0], grid.cell[0], grid.cells[0])
     gy = cell_at(y, grid.low[1], grid.cell[1], grid.cells[1])
     ix = wp.min(int(gx), grid.cells[0] - 1)
     iy = wp.min(int(gy), grid.cells[1] - 1)
+    return ix, iy, gx - wp.float64(ix), gy - wp.float64(iy)
+
+
+@wp.func
+def corner_weights(sx: wp.float64, sy: wp.float64, corner: int) -> wp.vec2d:
+    """Weights along x and y of a corner of the cell; their product is its shape function."""
+    one = wp.float64(1.0)
+    return wp.vec2d(wp.where(corner % 2 == 0, one - sx, sx), wp.where(corner / 2 == 0, one - sy, sy))
+
+
+@wp.func
+def gather(grid: Grid, x: wp.float64, y: wp.float64, fx: wp.float64, fy: wp.float64, force: wp.array2d(dtype=wp.float64)):
+    ix, iy, sx, sy = place_on(grid, x, y)
     for corner in range(4):
-        w = corner_weight(gx - wp.float64(ix), gy - wp.float64(iy), corner)
+        weights = corner_weights(sx, sy, corner)
+        w = weights[0] * weights[1]
         there = corner_index(grid, ix, iy, corner)
         wp.atomic_add(force, there, 0, w * fx)
         wp.atomic_add(force, there, 1, w * fy)
@@ -57,18 +64,13 @@ def gather(grid: Grid, x: wp.float64, y: wp.float64, fx: wp.float64, fy: wp.floa
 @wp.func
 def spread(grid: Grid, x: wp.float64, y: wp.float64, displacement: wp.array2d(dtype=wp.float64)):
     """Displacement (2,) [m] of the grid at a place, and its gradient (xx, xy, yx, yy)."""
-    gx = cell_at(x, grid.low[0], grid.cell[0], grid.cells[0])
-    gy = cell_at(y, grid.low[1], grid.cell[1], grid.cells[1])
-    ix = wp.min(int(gx), grid.cells[0] - 1)
-    iy = wp.min(int(gy), grid.cells[1] - 1)
-    sx = gx - wp.float64(ix)
-    sy = gy - wp.float64(iy)
-    one = wp.float64(1.0)
+    ix, iy, sx, sy = place_on(grid, x, y)
     moved = wp.vec2d(wp.float64(0.0), wp.float64(0.0))
     gradient = wp.vec4d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
     for corner in range(4):
-        wx = wp.where(corner % 2 == 0, one - sx, sx)
-        wy = wp.where(corner / 2 == 0, one - sy, sy)
+        weights = corner_weights(sx, sy, corner)
+        wx = weights[0]
+        wy = weights[1]
         slope_x = wp.where(corner % 2 == 0, -wy, wy) / grid.cell[0]
         slope_y = wp.where(corner / 2 == 0, -wx, wx) / grid.cell[1]
         there = corner_index(grid, ix, iy, corner)

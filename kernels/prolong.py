@@ -18,30 +18,17 @@ from typing import Any
 import warp as wp
 
 
-@wp.func
-def shift_at(place: wp.float64, large: int, small: int, rim: int, periodic: int) -> wp.float64:
-    """Repeats to go from a place on the large mesh to that on the small one, both counted from the lower edge."""
-    if periodic != 0:
-        return wp.float64(0.0)
-    inner = wp.float64(large - 2 * rim)
-    share = wp.clamp((place - wp.float64(rim)) / wp.max(inner, wp.float64(1.0)), wp.float64(0.0), wp.float64(1.0))
-    return -share * wp.float64(large - small)
+@wp.struct
+class Meshes:
+    """The two meshes; see the table above."""
 
-
-@wp.func
-def slope_at(place: wp.float64, large: int, small: int, rim: int, periodic: int) -> wp.float64:
-    """By how much less a change over the mesh is steep where it is drawn out: the derivative of the shift."""
-    if periodic != 0 or place <= wp.float64(rim) or place >= wp.float64(large - rim):
-        return wp.float64(0.0)
-    return -wp.float64(large - small) / wp.max(wp.float64(large - 2 * rim), wp.float64(1.0))
-
-
-@wp.func
-def weighed(change: wp.array2d(dtype=wp.float64), i: int, gradient: wp.vec4d) -> wp.float64:
-    """What changes within a repeat when it is strained by a gradient (xx, xy, yx, yy)."""
-    return (
-        change[0, i] * gradient[0] + change[1, i] * gradient[1] + change[2, i] * gradient[2] + change[3, i] * gradient[3]
-    )
+    repeat: wp.vec2d  # [m] size of a repeat
+    low: wp.vec2d  # [m] lower corner of the large mesh at rest
+    large: wp.vec2i
+    small: wp.vec2i
+    offset: wp.vec2i  # what to add to a column and row of the large mesh for the table of places, beside the shift
+    rim: int
+    periodic: int
 
 
 @wp.func
@@ -50,6 +37,74 @@ def index_on_small(index: int, offset: int, small: int, periodic: int) -> int:
     if periodic != 0:
         return ((index % small) + small) % small
     return index + offset
+
+
+@wp.func
+def shift_along(place: wp.float64, large: int, small: int, rim: int, periodic: int) -> wp.float64:
+    if periodic != 0:
+        return wp.float64(0.0)
+    inner = wp.float64(large - 2 * rim)
+    share = wp.clamp((place - wp.float64(rim)) / wp.max(inner, wp.float64(1.0)), wp.float64(0.0), wp.float64(1.0))
+    return -share * wp.float64(large - small)
+
+
+@wp.func
+def slope_along(place: wp.float64, large: int, small: int, rim: int, periodic: int) -> wp.float64:
+    if periodic != 0 or place <= wp.float64(rim) or place >= wp.float64(large - rim):
+        return wp.float64(0.0)
+    return -wp.float64(large - small) / wp.max(wp.float64(large - 2 * rim), wp.float64(1.0))
+
+
+@wp.func
+def shift_at(m: Meshes, place: wp.vec2d) -> wp.vec2d:
+    """Repeats to go from a place on the large mesh to that on the small one, both counted from the lower edges."""
+    return wp.vec2d(
+        shift_along(place[0], m.large[0], m.small[0], m.rim, m.periodic),
+        shift_along(place[1], m.large[1], m.small[1], m.rim, m.periodic),
+    )
+
+
+@wp.func
+def slope_at(m: Meshes, place: wp.vec2d) -> wp.vec2d:
+    """[1/m] by how much less a change over the mesh is steep where it is drawn out: the derivative of the shift."""
+    return wp.vec2d(
+        slope_along(place[0], m.large[0], m.small[0], m.rim, m.periodic) / m.repeat[0],
+        slope_along(place[1], m.large[1], m.small[1], m.rim, m.periodic) / m.repeat[1],
+    )
+
+
+@wp.func
+def corner_weights(shift: wp.vec2d, corner: int) -> wp.vec2d:
+    """Weights along x and y of one of the four repeats around a shift."""
+    return wp.vec2d(
+        wp.abs(wp.float64(1 - corner % 2) - (shift[0] - wp.floor(shift[0]))),
+        wp.abs(wp.float64(1 - corner / 2) - (shift[1] - wp.floor(shift[1]))),
+    )
+
+
+@wp.func
+def corner_strain(slope: wp.vec2d, weights: wp.vec2d, corner: int, ux: wp.float64, uy: wp.float64) -> wp.vec4d:
+    """What a corner with the change (ux, uy) adds to the gradient (xx, xy, yx, yy) that is lost by drawing out."""
+    along_x = slope[0] * wp.float64(2 * (corner % 2) - 1) * weights[1]
+    along_y = slope[1] * wp.float64(2 * (corner / 2) - 1) * weights[0]
+    return wp.vec4d(along_x * ux, along_y * ux, along_x * uy, along_y * uy)
+
+
+@wp.func
+def corner_on_small(m: Meshes, shift: wp.vec2d, column: int, row: int, corner: int):
+    """Column and row of the table of places of the small mesh."""
+    return (
+        index_on_small(column + int(wp.floor(shift[0])) + corner % 2, m.offset[0], m.small[0], m.periodic),
+        index_on_small(row + int(wp.floor(shift[1])) + corner / 2, m.offset[1], m.small[1], m.periodic),
+    )
+
+
+@wp.func
+def weighed(change: wp.array2d(dtype=wp.float64), i: int, gradient: wp.vec4d) -> wp.float64:
+    """What changes within a repeat when it is strained by a gradient (xx, xy, yx, yy)."""
+    return (
+        change[0, i] * gradient[0] + change[1, i] * gradient[1] + change[2, i] * gradient[2] + change[3, i] * gradient[3]
+    )
 
 
 @wp.func
@@ -77,16 +132,8 @@ def prolong_nodes(
     # rest places
     place_x: wp.array(dtype=wp.float64),
     place_y: wp.array(dtype=wp.float64),
-    repeat_x: wp.float64,
-    repeat_y: wp.float64,
-    low_x: wp.float64,
-    low_y: wp.float64,
     # the two meshes
-    large: wp.vec2i,
-    small: wp.vec2i,
-    offset: wp.vec2i,
-    rim: int,
-    periodic: int,
+    m: Meshes,
     small_node: wp.array3d(dtype=wp.int32),
     # in: what changed on the small mesh [m], [m], [N], [-]
     change_x: wp.array(dtype=Any),
@@ -116,16 +163,14 @@ def prolong_nodes(
     strand = block_thread[block]
     n = thread_nodes[strand]
     local = block_table[block] - thread_start[strand] + lane  # counted from the row of the block
-    x = (place_x[t] - low_x) / repeat_x + wp.float64(block_column[block])
-    y = (place_y[t] - low_y) / repeat_y + wp.float64(block_row[block])
-    shift_x = shift_at(x, large[0], small[0], rim, periodic)
-    shift_y = shift_at(y, large[1], small[1], rim, periodic)
-    whole_x = wp.floor(shift_x)
-    whole_y = wp.floor(shift_y)
+    place = wp.vec2d(
+        (place_x[t] - m.low[0]) / m.repeat[0] + wp.float64(block_column[block]),
+        (place_y[t] - m.low[1]) / m.repeat[1] + wp.float64(block_row[block]),
+    )
+    shift = shift_at(m, place)
+    slope = slope_at(m, place)
     row = block_row[block] + local / n
     k = local % n
-    slope_x = slope_at(x, large[0], small[0], rim, periodic) / repeat_x
-    slope_y = slope_at(y, large[1], small[1], rim, periodic) / repeat_y
     strained = wp.vec4d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
     complete = int(0)
     weight = wp.float64(0.0)
@@ -134,21 +179,13 @@ def prolong_nodes(
     sum_tension = wp.float64(0.0)
     sum_strain = wp.float64(0.0)
     for corner in range(4):
-        ax = corner % 2
-        ay = corner / 2
-        column_there = index_on_small(block_column[block] + int(whole_x) + ax, offset[0], small[0], periodic)
-        row_there = index_on_small(row + int(whole_y) + ay, offset[1], small[1], periodic)
+        column_there, row_there = corner_on_small(m, shift, block_column[block], row, corner)
         source = found(small_node, strand, column_there, row_there * n + k)
-        wx = wp.abs(wp.float64(1 - ax) - (shift_x - whole_x))
-        wy = wp.abs(wp.float64(1 - ay) - (shift_y - whole_y))
         if source >= 0:
-            w = wx * wy
+            weights = corner_weights(shift, corner)
+            w = weights[0] * weights[1]
             weight += w
-            ux_there = wp.float64(change_x[source])
-            uy_there = wp.float64(change_y[source])
-            along_x = slope_x * wp.float64(2 * ax - 1) * wy
-            along_y = slope_y * wp.float64(2 * ay - 1) * wx
-            strained += wp.vec4d(along_x * ux_there, along_y * ux_there, along_x * uy_there, along_y * uy_there)
+            strained += corner_strain(slope, weights, corner, wp.float64(change_x[source]), wp.float64(change_y[source]))
             complete += 1
             sum_x += w * wp.float64(change_x[source])
             sum_y += w * wp.float64(change_y[source])
@@ -176,16 +213,8 @@ def prolong_bodies(
     body_row: wp.array(dtype=wp.int32),
     body_x: wp.array(dtype=wp.float64),
     body_y: wp.array(dtype=wp.float64),
-    repeat_x: wp.float64,
-    repeat_y: wp.float64,
-    low_x: wp.float64,
-    low_y: wp.float64,
     # the two meshes
-    large: wp.vec2i,
-    small: wp.vec2i,
-    offset: wp.vec2i,
-    rim: int,
-    periodic: int,
+    m: Meshes,
     small_body: wp.array3d(dtype=wp.int32),
     # in: what changed on the small mesh [m], [m], [N]
     change_x: wp.array(dtype=Any),
@@ -203,14 +232,9 @@ def prolong_bodies(
 ):
     """The same for bodies and their pairs; `small_body[clasp, column, row]` is the body of the small mesh, or -1."""
     body = wp.tid()
-    x = (body_x[body] - low_x) / repeat_x
-    y = (body_y[body] - low_y) / repeat_y
-    shift_x = shift_at(x, large[0], small[0], rim, periodic)
-    shift_y = shift_at(y, large[1], small[1], rim, periodic)
-    whole_x = wp.floor(shift_x)
-    whole_y = wp.floor(shift_y)
-    slope_x = slope_at(x, large[0], small[0], rim, periodic) / repeat_x
-    slope_y = slope_at(y, large[1], small[1], rim, periodic) / repeat_y
+    place = wp.vec2d((body_x[body] - m.low[0]) / m.repeat[0], (body_y[body] - m.low[1]) / m.repeat[1])
+    shift = shift_at(m, place)
+    slope = slope_at(m, place)
     strained = wp.vec4d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
     complete = int(0)
     weight = wp.float64(0.0)
@@ -219,21 +243,13 @@ def prolong_bodies(
     first = wp.float64(0.0)
     second = wp.float64(0.0)
     for corner in range(4):
-        ax = corner % 2
-        ay = corner / 2
-        column_there = index_on_small(body_column[body] + int(whole_x) + ax, offset[0], small[0], periodic)
-        row_there = index_on_small(body_row[body] + int(whole_y) + ay, offset[1], small[1], periodic)
+        column_there, row_there = corner_on_small(m, shift, body_column[body], body_row[body], corner)
         source = found(small_body, body_clasp[body], column_there, row_there)
-        wx = wp.abs(wp.float64(1 - ax) - (shift_x - whole_x))
-        wy = wp.abs(wp.float64(1 - ay) - (shift_y - whole_y))
         if source >= 0:
-            w = wx * wy
+            weights = corner_weights(shift, corner)
+            w = weights[0] * weights[1]
             weight += w
-            ux_there = wp.float64(change_x[source])
-            uy_there = wp.float64(change_y[source])
-            along_x = slope_x * wp.float64(2 * ax - 1) * wy
-            along_y = slope_y * wp.float64(2 * ay - 1) * wx
-            strained += wp.vec4d(along_x * ux_there, along_y * ux_there, along_x * uy_there, along_y * uy_there)
+            strained += corner_strain(slope, weights, corner, wp.float64(change_x[source]), wp.float64(change_y[source]))
             complete += 1
             sum_x += w * wp.float64(change_x[source])
             sum_y += w * wp.float64(change_y[source])

@@ -12,6 +12,7 @@ from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.model import Model, build_model
 from warpknit.prolongation import smaller_scene
+from warpknit.reading import node_entries
 from warpknit.relax import MEMBRANE_TOLERANCE, Relaxation
 from warpknit.response import STRAIN, carried_values
 from warpknit.scene import load_scene
@@ -99,7 +100,7 @@ def test_membrane_moves_and_forces_are_adjoint() -> None:
     membrane.warm_up(response)
     membrane.move(displacement)
     after = carried_values(model, state)
-    table = model.rest.node_mass.numpy()[measure.node_entries(model)]
+    table = model.rest.node_mass.numpy()[node_entries(model)]
     mass = table * np.repeat(state.wire_mass.numpy(), model.panel.wire_count)
     work = np.sum(mass * (shaken[0] * (after["x"] - before["x"]) + shaken[1] * (after["y"] - before["y"])))
     # counts of 2^-39 m against moves of 1 um

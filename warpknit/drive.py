@@ -138,7 +138,7 @@ class Drive(ABC):
     def load_now(self) -> dict[str, list[float] | float]:
         index = self.progress.stage_index
         before = self.scene.stages[index - 1].temperature if index else self.scene.wire.reference_temperature
-        gradient = self.state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2).copy()
+        gradient = self.state.gradient
         tension = measure.true_stress(self.look.take().stress, gradient)
         return {
             "gradient": gradient.ravel().tolist(),
@@ -150,7 +150,7 @@ class Drive(ABC):
         """Load of a stage at a load factor; a direction driven by tension keeps the strain it has."""
         start = self.progress.start
         first = np.array(start["gradient"]).reshape(2, 2)
-        now = self.state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2)
+        now = self.state.gradient
         target = first.copy()
         for axis, strain in enumerate((stage.strain_weft, stage.strain_warp)):
             end = 1.0 + strain if strain is not None else None

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from . import measure
-from .kernels import control as c
 from .kernels import look as k
 from .model import Model
+from .reading import evaluation
 from .state import State
 from .step import Stepper
 
@@ -48,7 +47,7 @@ class Look:
         self._stepper = stepper
         shares = stepper.shares(len(panel.block_first))
         self._evaluate = [
-            [measure.evaluation(model, state, parity, scratch, share).launch for share in shares] for parity in (0, 1)
+            [evaluation(model, state, parity, scratch, share).launch for share in shares] for parity in (0, 1)
         ]
         self._first_block = np.searchsorted(panel.block_wire, np.arange(len(panel.wire_first)))
         self._wires = wp.zeros((len(panel.block_first), k.WIRE_COLUMNS), dtype=wp.float64, device=device)
@@ -138,7 +137,7 @@ class Look:
             return np.stack([table.x[entry], table.y[entry]], axis=1) + panel.block_origin[block]
 
         start = place(block, first)
-        gradient = state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2)
+        gradient = state.gradient
         moved = np.stack([host_x[last] - host_x[first], host_y[last] - host_y[first]], axis=1).astype(np.float64) * unit
         chord = np.einsum("ab,ib->ia", gradient, place(last_block, last) - start) + moved
         length = np.maximum(np.hypot(chord[:, 0], chord[:, 1]), 1e-30)

@@ -29,15 +29,14 @@ MOST_STRAIN = 0.02  # of one correction
 class Membrane:
     """The coarse grid over a gripped mesh."""
 
-    def __init__(self, model: Model, state: State, probe: ForceProbe, low: np.ndarray) -> None:
-        """`low` (2,) [m]: lower corner of the mesh at rest."""
+    def __init__(self, model: Model, state: State, probe: ForceProbe) -> None:
         self.model, self.state, self._probe = model, state, probe
         self.tangent = np.zeros((2, 2, 2, 2))
         size = np.array(model.panel.size)
         cells = np.clip(np.array(model.scene.knit.repeats) // REPEATS_A_CELL, 1, MOST_CELLS)
         self._cells, self._cell = cells, size / cells
         grid = Grid()
-        grid.low, grid.cell, grid.cells = wp.vec2d(*low), wp.vec2d(*self._cell), wp.vec2i(*map(int, cells))
+        grid.low, grid.cell, grid.cells = wp.vec2d(*model.panel.low), wp.vec2d(*self._cell), wp.vec2i(*map(int, cells))
         self._grid = grid
         count = int(np.prod(cells + 1))
         self._force = wp.zeros((count, 2), dtype=wp.float64, device=model.device)
@@ -51,6 +50,8 @@ class Membrane:
         """Take the response of the cloth at this load."""
         self.tangent = tangent = response.tangent
         self._response = response
+        if not tangent.any():  # before the first load
+            return
         nx, ny = self._cells
         corner = np.array([[i % 2, i // 2] for i in range(4)])
         points = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
@@ -65,8 +66,6 @@ class Membrane:
         number = (2 * node[:, :, None] + np.arange(2)).reshape(len(node), 8)
         rows, columns = np.repeat(number, 8, axis=1), np.tile(number, (1, 8))
         values = np.tile(element.reshape(64), len(node))
-        if not tangent.any():
-            return
         matrix = sparse.coo_matrix((values, (rows.ravel(), columns.ravel()))).tocsc()
         self._solve = splu(matrix[self._free][:, self._free]).solve
 

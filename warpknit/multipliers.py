@@ -19,7 +19,7 @@ from .kernels.multipliers import update_pair_offset, update_tension_offset
 from .kernels.wires_by_block import BLOCK_SIZE
 from .look import Look, Sums
 from .model import Model, block_threads
-from .numerics import MASS_MARGIN, TURN_ALLOWANCE, unit_step_mass
+from .numerics import TURN_ALLOWANCE, unit_step_mass
 from .state import State
 
 PATIENCE = 4  # updates in a row that a limit must be passed, without coming down by itself, before numbers are renewed
@@ -170,7 +170,7 @@ class Multipliers:
         # the rest table's masses have a margin for a load like that of the start
         short = needed > mass * MASS_HEADROOM
         if penalty != float(state.read_control()[int(c.CONTACT_STIFFNESS)]):
-            state.write_control({c.CONTACT_STIFFNESS: penalty, c.BODY_INVERSE_MASS: 1.0 / (MASS_MARGIN * penalty)})
+            state.stiffen_contact(penalty)
         if np.any(axial != state.wire_axial.numpy()):
             state.wire_axial.assign(axial)
         if short.any():

@@ -60,7 +60,7 @@ class NeighbourSearch:
         if self.model.pair_count:
             self._search()
         self.searches += 1
-        self._gradient = self.state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 4].copy()
+        self._gradient = self.state.gradient.ravel()
         budget = max(0.5 * self.margin - self._expected, 0.1 * self.margin)
         self.state.write_control(
             {c.TRAVEL: 0.0, c.TRAVEL_LIMIT: budget, c.STATUS: 0.0} if self.model.pair_count else
@@ -73,9 +73,7 @@ class NeighbourSearch:
         now = state.parity
         unit = real(model.precision.unit)
         spacing = float(model.table.spacing.max())
-        control = state.read_control()
-        f = control[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2)
-        narrowest = float(np.linalg.svd(f, compute_uv=False).min())
+        narrowest = float(np.linalg.svd(state.gradient, compute_uv=False).min())
         cell_x, cell_y = wp.float64(self._cell[0]), wp.float64(self._cell[1])
         wp.launch(
             place_nodes_in_hash,

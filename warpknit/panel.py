@@ -33,6 +33,7 @@ class Panel:
     """Wires, bodies and grips of the mesh. Index arrays are int32; wires hold consecutive nodes."""
 
     size: np.ndarray  # (2,) [m] rest size of the mesh
+    low: np.ndarray  # (2,) [m] its lower corner
     boundary: str  # gripped | periodic
     wire_first: np.ndarray  # [wire] first node
     wire_count: np.ndarray  # [wire] nodes
@@ -219,12 +220,13 @@ def build_panel(
     nodes = np.asarray(table.nodes)
     notes: list[str] = []
     if boundary == "periodic":
-        middle = 0.5 * size
+        low, middle = np.zeros(2), 0.5 * size
         strands = _closed_strands(cloth, table, repeats)
     else:
         # an opening sits in the middle, so that its rhombus is as far from the grips as it can be
         middle = np.zeros(2) if cloth.rhombus is None else np.array(cloth.rhombus.centre)
-        strands = _cut_strands(cloth, table, middle - 0.5 * size, middle + 0.5 * size)
+        low = middle - 0.5 * size
+        strands = _cut_strands(cloth, table, low, middle + 0.5 * size)
     bodies = _place_bodies(cloth, table, strands, slack, GRIP_CLEARANCE * cloth.stitch_length)
     if boundary == "periodic":
         used = np.arange(len(strands.thread))
@@ -268,6 +270,7 @@ def build_panel(
         grips = _clamps(cloth, table, strands, used, first, set_fraction)
     return Panel(
         size=size,
+        low=low,
         boundary=boundary,
         wire_first=_as32(first),
         wire_count=_as32(count),

@@ -13,12 +13,11 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
-from . import measure
 from .kernels import control as c
-from .kernels.prolong import prolong_bodies, prolong_nodes
+from .kernels.prolong import Meshes, prolong_bodies, prolong_nodes
 from .kernels.wires_by_block import BLOCK_SIZE
 from .model import Model, block_threads
-from .numerics import MASS_MARGIN
+from .reading import node_entries
 from .response import Response, carried_values
 from .scene import Scene
 from .state import State
@@ -67,7 +66,7 @@ class Prolongation:
         nodes, start = self.large.table.nodes, self.large.table.start
         periodic = large.boundary == "periodic"
         self._periodic = int(periodic)
-        entry = measure.node_entries(self.small)
+        entry = node_entries(self.small)
         thread = np.repeat(small.wire_thread, small.wire_count)
         first_row = np.repeat(np.rint(small.block_origin / repeat).astype(np.int64), small.block_count, axis=0)
         column, local = first_row[:, 0], entry - start[thread]
@@ -82,7 +81,7 @@ class Prolongation:
         node_table[thread, column, row * nodes[thread] + k] = np.arange(small.node_count)
         body_table = np.full((small.body_clasp.max() + 1, *shape), -1, dtype=np.int32)
         body_table[small.body_clasp, body_place[:, 0], body_place[:, 1]] = np.arange(small.body_count)
-        many, few = np.array(self._repeats(self.large)), np.array(self._repeats(self.small))
+        many, few = np.array(self.large.scene.knit.repeats), np.array(self.small.scene.knit.repeats)
         self._offset = np.zeros(2, dtype=np.int64) if periodic else (many - few) // 2 - low
         self._node_table, self._body_table = node_table, body_table
         device = self.large.device
@@ -90,31 +89,17 @@ class Prolongation:
         def index(a: np.ndarray) -> wp.array:
             return wp.array(np.ascontiguousarray(a, dtype=np.int32), dtype=wp.int32, device=device)
 
-        corner = self.low_corner
-        self._meshes = [
-            wp.float64(repeat[0]), wp.float64(repeat[1]), wp.float64(corner[0]), wp.float64(corner[1]),
-            wp.vec2i(*map(int, many)), wp.vec2i(*map(int, few)), wp.vec2i(*map(int, self._offset)), RIM, self._periodic,
-        ]  # fmt: skip
+        m = Meshes()
+        m.repeat, m.low = wp.vec2d(*repeat), wp.vec2d(*large.low)
+        m.large, m.small, m.offset = (wp.vec2i(*map(int, pair)) for pair in (many, few, self._offset))
+        m.rim, m.periodic = RIM, self._periodic
+        self._meshes = m
         block_place = np.rint(large.block_origin / repeat)
         self._block_place = [index(block_place[:, 0]), index(block_place[:, 1]), index(large.wire_thread[large.block_wire])]
         self._threads = [index(start), index(nodes)]
         body_place = np.rint(large.body_origin / repeat)
         self._body_place = [index(large.body_clasp), index(body_place[:, 0]), index(body_place[:, 1])]
         self._node_at, self._body_at = (wp.array(t, dtype=wp.int32, device=device) for t in (node_table, body_table))
-
-    @staticmethod
-    def _repeats(model: Model) -> tuple[int, int]:
-        return model.scene.knit.repeats
-
-    @property
-    def low_corner(self) -> np.ndarray:
-        """(2,) [m] lower edges of the large mesh."""
-        panel = self.large.panel
-        if panel.boundary == "periodic":
-            return np.zeros(2)
-        rhombus = self.large.cloth.rhombus
-        middle = np.zeros(2) if rhombus is None else np.array(rhombus.centre)
-        return middle - 0.5 * panel.size
 
     def carry(self, response: Response) -> None:
         """Add what changed on the small mesh to the large one; stiffnesses and masses follow those of the small mesh.
@@ -136,7 +121,7 @@ class Prolongation:
             dim=block_threads(large),
             inputs=[
                 mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire, *self._block_place, BLOCK_SIZE,
-                *self._threads, state.wire_axial, large.rest.place_x, large.rest.place_y, *self._meshes, self._node_at,
+                *self._threads, state.wire_axial, large.rest.place_x, large.rest.place_y, self._meshes, self._node_at,
                 change["x"], change["y"], change["tension"], change["strain"],
                 response.cell_node, *response.of_nodes, unit,
                 state.node_ux[now], state.node_uy[now], state.tension_offset,
@@ -148,7 +133,7 @@ class Prolongation:
                 prolong_bodies,
                 dim=large.panel.body_count,
                 inputs=[
-                    *self._body_place, mesh.body_origin_x, mesh.body_origin_y, *self._meshes, self._body_at,
+                    *self._body_place, mesh.body_origin_x, mesh.body_origin_y, self._meshes, self._body_at,
                     change["body_x"], change["body_y"], change["offset"], *response.of_bodies, unit,
                     state.body_ux, state.body_uy, state.pair_offset,
                 ],
@@ -167,7 +152,7 @@ class Prolongation:
             array.assign(np.maximum(array.numpy(), np.maximum.reduceat(there, starts)))
         penalty = float(self.small_state.read_control()[int(c.CONTACT_STIFFNESS)])
         if penalty > float(self.large_state.read_control()[int(c.CONTACT_STIFFNESS)]):
-            self.large_state.write_control({c.CONTACT_STIFFNESS: penalty, c.BODY_INVERSE_MASS: 1.0 / (MASS_MARGIN * penalty)})
+            self.large_state.stiffen_contact(penalty)
 
     def _source_of_blocks(self) -> np.ndarray:
         """[block] node of the small mesh that the middle node of a block takes its values from, -1 where there is none."""
@@ -179,11 +164,11 @@ class Prolongation:
         place = np.rint(panel.block_origin / self._repeat).astype(np.int64)
         place[:, 1] += local // n
         if self._periodic:
-            place = np.mod(place, self._repeats(self.small))
+            place = np.mod(place, self.small.scene.knit.repeats)
         else:
             x = np.stack([table.x[entry], table.y[entry]], axis=1) + panel.block_origin
-            many, few = np.array(self._repeats(self.large)), np.array(self._repeats(self.small))
-            share = np.clip(((x - self.low_corner) / self._repeat - RIM) / np.maximum(many - 2 * RIM, 1), 0.0, 1.0)
+            many, few = np.array(self.large.scene.knit.repeats), np.array(self.small.scene.knit.repeats)
+            share = np.clip(((x - panel.low) / self._repeat - RIM) / np.maximum(many - 2 * RIM, 1), 0.0, 1.0)
             place = place + np.rint(-share * (many - few)).astype(np.int64) + self._offset
         there = np.all((place >= 0), axis=1) & (place[:, 0] < self._node_table.shape[1])
         k = place[:, 1] * n + local % n

@@ -39,7 +39,7 @@ class Ramp(Drive):
         if not progress.settling:
             if not driven.any():
                 self._set_ramp(self._target(stage, 1.0), math.ceil(loading_time / self._renew_step()))
-            progress.compliance = [1.0 / self._tension_scale()] * 2
+            progress.compliance = [1.0 / measure.tension_scale(self.model)] * 2
             self.neighbours.expect(RAMP_SHARE * self.neighbours.margin)
             progress.settling = True
         recorded = progress.level - unloaded
@@ -72,10 +72,6 @@ class Ramp(Drive):
 
     # --- directions driven by tension ---
 
-    def _tension_scale(self) -> float:
-        """EI/C^3 [N/m]: the stiffness of a loose mesh, and the measure of a small tension."""
-        return self.model.bending_stiffness / self.scene.knit.course_spacing**3
-
     def _wanted_tension(self, stage: Stage, share: float) -> np.ndarray:
         """Tensions (weft, warp) [N/m] that the boundary is to carry, where it is driven by them."""
         start = np.array(self.progress.start["tension"])
@@ -94,9 +90,9 @@ class Ramp(Drive):
         if progress.followed:
             moved, pulled = strain - np.array(progress.followed[:2]), tension - np.array(progress.followed[2:])
             seen = np.divide(moved, pulled, out=np.zeros(2), where=moved * pulled > 0.0)
-            least = COMPLIANCE_RANGE / self._tension_scale()
+            least = COMPLIANCE_RANGE / measure.tension_scale(self.model)
             compliance = np.where(seen > 0.0, 0.9 * np.array(progress.compliance) + 0.1 * seen, progress.compliance)
-            progress.compliance = np.clip(compliance, least, 1.0 / (0.02 * self._tension_scale())).tolist()
+            progress.compliance = np.clip(compliance, least, 1.0 / (0.02 * measure.tension_scale(self.model))).tolist()
         progress.followed = [*strain.tolist(), *tension.tolist()]
         share = min(1.0, (progress.time + CHECK_STEPS * step) / loading_time)
         miss = self._wanted_tension(stage, share) - tension
@@ -113,7 +109,7 @@ class Ramp(Drive):
             return True
         tension = np.array(measure.mesh_tension(measure.read(self.model, self.state)))
         wanted = self._wanted_tension(stage, 1.0)
-        near = TENSION_TOLERANCE * np.maximum(np.abs(wanted), 0.01 * self._tension_scale())
+        near = TENSION_TOLERANCE * np.maximum(np.abs(wanted), 0.01 * measure.tension_scale(self.model))
         return bool(np.all(~driven | (np.abs(tension - wanted) <= near)))
 
     def _is_steady(self, control: np.ndarray) -> bool:

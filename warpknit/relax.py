@@ -81,7 +81,7 @@ class Relaxation(Drive):
         if smaller is not None:
             self._response = no_response(cell.model if cell else smaller.model)
         if cell is not None and self.prolongation is not None:
-            self.membrane = Membrane(model, state, self.slowest_mode.probe, self.prolongation.low_corner)
+            self.membrane = Membrane(model, state, self.slowest_mode.probe)
         self._last = [wp.zeros_like(value) for value in self._level_values()] if smaller is None else []
         self._last_gradient: list[float] | None = None
 
@@ -190,17 +190,15 @@ class Relaxation(Drive):
             smaller.bring_to_rest(target, wanted)
         if wanted is None:
             return target
-        now = smaller.state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2)
-        return LoadPoint(wanted.gradient(target.gradient, np.diag(now) - 1.0), target.temperature)
+        return LoadPoint(wanted.gradient(target.gradient, np.diag(smaller.state.gradient) - 1.0), target.temperature)
 
     def _follow_path(self, smallest: Relaxation, target: LoadPoint) -> None:
         """Take the smallest mesh to a load by levels near each other: which state a mesh finds may depend on the way there."""
         progress = smallest.progress
         if not progress.start:
-            control = smallest.state.read_control()
-            warmed = (float(control[int(c.LENGTH_FACTOR)]) - 1.0) / max(self.scene.wire.expansion, 1e-12)
+            warmed = (float(smallest.state.read_control()[int(c.LENGTH_FACTOR)]) - 1.0) / max(self.scene.wire.expansion, 1e-12)
             progress.start = {
-                "gradient": control[int(c.GRADIENT) : int(c.GRADIENT) + 4].tolist(),
+                "gradient": smallest.state.gradient.ravel().tolist(),
                 "temperature": self.scene.wire.reference_temperature + warmed,
                 "levels": 0.0,
             }
@@ -216,7 +214,7 @@ class Relaxation(Drive):
 
     def _find_tension(self, wanted: WantedTension, temperature: float) -> None:
         """Try strains until the steady state carries the wanted tension."""
-        scale = self.model.bending_stiffness / self.scene.knit.course_spacing**3
+        scale = measure.tension_scale(self.model)
         while True:
             reading = measure.read(self.model, self.state)
             strain = np.diag(reading.gradient) - 1.0
@@ -246,7 +244,7 @@ class Relaxation(Drive):
             self._begin_at_rest()
             self._set_ramp(target, 0)
             return
-        now = self.state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 4].copy()
+        now = self.state.gradient.ravel()
         ratio = 0.0
         if self._last_gradient is not None:
             before = now - np.array(self._last_gradient)
@@ -343,7 +341,7 @@ class Relaxation(Drive):
 
     def _least_tension(self) -> float:
         """[N/m] what tensions are compared with where the mesh carries less."""
-        return TENSION_FLOOR * self.model.bending_stiffness / self.scene.knit.course_spacing**3
+        return TENSION_FLOOR * measure.tension_scale(self.model)
 
     def _expect_progress(self, left: float) -> None:
         progress = self.progress
@@ -361,7 +359,7 @@ class Relaxation(Drive):
         """Residual, what moves most, and whether the wires are beyond what they bear."""
         reading = measure.read(self.model, self.state)
         wire, stress = self.scene.wire, float(measure.stress_extremes(reading)[0])
-        beyond = f", w at {stress / 1e9:.3g} GPa are beyond their strength" if stress > wire.tensile_strength else ""
+        beyond = f", wires at {stress / 1e9:.3g} GPa are beyond their strength" if stress > wire.tensile_strength else ""
         return (
             f"residual {self.progress.residual:.2g} at a tolerance of {self.scene.solver.residual_tolerance:g},"
             f" {self._fastest()} moves most{beyond}"

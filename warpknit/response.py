@@ -34,7 +34,7 @@ class Cell(Protocol):
     model: Model
 
     def rest_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Nominal stress (2, 2) [N/m] at rest, and what describes the state (prolongation.carried_values)."""
+        """Nominal stress (2, 2) [N/m] at rest, and what describes the state (see `carried_values`)."""
 
 
 @dataclass(frozen=True)

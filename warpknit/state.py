@@ -15,6 +15,7 @@ from .kernels import contact_by_batch as b
 from .kernels import control as c
 from .kernels.bend import BOW
 from .model import Model, body_blocks, contact_batches
+from .numerics import MASS_MARGIN
 
 STEP_LIMIT = 0.1  # course spacings in one step: a move beyond it, and beyond a node spacing, is a divergence
 LOOK_AHEAD = 0.12  # steps; stable up to 4/(1 + 2 LOOK_AHEAD) of the unit-step mass, see numerics.MASS_MARGIN
@@ -75,6 +76,15 @@ class State:
     def read_control(self) -> np.ndarray:
         """The control array on the host: a view on the CPU, a copy from a GPU."""
         return self.control.numpy()
+
+    @property
+    def gradient(self) -> np.ndarray:
+        """Deformation gradient (2, 2) of the boundary, a copy."""
+        return self.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2).copy()
+
+    def stiffen_contact(self, penalty: float) -> None:
+        """Take a new contact penalty [N/m], and the fictitious mass that a body needs for it."""
+        self.write_control({c.CONTACT_STIFFNESS: penalty, c.BODY_INVERSE_MASS: 1.0 / (MASS_MARGIN * penalty)})
 
     def write_control(self, values: dict[int, float]) -> None:
         """Set entries of the control array."""

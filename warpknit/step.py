@@ -49,7 +49,7 @@ class Stepper:
         self._launches = [[self._record(parity, part) for parity in (0, 1)] for part in range(self.threads)]
         self._contact = [
             [
-                wp.launch(kernel, dim=max(1, dim), inputs=arguments, device=model.device, record_cmd=True).launch
+                wp.launch(kernel, dim=dim, inputs=arguments, device=model.device, record_cmd=True).launch
                 for kernel, dim, arguments in (self._contact_launch(parity, part) for part in range(self.threads))
                 if dim > 0
             ]
@@ -110,7 +110,8 @@ class Stepper:
         """Kernel, threads and arguments that find one part of the contact forces."""
         model, state = self.model, self.state
         if self.by_node:
-            return find_contact_forces, model.pair_count, contact_arguments(model, state, parity, 0, ())
+            pair, pairs = self._share(model.pair_count, part)
+            return find_contact_forces, pairs, contact_arguments(model, state, parity, pair, ())
         cache = (state.cached_slide, state.cached_node, state.cached_number)
         batch, batches = self._share(contact_batches(model), part)
         return find_contact_forces_by_batch, batches, contact_arguments(model, state, parity, batch, cache)

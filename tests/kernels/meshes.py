@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from warpknit import measure
 from warpknit.model import Model, build_model
+from warpknit.reading import node_entries
 from warpknit.scene import load_scene
 from warpknit.simulate import Simulation
 from warpknit.state import State, initial_state
@@ -83,7 +83,7 @@ def node_forces(mesh: Mesh, probe: ForceProbe) -> np.ndarray:
     per_wire = mesh.state.wire_mass.numpy().astype(float)
     mass = (
         np.repeat(per_wire, panel.wire_count)
-        / mesh.model.rest.inverse_mass.numpy().astype(float)[measure.node_entries(mesh.model)]
+        / mesh.model.rest.inverse_mass.numpy().astype(float)[node_entries(mesh.model)]
     )
     acceleration = np.stack([probe.acceleration_x.numpy(), probe.acceleration_y.numpy()], axis=1).astype(float)
     return acceleration * mass[:, None]

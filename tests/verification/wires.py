@@ -17,6 +17,7 @@ from warpknit.kernels.contact import CURVE_COEFFICIENTS
 from warpknit.kernels.wires_by_block import BLOCK_SIZE
 from warpknit.model import Model, assemble_model
 from warpknit.panel import END_NODES, Panel
+from warpknit.reading import node_entries
 from warpknit.scene import Scene, make_scene
 from warpknit.state import initial_state
 from warpknit.step import ForceProbe, Stepper
@@ -117,6 +118,7 @@ def panel_of_wires(
     i32: Callable[..., np.ndarray] = lambda a: np.array(a, dtype=np.int32)  # noqa: E731
     return Panel(
         size=np.array([4e-3, 4e-3]),
+        low=np.zeros(2),
         boundary="periodic" if closed else "gripped",
         wire_first=i32(first),
         wire_count=i32(count),
@@ -171,7 +173,7 @@ class Rig:
         self.state = initial_state(self.model)
         self.stepper = Stepper(self.model, self.state, by_node=by_node)
         self.probe = ForceProbe(self.model, self.state, self.stepper)
-        entry = measure.node_entries(self.model)
+        entry = node_entries(self.model)
         self.rest = np.concatenate([np.stack([table.x[entry], table.y[entry]], axis=1), panel.body_rest])
         body_mass = np.full(panel.body_count, self.model.body_mass)
         self.mass = np.concatenate([1.0 / self.model.rest.inverse_mass.numpy()[entry].astype(float), body_mass])
