@@ -55,7 +55,8 @@ SPEED_MAX = wp.constant(38)  # [m/s]
 FORCE_MAX = wp.constant(39)  # [N]
 FORCE_SQUARE = wp.constant(40)  # [N2]
 DISSIPATED = wp.constant(41)  # [J] taken out by mass-proportional damping
-CONTROL_COUNT = 42
+RAMP_SHARE = wp.constant(42)  # how far the clamps have gone on the way that the ramp takes them, 0 .. 1
+CONTROL_COUNT = 43
 
 STATUS_RUNNING = wp.constant(wp.float64(0.0))
 STATUS_STALE = wp.constant(wp.float64(1.0))
@@ -76,6 +77,7 @@ def advance_load(control: wp.array(dtype=wp.float64)):
     if control[RAMP_STEP] < control[RAMP_STEPS]:
         control[RAMP_STEP] = control[RAMP_STEP] + wp.float64(1.0)
         s = smooth_ramp(control[RAMP_STEP] / control[RAMP_STEPS])
+        control[RAMP_SHARE] = s
         for k in range(5):
             control[GRADIENT + k] = control[FROM + k] + s * (control[TO + k] - control[FROM + k])
 

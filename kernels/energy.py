@@ -28,6 +28,7 @@ def evaluate_wires(
     wire_closed: wp.array(dtype=wp.int32),
     wire_clamp: wp.array2d(dtype=Any),
     wire_axial: wp.array(dtype=Any),
+    wire_warmth: wp.array(dtype=wp.vec2d),
     # what steers the step
     control: wp.array(dtype=wp.float64),
     unit: Any,
@@ -103,4 +104,6 @@ def evaluate_wires(
             ax, ay = edge_at_clamp(ax, ay, local + 1, count, gripped, wire, wire_clamp)
             angle_after = turning_angle(ex, ey, ax, ay)
         natural_bow = bow_at_clamp(rest_bow[t], local, count, gripped, wire, wire_clamp)
-        strain[i] = (length - natural) / natural + bow(angle, angle_after) - natural_bow
+        # the step itself knows the mean temperature only: multipliers bring in the rest
+        warmth = type(unit)(wire_warmth[wire][0] + wire_warmth[wire][1] * wp.float64(local))
+        strain[i] = ((length - natural) / natural - warmth) / (type(unit)(1.0) + warmth) + bow(angle, angle_after) - natural_bow

@@ -1,14 +1,15 @@
 """Held nodes: a clamp moves with the boundary and keeps its direction.
 
-A clamp at rest position c holds nodes at rest positions X; they move as F c + (X - c), which is a displacement of
-(I - F)(X - c) from the affinely mapped rest shape.
+A clamp at rest position c holds nodes at rest positions X; they move as F c + q + (X - c), which is a displacement of
+q + (I - F)(X - c) from the affinely mapped rest shape. The clamp's own displacement q goes from one place to another with the
+load ramp.
 """
 
 from typing import Any
 
 import warp as wp
 
-from .control import GRADIENT, STATUS, STATUS_RUNNING
+from .control import GRADIENT, RAMP_SHARE, STATUS, STATUS_RUNNING
 
 
 @wp.kernel
@@ -19,11 +20,14 @@ def move_held_nodes(
     held_node: wp.array(dtype=wp.int32),
     held_lever_x: wp.array(dtype=wp.float64),
     held_lever_y: wp.array(dtype=wp.float64),
+    held_clamp: wp.array(dtype=wp.int32),
+    clamp_from: wp.array(dtype=wp.vec2d),
+    clamp_to: wp.array(dtype=wp.vec2d),
     # out
     ux: wp.array(dtype=Any),
     uy: wp.array(dtype=Any),
 ):
-    """`held_lever` is X - c [m]."""
+    """`held_lever` is X - c [m]; `clamp_from` and `clamp_to` are q [m]."""
     h = wp.tid()
     if control[STATUS] != STATUS_RUNNING:
         return
@@ -32,9 +36,11 @@ def move_held_nodes(
     y = held_lever_y[h]
     dx = (one - control[GRADIENT]) * x - control[GRADIENT + 1] * y
     dy = (one - control[GRADIENT + 3]) * y - control[GRADIENT + 2] * x
+    clamp = held_clamp[h]
+    q = clamp_from[clamp] + control[RAMP_SHARE] * (clamp_to[clamp] - clamp_from[clamp])
     i = held_node[h]
-    ux[i] = count_of(dx, unit)
-    uy[i] = count_of(dy, unit)
+    ux[i] = count_of(dx + q[0], unit)
+    uy[i] = count_of(dy + q[1], unit)
 
 
 @wp.func

@@ -7,6 +7,8 @@ out over the larger one. Shifts are seldom whole repeats: values are interpolate
 drawn out is less steep, so each repeat is less strained than the one it takes its values from: what such a strain does within a
 repeat is taken off again.
 
+A mesh cut along another outline starts from one repeat of endless cloth, and what changed there fades out towards the clamps.
+
 | symbol | meaning | unit |
 |---|---|---|
 | large, small | repeats of the meshes in a direction; small = 1 and periodic: all repeats are alike | - |
@@ -29,6 +31,7 @@ class Meshes:
     offset: wp.vec2i  # what to add to a column and row of the large mesh for the table of places, beside the shift
     rim: int
     periodic: int
+    taper: wp.float64  # nodes from the end of a wire to where it changes as the small mesh does; 0: all along
 
 
 @wp.func
@@ -108,6 +111,15 @@ def weighed(change: wp.array2d(dtype=wp.float64), i: int, gradient: wp.vec4d) ->
 
 
 @wp.func
+def faded(m: Meshes, from_end: int) -> wp.float64:
+    """Share of a change that a node so many nodes from the end of its wire takes: smooth from 0 at the clamp to 1."""
+    if m.taper <= wp.float64(0.0):
+        return wp.float64(1.0)
+    s = wp.min(wp.max(wp.float64(from_end - 1), wp.float64(0.0)) / m.taper, wp.float64(1.0))
+    return s * s * (wp.float64(3.0) - wp.float64(2.0) * s)
+
+
+@wp.func
 def found(table: wp.array3d(dtype=wp.int32), a: int, b: int, c: int) -> int:
     """Entry of a table of places, -1 beyond its ends."""
     if b < 0 or b >= table.shape[1] or c < 0 or c >= table.shape[2]:
@@ -128,6 +140,8 @@ def prolong_nodes(
     block_size: int,
     thread_start: wp.array(dtype=wp.int32),
     thread_nodes: wp.array(dtype=wp.int32),
+    wire_first: wp.array(dtype=wp.int32),
+    wire_count: wp.array(dtype=wp.int32),
     wire_axial: wp.array(dtype=Any),
     # rest places
     place_x: wp.array(dtype=wp.float64),
@@ -198,6 +212,8 @@ def prolong_nodes(
             sum_y += weighed(cell_y, node, strained)
             sum_tension += weighed(cell_tension, node, strained)
             sum_strain += weighed(cell_strain, node, strained)
+        wire = block_wire[block]
+        weight /= wp.max(faded(m, wp.min(i - wire_first[wire], wire_first[wire] + wire_count[wire] - 1 - i)), wp.float64(1.0e-9))
         per_count = wp.float64(1.0) / (weight * wp.float64(unit))
         ux[i] = ux[i] + ux.dtype(sum_x * per_count)
         uy[i] = uy[i] + uy.dtype(sum_y * per_count)
@@ -213,6 +229,7 @@ def prolong_bodies(
     body_row: wp.array(dtype=wp.int32),
     body_x: wp.array(dtype=wp.float64),
     body_y: wp.array(dtype=wp.float64),
+    body_from_end: wp.array(dtype=wp.int32),
     # the two meshes
     m: Meshes,
     small_body: wp.array3d(dtype=wp.int32),
@@ -262,6 +279,7 @@ def prolong_bodies(
             sum_y += weighed(cell_y, clasp, strained)
             first += weighed(cell_offset, 2 * clasp, strained)
             second += weighed(cell_offset, 2 * clasp + 1, strained)
+        weight /= wp.max(faded(m, body_from_end[body]), wp.float64(1.0e-9))
         per_count = wp.float64(1.0) / (weight * wp.float64(unit))
         ux[body] = ux[body] + ux.dtype(sum_x * per_count)
         uy[body] = uy[body] + uy.dtype(sum_y * per_count)

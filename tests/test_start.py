@@ -10,6 +10,7 @@ import pytest
 
 from warpknit import measure
 from warpknit.kernels import control as c
+from warpknit.membrane import Correction
 from warpknit.model import Model, build_model
 from warpknit.prolongation import smaller_scene
 from warpknit.reading import node_entries
@@ -96,9 +97,10 @@ def test_membrane_moves_and_forces_are_adjoint() -> None:
     gathered = membrane.imbalance().copy()
     before = carried_values(model, state)
     displacement = 1e-6 * rng.normal(size=gathered.shape)
+    stations = np.zeros((len(membrane.rim.arc), 2))
     response = replace(drive._response, change={name: _nothing(value) for name, value in drive._response.change.items()})
     membrane.warm_up(response)
-    membrane.move(displacement)
+    membrane.move(Correction(displacement, stations))
     after = carried_values(model, state)
     table = model.rest.node_mass.numpy()[node_entries(model)]
     mass = table * np.repeat(state.wire_mass.numpy(), model.panel.wire_count)

@@ -9,21 +9,24 @@ from __future__ import annotations
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
 from . import measure
+from .edge_work import EdgeWork
 from .errors import Diverged
 from .kernels import control as c
 from .look import Look
 from .model import Model
 from .neighbours import NeighbourSearch
+from .rim import Rim
 from .scene import Stage
 from .state import State
 from .steadiness import Steadiness
 from .step import Stepper
 from .tension import TensionSearch
+from .warmth import wire_warmth
 
 CHECK_STEPS = 50  # steps between looks at the state
 
@@ -40,6 +43,8 @@ class Record:
     steps: int
     steady: bool
     work: float | None  # [J] put in since the start, where the drive keeps account of it (ramp)
+    edge_work: float  # [J] put in by what differs from place to place: pulls at the edge, cords, warmth
+    stations: np.ndarray  # (station, 2) [m] displacement of the rim (rim.py); empty where it only follows the load
     reading: measure.Reading
 
 
@@ -56,8 +61,9 @@ class Progress:
     load_factor: float = 0.0
     residual: float = 0.0
     looks: int = 0  # of the level
-    corrected: float = 0.0  # the imbalance at the last correction of the mesh as a membrane
-    trust: float = 1.0  # share of a correction that is taken
+    least_imbalance: float = 1e30  # after any correction of the mesh as a membrane, in the level
+    in_vain: int = 0  # corrections since that came down
+    trust: float = 1.0  # share of the last correction that was taken; 0 where they are given up
     start: dict[str, list[float] | float] = field(default_factory=dict)  # load at the start of the stage
     best: float = 1e30  # of what is left to do, in the level
     waited: int = 0  # looks since that came down by a tenth
@@ -83,7 +89,13 @@ class LoadPoint:
     """A deformation gradient and what goes with it."""
 
     gradient: np.ndarray  # (2, 2)
-    temperature: float  # [K]
+    temperature: float  # [K] in the middle
+    temperature_gradient: tuple[float, float] = (0.0, 0.0)  # [K/m]
+    stations: np.ndarray | None = None  # (station, 2) [m] displacement of the rim (rim.py) from the affinely mapped outline
+
+    def strained(self, gradient: np.ndarray) -> LoadPoint:
+        """The same at another deformation gradient."""
+        return replace(self, gradient=gradient)
 
 
 class Drive(ABC):
@@ -99,6 +111,10 @@ class Drive(ABC):
         self.neighbours = NeighbourSearch(model, state)
         self.look = Look(model, state, self.stepper)
         self.steadiness = Steadiness(model, state)
+        self._is_warm = any(any(stage.temperature_gradient) for stage in self.scene.stages)
+        self.rim: Rim | None = None  # where the edge does more than follow the load
+        self.stations = np.zeros((0, 2))  # (station, 2) [m] displacement of its stations from the affinely mapped outline
+        self.edge_work = EdgeWork() if self._is_warm else None
 
     @abstractmethod
     def stage(self, stage: Stage) -> Iterator[Record]:
@@ -127,11 +143,13 @@ class Drive(ABC):
 
     def memory(self) -> dict[str, np.ndarray]:
         """Arrays that the loop carries from look to look."""
-        return self.neighbours.memory()
+        return self.neighbours.memory() | (self.edge_work.memory() if self.edge_work is not None else {})
 
     def recall(self, kept: dict[str, np.ndarray]) -> None:
         """Put back what `memory` returned."""
         self.neighbours.recall(kept)
+        if self.edge_work is not None:
+            self.edge_work.recall(kept)
 
     # --- loads ---
 
@@ -157,11 +175,23 @@ class Drive(ABC):
             target[axis, axis] = now[axis, axis] if end is None else (1 - factor) * first[axis, axis] + factor * end
         target[0, 1] = (1 - factor) * first[0, 1] + factor * stage.shear
         before = float(start["temperature"])
-        return LoadPoint(target, before + factor * (stage.temperature - before))
+        warmer = np.array(self._stage_before.temperature_gradient if self._stage_before else (0.0, 0.0))
+        warmer = (1 - factor) * warmer + factor * np.array(stage.temperature_gradient)
+        stations = None
+        if self.rim is not None:
+            pulled = self.rim.pulled(self._stage_before.pull if self._stage_before else ())
+            stations = (1 - factor) * pulled + factor * self.rim.pulled(stage.pull)
+        return LoadPoint(target, before + factor * (stage.temperature - before), tuple(warmer.tolist()), stations)
+
+    @property
+    def _stage_before(self) -> Stage | None:
+        index = self.progress.stage_index
+        return self.scene.stages[index - 1] if index else None
 
     def _record(self, stage: Stage, factor: float, steady: bool, work: float | None = None) -> Record:
         progress = self.progress
         before = float(progress.start["temperature"])
+        reading = measure.read(self.model, self.state)
         record = Record(
             index=progress.records,
             stage=stage.name,
@@ -171,7 +201,9 @@ class Drive(ABC):
             steps=progress.steps,
             steady=steady,
             work=work,
-            reading=measure.read(self.model, self.state),
+            edge_work=self.edge_work.account(reading) if self.edge_work is not None else 0.0,
+            stations=self.stations,
+            reading=reading,
         )
         progress.records += 1
         progress.level += 1
@@ -190,7 +222,10 @@ class Drive(ABC):
             values[int(c.TO) + k] = then[k]
             if steps == 0:
                 values[int(c.GRADIENT) + k] = then[k]
+        values[int(c.RAMP_SHARE)] = 0.0 if steps else 1.0
         self.state.write_control(values)
+        if self._is_warm:
+            self.state.wire_warmth.assign(wire_warmth(self.model, target.temperature, target.temperature_gradient))
         # the affine motion itself brings a body and a wire within the search radius closer by at most this
         self.neighbours.expect(2.0 * float(np.abs(np.subtract(then[:4], now[:4])).max()) * self.neighbours.radius)
 

@@ -4,13 +4,16 @@ A file is written under a hidden name beside its place, brought to the disk, and
 leaves the earlier file, or none, and a hidden leftover that the next attempt overwrites.
 """
 
+import csv
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-__all__ = ["path_aside", "write_aside"]
+import numpy as np
+
+__all__ = ["path_aside", "write_aside", "write_table"]
 
 
 @contextmanager
@@ -52,3 +55,12 @@ def _flush(path: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def write_table(path: str | os.PathLike[str], table: Mapping[str, np.ndarray]) -> Path:
+    """Write a CSV file of columns with their headings."""
+    with write_aside(path) as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(table)
+        writer.writerows(zip(*(np.asarray(column).tolist() for column in table.values()), strict=True))
+    return Path(path)

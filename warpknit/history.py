@@ -38,6 +38,7 @@ class Row:
     energy_contact_J: float
     energy_kinetic_J: float
     work_J: float
+    edge_work_J: float  # of it, by pulls at the edge, cords and uneven warmth
     dissipated_J: float  # by the damping of a ramp
     residual: float
     penetration: float
@@ -84,6 +85,7 @@ def row_of(record: Record) -> Row:
         energy_contact_J=energy.contact,
         energy_kinetic_J=energy.kinetic,
         work_J=record.work if record.work is not None else 0.0,
+        edge_work_J=record.edge_work,
         dissipated_J=measure.dissipated(r) if record.work is not None else 0.0,
         residual=measure.residual(r),
         penetration=measure.penetration(r),
@@ -105,7 +107,7 @@ def account_work(rows: list[Row], model: Model) -> None:
     """
     if model.scene.solver.drive != "relax" or not rows:
         return
-    area = float(np.prod(model.panel.size))
+    area = model.panel.area
     rows[0].work_J = rows[0].stored
     begin = 0
     while begin < len(rows) - 1:
@@ -124,7 +126,7 @@ def account_work(rows: list[Row], model: Model) -> None:
         else:
             work = np.concatenate([[0.0], np.cumsum(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(place, axis=0), axis=1))])
         for r, w in zip(part[1:], work[1:], strict=True):
-            r.work_J = part[0].work_J + float(w)
+            r.work_J = part[0].work_J + float(w) + r.edge_work_J - part[0].edge_work_J
         begin = end
 
 

@@ -49,6 +49,7 @@ class Look:
         self._evaluate = [
             [evaluation(model, state, parity, scratch, share).launch for share in shares] for parity in (0, 1)
         ]
+        self._pairs_at_clamps = _pairs_at_clamps(model)
         self._first_block = np.searchsorted(panel.block_wire, np.arange(len(panel.wire_first)))
         self._wires = wp.zeros((len(panel.block_first), k.WIRE_COLUMNS), dtype=wp.float64, device=device)
         self._pairs = wp.zeros((max(1, -(-model.pair_count // k.PAIR_BLOCK)), k.PAIR_COLUMNS), dtype=wp.float64, device=device)
@@ -105,22 +106,40 @@ class Look:
             closed=closed,
             force_mean=float(contact[int(k.FORCE_SUM)]) / max(1, closed),
             gap_max=float(pairs[:, int(k.GAP_MAX)].max()),
-            stress=stress / np.prod(panel.size),
+            stress=stress / panel.area,
         )
 
     def _held_stress(self) -> np.ndarray:
-        """(2, 2) [N m] what the wires' forces on held nodes add: a clamp moves with its own place, not with the node's.
-
-        Contacts next to a clamp act on held nodes too; that is left out here.
-        """
+        """(2, 2) [N m] what the forces on held nodes add: a clamp moves with its own place, not with the node's."""
         panel = self.model.panel
         if not len(panel.held_node):
             return np.zeros((2, 2))
+        return np.einsum("ia,ib->ab", self._held_forces(), panel.held_lever)
+
+    def clamp_forces(self) -> np.ndarray:
+        """(clamp, 2) [N] by which the wires pull at their clamps, as of the last look."""
+        panel = self.model.panel
+        total = np.zeros((len(panel.clamp_position), 2))
+        np.add.at(total, panel.held_clamp, self._held_forces())
+        return total
+
+    def _held_forces(self) -> np.ndarray:
+        """(held, 2) [N] forces of wires and contacts on held nodes."""
+        panel, state = self.model.panel, self.state
         node = panel.held_node
         force_x, force_y = self._force_x.numpy(), self._force_y.numpy()
         force, before = (np.stack([force_x[at], force_y[at]], axis=1).astype(np.float64) for at in (node, node - 1))
         before[np.isin(node, panel.wire_first)] = 0.0
-        return np.einsum("ia,ib->ab", force - before, panel.held_lever)
+        total = force - before
+        # contacts that reach over a held node
+        pair = self._pairs_at_clamps
+        pair = pair[state.pair_force.numpy()[pair] > 0]
+        reached = state.pair_node.numpy()[pair][:, None] + np.arange(-1, 3)
+        place = np.minimum(np.searchsorted(node, reached), len(node) - 1)
+        held = node[place] == reached
+        nodal = np.stack([a.numpy().reshape(-1, 4)[pair] for a in (state.pair_nodal_x, state.pair_nodal_y)], axis=2)
+        np.add.at(total, place[held], nodal[held])
+        return total
 
     def distance_from_chord(self) -> np.ndarray:
         """[wire] [m] root mean square distance of the nodes of a wire from the straight line through its ends."""
@@ -155,3 +174,13 @@ class Look:
             device=model.device,
         )  # fmt: skip
         return np.sqrt(np.add.reduceat(self._squares.numpy(), block) / panel.wire_count)
+
+
+def _pairs_at_clamps(model: Model) -> np.ndarray:
+    """Pairs whose contact may reach over a held node."""
+    panel = model.panel
+    if not len(panel.held_node):
+        return np.zeros(0, dtype=np.int64)
+    first, count = panel.wire_first[panel.pair_wire], panel.wire_count[panel.pair_wire]
+    low, high = panel.pair_seed + panel.pair_low - 1 - first, panel.pair_seed + panel.pair_high + 2 - first
+    return np.nonzero((low <= 1) | (high >= count - 2))[0]

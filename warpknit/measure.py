@@ -87,14 +87,19 @@ def nominal_stress(r: Reading) -> np.ndarray:
     sum_ = np.einsum("ia,ib->ab", r.segment_force[inside], rest_edge[inside])
     touching = np.nonzero(r.pair_force > 0)[0]
     if len(touching):
-        body = np.repeat(panel.body_rest, 2, axis=0)[touching] - panel.pair_shift[touching]
-        entry = panel.pair_table[touching] + r.pair_slide[touching]
-        offset = np.arange(-1, 3)
-        node = np.stack([table.x[entry[:, None] + offset], table.y[entry[:, None] + offset]], axis=2)
-        sum_ += np.einsum("pka,pkb->ab", r.pair_nodal[touching], body[:, None, :] - node)
+        sum_ += np.einsum("pka,pkb->ab", r.pair_nodal[touching], pair_levers(r, touching))
     if len(panel.held_node):
         sum_ += np.einsum("ia,ib->ab", held_forces(r), panel.held_lever)
-    return sum_ / np.prod(panel.size)
+    return sum_ / panel.area
+
+
+def pair_levers(r: Reading, pairs: np.ndarray) -> np.ndarray:
+    """(pair, 4, 2) [m] rest position of the body of each of `pairs` less those of the four nodes that it acts on."""
+    model = r.model
+    table, panel = model.table, model.panel
+    body = np.repeat(panel.body_rest, 2, axis=0)[pairs] - panel.pair_shift[pairs]
+    entry = (panel.pair_table[pairs] + r.pair_slide[pairs])[:, None] + np.arange(-1, 3)
+    return body[:, None, :] - np.stack([table.x[entry], table.y[entry]], axis=2)
 
 
 def held_forces(r: Reading) -> np.ndarray:
@@ -128,6 +133,21 @@ def thermal_force(r: Reading) -> float:
     return float(stretch + bend + np.sum(r.pair_force) * model.contact_reach)
 
 
+def edge_force(r: Reading) -> np.ndarray:
+    """(clamp, 2) [N] derivative of the energy by the displacement of the clamps: with what force they hold the wires."""
+    total = np.zeros((len(r.model.panel.clamp_position), 2))
+    np.add.at(total, r.model.panel.held_clamp, held_forces(r))
+    return -total
+
+
+def warmth_force(r: Reading) -> np.ndarray:
+    """(wire, 2) [J] derivative of the energy by the warmth of the wires (`Reading.warmth`)."""
+    panel = r.model.panel
+    pull = -r.tension * r.natural_length * r.length_factor
+    local = np.arange(panel.node_count) - np.repeat(panel.wire_first, panel.wire_count)
+    return np.stack([np.add.reduceat(pull, panel.wire_first), np.add.reduceat(pull * local, panel.wire_first)], axis=1)
+
+
 def mesh_tension(r: Reading) -> tuple[float, float]:
     """Tension in weft and warp [N/m], force per current width: diagonal of P F^T / det F."""
     cauchy = true_stress(nominal_stress(r), r.gradient)
@@ -143,8 +163,7 @@ def mean_boundary_force(r: Reading) -> float:
     """Mean force of a clamp [N]; on a periodic tile the tension over one wale and one course, averaged."""
     panel = r.model.panel
     if len(panel.held_node):
-        total = np.zeros((len(panel.clamp_position), 2))
-        np.add.at(total, panel.held_clamp, held_forces(r))
+        total = edge_force(r)
         return float(np.mean(np.hypot(total[:, 0], total[:, 1])))
     weft, warp = mesh_tension(r)
     knit = r.model.scene.knit
@@ -294,7 +313,7 @@ def areal_mass(r: Reading) -> float:
     """Mass of wire per current area [kg/m2]."""
     model = r.model
     length = float(np.sum(model.panel.wire_length))
-    return length * model.scene.wire.linear_density / float(np.prod(model.panel.size) * np.linalg.det(r.gradient))
+    return length * model.scene.wire.linear_density / (model.panel.area * float(np.linalg.det(r.gradient)))
 
 
 # --- what is recorded -------------------------------------------------------------------------------------------------

@@ -26,6 +26,7 @@ from .scene import Scene
 from .table import Table, rest_table
 
 SLIDE_ALLOWANCE = 0.2  # how far a contact may slide beyond its lens, in wire lengths of a loop
+CORD_SAG = 0.2  # of the size of a mesh: farther its edge cannot be from its outline
 LIBRARY_MEMORY = 512 * 2**20  # [bytes] of addresses that libraries may still take: threads, compiler, USD
 MEMORY_PER_NODE = {"single": 420, "double": 520}  # bytes, at the peak of a run on the CPU
 
@@ -96,6 +97,7 @@ class MeshArrays:
     held_node: wp.array
     held_lever_x: wp.array
     held_lever_y: wp.array
+    held_clamp: wp.array
 
 
 @dataclass(frozen=True)
@@ -149,7 +151,9 @@ class Model:
 def estimated_nodes(scene: Scene, cloth: Cloth) -> int:
     """Nodes of the mesh before it is built, to refuse what cannot fit."""
     repeats = scene.knit.repeats[0] * scene.knit.repeats[1]
-    return scene.model.nodes_per_loop * len(cloth.stitches) * repeats
+    if scene.model.boundary == "gripped":
+        repeats = scene.panel.shape(scene.knit.size).area / np.prod(scene.knit.repeat)
+    return round(scene.model.nodes_per_loop * len(cloth.stitches) * repeats)
 
 
 def required_memory(scene: Scene, nodes: int) -> int:
@@ -195,12 +199,24 @@ def build_model(scene: Scene, device: str = "cpu") -> Model:
         lead=table_lead(cloth, 0.8 * spacing, slack),
     )
     panel = build_panel(
-        cloth, table, repeats=scene.knit.repeats, boundary=scene.model.boundary, slack=slack, set_fraction=wire.set_fraction
+        cloth,
+        table,
+        repeats=scene.knit.repeats,
+        outline=None if scene.model.boundary == "periodic" else scene.panel.shape(scene.knit.size),
+        slack=slack,
+        set_fraction=wire.set_fraction,
     )
     loop_size = max(scene.knit.wale_spacing, scene.knit.course_spacing)
+    furthest = 2 * loop_size + _edge_travel(scene)
     return assemble_model(
-        scene, table, panel, device=device, loop_length=loop_length, displacement_range=2 * loop_size, cloth=cloth
+        scene, table, panel, device=device, loop_length=loop_length, displacement_range=furthest, cloth=cloth
     )
+
+
+def _edge_travel(scene: Scene) -> float:
+    """[m] by which the edge may leave the affinely mapped outline."""
+    pulled = max((math.hypot(*pull.by) for stage in scene.stages for pull in stage.pull), default=0.0)
+    return 2 * pulled + (CORD_SAG * max(scene.knit.size) if scene.panel.cord else 0.0)
 
 
 def assemble_model(
@@ -326,6 +342,7 @@ def _upload_mesh(panel: Panel, precision: Precision, device: str) -> MeshArrays:
         held_node=index(panel.held_node),
         held_lever_x=double(panel.held_lever[:, 0]),
         held_lever_y=double(panel.held_lever[:, 1]),
+        held_clamp=index(panel.held_clamp),
     )
 
 

@@ -1,6 +1,6 @@
 """Copies of one repeat make a mesh: wires, blocks of nodes, contact bodies with their pairs, and what is held.
 
-*Periodic*: the tile is closed onto itself, every wire is an endless loop. *Gripped*: the mesh is cut by a rectangle from
+*Periodic*: the tile is closed onto itself, every wire is an endless loop. *Gripped*: the mesh is cut along an outline from
 endless cloth (cut.py); a clamp sits where a wire is cut and holds the nodes before and behind. A hinge next to a clamp stands
 for the wire from there to the middle of the next segment, so what a wire does between its grips does not depend on where
 its nodes fall.
@@ -12,12 +12,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .cut import cut_rectangle
+from .cut import cut_cloth
 from .errors import ModelError
 from .kernels import clamp
 from .kernels.bend import BOW
 from .kernels.wires_by_block import BLOCK_PAD, BLOCK_SIZE
 from .knit.cloth import Cloth
+from .outline import Outline
 from .table import Table
 from .thread_curve import ThreadCurve
 
@@ -32,8 +33,9 @@ GRIP_CLEARANCE = 0.05  # loops of wire that a lens must keep from a grip, or its
 class Panel:
     """Wires, bodies and grips of the mesh. Index arrays are int32; wires hold consecutive nodes."""
 
-    size: np.ndarray  # (2,) [m] rest size of the mesh
+    size: np.ndarray  # (2,) [m] rest size of the mesh, or of the box around it
     low: np.ndarray  # (2,) [m] its lower corner
+    outline: Outline | None  # that it is cut along; None where it is periodic
     boundary: str  # gripped | periodic
     wire_first: np.ndarray  # [wire] first node
     wire_count: np.ndarray  # [wire] nodes
@@ -62,6 +64,11 @@ class Panel:
     clamp_position: np.ndarray  # [clamp, 2] [m]
     rhombus_bodies: np.ndarray  # bodies round the complete opening nearest to the middle
     notes: tuple[str, ...] = field(default=())  # what the user should know about how the mesh was cut
+
+    @property
+    def area(self) -> float:
+        """[m2] at rest."""
+        return float(np.prod(self.size)) if self.outline is None else self.outline.area
 
     @property
     def node_count(self) -> int:
@@ -126,9 +133,9 @@ def _closed_strands(cloth: Cloth, table: Table, repeats: tuple[int, int]) -> _St
     )
 
 
-def _cut_strands(cloth: Cloth, table: Table, low: np.ndarray, high: np.ndarray) -> _Strands:
-    """Wires inside the rectangle: at either end two held nodes, the inner one next to the clamp, before or behind it."""
-    cut = cut_rectangle(cloth, low, high)
+def _cut_strands(cloth: Cloth, table: Table, outline: Outline) -> _Strands:
+    """Wires inside the outline: at either end two held nodes, the inner one next to the clamp, before or behind it."""
+    cut = cut_cloth(cloth, outline)
     spacing = table.spacing[cut.thread]
     begin = np.ceil(cut.begin / spacing + NEAREST).astype(np.int64) - 2
     last = np.floor(cut.end / spacing - NEAREST).astype(np.int64) + 2
@@ -208,34 +215,44 @@ def table_lead(cloth: Cloth, spacing: float, slack: float) -> int:
 
 
 def build_panel(
-    cloth: Cloth, table: Table, *, repeats: tuple[int, int], boundary: str, slack: float, set_fraction: float = 1.0
+    cloth: Cloth,
+    table: Table,
+    *,
+    repeats: tuple[int, int],
+    outline: Outline | None,
+    slack: float,
+    set_fraction: float = 1.0,
 ) -> Panel:
-    """Lay out `repeats` (weft, warp) copies of the repeat; `slack` [m]: see `table_lead`; `set_fraction` as in
-    `rest_table`.
+    """Lay out copies of the repeat; `slack` [m]: see `table_lead`; `set_fraction` as in `rest_table`.
 
+    outline: of a gripped mesh, its origin where the middle of the mesh is to be; None: `repeats` (weft, warp) copies make a
+    periodic tile.
     Raises `ModelError` where nothing is left after the cut.
     """
     repeat = np.array(cloth.size)
     size = repeat * np.array(repeats)
     nodes = np.asarray(table.nodes)
     notes: list[str] = []
-    if boundary == "periodic":
+    if outline is None:
         low, middle = np.zeros(2), 0.5 * size
         strands = _closed_strands(cloth, table, repeats)
     else:
         # an opening sits in the middle, so that its rhombus is as far from the grips as it can be
         middle = np.zeros(2) if cloth.rhombus is None else np.array(cloth.rhombus.centre)
-        low = middle - 0.5 * size
-        strands = _cut_strands(cloth, table, low, middle + 0.5 * size)
+        outline = outline.shifted(middle)
+        low, size = outline.low, outline.size
+        strands = _cut_strands(cloth, table, outline)
     bodies = _place_bodies(cloth, table, strands, slack, GRIP_CLEARANCE * cloth.stitch_length)
-    if boundary == "periodic":
+    if outline is None:
         used = np.arange(len(strands.thread))
     else:
         used = np.unique(bodies.wire)
         if len(used) < len(strands.thread):
             notes.append(f"{len(strands.thread) - len(used)} wire fragments at the edges hold no clasp: dropped")
     if len(bodies.clasp) == 0:
-        raise ModelError(f"knit.repeats: {repeats[0]} x {repeats[1]} leave no clasp inside the boundary: use more")
+        raise ModelError(
+            f"knit.repeats: {repeats[0]} x {repeats[1]} leave no clasp inside the boundary: use more, or a larger panel.size"
+        )
     new_index = np.full(len(strands.thread), -1, dtype=np.int64)
     # wires side by side in the mesh are side by side in memory
     used = used[np.lexsort((strands.begin[used], strands.thread[used], strands.column[used]))]
@@ -255,7 +272,7 @@ def build_panel(
     pair_wire = new_index[bodies.wire]
     pair_local = bodies.node - begin[pair_wire]
     pair_n = n[pair_wire]
-    if boundary == "periodic":
+    if outline is None:
         pair_local = np.mod(pair_local, count[pair_wire])
     pair_period = np.floor_divide(bodies.node, pair_n)
     shift = np.stack(
@@ -271,7 +288,8 @@ def build_panel(
     return Panel(
         size=size,
         low=low,
-        boundary=boundary,
+        outline=outline,
+        boundary="periodic" if outline is None else "gripped",
         wire_first=_as32(first),
         wire_count=_as32(count),
         wire_closed=np.full(len(used), strands.closed),

@@ -46,6 +46,7 @@ NODES_POWER = 1.25  # steps of the cell by nodes a loop: 6,600 at 8, 11,700 at 1
 MEASURED_TOLERANCE = 3e-3
 TOLERANCE_POWER = 1 / 3  # 11,500 steps at 1e-2, 30,750 at 3e-4
 STEPS_FROM_SMALLER = 2_000.0  # of a level of a large mesh, which starts from a smaller one: 1,550 to 2,600 measured
+STEPS_FROM_REPEAT = 15_000.0  # of a level of a mesh cut along another outline than a rectangle: 7,000 to 20,000 measured
 SMALLER_SHARE = 1.4  # time of a large mesh with its looks and its smaller meshes over that of its steps
 GRIPPED = 2.5  # times the steps of a tile: 1 to 4 at the standard preset, 2 to 3 at draft, 2 x 2 to 7 x 6 repeats
 TENSION_STATES = 10.0  # steady states tried for a level that is driven by tension
@@ -215,6 +216,8 @@ def relax_steps(scene: Scene, table: Table) -> int:
     """
     solver = scene.solver
     if smaller_scene(scene) is not None:
+        if scene.panel.outline != "rectangle":
+            return round(STEPS_FROM_REPEAT * len(scene.stages) * scene.output.frames)
         states = sum(2.0 if _is_driven_by_tension(stage) else 1.0 for stage in scene.stages)
         return round(states * STEPS_FROM_SMALLER * scene.output.frames)
     n = scene.model.nodes_per_loop
@@ -263,6 +266,7 @@ def physics_of(scene: Scene, mesh: MeshSize) -> Iterator[str]:
         yield "periodic boundary: one tile of an endless mesh, model.boundary = 'periodic'"
     else:
         yield "grips: every cut wire end is held in position and direction, model.boundary = 'gripped'"
+        yield from _panel_physics(scene)
     yield "affine carry: the interior moves with the boundary, so that only what differs from it has to be solved"
     if solver.drive == "relax" and (smaller := smaller_scene(scene)) is not None:
         yield f"start: a smaller mesh of {' x '.join(map(str, smaller.knit.repeats))} repeats comes to rest first, and so on down"
@@ -297,6 +301,24 @@ def physics_of(scene: Scene, mesh: MeshSize) -> Iterator[str]:
         yield "single precision: displacements are 32-bit fixed point, the rest is float32, solver.precision"
     else:
         yield "double precision: everything is float64, solver.precision"
+
+
+def _panel_physics(scene: Scene) -> Iterator[str]:
+    """What [panel] and uneven loads switch on."""
+    panel = scene.panel
+    if panel.outline != "rectangle":
+        yield f"outline: the mesh is cut along a {panel.outline}, panel.outline"
+    if panel.cord is not None and panel.grip_pitch is not None:
+        yield (
+            f"cords: net nodes about {1e3 * panel.grip_pitch:.3g} mm apart hold the edge, between them it hangs on a cord of"
+            f" {panel.cord.tension:.3g} N, panel.cord"
+        )
+    if any(stage.pull for stage in scene.stages):
+        yield "pulls: places of the edge are moved beside the load as a whole, [[load.pull]]"
+    if any(any(stage.temperature_gradient) for stage in scene.stages):
+        yield "gradient of temperature: each wire is as long as it is warm where it lies, load.temperature_gradient"
+    if panel.focal_length is not None:
+        yield f"surface: the shape that the tension gives a panel held on a paraboloid of f = {panel.focal_length:.3g} m"
 
 
 def _is_driven_by_tension(stage: Stage) -> bool:

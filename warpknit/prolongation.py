@@ -2,8 +2,9 @@
 
 What edges and corners do takes many steps to find, and the same steps on a few repeats as on a million. So a large mesh has
 a smaller one beside it, which has a smaller one in turn; each comes to rest first, and what changed is carried over
-(kernels/prolong.py). On a gripped mesh the repeats within RIM of an edge are carried over as they are, the inside is drawn
-out; the smallest mesh of a periodic tile is one repeat.
+(kernels/prolong.py). On a rectangle the repeats within RIM of an edge are carried over as they are, the inside is drawn out. The
+smallest mesh of a periodic tile is one repeat, and so is that of a mesh cut along another outline, where what changed fades out
+towards the edge.
 """
 
 from __future__ import annotations
@@ -19,12 +20,13 @@ from .kernels.wires_by_block import BLOCK_SIZE
 from .model import Model, block_threads
 from .reading import node_entries
 from .response import Response, carried_values
-from .scene import Scene
+from .scene import PanelOptions, Scene, Stage
 from .state import State
 
 RIM = 3  # repeats at an edge that are carried over one to one
 RATIO = 3  # repeats of a mesh over those of the smaller one
 LEAST = 8  # repeats of the smaller mesh, at least
+FADED = 1.5  # loops of wire from a clamp over which the change of endless cloth fades out
 WORTH = 1.5  # ratio from which a smaller mesh pays
 
 
@@ -33,6 +35,8 @@ def smaller_scene(scene: Scene) -> Scene | None:
     repeats = scene.knit.repeats
     if scene.model.boundary == "periodic":
         smaller = (1, 1)
+    elif scene.panel.outline != "rectangle":
+        return one_repeat(scene)
     else:
         # the parity is kept: the middle of the mesh is cut alike
         smaller = tuple(min(n, max(LEAST + n % 2, -(-n // RATIO) + (-(-n // RATIO) - n) % 2)) for n in repeats)
@@ -40,7 +44,18 @@ def smaller_scene(scene: Scene) -> Scene | None:
             return None
     if smaller == repeats:
         return None
-    return replace(scene, knit=replace(scene.knit, repeats=smaller))
+    return replace(scene, knit=replace(scene.knit, repeats=smaller), panel=PanelOptions(), stages=_plain_stages(scene))
+
+
+def one_repeat(scene: Scene) -> Scene:
+    """The scene of one periodic repeat of the same cloth."""
+    knit, options = replace(scene.knit, repeats=(1, 1)), replace(scene.model, boundary="periodic")
+    return replace(scene, knit=knit, model=options, panel=PanelOptions(), stages=_plain_stages(scene))
+
+
+def _plain_stages(scene: Scene) -> tuple[Stage, ...]:
+    """The stages without what differs from place to place."""
+    return tuple(replace(stage, pull=(), temperature_gradient=(0.0, 0.0)) for stage in scene.stages)
 
 
 class Prolongation:
@@ -64,7 +79,7 @@ class Prolongation:
         large, small = self.large.panel, self.small.panel
         repeat = self._repeat = np.array(self.large.cloth.size)
         nodes, start = self.large.table.nodes, self.large.table.start
-        periodic = large.boundary == "periodic"
+        periodic = small.boundary == "periodic"
         self._periodic = int(periodic)
         entry = node_entries(self.small)
         thread = np.repeat(small.wire_thread, small.wire_count)
@@ -93,10 +108,15 @@ class Prolongation:
         m.repeat, m.low = wp.vec2d(*repeat), wp.vec2d(*large.low)
         m.large, m.small, m.offset = (wp.vec2i(*map(int, pair)) for pair in (many, few, self._offset))
         m.rim, m.periodic = RIM, self._periodic
+        fades = periodic and large.boundary == "gripped"
+        m.taper = FADED * self.large.scene.model.nodes_per_loop if fades else 0.0
         self._meshes = m
         block_place = np.rint(large.block_origin / repeat)
         self._block_place = [index(block_place[:, 0]), index(block_place[:, 1]), index(large.wire_thread[large.block_wire])]
         self._threads = [index(start), index(nodes)]
+        first = large.wire_first[large.pair_wire]
+        from_end = np.minimum(large.pair_seed - first, first + large.wire_count[large.pair_wire] - 1 - large.pair_seed)
+        self._body_from_end = index(from_end.reshape(-1, 2).min(axis=1))
         body_place = np.rint(large.body_origin / repeat)
         self._body_place = [index(large.body_clasp), index(body_place[:, 0]), index(body_place[:, 1])]
         self._node_at, self._body_at = (wp.array(t, dtype=wp.int32, device=device) for t in (node_table, body_table))
@@ -121,7 +141,8 @@ class Prolongation:
             dim=block_threads(large),
             inputs=[
                 mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire, *self._block_place, BLOCK_SIZE,
-                *self._threads, state.wire_axial, large.rest.place_x, large.rest.place_y, self._meshes, self._node_at,
+                *self._threads, mesh.wire_first, mesh.wire_count, state.wire_axial,
+                large.rest.place_x, large.rest.place_y, self._meshes, self._node_at,
                 change["x"], change["y"], change["tension"], change["strain"],
                 response.cell_node, *response.of_nodes, unit,
                 state.node_ux[now], state.node_uy[now], state.tension_offset,
@@ -133,7 +154,8 @@ class Prolongation:
                 prolong_bodies,
                 dim=large.panel.body_count,
                 inputs=[
-                    *self._body_place, mesh.body_origin_x, mesh.body_origin_y, self._meshes, self._body_at,
+                    *self._body_place, mesh.body_origin_x, mesh.body_origin_y, self._body_from_end, self._meshes,
+                    self._body_at,
                     change["body_x"], change["body_y"], change["offset"], *response.of_bodies, unit,
                     state.body_ux, state.body_uy, state.pair_offset,
                 ],

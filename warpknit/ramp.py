@@ -129,7 +129,7 @@ class Ramp(Drive):
         now += [*reading.gradient.ravel().tolist(), reading.length_factor]
         if self.progress.stress:
             before = np.array(self.progress.stress)
-            area = float(np.prod(self.model.panel.size))
+            area = self.model.panel.area
             moved = np.array(now[5:]) - before[5:]
             mean = 0.5 * (np.array(now[:5]) + before[:5]) * np.array([area] * 4 + [1.0])
             self.progress.work += float(mean @ moved)

@@ -27,6 +27,8 @@ class Reading:
     control: np.ndarray
     u: np.ndarray  # [node, 2] [m] displacement from the affinely mapped rest shape
     body_u: np.ndarray  # [body, 2] [m]
+    clamp_shift: np.ndarray  # [clamp, 2] [m] displacement of the clamps from the affinely mapped outline
+    warmth: np.ndarray  # [wire, 2] see State.wire_warmth
     edge: np.ndarray  # [node, 2] [m] zero behind the last node of an open wire
     tension: np.ndarray  # [node] [N]
     wire_axial: np.ndarray  # [wire] [N] softened axial stiffness
@@ -166,6 +168,8 @@ def read(model: Model, state: State) -> Reading:
         control=state.read_control().copy(),
         u=metres(state.node_ux[now], state.node_uy[now]),
         body_u=metres(state.body_ux, state.body_uy),
+        clamp_shift=state.clamp_shift,
+        warmth=state.wire_warmth.numpy().copy(),
         edge=np.stack([edge_x, edge_y], axis=1),
         tension=tension,
         wire_axial=state.wire_axial.numpy().astype(np.float64),
@@ -194,7 +198,7 @@ def evaluation(model: Model, state: State, parity: int, out: list[wp.array], blo
         dim=blocks[1] * BLOCK_SIZE,
         inputs=[
             mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire, BLOCK_SIZE, blocks[0],
-            mesh.wire_first, mesh.wire_count, mesh.wire_closed, mesh.wire_clamp, state.wire_axial,
+            mesh.wire_first, mesh.wire_count, mesh.wire_closed, mesh.wire_clamp, state.wire_axial, state.wire_warmth,
             state.control, model.precision.real(model.precision.unit),
             rest.rest_x, rest.rest_y, rest.rest_length, rest.rest_angle, rest.rest_bow, state.tension_offset,
             state.node_ux[parity], state.node_uy[parity], int(model.is_gripped), *out,

@@ -15,26 +15,30 @@ import warp as wp
 from . import measure
 from .damping import SlowestMode
 from .drive import CHECK_STEPS, Drive, LoadPoint, Progress, Record
+from .edge_work import EdgeWork
 from .errors import Diverged
 from .kernels import control as c
 from .kernels.multipliers import extrapolate, extrapolate_held_bodies
-from .membrane import Membrane
+from .membrane import Correction, Membrane
 from .model import Model
 from .multipliers import Multipliers
 from .prolongation import Prolongation
 from .response import carried_values, find_response, no_response, recall_response
+from .rim import build_rim
 from .scene import Stage
 from .state import State
 from .tension import MOST_STATES
 
 SOFTENING_LOOKS = 10  # looks between renewals of the bound on the softening
 LEVEL_RAMP_STEPS = 100  # steps over which the first load of a stage comes on
+MOVE_STEPS = 200  # steps between parts of a move of the edge
 LEVEL_STEP_LIMIT = 500_000  # steps of a level after which it counts as never steady, where the scene gives no max_steps
 WORSE = 100.0  # times what was left at best: the mesh has gone on to another state
 PATIENCE = 1500  # looks without progress by a tenth after which a level counts as never steady
 CORRECTION_LOOKS = 6  # looks between corrections of the mesh as a membrane
-CORRECTION_GAIN = 0.7  # a correction that leaves more of the imbalance was too much
-LEAST_TRUST = 0.05  # share of corrections below which they are given up for the level
+CORRECTION_GAIN = 0.7  # a correction that leaves more of the least imbalance so far was in vain
+IN_VAIN = 8  # corrections in vain after which they are given up for the level
+TRUST = (0.1, 1.0)  # share of a correction that is taken, least and most
 MEMBRANE_TOLERANCE = 0.02  # stress out of balance over the tension, root mean square over the mesh
 FOLLOWED_STRAIN = 0.005  # by which the levels of the smallest mesh are apart, at most
 UNLOADED = 1e-3  # of EI/W^2: forces that count as none in a mesh as knitted
@@ -80,14 +84,27 @@ class Relaxation(Drive):
         self.membrane = None
         if smaller is not None:
             self._response = no_response(cell.model if cell else smaller.model)
-        if cell is not None and self.prolongation is not None:
-            self.membrane = Membrane(model, state, self.slowest_mode.probe)
+        if cell is not None:
+            self._response = no_response(cell.model)
+            pulled = any(stage.pull for stage in self.scene.stages)
+            rim = build_rim(model.panel, self.scene)
+            self.rim = rim if pulled or rim.is_free else None
+            self.membrane = Membrane(model, state, self.slowest_mode.probe, rim)
+            self.stations = np.zeros((len(rim.arc), 2))
+            if self.rim is not None:
+                self.edge_work = EdgeWork()
         self._last = [wp.zeros_like(value) for value in self._level_values()] if smaller is None else []
         self._last_gradient: list[float] | None = None
+        self._last_correction = np.zeros(0)
 
     def warm_up(self) -> None:
         if self.smaller is None or self.prolongation is None:
             super().warm_up()
+            if self.cell is not None and self.membrane is not None:
+                self.cell.warm_up()
+                kept = self.everything()
+                self.membrane.warm_up(self._response)
+                self.put_back(kept)
             return
         # the steps of a large mesh launch what those of the smaller one do
         self.smaller.warm_up()
@@ -105,10 +122,12 @@ class Relaxation(Drive):
     def memory(self) -> dict[str, np.ndarray]:
         kept = {f"last_{k}": value.numpy().copy() for k, value in enumerate(self._last)}
         kept["last_gradient"] = np.array(self._last_gradient or [])
+        kept["last_correction"] = self._last_correction
         if self.smaller is not None and self.prolongation is not None:
             kept |= {f"smaller_{name}": value for name, value in self.smaller.everything().items()}
             kept |= self.prolongation.memory()
         if self.cell is not None and self.membrane is not None:
+            kept["stations"] = self.stations
             kept |= {f"cell_{name}": value for name, value in self.cell.everything().items()}
             kept |= self._response.memory()
         return super().memory() | kept | self.multipliers.memory() | self.slowest_mode.memory()
@@ -118,12 +137,14 @@ class Relaxation(Drive):
         for k, value in enumerate(self._last):
             value.assign(kept[f"last_{k}"])
         self._last_gradient = kept["last_gradient"].tolist() or None
+        self._last_correction = kept["last_correction"]
         self.multipliers.recall(kept)
         self.slowest_mode.recall(kept)
         if self.smaller is not None and self.prolongation is not None:
             self.smaller.put_back(_under("smaller_", kept))
             self.prolongation.recall(kept)
         if self.cell is not None and self.membrane is not None:
+            self.stations = kept["stations"]
             self.cell.put_back(_under("cell_", kept))
             self._response = recall_response(kept, self.cell.model)
             self.membrane.renew(self._response)
@@ -162,7 +183,7 @@ class Relaxation(Drive):
             self._begin_settling()
         self._settle()
         if wanted is not None:
-            self._find_tension(wanted, target.temperature)
+            self._find_tension(wanted, target)
         progress.settling = False
 
     def _is_at_rest(self, target: LoadPoint) -> bool:
@@ -190,7 +211,7 @@ class Relaxation(Drive):
             smaller.bring_to_rest(target, wanted)
         if wanted is None:
             return target
-        return LoadPoint(wanted.gradient(target.gradient, np.diag(smaller.state.gradient) - 1.0), target.temperature)
+        return target.strained(wanted.gradient(target.gradient, np.diag(smaller.state.gradient) - 1.0))
 
     def _follow_path(self, smallest: Relaxation, target: LoadPoint) -> None:
         """Take the smallest mesh to a load by levels near each other: which state a mesh finds may depend on the way there."""
@@ -212,7 +233,7 @@ class Relaxation(Drive):
             progress.start["levels"] = float(progress.start["levels"]) + 1.0
         progress.start = {}
 
-    def _find_tension(self, wanted: WantedTension, temperature: float) -> None:
+    def _find_tension(self, wanted: WantedTension, target: LoadPoint) -> None:
         """Try strains until the steady state carries the wanted tension."""
         scale = measure.tension_scale(self.model)
         while True:
@@ -229,7 +250,7 @@ class Relaxation(Drive):
                     f" {tension[0]:.3g} and {tension[1]:.3g} N/m): give smaller tensions, more output.frames, or strains"
                 )
             self._begin_settling()
-            self._set_ramp(LoadPoint(wanted.gradient(reading.gradient, following), temperature), LEVEL_RAMP_STEPS)
+            self._set_ramp(target.strained(wanted.gradient(reading.gradient, following)), LEVEL_RAMP_STEPS)
             self._settle()
 
     def _level_values(self) -> list[wp.array]:
@@ -243,6 +264,7 @@ class Relaxation(Drive):
             self.prolongation.carry(self._response)
             self._begin_at_rest()
             self._set_ramp(target, 0)
+            self._move_edge(target)
             return
         now = self.state.gradient.ravel()
         ratio = 0.0
@@ -267,6 +289,32 @@ class Relaxation(Drive):
         self._begin_at_rest()
         self._last_gradient = now.tolist()
         self._set_ramp(target, 0 if ratio > 0.0 else LEVEL_RAMP_STEPS)
+        self._move_edge(target)
+
+    def _move_edge(self, target: LoadPoint) -> None:
+        """Move the stations of the rim that are held to where the load has them, the mesh with them as a membrane."""
+        if self.rim is None or self.membrane is None or target.stations is None:
+            return
+        way = np.where(self.rim.given[:, None], target.stations - self.stations, 0.0)
+        if not way.any():
+            return
+        if not self.membrane.tangent.any():
+            begin, self.stations = self.stations, self.stations + way
+            self.state.move_clamps(self.rim.clamps @ begin, self.rim.clamps @ self.stations)
+            self._set_ramp(target, LEVEL_RAMP_STEPS)
+            return
+        left = 1.0
+        while left > 0.0:
+            followed = self.membrane.follow(left * way, target.gradient, self.stations)
+            share = min(1.0, followed.most)
+            followed = followed.times(share)
+            self.membrane.move(followed)
+            self._move_clamps(followed)
+            self.neighbours.search()
+            left = left * (1.0 - share) if share < 1.0 else 0.0
+            if left > 0.0:
+                self._advance(MOVE_STEPS)
+                self.slowest_mode.look(use=True)
 
     def _begin_at_rest(self) -> None:
         for speed in (self.state.node_vx, self.state.node_vy, self.state.body_vx, self.state.body_vy):
@@ -285,7 +333,7 @@ class Relaxation(Drive):
             if not ramping:
                 left = self._left(control)
                 if self.membrane is not None:
-                    if progress.looks % CORRECTION_LOOKS == 0 and progress.trust >= LEAST_TRUST:
+                    if progress.looks % CORRECTION_LOOKS == 0 and (progress.trust > 0.0 or self.membrane.rim.is_free):
                         self._move_as_membrane()
                     left = max(left, progress.imbalance)
                 if left < 1.0:
@@ -306,25 +354,55 @@ class Relaxation(Drive):
 
     def _move_as_membrane(self) -> None:
         """Move the mesh towards where it balances as a membrane, unless it is there."""
-        displacement, stress = self.membrane.solve()
+        progress, rim = self.progress, self.membrane.rim
+        pulled = self.look.clamp_forces() if rim.is_free else np.zeros((0, 2))
+        solve = self.membrane.solve if progress.trust > 0.0 else self.membrane.solve_rim
+        correction, stress = solve(self.state.gradient, self.stations, pulled)
         scale = max(float(np.abs(self._sums.stress).max()), self._least_tension())
-        self.progress.imbalance = stress / (MEMBRANE_TOLERANCE * scale)
-        progress = self.progress
-        if progress.corrected and progress.imbalance > CORRECTION_GAIN * progress.corrected:
-            progress.trust *= 0.25
-        if progress.trust < LEAST_TRUST:
-            progress.imbalance = 0.0  # the mesh is not like a membrane of endless cloth: it comes to rest by itself
-        elif progress.imbalance > 1.0:
-            self.membrane.move(progress.trust * displacement)
-            progress.corrected = progress.imbalance
+        progress.imbalance = stress / (MEMBRANE_TOLERANCE * scale)
+        if progress.imbalance <= 1.0:
+            return
+        progress.in_vain += 1
+        if progress.imbalance < CORRECTION_GAIN * progress.least_imbalance:
+            progress.least_imbalance, progress.in_vain = progress.imbalance, 0
+        if progress.trust == 0.0:
+            self._move_clamps(correction)
+        elif progress.in_vain > IN_VAIN:
+            # the mesh is not like a membrane of endless cloth: it comes to rest by itself
+            progress.trust, progress.imbalance = 0.0, 1e30 if rim.is_free else 0.0
+        else:
+            progress.trust = correction.most * self._share_of(correction.numbers)
+            correction = correction.times(progress.trust)
+            self.membrane.move(correction)
+            self._move_clamps(correction)
             self.neighbours.search()
             self.multipliers.begin_level()
+
+    def _move_clamps(self, correction: Correction) -> None:
+        """Move the edge by its part of a correction."""
+        if self.rim is not None:
+            self.stations = self.stations + correction.stations
+            clamps = self.rim.clamps @ self.stations
+            self.state.move_clamps(clamps, clamps)
+
+    def _share_of(self, correction: np.ndarray) -> float:
+        """Share of a correction to take: Aitken's, from what the last one left of itself.
+
+        Where stiffness differs from that of the cloth at the mean load, whole corrections may overshoot.
+        """
+        last, self._last_correction = self._last_correction, correction
+        if len(last) != len(correction):
+            return 1.0
+        change = correction - last
+        share = -self.progress.trust * float(last @ change) / max(float(change @ change), 1e-300)
+        return float(np.clip(share, *TRUST))
 
     def _begin_settling(self) -> None:
         progress = self.progress
         progress.looks, progress.best, progress.waited = 0, 1e30, 0
-        progress.imbalance, progress.corrected, progress.trust = 1e30, 0.0, 1.0
+        progress.imbalance, progress.least_imbalance, progress.in_vain, progress.trust = 1e30, 1e30, 0, 1.0
         progress.tensions.clear()
+        self._last_correction = np.zeros(0)
 
     def _drift(self) -> float:
         """How much the nominal tensions moved over DRIFT_LOOKS, over what the tolerance allows; 1 or more before that.

@@ -22,9 +22,10 @@ from . import measure
 from .checkpoint import Checkpoint, has_checkpoint, write_checkpoint
 from .device import find_device
 from .errors import Diverged, OutOfResources, RunDirectoryError
-from .files import write_aside
+from .files import write_aside, write_table
 from .history import Row, account_work, read_history, row_of, write_history
 from .model import Model, available_memory, build_model
+from .panel_report import report_panel
 from .progress import Progress as Display
 from .scene import Scene, resolved_toml
 from .simulate import Progress, Record, Simulation
@@ -39,7 +40,7 @@ _log = logging.getLogger(__name__)
 RECORD_MEMORY = 400  # bytes a node that writing a record takes: the frame, its tables and the USD layer
 COMPILING_S = 1.0  # kernels that took longer to be ready were compiled, not loaded
 OURS = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda", "wires.topology.usdc",
-        "wires.manifest.usda", "stages.json", "states", "frames", "figures", "checkpoint", "vtk", "tables")  # fmt: skip
+        "wires.manifest.usda", "stages.json", "states", "frames", "figures", "checkpoint", "vtk", "tables", "panel")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -227,10 +228,21 @@ class _Recorder:
         account_work(self.rows, self.model)
         write_history(self.out / "history.csv", self.rows)
         if record.load_factor == 1.0:
-            self.stages.append(stage_summary(record, self.rows))
+            self.stages.append(stage_summary(record, self.rows, self._keep_panel(record)))
             with write_aside(self.out / "stages.json") as file:
                 json.dump(self.stages, file, allow_nan=False)
         self.last = record
+
+    def _keep_panel(self, record: Record) -> dict[str, Any] | None:
+        """Write the maps of a panel at the end of a stage; what the summary says of it."""
+        report = report_panel(record)
+        if report is None:
+            return None
+        folder = self.out / "panel"
+        write_table(folder / f"map_{record.index:06d}.csv", report.map_table())
+        if report.surface is not None:
+            write_table(folder / f"surface_{record.index:06d}.csv", report.surface_table())
+        return report.summary
 
     def _reserve_memory(self) -> None:
         """Raise `OutOfResources` before a library that does not survive it runs out of memory."""

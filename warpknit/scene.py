@@ -12,7 +12,7 @@ import math
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,6 +24,7 @@ from warpknit.materials import MATERIALS
 from warpknit.presets import PRESETS, Preset
 from warpknit.scene_file import KnitTable, ModelTable, SceneFile, SolverTable, StageTable, WireTable
 from warpknit.scene_overrides import Override, with_overrides
+from warpknit.scene_panel import Cord, PanelError, PanelOptions, covering_repeats, panel_options
 from warpknit.scene_report import dotted, first_error, scene_error
 from warpknit.scene_resolved import resolved_toml, scene_hash
 from warpknit.scene_values import STRAIN
@@ -38,11 +39,14 @@ else:
 __all__ = [
     "Bar",
     "Contact",
+    "Cord",
     "Knit",
     "Loop",
     "ModelOptions",
     "Output",
+    "PanelOptions",
     "Plating",
+    "Pull",
     "Scene",
     "SceneError",
     "Solver",
@@ -101,11 +105,16 @@ class Knit:
     loop: Loop
 
     @property
-    def size(self) -> tuple[float, float]:
-        """Width and height of all repeats [m]: a repeat spans the common period of the threadings and of the chains."""
+    def repeat(self) -> tuple[float, float]:
+        """Width and height of one repeat [m]: it spans the common period of the threadings and of the chains."""
         wales = math.lcm(*(len(bar.threading) for bar in self.bars))
         courses = math.lcm(*(bar.chain.count("/") + 1 for bar in self.bars))
-        return (self.repeats[0] * wales * self.wale_spacing, self.repeats[1] * courses * self.course_spacing)
+        return (wales * self.wale_spacing, courses * self.course_spacing)
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height of all repeats [m]."""
+        return (self.repeats[0] * self.repeat[0], self.repeats[1] * self.repeat[1])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,6 +129,15 @@ class ModelOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Pull:
+    """A place on the outline that is moved beside the load of the whole mesh."""
+
+    at: tuple[float, float]  # [m] from the middle of the panel, at rest
+    by: tuple[float, float]  # [m]
+    width: Annotated[float, "m"] | None  # of the outline that moves along; None where net nodes hold it: the nearest moves
+
+
+@dataclass(frozen=True, kw_only=True)
 class Stage:
     """One stage of the loading, by its end: each direction by strain or by tension, the other of the two being None."""
 
@@ -129,7 +147,9 @@ class Stage:
     strain_warp: float | None
     tension_warp: Annotated[float, "N/m"] | None
     shear: float
-    temperature: Annotated[float, "K"]
+    temperature: Annotated[float, "K"]  # in the middle of the panel
+    temperature_gradient: tuple[float, float]  # [K/m] along weft and warp
+    pull: tuple[Pull, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,6 +206,7 @@ class Scene:
     wire: Wire
     knit: Knit
     model: ModelOptions
+    panel: PanelOptions
     stages: tuple[Stage, ...]  # [load], then each [[path]]
     contact: Contact
     solver: Solver
@@ -236,6 +257,13 @@ def make_scene(
     source = _Source(path, table)
     wire = _wire(source, file.wire)
     knit = _knit(source, file.knit, wire)
+    panel = _panel(source, file)
+    if panel.outline != "rectangle":
+        repeats = covering_repeats(panel.shape(knit.size), knit.repeat)
+        if file.knit.repeats not in ((1, 1), repeats):
+            allowed = f"nothing where panel.outline = {panel.outline!r} says how large the mesh is ({list(repeats)} cover it)"
+            raise source.refusal(("knit", "repeats"), list(file.knit.repeats), allowed)
+        knit = replace(knit, repeats=repeats)
     numerics = PRESETS[file.solver.preset]
     return Scene(
         name=file.name or path.stem,
@@ -243,6 +271,7 @@ def make_scene(
         wire=wire,
         knit=knit,
         model=_model(source, file.model, wire, numerics),
+        panel=panel,
         stages=tuple(_stages(source, file, wire, knit)),
         contact=Contact(**file.contact.model_dump()),
         solver=_solver(source, file.solver, numerics, file.model.nodes_per_loop or numerics.nodes_per_loop),
@@ -328,6 +357,19 @@ def _model(source: _Source, table: ModelTable, wire: Wire, numerics: Preset) -> 
     return ModelOptions(**given)
 
 
+def _panel(source: _Source, file: SceneFile) -> PanelOptions:
+    if file.model.boundary == "periodic" and file.panel != type(file.panel)():
+        raise source.refusal(("model", "boundary"), "periodic", "'gripped' with [panel]: a periodic tile has no outline")
+    if file.solver.drive == "ramp" and file.panel.cord is not None:
+        raise scene_error(source.path, "panel.cord", "a cord", "nothing with solver.drive = 'ramp'")
+    try:
+        panel = panel_options(file.panel, source.path.parent)
+    except PanelError as error:
+        key = dotted(("panel", error.key))
+        raise scene_error(source.path, key, shown(error.given), error.allowed) from error
+    return panel
+
+
 def _solver(source: _Source, table: SolverTable, numerics: Preset, nodes_per_loop: int) -> Solver:
     given = table.model_dump()
     ramp = "ramp_" if given["drive"] == "ramp" else ""
@@ -353,6 +395,8 @@ def _stages(source: _Source, file: SceneFile, wire: Wire, knit: Knit) -> Iterato
         **_direction("warp", 0.0, None),
         "shear": 0.0,
         "temperature": wire.reference_temperature,
+        "temperature_gradient": (0.0, 0.0),
+        "pull": (),
     }
     tables: list[tuple[tuple[int | str, ...], StageTable]] = [(("load",), file.load)]
     tables += [(("path", index), table) for index, table in enumerate(file.path)]
@@ -368,8 +412,33 @@ def _stages(source: _Source, file: SceneFile, wire: Wire, knit: Knit) -> Iterato
         for side in ("weft", "warp"):
             if f"strain_{side}" in given or f"tension_{side}" in given:
                 load |= _direction(side, given.pop(f"strain_{side}", None), given.pop(f"tension_{side}", None))
+        _check_uneven(source, file, location, given)
+        if "pull" in given:
+            given["pull"] = tuple(Pull(**pull) for pull in table.model_dump()["pull"])
+            for index, pull in enumerate(given["pull"]):
+                _check_pull(source, file, (*location, "pull", index), pull)
         load |= given
         yield Stage(name=name, **load)
+
+
+def _check_uneven(source: _Source, file: SceneFile, location: tuple[int | str, ...], given: dict[str, Any]) -> None:
+    """Refuse what differs from place to place where nothing can follow it."""
+    for key in ("temperature_gradient", "pull"):
+        value = given.get(key)
+        if not value or value == (0.0, 0.0):
+            continue
+        if file.model.boundary == "periodic":
+            raise source.refusal((*location, key), value, "nothing with model.boundary = 'periodic', which has no edge")
+        if file.solver.drive == "ramp":
+            raise source.refusal((*location, key), value, "nothing with solver.drive = 'ramp'")
+        if key == "temperature_gradient" and not file.solver.multipliers:
+            raise source.refusal((*location, key), value, "nothing with solver.multipliers = false, which bring it in")
+
+
+def _check_pull(source: _Source, file: SceneFile, location: tuple[int | str, ...], pull: Pull) -> None:
+    if (pull.width is None) == (file.panel.grip_pitch is None):
+        allowed = "left out with panel.grip_pitch (net nodes are moved)" if pull.width else "a length: how much of the edge moves"
+        raise source.refusal((*location, "width"), pull.width or 0.0, allowed)
 
 
 def _direction(side: str, strain: float | None, tension: float | None) -> dict[str, float | None]:

@@ -13,12 +13,15 @@ from warpknit.knit.loops import RANGES
 from warpknit.materials import MATERIALS
 from warpknit.presets import DEFAULT_PRESET
 from warpknit.scene_values import (
+    Angle,
+    AxialStiffness,
     Chain,
     Choice,
     Density,
     Ends,
     Expansion,
     Factor,
+    FileName,
     Flag,
     Force,
     Fraction,
@@ -26,6 +29,7 @@ from warpknit.scene_values import (
     Length,
     Name,
     NodesPerLoop,
+    Percent,
     PerLength,
     PoissonsRatio,
     PresetName,
@@ -40,10 +44,12 @@ from warpknit.scene_values import (
     Strain,
     Stress,
     Temperature,
+    TemperatureGradient,
     Tension,
     Threading,
     Time,
     Tolerance,
+    Vector,
     Zero,
     proportion,
     refused,
@@ -57,6 +63,7 @@ Drive = Annotated[str, BeforeValidator(Choice(("relax", "ramp")))]
 Precision = Annotated[str, BeforeValidator(Choice(("single", "double")))]
 Kind = Annotated[str, BeforeValidator(Choice(("planar",), remark="the spatial model is not in this version"))]
 Boundary = Annotated[str, BeforeValidator(Choice(("gripped", "periodic")))]
+OutlineName = Annotated[str, BeforeValidator(Choice(("rectangle", "hexagon", "triangle", "disc", "polygon")))]
 LoopShape = Annotated[str, BeforeValidator(Choice(("auto", "circular-oval", "general")))]
 Friction = Annotated[
     float,
@@ -167,6 +174,36 @@ class ModelTable(Table):
     merge_lenses: Flag = True
 
 
+class CordTable(Table):
+    """[panel.cord]: an elastic cord along the outline, between the net nodes."""
+
+    tension: Force
+    stiffness: AxialStiffness
+
+
+class PanelTable(Table):
+    """[panel]: what a gripped mesh is cut along and held by, and the surface it should make."""
+
+    outline: OutlineName = "rectangle"
+    size: Length | None = None
+    corners: list[Vector] | None = None
+    file: FileName | None = None
+    rotation: Angle = 0.0
+    grip_pitch: Length | None = None
+    cord: CordTable | None = None
+    focal_length: Length | None = None
+    tension_threshold: Tension | None = None
+    active_threshold: Percent | None = None
+
+
+class PullTable(Table):
+    """[[load.pull]]: a place on the outline that is moved beside the load of the whole mesh."""
+
+    at: Vector
+    by: Vector
+    width: Length | None = None
+
+
 class StageTable(Table):
     """[load] and each [[path]]: what is left out is as in the stage before."""
 
@@ -178,6 +215,8 @@ class StageTable(Table):
     displacement: SignedLength | None = None
     shear: Shear | None = None
     temperature: Temperature | None = None
+    temperature_gradient: TemperatureGradient | None = None
+    pull: list[PullTable] | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -252,6 +291,7 @@ class SceneFile(Table):
     wire: WireTable = WireTable()
     knit: KnitTable = KnitTable()
     model: ModelTable = ModelTable()
+    panel: PanelTable = PanelTable()
     load: StageTable = StageTable()
     path: list[StageTable] = []
     contact: ContactTable = ContactTable()

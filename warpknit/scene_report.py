@@ -69,7 +69,7 @@ def _keys_below(table: type[BaseModel], prefix: str) -> Iterator[str]:
         yield prefix + name
         below = _table_in(field.annotation)
         if below is not None:
-            is_list = typing.get_origin(field.annotation) is list
+            is_list = list in (typing.get_origin(field.annotation), *map(typing.get_origin, typing.get_args(field.annotation)))
             yield from _keys_below(below, f"{prefix}{name}{'[0]' if is_list else ''}.")
 
 

@@ -26,7 +26,7 @@ def resolved_toml(scene: Scene) -> str:
 
     left_out: list[str] = []
     table: dict[str, Any] = {"name": scene.name}
-    for key in ("wire", "knit", "model"):
+    for key in ("wire", "knit", "model", "panel"):
         table[key] = _written(getattr(scene, key), key, left_out)
     table["load"], *path = [_written(stage, "", []) for stage in scene.stages]
     if path:

@@ -99,6 +99,26 @@ class IntegerPair(Check):
 
 
 @dataclass(frozen=True)
+class Pair(Check):
+    """Two quantities, one for weft and one for warp."""
+
+    each: Quantity
+
+    @property
+    def allowed(self) -> str:  # type: ignore[override]
+        kind = DIMENSIONS[self.each.dimension]
+        return f"a pair, each {self.each.allowed.partition(', such')[0]}, such as [{kind.example}, {kind.example}]"
+
+    def __call__(self, value: Any) -> tuple[float, float]:
+        if not isinstance(value, (list, tuple)) or len(value) != 2:
+            raise refused(self.allowed)
+        try:
+            return self.each(value[0]), self.each(value[1])
+        except PydanticCustomError as error:
+            raise refused(self.allowed) from error
+
+
+@dataclass(frozen=True)
 class Choice(Check):
     """One of a few words."""
 
@@ -167,6 +187,9 @@ def proportion(least: float, most: float) -> BeforeValidator:
 
 Length = Annotated[float, BeforeValidator(Quantity("length", above=0.0))]
 SignedLength = Annotated[float, BeforeValidator(Quantity("length"))]
+Vector = Annotated[tuple[float, float], BeforeValidator(Pair(Quantity("length")))]
+Angle = Annotated[float, BeforeValidator(Quantity("angle"))]
+TemperatureGradient = Annotated[tuple[float, float], BeforeValidator(Pair(Quantity("temperature_gradient")))]
 PerLength = Annotated[float, BeforeValidator(Quantity("per_length", above=0.0))]
 Stress = Annotated[float, BeforeValidator(Quantity("stress", above=0.0))]
 Density = Annotated[float, BeforeValidator(Quantity("density", above=0.0))]
@@ -175,6 +198,7 @@ Temperature = Annotated[float, BeforeValidator(Quantity("temperature", above=0.0
 Tension = Annotated[float, BeforeValidator(Quantity("tension", least=0.0))]
 Stiffness = Annotated[float, BeforeValidator(Quantity("tension", above=0.0))]
 Force = Annotated[float, BeforeValidator(Quantity("force", least=0.0))]
+AxialStiffness = Annotated[float, BeforeValidator(Quantity("force", above=0.0))]
 Time = Annotated[float, BeforeValidator(Quantity("time", above=0.0))]
 Rate = Annotated[float, BeforeValidator(Quantity("rate", least=0.0))]
 STRAIN = Quantity("number", least=-0.5, most=2.0)
@@ -182,6 +206,7 @@ Strain = Annotated[float, BeforeValidator(STRAIN)]
 Shear = Annotated[float, BeforeValidator(Quantity("number", least=-1.0, most=1.0))]
 PoissonsRatio = Annotated[float, BeforeValidator(Quantity("number", above=-1.0, most=0.5))]
 Fraction = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=1.0))]
+Percent = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=100.0))]
 Tolerance = Annotated[float, BeforeValidator(Quantity("number", above=0.0, most=0.5))]
 Factor = Annotated[float, BeforeValidator(Quantity("number", least=1.0, most=1e9))]
 Flag = Annotated[bool, BeforeValidator(Switch())]
@@ -210,6 +235,7 @@ Threading = Annotated[
         )
     ),
 ]
+FileName = Annotated[str, BeforeValidator(Text(r"[^\x00-\x1f\x7f]{1,400}", "the name of a file"))]
 Name = Annotated[
     str,
     BeforeValidator(

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from .drive import Drive, Progress, Record
 from .model import Model, build_model
-from .prolongation import smaller_scene
+from .prolongation import one_repeat, smaller_scene
 from .ramp import Ramp
 from .relax import Relaxation
+from .scene import Scene
 from .state import State, initial_state
 
 __all__ = ["Progress", "Record", "Simulation"]
@@ -45,7 +45,7 @@ class Simulation:
         """A relaxation with the smaller meshes that it starts from."""
         scene = smaller_scene(model.scene) if model.cloth is not None else None
         if scene is None:
-            return Relaxation(model, state, progress, self._look)
+            return Relaxation(model, state, progress, self._look, cell=cell if _has_moving_edge(model.scene) else None)
         smaller = build_model(scene, model.device)
         below = self._relaxation(smaller, initial_state(smaller), Progress(), cell)
         return Relaxation(model, state, progress, self._look, smaller=below, cell=cell)
@@ -54,10 +54,11 @@ class Simulation:
     def _cell_of(model: Model) -> Relaxation | None:
         """One periodic repeat under the same load, for a gripped mesh that is large enough to need it."""
         scene = model.scene
-        if model.cloth is None or scene.model.boundary == "periodic" or smaller_scene(scene) is None:
+        if model.cloth is None or scene.model.boundary == "periodic":
             return None
-        knit, options = replace(scene.knit, repeats=(1, 1)), replace(scene.model, boundary="periodic")
-        cell = build_model(replace(scene, knit=knit, model=options), model.device)
+        if smaller_scene(scene) is None and not _has_moving_edge(scene):
+            return None
+        cell = build_model(one_repeat(scene), model.device)
         return Relaxation(cell, initial_state(cell), Progress(), lambda _progress: None)
 
     def warm_up(self) -> None:
@@ -90,3 +91,8 @@ class Simulation:
             yield from self.drive.stage(stage)
             progress.stage_index += 1
             progress.level, progress.start, progress.time = 0, {}, 0.0
+
+
+def _has_moving_edge(scene: Scene) -> bool:
+    """Whether the edge of the mesh does more than follow the load as a whole."""
+    return scene.panel.cord is not None or any(stage.pull for stage in scene.stages)

@@ -21,6 +21,7 @@ STEP_LIMIT = 0.1  # course spacings in one step: a move beyond it, and beyond a 
 LOOK_AHEAD = 0.12  # steps; stable up to 4/(1 + 2 LOOK_AHEAD) of the unit-step mass, see numerics.MASS_MARGIN
 WIRE_STATE = ("node_vx", "node_vy", "tension_offset", "wire_axial", "wire_mass")
 BODY_STATE = ("body_ux", "body_uy", "body_vx", "body_vy")
+CLAMP_STATE = ("clamp_from", "clamp_to", "wire_warmth")
 PAIR_STATE = ("pair_slide", "pair_u", "pair_wake", "pair_offset", "pair_force", "pair_gap", "pair_node")
 
 
@@ -50,6 +51,9 @@ class State:
     pair_body_y: wp.array
     pair_nodal_x: wp.array  # [4 pair] [N] forces on the four nodes; stale where pair_force is 0
     pair_nodal_y: wp.array
+    clamp_from: wp.array  # [clamp] vec2d [m] displacement of a clamp from the affinely mapped outline, where the ramp begins
+    clamp_to: wp.array  # [clamp] vec2d [m] and where it ends
+    wire_warmth: wp.array  # [wire] vec2d: excess of the length factor at its first node, relative, and growth a node (warmth.py)
     cached_slide: wp.array  # what kernels/contact_by_batch.py keeps from step to step; follows from the rest
     cached_node: wp.array
     cached_number: wp.array
@@ -60,7 +64,7 @@ class State:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Host copies of all that a run needs to go on."""
-        kept = {name: getattr(self, name).numpy().copy() for name in WIRE_STATE + BODY_STATE + PAIR_STATE}
+        kept = {name: getattr(self, name).numpy().copy() for name in WIRE_STATE + BODY_STATE + PAIR_STATE + CLAMP_STATE}
         kept["node_ux"] = self.node_ux[self.parity].numpy().copy()
         kept["node_uy"] = self.node_uy[self.parity].numpy().copy()
         kept["control"] = self.control.numpy().copy()
@@ -68,7 +72,7 @@ class State:
 
     def restore(self, kept: dict[str, np.ndarray]) -> None:
         """Put back what `arrays` returned."""
-        for name in WIRE_STATE + BODY_STATE + PAIR_STATE + ("control",):
+        for name in WIRE_STATE + BODY_STATE + PAIR_STATE + CLAMP_STATE + ("control",):
             getattr(self, name).assign(kept[name])
         self.node_ux[self.parity].assign(kept["node_ux"])
         self.node_uy[self.parity].assign(kept["node_uy"])
@@ -81,6 +85,17 @@ class State:
     def gradient(self) -> np.ndarray:
         """Deformation gradient (2, 2) of the boundary, a copy."""
         return self.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2).copy()
+
+    @property
+    def clamp_shift(self) -> np.ndarray:
+        """Displacement (clamp, 2) [m] of the clamps from the affinely mapped outline."""
+        start, share = self.clamp_from.numpy(), float(self.read_control()[int(c.RAMP_SHARE)])
+        return start + share * (self.clamp_to.numpy() - start)
+
+    def move_clamps(self, start: np.ndarray, end: np.ndarray) -> None:
+        """Have the next ramp take the clamps from displacements (clamp, 2) [m] to others."""
+        self.clamp_from.assign(np.ascontiguousarray(start))
+        self.clamp_to.assign(np.ascontiguousarray(end))
 
     def stiffen_contact(self, penalty: float) -> None:
         """Take a new contact penalty [N/m], and the fictitious mass that a body needs for it."""
@@ -128,6 +143,9 @@ def initial_state(model: Model) -> State:
         pair_body_y=zeros(pairs, real),
         pair_nodal_x=zeros(4 * pairs, real),
         pair_nodal_y=zeros(4 * pairs, real),
+        clamp_from=zeros(len(model.panel.clamp_position), wp.vec2d),
+        clamp_to=zeros(len(model.panel.clamp_position), wp.vec2d),
+        wire_warmth=zeros(wires, wp.vec2d),
         cached_slide=wp.full(batched, b.UNCACHED, dtype=wp.int32, device=device),
         cached_node=zeros(b.CACHED_NODES * batched, wp.int32),
         cached_number=zeros(b.CACHED_NUMBERS * batched, real),
@@ -152,6 +170,7 @@ def initial_state(model: Model) -> State:
             c.LOOK_AHEAD: LOOK_AHEAD if relax else 0.0,
             c.FORCE_FACTOR: model.time_step,
             c.VELOCITY_FACTOR: 1.0,
+            c.RAMP_SHARE: 1.0,
             c.SPEED_LIMIT: 0.05 * spacing,
             c.STEP_LIMIT: max(spacing, STEP_LIMIT * model.scene.knit.course_spacing),
         }

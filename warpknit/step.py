@@ -240,5 +240,6 @@ def grip_arguments(model: Model, state: State, then: int) -> list:
     mesh = model.mesh
     return [
         state.control, model.precision.real(model.precision.unit),
-        mesh.held_node, mesh.held_lever_x, mesh.held_lever_y, state.node_ux[then], state.node_uy[then],
+        mesh.held_node, mesh.held_lever_x, mesh.held_lever_y, mesh.held_clamp, state.clamp_from, state.clamp_to,
+        state.node_ux[then], state.node_uy[then],
     ]  # fmt: skip

@@ -40,24 +40,37 @@ class ThreadCurve:
         return PPoly(powers, self._spline.x)
 
     @cached_property
-    def _reach(self) -> tuple[float, float]:
-        """Warp positions [m] that a period does not leave."""
-        at_knots = self._y(self._spline.x)
+    def reach(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Weft and warp positions [m], lowest and highest, that the first period does not leave."""
         room = self.length / len(self._spline.x)
-        return float(at_knots.min()) - room, float(at_knots.max()) + room
+        bounds = []
+        for coordinate in (self._x, self._y):
+            at_knots = coordinate(self._spline.x)
+            bounds.append((float(at_knots.min()) - room, float(at_knots.max()) + room))
+        return bounds[0], bounds[1]
 
-    def arcs_at_x(self, x: float) -> np.ndarray:
-        """Arc lengths [m] in the first period at which the thread passes weft position x [m], ascending."""
-        return _roots(self._x, x, self.length)
-
-    def arcs_at_y(self, y: float) -> np.ndarray:
-        """Arc lengths [m] at which the unrolled thread passes warp position y [m], ascending."""
-        low, high = self._reach
-        periods = np.arange(np.floor((y - high) / self.height), np.ceil((y - low) / self.height) + 1)
-        found = [_roots(self._y, y - k * self.height, self.length) + k * self.length for k in periods]
-        return np.sort(np.concatenate(found))
+    def across(self, normal: np.ndarray) -> Across:
+        """The coordinate normal . (x, y) along the first period; `normal` is (2,)."""
+        return Across(normal[0] * self._x.c + normal[1] * self._y.c, self._spline.x, self.length)
 
 
-def _roots(curve: PPoly, level: float, length: float) -> np.ndarray:
-    roots = curve.solve(level, extrapolate=False)
-    return np.unique(roots[np.isfinite(roots) & (roots >= 0.0) & (roots < length)])
+class Across:
+    """A coordinate of a thread as a function of arc length."""
+
+    def __init__(self, powers: np.ndarray, arcs: np.ndarray, length: float) -> None:
+        self._powers, self._arcs = powers, arcs
+        at_knots = PPoly(powers, arcs)(arcs)
+        step = length / (len(arcs) - 1)
+        self._low = np.minimum(at_knots[:-1], at_knots[1:]) - step  # no piece is steeper than the thread is long
+        self._high = np.maximum(at_knots[:-1], at_knots[1:]) + step
+
+    def arcs(self, level: float) -> np.ndarray:
+        """Arc lengths [m] in the first period at which the coordinate is `level` [m], ascending."""
+        near = (self._low <= level) & (level <= self._high)
+        edges = np.flatnonzero(np.diff(near.astype(np.int8), prepend=0, append=0))
+        found = [np.zeros(0)]
+        for begin, end in edges.reshape(-1, 2):
+            piece = PPoly(self._powers[:, begin:end], self._arcs[begin : end + 1])
+            found.append(piece.solve(level, extrapolate=False))
+        roots = np.concatenate(found)
+        return np.unique(roots[np.isfinite(roots) & (roots >= 0.0) & (roots < self._arcs[-1])])

@@ -39,6 +39,8 @@ DIMENSIONS = {
     "temperature": Dimension("K", "a temperature", "'-190 degC'"),
     "tension": Dimension("N/m", "a force per length", "'2 N/m'"),
     "force": Dimension("N", "a force", "'1 uN'"),
+    "angle": Dimension("rad", "an angle", "'30 deg'"),
+    "temperature_gradient": Dimension("K/m", "a temperature per length", "'200 K/m'"),
     "time": Dimension("s", "a time", "'60 s'"),
     "rate": Dimension("1/s", "a rate", "'100 /s'"),
 }

@@ -135,7 +135,7 @@ def test_boundary_tension_is_the_derivative_of_the_energy() -> None:
     """
     run = cell("load.strain_weft=0.15", "load.strain_warp=0.15", "output.frames=30")
     a, b = run[-2].reading, run[-1].reading
-    area = float(np.prod(a.model.panel.size))
+    area = a.model.panel.area
     step = b.gradient - a.gradient
     work = area * float(np.sum(0.5 * (measure.nominal_stress(a) + measure.nominal_stress(b)) * step))
     stored = measure.energies(b).stored - measure.energies(a).stored

@@ -119,6 +119,7 @@ def panel_of_wires(
     return Panel(
         size=np.array([4e-3, 4e-3]),
         low=np.zeros(2),
+        outline=None,
         boundary="periodic" if closed else "gripped",
         wire_first=i32(first),
         wire_count=i32(count),

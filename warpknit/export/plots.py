@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from warpknit.files import path_aside
 from warpknit.frame import Frame, WireLayout, curve_position
 
-__all__ = ["curves_figure", "mesh_figure"]
+__all__ = ["curves_figure", "figure_of", "frame_plan_axes", "mesh_figure", "save_figure"]
 
 DOTS_PER_INCH = 150
 SEGMENTS_DRAWN = 200_000  # above, single wires cannot be told apart: a map is drawn
@@ -79,8 +79,8 @@ def mesh_figure(
         _draw_neighbours(axes, lines, 1e3 * frame.deformation @ np.diag(layout.period))
     _stress_bar(figure, axes, wires, yield_stress)
     _draw_contacts(figure, axes, layout, frame, points_per_mm)
-    _frame_axes(axes, low, high)
-    return _save(figure, path)
+    frame_plan_axes(axes, low, high)
+    return save_figure(figure, path)
 
 
 def _draw_neighbours(axes: Axes, lines: NDArray[Any], period: NDArray[Any]) -> None:
@@ -102,7 +102,7 @@ def curves_figure(history: Iterable[Mapping[str, Any]] | str | os.PathLike[str],
     stages = _stages([str(row.get("stage", "")) for row in rows])
     abscissa, abscissa_label = _abscissa(columns, stages, len(rows))
 
-    figure = _figure(10.5, 7.6)
+    figure = figure_of(10.5, 7.6)
     panels = figure.subplots(2, 2, sharex=True).ravel()
     panel_curves: tuple[tuple[str, bool, tuple[tuple[str, str, NDArray[Any]], ...]], ...] = (
         ("active contacts [% of pairs]", False, (("", GREEN, column("active_percent")),)),
@@ -138,7 +138,7 @@ def curves_figure(history: Iterable[Mapping[str, Any]] | str | os.PathLike[str],
             handles.append(Line2D([], [], color=GREY, label=name, **look))
         columns_shown = min(len(handles), 6)
         figure.legend(handles=handles, title="stage", loc="outside upper center", ncols=columns_shown, frameon=False)
-    return _save(figure, path)
+    return save_figure(figure, path)
 
 
 # The mesh
@@ -184,12 +184,12 @@ def _mesh_map(
         if rhombus.size:
             for colour, width in (("black", 3.5), ("white", 1.5)):
                 axes.plot(*rhombus.mean(axis=0), **ring, markeredgecolor=colour, markeredgewidth=width)
-        _frame_axes(axes, low, high)
+        frame_plan_axes(axes, low, high)
     if rhombus.size:
         ring = {**ring, "markeredgecolor": "black", "markeredgewidth": 1.5}
         handle = Line2D([], [], **ring, label="central rhombus")
         figure.legend(handles=[handle], loc="outside lower center", frameon=False)
-    return _save(figure, path)
+    return save_figure(figure, path)
 
 
 def _cells(size: NDArray[Any], count: float, most: int) -> tuple[int, int]:
@@ -254,13 +254,13 @@ def _plan_figure(size: NDArray[Any], panels: int, title: str) -> tuple[Figure, N
     width, height = 1.06 * np.maximum(size, 1e-9)
     inches = min(8.0 / width, 8.0 / height)
     across, up = max(inches * width, 3.2), max(inches * height, 3.2)
-    figure = _figure(panels * (across + 1.7), up + 1.5)
+    figure = figure_of(panels * (across + 1.7), up + 1.5)
     figure.suptitle(title, fontsize=12)
     axes = np.atleast_1d(figure.subplots(1, panels))
     return figure, axes, inches * 72.0
 
 
-def _frame_axes(axes: Axes, low: NDArray[Any], high: NDArray[Any]) -> None:
+def frame_plan_axes(axes: Axes, low: NDArray[Any], high: NDArray[Any]) -> None:
     margin = 0.03 * np.maximum(high - low, 1e-9)
     axes.set(xlim=(low[0] - margin[0], high[0] + margin[0]), ylim=(low[1] - margin[1], high[1] + margin[1]))
     axes.set(xlabel="weft [mm]", ylabel="warp [mm]")
@@ -408,13 +408,13 @@ def _number(value: Any) -> float:
         return math.nan
 
 
-def _figure(width: float, height: float) -> Figure:
+def figure_of(width: float, height: float) -> Figure:
     figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
-def _save(figure: Figure, path: str | os.PathLike[str]) -> Path:
+def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
     path = Path(path)
     for axes in figure.axes:
         if axes.get_xlabel() and axes.get_xscale() == "linear":

@@ -3,16 +3,15 @@
 SI units, said in the headings.
 """
 
-import csv
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warpknit.files import write_aside
+from warpknit.files import write_table
 from warpknit.frame import Frame, WireLayout, curve_position
 
 __all__ = ["contact_table", "wire_table", "write_tables"]
@@ -24,7 +23,7 @@ def write_tables(directory: str | os.PathLike[str], layout: WireLayout, frames: 
     for frame in frames:
         frame.require_finite()
         for name, table in (("contacts", contact_table(layout, frame)), ("wires", wire_table(layout, frame))):
-            paths.append(_write_table(Path(directory) / f"{name}_{frame.index:06d}.csv", table))
+            paths.append(write_table(Path(directory) / f"{name}_{frame.index:06d}.csv", table))
     return paths
 
 
@@ -73,11 +72,3 @@ def wire_table(layout: WireLayout, frame: Frame) -> dict[str, NDArray[Any]]:
         "pairs": bodies[0] + bodies[1],
         "active_pairs": active[0] + active[1],
     }
-
-
-def _write_table(path: Path, table: Mapping[str, NDArray[Any]]) -> Path:
-    with write_aside(path) as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(table)
-        writer.writerows(zip(*(np.asarray(column).tolist() for column in table.values()), strict=True))
-    return path

@@ -1,0 +1,141 @@
+"""Maps over a panel, and the surface that its tension makes of it."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from warpknit import measure
+from warpknit.model import build_model
+from warpknit.outline import disc, rectangle
+from warpknit.panel_map import PanelMap, panel_map
+from warpknit.rim import Rim, build_rim
+from warpknit.scene import Cord, make_scene
+from warpknit.simulate import Record, Simulation
+from warpknit.state import initial_state
+from warpknit.surface import find_surface
+
+LOAD = {"strain_weft": 0.1, "strain_warp": 0.08}
+
+
+@cache
+def stretched() -> Record:
+    table = {"knit": {"repeats": [5, 4]}, "load": LOAD, "solver": {"preset": "draft"}, "output": {"frames": 1}}
+    model = build_model(make_scene(table))
+    *_, last = Simulation(model, initial_state(model)).run()
+    return last
+
+
+def test_the_tiles_add_up_to_the_whole() -> None:
+    """Virials of the tiles are parts of one sum, and so are the pairs; mean slopes are those of the boundary."""
+    reading = stretched().reading
+    found = panel_map(reading)
+    assert found.inside.shape == (5, 4)
+    assert np.all(found.known)
+    assert found.nominal.mean(axis=(0, 1)) == pytest.approx(measure.nominal_stress(reading), rel=1e-9)
+    assert found.stress_max.max() == pytest.approx(measure.wire_stress(reading).max())
+    assert np.diag(found.gradient.mean(axis=(0, 1))) == pytest.approx([1.1, 1.08], abs=0.01)
+    assert found.area_share(np.ones((5, 4), dtype=bool)) == 1.0
+    everywhere = found.tension[..., 0, 0] > 0.0
+    assert found.area_share(everywhere) == pytest.approx(everywhere.mean())
+
+
+def test_a_uniform_motion_is_a_uniform_map() -> None:
+    """A mesh whose bodies move by a linear field has that slope in every tile, whatever the load of the boundary."""
+    reading = stretched().reading
+    panel = reading.model.panel
+    slope = np.array([[0.02, 0.01], [-0.005, 0.03]])
+    place = panel.body_rest + panel.body_origin
+    from dataclasses import replace
+
+    moved = replace(reading, body_u=place @ slope.T)
+    found = panel_map(moved)
+    inner = found.gradient[1:-1, 1:-1] - reading.gradient
+    # bodies of a tile lie alike in all whole tiles, so their mean moves with the slope
+    assert inner == pytest.approx(np.broadcast_to(slope, inner.shape), abs=0.2 * 0.03)
+
+
+def flat_map(outline, spacing: float, tension: np.ndarray) -> PanelMap:
+    count = np.ceil(outline.size / spacing).astype(int)
+    low = outline.low
+    shape = tuple(count.tolist())
+    everywhere = np.broadcast_to(tension, (*shape, 2, 2)).copy()
+    return PanelMap(
+        low=low, tile=outline.size / count, inside=np.ones(shape), gradient=np.broadcast_to(np.eye(2), (*shape, 2, 2)).copy(),
+        nominal=everywhere, tension=everywhere, active_percent=np.zeros(shape), stress_max=np.zeros(shape),
+    )  # fmt: skip
+
+
+def held_rim(outline, spacing: float, given: np.ndarray | None = None, cord: Cord | None = None) -> Rim:
+    count = round(outline.length / spacing)
+    arc = outline.length * np.arange(count) / count
+    given = np.ones(count, dtype=bool) if given is None else given
+    from scipy.sparse import csr_matrix
+
+    return Rim(outline, arc, outline.place(arc), given, csr_matrix((0, count)), cord)
+
+
+@pytest.mark.parametrize("tension", [np.eye(2), 7.0 * np.eye(2)])
+def test_a_disc_held_on_a_paraboloid_stays_flat(tension: np.ndarray) -> None:
+    """w is harmonic and R^2/(4 f) on the edge, so it is that everywhere: it misses the paraboloid by (R^2 - r^2)/(4 f), whose
+    root mean square is R^2/(4 sqrt(3) f) and whose best fit by a plane is R^2/(4 f sqrt(12))."""
+    radius, focal, spacing = 0.05, 3.0, 2.5e-3
+    outline = disc(2.0 * radius)
+    n = round(outline.length / spacing)
+    surface = find_surface(
+        flat_map(outline, spacing, tension), held_rim(outline, spacing), np.eye(2), np.zeros((n, 2)), np.zeros(2), focal
+    )
+    depth = radius**2 / (4.0 * focal)
+    # a polygon of that spacing misses the circle by h^2/(8 R), linear triangles the paraboloid by h^2/(16 f)
+    error = spacing**2 / radius**2
+    assert surface.area.sum() == pytest.approx(np.pi * radius**2, rel=error)
+    assert surface.pillowing == pytest.approx(depth, rel=2 * error)
+    assert surface.rms_deviation == pytest.approx(depth / np.sqrt(3.0), rel=4 * error)
+    assert surface.rms_best_fit == pytest.approx(depth / np.sqrt(12.0), rel=4 * error)
+
+
+def test_tension_one_way_hangs_straight_that_way() -> None:
+    """With next to no tension across, each line along weft is straight between its ends: w = (a^2 + y^2)/(4 f) on a square."""
+    side, focal, spacing = 0.04, 2.0, 1e-3
+    outline = rectangle(side, side)
+    n = round(outline.length / spacing)
+    tension = np.diag([1.0, 0.002])
+    surface = find_surface(
+        flat_map(outline, spacing, tension), held_rim(outline, spacing), np.eye(2), np.zeros((n, 2)), np.zeros(2), focal
+    )
+    x, y = surface.point.T
+    inner = np.abs(y) < 0.3 * side  # away from the edges along weft, by more than side sqrt(0.002)
+    expected = (0.25 * side**2 + y**2) / (4.0 * focal)
+    assert surface.height[inner] == pytest.approx(expected[inner], abs=0.02 * side**2 / (4.0 * focal))
+
+
+def test_a_taut_cord_runs_straight_between_net_nodes() -> None:
+    side, focal, spacing = 0.04, 2.0, 2e-3
+    outline = rectangle(side, side)
+    n = round(outline.length / spacing)
+    given = np.zeros(n, dtype=bool)
+    given[:: n // 4] = True
+    rim = held_rim(outline, spacing, given, Cord(tension=1e6, stiffness=1.0))
+    surface = find_surface(flat_map(outline, spacing, np.eye(2)), rim, np.eye(2), np.zeros((n, 2)), np.zeros(2), focal)
+    corner = 2.0 * (0.5 * side) ** 2 / (4.0 * focal)
+    assert surface.height == pytest.approx(np.full(len(surface.height), corner), rel=1e-6)
+
+
+def test_a_gripped_panel_reports_what_its_thresholds_ask_for() -> None:
+    from dataclasses import replace
+
+    from warpknit.panel_report import report_panel
+
+    record = stretched()
+    model = record.reading.model
+    options = replace(model.scene.panel, tension_threshold=1e9, active_threshold=0.0, focal_length=1.0)
+    reading = replace(record.reading, model=replace(model, scene=replace(model.scene, panel=options)))
+    report = report_panel(replace(record, reading=reading))
+    assert report is not None
+    assert report.summary["area_below_tension_percent"] == pytest.approx(100.0)
+    assert report.summary["area_below_active_percent"] == 0.0
+    assert report.summary["area_m2"] == model.panel.area
+    assert 0.0 < report.summary["surface"]["rms_deviation_m"] < report.summary["surface"]["pillowing_m"]
+    assert len({len(column) for column in report.map_table().values()}) == 1
+    rim = build_rim(model.panel, model.scene)
+    assert len(report.surface_table()["x_m"]) > len(rim.arc)

@@ -1,0 +1,203 @@
+"""Cords along the edge, pulls at it, and temperatures that differ from place to place."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+import warp as wp
+
+from warpknit import measure
+from warpknit.model import Model, build_model
+from warpknit.reading import Reading, read
+from warpknit.relax import MEMBRANE_TOLERANCE
+from warpknit.rim import Rim, build_rim
+from warpknit.run import run_scene
+from warpknit.scene import make_scene
+from warpknit.simulate import Record, Simulation
+from warpknit.state import initial_state
+from warpknit.step import Stepper
+from warpknit.warmth import wire_warmth
+
+CORD = {"grip_pitch": 0.0136, "cord": {"tension": 0.5, "stiffness": 50.0}}
+LOAD = {"strain_weft": 0.1, "strain_warp": 0.1}
+QUICK = {"preset": "draft"}
+
+
+def corded_rim() -> tuple[Model, Rim]:
+    scene = make_scene({"knit": {"repeats": [8, 8]}, "panel": CORD, "solver": QUICK})
+    model = build_model(scene)
+    return model, build_rim(model.panel, scene)
+
+
+def test_clamps_follow_the_stations_straight_in_between() -> None:
+    """Weights add up to one and give back any motion that is linear along the edges."""
+    model, rim = corded_rim()
+    assert rim.clamps.sum(axis=1) == pytest.approx(1.0)
+    assert rim.clamps @ rim.place == pytest.approx(model.panel.clamp_position, abs=1e-12)
+    assert rim.given.sum() == 8 + 0 * len(rim.arc)  # 27.2 mm x 32 mm: two spans a side
+    assert np.all(np.diff(rim.arc) > 0.0)
+
+
+def test_a_cord_of_given_tension_bends_as_a_string() -> None:
+    """A flat parabola of sag s over a span L carries 8 T s/L^2 a length; stations h apart see it times h, to (4 s/L)^2."""
+    _, rim = corded_rim()
+    net = np.nonzero(rim.given)[0]
+    first, last = net[0], net[1]
+    between = np.arange(first, last + 1)
+    span = float(np.linalg.norm(rim.place[last] - rim.place[first]))
+    share = (rim.arc[between] - rim.arc[first]) / span
+    sag = 1e-4 * span
+    moved = np.zeros_like(rim.place)
+    moved[between, 1] = 4.0 * sag * share * (1.0 - share)
+    force, tension = rim.cord_forces(np.eye(2), moved)
+    h = span / (len(between) - 1)
+    expected = -8.0 * rim.cord.tension * sag / span**2 * h
+    assert force[between[1:-1], 1] == pytest.approx(expected, rel=50.0 / 0.5 * (4.0 * sag / span) ** 2 + 1e-9)
+    assert tension.min() == pytest.approx(0.5, rel=1e-9)
+
+
+def test_the_stiffness_of_the_cord_is_the_derivative_of_its_forces() -> None:
+    _, rim = corded_rim()
+    rng = np.random.default_rng(3)
+    moved = 1e-6 * rng.normal(size=rim.place.shape)
+    matrix = rim.cord_stiffness(np.diag([1.1, 1.05]), moved)
+    step = 1e-9
+    for k in rng.integers(0, moved.size, 6):
+        there = moved.ravel().copy()
+        there[k] += step
+        change = rim.cord_forces(np.diag([1.1, 1.05]), there.reshape(-1, 2))[0] - rim.cord_forces(np.diag([1.1, 1.05]), moved)[0]
+        column = matrix[:, k].toarray().ravel()
+        taut = np.abs(column) > 1e-4 * np.abs(column).max()
+        assert -change.ravel()[taut] / step == pytest.approx(column[taut], rel=1e-3, abs=1e-3 * np.abs(column).max())
+
+
+@cache
+def corded() -> Record:
+    scene = make_scene({"knit": {"repeats": [6, 5]}, "panel": CORD, "load": LOAD, "solver": QUICK, "output": {"frames": 1}})
+    model = build_model(scene)
+    *_, last = Simulation(model, initial_state(model)).run()
+    return last
+
+
+def test_the_cord_balances_the_mesh() -> None:
+    """At rest, what the wires pull at a station between net nodes is what the cord gives, over what counts as balanced."""
+    record = corded()
+    model = record.reading.model
+    rim = build_rim(model.panel, model.scene)
+    wires = rim.clamps.T @ -measure.edge_force(record.reading)
+    cord, tension = rim.cord_forces(record.reading.gradient, record.stations)
+    free = ~rim.given
+    spacing = rim.outline.length / len(rim.arc)
+    nominal = np.abs(measure.nominal_stress(record.reading)).max()
+    assert np.abs(wires[free]).max() > 0.2 * nominal * spacing  # there is something to balance
+    # the membrane's tolerance is that of the stress over the whole mesh; the edge is a band of some cells of it
+    assert np.sqrt(np.mean((wires + cord)[free] ** 2)) < 5.0 * MEMBRANE_TOLERANCE * nominal * spacing
+    assert tension.min() > 0.0
+    outward = rim.place - rim.outline.centroid
+    assert np.all(np.sum(record.stations[free] * outward[free], axis=1) < 0.0)  # the mesh draws its edge in
+    assert np.all(record.stations[rim.given] == 0.0)
+
+
+def test_work_at_the_edge_is_on_the_books(tmp_path) -> None:
+    """Energy balance of a run whose edge is pulled and hangs on a cord, with a gradient of temperature."""
+    scene = make_scene(
+        {
+            "knit": {"repeats": [5, 4]},
+            "panel": {"grip_pitch": 0.01, "cord": {"tension": 0.5, "stiffness": 50.0}},
+            "load": {**LOAD, "temperature_gradient": [2e3, 1e3], "pull": [{"at": [8.5e-3, 0.0], "by": [1.2e-3, 3e-4]}]},
+            "solver": QUICK,
+            "output": {"frames": 8, "usd": False, "figures": False},
+        }
+    )
+    summary = run_scene(scene, out=tmp_path / "run").summary
+    rows = (tmp_path / "run" / "history.csv").read_text().splitlines()
+    edge = float(rows[-1].split(",")[rows[0].split(",").index("edge_work_J")])
+    stored = sum(float(rows[-1].split(",")[rows[0].split(",").index(f"energy_{k}_J")]) for k in ("stretch", "bend", "contact"))
+    assert abs(edge) > 0.05 * stored
+    # the trapezoidal rule over 8 levels of a load whose force grows about as its square: 1/(4 64) of the work, and a spline
+    assert abs(summary["quality"]["energy_balance_of_stored"]) < 0.02
+
+
+def test_the_ramp_takes_the_clamps_where_they_should_be() -> None:
+    """x = F c + q, on either kernel of grips there is."""
+    model, rim = corded_rim()
+    state = initial_state(model)
+    rng = np.random.default_rng(1)
+    moved = rim.clamps @ (1e-5 * rng.normal(size=rim.place.shape))
+    state.move_clamps(moved, moved)
+    Stepper(model, state).step(1)
+    reading = read(model, state)
+    held = model.panel.held_node
+    # counts of 2^-38 m
+    assert reading.u[held] == pytest.approx(moved[model.panel.held_clamp], abs=model.precision.unit)
+
+
+def hot(gradient: tuple[float, float]) -> tuple[Model, Reading]:
+    scene = make_scene({"knit": {"repeats": [3, 3]}, "solver": {"precision": "double"}})
+    model = build_model(scene)
+    state = initial_state(model)
+    state.wire_warmth.assign(wire_warmth(model, scene.wire.reference_temperature, gradient))
+    return model, read(model, state)
+
+
+def test_a_gradient_of_temperature_strains_each_wire_by_where_it_lies() -> None:
+    """Excess length is alpha (T - T_middle) at both ends of a wire, whichever way the gradient points."""
+    model, reading = hot((3e3, -2e3))
+    alpha = model.scene.wire.expansion
+    middle = model.panel.low + 0.5 * model.panel.size
+    ends = model.panel.clamp_position.reshape(-1, 2, 2) - middle
+    warm = np.stack([reading.warmth[:, 0], reading.warmth[:, 0] + reading.warmth[:, 1] * (model.panel.wire_count - 1)], axis=1)
+    # the first and last node stand up to two nodes beyond the clamps
+    beyond = 2.0 * float(model.table.spacing.max()) * 3e3 * alpha
+    assert warm == pytest.approx(alpha * ends @ np.array([3e3, -2e3]), abs=beyond)
+
+
+def test_warmth_strains_as_the_length_factor_does() -> None:
+    """The strain that multipliers take out is (l/(l0 (1 + w)) - 1): the same whether all wires are warm by the length factor or
+    by their own warmth."""
+    from warpknit.kernels import control as c
+    from warpknit.reading import evaluate
+
+    scene = make_scene({"knit": {"repeats": [2, 2]}, "solver": {"precision": "double"}})
+    model = build_model(scene)
+    strains = []
+    for own in (False, True):
+        state = initial_state(model)
+        if own:
+            state.wire_warmth.assign(np.tile([1e-3, 0.0], (len(model.panel.wire_first), 1)))
+        else:
+            state.write_control({c.LENGTH_FACTOR: 1.001})
+        out = [wp.zeros(model.panel.node_count, dtype=wp.float64, device="cpu") for _ in range(5)]
+        evaluate(model, state, out)
+        strains.append(out[2].numpy().copy())
+    assert np.abs(strains[0]).max() > 5e-4
+    assert strains[1] == pytest.approx(strains[0], abs=1e-12)
+
+
+def test_pulls_move_what_is_near_them() -> None:
+    scene = make_scene({"knit": {"repeats": [8, 8]}, "load": {"pull": [{"at": [13.6e-3, 0], "by": [1e-3, 0], "width": 8e-3}]}})
+    model = build_model(scene)
+    rim = build_rim(model.panel, scene)
+    moved = rim.pulled(scene.stages[0].pull)
+    middle = model.panel.low + 0.5 * model.panel.size
+    away = np.abs(rim.place - middle - [13.6e-3, 0.0])
+    near = (away[:, 0] < 1e-9) & (away[:, 1] < 4e-3)
+    assert moved[near, 0] == pytest.approx(1e-3 * np.cos(np.pi * away[near, 1] / 8e-3) ** 2)
+    assert np.all(moved[~near] == 0.0)
+    assert near.sum() >= 2
+
+
+@pytest.mark.parametrize("repeats", [[8, 8], pytest.param([16, 16], marks=pytest.mark.slow)])
+def test_a_pulled_edge_costs_few_steps_and_ends_where_more_care_ends(repeats: list[int]) -> None:
+    """The membrane is only a start: the state is that of a run with many small levels, by a hundredth of the tension."""
+    width, by = 2.5e-3 * repeats[0], 0.05e-3 * repeats[0]
+    pull = [{"at": [1.7e-3 * repeats[0], 0.0], "by": [by, 0.0], "width": width}]
+    tensions, steps = [], []
+    for frames in (1, 6):
+        table = {"knit": {"repeats": repeats}, "load": {**LOAD, "pull": pull}, "solver": QUICK, "output": {"frames": frames}}
+        model = build_model(make_scene(table))
+        *_, last = Simulation(model, initial_state(model)).run()
+        tensions.append(measure.mesh_tension(last.reading))
+        steps.append(last.steps)
+    assert tensions[0] == pytest.approx(tensions[1], rel=0.02)
+    assert steps[0] < 20_000
