@@ -43,6 +43,7 @@ class Record:
     steps: int
     steady: bool
     work: float | None  # [J] put in since the start, where the drive keeps account of it (ramp)
+    dissipated: float  # [J] taken out since the start, by the damping of a ramp or by friction
     edge_work: float  # [J] put in by what differs from place to place: pulls at the edge, cords, warmth
     stations: np.ndarray  # (station, 2) [m] displacement of the rim (rim.py); empty where it only follows the load
     reading: measure.Reading
@@ -55,6 +56,7 @@ class Progress:
     stage_index: int = 0
     stage: str = ""
     level: int = 0  # records of this stage so far
+    part: int = 0  # steady states on the way to the next
     records: int = 0
     steps: int = 0
     settling: bool = False  # inside a level
@@ -115,6 +117,11 @@ class Drive(ABC):
         self.rim: Rim | None = None  # where the edge does more than follow the load
         self.stations = np.zeros((0, 2))  # (station, 2) [m] displacement of its stations from the affinely mapped outline
         self.edge_work = EdgeWork() if self._is_warm else None
+
+    @property
+    def dissipated(self) -> float:
+        """[J] taken out since the start."""
+        return float(self.state.read_control()[int(c.DISSIPATED)])
 
     @abstractmethod
     def stage(self, stage: Stage) -> Iterator[Record]:
@@ -201,6 +208,7 @@ class Drive(ABC):
             steps=progress.steps,
             steady=steady,
             work=work,
+            dissipated=self.dissipated,
             edge_work=self.edge_work.account(reading) if self.edge_work is not None else 0.0,
             stations=self.stations,
             reading=reading,

@@ -39,7 +39,7 @@ class Row:
     energy_kinetic_J: float
     work_J: float
     edge_work_J: float  # of it, by pulls at the edge, cords and uneven warmth
-    dissipated_J: float  # by the damping of a ramp
+    dissipated_J: float  # by the damping of a ramp, or by friction
     residual: float
     penetration: float
     steps: int
@@ -86,7 +86,7 @@ def row_of(record: Record) -> Row:
         energy_kinetic_J=energy.kinetic,
         work_J=record.work if record.work is not None else 0.0,
         edge_work_J=record.edge_work,
-        dissipated_J=measure.dissipated(r) if record.work is not None else 0.0,
+        dissipated_J=record.dissipated,
         residual=measure.residual(r),
         penetration=measure.penetration(r),
         steps=record.steps,

@@ -60,11 +60,6 @@ def _stretch_stiffness(r: Reading) -> np.ndarray | float:
     return np.repeat(r.wire_axial, r.model.panel.wire_count)
 
 
-def dissipated(r: Reading) -> float:
-    """Energy that mass-proportional damping took out since the start [J]."""
-    return float(r.control[int(c.DISSIPATED)])
-
-
 def energy_scale(model: Model) -> float:
     """EI/W a loop [J]: what energies are compared with where little is stored."""
     loops = model.panel.node_count / model.scene.model.nodes_per_loop

@@ -33,6 +33,8 @@ WORTH = 1.5  # ratio from which a smaller mesh pays
 def smaller_scene(scene: Scene) -> Scene | None:
     """The scene of the smaller mesh, or None where the mesh is small enough."""
     repeats = scene.knit.repeats
+    if scene.depends_on_path:
+        return None
     if scene.model.boundary == "periodic":
         smaller = (1, 1)
     elif scene.panel.outline != "rectangle":
@@ -50,7 +52,10 @@ def smaller_scene(scene: Scene) -> Scene | None:
 def one_repeat(scene: Scene) -> Scene:
     """The scene of one periodic repeat of the same cloth."""
     knit, options = replace(scene.knit, repeats=(1, 1)), replace(scene.model, boundary="periodic")
-    return replace(scene, knit=knit, model=options, panel=PanelOptions(), stages=_plain_stages(scene))
+    contact = replace(scene.contact, friction=0.0)
+    return replace(
+        scene, knit=knit, model=options, panel=PanelOptions(), contact=contact, stages=_plain_stages(scene)
+    )
 
 
 def _plain_stages(scene: Scene) -> tuple[Stage, ...]:

@@ -22,6 +22,7 @@ from .kernels.multipliers import extrapolate, extrapolate_held_bodies
 from .membrane import Correction, Membrane
 from .model import Model
 from .multipliers import Multipliers
+from .path import Path
 from .prolongation import Prolongation
 from .response import carried_values, find_response, no_response, recall_response
 from .rim import build_rim
@@ -40,6 +41,7 @@ CORRECTION_GAIN = 0.7  # a correction that leaves more of the least imbalance so
 IN_VAIN = 8  # corrections in vain after which they are given up for the level
 TRUST = (0.1, 1.0)  # share of a correction that is taken, least and most
 MEMBRANE_TOLERANCE = 0.02  # stress out of balance over the tension, root mean square over the mesh
+PATH_STRAIN = 0.005  # between steady states on a path that the state depends on, at most
 FOLLOWED_STRAIN = 0.005  # by which the levels of the smallest mesh are apart, at most
 UNLOADED = 1e-3  # of EI/W^2: forces that count as none in a mesh as knitted
 DRIFT_LOOKS = 4  # looks over which the tension must stand still
@@ -80,6 +82,7 @@ class Relaxation(Drive):
         self.cell = cell
         self.prolongation = Prolongation(model, state, smaller.model, smaller.state) if smaller else None
         self.multipliers = Multipliers(model, state)
+        self.path = Path(model, state)
         self.slowest_mode = SlowestMode(model, state, self.stepper)
         self.membrane = None
         if smaller is not None:
@@ -112,7 +115,12 @@ class Relaxation(Drive):
         if self.membrane is not None:
             self.membrane.warm_up(self._response)
 
+    @property
+    def dissipated(self) -> float:
+        return self.path.dissipated
+
     def _launch_all(self) -> None:
+        self.path.advance()
         self.neighbours.search()
         self.stepper.step(2)
         self.slowest_mode.look(use=True)
@@ -130,6 +138,7 @@ class Relaxation(Drive):
             kept["stations"] = self.stations
             kept |= {f"cell_{name}": value for name, value in self.cell.everything().items()}
             kept |= self._response.memory()
+        kept |= self.path.memory()
         return super().memory() | kept | self.multipliers.memory() | self.slowest_mode.memory()
 
     def recall(self, kept: dict[str, np.ndarray]) -> None:
@@ -139,6 +148,7 @@ class Relaxation(Drive):
         self._last_gradient = kept["last_gradient"].tolist() or None
         self._last_correction = kept["last_correction"]
         self.multipliers.recall(kept)
+        self.path.recall(kept)
         self.slowest_mode.recall(kept)
         if self.smaller is not None and self.prolongation is not None:
             self.smaller.put_back(_under("smaller_", kept))
@@ -158,12 +168,25 @@ class Relaxation(Drive):
         tension_end = np.array([stage.tension_weft or 0.0, stage.tension_warp or 0.0])
         while progress.level < levels + unloaded:
             factor = (progress.level + (not unloaded)) / levels
-            progress.load_factor = factor
-            wanted = None
-            if driven.any() and factor > 0.0:
-                wanted = WantedTension(driven, tension_start + factor * (tension_end - tension_start))
-            self.bring_to_rest(self._target(stage, factor), wanted)
+            parts = self._parts_of_level(stage, factor, levels)
+            while progress.part < parts:
+                there = factor - (parts - progress.part - 1) / (parts * levels)
+                progress.load_factor = there
+                wanted = None
+                if driven.any() and there > 0.0:
+                    wanted = WantedTension(driven, tension_start + there * (tension_end - tension_start))
+                self.bring_to_rest(self._target(stage, there), wanted)
+                self.path.advance()
+                progress.part += 1
+            progress.part = 0
             yield self._record(stage, factor, steady=True)
+
+    def _parts_of_level(self, stage: Stage, factor: float, levels: int) -> int:
+        """Steady states on the way to a level: where the state depends on the way, the strain between two is bounded."""
+        if not self.scene.depends_on_path or factor <= 0.0:
+            return 1
+        ends = [self._target(stage, f).gradient for f in (factor - 1.0 / levels, factor)]
+        return max(1, math.ceil(float(np.abs(ends[1] - ends[0]).max()) / PATH_STRAIN - 1e-9))
 
     def bring_to_rest(self, target: LoadPoint, wanted: WantedTension | None) -> None:
         """Go to the next load level, the smaller mesh first, or on with the one that was begun."""

@@ -214,6 +214,11 @@ class Scene:
     sweep: Sweep | None
 
     @property
+    def depends_on_path(self) -> bool:
+        """Whether the state depends on the way there, not on the load alone."""
+        return self.contact.friction > 0.0
+
+    @property
     def hash(self) -> str:
         """SHA-256 of the resolved values, in hex. The name and how the file is written do not enter."""
         return scene_hash(self)
@@ -360,6 +365,8 @@ def _model(source: _Source, table: ModelTable, wire: Wire, numerics: Preset) -> 
 def _panel(source: _Source, file: SceneFile) -> PanelOptions:
     if file.model.boundary == "periodic" and file.panel != type(file.panel)():
         raise source.refusal(("model", "boundary"), "periodic", "'gripped' with [panel]: a periodic tile has no outline")
+    if file.solver.drive == "ramp" and file.contact.friction:
+        raise source.refusal(("contact", "friction"), file.contact.friction, "0 with solver.drive = 'ramp'")
     if file.solver.drive == "ramp" and file.panel.cord is not None:
         raise scene_error(source.path, "panel.cord", "a cord", "nothing with solver.drive = 'ramp'")
     try:

@@ -26,6 +26,7 @@ from warpknit.scene_values import (
     Force,
     Fraction,
     FrameCount,
+    Friction,
     Length,
     Name,
     NodesPerLoop,
@@ -65,10 +66,6 @@ Kind = Annotated[str, BeforeValidator(Choice(("planar",), remark="the spatial mo
 Boundary = Annotated[str, BeforeValidator(Choice(("gripped", "periodic")))]
 OutlineName = Annotated[str, BeforeValidator(Choice(("rectangle", "hexagon", "triangle", "disc", "polygon")))]
 LoopShape = Annotated[str, BeforeValidator(Choice(("auto", "circular-oval", "general")))]
-Friction = Annotated[
-    float,
-    BeforeValidator(Zero("with friction the state depends on the path, which the relaxed states here do not follow")),
-]
 Scatter = Annotated[float, BeforeValidator(Zero("all repeats share one table of rest lengths and curvatures"))]
 
 

@@ -14,6 +14,7 @@ import warp as wp
 from .kernels import contact_by_batch as b
 from .kernels import control as c
 from .kernels.bend import BOW
+from .kernels.friction import LOOSE
 from .model import Model, body_blocks, contact_batches
 from .numerics import MASS_MARGIN
 
@@ -22,7 +23,9 @@ LOOK_AHEAD = 0.12  # steps; stable up to 4/(1 + 2 LOOK_AHEAD) of the unit-step m
 WIRE_STATE = ("node_vx", "node_vy", "tension_offset", "wire_axial", "wire_mass")
 BODY_STATE = ("body_ux", "body_uy", "body_vx", "body_vy")
 CLAMP_STATE = ("clamp_from", "clamp_to", "wire_warmth")
+PATH_STATE = ("pair_stuck",)
 PAIR_STATE = ("pair_slide", "pair_u", "pair_wake", "pair_offset", "pair_force", "pair_gap", "pair_node")
+ARRAYS = WIRE_STATE + BODY_STATE + PAIR_STATE + CLAMP_STATE + PATH_STATE
 
 
 @dataclass
@@ -53,6 +56,7 @@ class State:
     pair_nodal_y: wp.array
     clamp_from: wp.array  # [clamp] vec2d [m] displacement of a clamp from the affinely mapped outline, where the ramp begins
     clamp_to: wp.array  # [clamp] vec2d [m] and where it ends
+    pair_stuck: wp.array  # [pair, or none without friction] where a contact sticks to its wire (kernels/friction.py)
     wire_warmth: wp.array  # [wire] vec2d: excess of the length factor at its first node, relative, and growth a node (warmth.py)
     cached_slide: wp.array  # what kernels/contact_by_batch.py keeps from step to step; follows from the rest
     cached_node: wp.array
@@ -64,7 +68,7 @@ class State:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Host copies of all that a run needs to go on."""
-        kept = {name: getattr(self, name).numpy().copy() for name in WIRE_STATE + BODY_STATE + PAIR_STATE + CLAMP_STATE}
+        kept = {name: getattr(self, name).numpy().copy() for name in ARRAYS}
         kept["node_ux"] = self.node_ux[self.parity].numpy().copy()
         kept["node_uy"] = self.node_uy[self.parity].numpy().copy()
         kept["control"] = self.control.numpy().copy()
@@ -72,7 +76,7 @@ class State:
 
     def restore(self, kept: dict[str, np.ndarray]) -> None:
         """Put back what `arrays` returned."""
-        for name in WIRE_STATE + BODY_STATE + PAIR_STATE + CLAMP_STATE + ("control",):
+        for name in (*ARRAYS, "control"):
             getattr(self, name).assign(kept[name])
         self.node_ux[self.parity].assign(kept["node_ux"])
         self.node_uy[self.parity].assign(kept["node_uy"])
@@ -146,6 +150,7 @@ def initial_state(model: Model) -> State:
         clamp_from=zeros(len(model.panel.clamp_position), wp.vec2d),
         clamp_to=zeros(len(model.panel.clamp_position), wp.vec2d),
         wire_warmth=zeros(wires, wp.vec2d),
+        pair_stuck=wp.full(pairs if model.scene.contact.friction else 0, LOOSE, dtype=wp.float64, device=device),
         cached_slide=wp.full(batched, b.UNCACHED, dtype=wp.int32, device=device),
         cached_node=zeros(b.CACHED_NODES * batched, wp.int32),
         cached_number=zeros(b.CACHED_NUMBERS * batched, real),

@@ -19,8 +19,9 @@ from .kernels import control as c
 from .kernels.barrier import wait_for_all
 from .kernels.bodies import BODY_BLOCK, step_bodies
 from .kernels.contact import find_contact_forces
-from .kernels.contact_by_batch import find_contact_forces_by_batch
+from .kernels.contact_by_batch import PAIR_BATCH, find_contact_forces_by_batch
 from .kernels.control import update_control
+from .kernels.friction import add_friction
 from .kernels.grip import move_held_nodes
 from .kernels.wires import step_wires_by_node
 from .kernels.wires_by_block import BLOCK_SIZE, step_wires_by_block
@@ -29,6 +30,7 @@ from .state import State
 
 GRAPH_STEPS = (50, 10, 1)  # steps that are replayed at once
 CORES = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
+FIRST_OF_CONTACT = 3  # place of the first pair or batch among the arguments of contact
 NODES_A_THREAD = 4_000  # fewer nodes are not worth the waiting
 
 
@@ -48,11 +50,7 @@ class Stepper:
         self._barrier = wp.zeros(64, dtype=wp.int32, device=model.device)
         self._launches = [[self._record(parity, part) for parity in (0, 1)] for part in range(self.threads)]
         self._contact = [
-            [
-                wp.launch(kernel, dim=dim, inputs=arguments, device=model.device, record_cmd=True).launch
-                for kernel, dim, arguments in (self._contact_launch(parity, part) for part in range(self.threads))
-                if dim > 0
-            ]
+            [partial(_launch_all, self._commands(self._contact_work(parity, part))) for part in range(self.threads)]
             for parity in (0, 1)
         ]
         self._graphs: dict[tuple[int, int], wp.Graph] = {}
@@ -116,6 +114,26 @@ class Stepper:
         batch, batches = self._share(contact_batches(model), part)
         return find_contact_forces_by_batch, batches, contact_arguments(model, state, parity, batch, cache)
 
+    def _contact_work(self, parity: int, part: int) -> list[tuple[wp.Kernel, int, list]]:
+        """The launches that find one part of the contact forces, friction with them."""
+        found = self._contact_launch(parity, part)
+        if not len(self.state.pair_stuck):
+            return [found]
+        kernel, dim, arguments = found
+        first = arguments[FIRST_OF_CONTACT]
+        if kernel is find_contact_forces_by_batch:
+            first, end = first * PAIR_BATCH, min((first + dim) * PAIR_BATCH, self.model.pair_count)
+            dim = max(0, end - first)
+        return [found, (add_friction, dim, friction_arguments(self.model, self.state, first))]
+
+    def _commands(self, work: list[tuple[wp.Kernel, int, list]]) -> list[wp.Launch]:
+        """Launches that can be repeated, of those that have anything to do."""
+        return [
+            wp.launch(kernel, dim=dim, inputs=arguments, device=self.model.device, record_cmd=True)
+            for kernel, dim, arguments in work
+            if dim > 0
+        ]
+
     def _share(self, count: int, part: int) -> tuple[int, int]:
         """Begin and number of what a part takes of `count` things."""
         begin, end = count * part // self.threads, count * (part + 1) // self.threads
@@ -132,7 +150,7 @@ class Stepper:
         body, bodies = self._share(body_blocks(model), part)
         wait = [(wait_for_all, 1, [self.threads, _yield_address(), self._barrier])] if self.threads > 1 else []
         work = [
-            self._contact_launch(now, part),
+            *self._contact_work(now, part),
             *wait,
             (wire_kernel, blocks * size, [*wire_arguments(model, state, now, then, block), *last]),
             (step_bodies, bodies, body_arguments(model, state, body)),
@@ -143,11 +161,12 @@ class Stepper:
                 (move_held_nodes, len(model.panel.held_node), grip_arguments(model, state, then)),
                 (update_control, 1, [state.wire_partial, state.body_partial, state.control]),
             ]
-        return [
-            wp.launch(kernel, dim=dim, inputs=arguments, device=model.device, record_cmd=True)
-            for kernel, dim, arguments in [*work, *wait]
-            if dim > 0
-        ]
+        return self._commands([*work, *wait])
+
+
+def _launch_all(launches: list[wp.Launch]) -> None:
+    for launch in launches:
+        launch.launch()
 
 
 def _yield_address() -> int:
@@ -208,6 +227,15 @@ def contact_arguments(model: Model, state: State, now: int, first: int, cache: t
         state.pair_slide, state.pair_u, *cache,
         state.pair_node, state.pair_gap, state.pair_force, state.pair_body_x, state.pair_body_y,
         state.pair_nodal_x, state.pair_nodal_y,
+    ]  # fmt: skip
+
+
+def friction_arguments(model: Model, state: State, first: int) -> list:
+    mesh = model.mesh
+    return [
+        state.control, wp.float64(model.scene.contact.friction), first, mesh.pair_side, mesh.pair_table, model.rest.rest_length,
+        state.pair_stuck, state.pair_slide, state.pair_u, state.pair_force,
+        state.pair_body_x, state.pair_body_y, state.pair_nodal_x, state.pair_nodal_y,
     ]  # fmt: skip
 
 

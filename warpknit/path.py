@@ -1,0 +1,42 @@
+"""What a mesh remembers of the way it was loaded: where its contacts stick. It changes from one steady state to the next."""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+
+from .kernels.friction import stick_contacts
+from .model import Model
+from .state import State
+
+
+class Path:
+    """Keeps what depends on the path, and the energy that went with it."""
+
+    def __init__(self, model: Model, state: State) -> None:
+        self.model, self.state = model, state
+        self.dissipated = 0.0  # [J]
+        self._slipped = wp.zeros(len(state.pair_stuck), dtype=wp.float64, device=model.device)
+
+    def advance(self) -> None:
+        """Take the state, which is at rest, as a step of the path."""
+        if len(self.state.pair_stuck):
+            model, state = self.model, self.state
+            wp.launch(
+                stick_contacts,
+                dim=model.pair_count,
+                inputs=[
+                    state.control, wp.float64(model.scene.contact.friction), model.mesh.pair_table, model.rest.rest_length,
+                    state.pair_slide, state.pair_u, state.pair_force, state.pair_stuck, self._slipped,
+                ],
+                device=model.device,
+            )  # fmt: skip
+            self.dissipated += float(np.sum(self._slipped.numpy()))
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """What a checkpoint keeps."""
+        return {"path_dissipated": np.array(self.dissipated)}
+
+    def recall(self, kept: dict[str, np.ndarray]) -> None:
+        """Put back what `memory` returned."""
+        self.dissipated = float(kept["path_dissipated"])
