@@ -35,7 +35,7 @@ LAYERS = (
     {"step", "reading"},
     {"measure", "warmth"},
     {"edge_work", "look"},
-    {"damping", "multipliers", "neighbours", "timestep", "steadiness", "response"},
+    {"damping", "multipliers", "neighbours", "timestep", "steadiness", "response", "path"},
     {"prolongation", "membrane"},
     {"drive"},
     {"relax", "ramp"},

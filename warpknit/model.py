@@ -130,6 +130,12 @@ class Model:
         return len(self.panel.clamp_position) == 2 * len(self.panel.wire_first)
 
     @property
+    def yield_moment(self) -> float:
+        """[N m] of the yarn at which its outermost fibres reach the yield stress; 0 where the scene keeps it elastic."""
+        wire = self.scene.wire
+        return wire.yield_curvature * wire.bending_stiffness if wire.plastic else 0.0
+
+    @property
     def pair_count(self) -> int:
         return 2 * self.panel.body_count
 

@@ -1,4 +1,7 @@
-"""What a mesh remembers of the way it was loaded: where its contacts stick. It changes from one steady state to the next."""
+"""What a mesh remembers of the way it was loaded: where its contacts stick, and how its wires have yielded.
+
+It changes from one steady state to the next.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import warp as wp
 
 from .kernels.friction import stick_contacts
 from .model import Model
+from .reading import read
 from .state import State
 
 
@@ -32,6 +36,22 @@ class Path:
                 device=model.device,
             )  # fmt: skip
             self.dissipated += float(np.sum(self._slipped.numpy()))
+        if self.model.yield_moment:
+            self._yield()
+
+    def _yield(self) -> None:
+        """Take on the set of the wires: backward Euler of bilinear bending with kinematic hardening.
+
+        Every fibre of the sum M_y |kappa_p change| is gone as heat; what hardening stores is not.
+        """
+        reading = read(self.model, self.state)
+        kept = self.model.scene.wire.hardening
+        beyond = reading.turning - reading.plastic_turn - reading.back_turn
+        change = np.sign(beyond) * np.maximum(np.abs(beyond) - reading.yield_turn, 0.0) * (1.0 - kept)
+        self.state.plastic_turn.assign(reading.plastic_turn + change)
+        if kept < 1.0:
+            self.state.back_turn.assign(reading.back_turn + kept / (1.0 - kept) * change)
+        self.dissipated += self.model.yield_moment * float(np.sum(np.abs(change)))
 
     def memory(self) -> dict[str, np.ndarray]:
         """What a checkpoint keeps."""

@@ -285,7 +285,13 @@ def physics_of(scene: Scene, mesh: MeshSize) -> Iterator[str]:
         yield "shear: a stage asks for it"
     if any(_is_driven_by_tension(stage) for stage in scene.stages):
         yield "tension search: a direction is given by tension, so strains are tried until the steady mesh carries it"
-    if solver.drive == "relax":
+    if scene.contact.friction:
+        yield f"friction: bodies stick to their wires up to {scene.contact.friction:g} times the contact force, contact.friction"
+    if wire.plastic:
+        yield f"yield: wires keep a set beyond {wire.yield_stress / 1e6:.4g} MPa in bending, wire.plastic"
+    if scene.depends_on_path:
+        yield "path: steady states at most half a percent of strain apart, as each depends on the one before"
+    elif solver.drive == "relax":
         yield "relaxation: no state depends on the path, so each load level is brought to rest, solver.drive = 'relax'"
     else:
         yield f"ramp: {mesh.loading_time:.3g} s of real time a stage, solver.drive = 'ramp'"

@@ -52,10 +52,9 @@ def smaller_scene(scene: Scene) -> Scene | None:
 def one_repeat(scene: Scene) -> Scene:
     """The scene of one periodic repeat of the same cloth."""
     knit, options = replace(scene.knit, repeats=(1, 1)), replace(scene.model, boundary="periodic")
-    contact = replace(scene.contact, friction=0.0)
-    return replace(
-        scene, knit=knit, model=options, panel=PanelOptions(), contact=contact, stages=_plain_stages(scene)
-    )
+    contact, wire = replace(scene.contact, friction=0.0), replace(scene.wire, plastic=False)
+    stages = _plain_stages(scene)
+    return replace(scene, wire=wire, knit=knit, model=options, panel=PanelOptions(), contact=contact, stages=stages)
 
 
 def _plain_stages(scene: Scene) -> tuple[Stage, ...]:

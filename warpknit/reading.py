@@ -33,6 +33,8 @@ class Reading:
     tension: np.ndarray  # [node] [N]
     wire_axial: np.ndarray  # [wire] [N] softened axial stiffness
     turning: np.ndarray  # [node] [rad] turning angle less its natural value
+    plastic_turn: np.ndarray  # [node, or one without yield] [rad] of it, what stayed as of the last state at rest
+    back_turn: np.ndarray  # [node, or one] [rad] elastic turning that the wire yields on either side of
     pair_force: np.ndarray  # [pair] [N]
     pair_offset: np.ndarray  # [pair] [N] part of the force that the running multiplier carries
     pair_gap: np.ndarray  # [pair] [m] meaningful where the force is not zero
@@ -97,8 +99,23 @@ class Reading:
 
     @property
     def curvature_change(self) -> np.ndarray:
-        """[node] [1/m] curvature less the natural one: the turning over the length that the hinge stands for."""
-        return self.turning / (self.hinge_length * self.length_factor)
+        """[node] [1/m] elastic change of curvature: the turning over the length that the hinge stands for."""
+        return self.elastic_turning / (self.hinge_length * self.length_factor)
+
+    @property
+    def elastic_turning(self) -> np.ndarray:
+        """[node] [rad] part of the turning that is elastic (kernels/bend.py)."""
+        if not self.model.yield_moment:
+            return self.turning
+        trial = self.turning - self.plastic_turn
+        beyond = trial - self.back_turn
+        over = np.maximum(np.abs(beyond) - self.yield_turn, 0.0)
+        return trial - np.sign(beyond) * over * (1.0 - self.model.scene.wire.hardening)
+
+    @property
+    def yield_turn(self) -> np.ndarray:
+        """[node] [rad] by which a node may turn elastically to either side."""
+        return self.model.scene.wire.yield_curvature * self.hinge_length * self.length_factor
 
     # rest data of the nodes: those of the table but next to clamps
 
@@ -174,6 +191,8 @@ def read(model: Model, state: State) -> Reading:
         tension=tension,
         wire_axial=state.wire_axial.numpy().astype(np.float64),
         turning=turning,
+        plastic_turn=state.plastic_turn.numpy().astype(np.float64),
+        back_turn=state.back_turn.numpy().astype(np.float64),
         pair_force=force,
         pair_offset=state.pair_offset.numpy().astype(np.float64),
         pair_gap=state.pair_gap.numpy().astype(np.float64),

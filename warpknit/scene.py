@@ -216,7 +216,7 @@ class Scene:
     @property
     def depends_on_path(self) -> bool:
         """Whether the state depends on the way there, not on the load alone."""
-        return self.contact.friction > 0.0
+        return self.contact.friction > 0.0 or self.wire.plastic
 
     @property
     def hash(self) -> str:
@@ -367,6 +367,8 @@ def _panel(source: _Source, file: SceneFile) -> PanelOptions:
         raise source.refusal(("model", "boundary"), "periodic", "'gripped' with [panel]: a periodic tile has no outline")
     if file.solver.drive == "ramp" and file.contact.friction:
         raise source.refusal(("contact", "friction"), file.contact.friction, "0 with solver.drive = 'ramp'")
+    if file.solver.drive == "ramp" and file.wire.plastic:
+        raise source.refusal(("wire", "plastic"), file.wire.plastic, "false with solver.drive = 'ramp'")
     if file.solver.drive == "ramp" and file.panel.cord is not None:
         raise scene_error(source.path, "panel.cord", "a cord", "nothing with solver.drive = 'ramp'")
     try:

@@ -109,6 +109,8 @@ class WireTable(Table):
     diameter: Length = 15e-6
     ends: Ends = 1
     plating: PlatingTable | None = None
+    plastic: Flag = False
+    hardening: Fraction = 0.1
     set_fraction: Fraction = 1.0
     reference_temperature: Temperature = ROOM_TEMPERATURE
 

@@ -23,7 +23,7 @@ LOOK_AHEAD = 0.12  # steps; stable up to 4/(1 + 2 LOOK_AHEAD) of the unit-step m
 WIRE_STATE = ("node_vx", "node_vy", "tension_offset", "wire_axial", "wire_mass")
 BODY_STATE = ("body_ux", "body_uy", "body_vx", "body_vy")
 CLAMP_STATE = ("clamp_from", "clamp_to", "wire_warmth")
-PATH_STATE = ("pair_stuck",)
+PATH_STATE = ("pair_stuck", "plastic_turn", "back_turn")
 PAIR_STATE = ("pair_slide", "pair_u", "pair_wake", "pair_offset", "pair_force", "pair_gap", "pair_node")
 ARRAYS = WIRE_STATE + BODY_STATE + PAIR_STATE + CLAMP_STATE + PATH_STATE
 
@@ -57,6 +57,8 @@ class State:
     clamp_from: wp.array  # [clamp] vec2d [m] displacement of a clamp from the affinely mapped outline, where the ramp begins
     clamp_to: wp.array  # [clamp] vec2d [m] and where it ends
     pair_stuck: wp.array  # [pair, or none without friction] where a contact sticks to its wire (kernels/friction.py)
+    plastic_turn: wp.array  # [node, or one without yield] [rad] turning that stays (kernels/bend.py)
+    back_turn: wp.array  # [node, or one] [rad] elastic turning that the wire yields on either side of
     wire_warmth: wp.array  # [wire] vec2d: excess of the length factor at its first node, relative, and growth a node (warmth.py)
     cached_slide: wp.array  # what kernels/contact_by_batch.py keeps from step to step; follows from the rest
     cached_node: wp.array
@@ -150,6 +152,8 @@ def initial_state(model: Model) -> State:
         clamp_from=zeros(len(model.panel.clamp_position), wp.vec2d),
         clamp_to=zeros(len(model.panel.clamp_position), wp.vec2d),
         wire_warmth=zeros(wires, wp.vec2d),
+        plastic_turn=zeros(nodes if model.yield_moment else 1, real),
+        back_turn=zeros(nodes if model.yield_moment else 1, real),
         pair_stuck=wp.full(pairs if model.scene.contact.friction else 0, LOOSE, dtype=wp.float64, device=device),
         cached_slide=wp.full(batched, b.UNCACHED, dtype=wp.int32, device=device),
         cached_node=zeros(b.CACHED_NODES * batched, wp.int32),

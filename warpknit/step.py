@@ -248,7 +248,7 @@ def wire_arguments(model: Model, state: State, now: int, then: int, first_block:
         first_block, int(model.is_gripped),
         rest.rest_x, rest.rest_y, rest.rest_length, rest.inverse_length, rest.rest_angle, rest.hinge_stiffness,
         rest.inverse_mass, rest.node_mass,
-        state.tension_offset,
+        state.tension_offset, real(model.yield_moment), real(model.scene.wire.hardening), state.plastic_turn, state.back_turn,
         mesh.block_pair, state.pair_node, state.pair_force, state.pair_nodal_x, state.pair_nodal_y, mesh.held_node,
         state.node_ux[now], state.node_uy[now], state.node_vx, state.node_vy,
         state.node_ux[then], state.node_uy[then], state.wire_partial,

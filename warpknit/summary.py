@@ -25,6 +25,7 @@ def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None 
     force = r.pair_force[measure.pair_active(r)]
     largest, high, above = measure.stress_extremes(r)
     tension = measure.mesh_tension(r)
+    plastic = measure.plastic_extremes(r)
     f = r.gradient
     return {
         "name": record.stage,
@@ -59,6 +60,8 @@ def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None 
             "stress_max_so_far_Pa": max(row.stress_max_Pa for row in rows),
             "yield_stress_Pa": model.scene.wire.yield_stress,
             "yield_fraction": above,
+            "plastic_fraction": plastic[0],
+            "plastic_strain_max": plastic[1],
             "axial_strain_max": float(np.max(np.abs(measure.axial_strain(r)))),
         },
         "mesh": {

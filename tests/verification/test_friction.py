@@ -53,7 +53,7 @@ def test_a_stuck_contact_is_drawn_back_and_slips_at_mu_times_the_force(by_node: 
     mu = 0.25
     model, state, stepper, moved, tangent = pressed(mu, by_node)
     stepper.evaluate_contact()
-    normal_x, normal_y = state.pair_body_x.numpy()[::2].copy(), state.pair_body_y.numpy()[::2].copy()
+    normal_x = state.pair_body_x.numpy()[::2].copy()
     closed = state.pair_force.numpy()[::2] > 0
     assert closed.sum() >= 3
     path = Path(model, state)
