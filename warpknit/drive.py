@@ -177,10 +177,12 @@ class Drive(ABC):
         first = np.array(start["gradient"]).reshape(2, 2)
         now = self.state.gradient
         target = first.copy()
+        wire, frame = self.scene.wire, self.scene.model.frame_expansion
+        warmed = 1.0 + frame * (stage.temperature - wire.reference_temperature)
         for axis, strain in enumerate((stage.strain_weft, stage.strain_warp)):
-            end = 1.0 + strain if strain is not None else None
+            end = (1.0 + strain) * warmed if strain is not None else None
             target[axis, axis] = now[axis, axis] if end is None else (1 - factor) * first[axis, axis] + factor * end
-        target[0, 1] = (1 - factor) * first[0, 1] + factor * stage.shear
+        target[0, 1] = (1 - factor) * first[0, 1] + factor * stage.shear * warmed
         before = float(start["temperature"])
         warmer = np.array(self._stage_before.temperature_gradient if self._stage_before else (0.0, 0.0))
         warmer = (1 - factor) * warmer + factor * np.array(stage.temperature_gradient)

@@ -126,6 +126,7 @@ class ModelOptions:
     nodes_per_loop: int
     body_radius: Annotated[float, "m"]
     merge_lenses: bool
+    frame_expansion: Annotated[float, "1/K"]  # of what holds the edge
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -171,6 +171,7 @@ class ModelTable(Table):
     nodes_per_loop: NodesPerLoop | None = None  # the preset's
     body_radius: Length | None = None  # diameter / 8: both pairings of a body close where the wires are 1.25 d apart
     merge_lenses: Flag = True
+    frame_expansion: Expansion = 0.0
 
 
 class CordTable(Table):
