@@ -8,20 +8,16 @@ from pathlib import Path
 
 from pxr import Sdf, Tf, Usd, UsdGeom
 
-from warpknit.export.usd.shapes import MILLIMETRES
+from warpknit.export.usd.tiles import MILLIMETRES
 from warpknit.files import path_aside
 
-__all__ = ["new_layer", "set_units", "write_layer"]
+__all__ = ["save_layer", "set_units", "write_layer"]
 
 
-@contextmanager
-def new_layer(path: Path) -> Iterator[Sdf.Layer]:
-    """A layer to fill; it takes its place at `path` when the block ends well. Raises OSError where the disk fails."""
-    with path_aside(path) as aside, _disk_errors(path):
-        layer = Sdf.Layer.CreateNew(str(aside))
-        yield layer
+def save_layer(layer: Sdf.Layer, path: Path) -> None:
+    """Save a layer that was made for a file. Raises OSError, naming `path`, where the disk fails."""
+    with _disk_errors(path):
         _written(layer.Save(), path)
-        del layer
 
 
 def write_layer(layer: Sdf.Layer, path: Path) -> None:

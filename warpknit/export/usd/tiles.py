@@ -4,6 +4,7 @@ A mesh is cut into columns along the weft that hold about the same number of poi
 where its wires are: bands no lower than the longest wire.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,9 +13,11 @@ from numpy.typing import NDArray
 
 from warpknit.frame import WireLayout
 
-__all__ = ["POINTS_PER_TILE", "Tile", "cut_tiles", "tile_of"]
+__all__ = ["MILLIMETRES", "POINTS_PER_TILE", "Tile", "cut_tiles", "from_origin", "tile_of"]
 
+MILLIMETRES = 1000.0  # stage units in a metre
 POINTS_PER_TILE = 500_000
+BLOCK = 8192  # points
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,10 +31,42 @@ class Tile:
     bodies: NDArray[np.int64]
     origin: NDArray[np.float64]  # [3] [mm] near the middle, so that float32 is fine enough for what lies around it
 
-    def take(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The part of `values` [point of all drawn curves, ...] that belongs to the tile."""
-        parts = [values[run] for run in self.runs]
-        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+    def take(self, values: NDArray[Any], kind: Any = None) -> NDArray[Any]:
+        """The part of `values` [point of all drawn curves, ...] that belongs to the tile, as this type of number."""
+        taken = np.empty((int(self.point_counts.sum()), *values.shape[1:]), kind or values.dtype)
+        for run, place in self._places():
+            taken[place] = values[run]
+        return taken
+
+    def local(self, position: NDArray[Any]) -> NDArray[np.float32]:
+        """[point of the tile, 3] [mm]  its part of `position` [point, 3] [m] from its origin."""
+        points = np.empty((int(self.point_counts.sum()), 3), dtype=np.float32)
+        for run, place in self._places():
+            from_origin(position[run], self.origin, points[place])
+        return points
+
+    def _places(self) -> Iterator[tuple[slice, slice]]:
+        """Each run among all points, and among those of the tile."""
+        first = 0
+        for run in self.runs:
+            length = run.stop - run.start
+            yield run, slice(first, first + length)
+            first += length
+
+
+def from_origin(position: NDArray[Any], origin: NDArray[Any], out: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Positions [point, 3] [m] from `origin` [3] [mm] in mm, into `out`: in double precision, and rounded at the end.
+
+    In blocks that stay in cache, over all three coordinates at once: twice as fast as a coordinate at a time.
+    """
+    flat, flat_out = np.ascontiguousarray(position).reshape(-1), out.reshape(-1)
+    repeated, block = np.tile(origin, BLOCK), np.empty(3 * BLOCK)
+    for first in range(0, flat.size, 3 * BLOCK):
+        part = flat[first : first + 3 * BLOCK]
+        moved = np.multiply(part, MILLIMETRES, out=block[: part.size])
+        moved -= repeated[: part.size]
+        flat_out[first : first + part.size] = moved
+    return out
 
 
 def cut_tiles(layout: WireLayout, position: NDArray[Any], points_per_tile: int = POINTS_PER_TILE) -> tuple[Tile, ...]:
@@ -95,4 +130,4 @@ def _middle(
     z = position[:, 2]
     bounds = ((left, right), (bottom, top))
     middle = [0.5 * (low[wires].min() + high[wires].max()) for low, high in bounds] + [0.5 * (z.min() + z.max())]
-    return np.round(1000.0 * np.array(middle), 3)
+    return np.round(MILLIMETRES * np.array(middle), 3)

@@ -3,6 +3,8 @@
 import os
 import re
 from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
-from warpknit.export.usd.layers import new_layer, set_units, write_layer
+from warpknit.export.usd.layers import save_layer, set_units, write_layer
 from warpknit.export.usd.scene import (
     CONTACTS,
     FRAMES,
@@ -23,9 +25,8 @@ from warpknit.export.usd.scene import (
     new_scene,
     place_camera,
     set_clips,
-)  # fmt: skip
+)
 from warpknit.export.usd.shapes import (
-    MILLIMETRES,
     Values,
     contact_values,
     declare,
@@ -34,10 +35,11 @@ from warpknit.export.usd.shapes import (
     define_wires,
     surface_values,
     wire_values,
-)  # fmt: skip
+)
 from warpknit.export.usd.surface import Surface
 from warpknit.export.usd.thinning import Thinning
-from warpknit.export.usd.tiles import POINTS_PER_TILE, Tile, cut_tiles, tile_of
+from warpknit.export.usd.tiles import MILLIMETRES, POINTS_PER_TILE, Tile, cut_tiles, from_origin, tile_of
+from warpknit.files import path_aside
 from warpknit.frame import Frame, WireLayout, curve_position
 
 __all__ = ["StageWriter"]
@@ -62,6 +64,7 @@ class StageWriter:
     `points_per_tile`: about how many points a tile holds.
     `resume`: go on with the stage that is in the directory, if it is of the same scene; the frames from the first one
     that is added again are written anew.
+    `streaming`: while one frame goes to the disk the next is made; `flush` waits for the last, and errors come one later.
     """
 
     def __init__(
@@ -77,6 +80,7 @@ class StageWriter:
         full_every: int = 1,
         points_per_tile: int = POINTS_PER_TILE,
         resume: bool = False,
+        streaming: bool = False,
     ) -> None:
         if colour_stress_max is not None and not (np.isfinite(colour_stress_max) and colour_stress_max > 0.0):
             raise ValueError(f"colour_stress_max: {colour_stress_max} is not a positive stress in Pa")
@@ -102,6 +106,8 @@ class StageWriter:
         self._scene: Sdf.Layer | None = None
         self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
         self._complete = False
+        self._disk = ThreadPoolExecutor(1, "frame") if streaming else None
+        self._pending: Future[None] | None = None
         self._earlier = _earlier_stage(self.path) if resume else {}
 
     @property
@@ -120,24 +126,52 @@ class StageWriter:
         is_full = not self._full or frame.load_factor == 1.0
         is_full |= self._full_every > 0 and frame.index % self._full_every == 0
         path = self.directory / FRAMES / frame_file(frame.index)
-        with new_layer(path) as layer:
+        with ExitStack() as stack:
+            layer = Sdf.Layer.CreateNew(str(stack.enter_context(path_aside(path))))
             layer.defaultPrim = FULL if is_full else K8
             with Sdf.ChangeBlock():
                 for prim, values in self._samples(frame, is_full):
                     declare(layer, prim, values)
                     for name, value in values.items():
                         layer.SetTimeSample(prim.AppendProperty(name), frame.index, value)
+            del values
+            save_layer(layer, path)
+            del layer
+            bring_to_disk = stack.pop_all().close
+        self.flush()
+        if self._disk is None:
+            bring_to_disk()
         self._loads[frame.index] = _load(frame)
         if is_full:
             self._full.add(frame.index)
-        self._write_scene()
+        if self._disk is not None:
+            self._pending = self._disk.submit(bring_to_disk)
+        else:
+            self._write_scene()
         return path
+
+    def flush(self) -> None:
+        """Wait until the last frame is on the disk, and name it in the stage."""
+        if self._pending is None:
+            return
+        pending, self._pending = self._pending, None
+        try:
+            pending.result()
+        except BaseException:
+            last = max(self._loads)
+            del self._loads[last]
+            self._full.discard(last)
+            raise
+        self._write_scene()
 
     def close(self, *, complete: bool = True) -> None:
         """Say in the stage whether the run came to its end. A stage without a frame is not written."""
+        self.flush()
         self._complete = complete
-        if self._scene is not None:
+        if self._scene is not None and self._loads:
             self._write_scene()
+        if self._disk is not None:
+            self._disk.shutdown()
 
     # --- at the first frame ---
 
@@ -241,17 +275,15 @@ class StageWriter:
         stress = frame.node_stress[layout.curve_node] if layout.curve_closing.size else frame.node_stress
         force, active = frame.pair_force.reshape(-1, 2), frame.pair_active.reshape(-1, 2)
         for tile, thinning in zip(self._tiles, self._thinnings, strict=True):
-            place, tile_stress = tile.take(position), tile.take(stress).astype(np.float32)
+            tile_stress, points = tile.take(stress, np.float32), tile.local(position)
             if is_full:
-                points = _local(place, tile.origin)
                 yield self._seen(tile, _prim(FULL, tile.name), wire_values(points, tile_stress, width, limit))
-                points = points[thinning.kept]
-            else:
-                points = _local(place[thinning.kept], tile.origin)
+            points = points[thinning.kept]
             values = wire_values(points, thinning.largest(tile_stress), width, limit)
             yield self._seen(tile, _prim(K8, tile.name), values)
             if tile.bodies.size:
-                points = _local(frame.body_position[tile.bodies], tile.origin)
+                points = np.empty((tile.bodies.size, 3), dtype=np.float32)
+                from_origin(frame.body_position[tile.bodies], tile.origin, points)
                 values = contact_values(points, force[tile.bodies], active[tile.bodies], MARKER_WIDTH * width)
                 yield self._seen(tile, _prim(CONTACTS, tile.name), values)
 
@@ -259,8 +291,8 @@ class StageWriter:
         """What moves of the sheet, from the values of the kept points of the tiles."""
         assert self._surface is not None
         thinned = [(tile, kept[_prim(K8, tile.name)]) for tile in self._tiles]
-        points = np.concatenate([np.array(values["points"]) + tile.origin for tile, values in thinned])
-        stress = np.concatenate([np.array(values["primvars:warpknit:stress"]) for _, values in thinned])
+        points = np.concatenate([np.asarray(values["points"]) + tile.origin for tile, values in thinned])
+        stress = np.concatenate([np.asarray(values["primvars:warpknit:stress"]) for _, values in thinned])
         return surface_values(
             (self._surface.position(points, frame.deformation) - self._origin).astype(np.float32),
             self._surface.largest(stress),
@@ -341,14 +373,6 @@ def _prim(part: str, tile: str | None = None) -> Sdf.Path:
     if tile is None:
         return Sdf.Path(f"/{part}/{SURFACE}")
     return Sdf.Path(f"/{part}/{tile}/{'Contacts' if part == CONTACTS else 'Wires'}")
-
-
-def _local(position: NDArray[Any], origin: NDArray[Any]) -> NDArray[np.float32]:
-    """[point, 3] [mm]  positions [m] from `origin` [mm], in double precision until the end."""
-    points = np.empty(position.shape, dtype=np.float32)
-    for axis in range(3):
-        np.subtract(position[:, axis] * MILLIMETRES, origin[axis], out=points[:, axis], casting="same_kind")
-    return points
 
 
 def _load(frame: Frame) -> dict[str, Any]:
