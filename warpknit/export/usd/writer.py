@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
@@ -63,7 +63,7 @@ class StageWriter:
     `full_every`: the first frame, every so-manieth after index 0, and the end of a stage hold every point; 0: no others.
     `points_per_tile`: about how many points a tile holds.
     `resume`: go on with the stage that is in the directory, if it is of the same scene; the frames from the first one
-    that is added again are written anew.
+    that is added again are written anew. `earlier_frames`: those that are there and whole.
     `streaming`: while one frame goes to the disk the next is made; `flush` waits for the last, and errors come one later.
     """
 
@@ -109,6 +109,7 @@ class StageWriter:
         self._disk = ThreadPoolExecutor(1, "frame") if streaming else None
         self._pending: Future[None] | None = None
         self._earlier = _earlier_stage(self.path) if resume else {}
+        self.earlier_frames = self._usable_frames()
 
     @property
     def frames(self) -> tuple[int, ...]:
@@ -178,8 +179,7 @@ class StageWriter:
     def _begin(self, frame: Frame) -> None:
         """Write what does not move; keep earlier frames that come before `frame`, and drop all others."""
         self.directory.mkdir(parents=True, exist_ok=True)
-        if all(self._earlier.get(name) == value for name, value in self._metadata.items() if name != "version"):
-            self._take_up(frame.index)
+        self._take_up([index for index in self.earlier_frames if index < frame.index])
         if not self._loads:
             self._start(frame)
         points = sum(thinning.kept.size for thinning in self._thinnings)
@@ -208,16 +208,21 @@ class StageWriter:
             declare(manifest, prim, values)
         write_layer(manifest, self.directory / MANIFEST)
 
-    def _take_up(self, index: int) -> None:
-        """Go on with the earlier stage: its frames before `index` that are on the disk without a gap, and its tiles."""
-        loads = _earlier_loads(self._earlier)
-        for kept in sorted(loads):
-            if kept >= index or not (self.directory / FRAMES / frame_file(kept)).is_file():
-                break
-            self._loads[kept] = loads[kept]
-        self._full = {kept for kept in self._earlier["fullFrames"] if kept in self._loads}
-        if not self._loads:
+    def _usable_frames(self) -> tuple[int, ...]:
+        """Frames of an earlier stage of the same scene, up to the first whose file is lost."""
+        if any(self._earlier.get(name) != value for name, value in self._metadata.items() if name != "version"):
+            return ()
+        frames = list(self._earlier["frames"])
+        lost = [number for number, index in enumerate(frames) if not (self.directory / FRAMES / frame_file(index)).is_file()]
+        return tuple(frames[: lost[0]] if lost else frames)
+
+    def _take_up(self, frames: Sequence[int]) -> None:
+        """Go on with the earlier stage: these of its frames, and its tiles."""
+        if not frames:
             return
+        loads = _earlier_loads(self._earlier)
+        self._loads = {index: loads[index] for index in frames}
+        self._full = {index for index in self._earlier["fullFrames"] if index in self._loads}
         self._low, self._high = np.array(self._earlier["boundsLow"]), np.array(self._earlier["boundsHigh"])
         topology = Sdf.Layer.OpenAsAnonymous(str(self.directory / TOPOLOGY))
         tiles, points = [], {}
