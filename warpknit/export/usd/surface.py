@@ -20,17 +20,21 @@ BODIES_A_FACE = 12.0  # about, where the repeats of the knit are not known
 class Surface:
     """The sheet through some wire points and bodies, from where they lie at the first frame.
 
-    `points` [point, 2] and `bodies` [body, 2] in one unit of length; `deformation` [2, 2] of that frame; `repeats` [2] of
-    the knit, 0 where unknown. `face_vertices` [face, 4], counter-clockwise.
+    `points` [point, 2], `bodies` [body, 2] and `size` [2] of the mesh at rest in one unit of length; `deformation` [2, 2] of
+    that frame; `repeats` [2] of the knit, 0 where unknown. `face_vertices` [face, 4], counter-clockwise.
     """
 
     def __init__(
-        self, points: NDArray[Any], bodies: NDArray[Any], deformation: NDArray[Any], repeats: NDArray[Any]
+        self,
+        points: NDArray[Any],
+        bodies: NDArray[Any],
+        size: NDArray[Any],
+        deformation: NDArray[Any],
+        repeats: NDArray[Any],
     ) -> None:
         back = np.linalg.inv(deformation).T
         rest, body_rest = points @ back, bodies @ back
-        low, high = rest.min(axis=0), rest.max(axis=0)
-        size = np.maximum(high - low, 1e-12)
+        low = 0.5 * (rest.min(axis=0) + rest.max(axis=0) - size)  # loops reach a little beyond the edges
         columns, rows = _face_counts(repeats, size, bodies.shape[0])
 
         def cell_of(place: NDArray[Any]) -> NDArray[Any]:
@@ -96,7 +100,7 @@ def _face_counts(repeats: NDArray[Any], size: NDArray[Any], bodies: int) -> tupl
     """Faces along weft and warp."""
     if not np.all(repeats):
         edge = math.sqrt(size[0] * size[1] / max(1.0, bodies / BODIES_A_FACE))
-        repeats = np.maximum(1, np.round(size / max(edge, 1e-12))).astype(np.int64)
+        repeats = np.maximum(1, np.round(size / edge)).astype(np.int64)
     together = -(-int(np.max(repeats)) // FACES_A_SIDE)
     columns, rows = (max(1, round(int(count) / together)) for count in repeats)
     return columns, rows

@@ -249,7 +249,7 @@ class StageWriter:
             if tile.bodies.size:
                 bodies[tile.bodies] = np.array(points[_prim(CONTACTS, tile.name)])[:, :2] + tile.origin[:2]
         wires = np.concatenate([np.array(points[_prim(K8, tile.name)]) + tile.origin for tile in self._tiles])
-        self._surface = Surface(wires[:, :2], bodies, deformation, self.layout.repeats)
+        self._surface = Surface(wires[:, :2], bodies, self.layout.period * MILLIMETRES, deformation, self.layout.repeats)
         self._origin = np.round(0.5 * (wires.min(axis=0) + wires.max(axis=0)), 3)
 
     def _remove_leftovers(self) -> None:
