@@ -152,6 +152,15 @@ def test_thinned_level_is_a_choice_of_the_points(
         assert sum(len(shape.GetIdsAttr().Get()) for shape in prims(stage, UsdGeom.Points)) == layout.body_count
 
 
+@pytest.mark.parametrize(("limit", "level"), [(1000, "full"), (100, "k8"), (10, "surface")])
+def test_stage_opens_at_the_finest_level_that_is_not_too_large(
+    tmp_path: Path, layout: WireLayout, frames: list[Frame], monkeypatch: pytest.MonkeyPatch, limit: int, level: str
+) -> None:
+    monkeypatch.setattr("warpknit.export.usd.scene.SHOWN_POINTS", limit)
+    stage = Usd.Stage.Open(str(write(tmp_path, layout, frames[:1]).path))
+    assert stage.GetPrimAtPath("/World/Panel").GetVariantSet("lod").GetVariantSelection() == level
+
+
 def test_full_level_stands_still_where_it_was_not_asked_for(tmp_path: Path, layout: WireLayout, frames: list[Frame]) -> None:
     """Every third frame and the end of the stage hold every point; the thinned level moves at every frame."""
     frames[2] = replace(frames[2], load_factor=1.0)

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -163,10 +164,14 @@ def start(out: Path, *arguments: str) -> subprocess.Popen[str]:
 
 
 def writer_of(run: subprocess.Popen[str]) -> psutil.Process:
+    """The writer among the processes that the run has started."""
     found: list[psutil.Process] = []
 
     def has_started() -> bool:
-        found[:] = psutil.Process(run.pid).children()
+        for child in psutil.Process(run.pid).children():
+            with suppress(psutil.NoSuchProcess):
+                if "warpknit.export.writer_process" in child.cmdline():
+                    found.append(child)
         return bool(found)
 
     wait_until(has_started)
@@ -194,6 +199,18 @@ def test_interrupted_and_killed_runs_leave_no_process_and_a_whole_stage(tmp_path
     whole, resumed = ({path.name: path for path in (folder / "frames").iterdir()} for folder in (tmp_path / "whole", out))
     assert sorted(whole) == sorted(resumed) and len(whole) == 21
     assert all(whole[name].read_bytes() == resumed[name].read_bytes() for name in whole)
+
+
+def test_run_whose_writer_is_killed_ends_with_4(tmp_path: Path) -> None:
+    """One line, at once: not at the next record."""
+    run = start(tmp_path / "run", "--quiet", "--set", "output.frames=40")
+    writer = writer_of(run)
+    wait_until(lambda: (tmp_path / "run" / "frames" / "wires.000001.usdc").exists())
+    writer.kill()
+    assert run.wait(30) == 4
+    assert run.stderr is not None
+    error = run.stderr.read()
+    assert error.count("\n") == 1 and "the process that writes the frames was ended by signal 9" in error
 
 
 def test_full_disk_in_the_writer_is_exit_4(tmp_path: Path) -> None:
