@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-RECORD_MEMORY = 400  # bytes a node that writing a record takes: the frame, its tables and the USD layer
+RECORD_MEMORY = 400  # bytes a node that writing a record takes: the frame and its tables
 PATIENCE = 30.0  # [s] that an earlier run may take to finish its last frame after it was killed
 COMPILING_S = 1.0  # kernels that took longer to be ready were compiled, not loaded
 OURS = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda", "wires.topology.usdc",
