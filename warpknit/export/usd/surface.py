@@ -34,6 +34,7 @@ class Surface:
     ) -> None:
         back = np.linalg.inv(deformation).T
         rest, body_rest = points @ back, bodies @ back
+        size = np.maximum(size, 1e-9 * np.ptp(rest))  # a single straight wire has no width
         low = 0.5 * (rest.min(axis=0) + rest.max(axis=0) - size)  # loops reach a little beyond the edges
         columns, rows = _face_counts(repeats, size, bodies.shape[0])
 
