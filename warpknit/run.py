@@ -22,7 +22,7 @@ from . import measure
 from .checkpoint import Checkpoint, has_checkpoint, write_checkpoint
 from .device import find_device
 from .errors import Diverged, OutOfResources, RunDirectoryError
-from .files import write_aside, write_table
+from .files import held_directory, write_aside, write_table
 from .history import Row, account_work, read_history, row_of, write_history
 from .model import Model, available_memory, build_model
 from .panel_report import report_panel
@@ -33,11 +33,12 @@ from .state import initial_state
 from .summary import run_summary, stage_summary
 
 if TYPE_CHECKING:
-    from .export.usd import StageWriter
+    from .export.frame_files import FrameWriter
 
 _log = logging.getLogger(__name__)
 
-RECORD_MEMORY = 400  # bytes a node that writing a record takes: the frame, its tables and the USD layer
+RECORD_MEMORY = 400  # bytes a node that writing a record takes: the frame and its tables
+PATIENCE = 30.0  # [s] that an earlier run may take to finish its last frame after it was killed
 COMPILING_S = 1.0  # kernels that took longer to be ready were compiled, not loaded
 OURS = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda", "wires.topology.usdc",
         "wires.manifest.usda", "stages.json", "states", "frames", "figures", "checkpoint", "vtk", "tables", "panel")  # fmt: skip
@@ -85,13 +86,25 @@ def run_scene(
         _log.info("%s has no checkpoint: starting over", out)
     model = build_model(scene, name)
     simulation, compile_time = _ready(model, checkpoint)
-    if checkpoint is None:
-        _clear(out)
+    with _held(out) as hold:
+        if checkpoint is None:
+            _clear(out)
+        return _Recorder(model, simulation, out, progress, compile_time, checkpoint, hold).run()
+
+
+@contextlib.contextmanager
+def _held(out: Path) -> Iterator[int | None]:
+    """Make the directory and keep other runs out of it."""
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RunDirectoryError(f"--out {out}: given {(error.strerror or 'unusable').lower()}, allowed: a directory") from error
-    return _Recorder(model, simulation, out, progress, compile_time, checkpoint).run()
+    with contextlib.ExitStack() as stack:
+        try:
+            hold = stack.enter_context(held_directory(out, PATIENCE))
+        except BlockingIOError as error:
+            raise RunDirectoryError(f"{out}: another run is writing there; --out names another directory") from error
+        yield hold
 
 
 def _finished_summary(out: Path) -> dict[str, Any] | None:
@@ -153,6 +166,7 @@ class _Recorder:
         display: Display,
         compile_time: float,
         checkpoint: Checkpoint | None,
+        hold: int | None,
     ) -> None:
         self.model = model
         self.scene = model.scene
@@ -173,7 +187,7 @@ class _Recorder:
             with write_aside(out / "scene.toml") as file:
                 file.write(resolved_toml(self.scene))
             model.layout().save(out / "layout.npz")
-        self.usd = self._open_stage(resume=checkpoint is not None)
+        self.frames = self._open_frames(resume=checkpoint is not None, hold=hold)
 
     @property
     def wall(self) -> float:
@@ -181,24 +195,25 @@ class _Recorder:
 
     def run(self) -> Run:
         reason, message, code = "steady", "", 0
-        with self._catching_signals():
-            try:
-                for record in self.simulation.run():
-                    self._keep(record)
-                if not self.rows[-1].steady:
-                    reason = "finished"
-            except _Interrupted:
-                reason, code = "interrupted", 130
-                message = f"interrupted; --resume goes on from {self.out}"
-                self._checkpoint()
-            except Diverged as error:
-                reason, code, message = "diverged", error.exit_code, str(error)
-            except (MemoryError, OSError, OutOfResources):
-                self._write_summary("interrupted", "ran out of memory or disk")
-                raise
-        summary = self._write_summary(reason, message)
-        if self.usd is not None:
-            self.usd.close(complete=code == 0)
+        with self.frames:
+            with self._catching_signals():
+                try:
+                    for record in self.simulation.run():
+                        self._keep(record)
+                    self.frames.flush()
+                    if not self.rows[-1].steady:
+                        reason = "finished"
+                except _Interrupted:
+                    reason, code = "interrupted", 130
+                    message = f"interrupted; --resume goes on from {self.out}"
+                    self._checkpoint()
+                except Diverged as error:
+                    reason, code, message = "diverged", error.exit_code, str(error)
+                except (MemoryError, OSError, OutOfResources):
+                    self._write_summary("interrupted", "ran out of memory or disk")
+                    raise
+            summary = self._write_summary(reason, message)
+            self.frames.close(complete=code == 0)
         if self.scene.output.figures and self.rows:
             self._draw()
         if self.scene.output.vtk and self.rows:
@@ -221,9 +236,7 @@ class _Recorder:
             load_factor=record.load_factor,
             temperature=record.temperature,
         )
-        frame.save(self.out / "states" / f"state_{record.index:06d}.npz")
-        if self.usd is not None:
-            self.usd.add_frame(frame)
+        self.frames.add_frame(frame)
         self.rows.append(row_of(record))
         account_work(self.rows, self.model)
         write_history(self.out / "history.csv", self.rows)
@@ -292,6 +305,7 @@ class _Recorder:
             self._checkpoint()
         if now - self._shown > 0.1:
             self._shown = now
+            self.frames.check()
             self._show(progress)
 
     def _show(self, progress: Progress) -> None:
@@ -310,6 +324,7 @@ class _Recorder:
         )
 
     def _checkpoint(self) -> None:
+        self.frames.flush()  # a checkpoint is not ahead of the frames that it counts
         write_checkpoint(self.out, self.simulation, self.scene.hash, self.wall)
         self._saved = time.perf_counter()
 
@@ -334,21 +349,21 @@ class _Recorder:
 
     # --- exports ---
 
-    def _open_stage(self, *, resume: bool) -> StageWriter | None:
-        if not self.scene.output.usd:
-            return None
+    def _open_frames(self, *, resume: bool, hold: int | None) -> FrameWriter:
         from . import __version__
-        from .export.usd import StageWriter
+        from .export.frame_files import StageOptions
+        from .export.writer_process import frame_writer
 
-        return StageWriter(
-            self.out,
-            self.model.layout(),
-            scene_name=self.scene.name,
-            scene_hash=self.scene.hash,
+        scene, output = self.scene, self.scene.output
+        stage = StageOptions(
+            scene_name=scene.name,
+            scene_hash=scene.hash,
             version=__version__,
-            colour_stress_max=self.scene.wire.yield_stress,
-            resume=resume,
+            colour_stress_max=scene.wire.yield_stress,
+            full_every=output.usd_full_every,
+            points_per_tile=output.usd_points_per_tile,
         )
+        return frame_writer(self.out, self.model.layout(), stage if output.usd else None, resume=resume, hold=hold)
 
     def _draw(self) -> None:
         from .export import export_run

@@ -185,6 +185,8 @@ class Output:
 
     frames: int  # recorded load levels
     usd: bool
+    usd_full_every: int  # of the recorded frames hold every point; 0: the first and the ends of stages
+    usd_points_per_tile: int
     vtk: bool
     figures: bool
     checkpoint_interval: Annotated[float, "s"]  # of wall time

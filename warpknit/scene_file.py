@@ -26,6 +26,7 @@ from warpknit.scene_values import (
     Force,
     Fraction,
     FrameCount,
+    FrameInterval,
     Friction,
     Length,
     Name,
@@ -48,6 +49,7 @@ from warpknit.scene_values import (
     TemperatureGradient,
     Tension,
     Threading,
+    TileSize,
     Time,
     Tolerance,
     Vector,
@@ -272,6 +274,8 @@ class OutputTable(Table):
 
     frames: FrameCount = 20
     usd: Flag = True
+    usd_full_every: FrameInterval = 1
+    usd_points_per_tile: TileSize = 500_000
     vtk: Flag = False
     figures: Flag = True
     checkpoint_interval: Time = 60.0

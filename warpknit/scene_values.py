@@ -218,6 +218,8 @@ Repeats = Annotated[tuple[int, int], BeforeValidator(IntegerPair(Integer(1, 10**
 NodesPerLoop = Annotated[int, BeforeValidator(Integer(8, 100_000))]
 StepCount = Annotated[int, BeforeValidator(Integer(1, 10**15))]
 FrameCount = Annotated[int, BeforeValidator(Integer(1, 100_000))]
+FrameInterval = Annotated[int, BeforeValidator(Integer(0, 100_000))]
+TileSize = Annotated[int, BeforeValidator(Integer(100_000, 1_000_000))]
 PresetName = Annotated[str, BeforeValidator(Choice(tuple(PRESETS)))]
 Chain = Annotated[
     str,

@@ -109,6 +109,7 @@ def _export_usd(record: _Record) -> list[Path]:
         scene_hash=str(_item(record.summary, ("scene", "hash")) or ""),
         version=str(record.summary.get("version", "")),
         colour_stress_max=record.quantity("wire", "stress_max_Pa"),
+        streaming=True,
     )
     frames = [writer.add_frame(frame) for frame in record.frames()]
     writer.close(complete=record.summary.get("stop_reason") in ("steady", "finished"))
