@@ -13,8 +13,9 @@ import numpy as np
 import psutil
 import warp as wp
 
-from .errors import MemoryNeeded
+from .errors import MemoryNeeded, ModelError
 from .frame import WireLayout
+from .hook import hook_panel, hook_table
 from .kernels.bodies import BODY_BLOCK
 from .kernels.contact import CURVE_COEFFICIENTS
 from .kernels.contact_by_batch import PAIR_BATCH
@@ -22,8 +23,9 @@ from .kernels.wires_by_block import BLOCK_SIZE
 from .knit.cloth import Cloth, knit_cloth
 from .numerics import Numbers, choose_numbers
 from .panel import Panel, build_panel, table_lead
-from .scene import Scene
+from .scene import Hook, Scene
 from .table import Table, rest_table
+from .treatment import Treatment, choose_treatment
 
 SLIDE_ALLOWANCE = 0.2  # how far a contact may slide beyond its lens, in wire lengths of a loop
 CORD_SAG = 0.2  # of the size of a mesh: farther its edge cannot be from its outline
@@ -95,10 +97,15 @@ class MeshArrays:
     pair_rest_y: wp.array
     body_origin_x: wp.array  # [m] body at rest
     body_origin_y: wp.array
-    held_node: wp.array
+    held_node: wp.array  # of clamps that do not slide
     held_lever_x: wp.array
     held_lever_y: wp.array
     held_clamp: wp.array
+    contact_node: wp.array  # [body] node that a single contact point sits on; empty in other treatments
+    slide_node: wp.array  # [sliding clamp] first of its two nodes
+    slide_block: wp.array
+    slide_lever_x: wp.array  # [sliding clamp, 2] [m]
+    slide_lever_y: wp.array
 
 
 @dataclass(frozen=True)
@@ -117,7 +124,7 @@ class Model:
     bending_stiffness: float  # [N m2]
     softening: float  # EA over the stiffness of the dynamics
     contact_stiffness: float  # [N/m]
-    contact_reach: float  # [m] body radius + half a wire thickness
+    treatment: Treatment  # how contact is carried; its reach is body radius + half a wire thickness in a mesh
     body_mass: float  # [kg]; fictitious in relax
     added_mass: float  # share of mass that scaling added, 0 where none; nan-free
     time_step: float  # [s] of the unloaded mesh; 1 in relax
@@ -135,6 +142,11 @@ class Model:
         """[N m] of the yarn at which its outermost fibres reach the yield stress; 0 where the scene keeps it elastic."""
         wire = self.scene.wire
         return wire.yield_curvature * wire.bending_stiffness if wire.plastic else 0.0
+
+    @property
+    def contact_reach(self) -> float:
+        """[m] distance of body centre and wire centre line at which they touch."""
+        return self.treatment.reach
 
     @property
     def pair_count(self) -> int:
@@ -194,6 +206,8 @@ def knit_scene(scene: Scene) -> Cloth:
 
 def build_model(scene: Scene, device: str = "cpu") -> Model:
     """Build and upload the model of a scene. Raises `ModelError`, `MemoryNeeded`, `KnitError`."""
+    if scene.hook is not None:
+        return _build_hook(scene, scene.hook, device)
     cloth = knit_scene(scene)
     wire = scene.wire
     loop_length = sum(t.length for t in cloth.threads) / len(cloth.stitches)
@@ -226,6 +240,28 @@ def _edge_travel(scene: Scene) -> float:
     return 2 * pulled + (CORD_SAG * max(scene.knit.size) if scene.panel.cord else 0.0)
 
 
+def _build_hook(scene: Scene, hook: Hook, device: str) -> Model:
+    """The model of two hooked wires; a loop is one of them."""
+    set_fraction = scene.wire.set_fraction
+    treatment = choose_treatment(scene, yarn_thickness(scene))
+    table = hook_table(hook, segments=scene.model.nodes_per_loop, set_fraction=set_fraction)
+    panel = hook_panel(
+        hook,
+        table,
+        set_fraction=set_fraction,
+        contact_node=treatment.contact_node,
+        target_share=treatment.target_share,
+    )
+    model = assemble_model(scene, table, panel, device=device, loop_length=hook.length, displacement_range=2 * hook.length)
+    most = model.contact_stiffness
+    if scene.contact.spring_stiffness is not None and scene.contact.spring_stiffness > most:
+        raise ModelError(
+            f"contact.spring_stiffness: given {scene.contact.spring_stiffness:g} N/m, allowed: at most {most:.3g} N/m, the"
+            " contact penalty: a body would be held as if it were clamped"
+        )
+    return model
+
+
 def assemble_model(
     scene: Scene,
     table: Table,
@@ -239,6 +275,7 @@ def assemble_model(
     """Choose the numbers and upload; `loop_length` [m] is the wire of one loop, which the mass of a body goes by."""
     precision = _precision(scene.solver.precision, displacement_range)
     numbers = choose_numbers(scene, table, loop_length)
+    treatment = choose_treatment(scene, yarn_thickness(scene), numbers.contact_stiffness)
     return Model(
         scene=scene,
         cloth=cloth,
@@ -247,12 +284,12 @@ def assemble_model(
         precision=precision,
         device=device,
         rest=_upload_rest(table, precision, numbers, scene.wire.bending_stiffness, device),
-        mesh=_upload_mesh(panel, precision, device),
+        mesh=_upload_mesh(panel, precision, device, treatment),
         axial_stiffness=scene.wire.axial_stiffness,
         bending_stiffness=scene.wire.bending_stiffness,
         softening=numbers.softening,
         contact_stiffness=numbers.contact_stiffness,
-        contact_reach=scene.model.body_radius + 0.5 * yarn_thickness(scene),
+        treatment=treatment,
         body_mass=numbers.body_mass,
         added_mass=numbers.added_mass,
         time_step=numbers.time_step,
@@ -308,7 +345,7 @@ def _upload_rest(
     )
 
 
-def _upload_mesh(panel: Panel, precision: Precision, device: str) -> MeshArrays:
+def _upload_mesh(panel: Panel, precision: Precision, device: str, treatment: Treatment) -> MeshArrays:
     def index(a: np.ndarray) -> wp.array:
         return wp.array(np.ascontiguousarray(a, dtype=np.int32), dtype=wp.int32, device=device)
 
@@ -321,7 +358,12 @@ def _upload_mesh(panel: Panel, precision: Precision, device: str) -> MeshArrays:
     pair_rest = np.repeat(panel.body_rest, 2, axis=0) - panel.pair_shift
     body_origin = panel.body_rest + panel.body_origin
     pair_start, pair = _pairs_of_blocks(panel)
-    held_start = np.searchsorted(panel.held_node, np.append(panel.block_first, panel.node_count))
+    slides = np.isin(panel.held_clamp, panel.sliding_clamp)
+    held_node, held_lever = panel.held_node[~slides], panel.held_lever[~slides]
+    held_start = np.searchsorted(held_node, np.append(panel.block_first, panel.node_count))
+    slide_node, slide_lever = panel.held_node[slides][::2], panel.held_lever[slides].reshape(-1, 2, 2)
+    slide_block = np.searchsorted(panel.block_first, slide_node)
+    assert np.array_equal(panel.block_first[slide_block], slide_node) and np.all(panel.block_count[slide_block] == 2)
     return MeshArrays(
         block_first=index(panel.block_first),
         block_count=index(panel.block_count),
@@ -346,10 +388,15 @@ def _upload_mesh(panel: Panel, precision: Precision, device: str) -> MeshArrays:
         pair_rest_y=counts(pair_rest[:, 1]),
         body_origin_x=double(body_origin[:, 0]),
         body_origin_y=double(body_origin[:, 1]),
-        held_node=index(panel.held_node),
-        held_lever_x=double(panel.held_lever[:, 0]),
-        held_lever_y=double(panel.held_lever[:, 1]),
-        held_clamp=index(panel.held_clamp),
+        held_node=index(held_node),
+        held_lever_x=double(held_lever[:, 0]),
+        held_lever_y=double(held_lever[:, 1]),
+        held_clamp=index(panel.held_clamp[~slides]),
+        contact_node=index(panel.pair_seed[::2] if treatment.contact_node is not None else np.zeros(0)),
+        slide_node=index(slide_node),
+        slide_block=index(slide_block),
+        slide_lever_x=double(slide_lever[..., 0]),
+        slide_lever_y=double(slide_lever[..., 1]),
     )
 
 

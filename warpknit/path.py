@@ -1,4 +1,5 @@
-"""What a mesh remembers of the way it was loaded: where its contacts stick, and how its wires have yielded.
+"""What a mesh remembers of the way it was loaded: where its contacts stick, how its wires have yielded, and what holds
+bodies on the ground.
 
 It changes from one steady state to the next.
 """
@@ -8,10 +9,12 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
+from .kernels.anchored_bodies import draw_anchors
 from .kernels.friction import stick_contacts
 from .model import Model
 from .reading import read
 from .state import State
+from .step import ground_arguments
 
 
 class Path:
@@ -38,6 +41,14 @@ class Path:
             self.dissipated += float(np.sum(self._slipped.numpy()))
         if self.model.yield_moment:
             self._yield()
+        if self.model.treatment.anchored:
+            self._draw_anchors()
+
+    def _draw_anchors(self) -> None:
+        """Have what bodies are tied to on the ground follow, where it is at the limit of what it bears."""
+        s = self.state
+        inputs = [*ground_arguments(self.model, s), s.body_ux, s.body_uy, s.anchor_x, s.anchor_y]
+        wp.launch(draw_anchors, dim=self.model.panel.body_count, inputs=inputs, device=self.model.device)
 
     def _yield(self) -> None:
         """Take on the set of the wires: backward Euler of bilinear bending with kinematic hardening.

@@ -297,6 +297,8 @@ class Relaxation(Drive):
             ratio = float(np.clip(ahead @ before / max(before @ before, 1e-30), 0.0, 1.0))
         # no further than the neighbour search looks beyond a contact, so that no body changes sides
         furthest = 0.5 * self.neighbours.margin / self.model.precision.unit
+        if self.scene.hook is not None:
+            furthest = np.inf  # a wire that stays is carried along by the frame (hook.py), and must be put back all the way
         s = self.state
         for value, last in zip(self._level_values(), self._last, strict=True):
             numbers = [wp.float64(ratio), wp.float64(furthest)]

@@ -23,7 +23,7 @@ from .checkpoint import Checkpoint, has_checkpoint, write_checkpoint
 from .device import find_device
 from .errors import Diverged, OutOfResources, RunDirectoryError
 from .files import held_directory, write_aside, write_table
-from .history import Row, account_work, read_history, row_of, write_history
+from .history import Row, account_sliding, account_work, read_history, row_of, write_history
 from .model import Model, available_memory, build_model
 from .panel_report import report_panel
 from .progress import Progress as Display
@@ -239,6 +239,7 @@ class _Recorder:
         self.frames.add_frame(frame)
         self.rows.append(row_of(record))
         account_work(self.rows, self.model)
+        account_sliding(self.rows)
         write_history(self.out / "history.csv", self.rows)
         if record.load_factor == 1.0:
             self.stages.append(stage_summary(record, self.rows, self._keep_panel(record)))

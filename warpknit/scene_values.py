@@ -185,6 +185,8 @@ def proportion(least: float, most: float) -> BeforeValidator:
     return BeforeValidator(Quantity("number", least=least, most=most))
 
 
+TREATMENTS = ("free-body", "point", "spring-point", "spring-cylinder", "ring", "friction-plane")
+
 Length = Annotated[float, BeforeValidator(Quantity("length", above=0.0))]
 SignedLength = Annotated[float, BeforeValidator(Quantity("length"))]
 Vector = Annotated[tuple[float, float], BeforeValidator(Pair(Quantity("length")))]
@@ -198,7 +200,10 @@ Temperature = Annotated[float, BeforeValidator(Quantity("temperature", above=0.0
 Tension = Annotated[float, BeforeValidator(Quantity("tension", least=0.0))]
 Stiffness = Annotated[float, BeforeValidator(Quantity("tension", above=0.0))]
 Force = Annotated[float, BeforeValidator(Quantity("force", least=0.0))]
-AxialStiffness = Annotated[float, BeforeValidator(Quantity("force", above=0.0))]
+PositiveForce = Annotated[float, BeforeValidator(Quantity("force", above=0.0))]
+AxialStiffness = PositiveForce
+Coefficient = Annotated[float, BeforeValidator(Quantity("number", above=0.0, most=1e3))]
+BodyMass = Annotated[float, BeforeValidator(Quantity("number", above=0.0, most=100.0))]
 Time = Annotated[float, BeforeValidator(Quantity("time", above=0.0))]
 Rate = Annotated[float, BeforeValidator(Quantity("rate", least=0.0))]
 STRAIN = Quantity("number", least=-0.5, most=2.0)
@@ -208,6 +213,7 @@ PoissonsRatio = Annotated[float, BeforeValidator(Quantity("number", above=-1.0, 
 Fraction = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=1.0))]
 Friction = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=5.0))]
 Percent = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=100.0))]
+Share = Annotated[float, BeforeValidator(Quantity("number", least=0.05, most=1.0))]
 Tolerance = Annotated[float, BeforeValidator(Quantity("number", above=0.0, most=0.5))]
 Factor = Annotated[float, BeforeValidator(Quantity("number", least=1.0, most=1e9))]
 Flag = Annotated[bool, BeforeValidator(Switch())]

@@ -20,8 +20,8 @@ from .numerics import MASS_MARGIN
 
 STEP_LIMIT = 0.1  # course spacings in one step: a move beyond it, and beyond a node spacing, is a divergence
 LOOK_AHEAD = 0.12  # steps; stable up to 4/(1 + 2 LOOK_AHEAD) of the unit-step mass, see numerics.MASS_MARGIN
-WIRE_STATE = ("node_vx", "node_vy", "tension_offset", "wire_axial", "wire_mass")
-BODY_STATE = ("body_ux", "body_uy", "body_vx", "body_vy")
+WIRE_STATE = ("node_vx", "node_vy", "tension_offset", "wire_axial", "wire_mass", "slide_vy")
+BODY_STATE = ("body_ux", "body_uy", "body_vx", "body_vy", "anchor_x", "anchor_y")
 CLAMP_STATE = ("clamp_from", "clamp_to", "wire_warmth")
 PATH_STATE = ("pair_stuck", "plastic_turn", "back_turn")
 PAIR_STATE = ("pair_slide", "pair_u", "pair_wake", "pair_offset", "pair_force", "pair_gap", "pair_node")
@@ -39,10 +39,13 @@ class State:
     tension_offset: wp.array  # [node] [N] running multiplier of the segment to the next node
     wire_axial: wp.array  # [wire] [N] axial stiffness of the dynamics: EA over the softening
     wire_mass: wp.array  # [wire] node masses over those of the rest table
+    slide_vy: wp.array  # [sliding clamp] [m/s]
     body_ux: wp.array  # [body] [counts]
     body_uy: wp.array
     body_vx: wp.array  # [body] [m/s]
     body_vy: wp.array
+    anchor_x: wp.array  # [body] [m] where on the ground a body is tied, from where it rests (kernels/anchored_bodies.py)
+    anchor_y: wp.array
     pair_slide: wp.array  # [pair] current segment, counted from the seed
     pair_u: wp.array  # [pair] place on the segment, 0 .. 1
     pair_wake: wp.array  # [pair] [m] travel since the last neighbour search at which the pair must be looked at
@@ -121,6 +124,7 @@ def initial_state(model: Model) -> State:
     real, coordinate, device = model.precision.real, model.precision.coordinate, model.device
     nodes, bodies, pairs = model.panel.node_count, model.panel.body_count, model.pair_count
     wires = len(model.panel.wire_first)
+    anchored = bodies if model.treatment.anchored else 0
     batched = contact_batches(model) * int(b.PAIR_BATCH) if wp.get_device(device).is_cpu else 0
 
     def zeros(count: int, dtype: type) -> wp.array:
@@ -134,10 +138,13 @@ def initial_state(model: Model) -> State:
         tension_offset=zeros(nodes, real),
         wire_axial=wp.full(wires, model.axial_stiffness / model.softening, dtype=real, device=device),
         wire_mass=wp.full(wires, 1.0, dtype=real, device=device),
+        slide_vy=zeros(len(model.panel.sliding_clamp), wp.float64),
         body_ux=zeros(bodies, coordinate),
         body_uy=zeros(bodies, coordinate),
         body_vx=zeros(bodies, real),
         body_vy=zeros(bodies, real),
+        anchor_x=zeros(anchored, wp.float64),
+        anchor_y=zeros(anchored, wp.float64),
         pair_slide=zeros(pairs, wp.int32),
         pair_u=wp.full(pairs, 0.5, dtype=real, device=device),
         pair_wake=zeros(pairs, real),

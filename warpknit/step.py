@@ -16,13 +16,16 @@ from functools import partial
 import warp as wp
 
 from .kernels import control as c
+from .kernels.anchored_bodies import step_anchored_bodies
 from .kernels.barrier import wait_for_all
 from .kernels.bodies import BODY_BLOCK, step_bodies
 from .kernels.contact import find_contact_forces
 from .kernels.contact_by_batch import PAIR_BATCH, find_contact_forces_by_batch
+from .kernels.contact_node import follow_contact_node, lend_contact_force
 from .kernels.control import update_control
 from .kernels.friction import add_friction
 from .kernels.grip import move_held_nodes
+from .kernels.slide import slide_clamps
 from .kernels.wires import step_wires_by_node
 from .kernels.wires_by_block import BLOCK_SIZE, step_wires_by_block
 from .model import Model, body_blocks, contact_batches
@@ -46,7 +49,9 @@ class Stepper:
         self.model = model
         self.state = state
         self.by_node = model.device != "cpu" if by_node is None else by_node
-        self.threads = 1 if model.device != "cpu" else threads or thread_count(model.panel.node_count)
+        # what a treatment does to its few bodies is in no part of a step that threads could share
+        alone = model.device != "cpu" or not model.treatment.is_free
+        self.threads = 1 if alone else threads or thread_count(model.panel.node_count)
         self._barrier = wp.zeros(64, dtype=wp.int32, device=model.device)
         self._launches = [[self._record(parity, part) for parity in (0, 1)] for part in range(self.threads)]
         self._contact = [
@@ -115,16 +120,17 @@ class Stepper:
         return find_contact_forces_by_batch, batches, contact_arguments(model, state, parity, batch, cache)
 
     def _contact_work(self, parity: int, part: int) -> list[tuple[wp.Kernel, int, list]]:
-        """The launches that find one part of the contact forces, friction with them."""
+        """The launches that find one part of the contact forces, with friction and what a treatment does to them."""
         found = self._contact_launch(parity, part)
+        treated = contact_launches(self.model, self.state, part)
         if not len(self.state.pair_stuck):
-            return [found]
+            return [found, *treated]
         kernel, dim, arguments = found
         first = arguments[FIRST_OF_CONTACT]
         if kernel is find_contact_forces_by_batch:
             first, end = first * PAIR_BATCH, min((first + dim) * PAIR_BATCH, self.model.pair_count)
             dim = max(0, end - first)
-        return [found, (add_friction, dim, friction_arguments(self.model, self.state, first))]
+        return [found, (add_friction, dim, friction_arguments(self.model, self.state, first)), *treated]
 
     def _commands(self, work: list[tuple[wp.Kernel, int, list]]) -> list[wp.Launch]:
         """Launches that can be repeated, of those that have anything to do."""
@@ -153,12 +159,13 @@ class Stepper:
             *self._contact_work(now, part),
             *wait,
             (wire_kernel, blocks * size, [*wire_arguments(model, state, now, then, block), *last]),
-            (step_bodies, bodies, body_arguments(model, state, body)),
+            *body_launches(model, state, then, body, bodies),
             *wait,
         ]
         if part == 0:
             work += [
-                (move_held_nodes, len(model.panel.held_node), grip_arguments(model, state, then)),
+                (slide_clamps, len(model.panel.sliding_clamp), slide_arguments(model, state, then)),
+                (move_held_nodes, model.mesh.held_node.shape[0], grip_arguments(model, state, then)),
                 (update_control, 1, [state.wire_partial, state.body_partial, state.control]),
             ]
         return self._commands([*work, *wait])
@@ -261,6 +268,52 @@ def body_arguments(model: Model, state: State, first_block: int) -> list:
         first_block, int(model.scene.solver.drive == "relax"),
         state.pair_force, state.pair_body_x, state.pair_body_y,
         state.body_ux, state.body_uy, state.body_vx, state.body_vy, state.body_partial,
+    ]  # fmt: skip
+
+
+def contact_launches(model: Model, state: State, part: int) -> list[tuple[wp.Kernel, int, list]]:
+    """What a treatment does to contact forces that were just found: kernels, threads, arguments."""
+    treatment, mesh = model.treatment, model.mesh
+    if treatment.contact_node is None or part > 0:
+        return []
+    arguments = [
+        state.control, wp.float64(treatment.pinball), mesh.contact_node, mesh.pair_low, mesh.pair_high,
+        state.pair_slide, state.pair_u, state.pair_node, state.pair_gap, state.pair_force,
+        state.pair_body_x, state.pair_body_y, state.pair_nodal_x, state.pair_nodal_y,
+    ]  # fmt: skip
+    return [(lend_contact_force, model.panel.body_count, arguments)]
+
+
+def body_launches(model: Model, state: State, then: int, first: int, blocks: int) -> list[tuple[wp.Kernel, int, list]]:
+    """The step of `blocks` blocks of bodies from the `first` on, by the treatment."""
+    treatment = model.treatment
+    if treatment.is_free:
+        return [(step_bodies, blocks, body_arguments(model, state, first))]
+    if treatment.anchored:
+        return [(step_anchored_bodies, min(blocks, 1), anchor_arguments(model, state))]
+    nodes = [state.control, model.mesh.contact_node, state.node_ux[then], state.node_uy[then], state.body_ux, state.body_uy]
+    return [(follow_contact_node, model.panel.body_count if blocks else 0, nodes)]
+
+
+def ground_arguments(model: Model, state: State) -> list:
+    mesh, treatment = model.mesh, model.treatment
+    limits = [wp.float64(treatment.spring_stiffness), wp.float64(treatment.spring_limit)]
+    return [state.control, *limits, mesh.body_origin_x, mesh.body_origin_y]
+
+
+def anchor_arguments(model: Model, state: State) -> list:
+    return [
+        *ground_arguments(model, state), state.pair_force, state.pair_body_x, state.pair_body_y,
+        state.anchor_x, state.anchor_y, state.body_ux, state.body_uy, state.body_vx, state.body_vy, state.body_partial,
+    ]  # fmt: skip
+
+
+def slide_arguments(model: Model, state: State, then: int) -> list:
+    mesh = model.mesh
+    return [
+        state.control, mesh.slide_node, mesh.slide_block, mesh.slide_lever_x, mesh.slide_lever_y,
+        mesh.block_table, mesh.block_wire, model.rest.inverse_mass, state.wire_mass,
+        state.slide_vy, state.node_vx, state.node_vy, state.node_ux[then], state.node_uy[then], state.wire_partial,
     ]  # fmt: skip
 
 

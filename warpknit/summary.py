@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
 from . import __version__, measure
-from .history import Row
+from .history import HookRow, Row
 from .model import Model
 from .simulate import Record
 
@@ -27,7 +28,7 @@ def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None 
     tension = measure.mesh_tension(r)
     plastic = measure.plastic_extremes(r)
     f = r.gradient
-    return {
+    return _hook_part(rows[-1]) | {
         "name": record.stage,
         "quality": {
             "kinetic_to_internal": kinetic_to_internal(rows, model),
@@ -74,6 +75,13 @@ def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None 
             "areal_mass_kg_per_m2": measure.areal_mass(r),
         },
     } | ({} if panel is None else {"panel": panel})
+
+
+def _hook_part(row: Row) -> dict[str, Any]:
+    """What the last row says of two hooked wires, by the names of its columns; nothing of a mesh."""
+    if not isinstance(row, HookRow):
+        return {}
+    return {"hook": {field.name: getattr(row, field.name) for field in fields(HookRow)[len(fields(Row)) :]}}
 
 
 def kinetic_to_internal(rows: list[Row], model: Model) -> float:
