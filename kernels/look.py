@@ -170,6 +170,7 @@ def sum_pairs(
     # pairs
     pair_block: int,
     unit: Any,
+    pair_wire: wp.array(dtype=wp.int32),
     pair_table: wp.array(dtype=wp.int32),
     pair_rest_x: wp.array(dtype=Any),
     pair_rest_y: wp.array(dtype=Any),
@@ -194,7 +195,7 @@ def sum_pairs(
     yx = wp.float64(0.0)
     yy = wp.float64(0.0)
     for p in range(block * pair_block, wp.min((block + 1) * pair_block, pair_force.shape[0])):
-        if pair_force[p] > zero:
+        if pair_force[p] > zero and pair_wire[p] >= 0:
             closed += wp.float64(1.0)
             force += wp.float64(pair_force[p])
             gap_max = wp.max(gap_max, wp.abs(pair_gap[p]))

@@ -26,16 +26,19 @@ KERNELS = ROOT / "kernels"
 LAYERS = (
     # what everything may use, and what shows a run without knowing one
     {"errors", "files", "units", "materials", "presets", "progress", "report", "tension", "outline", "kernels"},
+    # ranks that share a mesh
+    {"ranks", "mpi", "launch"},
     # the scene file, and the form in which results leave
     {"knit"},
     {
         "wire", "scene_values", "scene_file", "scene_report", "scene_overrides", "scene_panel", "scene_hook", "scene_resolved",
         "scene", "frame",
     },
-    {"thread_curve", "cut", "table", "panel", "hook", "treatment"},
+    {"thread_curve", "cut", "table", "panel", "strip", "hook", "treatment"},
     {"device", "numerics", "rim", "model"},
     {"state"},
-    {"step", "reading"},
+    {"join"},
+    {"step", "strip_step", "reading"},
     {"measure", "warmth"},
     {"edge_work", "hook_contact", "look"},
     {"damping", "multipliers", "neighbours", "timestep", "steadiness", "response", "path"},
@@ -45,7 +48,7 @@ LAYERS = (
     {"simulate"},
     {"panel_map"},
     {"surface"},
-    {"history", "checkpoint", "summary", "panel_report", "export"},
+    {"history", "checkpoint", "watch", "summary", "panel_report", "export"},
     {"run", "plan"},
     {"cli"},
     {"__main__"},

@@ -65,7 +65,7 @@ class SlowestMode:
         self._sum[state.parity].launch()
         if not use or state.read_control()[int(c.DRIVE)] != 0.0:
             return
-        force, moved = self._partial.numpy().sum(axis=0)
+        force, moved = self.model.ranks.exact_sum(self._partial.numpy())
         if moved > 0.0 and force > 0.0:
             rate = min(max(2.0 * math.sqrt(force / moved), self._slowest), FASTEST)
             now = float(state.read_control()[int(c.DAMPING)])

@@ -24,7 +24,7 @@ from .rim import Rim
 from .scene import Stage
 from .state import State
 from .steadiness import Steadiness
-from .step import Stepper
+from .strip_step import stepper_of
 from .tension import TensionSearch
 from .warmth import wire_warmth
 
@@ -109,7 +109,7 @@ class Drive(ABC):
         self.scene = model.scene
         self.progress = progress
         self.watch = watch
-        self.stepper = Stepper(model, state)
+        self.stepper = stepper_of(model, state)
         self.neighbours = NeighbourSearch(model, state)
         self.look = Look(model, state, self.stepper)
         self.steadiness = Steadiness(model, state)
@@ -259,10 +259,18 @@ class Drive(ABC):
 
     def _fastest(self) -> str:
         """Name the wire and node that move fastest."""
+        panel, strip = self.model.panel, self.model.strip
         speed = np.hypot(self.state.node_vx.numpy().astype(float), self.state.node_vy.numpy().astype(float))
-        node = int(np.argmax(np.nan_to_num(speed, nan=np.inf)))
-        wire = int(np.searchsorted(self.model.panel.wire_first, node, side="right") - 1)
-        return f"wire {wire}, node {node - int(self.model.panel.wire_first[wire])}"
+        speed = np.nan_to_num(speed, nan=np.inf)
+        node = int(np.argmax(speed))
+        wire = int(np.searchsorted(panel.wire_first, node, side="right") - 1)
+        here = wire + (strip.wires.start if strip is not None else 0), node - int(panel.wire_first[wire])
+        _, (wire, node) = max(self.model.ranks.everyone((float(speed[node]), here)))
+        return f"wire {wire}, node {node}"
+
+    def _mesh_tension(self, reading: measure.Reading) -> np.ndarray:
+        """Tensions (weft, warp) [N/m] of the mesh that the first rank has read."""
+        return self.model.ranks.from_first(lambda: np.array(measure.mesh_tension(reading)))
 
     def _divergence(self) -> Diverged:
         control = self.state.read_control()

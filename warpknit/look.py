@@ -27,6 +27,9 @@ class Sums:
     error_mean: np.ndarray  # [wire] |mean| of the same
     tension_max: np.ndarray  # [wire] [N]
     turning_max: np.ndarray  # [wire] [rad] largest change of a turning angle
+    error_largest: float  # the largest over all wires of the mesh
+    tension_largest: float  # [N]
+    turning_largest: float  # [rad]
     tension_square: float  # [N2] over all segments
     turning_square: float  # [rad2] over all nodes
     closed: int  # pairs that carry force
@@ -77,15 +80,16 @@ class Look:
             k.sum_pairs,
             dim=self._pairs.shape[0],
             inputs=[
-                k.PAIR_BLOCK, unit, mesh.pair_table, mesh.pair_rest_x, mesh.pair_rest_y, rest.table_x, rest.table_y,
-                state.pair_slide, state.pair_force, state.pair_gap, state.pair_nodal_x, state.pair_nodal_y, self._pairs,
+                k.PAIR_BLOCK, unit, mesh.pair_wire, mesh.pair_table, mesh.pair_rest_x, mesh.pair_rest_y,
+                rest.table_x, rest.table_y, state.pair_slide, state.pair_force, state.pair_gap,
+                state.pair_nodal_x, state.pair_nodal_y, self._pairs,
             ],
             device=device,
             record_cmd=True,
         )  # fmt: skip
 
     def take(self) -> Sums:
-        """Look at the state as it is."""
+        """Look at the state as it is. Rows of wires are of this rank's strip, everything else is of the whole mesh."""
         self._stepper.together(self._evaluate[self.state.parity])
         self._stepper.together(self._sum_wires)
         self._sum_pairs.launch()
@@ -96,19 +100,27 @@ class Look:
         total, contact = wires.sum(axis=0), pairs.sum(axis=0)
         stress = total[int(k.WIRE_STRESS) :] + contact[int(k.PAIR_STRESS) :]
         stress = stress.reshape(2, 2) + self._held_stress()
-        closed = int(contact[int(k.CLOSED)])
+        ranks = self.model.ranks
+        sums = [total[int(k.TENSION_SQUARE)], total[int(k.TURNING_SQUARE)], contact[int(k.CLOSED)], contact[int(k.FORCE_SUM)]]
+        *sums, xx, xy, yx, yy = ranks.sum(np.array([*sums, *stress.ravel()])).tolist()
+        tension_square, turning_square, closed, force = sums
+        most = [largest[:, int(column)].max() for column in (k.ERROR_MAX, k.TENSION_MAX, k.TURNING_MAX)]
+        *most, gap_max = ranks.largest(np.array([*most, pairs[:, int(k.GAP_MAX)].max()])).tolist()
         return Sums(
             strain_max=largest[:, int(k.STRAIN_MAX)],
             error_max=largest[:, int(k.ERROR_MAX)],
             error_mean=np.abs(error_sum) / panel.wire_count,
             tension_max=largest[:, int(k.TENSION_MAX)],
             turning_max=largest[:, int(k.TURNING_MAX)],
-            tension_square=float(total[int(k.TENSION_SQUARE)]),
-            turning_square=float(total[int(k.TURNING_SQUARE)]),
-            closed=closed,
-            force_mean=float(contact[int(k.FORCE_SUM)]) / max(1, closed),
-            gap_max=float(pairs[:, int(k.GAP_MAX)].max()),
-            stress=stress / panel.area,
+            error_largest=most[0],
+            tension_largest=most[1],
+            turning_largest=most[2],
+            tension_square=tension_square,
+            turning_square=turning_square,
+            closed=int(closed),
+            force_mean=force / max(1.0, closed),
+            gap_max=gap_max,
+            stress=np.array([[xx, xy], [yx, yy]]) / panel.area,
         )
 
     def _held_stress(self) -> np.ndarray:
@@ -185,4 +197,4 @@ def _pairs_at_clamps(model: Model) -> np.ndarray:
         return np.zeros(0, dtype=np.int64)
     first, count = panel.wire_first[panel.pair_wire], panel.wire_count[panel.pair_wire]
     low, high = panel.pair_seed + panel.pair_low - 1 - first, panel.pair_seed + panel.pair_high + 2 - first
-    return np.nonzero((low <= 1) | (high >= count - 2))[0]
+    return np.nonzero(((low <= 1) | (high >= count - 2)) & (panel.pair_wire >= 0))[0]

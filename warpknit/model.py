@@ -7,7 +7,8 @@ uploads the result. Host copies stay in `table` and `panel` (float64) for the me
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import psutil
@@ -23,7 +24,9 @@ from .kernels.wires_by_block import BLOCK_SIZE
 from .knit.cloth import Cloth, knit_cloth
 from .numerics import Numbers, choose_numbers
 from .panel import Panel, build_panel, table_lead
+from .ranks import One, Ranks
 from .scene import Hook, Scene
+from .strip import Strip, cut_strip
 from .table import Table, rest_table
 from .treatment import Treatment, choose_treatment
 
@@ -131,6 +134,13 @@ class Model:
     loading_time: float  # [s] of a stage, in a ramp
     damping: float  # [1/s] mass-proportional, in a ramp
     limited_by: str  # what limits the time step
+    ranks: Ranks = field(default_factory=One)  # that share the mesh
+    strip: Strip | None = None  # what of the mesh `panel` and all arrays are, where ranks share it
+
+    @cached_property
+    def whole(self) -> Model:
+        """The model of the whole mesh on the host: what readings, measures and results speak of. Its arrays are of the strip."""
+        return self if self.strip is None else replace(self, panel=self.strip.whole, strip=None)
 
     @property
     def is_gripped(self) -> bool:
@@ -151,6 +161,16 @@ class Model:
     @property
     def pair_count(self) -> int:
         return 2 * self.panel.body_count
+
+    @property
+    def bodies(self) -> np.ndarray:
+        """[body] which body of the whole mesh it is."""
+        return np.arange(self.panel.body_count) if self.strip is None else self.strip.body
+
+    @property
+    def owned_bodies(self) -> int:
+        """Bodies that sums go over, the first ones: another rank speaks for the rest."""
+        return self.panel.body_count if self.strip is None else self.strip.owned_bodies
 
     def layout(self) -> WireLayout:
         """How the wires are laid out, for the exports."""
@@ -204,9 +224,14 @@ def knit_scene(scene: Scene) -> Cloth:
     return cloth
 
 
-def build_model(scene: Scene, device: str = "cpu") -> Model:
-    """Build and upload the model of a scene. Raises `ModelError`, `MemoryNeeded`, `KnitError`."""
+def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -> Model:
+    """Build and upload the model of a scene, of this rank's strip where several `ranks` share it.
+
+    Raises `ModelError`, `MemoryNeeded`, `KnitError`.
+    """
     if scene.hook is not None:
+        if ranks is not None and ranks.count > 1:
+            raise ModelError(f"hook: two wires are not shared by {ranks.count} ranks: run without mpirun")
         return _build_hook(scene, scene.hook, device)
     cloth = knit_scene(scene)
     wire = scene.wire
@@ -230,7 +255,7 @@ def build_model(scene: Scene, device: str = "cpu") -> Model:
     loop_size = max(scene.knit.wale_spacing, scene.knit.course_spacing)
     furthest = 2 * loop_size + _edge_travel(scene)
     return assemble_model(
-        scene, table, panel, device=device, loop_length=loop_length, displacement_range=furthest, cloth=cloth
+        scene, table, panel, device=device, loop_length=loop_length, displacement_range=furthest, cloth=cloth, ranks=ranks
     )
 
 
@@ -271,8 +296,15 @@ def assemble_model(
     loop_length: float,
     displacement_range: float,
     cloth: Cloth | None = None,
+    ranks: Ranks | None = None,
 ) -> Model:
-    """Choose the numbers and upload; `loop_length` [m] is the wire of one loop, which the mass of a body goes by."""
+    """Choose the numbers and upload; `loop_length` [m] is the wire of one loop, which the mass of a body goes by.
+
+    `ranks` share the panel in strips.
+    """
+    ranks = ranks or One()
+    strip = cut_strip(panel, ranks.rank, ranks.count) if ranks.count > 1 else None
+    panel = panel if strip is None else strip.panel
     precision = _precision(scene.solver.precision, displacement_range)
     numbers = choose_numbers(scene, table, loop_length)
     treatment = choose_treatment(scene, yarn_thickness(scene), numbers.contact_stiffness)
@@ -284,7 +316,7 @@ def assemble_model(
         precision=precision,
         device=device,
         rest=_upload_rest(table, precision, numbers, scene.wire.bending_stiffness, device),
-        mesh=_upload_mesh(panel, precision, device, treatment),
+        mesh=_upload_mesh(panel, strip, precision, device, treatment),
         axial_stiffness=scene.wire.axial_stiffness,
         bending_stiffness=scene.wire.bending_stiffness,
         softening=numbers.softening,
@@ -296,6 +328,8 @@ def assemble_model(
         loading_time=numbers.loading_time,
         damping=numbers.damping,
         limited_by=numbers.limited_by,
+        ranks=ranks,
+        strip=strip,
     )
 
 
@@ -345,7 +379,7 @@ def _upload_rest(
     )
 
 
-def _upload_mesh(panel: Panel, precision: Precision, device: str, treatment: Treatment) -> MeshArrays:
+def _upload_mesh(panel: Panel, strip: Strip | None, precision: Precision, device: str, treatment: Treatment) -> MeshArrays:
     def index(a: np.ndarray) -> wp.array:
         return wp.array(np.ascontiguousarray(a, dtype=np.int32), dtype=wp.int32, device=device)
 
@@ -357,7 +391,9 @@ def _upload_mesh(panel: Panel, precision: Precision, device: str, treatment: Tre
 
     pair_rest = np.repeat(panel.body_rest, 2, axis=0) - panel.pair_shift
     body_origin = panel.body_rest + panel.body_origin
-    pair_start, pair = _pairs_of_blocks(panel)
+    # in a strip as in the whole mesh, so that a node gets the forces of its contacts in the same order
+    body = np.arange(panel.body_count) if strip is None else strip.body
+    pair_start, pair = _pairs_of_blocks(panel, (2 * body[:, None] + np.arange(2)).ravel())
     slides = np.isin(panel.held_clamp, panel.sliding_clamp)
     held_node, held_lever = panel.held_node[~slides], panel.held_lever[~slides]
     held_start = np.searchsorted(held_node, np.append(panel.block_first, panel.node_count))
@@ -400,8 +436,8 @@ def _upload_mesh(panel: Panel, precision: Precision, device: str, treatment: Tre
     )
 
 
-def _pairs_of_blocks(panel: Panel) -> tuple[np.ndarray, np.ndarray]:
-    """For each block the pairs whose contact may act on its nodes, in rising order: starts (block + 1,) and pairs.
+def _pairs_of_blocks(panel: Panel, number: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """For each block the pairs whose contact may act on its nodes, in the order of their `number`: starts (block + 1,) and pairs.
 
     A pair acts on the nodes from one before its first segment to two behind the start of its last; on a closed wire the
     range wraps, so it is laid over three rounds of the wire and cut back.
@@ -416,16 +452,18 @@ def _pairs_of_blocks(panel: Panel) -> tuple[np.ndarray, np.ndarray]:
         b = np.minimum(high + turn * count, first + count - 1)
         if turn != 0:
             a = np.where(panel.wire_closed[panel.pair_wire], a, b + 1)
-        there = np.nonzero(a <= b)[0]
+        there = np.nonzero((a <= b) & (panel.pair_wire >= 0))[0]
         block_a = np.searchsorted(panel.block_first, a[there], side="right") - 1
         block_b = np.searchsorted(panel.block_first, b[there], side="right") - 1
         spans = block_b - block_a + 1
         blocks.append(np.repeat(block_a, spans) + np.arange(spans.sum()) - np.repeat(np.cumsum(spans) - spans, spans))
         pairs.append(np.repeat(there, spans))
     block, pair = np.concatenate(blocks), np.concatenate(pairs)
-    key = np.unique(block.astype(np.int64) * (len(panel.pair_wire) + 1) + pair)
-    block, pair = np.divmod(key, len(panel.pair_wire) + 1)
-    return np.searchsorted(block, np.arange(len(panel.block_first) + 1)), pair
+    span = int(number.max(initial=0)) + 1
+    key = np.unique(block.astype(np.int64) * span + number[pair])
+    block, place = np.divmod(key, span)
+    order = np.argsort(number)
+    return np.searchsorted(block, np.arange(len(panel.block_first) + 1)), order[np.searchsorted(number[order], place)]
 
 
 def block_threads(model: Model) -> int:
@@ -434,7 +472,7 @@ def block_threads(model: Model) -> int:
 
 
 def body_blocks(model: Model) -> int:
-    return max(1, -(-model.panel.body_count // BODY_BLOCK))
+    return max(1, -(-model.owned_bodies // BODY_BLOCK))
 
 
 def contact_batches(model: Model) -> int:

@@ -92,7 +92,7 @@ class Multipliers:
         most = np.maximum(1.0, y**2 * model.axial_stiffness / (BEND_OVER_STRETCH * model.bending_stiffness))
         now = self.state.wire_axial.numpy().astype(np.float64)
         axial = np.maximum(now, np.minimum(model.axial_stiffness / most, model.axial_stiffness))
-        if np.all(axial <= now * (1 + 1e-6)):
+        if not model.ranks.any(bool(np.any(axial > now * (1 + 1e-6)))):
             return
         sums = look.take()
         self._move_offsets(look, axial, rate=0.0)
@@ -115,7 +115,7 @@ class Multipliers:
         if self._sinking >= PATIENCE:
             self._sinking, penalty = 0, 2.0 * penalty
         self._renew(stiffer, penalty, sums)
-        left = max(float(sums.error_max.max()) / AXIAL_ERROR, sunk / PENETRATION_LIMIT)
+        left = max(sums.error_largest / AXIAL_ERROR, sunk / PENETRATION_LIMIT)
         self._slow_down_without_progress(left)
         return left
 

@@ -12,7 +12,7 @@ import warp as wp
 from .kernels.anchored_bodies import draw_anchors
 from .kernels.friction import stick_contacts
 from .model import Model
-from .reading import read
+from .reading import read_strip
 from .state import State
 from .step import ground_arguments
 
@@ -38,7 +38,8 @@ class Path:
                 ],
                 device=model.device,
             )  # fmt: skip
-            self.dissipated += float(np.sum(self._slipped.numpy()))
+            own = slice(None) if model.strip is None else model.strip.pair
+            self._dissipate(np.sum(self._slipped.numpy()[own]))
         if self.model.yield_moment:
             self._yield()
         if self.model.treatment.anchored:
@@ -55,14 +56,18 @@ class Path:
 
         Every fibre of the sum M_y |kappa_p change| is gone as heat; what hardening stores is not.
         """
-        reading = read(self.model, self.state)
+        reading = read_strip(self.model, self.state)
         kept = self.model.scene.wire.hardening
         beyond = reading.turning - reading.plastic_turn - reading.back_turn
         change = np.sign(beyond) * np.maximum(np.abs(beyond) - reading.yield_turn, 0.0) * (1.0 - kept)
         self.state.plastic_turn.assign(reading.plastic_turn + change)
         if kept < 1.0:
             self.state.back_turn.assign(reading.back_turn + kept / (1.0 - kept) * change)
-        self.dissipated += self.model.yield_moment * float(np.sum(np.abs(change)))
+        self._dissipate(self.model.yield_moment * np.sum(np.abs(change)))
+
+    def _dissipate(self, energy: float) -> None:
+        """Add energy [J] that is gone in this rank's part of the mesh, and in that of the others."""
+        self.dissipated += float(self.model.ranks.sum(np.array([energy]))[0])
 
     def memory(self) -> dict[str, np.ndarray]:
         """What a checkpoint keeps."""

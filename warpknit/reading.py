@@ -5,12 +5,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import warp as wp
 
+from .join import Join
 from .kernels import clamp
 from .kernels import control as c
 from .kernels.energy import evaluate_wires
@@ -167,7 +168,15 @@ def node_entries(model: Model) -> np.ndarray:
 
 
 def read(model: Model, state: State) -> Reading:
-    """Evaluate the wires and copy the state to the host."""
+    """Evaluate the wires and copy the state to the host.
+
+    Where ranks share the mesh, all of them read together; what the first one gets is of the whole mesh.
+    """
+    return _joined(read_strip(model, state))
+
+
+def read_strip(model: Model, state: State) -> Reading:
+    """The same of what this rank holds, without the others."""
     nodes = model.panel.node_count
     out = [wp.zeros(nodes, dtype=model.precision.real, device=model.device) for _ in range(5)]
     evaluate(model, state, out)
@@ -201,6 +210,23 @@ def read(model: Model, state: State) -> Reading:
         pair_u=state.pair_u.numpy().astype(np.float64),
         pair_nodal=np.where(force[:, None, None] > 0, nodal.reshape(-1, 4, 2), 0.0),
     )
+
+
+def _joined(reading: Reading) -> Reading:
+    """The reading of the whole mesh on the first rank; that of its strip, as it is, on the others."""
+    model = reading.model
+    join = Join(model)
+    first_node = 0 if model.strip is None else model.strip.nodes.start
+    joined = {name: join.nodes(getattr(reading, name)) for name in ("u", "edge", "tension", "turning")}
+    joined |= {"wire_axial": join.wires(reading.wire_axial), "body_u": join.bodies(reading.body_u)}
+    for name in ("plastic_turn", "back_turn"):
+        values = getattr(reading, name)
+        joined[name] = join.nodes(values) if len(values) == model.panel.node_count else values
+    joined |= {"clamp_shift": join.clamps(reading.clamp_shift), "warmth": join.wires(reading.warmth)}
+    joined["pair_node"] = join.pairs(reading.pair_node + first_node)
+    of_pairs = ("pair_force", "pair_offset", "pair_gap", "pair_slide", "pair_u", "pair_nodal")
+    joined |= {name: join.pairs(getattr(reading, name)) for name in of_pairs}
+    return replace(reading, model=model.whole, **joined) if model.ranks.is_first else reading
 
 
 def evaluate(model: Model, state: State, out: list[wp.array]) -> None:

@@ -218,7 +218,7 @@ class Relaxation(Drive):
         sums = self.look.take()
         least = UNLOADED * measure.force_scale(self.model)
         bend = self.model.bending_stiffness / float(self.model.table.hinge_length.min()) ** 2
-        return sums.closed == 0 and float(sums.tension_max.max()) < least and float(sums.turning_max.max()) * bend < least
+        return sums.closed == 0 and sums.tension_largest < least and sums.turning_largest * bend < least
 
     def rest_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Nominal stress (2, 2) [N/m] of the mesh at rest under a load, and the values that describe the state."""
@@ -262,7 +262,7 @@ class Relaxation(Drive):
         while True:
             reading = measure.read(self.model, self.state)
             strain = np.diag(reading.gradient) - 1.0
-            tension = np.array(measure.mesh_tension(reading))
+            tension = self._mesh_tension(reading)
             following = self.progress.search.next_strain(strain, tension, wanted.tension, wanted.driven, scale)
             if following is None:
                 return

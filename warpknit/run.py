@@ -11,7 +11,6 @@ import json
 import logging
 import math
 import shutil
-import signal
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,18 +18,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import measure
-from .checkpoint import Checkpoint, has_checkpoint, write_checkpoint
+from .checkpoint import Checkpoint, has_checkpoint
 from .device import find_device
-from .errors import Diverged, OutOfResources, RunDirectoryError
+from .errors import OutOfResources, RunDirectoryError
 from .files import held_directory, write_aside, write_table
 from .history import Row, account_sliding, account_work, read_history, row_of, write_history
 from .model import Model, available_memory, build_model
 from .panel_report import report_panel
 from .progress import Progress as Display
+from .ranks import One, Ranks
 from .scene import Scene, resolved_toml
 from .simulate import Progress, Record, Simulation
 from .state import initial_state
 from .summary import run_summary, stage_summary
+from .watch import Watch
 
 if TYPE_CHECKING:
     from .export.frame_files import FrameWriter
@@ -53,10 +54,6 @@ class Run:
     message: str = ""
 
 
-class _Interrupted(Exception):
-    """Ctrl-C or a request to terminate, taken at the next look at the state."""
-
-
 def run_scene(
     scene: Scene,
     *,
@@ -65,31 +62,46 @@ def run_scene(
     resume: bool = False,
     force: bool = False,
     progress: Display | None = None,
+    ranks: Ranks | None = None,
 ) -> Run:
-    """Run `scene` into the directory `out`.
+    """Run `scene` into the directory `out`; several `ranks` that share it all call this, and the first one writes the results.
 
     Raises `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. A divergence ends with
     exit_code 3, an interrupt with 130; what was finished by then is kept.
     """
-    progress = progress or Display()
+    ranks = ranks or One()
+    finished = ranks.from_first(lambda: _finished_run(scene, out, resume, force))
+    if finished is not None:
+        return finished
+    name = find_device(device, ranks.place)
+    if device is None:
+        _log.info("running on %s", name if ranks.count == 1 else f"{ranks.count} ranks, this one on {name}")
+    checkpoint = None
+    if resume and ranks.from_first(lambda: has_checkpoint(out)):
+        checkpoint = Checkpoint(out, scene.hash, ranks)
+    elif resume:
+        _log.info("%s has no checkpoint: starting over", out)
+    model = build_model(scene, name, ranks)
+    simulation, compile_time = _ready(model, checkpoint)
+    with contextlib.ExitStack() as stack:
+        hold = ranks.from_first(lambda: stack.enter_context(_held(out)))
+        if checkpoint is None:
+            ranks.from_first(lambda: _clear(out))
+        if not ranks.is_first:
+            ending = Watch(simulation, out).run(lambda _record: None)
+            return Run(ending.exit_code, {}, ending.message)
+        return _Recorder(model.whole, simulation, out, progress or Display(), compile_time, checkpoint, hold).run()
+
+
+def _finished_run(scene: Scene, out: Path, resume: bool, force: bool) -> Run | None:
+    """The run that `out` holds where there is nothing left to resume. Raises `RunDirectoryError` where `out` cannot be used."""
     finished = _finished_summary(out)
     if finished is not None and resume:
         if finished.get("scene", {}).get("hash") != scene.hash:
             raise RunDirectoryError(f"{out}: holds the finished run of another scene; --force replaces it, --out names another")
         return Run(0, finished)
     _check_directory(out, finished is not None, resume, force)
-    name = find_device(device)
-    if device is None:
-        _log.info("running on %s", name)
-    checkpoint = Checkpoint(out, scene.hash) if resume and has_checkpoint(out) else None
-    if resume and checkpoint is None:
-        _log.info("%s has no checkpoint: starting over", out)
-    model = build_model(scene, name)
-    simulation, compile_time = _ready(model, checkpoint)
-    with _held(out) as hold:
-        if checkpoint is None:
-            _clear(out)
-        return _Recorder(model, simulation, out, progress, compile_time, checkpoint, hold).run()
+    return None
 
 
 @contextlib.contextmanager
@@ -174,13 +186,16 @@ class _Recorder:
         self.out = out
         self.display = display
         self.compile_time = compile_time
-        self.wall_before = checkpoint.wall if checkpoint else 0.0
         self.rows: list[Row] = []
         self.stages: list[dict[str, Any]] = []
-        self._begin = self._saved = self._shown = time.perf_counter()
-        self._interrupt = False
         self._stage_shown = -1
-        simulation.watch = self._watch
+        self.watch = Watch(
+            simulation,
+            out,
+            wall_before=checkpoint.wall if checkpoint else 0.0,
+            show=self._show,
+            before_checkpoint=lambda: self.frames.flush(),  # a checkpoint is not ahead of the frames that it counts
+        )
         if checkpoint is not None:
             self._recall()
         else:
@@ -189,30 +204,17 @@ class _Recorder:
             model.layout().save(out / "layout.npz")
         self.frames = self._open_frames(resume=checkpoint is not None, hold=hold)
 
-    @property
-    def wall(self) -> float:
-        return self.wall_before + time.perf_counter() - self._begin
-
     def run(self) -> Run:
-        reason, message, code = "steady", "", 0
         with self.frames:
-            with self._catching_signals():
-                try:
-                    for record in self.simulation.run():
-                        self._keep(record)
-                    self.frames.flush()
-                    if not self.rows[-1].steady:
-                        reason = "finished"
-                except _Interrupted:
-                    reason, code = "interrupted", 130
-                    message = f"interrupted; --resume goes on from {self.out}"
-                    self._checkpoint()
-                except Diverged as error:
-                    reason, code, message = "diverged", error.exit_code, str(error)
-                except (MemoryError, OSError, OutOfResources):
-                    self._write_summary("interrupted", "ran out of memory or disk")
-                    raise
-            summary = self._write_summary(reason, message)
+            try:
+                ending = self.watch.run(self._keep)
+                self.frames.flush()
+            except (MemoryError, OSError, OutOfResources):
+                self._write_summary("interrupted", "ran out of memory or disk")
+                raise
+            code, message = ending.exit_code, ending.message
+            unsteady = ending.reason == "steady" and not self.rows[-1].steady
+            summary = self._write_summary("finished" if unsteady else ending.reason, message)
             self.frames.close(complete=code == 0)
         if self.scene.output.figures and self.rows:
             self._draw()
@@ -276,7 +278,7 @@ class _Recorder:
             self.rows,
             stages,
             stop_reason=reason,
-            wall=self.wall,
+            wall=self.watch.wall,
             compile_time=self.compile_time,
             steps=self.simulation.progress.steps,
             message=message,
@@ -298,23 +300,13 @@ class _Recorder:
 
     # --- while it runs ---
 
-    def _watch(self, progress: Progress) -> None:
-        now = time.perf_counter()
-        if self._interrupt:
-            raise _Interrupted
-        if now - self._saved > self.scene.output.checkpoint_interval:
-            self._checkpoint()
-        if now - self._shown > 0.1:
-            self._shown = now
-            self.frames.check()
-            self._show(progress)
-
     def _show(self, progress: Progress) -> None:
+        self.frames.check()
         stages = self.scene.stages
         if progress.stage_index != self._stage_shown:
             self._stage_shown = progress.stage_index
             self.display.stage(stages[progress.stage_index].name, number=progress.stage_index + 1, of=len(stages))
-        elapsed = time.perf_counter() - self._begin
+        elapsed = time.perf_counter() - self.watch.begin
         # none while a large mesh waits for its smaller ones
         rate = progress.steps * self.model.panel.node_count / elapsed if elapsed > 0 and progress.steps else None
         records = progress.level - (progress.stage_index == 0)  # the first stage begins with the unloaded state
@@ -323,30 +315,6 @@ class _Recorder:
             load_factor=progress.load_factor,
             node_steps_per_s=rate,
         )
-
-    def _checkpoint(self) -> None:
-        self.frames.flush()  # a checkpoint is not ahead of the frames that it counts
-        write_checkpoint(self.out, self.simulation, self.scene.hash, self.wall)
-        self._saved = time.perf_counter()
-
-    @contextlib.contextmanager
-    def _catching_signals(self) -> Iterator[None]:
-        """The first interrupt is taken at the next look at the state, a second one at once."""
-
-        def take(number: int, _frame: object) -> None:
-            if self._interrupt:
-                raise KeyboardInterrupt
-            self._interrupt = True
-
-        before = {}
-        for number in (signal.SIGINT, signal.SIGTERM):
-            with contextlib.suppress(ValueError):  # not in the main thread: signals stay with whoever has them
-                before[number] = signal.signal(number, take)
-        try:
-            yield
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
 
     # --- exports ---
 

@@ -20,6 +20,7 @@ from .numerics import MASS_MARGIN
 
 STEP_LIMIT = 0.1  # course spacings in one step: a move beyond it, and beyond a node spacing, is a divergence
 LOOK_AHEAD = 0.12  # steps; stable up to 4/(1 + 2 LOOK_AHEAD) of the unit-step mass, see numerics.MASS_MARGIN
+ASLEEP = 1e30  # [m] travel at which a foreign pair would be looked at: never
 WIRE_STATE = ("node_vx", "node_vy", "tension_offset", "wire_axial", "wire_mass", "slide_vy")
 BODY_STATE = ("body_ux", "body_uy", "body_vx", "body_vy", "anchor_x", "anchor_y")
 CLAMP_STATE = ("clamp_from", "clamp_to", "wire_warmth")
@@ -147,7 +148,7 @@ def initial_state(model: Model) -> State:
         anchor_y=zeros(anchored, wp.float64),
         pair_slide=zeros(pairs, wp.int32),
         pair_u=wp.full(pairs, 0.5, dtype=real, device=device),
-        pair_wake=zeros(pairs, real),
+        pair_wake=wp.array(np.where(model.panel.pair_wire < 0, ASLEEP, 0.0), dtype=real, device=device),
         pair_offset=zeros(pairs, real),
         pair_node=zeros(pairs, wp.int32),
         pair_gap=zeros(pairs, real),

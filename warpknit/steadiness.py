@@ -42,19 +42,22 @@ class Steadiness:
         """
         model, tolerance = self.model, self.model.scene.solver.residual_tolerance
         scale = max(sums.force_mean, FORCE_FLOOR * measure.force_scale(model))
-        free = model.panel.node_count + model.panel.body_count - len(model.panel.held_node)
+        mesh = model.whole.panel
+        free = mesh.node_count + mesh.body_count - len(mesh.held_node)
         rms, largest = math.sqrt(control[int(c.FORCE_SQUARE)] / free), float(control[int(c.FORCE_MAX)])
         epsilon, bending = self._round_off_terms
         round_off = epsilon * np.hypot(self.state.wire_axial.numpy().astype(np.float64), bending)  # [wire]
-        round_off_rms = math.sqrt(float(np.average(round_off**2, weights=model.panel.wire_count)))
+        square = model.ranks.sum(np.array([np.sum(round_off**2 * model.panel.wire_count)])) / mesh.node_count
+        round_off_rms = math.sqrt(float(square[0]))
+        round_off_largest = float(model.ranks.largest(round_off.max(keepdims=True))[0])
         most = ROUND_OFF_SHARE * scale
         local = max(LOCAL_ALLOWANCE, free**0.25)
         balance = max(
             rms / max(scale, min(ROUND_OFF_RMS * round_off_rms, most) / tolerance),
-            largest / (local * max(scale, min(ROUND_OFF_LARGEST * float(round_off.max()), most) / tolerance)),
+            largest / (local * max(scale, min(ROUND_OFF_LARGEST * round_off_largest, most) / tolerance)),
         )
         stored = 0.5 * sums.tension_square * self._stretch_energy + 0.5 * sums.turning_square * self._bend_energy
         motion = math.sqrt(
-            0.5 * float(control[int(c.KINETIC_TWICE)]) / max(stored, ENERGY_FLOOR * measure.energy_scale(model))
+            0.5 * float(control[int(c.KINETIC_TWICE)]) / max(stored, ENERGY_FLOOR * measure.energy_scale(model.whole))
         )
         return max(balance, motion)

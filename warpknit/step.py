@@ -12,6 +12,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from typing import TypeAlias
 
 import warp as wp
 
@@ -35,6 +36,8 @@ GRAPH_STEPS = (50, 10, 1)  # steps that are replayed at once
 CORES = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
 FIRST_OF_CONTACT = 3  # place of the first pair or batch among the arguments of contact
 NODES_A_THREAD = 4_000  # fewer nodes are not worth the waiting
+
+LaunchData: TypeAlias = tuple[wp.Kernel, int, list]  # kernel, threads and arguments
 
 
 class Stepper:
@@ -109,7 +112,7 @@ class Stepper:
         if self.model.pair_count:
             self.together(self._contact[self.state.parity])
 
-    def _contact_launch(self, parity: int, part: int) -> tuple[wp.Kernel, int, list]:
+    def _contact_launch(self, parity: int, part: int) -> LaunchData:
         """Kernel, threads and arguments that find one part of the contact forces."""
         model, state = self.model, self.state
         if self.by_node:
@@ -119,7 +122,7 @@ class Stepper:
         batch, batches = self._share(contact_batches(model), part)
         return find_contact_forces_by_batch, batches, contact_arguments(model, state, parity, batch, cache)
 
-    def _contact_work(self, parity: int, part: int) -> list[tuple[wp.Kernel, int, list]]:
+    def _contact_work(self, parity: int, part: int) -> list[LaunchData]:
         """The launches that find one part of the contact forces, with friction and what a treatment does to them."""
         found = self._contact_launch(parity, part)
         treated = contact_launches(self.model, self.state, part)
@@ -132,7 +135,7 @@ class Stepper:
             dim = max(0, end - first)
         return [found, (add_friction, dim, friction_arguments(self.model, self.state, first)), *treated]
 
-    def _commands(self, work: list[tuple[wp.Kernel, int, list]]) -> list[wp.Launch]:
+    def _commands(self, work: list[LaunchData]) -> list[wp.Launch]:
         """Launches that can be repeated, of those that have anything to do."""
         return [
             wp.launch(kernel, dim=dim, inputs=arguments, device=self.model.device, record_cmd=True)
@@ -148,27 +151,34 @@ class Stepper:
     def _record(self, parity: int, part: int) -> list[wp.Launch]:
         """One thread's part of a step: contact, then wires and bodies, then the first thread alone grips and the numbers
         of the next step."""
+        end = [(update_control, 1, [self.state.wire_partial, self.state.body_partial, self.state.control])]
+        work = [*self._contact_work(parity, part), *self._wait(), *self._motion(parity, part)]
+        return self._commands([*work, *(end if part == 0 else []), *self._wait()])
+
+    def _motion(self, parity: int, part: int) -> list[LaunchData]:
+        """One thread's part of what moves: wires and bodies, then the first thread alone grips."""
         model, state = self.model, self.state
         now, then = parity, 1 - parity
         wire_kernel, size, last = self.wire_kernel
-
         block, blocks = self._share(len(model.panel.block_first), part)
         body, bodies = self._share(body_blocks(model), part)
-        wait = [(wait_for_all, 1, [self.threads, _yield_address(), self._barrier])] if self.threads > 1 else []
-        work = [
-            *self._contact_work(now, part),
-            *wait,
+        return [
             (wire_kernel, blocks * size, [*wire_arguments(model, state, now, then, block), *last]),
             *body_launches(model, state, then, body, bodies),
-            *wait,
+            *self._wait(),
+            *(self._grips(then) if part == 0 else []),
         ]
-        if part == 0:
-            work += [
-                (slide_clamps, len(model.panel.sliding_clamp), slide_arguments(model, state, then)),
-                (move_held_nodes, model.mesh.held_node.shape[0], grip_arguments(model, state, then)),
-                (update_control, 1, [state.wire_partial, state.body_partial, state.control]),
-            ]
-        return self._commands([*work, *wait])
+
+    def _grips(self, then: int) -> list[LaunchData]:
+        model, state = self.model, self.state
+        return [
+            (slide_clamps, len(model.panel.sliding_clamp), slide_arguments(model, state, then)),
+            (move_held_nodes, model.mesh.held_node.shape[0], grip_arguments(model, state, then)),
+        ]
+
+    def _wait(self) -> list[LaunchData]:
+        """What the threads wait for each other with."""
+        return [(wait_for_all, 1, [self.threads, _yield_address(), self._barrier])] if self.threads > 1 else []
 
 
 def _launch_all(launches: list[wp.Launch]) -> None:
@@ -262,16 +272,23 @@ def wire_arguments(model: Model, state: State, now: int, then: int, first_block:
     ]  # fmt: skip
 
 
-def body_arguments(model: Model, state: State, first_block: int) -> list:
+def body_arguments(model: Model, state: State, first_block: int, bodies: slice, partial_sums: wp.array) -> list:
+    """`first_block` counts from the first of the `bodies`."""
+    pairs = slice(2 * bodies.start, 2 * bodies.stop)
+
+    def part(values: wp.array, which: slice) -> wp.array:
+        return values[which] if which.stop > which.start else values  # Warp has no empty slices
+
     return [
         state.control, model.precision.real(model.precision.unit), BODY_BLOCK,
         first_block, int(model.scene.solver.drive == "relax"),
-        state.pair_force, state.pair_body_x, state.pair_body_y,
-        state.body_ux, state.body_uy, state.body_vx, state.body_vy, state.body_partial,
+        *(part(values, pairs) for values in (state.pair_force, state.pair_body_x, state.pair_body_y)),
+        *(part(values, bodies) for values in (state.body_ux, state.body_uy, state.body_vx, state.body_vy)),
+        partial_sums,
     ]  # fmt: skip
 
 
-def contact_launches(model: Model, state: State, part: int) -> list[tuple[wp.Kernel, int, list]]:
+def contact_launches(model: Model, state: State, part: int) -> list[LaunchData]:
     """What a treatment does to contact forces that were just found: kernels, threads, arguments."""
     treatment, mesh = model.treatment, model.mesh
     if treatment.contact_node is None or part > 0:
@@ -284,11 +301,13 @@ def contact_launches(model: Model, state: State, part: int) -> list[tuple[wp.Ker
     return [(lend_contact_force, model.panel.body_count, arguments)]
 
 
-def body_launches(model: Model, state: State, then: int, first: int, blocks: int) -> list[tuple[wp.Kernel, int, list]]:
+def body_launches(model: Model, state: State, then: int, first: int, blocks: int) -> list[LaunchData]:
     """The step of `blocks` blocks of bodies from the `first` on, by the treatment."""
     treatment = model.treatment
     if treatment.is_free:
-        return [(step_bodies, blocks, body_arguments(model, state, first))]
+        owned = slice(0, model.owned_bodies)
+        arguments = body_arguments(model, state, first, owned, state.body_partial)
+        return [(step_bodies, blocks if model.owned_bodies else 0, arguments)]
     if treatment.anchored:
         return [(step_anchored_bodies, min(blocks, 1), anchor_arguments(model, state))]
     nodes = [state.control, model.mesh.contact_node, state.node_ux[then], state.node_uy[then], state.body_ux, state.body_uy]

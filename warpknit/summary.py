@@ -202,6 +202,7 @@ def run_summary(
             "steps": steps,
             "wall_s": wall,
             "compile_s": compile_time,
+            "ranks": model.ranks.count,
             "node_steps_per_s": steps * panel.node_count / wall if wall > 0 else 0.0,
             "mass_scaling": 1.0 + model.added_mass,
             "axial_softening": model.softening,

@@ -78,5 +78,6 @@ def frequency_bound(model: Model, reading: measure.Reading) -> FrequencyBound:
 
 def stable_step(model: Model, state: State) -> float:
     """Time step [s] of a ramp for the present state."""
-    bound = frequency_bound(model, measure.read(model, state))
-    return STEP_MARGIN * 2.0 / math.sqrt(bound.square)
+    reading = measure.read(model, state)
+    square = model.ranks.from_first(lambda: frequency_bound(reading.model, reading).square)
+    return STEP_MARGIN * 2.0 / math.sqrt(square)
