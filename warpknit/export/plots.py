@@ -168,9 +168,12 @@ def _mesh_map(
     _stress_bar(figure, left, image, yield_stress, "highest wire stress in each cell [MPa]")
 
     body = 1e3 * np.asarray(frame.body_position)[:, :2]
-    shape, covered = _cells_of_repeats(layout.repeats, size, body.shape[0] / 12.0, 250)
-    extent = (low[0], low[0] + covered[0], low[1], low[1] + covered[1])
-    cell = _cell_of(body, low, covered, shape)
+    # repeats count from the corner of the mesh; loops at the edge reach a little beyond it
+    corner = np.zeros(2) if layout.repeats.all() else low
+    whole = 1e3 * np.diag(frame.deformation) * layout.period if layout.repeats.all() else size
+    shape, covered = _cells_of_repeats(layout.repeats, whole, body.shape[0] / 12.0, 250)
+    extent = (corner[0], corner[0] + covered[0], corner[1], corner[1] + covered[1])
+    cell = _cell_of(body, corner, covered, shape)
     pairs = 2.0 * np.bincount(cell, minlength=math.prod(shape))
     active = np.bincount(cell, frame.pair_active.reshape(-1, 2).sum(axis=1), minlength=math.prod(shape))
     share = np.divide(100.0 * active, pairs, out=np.full(pairs.shape, np.nan), where=pairs > 0.0)
