@@ -161,6 +161,25 @@ def test_strips_driven_by_tension_find_the_same_strain() -> None:
     assert_same_bits(shared, alone)
 
 
+def test_strips_remember_friction_and_yield() -> None:
+    """Where contacts stick and how wires have yielded: the same bits, and the heat of both added up over the strips."""
+    path = ("contact.friction=0.3", "wire.plastic=true", "wire.yield_stress=2e8", "load.strain_weft=0.05", "load.strain_warp=0.05")
+    here = scene([2, 2], "gripped", *path, "output.frames=1")
+
+    def at_the_end(ranks: Ranks) -> tuple[measure.Reading, float]:
+        model = build_model(here, "cpu", ranks)
+        simulation = Simulation(model, initial_state(model))
+        *_, last = simulation.run()
+        return last.reading, simulation.drive.path.dissipated
+
+    alone, heat = at_the_end(One())
+    (shared, shared_heat), _ = run_ranks(2, at_the_end)
+    assert heat > 0.0 and np.any(alone.plastic_turn != 0.0)
+    assert_same_bits(shared, alone)
+    assert np.array_equal(shared.plastic_turn, alone.plastic_turn)
+    assert shared_heat == pytest.approx(heat, rel=1e-12, abs=0)
+
+
 def test_strips_of_a_panel_on_cords() -> None:
     """A hexagon on elastic cords, warmer on one side: the pulls of the wires of all strips at the stations of the rim are added
     in another order than on one rank, so the clamps stand where they do there but for the last bits."""

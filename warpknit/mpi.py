@@ -15,6 +15,7 @@ from mpi4py import MPI  # noqa: E402
 
 from .ranks import Ranks  # noqa: E402
 
+FORWARDING_S = 1.0  # that the launcher has for passing on what this rank said, before all is ended
 PATIENCE_S = 3.0  # that a rank which failed waits for the others to fail alike, before it ends them
 
 
@@ -76,6 +77,7 @@ class Mpi(Ranks):
 
     def end_all(self, status: int) -> None:
         if not self._left:
+            time.sleep(FORWARDING_S)
             self._all.Abort(status)
 
 
