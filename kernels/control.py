@@ -56,7 +56,8 @@ FORCE_MAX = wp.constant(39)  # [N]
 FORCE_SQUARE = wp.constant(40)  # [N2]
 DISSIPATED = wp.constant(41)  # [J] taken out by mass-proportional damping
 RAMP_SHARE = wp.constant(42)  # how far the clamps have gone on the way that the ramp takes them, 0 .. 1
-CONTROL_COUNT = 43
+MULTIPLIER_RATE = wp.constant(43)  # [-] share of what is missing that an update of the multipliers takes (multipliers.py)
+CONTROL_COUNT = 44
 
 STATUS_RUNNING = wp.constant(wp.float64(0.0))
 STATUS_STALE = wp.constant(wp.float64(1.0))
@@ -94,17 +95,13 @@ def set_factors(control: wp.array(dtype=wp.float64)):
     control[FORCE_FACTOR] = control[TIME_STEP] / (wp.float64(1.0) + half)
 
 
-@wp.kernel
-def update_control(
-    # in
+@wp.func
+def renew_control(
     wire_partial: wp.array2d(dtype=wp.float64),
     body_partial: wp.array2d(dtype=wp.float64),
-    # in and out
     control: wp.array(dtype=wp.float64),
 ):
     """Sum the partial sums in their order, watch the limits, set the factors of the next step and move the load."""
-    if control[STATUS] != STATUS_RUNNING:
-        return
     power = wp.float64(0.0)
     force_by_mass = wp.float64(0.0)
     kinetic = wp.float64(0.0)
@@ -139,8 +136,22 @@ def update_control(
     control[TRAVEL] = control[TRAVEL] + move
     if not finite or move > control[STEP_LIMIT]:
         control[STATUS] = STATUS_DIVERGED
+    else:
+        if control[TRAVEL] > control[TRAVEL_LIMIT]:
+            control[STATUS] = STATUS_STALE
+        set_factors(control)
+        advance_load(control)
+
+
+@wp.kernel
+def update_control(
+    # in
+    wire_partial: wp.array2d(dtype=wp.float64),
+    body_partial: wp.array2d(dtype=wp.float64),
+    # in and out
+    control: wp.array(dtype=wp.float64),
+):
+    """One thread, after each step."""
+    if control[STATUS] != STATUS_RUNNING:
         return
-    if control[TRAVEL] > control[TRAVEL_LIMIT]:
-        control[STATUS] = STATUS_STALE
-    set_factors(control)
-    advance_load(control)
+    renew_control(wire_partial, body_partial, control)

@@ -31,7 +31,7 @@ class SlowestMode:
         nodes, device = model.panel.node_count, model.device
         kinds = [model.precision.coordinate] * 2 + [model.precision.real] * 2
         self._last = [wp.zeros(nodes, dtype=kind, device=device) for kind in kinds]
-        self._partial = wp.zeros((len(model.panel.block_first), 2), dtype=wp.float64, device=device)
+        self.partial = wp.zeros((len(model.panel.block_first), 2), dtype=wp.float64, device=device)  # see kernels/relax.py
         self._sum = [self._record(parity) for parity in (0, 1)]
 
     def _record(self, parity: int) -> wp.Launch:
@@ -44,7 +44,7 @@ class SlowestMode:
                 state.wire_mass, model.rest.inverse_mass,
                 model.precision.real(model.precision.unit),
                 state.node_ux[parity], state.node_uy[parity],
-                self.probe.acceleration_x, self.probe.acceleration_y, *self._last, self._partial,
+                self.probe.acceleration_x, self.probe.acceleration_y, *self._last, self.partial,
             ],
             device=model.device,
             record_cmd=True,
@@ -62,11 +62,19 @@ class SlowestMode:
         """Take in the state; with `use`, set the damping from what happened since the last look."""
         state = self.state
         self.probe.evaluate()
-        self._sum[state.parity].launch()
-        if not use or state.read_control()[int(c.DRIVE)] != 0.0:
-            return
-        force, moved = self._partial.numpy().sum(axis=0)
-        if moved > 0.0 and force > 0.0:
-            rate = min(max(2.0 * math.sqrt(force / moved), self._slowest), FASTEST)
-            now = float(state.read_control()[int(c.DAMPING)])
-            self.state.write_control({c.DAMPING: math.sqrt(now * rate)})
+        self.launch_sum()
+        control = state.read_control()
+        if use and control[int(c.DRIVE)] == 0.0:
+            self.state.write_control({c.DAMPING: self.renewed(control[int(c.DAMPING)], self.partial.numpy())})
+
+    def launch_sum(self) -> None:
+        """Sum up what moved since the last look, after the probe; this state becomes that of the last look."""
+        self._sum[self.state.parity].launch()
+
+    def renewed(self, damping: np.ndarray, partial: np.ndarray) -> np.ndarray:
+        """Damping (...) [1/s] after one of `damping`, by what kernels/relax.py summed (..., block, 2); unchanged where nothing
+        moved. A leading axis counts replicas."""
+        force, moved = np.moveaxis(partial.sum(axis=-2), -1, 0)
+        tells = (moved > 0.0) & (force > 0.0)
+        mode = 2.0 * np.sqrt(np.where(tells, force, 0.0) / np.where(tells, moved, 1.0))
+        return np.where(tells, np.sqrt(damping * np.clip(mode, self._slowest, FASTEST)), damping)

@@ -6,7 +6,7 @@ kernels/__init__.py), never x itself. Two copies of the node displacements alter
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import warp as wp
@@ -62,6 +62,11 @@ class State:
     body_partial: wp.array  # [body block, 6]
     parity: int = 0
 
+    def replica(self, index: int) -> State:
+        """One of the states that were made side by side (`initial_state` with `replicas`): its arrays are rows of theirs."""
+        rows = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "parity"}
+        return State(**{n: [a[index] for a in v] if isinstance(v, list) else v[index] for n, v in rows.items()})
+
     def arrays(self) -> dict[str, np.ndarray]:
         """Host copies of all that a run needs to go on."""
         kept = {name: getattr(self, name).numpy().copy() for name in WIRE_STATE + BODY_STATE + PAIR_STATE + CLAMP_STATE}
@@ -105,20 +110,30 @@ class State:
         """Set entries of the control array."""
         host = self.control.numpy()
         for index, value in values.items():
-            host[int(index)] = value
+            host[..., int(index)] = value
         if not self.control.device.is_cpu:
             self.control.assign(host)
 
 
-def initial_state(model: Model) -> State:
-    """The rest state: knitted shape, no velocity, no load."""
+def initial_state(model: Model, replicas: int | None = None) -> State:
+    """The rest state: knitted shape, no velocity, no load.
+
+    With `replicas`, as many states side by side: every array has the replica as its first axis.
+    """
+    lead = () if replicas is None else (replicas,)
     real, coordinate, device = model.precision.real, model.precision.coordinate, model.device
     nodes, bodies, pairs = model.panel.node_count, model.panel.body_count, model.pair_count
     wires = len(model.panel.wire_first)
     batched = contact_batches(model) * int(b.PAIR_BATCH) if wp.get_device(device).is_cpu else 0
 
     def zeros(count: int, dtype: type) -> wp.array:
-        return wp.zeros(count, dtype=dtype, device=device)
+        return wp.zeros((*lead, count), dtype=dtype, device=device)
+
+    def full(count: int, value: float, dtype: type) -> wp.array:
+        return wp.full((*lead, count), value, dtype=dtype, device=device)
+
+    def rows(count: int) -> wp.array:
+        return wp.zeros((*lead, count, c.PARTIAL_COUNT), dtype=wp.float64, device=device)
 
     state = State(
         node_ux=[zeros(nodes, coordinate), zeros(nodes, coordinate)],
@@ -126,14 +141,14 @@ def initial_state(model: Model) -> State:
         node_vx=zeros(nodes, real),
         node_vy=zeros(nodes, real),
         tension_offset=zeros(nodes, real),
-        wire_axial=wp.full(wires, model.axial_stiffness / model.softening, dtype=real, device=device),
-        wire_mass=wp.full(wires, 1.0, dtype=real, device=device),
+        wire_axial=full(wires, model.axial_stiffness / model.softening, real),
+        wire_mass=full(wires, 1.0, real),
         body_ux=zeros(bodies, coordinate),
         body_uy=zeros(bodies, coordinate),
         body_vx=zeros(bodies, real),
         body_vy=zeros(bodies, real),
         pair_slide=zeros(pairs, wp.int32),
-        pair_u=wp.full(pairs, 0.5, dtype=real, device=device),
+        pair_u=full(pairs, 0.5, real),
         pair_wake=zeros(pairs, real),
         pair_offset=zeros(pairs, real),
         pair_node=zeros(pairs, wp.int32),
@@ -146,12 +161,12 @@ def initial_state(model: Model) -> State:
         clamp_from=zeros(len(model.panel.clamp_position), wp.vec2d),
         clamp_to=zeros(len(model.panel.clamp_position), wp.vec2d),
         wire_warmth=zeros(wires, wp.vec2d),
-        cached_slide=wp.full(batched, b.UNCACHED, dtype=wp.int32, device=device),
+        cached_slide=full(batched, b.UNCACHED, wp.int32),
         cached_node=zeros(b.CACHED_NODES * batched, wp.int32),
         cached_number=zeros(b.CACHED_NUMBERS * batched, real),
         control=zeros(c.CONTROL_COUNT, wp.float64),
-        wire_partial=wp.zeros((len(model.panel.block_first), c.PARTIAL_COUNT), dtype=wp.float64, device=device),
-        body_partial=wp.zeros((body_blocks(model), c.PARTIAL_COUNT), dtype=wp.float64, device=device),
+        wire_partial=rows(len(model.panel.block_first)),
+        body_partial=rows(body_blocks(model)),
     )
     gradient = {c.GRADIENT: 1.0, c.GRADIENT + 1: 0.0, c.GRADIENT + 2: 0.0, c.GRADIENT + 3: 1.0, c.LENGTH_FACTOR: 1.0}
     spacing = float(model.table.spacing.min())
