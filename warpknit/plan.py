@@ -25,6 +25,7 @@ from .model import (
     build_model,
     choose_numbers,
     estimated_nodes,
+    copies_of_cloth,
     knit_scene,
     required_memory,
 )
@@ -183,7 +184,7 @@ def _count(model: Model) -> MeshSize:
 
 def _estimate(scene: Scene, cloth: Cloth) -> MeshSize:
     """The sizes of so many repeats of endless cloth: right for a tile, and but for its edges for a gripped mesh."""
-    columns, rows = scene.knit.repeats
+    columns, rows = copies_of_cloth(scene)
     spacing = cloth.stitch_length / scene.model.nodes_per_loop
     table = rest_table(
         cloth,

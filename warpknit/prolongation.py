@@ -33,6 +33,8 @@ WORTH = 1.5  # ratio from which a smaller mesh pays
 def smaller_scene(scene: Scene) -> Scene | None:
     """The scene of the smaller mesh, or None where the mesh is small enough."""
     repeats = scene.knit.repeats
+    if scene.knit.scatter:
+        return None  # no repeat is like another
     if scene.model.boundary == "periodic":
         smaller = (1, 1)
     elif scene.panel.outline != "rectangle":

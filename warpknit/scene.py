@@ -22,7 +22,7 @@ from pydantic_core import PydanticCustomError
 from warpknit.errors import SceneError
 from warpknit.materials import MATERIALS
 from warpknit.presets import PRESETS, Preset
-from warpknit.scene_file import KnitTable, ModelTable, SceneFile, SolverTable, StageTable, WireTable
+from warpknit.scene_file import KnitTable, ModelTable, SceneFile, SolverTable, StageTable, SweepTable, WireTable
 from warpknit.scene_overrides import Override, with_overrides
 from warpknit.scene_panel import Cord, PanelError, PanelOptions, covering_repeats, panel_options
 from warpknit.scene_report import dotted, first_error, scene_error
@@ -189,12 +189,13 @@ class Output:
     checkpoint_interval: Annotated[float, "s"]  # of wall time
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Sweep:
     """The grid of strains of a contact map."""
 
     strain_weft: tuple[float, ...]
     strain_warp: tuple[float, ...]
+    seeds: int  # meshes of scattered loops, from knit.seed on
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -276,9 +277,7 @@ def make_scene(
         contact=Contact(**file.contact.model_dump()),
         solver=_solver(source, file.solver, numerics, file.model.nodes_per_loop or numerics.nodes_per_loop),
         output=Output(**file.output.model_dump()),
-        sweep=None
-        if file.sweep is None
-        else Sweep(strain_weft=tuple(file.sweep.strain_weft), strain_warp=tuple(file.sweep.strain_warp)),
+        sweep=_sweep(source, file.sweep, knit),
     )
 
 
@@ -386,6 +385,14 @@ def _solver(source: _Source, table: SolverTable, numerics: Preset, nodes_per_loo
         allowed = f"{SINGLE_TOLERANCE:g} or more in single precision, whose round-off hides less; or precision = \"double\""
         raise source.refusal(("solver", "residual_tolerance"), given["residual_tolerance"], allowed)
     return Solver(**given)
+
+
+def _sweep(source: _Source, table: SweepTable | None, knit: Knit) -> Sweep | None:
+    if table is None:
+        return None
+    if table.seeds > 1 and knit.scatter == 0.0:
+        raise source.refusal(("sweep", "seeds"), table.seeds, "1, as without knit.scatter all seeds knit the same mesh")
+    return Sweep(tuple(table.strain_weft), tuple(table.strain_warp), table.seeds)
 
 
 def _stages(source: _Source, file: SceneFile, wire: Wire, knit: Knit) -> Iterator[Stage]:

@@ -35,7 +35,9 @@ from warpknit.scene_values import (
     PresetName,
     Rate,
     Repeats,
+    Scatter,
     Seed,
+    Seeds,
     Shear,
     Shift,
     SignedLength,
@@ -69,7 +71,6 @@ Friction = Annotated[
     float,
     BeforeValidator(Zero("with friction the state depends on the path, which the relaxed states here do not follow")),
 ]
-Scatter = Annotated[float, BeforeValidator(Zero("all repeats share one table of rest lengths and curvatures"))]
 
 
 class Table(BaseModel):
@@ -282,6 +283,7 @@ class SweepTable(Table):
 
     strain_weft: Annotated[list[Strain], Field(min_length=1)]
     strain_warp: Annotated[list[Strain], Field(min_length=1)]
+    seeds: Seeds = 1  # meshes of scattered loops: knit.seed and on
 
 
 class SceneFile(Table):
