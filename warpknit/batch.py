@@ -43,8 +43,8 @@ class Batch:
     def __init__(
         self, model: Model, stages: Sequence[Stage], *, watch: Callable[[Batch], None] | None = None, threads: int | None = None
     ) -> None:
-        """`stages`: the load of each replica, by strain in both directions. `watch` is called at every look, and may raise to stop.
-        `threads` share the work; default: see `Replicas`."""
+        """`stages`: the load of each replica, by strain in both directions. `watch` is called at every look, and may raise to
+        stop. `threads` share the work; default: see `Replicas`."""
         self.model = model
         self.stages = tuple(stages)
         self.replicas = Replicas(model, len(self.stages), threads=threads)

@@ -24,8 +24,8 @@ from .model import (
     available_memory,
     build_model,
     choose_numbers,
-    estimated_nodes,
     copies_of_cloth,
+    estimated_nodes,
     knit_scene,
     required_memory,
 )

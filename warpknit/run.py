@@ -6,14 +6,11 @@ figures/*.png and checkpoint/. Every file is written aside and renamed.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import logging
 import math
 import shutil
-import signal
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,9 +21,11 @@ from .device import find_device
 from .errors import Diverged, OutOfResources, RunDirectoryError
 from .files import write_aside, write_table
 from .history import Row, account_work, read_history, row_of, write_history
+from .interrupts import Interrupted, Interrupts
 from .model import Model, available_memory, build_model
 from .panel_report import report_panel
 from .progress import Progress as Display
+from .run_directory import check_directory, clear, make_directory, read_summary
 from .scene import Scene, resolved_toml
 from .simulate import Progress, Record, Simulation
 from .state import initial_state
@@ -39,8 +38,6 @@ _log = logging.getLogger(__name__)
 
 RECORD_MEMORY = 400  # bytes a node that writing a record takes: the frame, its tables and the USD layer
 COMPILING_S = 1.0  # kernels that took longer to be ready were compiled, not loaded
-OURS = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda", "wires.topology.usdc",
-        "wires.manifest.usda", "stages.json", "states", "frames", "figures", "checkpoint", "vtk", "tables", "panel")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -50,10 +47,6 @@ class Run:
     exit_code: int
     summary: dict[str, Any]
     message: str = ""
-
-
-class _Interrupted(Exception):
-    """Ctrl-C or a request to terminate, taken at the next look at the state."""
 
 
 def run_scene(
@@ -71,12 +64,12 @@ def run_scene(
     exit_code 3, an interrupt with 130; what was finished by then is kept.
     """
     progress = progress or Display()
-    finished = _finished_summary(out)
+    finished = read_summary(out, "summary.json")
     if finished is not None and resume:
         if finished.get("scene", {}).get("hash") != scene.hash:
             raise RunDirectoryError(f"{out}: holds the finished run of another scene; --force replaces it, --out names another")
         return Run(0, finished)
-    _check_directory(out, finished is not None, resume, force)
+    check_directory(out, unfinished="run" if has_checkpoint(out) else None, resume=resume, force=force)
     name = find_device(device)
     if device is None:
         _log.info("running on %s", name)
@@ -86,45 +79,9 @@ def run_scene(
     model = build_model(scene, name)
     simulation, compile_time = _ready(model, checkpoint)
     if checkpoint is None:
-        _clear(out)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RunDirectoryError(f"--out {out}: given {(error.strerror or 'unusable').lower()}, allowed: a directory") from error
+        clear(out)
+    make_directory(out)
     return _Recorder(model, simulation, out, progress, compile_time, checkpoint).run()
-
-
-def _finished_summary(out: Path) -> dict[str, Any] | None:
-    """The summary of a run that ended steady or finished in `out`, or None."""
-    try:
-        summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return summary if isinstance(summary, dict) and summary.get("stop_reason") in ("steady", "finished") else None
-
-
-def _check_directory(out: Path, finished: bool, resume: bool, force: bool) -> None:
-    if out.exists() and not out.is_dir():
-        raise RunDirectoryError(f"--out {out}: given a file, allowed: a directory")
-    if force:
-        return
-    if finished:
-        raise RunDirectoryError(f"{out}: holds a finished run; --force replaces it, --out names another directory")
-    if has_checkpoint(out) and not resume:
-        raise RunDirectoryError(f"{out}: holds an interrupted run; --resume goes on with it, --force starts over")
-    foreign = [p.name for p in out.iterdir() if p.name not in OURS and not p.name.startswith(".")] if out.is_dir() else []
-    if foreign and not (out / "scene.toml").exists():
-        raise RunDirectoryError(f"{out}: holds files of something else ({foreign[0]}); --out names another directory")
-
-
-def _clear(out: Path) -> None:
-    """Remove what an earlier run left, and nothing else."""
-    for name in OURS:
-        path = out / name
-        if path.is_dir():
-            shutil.rmtree(path)
-        else:
-            path.unlink(missing_ok=True)
 
 
 def _ready(model: Model, checkpoint: Checkpoint | None) -> tuple[Simulation, float]:
@@ -164,7 +121,7 @@ class _Recorder:
         self.rows: list[Row] = []
         self.stages: list[dict[str, Any]] = []
         self._begin = self._saved = self._shown = time.perf_counter()
-        self._interrupt = False
+        self._interrupts = Interrupts()
         self._stage_shown = -1
         simulation.watch = self._watch
         if checkpoint is not None:
@@ -181,13 +138,13 @@ class _Recorder:
 
     def run(self) -> Run:
         reason, message, code = "steady", "", 0
-        with self._catching_signals():
+        with self._interrupts.caught():
             try:
                 for record in self.simulation.run():
                     self._keep(record)
                 if not self.rows[-1].steady:
                     reason = "finished"
-            except _Interrupted:
+            except Interrupted:
                 reason, code = "interrupted", 130
                 message = f"interrupted; --resume goes on from {self.out}"
                 self._checkpoint()
@@ -286,8 +243,7 @@ class _Recorder:
 
     def _watch(self, progress: Progress) -> None:
         now = time.perf_counter()
-        if self._interrupt:
-            raise _Interrupted
+        self._interrupts.check()
         if now - self._saved > self.scene.output.checkpoint_interval:
             self._checkpoint()
         if now - self._shown > 0.1:
@@ -312,25 +268,6 @@ class _Recorder:
     def _checkpoint(self) -> None:
         write_checkpoint(self.out, self.simulation, self.scene.hash, self.wall)
         self._saved = time.perf_counter()
-
-    @contextlib.contextmanager
-    def _catching_signals(self) -> Iterator[None]:
-        """The first interrupt is taken at the next look at the state, a second one at once."""
-
-        def take(number: int, _frame: object) -> None:
-            if self._interrupt:
-                raise KeyboardInterrupt
-            self._interrupt = True
-
-        before = {}
-        for number in (signal.SIGINT, signal.SIGTERM):
-            with contextlib.suppress(ValueError):  # not in the main thread: signals stay with whoever has them
-                before[number] = signal.signal(number, take)
-        try:
-            yield
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
 
     # --- exports ---
 
