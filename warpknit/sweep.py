@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import logging
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -76,14 +76,16 @@ def run_map(
     resolved = resolved_toml(scene)
     if resume and begun and (out / "scene.toml").read_text(encoding="utf-8") != resolved:
         raise RunDirectoryError(f"{out}: holds the map of another scene; --force replaces it, --out names another directory")
-    model = build_model(scene)  # what cannot be built is refused before anything is removed
-    _refuse_too_many(model, sweep)
+    # what cannot be built is refused before anything is removed
+    seeds = [replace(scene, knit=replace(scene.knit, seed=scene.knit.seed + number)) for number in range(sweep.seeds)]
+    models = [build_model(one) for one in seeds]
+    _refuse_too_many(models[0], sweep)
     if not (resume and begun):
         clear(out)
     make_directory(out)
     with write_aside(out / "scene.toml") as file:
         file.write(resolved)
-    return _Mapper(model, sweep, out, progress or Display()).run()
+    return _Mapper(models, sweep, out, progress or Display()).run()
 
 
 def _checked(scene: Scene, device: str | None) -> Sweep:
@@ -110,9 +112,10 @@ def _refuse_too_many(model: Model, sweep: Sweep) -> None:
 class _Mapper:
     """Runs the batches of a map, one a seed, and writes what they find."""
 
-    def __init__(self, model: Model, sweep: Sweep, out: Path, display: Display) -> None:
-        """`model`: of the first seed."""
-        self.model, self.scene, self.sweep, self.out, self.display = model, model.scene, sweep, out, display
+    def __init__(self, models: Sequence[Model], sweep: Sweep, out: Path, display: Display) -> None:
+        """`models`: of each seed."""
+        self.models, self.scene, self.sweep, self.out, self.display = models, models[0].scene, sweep, out, display
+        self.nodes = models[0].panel.node_count
         self.strains = [(x, y) for y in sorted(set(sweep.strain_warp)) for x in sorted(set(sweep.strain_weft))]
         self.maps = [self._read(seed) for seed in range(sweep.seeds)]
         self.steps = 0
@@ -149,12 +152,10 @@ class _Mapper:
         """Bring what is left of one mesh's cells to rest; rows are added to `done`."""
         there = {row.strains for row in done}
         missing = [strains for strains in self.strains if strains not in there]
-        scene = replace(self.scene, knit=replace(self.scene.knit, seed=self.scene.knit.seed + seed))
         if not missing:
             return
         self.display.stage(f"{len(missing)} pairs of strains", number=seed + 1, of=len(self.maps))
-        model = self.model if seed == 0 else build_model(scene)
-        load = scene.stages[0]
+        load = self.scene.stages[0]
         stages = [
             replace(load, name=f"weft {x:g}, warp {y:g}", strain_weft=x, strain_warp=y, tension_weft=None, tension_warp=None)
             for x, y in missing
@@ -164,12 +165,12 @@ class _Mapper:
         def watch(batch: Batch) -> None:
             self._interrupts.check()
             self.steps = steps_before + batch.steps
-            rate = self.steps * model.panel.node_count / (time.perf_counter() - self._begin)
+            rate = self.steps * self.nodes / (time.perf_counter() - self._begin)
             self.display.update(done=batch.done, load_factor=batch.done, node_steps_per_s=rate)
             if time.perf_counter() - self._saved > SAVE_INTERVAL:
                 self._save()
 
-        for outcome in Batch(model, stages, watch=watch).run():
+        for outcome in Batch(self.models[seed], stages, watch=watch).run():
             done.append(_row(outcome, missing[outcome.index]))
 
     # --- files ---
@@ -216,14 +217,13 @@ class _Mapper:
             "path": f"each pair of strains by itself, proportionally from the mesh as knitted, {self.scene.output.frames} levels",
             "cells": {"wanted": len(self.strains), "done": len(rows), "steady": len(rows) - len(failed)},
             "seeds": self.sweep.seeds,
-            "model": {"boundary": self.scene.model.boundary, "nodes": self.model.panel.node_count,
-                      "bodies": self.model.panel.body_count},
+            "model": {"boundary": self.scene.model.boundary, "nodes": self.nodes, "bodies": self.models[0].panel.body_count},
             "solver": {
                 "preset": self.scene.solver.preset,
                 "wall_s": wall,
                 "cell_steps": self.steps,
                 "cell_steps_per_s": self.steps / wall,
-                "node_steps_per_s": self.steps * self.model.panel.node_count / wall,
+                "node_steps_per_s": self.steps * self.nodes / wall,
             },
             "wire": {"yield_stress_Pa": wire.yield_stress},
             "optimum": None if optimum is None else asdict(optimum),

@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from warpknit.export.plots import figure_of, save_figure
@@ -22,6 +23,7 @@ from warpknit.export.plots import figure_of, save_figure
 __all__ = ["Marks", "map_figure"]
 
 PERCENT_LEVELS = (10.0, 25.0, 50.0, 75.0, 90.0)
+LEAST_LEVEL = 0.02  # of the largest value: lines of less are left out
 LIMIT_COLOUR, OPTIMUM_COLOUR = "#D55E00", "white"
 
 
@@ -76,8 +78,10 @@ def map_figure(
 
 def _draw_levels(axes: Axes, x: NDArray[Any], y: NDArray[Any], known: np.ma.MaskedArray[Any, Any], percent: bool) -> None:
     """Labelled lines of equal value."""
-    levels: Any = PERCENT_LEVELS if percent else 6
-    if float(known.max()) <= float(known.min()):
+    low, high = float(known.min()), float(known.max())
+    # what is small beside the largest wanders about zero, and a line at zero with it
+    levels = PERCENT_LEVELS if percent else [v for v in MaxNLocator(7).tick_values(low, high) if abs(v) > LEAST_LEVEL * high]
+    if not any(low < level < high for level in levels):
         return
     lines = axes.contour(x, y, known, levels=levels, colors="white", linewidths=0.9)
     axes.clabel(lines, fmt=lambda value: f"{value:g} %" if percent else f"{value:g}", fontsize="small")
