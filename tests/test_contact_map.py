@@ -11,9 +11,8 @@ from warpknit.contact_map import Cell, Detail, MapRow, find_optimum, grid, mean_
 def row(weft, warp, active=50.0, stress=1e8, tension=(0.1, 0.2), reason="steady", above=0.0) -> MapRow:
     if reason != "steady":
         return MapRow(Cell(weft, warp, *[None] * 5, reason), Detail(weft, warp, *[None] * 6, 0, 7, "too fast"))
-    return MapRow(
-        Cell(weft, warp, active, *tension, stress, above, reason), Detail(weft, warp, None, active, None, 1e-6, stress, 1e-3, 1, 5, "")
-    )
+    detail = Detail(weft, warp, None, active, None, 1e-6, stress, 1e-3, 1, 5, "")
+    return MapRow(Cell(weft, warp, active, *tension, stress, above, reason), detail)
 
 
 def test_rows_come_back_to_the_bit_and_blanks_as_none(tmp_path):

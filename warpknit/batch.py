@@ -60,7 +60,7 @@ class Batch:
         self._waited = np.zeros(count, dtype=int)  # looks since that came down by a tenth
         self._still = np.zeros(count, dtype=int)  # looks in a row nearly at rest
         self._stress = np.zeros((DRIFT_LOOKS + 1, count, 2, 2))  # [N/m] at the last of them
-        self._partial = [member.look.partial_sums() for member in self.members]
+        self._partial = [member.look.partial_sums()[:2] for member in self.members]
         self._moved = [member.slowest_mode.partial.numpy() for member in self.members]
         self._stiffer = [member.multipliers.axial.numpy() for member in self.members]
         self._graphs: dict[str, list[wp.Graph]] = {}
@@ -187,8 +187,11 @@ class Batch:
         return left
 
     def _sums(self, rows: np.ndarray) -> Sums:
-        parts = zip(*(self._partial[row] for row in rows), strict=True)
-        return sum_up(self.model, *(np.stack(part) for part in parts))
+        wires, pairs = (np.stack(part) for part in zip(*(self._partial[row] for row in rows), strict=True))
+        held = np.zeros((len(rows), 2, 2))
+        if len(self.model.panel.held_node):
+            held[:] = [self.members[row].look.held_stress() for row in rows]
+        return sum_up(self.model, wires, pairs, held)
 
     def _move_multipliers(self, rows: np.ndarray, sums: Sums, nearly_steady: np.ndarray) -> np.ndarray:
         """`Multipliers.update` of many."""

@@ -124,14 +124,14 @@ class Look:
         return sum_up(self.model, *self.partial_sums())
 
     def partial_sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What the launches of the last look left, for `sum_up`: rows of wires and of pairs, and what clamps add to the stress."""
-        return self._wires.numpy(), self._pairs.numpy(), self._held_stress()
+        """What the launches of the last look left, for `sum_up`: rows of wires and of pairs, and what held nodes add."""
+        return self._wires.numpy(), self._pairs.numpy(), self.held_stress()
 
     def launches(self) -> list[list[Callable[[], object]]]:
         """What a look launches, in turn; parts of one list may go side by side."""
         return [self._evaluate[self.state.parity], self._sum_wires, [self._sum_pairs.launch]]
 
-    def _held_stress(self) -> np.ndarray:
+    def held_stress(self) -> np.ndarray:
         """(2, 2) [N m] what the forces on held nodes add: a clamp moves with its own place, not with the node's."""
         panel = self.model.panel
         if not len(panel.held_node):

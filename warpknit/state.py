@@ -64,8 +64,13 @@ class State:
 
     def replica(self, index: int) -> State:
         """One of the states that were made side by side (`initial_state` with `replicas`): its arrays are rows of theirs."""
-        rows = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "parity"}
-        return State(**{n: [a[index] for a in v] if isinstance(v, list) else v[index] for n, v in rows.items()})
+
+        def row(array: wp.array) -> wp.array:
+            # Warp takes no row of an array that holds nothing
+            return array[index] if array.size else wp.empty(array.shape[1:], dtype=array.dtype, device=array.device)
+
+        arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "parity"}
+        return State(**{n: [row(a) for a in v] if isinstance(v, list) else row(v) for n, v in arrays.items()})
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Host copies of all that a run needs to go on."""

@@ -23,7 +23,8 @@ def load(state: State, strain: float, steps: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("boundary", "repeats", "precision"), [("periodic", [1, 1], "single"), ("gripped", [2, 2], "single"), ("periodic", [1, 1], "double")]
+    ("boundary", "repeats", "precision"),
+    [("periodic", [1, 1], "single"), ("gripped", [2, 2], "single"), ("periodic", [1, 1], "double")],
 )
 def test_replicas_step_to_the_bits_of_a_single_mesh(boundary, repeats, precision):
     """Same numbers, same order of sums: states of three loads are equal to the bit, whichever thread took them."""

@@ -55,7 +55,8 @@ def test_each_loop_of_a_patch_has_its_own_proportions():
 def test_a_scattered_mesh_is_knitted_as_one_repeat():
     """All loops of a 2 x 2 tile have rest data of their own, those of an even one share them."""
     even, uneven = (
-        build_model(make_scene({"knit": {"repeats": [2, 2], "scatter": s}, "model": {"boundary": "periodic"}})) for s in (0.0, 0.08)
+        build_model(make_scene({"knit": {"repeats": [2, 2], "scatter": scatter}, "model": {"boundary": "periodic"}}))
+        for scatter in (0.0, 0.08)
     )
     assert uneven.panel.node_count == even.panel.node_count
     assert uneven.panel.body_count == even.panel.body_count == 48
