@@ -55,8 +55,9 @@ def map_figure(
     figure = figure_of(7.0, 5.9)
     axes = figure.subplots()
     known = np.ma.masked_invalid(values)
-    scale = {"vmin": 0.0, "vmax": 100.0} if percent else {}
-    tiles = axes.pcolormesh(_edges(x), _edges(y), known, cmap="viridis", **scale)
+    low, high = (0.0, 0.0) if known.mask.all() else (min(0.0, float(known.min())), float(known.max()))
+    top = 100.0 if percent else high if high > low else low + 1.0
+    tiles = axes.pcolormesh(_edges(x), _edges(y), known, cmap="viridis", vmin=low, vmax=top)
     bar = figure.colorbar(tiles, ax=axes, pad=0.02)
     bar.set_label(label)
     if known.mask.all():
