@@ -80,7 +80,7 @@ def test_interrupt_and_resume_give_the_same_bits(tmp_path: Path, drive: str, mon
         nonlocal looks
         looks += 1
         if looks in (7, 31):
-            self._interrupt = True
+            self._interrupts.ask()
         original(self, progress)
 
     monkeypatch.setattr(run_module._Recorder, "_watch", interrupt_once)

@@ -18,7 +18,7 @@ import warp as wp
 from .drive import CHECK_STEPS, Progress, Record
 from .errors import Diverged
 from .kernels import control as c
-from .look import Sums, sum_up
+from .look import Sums, first_blocks, sum_up
 from .model import Model
 from .multiplier_rules import MultiplierRules
 from .relax import DRIFT_LOOKS, NEARLY_STEADY, PATIENCE, SOFTENING_LOOKS, WORSE, Relaxation
@@ -55,6 +55,7 @@ class Batch:
         self._axial = self.replicas.state.wire_axial.numpy()
         self._mass = self.replicas.state.wire_mass.numpy()
         self._rules = MultiplierRules(model, count)
+        self._first_block = first_blocks(model.panel)
         self._looks = np.zeros(count, dtype=int)  # of the level
         self._best = np.full(count, np.inf)  # what was left to do at best, in the level
         self._waited = np.zeros(count, dtype=int)  # looks since that came down by a tenth
@@ -191,7 +192,7 @@ class Batch:
         held = np.zeros((len(rows), 2, 2))
         if len(self.model.panel.held_node):
             held[:] = [self.members[row].look.held_stress() for row in rows]
-        return sum_up(self.model, wires, pairs, held)
+        return sum_up(self.model, self._first_block, wires, pairs, held)
 
     def _move_multipliers(self, rows: np.ndarray, sums: Sums, nearly_steady: np.ndarray) -> np.ndarray:
         """`Multipliers.update` of many."""

@@ -15,6 +15,7 @@ from .step import ForceProbe, Stepper
 
 SLOWEST_WAVE = 3.0  # loops of wire: bending waves longer than this are left overdamped; they carry next to nothing
 FASTEST = 0.2
+TINY = 1e-300  # keeps a quotient finite that nothing uses
 
 
 class SlowestMode:
@@ -74,7 +75,8 @@ class SlowestMode:
     def renewed(self, damping: np.ndarray, partial: np.ndarray) -> np.ndarray:
         """Damping (...) [1/s] after one of `damping`, by what kernels/relax.py summed (..., block, 2); unchanged where nothing
         moved. A leading axis counts replicas."""
-        force, moved = np.moveaxis(partial.sum(axis=-2), -1, 0)
+        total = partial.sum(axis=-2)
+        force, moved = total[..., 0], total[..., 1]
         tells = (moved > 0.0) & (force > 0.0)
-        mode = 2.0 * np.sqrt(np.where(tells, force, 0.0) / np.where(tells, moved, 1.0))
-        return np.where(tells, np.sqrt(damping * np.clip(mode, self._slowest, FASTEST)), damping)
+        mode = 2.0 * np.sqrt(force * tells / np.maximum(moved, TINY))
+        return np.where(tells, np.sqrt(damping * np.minimum(np.maximum(mode, self._slowest), FASTEST)), damping)

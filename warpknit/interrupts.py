@@ -17,6 +17,12 @@ class Interrupts:
     def __init__(self) -> None:
         self._asked = False
 
+    def ask(self) -> None:
+        """Ask for a stop at the next `check`; asked twice, it stops at once."""
+        if self._asked:
+            raise KeyboardInterrupt
+        self._asked = True
+
     def check(self) -> None:
         """Raise `Interrupted` where a stop was asked for."""
         if self._asked:
@@ -27,9 +33,7 @@ class Interrupts:
         """While inside, requests are kept for `check`."""
 
         def take(number: int, _frame: object) -> None:
-            if self._asked:
-                raise KeyboardInterrupt
-            self._asked = True
+            self.ask()
 
         before = {}
         for number in (signal.SIGINT, signal.SIGTERM):

@@ -42,13 +42,15 @@ def first_blocks(panel: Panel) -> np.ndarray:
     return np.searchsorted(panel.block_wire, np.arange(len(panel.wire_first)))
 
 
-def sum_up(model: Model, wires: np.ndarray, pairs: np.ndarray, held_stress: np.ndarray) -> Sums:
+def sum_up(
+    model: Model, first: np.ndarray, wires: np.ndarray, pairs: np.ndarray, held_stress: np.ndarray
+) -> Sums:
     """The sums of what kernels/look.py left: rows (..., block, WIRE_COLUMNS) and (..., pair block, PAIR_COLUMNS).
 
+    `first` [wire]: see `first_blocks`.
     `held_stress` (..., 2, 2) [N m] is what forces on held nodes add. A leading axis counts replicas.
     """
     panel = model.panel
-    first = first_blocks(panel)
     largest = np.maximum.reduceat(wires, first, axis=-2)
     error_sum = np.add.reduceat(wires[..., int(k.ERROR_SUM)], first, axis=-1)
     total, contact = wires.sum(axis=-2), pairs.sum(axis=-2)
@@ -121,7 +123,7 @@ class Look:
         """Look at the state as it is."""
         for parts in self.launches():
             self._stepper.together(parts)
-        return sum_up(self.model, *self.partial_sums())
+        return sum_up(self.model, self._first_block, *self.partial_sums())
 
     def partial_sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What the launches of the last look left, for `sum_up`: rows of wires and of pairs, and what held nodes add."""

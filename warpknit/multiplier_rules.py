@@ -37,6 +37,8 @@ class MultiplierRules:
         self.model = model
         lead = () if replicas is None else (replicas,)
         wires = (*lead, len(model.panel.wire_first))
+        softened, h = model.axial_stiffness / model.softening, float(model.table.spacing.min())
+        self._mass_at_start = unit_step_mass(softened, model.bending_stiffness, model.contact_stiffness, h)
         self.rate = np.full(lead, RATE)
         self._best = np.full(lead, np.inf)
         self._waited = np.zeros(lead, dtype=int)  # updates without progress
@@ -52,9 +54,9 @@ class MultiplierRules:
         numbers = [self._sunk, self._sinking, self.rate, self._best, self._waited]
         return {
             "sunk": np.array(numbers, dtype=float),
-            "stretched": self._stretched,
-            "unsettled": self._unsettled,
-            "imposed": self._imposed,
+            "stretched": self._stretched.copy(),
+            "unsettled": self._unsettled.copy(),
+            "imposed": self._imposed.copy(),
         }
 
     def recall(self, kept: dict[str, np.ndarray]) -> None:
@@ -115,7 +117,6 @@ class MultiplierRules:
         model = self.model
         h, stiffness = float(model.table.spacing.min()), model.bending_stiffness
         bent = np.where(sums.turning_max > TURN_ALLOWANCE, 0.5 * np.pi, 0.0)
-        at_start = unit_step_mass(model.axial_stiffness / model.softening, stiffness, model.contact_stiffness, h)
-        needed = unit_step_mass(axial, stiffness, np.asarray(penalty)[..., None], h, bent, sums.tension_max) / at_start
+        needed = unit_step_mass(axial, stiffness, np.asarray(penalty)[..., None], h, bent, sums.tension_max) / self._mass_at_start
         # the rest table's masses have a margin for a load like that of the start
         return np.where(needed > mass * MASS_HEADROOM, needed * MASS_HEADROOM, mass)
