@@ -66,7 +66,8 @@ class SlowestMode:
         self.launch_sum()
         control = state.read_control()
         if use and control[int(c.DRIVE)] == 0.0:
-            self.state.write_control({c.DAMPING: self.renewed(control[int(c.DAMPING)], self.partial.numpy())})
+            renewed = self.renewed(control[int(c.DAMPING)], self.partial.numpy())
+            self.state.write_control({c.DAMPING: float(renewed)})
 
     def launch_sum(self) -> None:
         """Sum up what moved since the last look, after the probe; this state becomes that of the last look."""

@@ -7,6 +7,7 @@ kernels/__init__.py), never x itself. Two copies of the node displacements alter
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -70,7 +71,8 @@ class State:
             return array[index] if array.size else wp.empty(array.shape[1:], dtype=array.dtype, device=array.device)
 
         arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "parity"}
-        return State(**{n: [row(a) for a in v] if isinstance(v, list) else row(v) for n, v in arrays.items()})
+        rows: dict[str, Any] = {n: [row(a) for a in v] if isinstance(v, list) else row(v) for n, v in arrays.items()}
+        return State(**rows)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Host copies of all that a run needs to go on."""

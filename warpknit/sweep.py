@@ -266,7 +266,7 @@ def _row(outcome: Outcome, strains: tuple[float, float]) -> MapRow:
     """What is kept of a replica."""
     if outcome.record is None:
         nothing = Cell(*strains, None, None, None, None, None, "diverged")
-        return MapRow(nothing, Detail(*strains, *[None] * 6, 0, outcome.steps, str(outcome.error)))
+        return MapRow(nothing, Detail(*strains, None, None, None, None, None, None, 0, outcome.steps, str(outcome.error)))
     r = outcome.record.reading
     contacts, rhombus = measure.contacts(r), measure.contacts(r, r.model.panel.rhombus_bodies)
     largest, _, above = measure.stress_extremes(r)
