@@ -95,6 +95,36 @@ def set_factors(control: wp.array(dtype=wp.float64)):
     control[FORCE_FACTOR] = control[TIME_STEP] / (wp.float64(1.0) + half)
 
 
+partial_sums = wp.types.vector(length=PARTIAL_COUNT, dtype=wp.float64)
+
+
+@wp.func
+def add_rows(sums: partial_sums, partial: wp.array2d(dtype=wp.float64)):
+    """Add the rows in their order; of the two largest squares take the larger."""
+    for b in range(partial.shape[0]):
+        sums[0] += partial[b, 0]
+        sums[1] += partial[b, 1]
+        sums[2] += partial[b, 2]
+        sums[3] = wp.max(sums[3], partial[b, 3])
+        sums[4] = wp.max(sums[4], partial[b, 4])
+        sums[5] += partial[b, 5]
+    return sums
+
+
+@wp.kernel
+def sum_partials(
+    # in
+    wire_partial: wp.array2d(dtype=wp.float64),
+    body_partial: wp.array2d(dtype=wp.float64),
+    # out: one row
+    row: wp.array2d(dtype=wp.float64),
+):
+    """The partial sums of a strip as one row."""
+    sums = add_rows(add_rows(partial_sums(), wire_partial), body_partial)
+    for k in range(PARTIAL_COUNT):
+        row[0, k] = sums[k]
+
+
 @wp.func
 def renew_control(
     wire_partial: wp.array2d(dtype=wp.float64),
@@ -102,34 +132,15 @@ def renew_control(
     control: wp.array(dtype=wp.float64),
 ):
     """Sum the partial sums in their order, watch the limits, set the factors of the next step and move the load."""
-    power = wp.float64(0.0)
-    force_by_mass = wp.float64(0.0)
-    kinetic = wp.float64(0.0)
-    speed_square = wp.float64(0.0)
-    force_max = wp.float64(0.0)
-    force_square = wp.float64(0.0)
-    finite = bool(True)
-    for b in range(wire_partial.shape[0]):
-        power += wire_partial[b, 0]
-        force_by_mass += wire_partial[b, 1]
-        kinetic += wire_partial[b, 2]
-        speed_square = wp.max(speed_square, wire_partial[b, 3])
-        force_max = wp.max(force_max, wire_partial[b, 4])
-        force_square += wire_partial[b, 5]
-    for b in range(body_partial.shape[0]):
-        power += body_partial[b, 0]
-        force_by_mass += body_partial[b, 1]
-        kinetic += body_partial[b, 2]
-        speed_square = wp.max(speed_square, body_partial[b, 3])
-        force_max = wp.max(force_max, body_partial[b, 4])
-        force_square += body_partial[b, 5]
-    finite = wp.isfinite(kinetic) and wp.isfinite(force_square)
-    control[POWER] = power
-    control[FORCE_SQUARE_BY_MASS] = force_by_mass
+    sums = add_rows(add_rows(partial_sums(), wire_partial), body_partial)
+    kinetic = sums[2]
+    finite = wp.isfinite(kinetic) and wp.isfinite(sums[5])
+    control[POWER] = sums[0]
+    control[FORCE_SQUARE_BY_MASS] = sums[1]
     control[KINETIC_TWICE] = kinetic
-    control[SPEED_MAX] = wp.sqrt(speed_square)
-    control[FORCE_MAX] = wp.sqrt(force_max)
-    control[FORCE_SQUARE] = force_square
+    control[SPEED_MAX] = wp.sqrt(sums[3])
+    control[FORCE_MAX] = wp.sqrt(sums[4])
+    control[FORCE_SQUARE] = sums[5]
     control[STEP] = control[STEP] + wp.float64(1.0)
     control[DISSIPATED] = control[DISSIPATED] + control[DAMPING] * control[TIME_STEP] * kinetic
     move = control[SPEED_MAX] * control[TIME_STEP]

@@ -12,6 +12,7 @@ from typing import Any
 
 import warp as wp
 
+from .bend import elastic_turning
 from .clamp import hinge_at_clamp, length_at_clamp
 from .control import BOW_MOMENT, LENGTH_FACTOR
 from .wires import node_at
@@ -70,6 +71,10 @@ def sum_wires(
     strain: wp.array(dtype=Any),
     tension: wp.array(dtype=Any),
     turning: wp.array(dtype=Any),
+    yield_moment: Any,
+    kept_stiffness: Any,
+    plastic_turn: wp.array(dtype=Any),
+    back_turn: wp.array(dtype=Any),
     # in: edges [m]; out: forces of the segments [N]
     force_x: wp.array(dtype=Any),
     force_y: wp.array(dtype=Any),
@@ -107,7 +112,11 @@ def sum_wires(
         local = i - first
         pull = pull_of(tension[i], rest_length[t + k], local, count, gripped, wire, wire_clamp)
         natural_angle, share = hinge_at_clamp(rest_angle[t + k], local, count, gripped, wire, wire_clamp)
-        next_moment = share * hinge_stiffness[t + k] / length_factor * turning[i]
+        stiffness = share * hinge_stiffness[t + k] / length_factor
+        elastic = turning[i]
+        if yield_moment > zero:
+            elastic = elastic_turning(elastic, plastic_turn[i], back_turn[i], yield_moment / stiffness, kept_stiffness)
+        next_moment = stiffness * elastic
         if closed != 0 or (local > 0 and local < count - 1):
             next_moment += bow_moment * (turning[i] + natural_angle) * (pull_before + pull)
         if beyond_end:
@@ -161,6 +170,7 @@ def sum_pairs(
     # pairs
     pair_block: int,
     unit: Any,
+    pair_wire: wp.array(dtype=wp.int32),
     pair_table: wp.array(dtype=wp.int32),
     pair_rest_x: wp.array(dtype=Any),
     pair_rest_y: wp.array(dtype=Any),
@@ -185,7 +195,7 @@ def sum_pairs(
     yx = wp.float64(0.0)
     yy = wp.float64(0.0)
     for p in range(block * pair_block, wp.min((block + 1) * pair_block, pair_force.shape[0])):
-        if pair_force[p] > zero:
+        if pair_force[p] > zero and pair_wire[p] >= 0:
             closed += wp.float64(1.0)
             force += wp.float64(pair_force[p])
             gap_max = wp.max(gap_max, wp.abs(pair_gap[p]))

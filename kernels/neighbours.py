@@ -105,6 +105,8 @@ def find_nearest_segments(
 ):
     """`pair_wake` [m] is the travel at which the pair wakes up: 0 in touch, beyond any travel where no wire is near."""
     pair = wp.tid()
+    if pair_wire[pair] < 0:
+        return  # its wire is in another strip: it sleeps for ever
     if pair_force[pair] != type(unit)(0.0) or pair_gap[pair] < type(unit)(0.0):
         pair_wake[pair] = type(unit)(0.0)  # in touch, or pushed through: never asleep
         return

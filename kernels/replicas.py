@@ -1,9 +1,9 @@
 """Many explicit steps of many small meshes on the CPU, a mesh a thread.
 
 Replicas are states of one mesh that know nothing of each other: every array of the state has the replica as its first axis, and
-each has its own row of numbers that steer its steps (control.py). A thread takes all steps of its replica one after the
-other, so that a small mesh stays in the first cache; it stops where the replica is frozen. Each step is that of
-contact_by_batch.py, wires_by_block.py, bodies.py, grip.py and control.py, in this order.
+each has its own row of numbers that steer its steps (control.py). Wires are elastic and contacts free of friction. A thread
+takes all steps of its replica one after the other, so that a small mesh stays in the first cache; it stops where the replica
+is frozen. Each step is that of contact_by_batch.py, wires_by_block.py, bodies.py, grip.py and control.py, in this order.
 """
 
 from typing import Any
@@ -87,6 +87,8 @@ def step_replicas(
     pair_wake: wp.array2d(dtype=Any),
     pair_offset: wp.array2d(dtype=Any),
     tension_offset: wp.array2d(dtype=Any),
+    plastic_turn: wp.array2d(dtype=Any),
+    back_turn: wp.array2d(dtype=Any),
     wire_axial: wp.array2d(dtype=Any),
     wire_mass: wp.array2d(dtype=Any),
     # state in and out: which of the two buffers of displacements is current [replica], both buffers [2, replica, node] ...
@@ -220,6 +222,10 @@ def step_replicas(
                 inverse_mass,
                 node_mass,
                 tension_offset[r],
+                type(unit)(0.0),
+                type(unit)(0.0),
+                plastic_turn[r],
+                back_turn[r],
                 block_pair,
                 pair_node[r],
                 pair_force[r],

@@ -14,7 +14,7 @@ from typing import Any
 
 import warp as wp
 
-from .bend import turning_angle
+from .bend import elastic_turning, turning_angle
 from .clamp import edge_at_clamp, hinge_at_clamp, length_at_clamp
 from .control import (
     BOW_MOMENT,
@@ -103,6 +103,10 @@ def step_wires_by_node(
     inverse_mass: wp.array(dtype=Any),
     node_mass: wp.array(dtype=Any),
     tension_offset: wp.array(dtype=Any),
+    yield_moment: Any,
+    kept_stiffness: Any,
+    plastic_turn: wp.array(dtype=Any),
+    back_turn: wp.array(dtype=Any),
     # contact and grips
     block_pair: wp.array(dtype=wp.int32),
     pair_node: wp.array(dtype=wp.int32),
@@ -178,7 +182,12 @@ def step_wires_by_node(
             t = table - 1 + k
             angle = turning_angle(ex[k], ey[k], ex[k + 1], ey[k + 1])
             natural_angle, share = hinge_at_clamp(rest_angle[t], local, count, gripped, wire, wire_clamp)
-            moment[k] = share * hinge_stiffness[t] / length_factor * (angle - natural_angle)
+            turning = angle - natural_angle
+            stiffness = share * hinge_stiffness[t] / length_factor
+            if yield_moment > zero:
+                j = node_at(i - 1 + k, first, count, closed)
+                turning = elastic_turning(turning, plastic_turn[j], back_turn[j], yield_moment / stiffness, kept_stiffness)
+            moment[k] = stiffness * turning
             moment[k] = moment[k] + bow_moment * angle * (pull[k] + pull[k + 1])
     fx = zero
     fy = zero

@@ -165,6 +165,28 @@ _BLOCK_STEP = r"""
             }
         }
     }
+    if (yield_moment > real(0)) {
+        // see elastic_turning in bend.py
+        for (int j = 1; j <= count + 2; ++j) {
+            int i = offset_of_block + j;
+            if (closed) {
+                while (i < wire_first) i += wire_count;
+                while (i >= wire_end) i -= wire_count;
+            } else if (i < wire_first || i >= wire_end) {
+                continue;
+            }
+            real share = real(1);
+            if (gripped) {
+                if (j == begin + 1 || j == begin + 2) share = clamps[HINGE + j - begin - 1];
+                if (j == end - 2 || j == end - 3) share = clamps[CLAMP_NUMBERS + HINGE + end - 2 - j];
+            }
+            const real stiffness = share * hinge_factor * rb[j];
+            const real trial = moment[j] / stiffness - plastic_turn.data[i], beyond = trial - back_turn.data[i];
+            const real over = (beyond < real(0) ? -beyond : beyond) - yield_moment / stiffness;
+            const real off = over > real(0) ? over * (real(1) - kept_stiffness) : real(0);
+            moment[j] = stiffness * (trial - (beyond < real(0) ? -off : off));
+        }
+    }
     if (!closed) {
         // beyond the ends of an open wire there is nothing
         for (int k = 0; k <= begin; ++k) { moment[k] = unbending[k] = real(0); }
@@ -363,6 +385,10 @@ def block_step(
     inverse_mass: wp.array(dtype=wp.float32),
     node_mass: wp.array(dtype=wp.float32),
     tension_offset: wp.array(dtype=wp.float32),
+    yield_moment: wp.float32,
+    kept_stiffness: wp.float32,
+    plastic_turn: wp.array(dtype=wp.float32),
+    back_turn: wp.array(dtype=wp.float32),
     # contact and grips
     block_pair: wp.array(dtype=wp.int32),
     pair_node: wp.array(dtype=wp.int32),
@@ -424,6 +450,10 @@ def block_step(
     inverse_mass: wp.array(dtype=wp.float64),
     node_mass: wp.array(dtype=wp.float64),
     tension_offset: wp.array(dtype=wp.float64),
+    yield_moment: wp.float64,
+    kept_stiffness: wp.float64,
+    plastic_turn: wp.array(dtype=wp.float64),
+    back_turn: wp.array(dtype=wp.float64),
     # contact and grips
     block_pair: wp.array(dtype=wp.int32),
     pair_node: wp.array(dtype=wp.int32),
@@ -472,6 +502,10 @@ def step_wires_by_block(
     inverse_mass: wp.array(dtype=Any),
     node_mass: wp.array(dtype=Any),
     tension_offset: wp.array(dtype=Any),
+    yield_moment: Any,
+    kept_stiffness: Any,
+    plastic_turn: wp.array(dtype=Any),
+    back_turn: wp.array(dtype=Any),
     # contact and grips
     block_pair: wp.array(dtype=wp.int32),
     pair_node: wp.array(dtype=wp.int32),
@@ -537,6 +571,10 @@ def step_wires_by_block(
         inverse_mass,
         node_mass,
         tension_offset,
+        yield_moment,
+        kept_stiffness,
+        plastic_turn,
+        back_turn,
         block_pair,
         pair_node,
         pair_force,

@@ -145,6 +145,7 @@ def test_options_reach_the_run(behind):
     assert scene.stages[0].shear == 0.1
     assert scene.solver.preset == "draft"
     assert isinstance(options.pop("progress"), Progress)
+    assert options.pop("ranks").count == 1
     assert options == {"out": Path("runs/atlas_cell"), "device": "cpu", "resume": True, "force": True}
 
 

@@ -27,24 +27,30 @@ LAYERS = (
     # what everything may use, and what shows a run without knowing one
     {"errors", "files", "interrupts", "units", "materials", "presets", "progress", "report", "tension", "outline", "kernels"},
     {"run_directory", "contact_map"},
+    # ranks that share a mesh
+    {"ranks", "mpi", "launch"},
     # the scene file, and the form in which results leave
     {"knit"},
-    {"wire", "scene_values", "scene_file", "scene_report", "scene_overrides", "scene_panel", "scene_resolved", "scene", "frame"},
-    {"thread_curve", "cut", "table", "panel"},
+    {
+        "wire", "scene_values", "scene_file", "scene_report", "scene_overrides", "scene_panel", "scene_hook", "scene_resolved",
+        "scene", "frame",
+    },
+    {"thread_curve", "cut", "table", "panel", "strip", "hook", "treatment"},
     {"device", "numerics", "rim", "model"},
     {"state"},
-    {"step", "reading", "replicas"},
+    {"join"},
+    {"step", "strip_step", "reading", "replicas"},
     {"measure", "warmth"},
-    {"edge_work", "look"},
+    {"edge_work", "hook_contact", "look"},
     {"multiplier_rules"},
-    {"damping", "multipliers", "neighbours", "timestep", "steadiness", "response"},
+    {"damping", "multipliers", "neighbours", "timestep", "steadiness", "response", "path"},
     {"prolongation", "membrane"},
     {"drive"},
     {"relax", "ramp"},
     {"simulate", "batch"},
     {"panel_map"},
     {"surface"},
-    {"history", "checkpoint", "summary", "panel_report", "export"},
+    {"history", "checkpoint", "watch", "summary", "panel_report", "export"},
     {"run", "sweep", "plan"},
     {"cli"},
     {"__main__"},
@@ -241,6 +247,6 @@ def test_every_command_and_option_is_in_the_readme():
 
 def test_links_between_documents_lead_somewhere():
     """Pictures too; web addresses are not followed."""
-    for path in [ROOT / "README.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").glob("*.md")]:
+    for path in [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "scenes" / "README.md", *(ROOT / "docs").glob("*.md")]:
         for target in re.findall(r"\]\(([^)#\s]+)", path.read_text(encoding="utf-8")):
             assert target.startswith("https://") or (path.parent / target).exists(), f"{path.name}: {target}"

@@ -17,6 +17,7 @@ import pytest
 from warpknit.errors import RunDirectoryError
 from warpknit.run import run_scene
 from warpknit.scene import load_scene
+from warpknit.watch import Watch
 
 SCENES = Path(__file__).parents[1] / "scenes"
 QUICK = ["output.frames=4", "solver.preset=draft", "output.usd=false", "output.figures=false"]
@@ -71,19 +72,17 @@ def test_interrupt_and_resume_give_the_same_bits(tmp_path: Path, drive: str, mon
         extra += ['solver.loading_time="1 ms"', "solver.damping=30000", "solver.residual_tolerance=0.05"]
     scene = cell(*extra)
     run_scene(scene, out=tmp_path / "whole", device="cpu")
-    from warpknit import run as run_module
-
-    original = run_module._Recorder._watch
+    original = Watch._look
     looks = 0
 
     def interrupt_once(self: object, progress: object) -> None:
         nonlocal looks
         looks += 1
         if looks in (7, 31):
-            self._interrupts.ask()
+            self.interrupts.ask()
         original(self, progress)
 
-    monkeypatch.setattr(run_module._Recorder, "_watch", interrupt_once)
+    monkeypatch.setattr(Watch, "_look", interrupt_once)
     first = run_scene(scene, out=tmp_path / "parts", device="cpu")
     assert first.exit_code == 130 and first.summary["stop_reason"] == "interrupted"
     with pytest.raises(RunDirectoryError, match="--resume"):

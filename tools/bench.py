@@ -3,6 +3,7 @@
     python tools/bench.py                                    free wires, 1e4 to 1e6 nodes, both precisions, 1 and 2 threads
     python tools/bench.py --nodes 1e7 --contact --precision single
     python tools/bench.py --device cuda:0                    on a GPU, beside the copy bandwidth
+    python tools/bench.py --usd --nodes 1e6                  what writing frames as USD costs, see bench_usd.py
 
 Each case is measured in `--rounds` turns, warpknit and the C loop one after the other, and the best turn of each counts; on
 a busy machine compare the ratio, not the speed. `--contact` steps the periodic mesh of scenes/atlas_cell.toml at 12 % with
@@ -216,6 +217,17 @@ def measure(args: argparse.Namespace, nodes: int, precision: str, folder: Path) 
     return found
 
 
+def bench_usd(args: argparse.Namespace) -> None:
+    from bench_usd import panel, slowdown, write_speed
+
+    for nodes in args.nodes:
+        model = panel(int(nodes))
+        print(json.dumps(write_speed(model, frames=args.frames, rounds=args.rounds, on=args.folder)), flush=True)
+        for threads in args.threads:
+            found = slowdown(model, frames=args.frames, steps=args.steps, threads=threads, on=args.folder)
+            print(json.dumps(found), flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--nodes", type=float, nargs="+", default=[1e4, 1e5, 1e6])
@@ -225,8 +237,15 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--seconds", type=float, default=0.3, help="about how long a turn takes")
     parser.add_argument("--device", default="cpu")
+    parser.add_argument("--usd", action="store_true", help="write frames, beside numpy.tofile and while stepping")
+    parser.add_argument("--frames", type=int, default=20, help="of --usd")
+    parser.add_argument("--steps", type=int, default=400, help="of --usd, between two frames")
+    parser.add_argument("--folder", type=Path, help="of --usd: where to write.  [default: the system's for temporary files]")
     args = parser.parse_args()
     args.device = find_device(args.device)
+    if args.usd:
+        bench_usd(args)
+        return
     with tempfile.TemporaryDirectory() as folder:
         for nodes in args.nodes:
             for precision in args.precision:

@@ -162,7 +162,7 @@ class Batch:
         if not len(rows):
             return rows
         damping = self._control[rows, int(c.DAMPING)]
-        moved = np.stack([self._moved[row] for row in rows])
+        moved = np.stack([self._moved[row].sum(axis=0) for row in rows])
         self._control[rows, int(c.DAMPING)] = self.members[0].slowest_mode.renewed(damping, moved)
         left = self._left(rows)
         near = left < 1.0

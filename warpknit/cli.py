@@ -11,6 +11,7 @@ import logging
 import os
 import shutil
 import sys
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +20,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 from warpknit.errors import ModelError, WarpknitError
+from warpknit.launch import join_ranks, started_as
+from warpknit.ranks import One, Ranks
 
 if TYPE_CHECKING:
     from warpknit.scene import Scene
@@ -26,7 +29,7 @@ if TYPE_CHECKING:
 # NumPy's threads are worth nothing here: they would take memory and go on spinning on the cores that the steps need
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-FINISHED, BAD_INPUT, OUT_OF_RESOURCES, INTERRUPTED = 0, 2, 4, 130
+FINISHED, FAULT, BAD_INPUT, OUT_OF_RESOURCES, INTERRUPTED = 0, 1, 2, 4, 130
 UNUSABLE_PATH = (errno.EACCES, errno.EPERM, errno.EROFS, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG)
 
 
@@ -62,19 +65,32 @@ def _free(path: str | None) -> str:
 
 
 class Program(click.Group):
-    """A group of commands that ends with the exit statuses of this program and one line for an error."""
+    """A group of commands that ends with the exit statuses of this program and one line for an error.
+
+    Where several ranks were started, all end with the same status and one of them says why.
+    """
 
     def main(self, *args: Any, **options: Any) -> NoReturn:
         options["standalone_mode"] = False
+        ranks: Ranks = One()
+        line = ""
         try:
-            status = super().main(*args, **options)
+            ranks = options["obj"] = join_ranks()
+            status = super().main(*args, **options) or FINISHED
         except BaseException as error:
             known = exit_status(error)
             if known is None:
-                raise
+                if ranks.count == 1:
+                    raise
+                known = FAULT, traceback.format_exc()
             status, line = known
-            click.echo(f"warpknit: {' '.join(line.splitlines())}", err=True)
-        sys.exit(status or FINISHED)
+            if status != FAULT:
+                line = f"warpknit: {' '.join(line.splitlines())}"
+        status, speaks = ranks.leave(status)
+        if line and speaks and (ranks.count > 1 or not started_as()):
+            click.echo(line, err=True)
+        ranks.end_all(status)
+        sys.exit(status)
 
 
 @click.group(cls=Program, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
@@ -86,6 +102,8 @@ def main(context: click.Context) -> None:
     SCENE is a TOML file. Exit status: 0 finished, 2 bad scene, key, value, unit, device or file, 3 diverged, 4 out of
     memory or disk, 130 interrupted.
     """
+    if not context.obj.is_first and context.invoked_subcommand != "run":
+        context.exit()  # the first rank is enough
     if context.invoked_subcommand is None:
         click.echo(context.get_help())
 
@@ -123,7 +141,9 @@ def result_options(command: Any) -> Any:
 @main.command()
 @scene_options
 @result_options
+@click.pass_obj
 def run(
+    ranks: Ranks,
     scene: str,
     overrides: tuple[str, ...],
     preset: str | None,
@@ -134,6 +154,7 @@ def run(
     quiet: bool,
 ) -> int:
     """Run SCENE and leave its results in DIR."""
+    quiet = quiet or not ranks.is_first
     configure_logging(logging.WARNING if quiet else logging.INFO)
     from warpknit.scene import load_scene
 
@@ -144,7 +165,11 @@ def run(
     from warpknit.run import run_scene
 
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
-        result = run_scene(loaded, out=directory, device=device, resume=resume, force=force, progress=progress)
+        result = run_scene(
+            loaded, out=directory, device=device, resume=resume, force=force, progress=progress, ranks=ranks
+        )
+    if not ranks.is_first:
+        return int(result.exit_code)
     if result.exit_code != FINISHED:
         click.echo(f"warpknit: {result.message}", err=True)
         return int(result.exit_code)

@@ -66,17 +66,16 @@ class SlowestMode:
         self.launch_sum()
         control = state.read_control()
         if use and control[int(c.DRIVE)] == 0.0:
-            renewed = self.renewed(control[int(c.DAMPING)], self.partial.numpy())
+            renewed = self.renewed(control[int(c.DAMPING)], self.model.ranks.exact_sum(self.partial.numpy()))
             self.state.write_control({c.DAMPING: float(renewed)})
 
     def launch_sum(self) -> None:
         """Sum up what moved since the last look, after the probe; this state becomes that of the last look."""
         self._sum[self.state.parity].launch()
 
-    def renewed(self, damping: np.ndarray, partial: np.ndarray) -> np.ndarray:
-        """Damping (...) [1/s] after one of `damping`, by what kernels/relax.py summed (..., block, 2); unchanged where nothing
-        moved. A leading axis counts replicas."""
-        total = partial.sum(axis=-2)
+    def renewed(self, damping: np.ndarray, total: np.ndarray) -> np.ndarray:
+        """Damping (...) [1/s] after one of `damping`, by the sums (..., 2) over what kernels/relax.py left; unchanged where
+        nothing moved. A leading axis counts replicas."""
         force, moved = total[..., 0], total[..., 1]
         tells = (moved > 0.0) & (force > 0.0)
         mode = 2.0 * np.sqrt(force * tells / np.maximum(moved, TINY))

@@ -35,12 +35,14 @@ def start_warp() -> None:
                 _log.warning("%s", line)
 
 
-def find_device(name: str | None) -> str:
-    """The Warp name of a device; None takes the first CUDA device if there is one. Raises `DeviceError`."""
+def find_device(name: str | None, place: int = 0) -> str:
+    """The Warp name of a device; None takes the first CUDA device if there is one, and the ranks of a machine (this one
+    stands at `place` among them) take them in turn. Raises `DeviceError`."""
     start_warp()
     available = [str(d) for d in wp.get_devices()]
     if name is None:
-        return next((d for d in available if d.startswith("cuda")), "cpu")
+        graphics = [d for d in available if d.startswith("cuda")]
+        return graphics[place % len(graphics)] if graphics else "cpu"
     if name not in available:
         raise DeviceError(f"--device {name}: not on this machine; allowed: {', '.join(available)}")
     return name

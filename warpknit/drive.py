@@ -24,7 +24,7 @@ from .rim import Rim
 from .scene import Stage
 from .state import State
 from .steadiness import Steadiness
-from .step import Stepper
+from .strip_step import stepper_of
 from .tension import TensionSearch
 from .warmth import wire_warmth
 
@@ -43,6 +43,7 @@ class Record:
     steps: int
     steady: bool
     work: float | None  # [J] put in since the start, where the drive keeps account of it (ramp)
+    dissipated: float  # [J] taken out since the start, by the damping of a ramp or by friction
     edge_work: float  # [J] put in by what differs from place to place: pulls at the edge, cords, warmth
     stations: np.ndarray  # (station, 2) [m] displacement of the rim (rim.py); empty where it only follows the load
     reading: measure.Reading
@@ -55,6 +56,7 @@ class Progress:
     stage_index: int = 0
     stage: str = ""
     level: int = 0  # records of this stage so far
+    part: int = 0  # steady states on the way to the next
     records: int = 0
     steps: int = 0
     settling: bool = False  # inside a level
@@ -107,7 +109,7 @@ class Drive(ABC):
         self.scene = model.scene
         self.progress = progress
         self.watch = watch
-        self.stepper = Stepper(model, state)
+        self.stepper = stepper_of(model, state)
         self.neighbours = NeighbourSearch(model, state)
         self.look = Look(model, state, self.stepper)
         self.steadiness = Steadiness(model)
@@ -115,6 +117,11 @@ class Drive(ABC):
         self.rim: Rim | None = None  # where the edge does more than follow the load
         self.stations = np.zeros((0, 2))  # (station, 2) [m] displacement of its stations from the affinely mapped outline
         self.edge_work = EdgeWork() if self._is_warm else None
+
+    @property
+    def dissipated(self) -> float:
+        """[J] taken out since the start."""
+        return float(self.state.read_control()[int(c.DISSIPATED)])
 
     @abstractmethod
     def stage(self, stage: Stage) -> Iterator[Record]:
@@ -170,10 +177,12 @@ class Drive(ABC):
         first = np.array(start["gradient"]).reshape(2, 2)
         now = self.state.gradient
         target = first.copy()
+        wire, frame = self.scene.wire, self.scene.model.frame_expansion
+        warmed = 1.0 + frame * (stage.temperature - wire.reference_temperature)
         for axis, strain in enumerate((stage.strain_weft, stage.strain_warp)):
-            end = 1.0 + strain if strain is not None else None
+            end = (1.0 + strain) * warmed if strain is not None else None
             target[axis, axis] = now[axis, axis] if end is None else (1 - factor) * first[axis, axis] + factor * end
-        target[0, 1] = (1 - factor) * first[0, 1] + factor * stage.shear
+        target[0, 1] = (1 - factor) * first[0, 1] + factor * stage.shear * warmed
         before = float(start["temperature"])
         warmer = np.array(self._stage_before.temperature_gradient if self._stage_before else (0.0, 0.0))
         warmer = (1 - factor) * warmer + factor * np.array(stage.temperature_gradient)
@@ -201,6 +210,7 @@ class Drive(ABC):
             steps=progress.steps,
             steady=steady,
             work=work,
+            dissipated=self.dissipated,
             edge_work=self.edge_work.account(reading) if self.edge_work is not None else 0.0,
             stations=self.stations,
             reading=reading,
@@ -249,10 +259,18 @@ class Drive(ABC):
 
     def _fastest(self) -> str:
         """Name the wire and node that move fastest."""
+        panel, strip = self.model.panel, self.model.strip
         speed = np.hypot(self.state.node_vx.numpy().astype(float), self.state.node_vy.numpy().astype(float))
-        node = int(np.argmax(np.nan_to_num(speed, nan=np.inf)))
-        wire = int(np.searchsorted(self.model.panel.wire_first, node, side="right") - 1)
-        return f"wire {wire}, node {node - int(self.model.panel.wire_first[wire])}"
+        speed = np.nan_to_num(speed, nan=np.inf)
+        node = int(np.argmax(speed))
+        wire = int(np.searchsorted(panel.wire_first, node, side="right") - 1)
+        here = wire + (strip.wires.start if strip is not None else 0), node - int(panel.wire_first[wire])
+        _, (wire, node) = max(self.model.ranks.everyone((float(speed[node]), here)))
+        return f"wire {wire}, node {node}"
+
+    def _mesh_tension(self, reading: measure.Reading) -> np.ndarray:
+        """Tensions (weft, warp) [N/m] of the mesh that the first rank has read."""
+        return self.model.ranks.from_first(lambda: np.array(measure.mesh_tension(reading)))
 
     def divergence(self) -> Diverged:
         control = self.state.read_control()

@@ -5,7 +5,9 @@ leaves the earlier file, or none, and a hidden leftover that the next attempt ov
 """
 
 import csv
+import errno
 import os
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,7 +15,7 @@ from typing import IO, Any
 
 import numpy as np
 
-__all__ = ["path_aside", "write_aside", "write_table"]
+__all__ = ["held_directory", "path_aside", "write_aside", "write_table"]
 
 
 @contextmanager
@@ -34,6 +36,36 @@ def path_aside(path: str | os.PathLike[str]) -> Iterator[Path]:
         aside.unlink(missing_ok=True)
         raise
     _flush(target.parent)
+
+
+@contextmanager
+def held_directory(path: str | os.PathLike[str], patience: float) -> Iterator[int | None]:
+    """Keep other runs out of a directory. Yields a descriptor: a process that inherits it holds the directory as well.
+
+    Waits `patience` [s] for whoever holds it. Yields None where the system or its disk cannot lock. Raises
+    BlockingIOError where it is still held.
+    """
+    try:
+        import fcntl
+    except ImportError:  # not a POSIX system
+        yield None
+        return
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        end = time.monotonic() + patience
+        while True:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except OSError as error:
+                if error.errno not in (errno.EWOULDBLOCK, errno.EACCES):
+                    break  # a disk that knows no locks
+                if time.monotonic() > end:
+                    raise BlockingIOError(error.errno, "held by another process", str(path)) from error
+            time.sleep(0.05)
+        yield descriptor
+    finally:
+        os.close(descriptor)
 
 
 @contextmanager

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from . import measure
 from .files import write_aside
+from .hook_contact import hook_contact
 from .model import Model
 from .simulate import Record
 
@@ -39,7 +42,7 @@ class Row:
     energy_kinetic_J: float
     work_J: float
     edge_work_J: float  # of it, by pulls at the edge, cords and uneven warmth
-    dissipated_J: float  # by the damping of a ramp
+    dissipated_J: float  # by the damping of a ramp, or by friction
     residual: float
     penetration: float
     steps: int
@@ -56,8 +59,62 @@ class Row:
         return self.energy_stretch_J + self.energy_bend_J + self.energy_contact_J
 
 
+@dataclass
+class HookRow(Row):
+    """The same of two hooked wires; see hook_contact.py."""
+
+    displacement_m: float
+    drive_force_N: float
+    force_left_N: float
+    force_right_N: float
+    arc_left_m: float
+    arc_right_m: float
+    slide_left_m: float  # way of the closed contact along the wire, there and back
+    slide_right_m: float
+    ground_force_N: float
+    body_x_m: float
+    body_y_m: float
+
+    @property
+    def is_closed(self) -> bool:
+        return self.force_left_N > 0.0 and self.force_right_N > 0.0
+
+
 def row_of(record: Record) -> Row:
-    """What history.csv keeps of a record; `work_J` is filled in by `account_work` unless the drive kept account."""
+    """What history.csv keeps of a record; `work_J` is filled in by `account_work` unless the drive kept account, and the way of
+    a hook's contact by `account_sliding`."""
+    row = _mesh_row(record)
+    if record.reading.model.scene.hook is None:
+        return row
+    hook = hook_contact(record.reading)
+    return HookRow(
+        **asdict(row),
+        displacement_m=hook.displacement,
+        drive_force_N=hook.drive_force,
+        force_left_N=hook.force_left,
+        force_right_N=hook.force_right,
+        arc_left_m=hook.arc_left,
+        arc_right_m=hook.arc_right,
+        slide_left_m=0.0,
+        slide_right_m=0.0,
+        ground_force_N=hook.ground_force,
+        body_x_m=float(hook.body[0]),
+        body_y_m=float(hook.body[1]),
+    )
+
+
+def account_sliding(rows: Sequence[Row]) -> None:
+    """Fill in how far a hook's contact has slid at the last row, from the rows before."""
+    if len(rows) < 2:
+        return
+    before, now = rows[-2:]
+    if isinstance(before, HookRow) and isinstance(now, HookRow):
+        slides = before.is_closed and now.is_closed
+        now.slide_left_m = before.slide_left_m + slides * abs(now.arc_left_m - before.arc_left_m)
+        now.slide_right_m = before.slide_right_m + slides * abs(now.arc_right_m - before.arc_right_m)
+
+
+def _mesh_row(record: Record) -> Row:
     r = record.reading
     f = r.gradient
     energy = measure.energies(r)
@@ -86,7 +143,7 @@ def row_of(record: Record) -> Row:
         energy_kinetic_J=energy.kinetic,
         work_J=record.work if record.work is not None else 0.0,
         edge_work_J=record.edge_work,
-        dissipated_J=measure.dissipated(r) if record.work is not None else 0.0,
+        dissipated_J=record.dissipated,
         residual=measure.residual(r),
         penetration=measure.penetration(r),
         steps=record.steps,
@@ -133,13 +190,16 @@ def account_work(rows: list[Row], model: Model) -> None:
 def write_history(path: Path, rows: list[Row]) -> None:
     """Write all rows; the file is whole or as it was before."""
     with write_aside(path) as file:
-        writer = csv.DictWriter(file, [f.name for f in fields(Row)])
+        writer = csv.DictWriter(file, [f.name for f in fields(rows[0] if rows else Row)])
         writer.writeheader()
         writer.writerows(asdict(r) for r in rows)
 
 
 def read_history(path: Path) -> list[Row]:
     """Rows of a history.csv that `write_history` wrote; numbers come back to the bit."""
-    kinds = {f.name: {"int": int, "float": float, "str": str, "bool": lambda v: v == "True"}[str(f.type)] for f in fields(Row)}
+    types: dict[str, Callable[[str], Any]] = {"int": int, "float": float, "str": str, "bool": lambda v: v == "True"}
     with open(path, newline="", encoding="utf-8") as file:
-        return [Row(**{name: kinds[name](value) for name, value in row.items()}) for row in csv.DictReader(file)]
+        reader = csv.DictReader(file)
+        kind = HookRow if "displacement_m" in (reader.fieldnames or ()) else Row
+        kinds = {f.name: types[str(f.type)] for f in fields(kind)}
+        return [kind(**{name: kinds[name](value) for name, value in row.items()}) for row in reader]

@@ -15,17 +15,17 @@ class Interrupts:
     """Remembers the first request to stop until `check` is called; a second one stops at once."""
 
     def __init__(self) -> None:
-        self._asked = False
+        self.asked = False
 
     def ask(self) -> None:
         """Ask for a stop at the next `check`; asked twice, it stops at once."""
-        if self._asked:
+        if self.asked:
             raise KeyboardInterrupt
-        self._asked = True
+        self.asked = True
 
     def check(self) -> None:
         """Raise `Interrupted` where a stop was asked for."""
-        if self._asked:
+        if self.asked:
             raise Interrupted
 
     @contextmanager

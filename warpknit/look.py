@@ -29,6 +29,9 @@ class Sums:
     error_mean: np.ndarray  # [wire] |mean| of the same
     tension_max: np.ndarray  # [wire] [N]
     turning_max: np.ndarray  # [wire] [rad] largest change of a turning angle
+    error_largest: np.ndarray | float  # the largest over all wires of the mesh
+    tension_largest: np.ndarray | float  # [N]
+    turning_largest: np.ndarray | float  # [rad]
     tension_square: np.ndarray | float  # [N2] over all segments
     turning_square: np.ndarray | float  # [rad2] over all nodes
     closed: np.ndarray | float  # pairs that carry force
@@ -50,25 +53,33 @@ def sum_up(
     `first` [wire]: see `first_blocks`.
     `held_stress` (..., 2, 2) [N m] is what forces on held nodes add. A leading axis counts replicas.
     """
-    panel = model.panel
+    panel, ranks = model.panel, model.ranks
     largest = np.maximum.reduceat(wires, first, axis=-2)
     error_sum = np.add.reduceat(wires[..., int(k.ERROR_SUM)], first, axis=-1)
     total, contact = wires.sum(axis=-2), pairs.sum(axis=-2)
     stress = total[..., int(k.WIRE_STRESS) :] + contact[..., int(k.PAIR_STRESS) :]
     stress = stress.reshape(*stress.shape[:-1], 2, 2) + held_stress
-    closed = contact[..., int(k.CLOSED)]
+    sums = [total[..., int(k.TENSION_SQUARE)], total[..., int(k.TURNING_SQUARE)]]
+    sums += [contact[..., int(k.CLOSED)], contact[..., int(k.FORCE_SUM)]]
+    sums += [stress[..., a, b] for a, b in np.ndindex(2, 2)]
+    tension_square, turning_square, closed, force, *stresses = ranks.sum(np.stack(sums))
+    most = [largest[..., int(column)].max(axis=-1) for column in (k.ERROR_MAX, k.TENSION_MAX, k.TURNING_MAX)]
+    *most, gap_max = ranks.largest(np.stack([*most, pairs[..., int(k.GAP_MAX)].max(axis=-1)]))
     return Sums(
         strain_max=largest[..., int(k.STRAIN_MAX)],
         error_max=largest[..., int(k.ERROR_MAX)],
         error_mean=np.abs(error_sum) / panel.wire_count,
         tension_max=largest[..., int(k.TENSION_MAX)],
         turning_max=largest[..., int(k.TURNING_MAX)],
-        tension_square=total[..., int(k.TENSION_SQUARE)],
-        turning_square=total[..., int(k.TURNING_SQUARE)],
+        error_largest=most[0],
+        tension_largest=most[1],
+        turning_largest=most[2],
+        tension_square=tension_square,
+        turning_square=turning_square,
         closed=closed,
-        force_mean=contact[..., int(k.FORCE_SUM)] / np.maximum(1.0, closed),
-        gap_max=pairs[..., int(k.GAP_MAX)].max(axis=-1),
-        stress=stress / panel.area,
+        force_mean=force / np.maximum(1.0, closed),
+        gap_max=gap_max,
+        stress=np.stack(stresses, axis=-1).reshape(stress.shape) / panel.area,
     )
 
 
@@ -101,7 +112,9 @@ class Look:
                     mesh.wire_first, mesh.wire_count, mesh.wire_closed, mesh.wire_clamp, int(model.is_gripped),
                     state.control, unit, wp.float64(model.axial_stiffness),
                     rest.rest_x, rest.rest_y, rest.rest_length, rest.rest_angle, rest.hinge_stiffness,
-                    self.strain, self.tension, self.turning, self._force_x, self._force_y, self._wires,
+                    self.strain, self.tension, self.turning,
+                    real(model.yield_moment), real(model.scene.wire.hardening), state.plastic_turn, state.back_turn,
+                    self._force_x, self._force_y, self._wires,
                 ],
                 device=device,
                 record_cmd=True,
@@ -112,15 +125,16 @@ class Look:
             k.sum_pairs,
             dim=self._pairs.shape[0],
             inputs=[
-                k.PAIR_BLOCK, unit, mesh.pair_table, mesh.pair_rest_x, mesh.pair_rest_y, rest.table_x, rest.table_y,
-                state.pair_slide, state.pair_force, state.pair_gap, state.pair_nodal_x, state.pair_nodal_y, self._pairs,
+                k.PAIR_BLOCK, unit, mesh.pair_wire, mesh.pair_table, mesh.pair_rest_x, mesh.pair_rest_y,
+                rest.table_x, rest.table_y, state.pair_slide, state.pair_force, state.pair_gap,
+                state.pair_nodal_x, state.pair_nodal_y, self._pairs,
             ],
             device=device,
             record_cmd=True,
         )  # fmt: skip
 
     def take(self) -> Sums:
-        """Look at the state as it is."""
+        """Look at the state as it is. Rows of wires are of this rank's strip, everything else is of the whole mesh."""
         for parts in self.launches():
             self._stepper.together(parts)
         return sum_up(self.model, self._first_block, *self.partial_sums())
@@ -207,4 +221,4 @@ def _pairs_at_clamps(model: Model) -> np.ndarray:
         return np.zeros(0, dtype=np.int64)
     first, count = panel.wire_first[panel.pair_wire], panel.wire_count[panel.pair_wire]
     low, high = panel.pair_seed + panel.pair_low - 1 - first, panel.pair_seed + panel.pair_high + 2 - first
-    return np.nonzero((low <= 1) | (high >= count - 2))[0]
+    return np.nonzero(((low <= 1) | (high >= count - 2)) & (panel.pair_wire >= 0))[0]

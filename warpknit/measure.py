@@ -46,7 +46,7 @@ def energies(r: Reading) -> Energies:
     stiffness = r.control[int(c.CONTACT_STIFFNESS)]
     return Energies(
         stretch=float(np.sum(0.5 * r.tension**2 * natural / _stretch_stiffness(r))),
-        bend=float(np.sum(0.5 * r.moment * r.turning)),
+        bend=float(np.sum(0.5 * r.moment * r.elastic_turning)) + hardened_energy(r),
         contact=float(np.sum(0.5 * (r.pair_force - r.pair_offset) ** 2 * (r.pair_force > 0)) / stiffness),
         kinetic=0.5 * float(r.control[int(c.KINETIC_TWICE)]),
     )
@@ -60,9 +60,21 @@ def _stretch_stiffness(r: Reading) -> np.ndarray | float:
     return np.repeat(r.wire_axial, r.model.panel.wire_count)
 
 
-def dissipated(r: Reading) -> float:
-    """Energy that mass-proportional damping took out since the start [J]."""
-    return float(r.control[int(c.DISSIPATED)])
+def hardened_energy(r: Reading) -> float:
+    """[J] that kinematic hardening stores: H kappa_p^2/2 a length, with H = EI kept/(1 - kept)."""
+    kept = r.model.scene.wire.hardening
+    if not r.model.yield_moment or kept == 1.0:
+        return 0.0
+    hardening = r.model.bending_stiffness * kept / (1.0 - kept)
+    return float(np.sum(0.5 * hardening * r.plastic_turn**2 / (r.hinge_length * r.length_factor)))
+
+
+def plastic_extremes(r: Reading) -> tuple[float, float]:
+    """Share of the nodes that have yielded, and the largest strain of a fibre that stays."""
+    if not r.model.yield_moment:
+        return 0.0, 0.0
+    strain = np.abs(r.plastic_turn) / r.hinge_length * r.model.scene.wire.radius
+    return float(np.mean(r.plastic_turn != 0.0)), float(strain.max())
 
 
 def energy_scale(model: Model) -> float:
@@ -129,7 +141,7 @@ def thermal_force(r: Reading) -> float:
     model = r.model
     natural = r.natural_length
     stretch = -np.sum(natural * (r.tension + 0.5 * r.tension**2 / _stretch_stiffness(r)))
-    bend = -0.5 * np.sum(r.moment * r.turning) / r.length_factor
+    bend = -0.5 * np.sum(r.moment * r.elastic_turning) / r.length_factor
     return float(stretch + bend + np.sum(r.pair_force) * model.contact_reach)
 
 

@@ -133,17 +133,17 @@ class Membrane:
             ],
             device=model.device,
         )  # fmt: skip
-        if model.panel.body_count:
+        if model.owned_bodies:
             wp.launch(
                 gather_body_forces,
-                dim=model.panel.body_count,
+                dim=model.owned_bodies,
                 inputs=[
                     mesh.body_origin_x, mesh.body_origin_y, self._grid,
                     state.pair_force, state.pair_body_x, state.pair_body_y, self._force,
                 ],
                 device=model.device,
             )  # fmt: skip
-        return self._force.numpy()
+        return model.ranks.sum(self._force.numpy())
 
     def warm_up(self, response: Response) -> None:
         """Launch every kernel; the mesh does not move."""
@@ -159,14 +159,14 @@ class Membrane:
         """
         force = self._tied.T @ self.imbalance().reshape(-1)
         if self.rim.is_free:
-            pull = self.rim.clamps.T @ held + self.rim.cord_forces(gradient, stations)[0]
+            pull = self._pull(gradient, stations, held)
             force[-pull.size :] += pull.ravel()
         return self._correction(force, np.zeros(len(force)), gradient, stations)
 
     def solve_rim(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray) -> tuple[Correction, float]:
         """The same where the mesh is not like a membrane: its edge moves, as stiff as if the mesh behind it stood still, and the
         stress is the force [N/m] along the edge that is out of balance."""
-        pull = self.rim.clamps.T @ held + self.rim.cord_forces(gradient, stations)[0]
+        pull = self._pull(gradient, stations, held)
         free = np.nonzero(np.repeat(~self.rim.given, 2))[0]
         first = self._tied.shape[1] - pull.size
         matrix = self._matrix(gradient, stations)[first + free][:, first + free]
@@ -175,6 +175,10 @@ class Membrane:
         apart = self.rim.outline.length / len(self.rim.arc)
         still = Correction(np.zeros((self._tied.shape[0] // 2, 2)), moved.reshape(-1, 2))
         return still, float(np.sqrt(np.mean(pull[~self.rim.given] ** 2))) / apart
+
+    def _pull(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """Forces (station, 2) [N] of the wires, wherever a rank holds them, and of the cord."""
+        return self.model.ranks.sum(self.rim.clamps.T @ held) + self.rim.cord_forces(gradient, stations)[0]
 
     def follow(self, given: np.ndarray, gradient: np.ndarray, stations: np.ndarray) -> Correction:
         """What the mesh does as a membrane when the stations that are held move by `given` (station, 2) [m]."""

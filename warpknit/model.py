@@ -7,14 +7,16 @@ uploads the result. Host copies stay in `table` and `panel` (float64) for the me
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import psutil
 import warp as wp
 
-from .errors import MemoryNeeded
+from .errors import MemoryNeeded, ModelError
 from .frame import WireLayout
+from .hook import hook_panel, hook_table
 from .kernels.bodies import BODY_BLOCK
 from .kernels.contact import CURVE_COEFFICIENTS
 from .kernels.contact_by_batch import PAIR_BATCH
@@ -23,13 +25,17 @@ from .knit.chain import KnitError
 from .knit.cloth import Cloth, knit_cloth
 from .numerics import Numbers, choose_numbers
 from .panel import Panel, build_panel, table_lead
-from .scene import Scene
+from .ranks import One, Ranks
+from .scene import Hook, Scene
+from .strip import Strip, cut_strip
 from .table import Table, rest_table
+from .treatment import Treatment, choose_treatment
 
 SLIDE_ALLOWANCE = 0.2  # how far a contact may slide beyond its lens, in wire lengths of a loop
 CORD_SAG = 0.2  # of the size of a mesh: farther its edge cannot be from its outline
 LIBRARY_MEMORY = 512 * 2**20  # [bytes] of addresses that libraries may still take: threads, compiler, USD
 MEMORY_PER_NODE = {"single": 420, "double": 520}  # bytes, at the peak of a run on the CPU
+USD_MEMORY_PER_NODE = 60  # bytes, of the process that writes scene.usda and of the frame that is handed to it
 
 
 @dataclass(frozen=True)
@@ -95,10 +101,15 @@ class MeshArrays:
     pair_rest_y: wp.array
     body_origin_x: wp.array  # [m] body at rest
     body_origin_y: wp.array
-    held_node: wp.array
+    held_node: wp.array  # of clamps that do not slide
     held_lever_x: wp.array
     held_lever_y: wp.array
     held_clamp: wp.array
+    contact_node: wp.array  # [body] node that a single contact point sits on; empty in other treatments
+    slide_node: wp.array  # [sliding clamp] first of its two nodes
+    slide_block: wp.array
+    slide_lever_x: wp.array  # [sliding clamp, 2] [m]
+    slide_lever_y: wp.array
 
 
 @dataclass(frozen=True)
@@ -117,13 +128,20 @@ class Model:
     bending_stiffness: float  # [N m2]
     softening: float  # EA over the stiffness of the dynamics
     contact_stiffness: float  # [N/m]
-    contact_reach: float  # [m] body radius + half a wire thickness
+    treatment: Treatment  # how contact is carried; its reach is body radius + half a wire thickness in a mesh
     body_mass: float  # [kg]; fictitious in relax
     added_mass: float  # share of mass that scaling added, 0 where none; nan-free
     time_step: float  # [s] of the unloaded mesh; 1 in relax
     loading_time: float  # [s] of a stage, in a ramp
     damping: float  # [1/s] mass-proportional, in a ramp
     limited_by: str  # what limits the time step
+    ranks: Ranks = field(default_factory=One)  # that share the mesh
+    strip: Strip | None = None  # what of the mesh `panel` and all arrays are, where ranks share it
+
+    @cached_property
+    def whole(self) -> Model:
+        """The model of the whole mesh on the host: what readings, measures and results speak of. Its arrays are of the strip."""
+        return self if self.strip is None else replace(self, panel=self.strip.whole, strip=None)
 
     @property
     def is_gripped(self) -> bool:
@@ -131,8 +149,29 @@ class Model:
         return len(self.panel.clamp_position) == 2 * len(self.panel.wire_first)
 
     @property
+    def yield_moment(self) -> float:
+        """[N m] of the yarn at which its outermost fibres reach the yield stress; 0 where the scene keeps it elastic."""
+        wire = self.scene.wire
+        return wire.yield_curvature * wire.bending_stiffness if wire.plastic else 0.0
+
+    @property
+    def contact_reach(self) -> float:
+        """[m] distance of body centre and wire centre line at which they touch."""
+        return self.treatment.reach
+
+    @property
     def pair_count(self) -> int:
         return 2 * self.panel.body_count
+
+    @property
+    def bodies(self) -> np.ndarray:
+        """[body] which body of the whole mesh it is."""
+        return np.arange(self.panel.body_count) if self.strip is None else self.strip.body
+
+    @property
+    def owned_bodies(self) -> int:
+        """Bodies that sums go over, the first ones: another rank speaks for the rest."""
+        return self.panel.body_count if self.strip is None else self.strip.owned_bodies
 
     def layout(self) -> WireLayout:
         """How the wires are laid out, for the exports."""
@@ -165,7 +204,7 @@ def copies_of_cloth(scene: Scene) -> tuple[int, int]:
 
 def required_memory(scene: Scene, nodes: int) -> int:
     """Bytes for so many nodes with their share of bodies."""
-    return MEMORY_PER_NODE[scene.solver.precision] * nodes
+    return (MEMORY_PER_NODE[scene.solver.precision] + USD_MEMORY_PER_NODE * scene.output.usd) * nodes
 
 
 def available_memory() -> int:
@@ -209,8 +248,15 @@ def _refuse_other_hooks(scene: Scene, cloth: Cloth) -> None:
         raise KnitError("knit.scatter", scene.knit.scatter, allowed)
 
 
-def build_model(scene: Scene, device: str = "cpu") -> Model:
-    """Build and upload the model of a scene. Raises `ModelError`, `MemoryNeeded`, `KnitError`."""
+def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -> Model:
+    """Build and upload the model of a scene, of this rank's strip where several `ranks` share it.
+
+    Raises `ModelError`, `MemoryNeeded`, `KnitError`.
+    """
+    if scene.hook is not None:
+        if ranks is not None and ranks.count > 1:
+            raise ModelError(f"hook: two wires are not shared by {ranks.count} ranks: run without mpirun")
+        return _build_hook(scene, scene.hook, device)
     cloth = knit_scene(scene)
     wire = scene.wire
     loop_length = sum(t.length for t in cloth.threads) / len(cloth.stitches)
@@ -233,7 +279,7 @@ def build_model(scene: Scene, device: str = "cpu") -> Model:
     loop_size = max(scene.knit.wale_spacing, scene.knit.course_spacing)
     furthest = 2 * loop_size + _edge_travel(scene)
     return assemble_model(
-        scene, table, panel, device=device, loop_length=loop_length, displacement_range=furthest, cloth=cloth
+        scene, table, panel, device=device, loop_length=loop_length, displacement_range=furthest, cloth=cloth, ranks=ranks
     )
 
 
@@ -241,6 +287,28 @@ def _edge_travel(scene: Scene) -> float:
     """[m] by which the edge may leave the affinely mapped outline."""
     pulled = max((math.hypot(*pull.by) for stage in scene.stages for pull in stage.pull), default=0.0)
     return 2 * pulled + (CORD_SAG * max(scene.knit.size) if scene.panel.cord else 0.0)
+
+
+def _build_hook(scene: Scene, hook: Hook, device: str) -> Model:
+    """The model of two hooked wires; a loop is one of them."""
+    set_fraction = scene.wire.set_fraction
+    treatment = choose_treatment(scene, yarn_thickness(scene))
+    table = hook_table(hook, segments=scene.model.nodes_per_loop, set_fraction=set_fraction)
+    panel = hook_panel(
+        hook,
+        table,
+        set_fraction=set_fraction,
+        contact_node=treatment.contact_node,
+        target_share=treatment.target_share,
+    )
+    model = assemble_model(scene, table, panel, device=device, loop_length=hook.length, displacement_range=2 * hook.length)
+    most = model.contact_stiffness
+    if scene.contact.spring_stiffness is not None and scene.contact.spring_stiffness > most:
+        raise ModelError(
+            f"contact.spring_stiffness: given {scene.contact.spring_stiffness:g} N/m, allowed: at most {most:.3g} N/m, the"
+            " contact penalty: a body would be held as if it were clamped"
+        )
+    return model
 
 
 def assemble_model(
@@ -252,10 +320,18 @@ def assemble_model(
     loop_length: float,
     displacement_range: float,
     cloth: Cloth | None = None,
+    ranks: Ranks | None = None,
 ) -> Model:
-    """Choose the numbers and upload; `loop_length` [m] is the wire of one loop, which the mass of a body goes by."""
+    """Choose the numbers and upload; `loop_length` [m] is the wire of one loop, which the mass of a body goes by.
+
+    `ranks` share the panel in strips.
+    """
+    ranks = ranks or One()
+    strip = cut_strip(panel, ranks.rank, ranks.count) if ranks.count > 1 else None
+    panel = panel if strip is None else strip.panel
     precision = _precision(scene.solver.precision, displacement_range)
     numbers = choose_numbers(scene, table, loop_length)
+    treatment = choose_treatment(scene, yarn_thickness(scene), numbers.contact_stiffness)
     return Model(
         scene=scene,
         cloth=cloth,
@@ -264,18 +340,20 @@ def assemble_model(
         precision=precision,
         device=device,
         rest=_upload_rest(table, precision, numbers, scene.wire.bending_stiffness, device),
-        mesh=_upload_mesh(panel, precision, device),
+        mesh=_upload_mesh(panel, strip, precision, device, treatment),
         axial_stiffness=scene.wire.axial_stiffness,
         bending_stiffness=scene.wire.bending_stiffness,
         softening=numbers.softening,
         contact_stiffness=numbers.contact_stiffness,
-        contact_reach=scene.model.body_radius + 0.5 * yarn_thickness(scene),
+        treatment=treatment,
         body_mass=numbers.body_mass,
         added_mass=numbers.added_mass,
         time_step=numbers.time_step,
         loading_time=numbers.loading_time,
         damping=numbers.damping,
         limited_by=numbers.limited_by,
+        ranks=ranks,
+        strip=strip,
     )
 
 
@@ -325,7 +403,7 @@ def _upload_rest(
     )
 
 
-def _upload_mesh(panel: Panel, precision: Precision, device: str) -> MeshArrays:
+def _upload_mesh(panel: Panel, strip: Strip | None, precision: Precision, device: str, treatment: Treatment) -> MeshArrays:
     def index(a: np.ndarray) -> wp.array:
         return wp.array(np.ascontiguousarray(a, dtype=np.int32), dtype=wp.int32, device=device)
 
@@ -337,8 +415,15 @@ def _upload_mesh(panel: Panel, precision: Precision, device: str) -> MeshArrays:
 
     pair_rest = np.repeat(panel.body_rest, 2, axis=0) - panel.pair_shift
     body_origin = panel.body_rest + panel.body_origin
-    pair_start, pair = _pairs_of_blocks(panel)
-    held_start = np.searchsorted(panel.held_node, np.append(panel.block_first, panel.node_count))
+    # in a strip as in the whole mesh, so that a node gets the forces of its contacts in the same order
+    body = np.arange(panel.body_count) if strip is None else strip.body
+    pair_start, pair = _pairs_of_blocks(panel, (2 * body[:, None] + np.arange(2)).ravel())
+    slides = np.isin(panel.held_clamp, panel.sliding_clamp)
+    held_node, held_lever = panel.held_node[~slides], panel.held_lever[~slides]
+    held_start = np.searchsorted(held_node, np.append(panel.block_first, panel.node_count))
+    slide_node, slide_lever = panel.held_node[slides][::2], panel.held_lever[slides].reshape(-1, 2, 2)
+    slide_block = np.searchsorted(panel.block_first, slide_node)
+    assert np.array_equal(panel.block_first[slide_block], slide_node) and np.all(panel.block_count[slide_block] == 2)
     return MeshArrays(
         block_first=index(panel.block_first),
         block_count=index(panel.block_count),
@@ -363,15 +448,20 @@ def _upload_mesh(panel: Panel, precision: Precision, device: str) -> MeshArrays:
         pair_rest_y=counts(pair_rest[:, 1]),
         body_origin_x=double(body_origin[:, 0]),
         body_origin_y=double(body_origin[:, 1]),
-        held_node=index(panel.held_node),
-        held_lever_x=double(panel.held_lever[:, 0]),
-        held_lever_y=double(panel.held_lever[:, 1]),
-        held_clamp=index(panel.held_clamp),
+        held_node=index(held_node),
+        held_lever_x=double(held_lever[:, 0]),
+        held_lever_y=double(held_lever[:, 1]),
+        held_clamp=index(panel.held_clamp[~slides]),
+        contact_node=index(panel.pair_seed[::2] if treatment.contact_node is not None else np.zeros(0)),
+        slide_node=index(slide_node),
+        slide_block=index(slide_block),
+        slide_lever_x=double(slide_lever[..., 0]),
+        slide_lever_y=double(slide_lever[..., 1]),
     )
 
 
-def _pairs_of_blocks(panel: Panel) -> tuple[np.ndarray, np.ndarray]:
-    """For each block the pairs whose contact may act on its nodes, in rising order: starts (block + 1,) and pairs.
+def _pairs_of_blocks(panel: Panel, number: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """For each block the pairs whose contact may act on its nodes, in the order of their `number`: starts (block + 1,) and pairs.
 
     A pair acts on the nodes from one before its first segment to two behind the start of its last; on a closed wire the
     range wraps, so it is laid over three rounds of the wire and cut back.
@@ -386,16 +476,18 @@ def _pairs_of_blocks(panel: Panel) -> tuple[np.ndarray, np.ndarray]:
         b = np.minimum(high + turn * count, first + count - 1)
         if turn != 0:
             a = np.where(panel.wire_closed[panel.pair_wire], a, b + 1)
-        there = np.nonzero(a <= b)[0]
+        there = np.nonzero((a <= b) & (panel.pair_wire >= 0))[0]
         block_a = np.searchsorted(panel.block_first, a[there], side="right") - 1
         block_b = np.searchsorted(panel.block_first, b[there], side="right") - 1
         spans = block_b - block_a + 1
         blocks.append(np.repeat(block_a, spans) + np.arange(spans.sum()) - np.repeat(np.cumsum(spans) - spans, spans))
         pairs.append(np.repeat(there, spans))
     block, pair = np.concatenate(blocks), np.concatenate(pairs)
-    key = np.unique(block.astype(np.int64) * (len(panel.pair_wire) + 1) + pair)
-    block, pair = np.divmod(key, len(panel.pair_wire) + 1)
-    return np.searchsorted(block, np.arange(len(panel.block_first) + 1)), pair
+    span = int(number.max(initial=0)) + 1
+    key = np.unique(block.astype(np.int64) * span + number[pair])
+    block, place = np.divmod(key, span)
+    order = np.argsort(number)
+    return np.searchsorted(block, np.arange(len(panel.block_first) + 1)), order[np.searchsorted(number[order], place)]
 
 
 def block_threads(model: Model) -> int:
@@ -404,7 +496,7 @@ def block_threads(model: Model) -> int:
 
 
 def body_blocks(model: Model) -> int:
-    return max(1, -(-model.panel.body_count // BODY_BLOCK))
+    return max(1, -(-model.owned_bodies // BODY_BLOCK))
 
 
 def contact_batches(model: Model) -> int:

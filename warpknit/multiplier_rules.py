@@ -101,7 +101,7 @@ class MultiplierRules:
     def left(self, sums: Sums, rows: Rows = ...) -> np.ndarray:
         """What is still missing (...), 1 being the most that counts as steady; lowers the rate where that does not come down."""
         left = np.maximum(
-            sums.error_max.max(axis=-1) / AXIAL_ERROR,
+            sums.error_largest / AXIAL_ERROR,
             sums.gap_max / self.model.scene.wire.diameter / PENETRATION_LIMIT,
         )
         better = left < 0.9 * self._best[rows]

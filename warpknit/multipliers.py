@@ -57,7 +57,7 @@ class Multipliers:
         most = np.maximum(1.0, y**2 * model.axial_stiffness / (BEND_OVER_STRETCH * model.bending_stiffness))
         now = self.state.wire_axial.numpy().astype(np.float64)
         axial = np.maximum(now, np.minimum(model.axial_stiffness / most, model.axial_stiffness))
-        if np.all(axial <= now * (1 + 1e-6)):
+        if not model.ranks.any(bool(np.any(axial > now * (1 + 1e-6)))):
             return
         sums = self.look.take()
         self._move_offsets(axial, rate=0.0)

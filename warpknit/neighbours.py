@@ -56,8 +56,11 @@ class NeighbourSearch:
         self.search()
 
     def search(self) -> None:
-        """Build the hash, seed every pair that is not in touch, and start a new travel budget."""
-        if self.model.pair_count:
+        """Build the hash, seed every pair that is not in touch, and start a new travel budget.
+
+        The few pairs of other treatments are never asleep, and walk along their wires from where they were.
+        """
+        if self.model.pair_count and self.model.treatment.is_free:
             self._search()
         self.searches += 1
         self._gradient = self.state.gradient.ravel()

@@ -18,8 +18,10 @@ CONTACT_TO_AXIAL = 0.25  # contact stiffness over the softened axial stiffness o
 MASS_MARGIN = 1.5  # fictitious masses over the least that is stable at unit step, in relax
 LOADING_PERIODS = 10.0  # slowest periods over which a stage of a ramp loads, where the scene gives no time
 CONTACT_SHARE = 1.6  # contact stiffness that a node's fictitious mass leaves room for, in penalties
+HOOK_CONTACT = 100.0  # the same of two hooked wires in relax, over EI/R^3: stiff against the wires, and yet the mass that a body
+# needs for it leaves a body that only a soft spring holds quick enough
 TURN_ALLOWANCE = 0.3  # [rad] by which load may sharpen a turn
-BODY_MASS_SHARE = 0.25  # body mass over the wire mass of a loop, in a ramp (the paper: under a half)
+BODY_MASS_SHARE = 0.5  # body mass over that of half a loop of wire, in a ramp (the paper: less than that)
 STEP_MARGIN = 0.9  # time step over the bound
 
 
@@ -60,6 +62,8 @@ def choose_numbers(scene: Scene, table: Table, loop_length: float) -> Numbers:
     axial = wire.axial_stiffness / softening / h
     bend = wire.bending_stiffness / h**3
     contact = scene.contact.stiffness
+    if scene.hook is not None and scene.solver.drive == "relax" and contact is None:
+        contact = HOOK_CONTACT * wire.bending_stiffness / scene.hook.radius**3
     if scene.solver.drive == "relax":
         contact = CONTACT_TO_AXIAL * max(axial, 4 * bend) if contact is None else contact
         node = unit_step_mass(
@@ -69,7 +73,8 @@ def choose_numbers(scene: Scene, table: Table, loop_length: float) -> Numbers:
     true_mass = wire.linear_density * table.node_length
     mass = true_mass * scene.solver.mass_scaling
     contact = 20 * bend if contact is None else contact
-    body_mass = BODY_MASS_SHARE * wire.linear_density * loop_length * scene.solver.mass_scaling
+    share = BODY_MASS_SHARE if scene.contact.body_mass is None else scene.contact.body_mass
+    body_mass = share * wire.linear_density * 0.5 * loop_length * scene.solver.mass_scaling
     stiffness = max(4 * axial, 16 * bend)
     target = scene.solver.target_time_step
     if target is not None:

@@ -64,6 +64,8 @@ class Panel:
     clamp_position: np.ndarray  # [clamp, 2] [m]
     rhombus_bodies: np.ndarray  # bodies round the complete opening nearest to the middle
     notes: tuple[str, ...] = field(default=())  # what the user should know about how the mesh was cut
+    # clamps that are free to move along warp (kernels/slide.py), each of two nodes that are a block of their own
+    sliding_clamp: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
 
     @property
     def area(self) -> float:

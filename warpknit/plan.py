@@ -50,6 +50,7 @@ STEPS_FROM_SMALLER = 2_000.0  # of a level of a large mesh, which starts from a 
 STEPS_FROM_REPEAT = 15_000.0  # of a level of a mesh cut along another outline than a rectangle: 7,000 to 20,000 measured
 SMALLER_SHARE = 1.4  # time of a large mesh with its looks and its smaller meshes over that of its steps
 GRIPPED = 2.5  # times the steps of a tile: 1 to 4 at the standard preset, 2 to 3 at draft, 2 x 2 to 7 x 6 repeats
+HOOKED = 0.5  # times the steps of a tile with as many nodes a loop as a wire has: 0.3 to 1
 TENSION_STATES = 10.0  # steady states tried for a level that is driven by tension
 RAMP_SHARE = 1.2  # steps of a ramp over loading time/step at the start: 1.15 and 1.20, the step shrinks with the load
 RAMP_BY_TENSION = 5.0  # times that, where the boundary has to find a tension
@@ -100,7 +101,7 @@ class Plan:
             time = f"about {duration(self.wall_s)} on this CPU, kernels compiled"
         rows = [
             ("scene", f"{self.scene}, on {self.device}"),
-            ("knit", self.knit),
+            ("knit", self.knit) if self.knit else ("hook", "two wires, hooked once"),
             ("mesh", f"{about}{self.nodes:,} nodes on {self.wires:,} wires"),
             ("contact", f"{about}{self.bodies:,} bodies, {self.pairs:,} pairs"),
             ("memory", f"{size(self.memory_bytes)} of {size(self.available_bytes)} available"),
@@ -117,9 +118,9 @@ class Plan:
 def make_plan(scene: Scene, device: str | None = None) -> Plan:
     """Plan a run of `scene`. Raises `DeviceError`, `MemoryNeeded`, `ModelError`, `KnitError`."""
     name = find_device(device)
-    cloth = knit_scene(scene)
-    counted = estimated_nodes(scene, cloth) <= COUNTED_NODES
-    mesh = _count(build_model(scene, "cpu")) if counted else _estimate(scene, cloth)
+    cloth = knit_scene(scene) if scene.hook is None else None
+    counted = cloth is None or estimated_nodes(scene, cloth) <= COUNTED_NODES
+    mesh = _count(build_model(scene, "cpu")) if cloth is None or counted else _estimate(scene, cloth)
     steps = relax_steps(scene, mesh.table) if scene.solver.drive == "relax" else ramp_steps(scene, mesh)
     return Plan(
         scene=scene.name,
@@ -137,7 +138,7 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         physics=tuple(physics_of(scene, mesh)),
         counted=counted,
         relaxes=scene.solver.drive == "relax",
-        knit=_repeat(scene, cloth),
+        knit="" if cloth is None else _repeat(scene, cloth),
     )
 
 
@@ -225,7 +226,9 @@ def relax_steps(scene: Scene, table: Table) -> int:
     balance = (2.0 * float(table.spacing.min()) / scene.wire.diameter) ** 2
     work = (n / MEASURED_NODES) ** NODES_POWER * math.sqrt(max(1.0, balance / solver.axial_softening))
     work *= (MEASURED_TOLERANCE / solver.residual_tolerance) ** TOLERANCE_POWER
-    if scene.model.boundary == "gripped":
+    if scene.hook is not None:
+        work *= HOOKED
+    elif scene.model.boundary == "gripped":
         work *= GRIPPED
     total = 0.0
     for stage in scene.stages:
@@ -260,6 +263,11 @@ def physics_of(scene: Scene, mesh: MeshSize) -> Iterator[str]:
     wire, solver = scene.wire, scene.solver
     yield f"stretching: wires carry tension, EA = {wire.axial_stiffness:.3g} N"
     yield f"bending: wires resist a change of curvature, EI = {wire.bending_stiffness:.3g} N m2"
+    if scene.hook is not None:
+        yield f"contact: one place, carried by contact.treatment = {scene.contact.treatment!r}"
+        yield "ends: the lower ones are clamped; the upper ones keep their direction, slide up and down, the right one is driven"
+        yield from _solving_of(scene, mesh)
+        return
     if mesh.bodies:
         merged = "nested lenses merged" if scene.model.merge_lenses else "one for each lens, model.merge_lenses = false"
         yield f"contact: wires hook in {mesh.bodies:,} places, each with a body between its two wires ({merged})"
@@ -271,6 +279,12 @@ def physics_of(scene: Scene, mesh: MeshSize) -> Iterator[str]:
     yield "affine carry: the interior moves with the boundary, so that only what differs from it has to be solved"
     if solver.drive == "relax" and (smaller := smaller_scene(scene)) is not None:
         yield f"start: a smaller mesh of {' x '.join(map(str, smaller.knit.repeats))} repeats comes to rest first, and so on down"
+    yield from _solving_of(scene, mesh)
+
+
+def _solving_of(scene: Scene, mesh: MeshSize) -> Iterator[str]:
+    """What the wire, the stages and the solver add."""
+    wire, solver = scene.wire, scene.solver
     if wire.set_fraction != 1.0:
         yield f"set: a wire let free keeps {wire.set_fraction:g} of its knitted curvature, wire.set_fraction"
     if wire.plating is not None:
@@ -282,12 +296,19 @@ def physics_of(scene: Scene, mesh: MeshSize) -> Iterator[str]:
     if hot:
         names = ", ".join(f"{stage.temperature:.5g} K in {stage.name!r}" for stage in hot)
         yield f"thermal strain: {names}, against {wire.reference_temperature:.5g} K where it is zero"
-    if any(stage.shear for stage in scene.stages):
+    if scene.hook is None and any(stage.shear for stage in scene.stages):
         yield "shear: a stage asks for it"
     if any(_is_driven_by_tension(stage) for stage in scene.stages):
         yield "tension search: a direction is given by tension, so strains are tried until the steady mesh carries it"
-    if solver.drive == "relax":
-        yield "relaxation: no state depends on the path, so each load level is brought to rest, solver.drive = 'relax'"
+    if scene.contact.friction:
+        yield f"friction: bodies stick to their wires up to {scene.contact.friction:g} times the contact force, contact.friction"
+    if wire.plastic:
+        yield f"yield: wires keep a set beyond {wire.yield_stress / 1e6:.4g} MPa in bending, wire.plastic"
+    if scene.depends_on_path:
+        yield "path: steady states at most half a percent of strain apart, as each depends on the one before"
+    elif solver.drive == "relax":
+        path = "" if scene.contact.treatment != "friction-plane" else "the plane's friction apart, "
+        yield f"relaxation: {path}no state depends on the path, so each load level is brought to rest, solver.drive = 'relax'"
     else:
         yield f"ramp: {mesh.loading_time:.3g} s of real time a stage, solver.drive = 'ramp'"
     if solver.drive == "ramp" and solver.mass_scaling != 1.0:

@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
+from .join import Join
 from .kernels import control as c
 from .kernels.prolong import Meshes, prolong_bodies, prolong_nodes
 from .kernels.wires_by_block import BLOCK_SIZE
@@ -33,8 +34,8 @@ WORTH = 1.5  # ratio from which a smaller mesh pays
 def smaller_scene(scene: Scene) -> Scene | None:
     """The scene of the smaller mesh, or None where the mesh is small enough."""
     repeats = scene.knit.repeats
-    if scene.knit.scatter:
-        return None  # no repeat is like another
+    if scene.knit.scatter or scene.depends_on_path:
+        return None  # no repeat is like another, or what was before counts
     if scene.model.boundary == "periodic":
         smaller = (1, 1)
     elif scene.panel.outline != "rectangle":
@@ -52,7 +53,9 @@ def smaller_scene(scene: Scene) -> Scene | None:
 def one_repeat(scene: Scene) -> Scene:
     """The scene of one periodic repeat of the same cloth."""
     knit, options = replace(scene.knit, repeats=(1, 1)), replace(scene.model, boundary="periodic")
-    return replace(scene, knit=knit, model=options, panel=PanelOptions(), stages=_plain_stages(scene))
+    contact, wire = replace(scene.contact, friction=0.0), replace(scene.wire, plastic=False)
+    stages = _plain_stages(scene)
+    return replace(scene, wire=wire, knit=knit, model=options, panel=PanelOptions(), contact=contact, stages=stages)
 
 
 def _plain_stages(scene: Scene) -> tuple[Stage, ...]:
@@ -78,12 +81,12 @@ class Prolongation:
 
     def _places(self) -> None:
         """Tables of where things stand on the small mesh."""
-        large, small = self.large.panel, self.small.panel
+        large, small = self.large.panel, self.small.whole.panel
         repeat = self._repeat = np.array(self.large.cloth.size)
         nodes, start = self.large.table.nodes, self.large.table.start
         periodic = small.boundary == "periodic"
         self._periodic = int(periodic)
-        entry = node_entries(self.small)
+        entry = node_entries(self.small.whole)
         thread = np.repeat(small.wire_thread, small.wire_count)
         first_row = np.repeat(np.rint(small.block_origin / repeat).astype(np.int64), small.block_count, axis=0)
         column, local = first_row[:, 0], entry - start[thread]
@@ -116,9 +119,11 @@ class Prolongation:
         block_place = np.rint(large.block_origin / repeat)
         self._block_place = [index(block_place[:, 0]), index(block_place[:, 1]), index(large.wire_thread[large.block_wire])]
         self._threads = [index(start), index(nodes)]
-        first = large.wire_first[large.pair_wire]
-        from_end = np.minimum(large.pair_seed - first, first + large.wire_count[large.pair_wire] - 1 - large.pair_seed)
-        self._body_from_end = index(from_end.reshape(-1, 2).min(axis=1))
+        # of all pairs of a body, on whatever rank their wire is
+        mesh = self.large.whole.panel
+        first = mesh.wire_first[mesh.pair_wire]
+        from_end = np.minimum(mesh.pair_seed - first, first + mesh.wire_count[mesh.pair_wire] - 1 - mesh.pair_seed)
+        self._body_from_end = index(from_end.reshape(-1, 2).min(axis=1)[self.large.bodies])
         body_place = np.rint(large.body_origin / repeat)
         self._body_place = [index(large.body_clasp), index(body_place[:, 0]), index(body_place[:, 1])]
         self._node_at, self._body_at = (wp.array(t, dtype=wp.int32, device=device) for t in (node_table, body_table))
@@ -166,13 +171,14 @@ class Prolongation:
 
     def _follow_stiffness(self) -> None:
         """A wire is as stiff and heavy as the stiffest and heaviest wire of the small mesh that its nodes come from."""
-        large, small = self.large.panel, self.small.panel
+        large, small = self.large.panel, self.small.whole.panel
+        join = Join(self.small, everywhere=True)
         source = self._source_of_blocks()
         wire = np.searchsorted(small.wire_first, np.maximum(source, 0), side="right") - 1
         starts = np.searchsorted(large.block_wire, np.arange(len(large.wire_first)))
         for name in ("wire_axial", "wire_mass"):
             array = getattr(self.large_state, name)
-            there = np.where(source >= 0, getattr(self.small_state, name).numpy()[wire], 0.0)
+            there = np.where(source >= 0, join.wires(getattr(self.small_state, name).numpy())[wire], 0.0)
             array.assign(np.maximum(array.numpy(), np.maximum.reduceat(there, starts)))
         penalty = float(self.small_state.read_control()[int(c.CONTACT_STIFFNESS)])
         if penalty > float(self.large_state.read_control()[int(c.CONTACT_STIFFNESS)]):

@@ -86,7 +86,7 @@ class Ramp(Drive):
         """
         progress, loading_time = self.progress, self.model.loading_time
         reading = measure.read(self.model, self.state)
-        strain, tension = np.diag(reading.gradient) - 1.0, np.array(measure.mesh_tension(reading))
+        strain, tension = np.diag(reading.gradient) - 1.0, self._mesh_tension(reading)
         if progress.followed:
             moved, pulled = strain - np.array(progress.followed[:2]), tension - np.array(progress.followed[2:])
             seen = np.divide(moved, pulled, out=np.zeros(2), where=moved * pulled > 0.0)
@@ -107,7 +107,7 @@ class Ramp(Drive):
         """Whether the boundary carries the tensions of the end of the stage."""
         if not driven.any():
             return True
-        tension = np.array(measure.mesh_tension(measure.read(self.model, self.state)))
+        tension = self._mesh_tension(measure.read(self.model, self.state))
         wanted = self._wanted_tension(stage, 1.0)
         near = TENSION_TOLERANCE * np.maximum(np.abs(wanted), 0.01 * measure.tension_scale(self.model))
         return bool(np.all(~driven | (np.abs(tension - wanted) <= near)))
@@ -127,7 +127,9 @@ class Ramp(Drive):
     def _account_work(self) -> None:
         """Work of the boundary since the last look: mean nominal stress times the change of the gradient times the area."""
         reading = measure.read(self.model, self.state)
-        now = [*measure.nominal_stress(reading).ravel().tolist(), measure.thermal_force(reading)]
+        now = self.model.ranks.from_first(
+            lambda: [*measure.nominal_stress(reading).ravel().tolist(), measure.thermal_force(reading)]
+        )
         now += [*reading.gradient.ravel().tolist(), reading.length_factor]
         if self.progress.stress:
             before = np.array(self.progress.stress)

@@ -5,12 +5,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import warp as wp
 
+from .join import Join
 from .kernels import clamp
 from .kernels import control as c
 from .kernels.energy import evaluate_wires
@@ -33,6 +34,8 @@ class Reading:
     tension: np.ndarray  # [node] [N]
     wire_axial: np.ndarray  # [wire] [N] softened axial stiffness
     turning: np.ndarray  # [node] [rad] turning angle less its natural value
+    plastic_turn: np.ndarray  # [node, or one without yield] [rad] of it, what stayed as of the last state at rest
+    back_turn: np.ndarray  # [node, or one] [rad] elastic turning that the wire yields on either side of
     pair_force: np.ndarray  # [pair] [N]
     pair_offset: np.ndarray  # [pair] [N] part of the force that the running multiplier carries
     pair_gap: np.ndarray  # [pair] [m] meaningful where the force is not zero
@@ -97,8 +100,23 @@ class Reading:
 
     @property
     def curvature_change(self) -> np.ndarray:
-        """[node] [1/m] curvature less the natural one: the turning over the length that the hinge stands for."""
-        return self.turning / (self.hinge_length * self.length_factor)
+        """[node] [1/m] elastic change of curvature: the turning over the length that the hinge stands for."""
+        return self.elastic_turning / (self.hinge_length * self.length_factor)
+
+    @property
+    def elastic_turning(self) -> np.ndarray:
+        """[node] [rad] part of the turning that is elastic (kernels/bend.py)."""
+        if not self.model.yield_moment:
+            return self.turning
+        trial = self.turning - self.plastic_turn
+        beyond = trial - self.back_turn
+        over = np.maximum(np.abs(beyond) - self.yield_turn, 0.0)
+        return trial - np.sign(beyond) * over * (1.0 - self.model.scene.wire.hardening)
+
+    @property
+    def yield_turn(self) -> np.ndarray:
+        """[node] [rad] by which a node may turn elastically to either side."""
+        return self.model.scene.wire.yield_curvature * self.hinge_length * self.length_factor
 
     # rest data of the nodes: those of the table but next to clamps
 
@@ -150,7 +168,15 @@ def node_entries(model: Model) -> np.ndarray:
 
 
 def read(model: Model, state: State) -> Reading:
-    """Evaluate the wires and copy the state to the host."""
+    """Evaluate the wires and copy the state to the host.
+
+    Where ranks share the mesh, all of them read together; what the first one gets is of the whole mesh.
+    """
+    return _joined(read_strip(model, state))
+
+
+def read_strip(model: Model, state: State) -> Reading:
+    """The same of what this rank holds, without the others."""
     nodes = model.panel.node_count
     out = [wp.zeros(nodes, dtype=model.precision.real, device=model.device) for _ in range(5)]
     evaluate(model, state, out)
@@ -174,6 +200,8 @@ def read(model: Model, state: State) -> Reading:
         tension=tension,
         wire_axial=state.wire_axial.numpy().astype(np.float64),
         turning=turning,
+        plastic_turn=state.plastic_turn.numpy().astype(np.float64),
+        back_turn=state.back_turn.numpy().astype(np.float64),
         pair_force=force,
         pair_offset=state.pair_offset.numpy().astype(np.float64),
         pair_gap=state.pair_gap.numpy().astype(np.float64),
@@ -182,6 +210,23 @@ def read(model: Model, state: State) -> Reading:
         pair_u=state.pair_u.numpy().astype(np.float64),
         pair_nodal=np.where(force[:, None, None] > 0, nodal.reshape(-1, 4, 2), 0.0),
     )
+
+
+def _joined(reading: Reading) -> Reading:
+    """The reading of the whole mesh on the first rank; that of its strip, as it is, on the others."""
+    model = reading.model
+    join = Join(model)
+    first_node = 0 if model.strip is None else model.strip.nodes.start
+    joined = {name: join.nodes(getattr(reading, name)) for name in ("u", "edge", "tension", "turning")}
+    joined |= {"wire_axial": join.wires(reading.wire_axial), "body_u": join.bodies(reading.body_u)}
+    for name in ("plastic_turn", "back_turn"):
+        values = getattr(reading, name)
+        joined[name] = join.nodes(values) if len(values) == model.panel.node_count else values
+    joined |= {"clamp_shift": join.clamps(reading.clamp_shift), "warmth": join.wires(reading.warmth)}
+    joined["pair_node"] = join.pairs(reading.pair_node + first_node)
+    of_pairs = ("pair_force", "pair_offset", "pair_gap", "pair_slide", "pair_u", "pair_nodal")
+    joined |= {name: join.pairs(getattr(reading, name)) for name in of_pairs}
+    return replace(reading, model=model.whole, **joined) if model.ranks.is_first else reading
 
 
 def evaluate(model: Model, state: State, out: list[wp.array]) -> None:

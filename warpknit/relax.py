@@ -22,6 +22,7 @@ from .kernels.multipliers import extrapolate, extrapolate_held_bodies
 from .membrane import Correction, Membrane
 from .model import Model
 from .multipliers import Multipliers
+from .path import Path
 from .prolongation import Prolongation
 from .response import carried_values, find_response, no_response, recall_response
 from .rim import build_rim
@@ -40,6 +41,7 @@ CORRECTION_GAIN = 0.7  # a correction that leaves more of the least imbalance so
 IN_VAIN = 8  # corrections in vain after which they are given up for the level
 TRUST = (0.1, 1.0)  # share of a correction that is taken, least and most
 MEMBRANE_TOLERANCE = 0.02  # stress out of balance over the tension, root mean square over the mesh
+PATH_STRAIN = 0.005  # between steady states on a path that the state depends on, at most
 FOLLOWED_STRAIN = 0.005  # by which the levels of the smallest mesh are apart, at most
 UNLOADED = 1e-3  # of EI/W^2: forces that count as none in a mesh as knitted
 DRIFT_LOOKS = 4  # looks over which the tension must stand still
@@ -80,6 +82,7 @@ class Relaxation(Drive):
         self.cell = cell
         self.prolongation = Prolongation(model, state, smaller.model, smaller.state) if smaller else None
         self.multipliers = Multipliers(model, state, self.look)
+        self.path = Path(model, state)
         self.slowest_mode = SlowestMode(model, state, self.stepper)
         self.membrane = None
         if smaller is not None:
@@ -112,7 +115,12 @@ class Relaxation(Drive):
         if self.membrane is not None:
             self.membrane.warm_up(self._response)
 
+    @property
+    def dissipated(self) -> float:
+        return self.path.dissipated
+
     def _launch_all(self) -> None:
+        self.path.advance()
         self.neighbours.search()
         self.stepper.step(2)
         self.slowest_mode.look(use=True)
@@ -130,6 +138,7 @@ class Relaxation(Drive):
             kept["stations"] = self.stations
             kept |= {f"cell_{name}": value for name, value in self.cell.everything().items()}
             kept |= self._response.memory()
+        kept |= self.path.memory()
         return super().memory() | kept | self.multipliers.memory() | self.slowest_mode.memory()
 
     def recall(self, kept: dict[str, np.ndarray]) -> None:
@@ -139,6 +148,7 @@ class Relaxation(Drive):
         self._last_gradient = kept["last_gradient"].tolist() or None
         self._last_correction = kept["last_correction"]
         self.multipliers.recall(kept)
+        self.path.recall(kept)
         self.slowest_mode.recall(kept)
         if self.smaller is not None and self.prolongation is not None:
             self.smaller.put_back(_under("smaller_", kept))
@@ -158,12 +168,25 @@ class Relaxation(Drive):
         tension_end = np.array([stage.tension_weft or 0.0, stage.tension_warp or 0.0])
         while progress.level < levels + unloaded:
             factor = (progress.level + (not unloaded)) / levels
-            progress.load_factor = factor
-            wanted = None
-            if driven.any() and factor > 0.0:
-                wanted = WantedTension(driven, tension_start + factor * (tension_end - tension_start))
-            self.bring_to_rest(self.target(stage, factor), wanted)
+            parts = self._parts_of_level(stage, factor, levels)
+            while progress.part < parts:
+                there = factor - (parts - progress.part - 1) / (parts * levels)
+                progress.load_factor = there
+                wanted = None
+                if driven.any() and there > 0.0:
+                    wanted = WantedTension(driven, tension_start + there * (tension_end - tension_start))
+                self.bring_to_rest(self.target(stage, there), wanted)
+                self.path.advance()
+                progress.part += 1
+            progress.part = 0
             yield self.record(stage, factor, steady=True)
+
+    def _parts_of_level(self, stage: Stage, factor: float, levels: int) -> int:
+        """Steady states on the way to a level: where the state depends on the way, the strain between two is bounded."""
+        if not self.scene.depends_on_path or factor <= 0.0:
+            return 1
+        ends = [self._target(stage, f).gradient for f in (factor - 1.0 / levels, factor)]
+        return max(1, math.ceil(float(np.abs(ends[1] - ends[0]).max()) / PATH_STRAIN - 1e-9))
 
     def bring_to_rest(self, target: LoadPoint, wanted: WantedTension | None) -> None:
         """Go to the next load level, the smaller mesh first, or on with the one that was begun."""
@@ -199,7 +222,7 @@ class Relaxation(Drive):
         sums = self.look.take()
         least = UNLOADED * measure.force_scale(self.model)
         bend = self.model.bending_stiffness / float(self.model.table.hinge_length.min()) ** 2
-        return sums.closed == 0 and float(sums.tension_max.max()) < least and float(sums.turning_max.max()) * bend < least
+        return sums.closed == 0 and sums.tension_largest < least and sums.turning_largest * bend < least
 
     def rest_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Nominal stress (2, 2) [N/m] of the mesh at rest under a load, and the values that describe the state."""
@@ -243,7 +266,7 @@ class Relaxation(Drive):
         while True:
             reading = measure.read(self.model, self.state)
             strain = np.diag(reading.gradient) - 1.0
-            tension = np.array(measure.mesh_tension(reading))
+            tension = self._mesh_tension(reading)
             following = self.progress.search.next_strain(strain, tension, wanted.tension, wanted.driven, scale)
             if following is None:
                 return
@@ -278,6 +301,8 @@ class Relaxation(Drive):
             ratio = float(np.clip(ahead @ before / max(before @ before, 1e-30), 0.0, 1.0))
         # no further than the neighbour search looks beyond a contact, so that no body changes sides
         furthest = 0.5 * self.neighbours.margin / self.model.precision.unit
+        if self.scene.hook is not None:
+            furthest = np.inf  # a wire that stays is carried along by the frame (hook.py), and must be put back all the way
         s = self.state
         for value, last in zip(self._level_values(), self._last, strict=True):
             numbers = [wp.float64(ratio), wp.float64(furthest)]

@@ -28,16 +28,19 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
     stages = value("stages") or []
     if len(stages) > 1:
         yield "at the end of stage", f"{stages[-1].get('name')} ({len(stages)} stages; summary.json has all)"
-    if (strain := value("mesh", "strain_weft")) is not None:
+    hook = value("hook")
+    if hook is not None:
+        yield from _hook_rows(hook)
+    if hook is None and (strain := value("mesh", "strain_weft")) is not None:
         yield "strain, weft / warp", f"{strain:.2%} / {value('mesh', 'strain_warp') or 0.0:.2%}"
-    if (active := value("contacts", "active")) is not None:
+    if hook is None and (active := value("contacts", "active")) is not None:
         share = value("contacts", "active_percent")
         text = f"{active} of {value('contacts', 'pairs')} pairs"
         yield "active contacts", text if share is None else f"{text}, {share:.3g} %"
-    if (tension := value("mesh", "tension_weft_N_per_m")) is not None:
+    if hook is None and (tension := value("mesh", "tension_weft_N_per_m")) is not None:
         warp = value("mesh", "tension_warp_N_per_m") or 0.0
         yield "tension, weft / warp", f"{engineering(tension, 'N/m')} / {engineering(warp, 'N/m')}"
-    if (force := value("contacts", "force_max_N")) is not None:
+    if hook is None and (force := value("contacts", "force_max_N")) is not None:
         yield "largest contact force", engineering(force, "N")
     if (stress := value("wire", "stress_max_Pa")) is not None:
         limit = value("wire", "yield_stress_Pa")
@@ -55,6 +58,19 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
     for warning in value("warnings") or []:
         yield "warning", str(warning)
     yield "results in", str(directory)
+
+
+def _hook_rows(hook: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """What there is to say of two hooked wires."""
+    yield "displacement", f"{engineering(hook['displacement_m'], 'm')}, by a force of {engineering(hook['drive_force_N'], 'N')}"
+    left, right = hook["force_left_N"], hook["force_right_N"]
+    yield "contact force", f"{engineering(left, 'N')} on the left wire, {engineering(right, 'N')} on the right one"
+    places = [f"{engineering(hook[f'arc_{side}_m'], 'm')} on the {side} wire" for side in ("left", "right")]
+    yield "contact at", f"{places[0]}, {places[1]} from the lower clamp"
+    ways = [engineering(hook[f"slide_{side}_m"], "m") for side in ("left", "right")]
+    yield "slid since it closed", f"{ways[0]} / {ways[1]}"
+    if hook["ground_force_N"] > 0.0:
+        yield "held from the ground", engineering(hook["ground_force_N"], "N")
 
 
 def print_summary(summary: Mapping[str, Any], directory: Path) -> None:

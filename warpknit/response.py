@@ -8,8 +8,9 @@ from typing import Protocol
 import numpy as np
 import warp as wp
 
-from . import measure
+from .join import Join
 from .model import Model
+from .reading import read_strip
 from .state import State
 
 STRAIN = 2e-3  # by which one repeat is strained further
@@ -18,14 +19,18 @@ LEAST_STIFFNESS = 1e-2  # of the largest eigenvalue: a softer way to strain the 
 
 def carried_values(model: Model, state: State) -> dict[str, np.ndarray]:
     """What tells two states of a mesh apart: [node] or [body] displacements [m], tension [N] and softened strain, [pair]
-    offset [N]."""
-    reading = measure.read(model, state)
+    offset [N]. Of the whole mesh, on all ranks that share it."""
+    reading = read_strip(model, state)
     offset = state.tension_offset.numpy().astype(np.float64)
     strain = (reading.tension - offset) / np.repeat(reading.wire_axial, model.panel.wire_count)
+    join = Join(model, everywhere=True)
+    of_nodes = {"x": reading.u[:, 0], "y": reading.u[:, 1], "tension": reading.tension, "strain": strain}
+    of_bodies = {"body_x": reading.body_u[:, 0], "body_y": reading.body_u[:, 1]}
     return {
-        "x": reading.u[:, 0], "y": reading.u[:, 1], "tension": reading.tension, "strain": strain,
-        "body_x": reading.body_u[:, 0], "body_y": reading.body_u[:, 1], "offset": reading.pair_offset,
-    }  # fmt: skip
+        **{name: join.nodes(values) for name, values in of_nodes.items()},
+        **{name: join.bodies(values) for name, values in of_bodies.items()},
+        "offset": join.pairs(reading.pair_offset),
+    }
 
 
 class Cell(Protocol):

@@ -6,37 +6,41 @@ figures/*.png and checkpoint/. Every file is written aside and renamed.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import math
 import shutil
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import measure
-from .checkpoint import Checkpoint, has_checkpoint, write_checkpoint
+from .checkpoint import Checkpoint, has_checkpoint
 from .device import find_device
-from .errors import Diverged, OutOfResources, RunDirectoryError
-from .files import write_aside, write_table
-from .history import Row, account_work, read_history, row_of, write_history
-from .interrupts import Interrupted, Interrupts
+from .errors import OutOfResources, RunDirectoryError
+from .files import held_directory, write_aside, write_table
+from .history import Row, account_sliding, account_work, read_history, row_of, write_history
 from .model import Model, available_memory, build_model
 from .panel_report import report_panel
 from .progress import Progress as Display
+from .ranks import One, Ranks
 from .run_directory import check_directory, clear, make_directory, read_summary
 from .scene import Scene, resolved_toml
 from .simulate import Progress, Record, Simulation
 from .state import initial_state
 from .summary import run_summary, stage_summary
+from .watch import Watch
 
 if TYPE_CHECKING:
-    from .export.usd import StageWriter
+    from .export.frame_files import FrameWriter
 
 _log = logging.getLogger(__name__)
 
-RECORD_MEMORY = 400  # bytes a node that writing a record takes: the frame, its tables and the USD layer
+RECORD_MEMORY = 400  # bytes a node that writing a record takes: the frame and its tables
+PATIENCE = 30.0  # [s] that an earlier run may take to finish its last frame after it was killed
 COMPILING_S = 1.0  # kernels that took longer to be ready were compiled, not loaded
 
 
@@ -57,31 +61,58 @@ def run_scene(
     resume: bool = False,
     force: bool = False,
     progress: Display | None = None,
+    ranks: Ranks | None = None,
 ) -> Run:
-    """Run `scene` into the directory `out`.
+    """Run `scene` into the directory `out`; several `ranks` that share it all call this, and the first one writes the results.
 
     Raises `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. A divergence ends with
     exit_code 3, an interrupt with 130; what was finished by then is kept.
     """
-    progress = progress or Display()
+    ranks = ranks or One()
+    finished = ranks.from_first(lambda: _finished_run(scene, out, resume, force))
+    if finished is not None:
+        return finished
+    name = find_device(device, ranks.place)
+    if device is None:
+        _log.info("running on %s", name if ranks.count == 1 else f"{ranks.count} ranks, this one on {name}")
+    checkpoint = None
+    if resume and ranks.from_first(lambda: has_checkpoint(out)):
+        checkpoint = Checkpoint(out, scene.hash, ranks)
+    elif resume:
+        _log.info("%s has no checkpoint: starting over", out)
+    model = build_model(scene, name, ranks)
+    simulation, compile_time = _ready(model, checkpoint)
+    with contextlib.ExitStack() as stack:
+        hold = ranks.from_first(lambda: stack.enter_context(_held(out)))
+        if checkpoint is None:
+            ranks.from_first(lambda: clear(out))
+        if not ranks.is_first:
+            ending = Watch(simulation, out).run(lambda _record: None)
+            return Run(ending.exit_code, {}, ending.message)
+        return _Recorder(model.whole, simulation, out, progress or Display(), compile_time, checkpoint, hold).run()
+
+
+def _finished_run(scene: Scene, out: Path, resume: bool, force: bool) -> Run | None:
+    """The run that `out` holds where there is nothing left to resume. Raises `RunDirectoryError` where `out` cannot be used."""
     finished = read_summary(out, "summary.json")
     if finished is not None and resume:
         if finished.get("scene", {}).get("hash") != scene.hash:
             raise RunDirectoryError(f"{out}: holds the finished run of another scene; --force replaces it, --out names another")
         return Run(0, finished)
     check_directory(out, unfinished="run" if has_checkpoint(out) else None, resume=resume, force=force)
-    name = find_device(device)
-    if device is None:
-        _log.info("running on %s", name)
-    checkpoint = Checkpoint(out, scene.hash) if resume and has_checkpoint(out) else None
-    if resume and checkpoint is None:
-        _log.info("%s has no checkpoint: starting over", out)
-    model = build_model(scene, name)
-    simulation, compile_time = _ready(model, checkpoint)
-    if checkpoint is None:
-        clear(out)
+    return None
+
+
+@contextlib.contextmanager
+def _held(out: Path) -> Iterator[int | None]:
+    """Make the directory and keep other runs out of it."""
     make_directory(out)
-    return _Recorder(model, simulation, out, progress, compile_time, checkpoint).run()
+    with contextlib.ExitStack() as stack:
+        try:
+            hold = stack.enter_context(held_directory(out, PATIENCE))
+        except BlockingIOError as error:
+            raise RunDirectoryError(f"{out}: another run is writing there; --out names another directory") from error
+        yield hold
 
 
 def _ready(model: Model, checkpoint: Checkpoint | None) -> tuple[Simulation, float]:
@@ -110,6 +141,7 @@ class _Recorder:
         display: Display,
         compile_time: float,
         checkpoint: Checkpoint | None,
+        hold: int | None,
     ) -> None:
         self.model = model
         self.scene = model.scene
@@ -117,45 +149,36 @@ class _Recorder:
         self.out = out
         self.display = display
         self.compile_time = compile_time
-        self.wall_before = checkpoint.wall if checkpoint else 0.0
         self.rows: list[Row] = []
         self.stages: list[dict[str, Any]] = []
-        self._begin = self._saved = self._shown = time.perf_counter()
-        self._interrupts = Interrupts()
         self._stage_shown = -1
-        simulation.watch = self._watch
+        self.watch = Watch(
+            simulation,
+            out,
+            wall_before=checkpoint.wall if checkpoint else 0.0,
+            show=self._show,
+            before_checkpoint=lambda: self.frames.flush(),  # a checkpoint is not ahead of the frames that it counts
+        )
         if checkpoint is not None:
             self._recall()
         else:
             with write_aside(out / "scene.toml") as file:
                 file.write(resolved_toml(self.scene))
             model.layout().save(out / "layout.npz")
-        self.usd = self._open_stage(resume=checkpoint is not None)
-
-    @property
-    def wall(self) -> float:
-        return self.wall_before + time.perf_counter() - self._begin
+        self.frames = self._open_frames(resume=checkpoint is not None, hold=hold)
 
     def run(self) -> Run:
-        reason, message, code = "steady", "", 0
-        with self._interrupts.caught():
+        with self.frames:
             try:
-                for record in self.simulation.run():
-                    self._keep(record)
-                if not self.rows[-1].steady:
-                    reason = "finished"
-            except Interrupted:
-                reason, code = "interrupted", 130
-                message = f"interrupted; --resume goes on from {self.out}"
-                self._checkpoint()
-            except Diverged as error:
-                reason, code, message = "diverged", error.exit_code, str(error)
+                ending = self.watch.run(self._keep)
+                self.frames.flush()
             except (MemoryError, OSError, OutOfResources):
                 self._write_summary("interrupted", "ran out of memory or disk")
                 raise
-        summary = self._write_summary(reason, message)
-        if self.usd is not None:
-            self.usd.close(complete=code == 0)
+            code, message = ending.exit_code, ending.message
+            unsteady = ending.reason == "steady" and not self.rows[-1].steady
+            summary = self._write_summary("finished" if unsteady else ending.reason, message)
+            self.frames.close(complete=code == 0)
         if self.scene.output.figures and self.rows:
             self._draw()
         if self.scene.output.vtk and self.rows:
@@ -178,11 +201,10 @@ class _Recorder:
             load_factor=record.load_factor,
             temperature=record.temperature,
         )
-        frame.save(self.out / "states" / f"state_{record.index:06d}.npz")
-        if self.usd is not None:
-            self.usd.add_frame(frame)
+        self.frames.add_frame(frame)
         self.rows.append(row_of(record))
         account_work(self.rows, self.model)
+        account_sliding(self.rows)
         write_history(self.out / "history.csv", self.rows)
         if record.load_factor == 1.0:
             self.stages.append(stage_summary(record, self.rows, self._keep_panel(record)))
@@ -219,7 +241,7 @@ class _Recorder:
             self.rows,
             stages,
             stop_reason=reason,
-            wall=self.wall,
+            wall=self.watch.wall,
             compile_time=self.compile_time,
             steps=self.simulation.progress.steps,
             message=message,
@@ -241,21 +263,13 @@ class _Recorder:
 
     # --- while it runs ---
 
-    def _watch(self, progress: Progress) -> None:
-        now = time.perf_counter()
-        self._interrupts.check()
-        if now - self._saved > self.scene.output.checkpoint_interval:
-            self._checkpoint()
-        if now - self._shown > 0.1:
-            self._shown = now
-            self._show(progress)
-
     def _show(self, progress: Progress) -> None:
+        self.frames.check()
         stages = self.scene.stages
         if progress.stage_index != self._stage_shown:
             self._stage_shown = progress.stage_index
             self.display.stage(stages[progress.stage_index].name, number=progress.stage_index + 1, of=len(stages))
-        elapsed = time.perf_counter() - self._begin
+        elapsed = time.perf_counter() - self.watch.begin
         # none while a large mesh waits for its smaller ones
         rate = progress.steps * self.model.panel.node_count / elapsed if elapsed > 0 and progress.steps else None
         records = progress.level - (progress.stage_index == 0)  # the first stage begins with the unloaded state
@@ -265,27 +279,23 @@ class _Recorder:
             node_steps_per_s=rate,
         )
 
-    def _checkpoint(self) -> None:
-        write_checkpoint(self.out, self.simulation, self.scene.hash, self.wall)
-        self._saved = time.perf_counter()
-
     # --- exports ---
 
-    def _open_stage(self, *, resume: bool) -> StageWriter | None:
-        if not self.scene.output.usd:
-            return None
+    def _open_frames(self, *, resume: bool, hold: int | None) -> FrameWriter:
         from . import __version__
-        from .export.usd import StageWriter
+        from .export.frame_files import StageOptions
+        from .export.writer_process import frame_writer
 
-        return StageWriter(
-            self.out,
-            self.model.layout(),
-            scene_name=self.scene.name,
-            scene_hash=self.scene.hash,
+        scene, output = self.scene, self.scene.output
+        stage = StageOptions(
+            scene_name=scene.name,
+            scene_hash=scene.hash,
             version=__version__,
-            colour_stress_max=self.scene.wire.yield_stress,
-            resume=resume,
+            colour_stress_max=scene.wire.yield_stress,
+            full_every=output.usd_full_every,
+            points_per_tile=output.usd_points_per_tile,
         )
+        return frame_writer(self.out, self.model.layout(), stage if output.usd else None, resume=resume, hold=hold)
 
     def _draw(self) -> None:
         from .export import export_run

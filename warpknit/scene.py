@@ -23,6 +23,7 @@ from warpknit.errors import SceneError
 from warpknit.materials import MATERIALS
 from warpknit.presets import PRESETS, Preset
 from warpknit.scene_file import KnitTable, ModelTable, SceneFile, SolverTable, StageTable, SweepTable, WireTable
+from warpknit.scene_hook import Hook, contact_values, hook_loads, hook_of
 from warpknit.scene_overrides import Override, with_overrides
 from warpknit.scene_panel import Cord, PanelError, PanelOptions, covering_repeats, panel_options
 from warpknit.scene_report import dotted, first_error, scene_error
@@ -40,6 +41,7 @@ __all__ = [
     "Bar",
     "Contact",
     "Cord",
+    "Hook",
     "Knit",
     "Loop",
     "ModelOptions",
@@ -126,6 +128,7 @@ class ModelOptions:
     nodes_per_loop: int
     body_radius: Annotated[float, "m"]
     merge_lenses: bool
+    frame_expansion: Annotated[float, "1/K"]  # of what holds the edge
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,7 +142,10 @@ class Pull:
 
 @dataclass(frozen=True, kw_only=True)
 class Stage:
-    """One stage of the loading, by its end: each direction by strain or by tension, the other of the two being None."""
+    """One stage of the loading, by its end: each direction by strain or by tension, the other of the two being None.
+
+    A hook is driven by `displacement` alone, which its model carries as a shear of its frame (hook.py).
+    """
 
     name: str
     strain_weft: float | None
@@ -150,6 +156,7 @@ class Stage:
     temperature: Annotated[float, "K"]  # in the middle of the panel
     temperature_gradient: tuple[float, float]  # [K/m] along weft and warp
     pull: tuple[Pull, ...]
+    displacement: Annotated[float, "m"] | None = None  # of the driven end of a hook
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,6 +166,14 @@ class Contact:
     friction: float
     threshold: Annotated[float, "N"]
     stiffness: Annotated[float, "N/m"] | None  # None: chosen by the model
+    treatment: str  # how the contact of a hook is carried: treatment.py; what a treatment does not have is None
+    spring_stiffness: Annotated[float, "N/m"] | None
+    ring_radius: Annotated[float, "m"] | None
+    plane_friction: float | None
+    plane_load: Annotated[float, "N"] | None
+    contact_point: float | None
+    target_share: float | None
+    body_mass: float | None  # over half the wire of a loop; None in a relaxation, where masses are fictitious
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,6 +199,8 @@ class Output:
 
     frames: int  # recorded load levels
     usd: bool
+    usd_full_every: int  # of the recorded frames hold every point; 0: the first and the ends of stages
+    usd_points_per_tile: int
     vtk: bool
     figures: bool
     checkpoint_interval: Annotated[float, "s"]  # of wall time
@@ -205,7 +222,8 @@ class Scene:
     name: str
     path: Path = field(compare=False)
     wire: Wire
-    knit: Knit
+    knit: Knit  # where `hook` is given, nothing is knitted: no bars, and spacings of one radius, which scale what is small
+    hook: Hook | None
     model: ModelOptions
     panel: PanelOptions
     stages: tuple[Stage, ...]  # [load], then each [[path]]
@@ -213,6 +231,11 @@ class Scene:
     solver: Solver
     output: Output
     sweep: Sweep | None
+
+    @property
+    def depends_on_path(self) -> bool:
+        """Whether the state depends on the way there, not on the load alone."""
+        return self.contact.friction > 0.0 or self.wire.plastic
 
     @property
     def hash(self) -> str:
@@ -255,9 +278,10 @@ def make_scene(
         file = SceneFile.model_validate(table)
     except ValidationError as error:
         raise first_error(path, error) from error
-    source = _Source(path, table)
+    source = Source(path, table)
     wire = _wire(source, file.wire)
-    knit = _knit(source, file.knit, wire)
+    hook = None if file.hook is None else hook_of(source, file, wire)
+    knit = _knit(source, file.knit, wire) if hook is None else _nothing_knitted(file, hook)
     panel = _panel(source, file)
     if panel.outline != "rectangle":
         repeats = covering_repeats(panel.shape(knit.size), knit.repeat)
@@ -271,24 +295,25 @@ def make_scene(
         path=path,
         wire=wire,
         knit=knit,
+        hook=hook,
         model=_model(source, file.model, wire, numerics),
         panel=panel,
-        stages=tuple(_stages(source, file, wire, knit)),
-        contact=Contact(**file.contact.model_dump()),
-        solver=_solver(source, file.solver, numerics, file.model.nodes_per_loop or numerics.nodes_per_loop),
+        stages=tuple(_stages(source, file, wire, knit) if hook is None else _hook_stages(source, file, wire, hook)),
+        contact=Contact(**contact_values(source, file, wire)),
+        solver=_solver(source, file.solver, numerics, file.model.nodes_per_loop or numerics.nodes_per_loop, hook),
         output=Output(**file.output.model_dump()),
         sweep=_sweep(source, file.sweep, knit),
     )
 
 
 @dataclass(frozen=True)
-class _Source:
+class Source:
     """Where the values came from, as they were written, for messages."""
 
     path: Path
     table: dict[str, Any]
 
-    def refusal(self, location: Sequence[int | str], value: float, allowed: str) -> SceneError:
+    def refusal(self, location: Sequence[int | str], value: Any, allowed: str) -> SceneError:
         """The error for a value that clashes with another; `value` is what was checked, shown if none was written."""
         given: Any = self.table
         for part in location:
@@ -299,7 +324,7 @@ class _Source:
         return scene_error(self.path, dotted(location), shown(given), allowed)
 
 
-def _wire(source: _Source, table: WireTable) -> Wire:
+def _wire(source: Source, table: WireTable) -> Wire:
     given = table.model_dump(exclude={"plating"})
     for key, value in given.items():
         if value is None:
@@ -314,7 +339,7 @@ def _wire(source: _Source, table: WireTable) -> Wire:
     return wire
 
 
-def _knit(source: _Source, table: KnitTable, wire: Wire) -> Knit:
+def _knit(source: Source, table: KnitTable, wire: Wire) -> Knit:
     spacing = {}
     for key, length, count_key, count, default in (
         ("wale_spacing", table.wale_spacing, "wales", table.wales, 1.7e-3),
@@ -344,7 +369,20 @@ def _knit(source: _Source, table: KnitTable, wire: Wire) -> Knit:
     )
 
 
-def _model(source: _Source, table: ModelTable, wire: Wire, numerics: Preset) -> ModelOptions:
+def _nothing_knitted(file: SceneFile, hook: Hook) -> Knit:
+    """The knit of a hook scene: nothing, but the radius as the scale of lengths."""
+    return Knit(
+        bars=(),
+        wale_spacing=hook.radius,
+        course_spacing=hook.radius,
+        repeats=(1, 1),
+        scatter=0.0,
+        seed=0,
+        loop=Loop(**file.knit.loop.model_dump()),
+    )
+
+
+def _model(source: Source, table: ModelTable, wire: Wire, numerics: Preset) -> ModelOptions:
     given = table.model_dump()
     if given["nodes_per_loop"] is None:
         given["nodes_per_loop"] = numerics.nodes_per_loop
@@ -356,9 +394,13 @@ def _model(source: _Source, table: ModelTable, wire: Wire, numerics: Preset) -> 
     return ModelOptions(**given)
 
 
-def _panel(source: _Source, file: SceneFile) -> PanelOptions:
+def _panel(source: Source, file: SceneFile) -> PanelOptions:
     if file.model.boundary == "periodic" and file.panel != type(file.panel)():
         raise source.refusal(("model", "boundary"), "periodic", "'gripped' with [panel]: a periodic tile has no outline")
+    if file.solver.drive == "ramp" and file.contact.friction:
+        raise source.refusal(("contact", "friction"), file.contact.friction, "0 with solver.drive = 'ramp'")
+    if file.solver.drive == "ramp" and file.wire.plastic:
+        raise source.refusal(("wire", "plastic"), file.wire.plastic, "false with solver.drive = 'ramp'")
     if file.solver.drive == "ramp" and file.panel.cord is not None:
         raise scene_error(source.path, "panel.cord", "a cord", "nothing with solver.drive = 'ramp'")
     try:
@@ -369,7 +411,9 @@ def _panel(source: _Source, file: SceneFile) -> PanelOptions:
     return panel
 
 
-def _solver(source: _Source, table: SolverTable, numerics: Preset, nodes_per_loop: int) -> Solver:
+def _solver(
+    source: Source, table: SolverTable, numerics: Preset, nodes_per_loop: int, hook: Hook | None = None
+) -> Solver:
     given = table.model_dump()
     ramp = "ramp_" if given["drive"] == "ramp" else ""
     for key, name in (
@@ -379,7 +423,7 @@ def _solver(source: _Source, table: SolverTable, numerics: Preset, nodes_per_loo
     ):
         if given[key] is None:
             given[key] = getattr(numerics, name)
-    if table.precision is None and nodes_per_loop > SINGLE_NODES:
+    if hook is not None or (table.precision is None and nodes_per_loop > SINGLE_NODES):
         given["precision"] = "double"
     if given["precision"] == "single" and given["residual_tolerance"] < SINGLE_TOLERANCE:
         allowed = f"{SINGLE_TOLERANCE:g} or more in single precision, whose round-off hides less; or precision = \"double\""
@@ -387,7 +431,7 @@ def _solver(source: _Source, table: SolverTable, numerics: Preset, nodes_per_loo
     return Solver(**given)
 
 
-def _sweep(source: _Source, table: SweepTable | None, knit: Knit) -> Sweep | None:
+def _sweep(source: Source, table: SweepTable | None, knit: Knit) -> Sweep | None:
     if table is None:
         return None
     if table.seeds > 1 and knit.scatter == 0.0:
@@ -395,24 +439,10 @@ def _sweep(source: _Source, table: SweepTable | None, knit: Knit) -> Sweep | Non
     return Sweep(tuple(table.strain_weft), tuple(table.strain_warp), table.seeds)
 
 
-def _stages(source: _Source, file: SceneFile, wire: Wire, knit: Knit) -> Iterator[Stage]:
+def _stages(source: Source, file: SceneFile, wire: Wire, knit: Knit) -> Iterator[Stage]:
     """[load] and each [[path]], a stage taking over from the one before what it leaves out."""
-    load: dict[str, Any] = {
-        **_direction("weft", 0.0, None),
-        **_direction("warp", 0.0, None),
-        "shear": 0.0,
-        "temperature": wire.reference_temperature,
-        "temperature_gradient": (0.0, 0.0),
-        "pull": (),
-    }
-    tables: list[tuple[tuple[int | str, ...], StageTable]] = [(("load",), file.load)]
-    tables += [(("path", index), table) for index, table in enumerate(file.path)]
-    names: set[str] = set()
-    for number, (location, table) in enumerate(tables, start=1):
-        name = table.name or ("load" if number == 1 else f"stage-{number}")
-        if name in names:
-            raise source.refusal((*location, "name"), name, "a name that no other stage has")
-        names.add(name)
+    load = _unloaded(wire)
+    for location, name, table in _named_stages(source, file):
         given = table.model_dump(exclude={"name"}, exclude_none=True)
         if "displacement" in given:
             load |= _displaced(source, (*location, "displacement"), given.pop("displacement"), knit)
@@ -428,7 +458,7 @@ def _stages(source: _Source, file: SceneFile, wire: Wire, knit: Knit) -> Iterato
         yield Stage(name=name, **load)
 
 
-def _check_uneven(source: _Source, file: SceneFile, location: tuple[int | str, ...], given: dict[str, Any]) -> None:
+def _check_uneven(source: Source, file: SceneFile, location: tuple[int | str, ...], given: dict[str, Any]) -> None:
     """Refuse what differs from place to place where nothing can follow it."""
     for key in ("temperature_gradient", "pull"):
         value = given.get(key)
@@ -442,10 +472,41 @@ def _check_uneven(source: _Source, file: SceneFile, location: tuple[int | str, .
             raise source.refusal((*location, key), value, "nothing with solver.multipliers = false, which bring it in")
 
 
-def _check_pull(source: _Source, file: SceneFile, location: tuple[int | str, ...], pull: Pull) -> None:
+def _check_pull(source: Source, file: SceneFile, location: tuple[int | str, ...], pull: Pull) -> None:
     if (pull.width is None) == (file.panel.grip_pitch is None):
         allowed = "left out with panel.grip_pitch (net nodes are moved)" if pull.width else "a length: how much of the edge moves"
         raise source.refusal((*location, "width"), pull.width or 0.0, allowed)
+
+
+def _hook_stages(source: Source, file: SceneFile, wire: Wire, hook: Hook) -> Iterator[Stage]:
+    """The stages of a hook."""
+    for load in hook_loads(source, _named_stages(source, file), wire, hook):
+        yield Stage(**{**_unloaded(wire), **load})
+
+
+def _unloaded(wire: Wire) -> dict[str, Any]:
+    """What the first stage starts from."""
+    return {
+        **_direction("weft", 0.0, None),
+        **_direction("warp", 0.0, None),
+        "shear": 0.0,
+        "temperature": wire.reference_temperature,
+        "temperature_gradient": (0.0, 0.0),
+        "pull": (),
+    }
+
+
+def _named_stages(source: Source, file: SceneFile) -> Iterator[tuple[tuple[int | str, ...], str, StageTable]]:
+    """Where each stage stands in the file, its name and its table."""
+    tables: list[tuple[tuple[int | str, ...], StageTable]] = [(("load",), file.load)]
+    tables += [(("path", index), table) for index, table in enumerate(file.path)]
+    names: set[str] = set()
+    for number, (location, table) in enumerate(tables, start=1):
+        name = table.name or ("load" if number == 1 else f"stage-{number}")
+        if name in names:
+            raise source.refusal((*location, "name"), name, "a name that no other stage has")
+        names.add(name)
+        yield location, name, table
 
 
 def _direction(side: str, strain: float | None, tension: float | None) -> dict[str, float | None]:
@@ -453,7 +514,7 @@ def _direction(side: str, strain: float | None, tension: float | None) -> dict[s
 
 
 def _displaced(
-    source: _Source, location: Sequence[int | str], displacement: float, knit: Knit
+    source: Source, location: Sequence[int | str], displacement: float, knit: Knit
 ) -> dict[str, float | None]:
     """The strains of every side moved outward by `displacement` [m]."""
     load: dict[str, float | None] = {}

@@ -13,10 +13,13 @@ from warpknit.knit.loops import RANGES
 from warpknit.materials import MATERIALS
 from warpknit.presets import DEFAULT_PRESET
 from warpknit.scene_values import (
+    TREATMENTS,
     Angle,
     AxialStiffness,
+    BodyMass,
     Chain,
     Choice,
+    Coefficient,
     Density,
     Ends,
     Expansion,
@@ -26,18 +29,22 @@ from warpknit.scene_values import (
     Force,
     Fraction,
     FrameCount,
+    FrameInterval,
+    Friction,
     Length,
     Name,
     NodesPerLoop,
     Percent,
     PerLength,
     PoissonsRatio,
+    PositiveForce,
     PresetName,
     Rate,
     Repeats,
     Scatter,
     Seed,
     Seeds,
+    Share,
     Shear,
     Shift,
     SignedLength,
@@ -49,10 +56,10 @@ from warpknit.scene_values import (
     TemperatureGradient,
     Tension,
     Threading,
+    TileSize,
     Time,
     Tolerance,
     Vector,
-    Zero,
     proportion,
     refused,
 )
@@ -60,17 +67,25 @@ from warpknit.units import shown
 
 ROOM_TEMPERATURE = 293.15  # [K]
 
+# Keys of [contact] that only some treatments have.
+TREATMENT_KEYS = {
+    "spring_stiffness": ("spring-point", "spring-cylinder", "ring"),
+    "ring_radius": ("ring",),
+    "plane_friction": ("friction-plane",),
+    "plane_load": ("friction-plane",),
+    "contact_point": ("point",),
+    "target_share": ("point",),
+    "body_mass": ("free-body", "spring-point", "spring-cylinder", "ring", "friction-plane"),
+}
+
 MaterialName = Annotated[str, BeforeValidator(Choice(tuple(MATERIALS)))]
 Drive = Annotated[str, BeforeValidator(Choice(("relax", "ramp")))]
 Precision = Annotated[str, BeforeValidator(Choice(("single", "double")))]
 Kind = Annotated[str, BeforeValidator(Choice(("planar",), remark="the spatial model is not in this version"))]
 Boundary = Annotated[str, BeforeValidator(Choice(("gripped", "periodic")))]
 OutlineName = Annotated[str, BeforeValidator(Choice(("rectangle", "hexagon", "triangle", "disc", "polygon")))]
+Treatment = Annotated[str, BeforeValidator(Choice(TREATMENTS))]
 LoopShape = Annotated[str, BeforeValidator(Choice(("auto", "circular-oval", "general")))]
-Friction = Annotated[
-    float,
-    BeforeValidator(Zero("with friction the state depends on the path, which the relaxed states here do not follow")),
-]
 
 
 class Table(BaseModel):
@@ -113,6 +128,8 @@ class WireTable(Table):
     diameter: Length = 15e-6
     ends: Ends = 1
     plating: PlatingTable | None = None
+    plastic: Flag = False
+    hardening: Fraction = 0.1
     set_fraction: Fraction = 1.0
     reference_temperature: Temperature = ROOM_TEMPERATURE
 
@@ -165,6 +182,14 @@ class KnitTable(Table):
         return _exclusive(data, ("wale_spacing", "wales"), ("course_spacing", "courses"))
 
 
+class HookTable(Table):
+    """[hook], in place of [knit]: two arcs of wire that hook each other."""
+
+    radius: Length = 1e-3
+    length: Length | None = None  # a third of a circle
+    overlap: Length | None = None  # a fifth of the radius
+
+
 class ModelTable(Table):
     """[model]."""
 
@@ -173,6 +198,7 @@ class ModelTable(Table):
     nodes_per_loop: NodesPerLoop | None = None  # the preset's
     body_radius: Length | None = None  # diameter / 8: both pairings of a body close where the wires are 1.25 d apart
     merge_lenses: Flag = True
+    frame_expansion: Expansion = 0.0
 
 
 class CordTable(Table):
@@ -233,6 +259,25 @@ class ContactTable(Table):
     friction: Friction = 0.0
     threshold: Force = 0.0
     stiffness: Stiffness | None = None
+    treatment: Treatment = "free-body"
+    spring_stiffness: Stiffness | None = None
+    ring_radius: Length | None = None
+    plane_friction: Coefficient | None = None
+    plane_load: PositiveForce | None = None
+    contact_point: Fraction | None = None
+    target_share: Share | None = None
+    body_mass: BodyMass | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _keys_of_the_treatment(cls, data: Any) -> Any:
+        if isinstance(data, dict):
+            treatment = data.get("treatment", "free-body")
+            for key, users in TREATMENT_KEYS.items():
+                if key in data and treatment in TREATMENTS and treatment not in users:
+                    names = " or ".join(repr(name) for name in users)
+                    raise refused(f"only with contact.treatment = {names}", key=key, given=shown(data[key]))
+        return data
 
 
 class SolverTable(Table):
@@ -273,6 +318,8 @@ class OutputTable(Table):
 
     frames: FrameCount = 20
     usd: Flag = True
+    usd_full_every: FrameInterval = 1
+    usd_points_per_tile: TileSize = 500_000
     vtk: Flag = False
     figures: Flag = True
     checkpoint_interval: Time = 60.0
@@ -292,6 +339,7 @@ class SceneFile(Table):
     name: Name | None = None
     wire: WireTable = WireTable()
     knit: KnitTable = KnitTable()
+    hook: HookTable | None = None
     model: ModelTable = ModelTable()
     panel: PanelTable = PanelTable()
     load: StageTable = StageTable()
@@ -300,3 +348,8 @@ class SceneFile(Table):
     solver: SolverTable = SolverTable()
     output: OutputTable = OutputTable()
     sweep: SweepTable | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _knit_or_hook(cls, data: Any) -> Any:
+        return _exclusive(data, ("knit", "hook"))

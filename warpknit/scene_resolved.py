@@ -26,9 +26,12 @@ def resolved_toml(scene: Scene) -> str:
 
     left_out: list[str] = []
     table: dict[str, Any] = {"name": scene.name}
-    for key in ("wire", "knit", "model", "panel"):
+    for key in ("wire", "knit", "model", "panel") if scene.hook is None else ("wire", "hook", "model"):
         table[key] = _written(getattr(scene, key), key, left_out)
     table["load"], *path = [_written(stage, "", []) for stage in scene.stages]
+    if scene.hook is not None:
+        kept = ("name", "displacement", "temperature")
+        table["load"], *path = [{key: stage[key] for key in kept} for stage in (table["load"], *path)]
     if path:
         table["path"] = path
     for key in ("contact", "solver", "output"):

@@ -148,26 +148,6 @@ class Switch(Check):
 
 
 @dataclass(frozen=True)
-class Zero(Check):
-    """A number that must be 0 in this version, and why."""
-
-    reason: str
-
-    @property
-    def allowed(self) -> str:  # type: ignore[override]
-        return f"0 in this version ({self.reason})"
-
-    def __call__(self, value: Any) -> float:
-        try:
-            number = si(value, "number")
-        except QuantityError as error:
-            raise refused(self.allowed) from error
-        if number != 0.0:
-            raise refused(self.allowed)
-        return 0.0
-
-
-@dataclass(frozen=True)
 class Text(Check):
     """A string that matches a pattern."""
 
@@ -185,6 +165,8 @@ def proportion(least: float, most: float) -> BeforeValidator:
     return BeforeValidator(Quantity("number", least=least, most=most))
 
 
+TREATMENTS = ("free-body", "point", "spring-point", "spring-cylinder", "ring", "friction-plane")
+
 Length = Annotated[float, BeforeValidator(Quantity("length", above=0.0))]
 SignedLength = Annotated[float, BeforeValidator(Quantity("length"))]
 Vector = Annotated[tuple[float, float], BeforeValidator(Pair(Quantity("length")))]
@@ -198,7 +180,10 @@ Temperature = Annotated[float, BeforeValidator(Quantity("temperature", above=0.0
 Tension = Annotated[float, BeforeValidator(Quantity("tension", least=0.0))]
 Stiffness = Annotated[float, BeforeValidator(Quantity("tension", above=0.0))]
 Force = Annotated[float, BeforeValidator(Quantity("force", least=0.0))]
-AxialStiffness = Annotated[float, BeforeValidator(Quantity("force", above=0.0))]
+PositiveForce = Annotated[float, BeforeValidator(Quantity("force", above=0.0))]
+AxialStiffness = PositiveForce
+Coefficient = Annotated[float, BeforeValidator(Quantity("number", above=0.0, most=1e3))]
+BodyMass = Annotated[float, BeforeValidator(Quantity("number", above=0.0, most=100.0))]
 Time = Annotated[float, BeforeValidator(Quantity("time", above=0.0))]
 Rate = Annotated[float, BeforeValidator(Quantity("rate", least=0.0))]
 STRAIN = Quantity("number", least=-0.5, most=2.0)
@@ -207,7 +192,9 @@ Shear = Annotated[float, BeforeValidator(Quantity("number", least=-1.0, most=1.0
 PoissonsRatio = Annotated[float, BeforeValidator(Quantity("number", above=-1.0, most=0.5))]
 Scatter = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=0.2))]
 Fraction = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=1.0))]
+Friction = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=5.0))]
 Percent = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=100.0))]
+Share = Annotated[float, BeforeValidator(Quantity("number", least=0.05, most=1.0))]
 Tolerance = Annotated[float, BeforeValidator(Quantity("number", above=0.0, most=0.5))]
 Factor = Annotated[float, BeforeValidator(Quantity("number", least=1.0, most=1e9))]
 Flag = Annotated[bool, BeforeValidator(Switch())]
@@ -219,6 +206,8 @@ Repeats = Annotated[tuple[int, int], BeforeValidator(IntegerPair(Integer(1, 10**
 NodesPerLoop = Annotated[int, BeforeValidator(Integer(8, 100_000))]
 StepCount = Annotated[int, BeforeValidator(Integer(1, 10**15))]
 FrameCount = Annotated[int, BeforeValidator(Integer(1, 100_000))]
+FrameInterval = Annotated[int, BeforeValidator(Integer(0, 100_000))]
+TileSize = Annotated[int, BeforeValidator(Integer(100_000, 1_000_000))]
 PresetName = Annotated[str, BeforeValidator(Choice(tuple(PRESETS)))]
 Chain = Annotated[
     str,

@@ -7,14 +7,18 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from .drive import Drive, Progress, Record
-from .model import Model, build_model
+from .model import Model, build_model, estimated_nodes
 from .prolongation import one_repeat, smaller_scene
 from .ramp import Ramp
+from .ranks import One, Ranks
 from .relax import Relaxation
 from .scene import Scene
 from .state import State, initial_state
 
 __all__ = ["Progress", "Record", "Simulation"]
+
+
+NODES_A_STRIP = 4_000  # of a smaller mesh: fewer are not worth the waiting for other ranks
 
 
 class Simulation:
@@ -46,9 +50,16 @@ class Simulation:
         scene = smaller_scene(model.scene) if model.cloth is not None else None
         if scene is None:
             return Relaxation(model, state, progress, self._look, cell=cell if _has_moving_edge(model.scene) else None)
-        smaller = build_model(scene, model.device)
+        smaller = build_model(scene, model.device, self._sharing(model, scene))
         below = self._relaxation(smaller, initial_state(smaller), Progress(), cell)
         return Relaxation(model, state, progress, self._look, smaller=below, cell=cell)
+
+    @staticmethod
+    def _sharing(model: Model, smaller: Scene) -> Ranks:
+        """The ranks that share a smaller mesh: all, or each has it to itself where a strip would not be worth the waiting."""
+        assert model.cloth is not None
+        share = estimated_nodes(smaller, model.cloth) // model.ranks.count
+        return model.ranks if share >= NODES_A_STRIP else One()
 
     @staticmethod
     def _cell_of(model: Model) -> Relaxation | None:

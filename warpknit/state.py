@@ -15,15 +15,19 @@ import warp as wp
 from .kernels import contact_by_batch as b
 from .kernels import control as c
 from .kernels.bend import BOW
+from .kernels.friction import LOOSE
 from .model import Model, body_blocks, contact_batches
 from .numerics import MASS_MARGIN
 
 STEP_LIMIT = 0.1  # course spacings in one step: a move beyond it, and beyond a node spacing, is a divergence
 LOOK_AHEAD = 0.12  # steps; stable up to 4/(1 + 2 LOOK_AHEAD) of the unit-step mass, see numerics.MASS_MARGIN
-WIRE_STATE = ("node_vx", "node_vy", "tension_offset", "wire_axial", "wire_mass")
-BODY_STATE = ("body_ux", "body_uy", "body_vx", "body_vy")
+ASLEEP = 1e30  # [m] travel at which a foreign pair would be looked at: never
+WIRE_STATE = ("node_vx", "node_vy", "tension_offset", "wire_axial", "wire_mass", "slide_vy")
+BODY_STATE = ("body_ux", "body_uy", "body_vx", "body_vy", "anchor_x", "anchor_y")
 CLAMP_STATE = ("clamp_from", "clamp_to", "wire_warmth")
+PATH_STATE = ("pair_stuck", "plastic_turn", "back_turn")
 PAIR_STATE = ("pair_slide", "pair_u", "pair_wake", "pair_offset", "pair_force", "pair_gap", "pair_node")
+ARRAYS = WIRE_STATE + BODY_STATE + PAIR_STATE + CLAMP_STATE + PATH_STATE
 
 
 @dataclass
@@ -37,10 +41,13 @@ class State:
     tension_offset: wp.array  # [node] [N] running multiplier of the segment to the next node
     wire_axial: wp.array  # [wire] [N] axial stiffness of the dynamics: EA over the softening
     wire_mass: wp.array  # [wire] node masses over those of the rest table
+    slide_vy: wp.array  # [sliding clamp] [m/s]
     body_ux: wp.array  # [body] [counts]
     body_uy: wp.array
     body_vx: wp.array  # [body] [m/s]
     body_vy: wp.array
+    anchor_x: wp.array  # [body] [m] where on the ground a body is tied, from where it rests (kernels/anchored_bodies.py)
+    anchor_y: wp.array
     pair_slide: wp.array  # [pair] current segment, counted from the seed
     pair_u: wp.array  # [pair] place on the segment, 0 .. 1
     pair_wake: wp.array  # [pair] [m] travel since the last neighbour search at which the pair must be looked at
@@ -54,6 +61,9 @@ class State:
     pair_nodal_y: wp.array
     clamp_from: wp.array  # [clamp] vec2d [m] displacement of a clamp from the affinely mapped outline, where the ramp begins
     clamp_to: wp.array  # [clamp] vec2d [m] and where it ends
+    pair_stuck: wp.array  # [pair, or none without friction] where a contact sticks to its wire (kernels/friction.py)
+    plastic_turn: wp.array  # [node, or one without yield] [rad] turning that stays (kernels/bend.py)
+    back_turn: wp.array  # [node, or one] [rad] elastic turning that the wire yields on either side of
     wire_warmth: wp.array  # [wire] vec2d: excess of the length factor at its first node, relative, and growth a node (warmth.py)
     cached_slide: wp.array  # what kernels/contact_by_batch.py keeps from step to step; follows from the rest
     cached_node: wp.array
@@ -76,7 +86,7 @@ class State:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Host copies of all that a run needs to go on."""
-        kept = {name: getattr(self, name).numpy().copy() for name in WIRE_STATE + BODY_STATE + PAIR_STATE + CLAMP_STATE}
+        kept = {name: getattr(self, name).numpy().copy() for name in ARRAYS}
         kept["node_ux"] = self.node_ux[self.parity].numpy().copy()
         kept["node_uy"] = self.node_uy[self.parity].numpy().copy()
         kept["control"] = self.control.numpy().copy()
@@ -84,7 +94,7 @@ class State:
 
     def restore(self, kept: dict[str, np.ndarray]) -> None:
         """Put back what `arrays` returned."""
-        for name in WIRE_STATE + BODY_STATE + PAIR_STATE + CLAMP_STATE + ("control",):
+        for name in (*ARRAYS, "control"):
             getattr(self, name).assign(kept[name])
         self.node_ux[self.parity].assign(kept["node_ux"])
         self.node_uy[self.parity].assign(kept["node_uy"])
@@ -131,7 +141,10 @@ def initial_state(model: Model, replicas: int | None = None) -> State:
     real, coordinate, device = model.precision.real, model.precision.coordinate, model.device
     nodes, bodies, pairs = model.panel.node_count, model.panel.body_count, model.pair_count
     wires = len(model.panel.wire_first)
+    anchored = bodies if model.treatment.anchored else 0
     batched = contact_batches(model) * int(b.PAIR_BATCH) if wp.get_device(device).is_cpu else 0
+
+    asleep = np.where(model.panel.pair_wire < 0, ASLEEP, 0.0)
 
     def zeros(count: int, dtype: type) -> wp.array:
         return wp.zeros((*lead, count), dtype=dtype, device=device)
@@ -150,13 +163,16 @@ def initial_state(model: Model, replicas: int | None = None) -> State:
         tension_offset=zeros(nodes, real),
         wire_axial=full(wires, model.axial_stiffness / model.softening, real),
         wire_mass=full(wires, 1.0, real),
+        slide_vy=zeros(len(model.panel.sliding_clamp), wp.float64),
         body_ux=zeros(bodies, coordinate),
         body_uy=zeros(bodies, coordinate),
         body_vx=zeros(bodies, real),
         body_vy=zeros(bodies, real),
+        anchor_x=zeros(anchored, wp.float64),
+        anchor_y=zeros(anchored, wp.float64),
         pair_slide=zeros(pairs, wp.int32),
         pair_u=full(pairs, 0.5, real),
-        pair_wake=zeros(pairs, real),
+        pair_wake=wp.array(np.broadcast_to(asleep, (*lead, pairs)), dtype=real, device=device),
         pair_offset=zeros(pairs, real),
         pair_node=zeros(pairs, wp.int32),
         pair_gap=zeros(pairs, real),
@@ -168,6 +184,9 @@ def initial_state(model: Model, replicas: int | None = None) -> State:
         clamp_from=zeros(len(model.panel.clamp_position), wp.vec2d),
         clamp_to=zeros(len(model.panel.clamp_position), wp.vec2d),
         wire_warmth=zeros(wires, wp.vec2d),
+        plastic_turn=zeros(nodes if model.yield_moment else 1, real),
+        back_turn=zeros(nodes if model.yield_moment else 1, real),
+        pair_stuck=full(pairs if model.scene.contact.friction else 0, LOOSE, wp.float64),
         cached_slide=full(batched, b.UNCACHED, wp.int32),
         cached_node=zeros(b.CACHED_NODES * batched, wp.int32),
         cached_number=zeros(b.CACHED_NUMBERS * batched, real),

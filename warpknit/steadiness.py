@@ -40,19 +40,21 @@ class Steadiness:
         """
         model, tolerance = self.model, self.model.scene.solver.residual_tolerance
         scale = np.maximum(sums.force_mean, FORCE_FLOOR * measure.force_scale(model))
-        free = model.panel.node_count + model.panel.body_count - len(model.panel.held_node)
+        mesh, ranks = model.whole.panel, model.ranks
+        free = mesh.node_count + mesh.body_count - len(mesh.held_node)
         rms, largest = np.sqrt(control[..., int(c.FORCE_SQUARE)] / free), control[..., int(c.FORCE_MAX)]
         epsilon, bending = self._round_off_terms
         round_off = epsilon * np.hypot(axial.astype(np.float64), bending)  # [wire]
-        round_off_rms = np.sqrt(np.average(round_off**2, weights=model.panel.wire_count, axis=-1))
+        square = ranks.sum(np.asarray(np.sum(round_off**2 * model.panel.wire_count, axis=-1))) / mesh.node_count
+        round_off_rms = np.sqrt(square)
         most = ROUND_OFF_SHARE * scale
         local = max(LOCAL_ALLOWANCE, free**0.25)
-        round_off_max = ROUND_OFF_LARGEST * round_off.max(axis=-1)
+        round_off_max = ROUND_OFF_LARGEST * ranks.largest(np.asarray(round_off.max(axis=-1)))
         balance = np.maximum(
             rms / np.maximum(scale, np.minimum(ROUND_OFF_RMS * round_off_rms, most) / tolerance),
             largest / (local * np.maximum(scale, np.minimum(round_off_max, most) / tolerance)),
         )
         stored = 0.5 * sums.tension_square * self._stretch_energy + 0.5 * sums.turning_square * self._bend_energy
-        least = ENERGY_FLOOR * measure.energy_scale(model)
+        least = ENERGY_FLOOR * measure.energy_scale(model.whole)
         motion = np.sqrt(0.5 * control[..., int(c.KINETIC_TWICE)] / np.maximum(stored, least))
         return np.maximum(balance, motion)

@@ -12,16 +12,21 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from typing import TypeAlias
 
 import warp as wp
 
 from .kernels import control as c
+from .kernels.anchored_bodies import step_anchored_bodies
 from .kernels.barrier import wait_for_all
 from .kernels.bodies import BODY_BLOCK, step_bodies
 from .kernels.contact import find_contact_forces
-from .kernels.contact_by_batch import find_contact_forces_by_batch
+from .kernels.contact_by_batch import PAIR_BATCH, find_contact_forces_by_batch
+from .kernels.contact_node import follow_contact_node, lend_contact_force
 from .kernels.control import update_control
+from .kernels.friction import add_friction
 from .kernels.grip import move_held_nodes
+from .kernels.slide import slide_clamps
 from .kernels.wires import step_wires_by_node
 from .kernels.wires_by_block import BLOCK_SIZE, step_wires_by_block
 from .model import Model, body_blocks, contact_batches
@@ -29,8 +34,11 @@ from .state import State
 
 GRAPH_STEPS = (50, 10, 1)  # steps that are replayed at once
 CORES = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
+FIRST_OF_CONTACT = 3  # place of the first pair or batch among the arguments of contact
 NODES_A_THREAD = 4_000  # fewer nodes are not worth the waiting
 PROBING = {c.VELOCITY_FACTOR: 0.0, c.FORCE_FACTOR: 1.0, c.TIME_STEP: 0.0}  # a step leaves f/m as velocities and moves nothing
+
+LaunchData: TypeAlias = tuple[wp.Kernel, int, list]  # kernel, threads and arguments
 
 
 class Stepper:
@@ -45,15 +53,13 @@ class Stepper:
         self.model = model
         self.state = state
         self.by_node = model.device != "cpu" if by_node is None else by_node
-        self.threads = 1 if model.device != "cpu" else threads or thread_count(model.panel.node_count)
+        # what a treatment does to its few bodies is in no part of a step that threads could share
+        alone = model.device != "cpu" or not model.treatment.is_free
+        self.threads = 1 if alone else threads or thread_count(model.panel.node_count)
         self._barrier = wp.zeros(64, dtype=wp.int32, device=model.device)
         self._launches = [[self._record(parity, part) for parity in (0, 1)] for part in range(self.threads)]
         self._contact = [
-            [
-                wp.launch(kernel, dim=dim, inputs=arguments, device=model.device, record_cmd=True).launch
-                for kernel, dim, arguments in (self._contact_launch(parity, part) for part in range(self.threads))
-                if dim > 0
-            ]
+            [partial(_launch_all, self._commands(self._contact_work(parity, part))) for part in range(self.threads)]
             for parity in (0, 1)
         ]
         self._graphs: dict[tuple[int, int], wp.Graph] = {}
@@ -107,7 +113,7 @@ class Stepper:
         if self.model.pair_count:
             self.together(self._contact[self.state.parity])
 
-    def _contact_launch(self, parity: int, part: int) -> tuple[wp.Kernel, int, list]:
+    def _contact_launch(self, parity: int, part: int) -> LaunchData:
         """Kernel, threads and arguments that find one part of the contact forces."""
         model, state = self.model, self.state
         if self.by_node:
@@ -117,6 +123,27 @@ class Stepper:
         batch, batches = self._share(contact_batches(model), part)
         return find_contact_forces_by_batch, batches, contact_arguments(model, state, parity, batch, cache)
 
+    def _contact_work(self, parity: int, part: int) -> list[LaunchData]:
+        """The launches that find one part of the contact forces, with friction and what a treatment does to them."""
+        found = self._contact_launch(parity, part)
+        treated = contact_launches(self.model, self.state, part)
+        if not len(self.state.pair_stuck):
+            return [found, *treated]
+        kernel, dim, arguments = found
+        first = arguments[FIRST_OF_CONTACT]
+        if kernel is find_contact_forces_by_batch:
+            first, end = first * PAIR_BATCH, min((first + dim) * PAIR_BATCH, self.model.pair_count)
+            dim = max(0, end - first)
+        return [found, (add_friction, dim, friction_arguments(self.model, self.state, first)), *treated]
+
+    def _commands(self, work: list[LaunchData]) -> list[wp.Launch]:
+        """Launches that can be repeated, of those that have anything to do."""
+        return [
+            wp.launch(kernel, dim=dim, inputs=arguments, device=self.model.device, record_cmd=True)
+            for kernel, dim, arguments in work
+            if dim > 0
+        ]
+
     def _share(self, count: int, part: int) -> tuple[int, int]:
         """Begin and number of what a part takes of `count` things."""
         begin, end = count * part // self.threads, count * (part + 1) // self.threads
@@ -125,30 +152,39 @@ class Stepper:
     def _record(self, parity: int, part: int) -> list[wp.Launch]:
         """One thread's part of a step: contact, then wires and bodies, then the first thread alone grips and the numbers
         of the next step."""
+        end = [(update_control, 1, [self.state.wire_partial, self.state.body_partial, self.state.control])]
+        work = [*self._contact_work(parity, part), *self._wait(), *self._motion(parity, part)]
+        return self._commands([*work, *(end if part == 0 else []), *self._wait()])
+
+    def _motion(self, parity: int, part: int) -> list[LaunchData]:
+        """One thread's part of what moves: wires and bodies, then the first thread alone grips."""
         model, state = self.model, self.state
         now, then = parity, 1 - parity
         wire_kernel, size, last = self.wire_kernel
-
         block, blocks = self._share(len(model.panel.block_first), part)
         body, bodies = self._share(body_blocks(model), part)
-        wait = [(wait_for_all, 1, [self.threads, _yield_address(), self._barrier])] if self.threads > 1 else []
-        work = [
-            self._contact_launch(now, part),
-            *wait,
-            (wire_kernel, blocks * size, [*wire_arguments(model, state, now, then, block), *last]),
-            (step_bodies, bodies, body_arguments(model, state, body)),
-            *wait,
-        ]
-        if part == 0:
-            work += [
-                (move_held_nodes, len(model.panel.held_node), grip_arguments(model, state, then)),
-                (update_control, 1, [state.wire_partial, state.body_partial, state.control]),
-            ]
         return [
-            wp.launch(kernel, dim=dim, inputs=arguments, device=model.device, record_cmd=True)
-            for kernel, dim, arguments in [*work, *wait]
-            if dim > 0
+            (wire_kernel, blocks * size, [*wire_arguments(model, state, now, then, block), *last]),
+            *body_launches(model, state, then, body, bodies),
+            *self._wait(),
+            *(self._grips(then) if part == 0 else []),
         ]
+
+    def _grips(self, then: int) -> list[LaunchData]:
+        model, state = self.model, self.state
+        return [
+            (slide_clamps, len(model.panel.sliding_clamp), slide_arguments(model, state, then)),
+            (move_held_nodes, model.mesh.held_node.shape[0], grip_arguments(model, state, then)),
+        ]
+
+    def _wait(self) -> list[LaunchData]:
+        """What the threads wait for each other with."""
+        return [(wait_for_all, 1, [self.threads, _yield_address(), self._barrier])] if self.threads > 1 else []
+
+
+def _launch_all(launches: list[wp.Launch]) -> None:
+    for launch in launches:
+        launch.launch()
 
 
 def _yield_address() -> int:
@@ -216,6 +252,15 @@ def contact_arguments(model: Model, state: State, now: int, first: int, cache: t
     ]  # fmt: skip
 
 
+def friction_arguments(model: Model, state: State, first: int) -> list:
+    mesh = model.mesh
+    return [
+        state.control, wp.float64(model.scene.contact.friction), first, mesh.pair_side, mesh.pair_table, model.rest.rest_length,
+        state.pair_stuck, state.pair_slide, state.pair_u, state.pair_force,
+        state.pair_body_x, state.pair_body_y, state.pair_nodal_x, state.pair_nodal_y,
+    ]  # fmt: skip
+
+
 def wire_arguments(model: Model, state: State, now: int, then: int, first_block: int) -> list:
     rest, mesh, real = model.rest, model.mesh, model.precision.real
     return [
@@ -225,19 +270,74 @@ def wire_arguments(model: Model, state: State, now: int, then: int, first_block:
         first_block, int(model.is_gripped),
         rest.rest_x, rest.rest_y, rest.rest_length, rest.inverse_length, rest.rest_angle, rest.hinge_stiffness,
         rest.inverse_mass, rest.node_mass,
-        state.tension_offset,
+        state.tension_offset, real(model.yield_moment), real(model.scene.wire.hardening), state.plastic_turn, state.back_turn,
         mesh.block_pair, state.pair_node, state.pair_force, state.pair_nodal_x, state.pair_nodal_y, mesh.held_node,
         state.node_ux[now], state.node_uy[now], state.node_vx, state.node_vy,
         state.node_ux[then], state.node_uy[then], state.wire_partial,
     ]  # fmt: skip
 
 
-def body_arguments(model: Model, state: State, first_block: int) -> list:
+def body_arguments(model: Model, state: State, first_block: int, bodies: slice, partial_sums: wp.array) -> list:
+    """`first_block` counts from the first of the `bodies`."""
+    pairs = slice(2 * bodies.start, 2 * bodies.stop)
+
+    def part(values: wp.array, which: slice) -> wp.array:
+        return values[which] if which.stop > which.start else values  # Warp has no empty slices
+
     return [
         state.control, model.precision.real(model.precision.unit), BODY_BLOCK,
         first_block, int(model.scene.solver.drive == "relax"),
-        state.pair_force, state.pair_body_x, state.pair_body_y,
-        state.body_ux, state.body_uy, state.body_vx, state.body_vy, state.body_partial,
+        *(part(values, pairs) for values in (state.pair_force, state.pair_body_x, state.pair_body_y)),
+        *(part(values, bodies) for values in (state.body_ux, state.body_uy, state.body_vx, state.body_vy)),
+        partial_sums,
+    ]  # fmt: skip
+
+
+def contact_launches(model: Model, state: State, part: int) -> list[LaunchData]:
+    """What a treatment does to contact forces that were just found: kernels, threads, arguments."""
+    treatment, mesh = model.treatment, model.mesh
+    if treatment.contact_node is None or part > 0:
+        return []
+    arguments = [
+        state.control, wp.float64(treatment.pinball), mesh.contact_node, mesh.pair_low, mesh.pair_high,
+        state.pair_slide, state.pair_u, state.pair_node, state.pair_gap, state.pair_force,
+        state.pair_body_x, state.pair_body_y, state.pair_nodal_x, state.pair_nodal_y,
+    ]  # fmt: skip
+    return [(lend_contact_force, model.panel.body_count, arguments)]
+
+
+def body_launches(model: Model, state: State, then: int, first: int, blocks: int) -> list[LaunchData]:
+    """The step of `blocks` blocks of bodies from the `first` on, by the treatment."""
+    treatment = model.treatment
+    if treatment.is_free:
+        owned = slice(0, model.owned_bodies)
+        arguments = body_arguments(model, state, first, owned, state.body_partial)
+        return [(step_bodies, blocks if model.owned_bodies else 0, arguments)]
+    if treatment.anchored:
+        return [(step_anchored_bodies, min(blocks, 1), anchor_arguments(model, state))]
+    nodes = [state.control, model.mesh.contact_node, state.node_ux[then], state.node_uy[then], state.body_ux, state.body_uy]
+    return [(follow_contact_node, model.panel.body_count if blocks else 0, nodes)]
+
+
+def ground_arguments(model: Model, state: State) -> list:
+    mesh, treatment = model.mesh, model.treatment
+    limits = [wp.float64(treatment.spring_stiffness), wp.float64(treatment.spring_limit)]
+    return [state.control, *limits, mesh.body_origin_x, mesh.body_origin_y]
+
+
+def anchor_arguments(model: Model, state: State) -> list:
+    return [
+        *ground_arguments(model, state), state.pair_force, state.pair_body_x, state.pair_body_y,
+        state.anchor_x, state.anchor_y, state.body_ux, state.body_uy, state.body_vx, state.body_vy, state.body_partial,
+    ]  # fmt: skip
+
+
+def slide_arguments(model: Model, state: State, then: int) -> list:
+    mesh = model.mesh
+    return [
+        state.control, mesh.slide_node, mesh.slide_block, mesh.slide_lever_x, mesh.slide_lever_y,
+        mesh.block_table, mesh.block_wire, model.rest.inverse_mass, state.wire_mass,
+        state.slide_vy, state.node_vx, state.node_vy, state.node_ux[then], state.node_uy[then], state.wire_partial,
     ]  # fmt: skip
 
 

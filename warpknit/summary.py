@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
 from . import __version__, measure
-from .history import Row
+from .history import HookRow, Row
 from .model import Model
 from .simulate import Record
 
@@ -25,8 +26,9 @@ def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None 
     force = r.pair_force[measure.pair_active(r)]
     largest, high, above = measure.stress_extremes(r)
     tension = measure.mesh_tension(r)
+    plastic = measure.plastic_extremes(r)
     f = r.gradient
-    return {
+    return _hook_part(rows[-1]) | {
         "name": record.stage,
         "quality": {
             "kinetic_to_internal": kinetic_to_internal(rows, model),
@@ -59,6 +61,8 @@ def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None 
             "stress_max_so_far_Pa": max(row.stress_max_Pa for row in rows),
             "yield_stress_Pa": model.scene.wire.yield_stress,
             "yield_fraction": above,
+            "plastic_fraction": plastic[0],
+            "plastic_strain_max": plastic[1],
             "axial_strain_max": float(np.max(np.abs(measure.axial_strain(r)))),
         },
         "mesh": {
@@ -71,6 +75,13 @@ def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None 
             "areal_mass_kg_per_m2": measure.areal_mass(r),
         },
     } | ({} if panel is None else {"panel": panel})
+
+
+def _hook_part(row: Row) -> dict[str, Any]:
+    """What the last row says of two hooked wires, by the names of its columns; nothing of a mesh."""
+    if not isinstance(row, HookRow):
+        return {}
+    return {"hook": {field.name: getattr(row, field.name) for field in fields(HookRow)[len(fields(Row)) :]}}
 
 
 def kinetic_to_internal(rows: list[Row], model: Model) -> float:
@@ -191,6 +202,7 @@ def run_summary(
             "steps": steps,
             "wall_s": wall,
             "compile_s": compile_time,
+            "ranks": model.ranks.count,
             "node_steps_per_s": steps * panel.node_count / wall if wall > 0 else 0.0,
             "mass_scaling": 1.0 + model.added_mass,
             "axial_softening": model.softening,

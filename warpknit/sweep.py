@@ -97,12 +97,15 @@ def _checked(scene: Scene, device: str | None) -> Sweep:
         raise ModelError(f"--device: given {device}, allowed for a map: cpu (its meshes are small, and fit a CPU's caches)")
     load = scene.stages[0]
     for key, given in (
+        ("hook", scene.hook is not None),
+        ("contact.friction", scene.contact.friction > 0.0),
+        ("wire.plastic", scene.wire.plastic),
         ("load.pull", len(load.pull)),
         ("load.temperature_gradient", any(load.temperature_gradient)),
         ("panel.grip_pitch", scene.panel.grip_pitch is not None),
     ):
         if given:
-            raise ModelError(f"{key}: given, allowed for a map: left out (its cells are strained evenly)")
+            raise ModelError(f"{key}: given, allowed for a map: left out (meshes are elastic, without friction, strained evenly)")
     if scene.model.boundary == "gripped" and smaller_scene(scene) is not None:
         raise ModelError(f"knit.repeats: given {list(scene.knit.repeats)}, allowed for a map: about ten repeats a side")
     return scene.sweep

@@ -6,7 +6,7 @@ so the arrays hold a little more than one period and a run of nodes reads consec
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,22 +48,38 @@ class Table:
     curve_error: float  # [m] largest distance of the fitted rest curve from the true one
 
 
+@dataclass(frozen=True)
+class Line:
+    """A centre line to sample."""
+
+    centre_line: Callable[[np.ndarray], np.ndarray]  # points (m, 3) [m] at arc lengths (m,) [m]; it goes on beyond its ends
+    nodes: int  # of a period
+    spacing: float  # [m] of arc length between nodes
+
+
 def rest_table(cloth: Cloth, *, nodes_per_loop: int, set_fraction: float, lead: int) -> Table:
     """Sample the threads of a repeat at `nodes_per_loop` nodes a stitch.
 
     `lead` entries are kept before and behind a period [-]; `set_fraction` scales the natural turning angles.
     """
+    stitches = np.array([s.thread for s in cloth.stitches])
+    lines = []
+    for t, thread in enumerate(cloth.threads):
+        n = nodes_per_loop * max(1, int(np.sum(stitches == t)))
+        lines.append(Line(ThreadCurve(thread, cloth.size[1]), n, thread.length / n))
+    return table_of_lines(lines, set_fraction=set_fraction, lead=lead)
+
+
+def table_of_lines(lines: Sequence[Line], *, set_fraction: float, lead: int) -> Table:
+    """The table of centre lines, each a thread of its own; see `rest_table`."""
     names = ("x", "y", "z", "ex", "ey", "len", "bow", "turn", "ang", "hl", "nl")
     columns: dict[str, list[np.ndarray]] = {name: [] for name in names}
     curves, starts, counts, spacings = [], [], [], []
     error = 0.0
     offset = 0
-    stitches = np.array([s.thread for s in cloth.stitches])
-    for t, thread in enumerate(cloth.threads):
-        n = nodes_per_loop * max(1, int(np.sum(stitches == t)))
-        h = thread.length / n
+    for line in lines:
+        n, h, centre_line = line.nodes, line.spacing, line.centre_line
         k = np.arange(-lead - 1, n + lead + 2)
-        centre_line = ThreadCurve(thread, cloth.size[1])
         position = centre_line(k * h)
         edge = np.diff(position[:, :2], axis=0)  # edge of entry k joins k and k + 1
         chord = np.hypot(edge[:, 0], edge[:, 1])

@@ -10,8 +10,10 @@ Central differences are stable up to w dt = 2. The highest frequency is bounded 
 bending act across each other on a straight wire, so the larger rules there; a turn theta couples them, and
 a b sin^2 theta bounds the product of the off-diagonal blocks. Tension stiffens sideways motion; compression only softens it
 and is left out. A body has two pairs and a node at most two, and each pair's rank-one stiffness has the norm
-k (1/m_body + sum w^2/m) with sum w^2 <= 1. The step is STEP_MARGIN times the bound, and is renewed at every look at the
-state: the margin of 10 % covers a rise of w^2 by 23 % between two looks.
+k (1/m_body + sum w^2/m) with sum w^2 <= 1. A light body that bounces between its wires gains energy where its own frequency,
+2 k/m_body = w_body^2, is at that limit: contacts that open and close within a step are not linear. So w_body dt <= 1 as well,
+which rules only where a body weighs less than two or three nodes. The step is STEP_MARGIN times the bound, and is renewed at
+every look at the state: the margin of 10 % covers a rise of w^2 by 23 % between two looks.
 """
 
 from __future__ import annotations
@@ -26,6 +28,8 @@ from .kernels import control as c
 from .model import Model
 from .numerics import STEP_MARGIN
 from .state import State
+
+BOUNCING = 4.0  # times w_body^2, at least, is reckoned with
 
 
 @dataclass(frozen=True)
@@ -64,14 +68,16 @@ def frequency_bound(model: Model, reading: measure.Reading) -> FrequencyBound:
         square = 0.5 * (a + b) + math.sqrt(0.25 * (a - b) ** 2 + a * b * sine * sine) + t
         if square > worst[3]:
             worst = (a, b, t, square)
-    contact = 0.0
+    contact = body = 0.0
     if model.pair_count:
         penalty = float(reading.control[int(c.CONTACT_STIFFNESS)])
-        contact = 2.0 * penalty * (float(reading.control[int(c.BODY_INVERSE_MASS)]) + float(inverse_mass.max()))
-    return FrequencyBound(*worst[:3], contact, worst[3] + contact)
+        body = 2.0 * penalty * float(reading.control[int(c.BODY_INVERSE_MASS)])
+        contact = body + 2.0 * penalty * float(inverse_mass.max())
+    return FrequencyBound(*worst[:3], contact, max(worst[3] + contact, BOUNCING * body))
 
 
 def stable_step(model: Model, state: State) -> float:
     """Time step [s] of a ramp for the present state."""
-    bound = frequency_bound(model, measure.read(model, state))
-    return STEP_MARGIN * 2.0 / math.sqrt(bound.square)
+    reading = measure.read(model, state)
+    square = model.ranks.from_first(lambda: frequency_bound(reading.model, reading).square)
+    return STEP_MARGIN * 2.0 / math.sqrt(square)

@@ -32,6 +32,8 @@ class Wire:
     diameter: Annotated[float, "m"]  # of one end, without its plating
     ends: int
     plating: Plating | None
+    plastic: bool  # whether it yields in bending
+    hardening: float  # bending stiffness of a wire that yields, over the elastic one
     set_fraction: float  # rest curvature over knitted curvature
     reference_temperature: Annotated[float, "K"]  # where thermal strain is zero
 
@@ -49,6 +51,11 @@ class Wire:
     def bending_stiffness(self) -> float:
         """EI of the yarn [N m2]: its ends bend side by side, each about its own axis."""
         return self._over_section("youngs_modulus", lambda r: math.pi / 4 * r**4)
+
+    @property
+    def yield_curvature(self) -> float:
+        """[1/m] change of curvature at which the outermost fibres of the core reach the yield stress."""
+        return self.yield_stress / (self.youngs_modulus * self.radius)
 
     @property
     def linear_density(self) -> float:

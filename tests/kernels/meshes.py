@@ -1,5 +1,5 @@
 """The meshes that the kernel tests share: the periodic cell and a gripped patch at 10 % strain, where contacts carry
-force."""
+force; and a patch whose wires have yielded and whose contacts stick."""
 
 from __future__ import annotations
 
@@ -20,6 +20,10 @@ SCENES = Path(__file__).parents[2] / "scenes"
 MESHES = {
     "cell": ("atlas_cell.toml", ()),
     "patch": ("atlas_patch.toml", ("knit.repeats=[2, 2]",)),
+    "yielded": (
+        "atlas_patch.toml",
+        ("knit.repeats=[2, 2]", "wire.plastic=true", "wire.yield_stress='60 MPa'", "contact.friction=0.2"),
+    ),
 }
 PRECISIONS = ("single", "double")
 

@@ -128,9 +128,10 @@ def test_threads_share_a_step_to_the_same_bits(mesh: str) -> None:
 
 @pytest.mark.parametrize("length_factor", [1.0, 0.999])
 @pytest.mark.parametrize("by_node", [True, False])
-def test_kernel_forces_are_those_that_the_measures_see(by_node: bool, length_factor: float) -> None:
+@pytest.mark.parametrize("mesh", ["patch", "yielded"])
+def test_kernel_forces_are_those_that_the_measures_see(mesh: str, by_node: bool, length_factor: float) -> None:
     """Next to clamps too, where what is held rigid carries neither tension nor thermal strain."""
-    made = shaken("patch")
+    made = shaken(mesh)
     made.state.write_control({c.LENGTH_FACTOR: length_factor})
     force = node_forces(made, made.probe(by_node))
     reading = measure.read(made.model, made.state)

@@ -249,6 +249,9 @@ def test_ramp_and_relax_end_in_the_same_state() -> None:
     assert measure.mesh_tension(ramped) == pytest.approx(measure.mesh_tension(relaxed), rel=DRAFT_ERROR)
 
 
+FINE = ("solver.residual_tolerance=3e-4", "output.frames=2")
+
+
 def _with_path(text: str, *overrides: str):
     """The cell with other stages, at the draft preset if the overrides give none."""
     import tempfile
@@ -278,6 +281,24 @@ def test_cooling_held_wires_is_a_stretch_of_shorter_ones() -> None:
     *_, last = Simulation(model, initial_state(model)).run()
     stretched = np.array(measure.mesh_tension(last.reading))
     assert runs["cold"] * factor**3 - runs["warm"] == pytest.approx(stretched - runs["warm"], rel=0.03)
+
+
+def test_a_frame_of_the_wire_s_own_metal_leaves_the_mesh_as_it_is() -> None:
+    """Cooled with its frame a mesh is a smaller copy of itself: tension goes with 1/length^3, contacts stay. Between grips that
+    stand still it is stretched."""
+    load = '[load]\nstrain_weft=0.1\nstrain_warp=0.1\n[[path]]\nname="cold"\ntemperature = "83.15 K"\n'
+    ends = {}
+    for frame in ("4.5e-6 /K", "0 /K"):
+        model = build_model(_with_path(load, f'model.frame_expansion="{frame}"', "solver.precision=double", *FINE))
+        ends[frame] = {record.stage: record.reading for record in Simulation(model, initial_state(model)).run()}
+    alike, held = ends["4.5e-6 /K"], ends["0 /K"]
+    factor = alike["cold"].length_factor
+    warm, cold = (np.array(measure.mesh_tension(alike[name])) for name in ("load", "cold"))
+    # steady to 3e-4 of the tension; the fixed grips change it by some hundredths
+    assert cold * factor**3 == pytest.approx(warm, rel=1e-3)
+    assert measure.contacts(alike["cold"]).active == measure.contacts(alike["load"]).active
+    assert alike["cold"].gradient == pytest.approx(factor * alike["load"].gradient, rel=1e-12)
+    assert np.all(np.array(measure.mesh_tension(held["cold"])) > 1.01 * warm)
 
 
 def test_ramp_finds_the_strains_that_carry_a_tension() -> None:

@@ -109,6 +109,7 @@ def _export_usd(record: _Record) -> list[Path]:
         scene_hash=str(_item(record.summary, ("scene", "hash")) or ""),
         version=str(record.summary.get("version", "")),
         colour_stress_max=record.quantity("wire", "stress_max_Pa"),
+        streaming=True,
     )
     frames = [writer.add_frame(frame) for frame in record.frames()]
     writer.close(complete=record.summary.get("stop_reason") in ("steady", "finished"))
@@ -132,6 +133,10 @@ def _export_figures(record: _Record) -> list[Path]:
     from warpknit.export.plots import curves_figure, mesh_figure
 
     history = record.history()
+    if "displacement_m" in history[0]:
+        from warpknit.export.hook_figure import hook_figure
+
+        return [hook_figure(record.layout, list(record.frames()), history, record.directory / "figures" / "hook.png")]
     rows = {row.get("index"): row for row in history}
     folder = record.directory / "figures"
     yield_stress = record.quantity("wire", "yield_stress_Pa")

@@ -1,0 +1,123 @@
+"""One explicit step of contact bodies that are tied to the ground, each by a spring from its anchor.
+
+    f = pairs - k d min(1, limit/(k |d|))        d = x - anchor
+
+Without a limit this is a spring to the ground. With one it is a body on a plane with friction: the spring is what the
+plane gives before the body slips, the limit is the friction coefficient times the load on the plane. While a level of a
+relaxation comes to rest the anchor stays, so that the force depends on where the body is and not on how it swung; then, and in a
+ramp at every step, an anchor whose spring is at the limit is drawn along.
+
+Displacements are those from the affinely mapped rest shape, so the place on the ground is u + (F - I) X. The update is that of
+control.py.
+"""
+
+import warp as wp
+
+from .control import (
+    BODY_INVERSE_MASS,
+    DRIVE,
+    FORCE_FACTOR,
+    GRADIENT,
+    LOOK_AHEAD,
+    STATUS,
+    STATUS_RUNNING,
+    TIME_STEP,
+    VELOCITY_FACTOR,
+)
+
+
+@wp.func
+def moved_on_ground(control: wp.array(dtype=wp.float64), ux: wp.float64, uy: wp.float64, x: wp.float64, y: wp.float64):
+    """Displacement [m] on the ground of what rests at (x, y)."""
+    one = wp.float64(1.0)
+    dx = ux + (control[GRADIENT] - one) * x + control[GRADIENT + 1] * y
+    dy = uy + control[GRADIENT + 2] * x + (control[GRADIENT + 3] - one) * y
+    return wp.vec2d(dx, dy)
+
+
+@wp.func
+def slipped(d: wp.vec2d, stiffness: wp.float64, limit: wp.float64):
+    """How far [m] the anchor of a spring drawn out to d follows: what the limit does not bear."""
+    length = wp.length(d)
+    if stiffness * length <= limit:
+        return wp.vec2d(wp.float64(0.0), wp.float64(0.0))
+    return d * (wp.float64(1.0) - limit / (stiffness * length))
+
+
+@wp.kernel
+def step_anchored_bodies(
+    # what steers the step
+    control: wp.array(dtype=wp.float64),
+    stiffness: wp.float64,
+    limit: wp.float64,
+    # rest data and contact
+    body_origin_x: wp.array(dtype=wp.float64),
+    body_origin_y: wp.array(dtype=wp.float64),
+    pair_force: wp.array(dtype=wp.float64),
+    pair_body_x: wp.array(dtype=wp.float64),
+    pair_body_y: wp.array(dtype=wp.float64),
+    # state in and out
+    anchor_x: wp.array(dtype=wp.float64),
+    anchor_y: wp.array(dtype=wp.float64),
+    ux: wp.array(dtype=wp.float64),
+    uy: wp.array(dtype=wp.float64),
+    vx: wp.array(dtype=wp.float64),
+    vy: wp.array(dtype=wp.float64),
+    # out
+    partial: wp.array2d(dtype=wp.float64),
+):
+    """One thread steps all bodies: there are few. `anchor` [m] is a displacement on the ground."""
+    if control[STATUS] != STATUS_RUNNING:
+        return
+    inverse_mass = control[BODY_INVERSE_MASS]
+    ahead = control[LOOK_AHEAD]
+    for column in range(6):
+        partial[0, column] = wp.float64(0.0)
+    for body in range(ux.shape[0]):
+        f = wp.vec2d(wp.float64(0.0), wp.float64(0.0))
+        for k in range(2):
+            if pair_force[2 * body + k] != wp.float64(0.0):
+                f += wp.vec2d(pair_body_x[2 * body + k], pair_body_y[2 * body + k])
+        anchor = wp.vec2d(anchor_x[body], anchor_y[body])
+        d = moved_on_ground(control, ux[body], uy[body], body_origin_x[body], body_origin_y[body]) - anchor
+        slip = slipped(d, stiffness, limit)
+        f -= stiffness * (d - slip)
+        if control[DRIVE] != wp.float64(0.0):
+            anchor_x[body] = anchor[0] + slip[0]
+            anchor_y[body] = anchor[1] + slip[1]
+        p = wp.vec2d(vx[body], vy[body])
+        q = control[VELOCITY_FACTOR] * p + control[FORCE_FACTOR] * inverse_mass * f
+        move = control[TIME_STEP] * (q + ahead * (q - p))
+        vx[body] = q[0]
+        vy[body] = q[1]
+        ux[body] = ux[body] + move[0]
+        uy[body] = uy[body] + move[1]
+        partial[0, 0] += wp.dot(f, p)
+        partial[0, 1] += wp.dot(f, f) * inverse_mass
+        partial[0, 2] += wp.dot(q, q) / inverse_mass
+        partial[0, 3] = wp.max(partial[0, 3], wp.dot(q, q))
+        partial[0, 4] = wp.max(partial[0, 4], wp.dot(f, f))
+        partial[0, 5] += wp.dot(f, f)
+
+
+@wp.kernel
+def draw_anchors(
+    # in
+    control: wp.array(dtype=wp.float64),
+    stiffness: wp.float64,
+    limit: wp.float64,
+    body_origin_x: wp.array(dtype=wp.float64),
+    body_origin_y: wp.array(dtype=wp.float64),
+    ux: wp.array(dtype=wp.float64),
+    uy: wp.array(dtype=wp.float64),
+    # in and out
+    anchor_x: wp.array(dtype=wp.float64),
+    anchor_y: wp.array(dtype=wp.float64),
+):
+    """Anchors whose spring is at the limit follow their body until it is just there."""
+    body = wp.tid()
+    anchor = wp.vec2d(anchor_x[body], anchor_y[body])
+    d = moved_on_ground(control, ux[body], uy[body], body_origin_x[body], body_origin_y[body]) - anchor
+    slip = slipped(d, stiffness, limit)
+    anchor_x[body] = anchor[0] + slip[0]
+    anchor_y[body] = anchor[1] + slip[1]

@@ -1,0 +1,65 @@
+"""Clamps that slide: they keep their direction and their place along weft, and are free along warp.
+
+Such a clamp holds the two nodes at the end of an open wire, a block of their own. The wire kernel steps them as if they were
+free. One rigid body of both has the sum of their masses, so the mean of what either would do along warp is what the clamp does:
+
+    v' = a v + b (f_1 + f_2)/(2 m)
+
+The forces by which the clamp holds the direction act between the two and drop out of the sum (clamp.py). Across, a
+clamp at rest position c holds its nodes as in grip.py. The block's partial sums are written anew: what the clamp takes up is
+not out of balance.
+"""
+
+import warp as wp
+
+from .control import FORCE_FACTOR, GRADIENT, STATUS, STATUS_RUNNING, VELOCITY_FACTOR
+
+
+@wp.kernel
+def slide_clamps(
+    # in
+    control: wp.array(dtype=wp.float64),
+    slide_node: wp.array(dtype=wp.int32),
+    slide_block: wp.array(dtype=wp.int32),
+    slide_lever_x: wp.array2d(dtype=wp.float64),
+    slide_lever_y: wp.array2d(dtype=wp.float64),
+    block_table: wp.array(dtype=wp.int32),
+    block_wire: wp.array(dtype=wp.int32),
+    inverse_mass: wp.array(dtype=wp.float64),
+    wire_mass: wp.array(dtype=wp.float64),
+    # state in and out
+    slide_vy: wp.array(dtype=wp.float64),
+    vx: wp.array(dtype=wp.float64),
+    vy: wp.array(dtype=wp.float64),
+    ux: wp.array(dtype=wp.float64),
+    uy: wp.array(dtype=wp.float64),
+    # out
+    partial: wp.array2d(dtype=wp.float64),
+):
+    """`slide_lever` is X - c [m] of both nodes; `u` is in metres, displacements from the affinely mapped rest shape."""
+    s = wp.tid()
+    if control[STATUS] != STATUS_RUNNING:
+        return
+    half = wp.float64(0.5)
+    one = wp.float64(1.0)
+    i = slide_node[s]
+    block = slide_block[s]
+    before = slide_vy[s]
+    speed = half * (vy[i] + vy[i + 1])
+    place = half * (uy[i] + uy[i + 1])
+    slide_vy[s] = speed
+    for k in range(2):
+        x = slide_lever_x[s, k]
+        y = slide_lever_y[s, k]
+        vx[i + k] = wp.float64(0.0)
+        vy[i + k] = speed
+        ux[i + k] = (one - control[GRADIENT]) * x - control[GRADIENT + 1] * y
+        uy[i + k] = place
+    mass = wp.float64(2.0) * wire_mass[block_wire[block]] / inverse_mass[block_table[block]]
+    force = (speed - control[VELOCITY_FACTOR] * before) * mass / control[FORCE_FACTOR]
+    partial[block, 0] = force * before
+    partial[block, 1] = force * force / mass
+    partial[block, 2] = mass * speed * speed
+    partial[block, 3] = speed * speed
+    partial[block, 4] = force * force
+    partial[block, 5] = force * force

@@ -1,0 +1,111 @@
+"""Yield in bending: bilinear with kinematic hardening, from one steady level to the next."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from warpknit import measure
+from warpknit.model import Model, build_model
+from warpknit.path import Path
+from warpknit.reading import read
+from warpknit.scene import make_scene
+from warpknit.simulate import Simulation
+from warpknit.state import State, initial_state
+
+CYCLE = {
+    "model": {"boundary": "periodic"},
+    "wire": {"plastic": True, "yield_stress": 80e6, "hardening": 0.2},
+    "load": {"strain_weft": 0.11, "strain_warp": 0.11},
+    "path": [
+        {"name": "unload", "strain_weft": 0.08, "strain_warp": 0.08},
+        {"name": "reload", "strain_weft": 0.11, "strain_warp": 0.11},
+    ],
+    "solver": {"preset": "draft"},
+    "output": {"frames": 3},
+}
+
+
+def bent() -> tuple[Model, State, Path]:
+    """One repeat whose nodes can be turned one by one."""
+    model = build_model(make_scene({**CYCLE, "solver": {"precision": "double"}}))
+    state = initial_state(model)
+    return model, state, Path(model, state)
+
+
+def test_one_hinge_goes_round_a_bilinear_loop() -> None:
+    """Random turnings one after the other, against the closed form of the bilinear law with kinematic hardening."""
+    model, state, path = bent()
+    kept = model.scene.wire.hardening
+    start = read(model, state).turning
+    rng = np.random.default_rng(0)
+    plastic, back = np.zeros(len(start)), np.zeros(len(start))
+    gone = 0.0
+    for _step in range(4):
+        for coordinate in (state.node_ux[state.parity], state.node_uy[state.parity]):
+            coordinate.assign(2e-6 * rng.normal(size=len(start)))
+        reading = read(model, state)
+        limit = model.scene.wire.yield_curvature * reading.hinge_length
+        trial = reading.turning - plastic
+        over = np.maximum(np.abs(trial - back) - limit, 0.0)
+        sign = np.sign(trial - back)
+        moment = model.bending_stiffness * (trial - sign * over * (1.0 - kept)) / reading.hinge_length
+        assert np.count_nonzero(over) > 20
+        assert reading.moment == pytest.approx(moment, rel=1e-12, abs=1e-18)
+        path.advance()
+        plastic = plastic + sign * over * (1.0 - kept)
+        back = back + sign * over * kept
+        gone += model.yield_moment * float(np.sum(over * (1.0 - kept)))
+        after = read(model, state)
+        assert after.plastic_turn == pytest.approx(plastic, abs=1e-15)
+        # the state is as it was: taking on the set changes no force
+        assert after.moment == pytest.approx(moment, rel=1e-9, abs=1e-18)
+        # on the yield surface where it yielded
+        yielded = over > 0
+        assert np.abs(after.turning - plastic - back)[yielded] == pytest.approx(limit[yielded], rel=1e-9)
+    assert path.dissipated == pytest.approx(gone, rel=1e-9)
+
+
+@cache
+def cycle(plastic: bool) -> dict[str, tuple]:
+    """Tension, active pairs, stress and dissipated energy at the end of load, unload and reload."""
+    model = build_model(make_scene({**CYCLE, "wire": {**CYCLE["wire"], "plastic": plastic}}))
+    ends = {}
+    for record in Simulation(model, initial_state(model)).run():
+        r = record.reading
+        stress = float(measure.wire_stress(r).max())
+        ends[record.stage] = (sum(measure.mesh_tension(r)), measure.contacts(r).active, stress, record.dissipated)
+    return ends
+
+
+def test_an_overload_leaves_the_mesh_slack() -> None:
+    """After yield unloading meets no tension where the elastic mesh still has it, and reloading is elastic up to the overload."""
+    yielded, elastic = cycle(True), cycle(False)
+    assert elastic["load"][0] == pytest.approx(elastic["reload"][0], rel=2e-2)
+    assert elastic["load"][3] == 0.0
+    assert yielded["load"][0] < 0.9 * elastic["load"][0]
+    assert yielded["unload"][0] < 0.5 * elastic["unload"][0]
+    assert yielded["unload"][1] <= elastic["unload"][1]
+    assert yielded["reload"][0] == pytest.approx(yielded["load"][0], rel=2e-2)
+    assert yielded["load"][3] > 0.0
+    # reloading yields no further but for what the tolerance lets the levels differ
+    assert yielded["reload"][3] == pytest.approx(yielded["load"][3], rel=5e-2)
+
+
+def test_stress_beyond_yield_grows_by_the_hardening() -> None:
+    """sigma = sigma_y + kept (E (d/2) |change of curvature| - sigma_y) on first loading: below the elastic stress."""
+    assert 80e6 < cycle(True)["load"][2] < cycle(False)["load"][2]
+
+
+def test_a_wire_that_never_yields_is_elastic_to_the_bit() -> None:
+    table = {"model": {"boundary": "periodic"}, "load": {"strain_weft": 0.05, "strain_warp": 0.05}, "output": {"frames": 1}}
+    ends = []
+    for wire in ({"plastic": True, "yield_stress": 3e9}, {"plastic": False}):
+        # as many levels on the way as where the path counts
+        model = build_model(make_scene({**table, "wire": wire, "output": {"frames": 10}, "solver": {"preset": "draft"}}))
+        state = initial_state(model)
+        for _record in Simulation(model, state).run():
+            pass
+        ends.append(state.arrays())
+    assert np.array_equal(ends[0]["node_ux"], ends[1]["node_ux"])
+    assert not ends[0]["plastic_turn"].any()

@@ -1,0 +1,145 @@
+"""What writing USD costs: its speed beside `numpy.tofile`, and by how much it slows the steps. See `bench.py --usd`.
+
+Write speed: frames of a gripped panel go through `StageWriter`, and the same number of bytes through `numpy.tofile` with
+fsync, in turns. Slowdown: stretches of steps with a frame handed over to the writer process before each, in turns with
+stretches without; what the writer has not finished by the end of a stretch is waited for, and not counted. On a machine
+that others use too, `slowdown_by_processor_time` is the steadier number: what handing over and writing a frame take of
+the processors, over what the steps take.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+import shutil
+import statistics
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+
+from warpknit import measure
+from warpknit.export.frame_files import StageOptions
+from warpknit.export.usd import StageWriter
+from warpknit.export.writer_process import WriterProcess
+from warpknit.frame import Frame
+from warpknit.kernels import control as c
+from warpknit.model import Model, build_model
+from warpknit.scene import load_scene
+from warpknit.state import initial_state
+from warpknit.step import Stepper
+
+PANEL = Path(__file__).parent.parent / "scenes/panel_million.toml"
+
+
+def panel(nodes: int) -> Model:
+    """A gripped panel of about so many nodes, as wide as high in repeats."""
+    side = 16
+    one = build_model(load_scene(PANEL, [f"knit.repeats=[{side}, {side}]"]), "cpu").panel.node_count / side**2
+    side = max(2, round(math.sqrt(nodes / one)))
+    return build_model(load_scene(PANEL, [f"knit.repeats=[{side}, {side}]"]), "cpu")
+
+
+def options(model: Model) -> StageOptions:
+    scene = model.scene
+    return StageOptions(
+        scene_name=scene.name, scene_hash=scene.hash, version="bench", colour_stress_max=scene.wire.yield_stress,
+        full_every=1, points_per_tile=scene.output.usd_points_per_tile,
+    )  # fmt: skip
+
+
+def frame_of(model: Model, state: Any, index: int) -> Frame:
+    """The frame of the state, made uneven: equal tiles would be written once, and stresses of zero cost nothing."""
+    frame = measure.frame(measure.read(model, state), index=index, stage="bench", load_factor=0.5, temperature=293.15)
+    nodes, random = model.panel.node_count, np.random.default_rng(1)
+    stress = 1e8 * (1.0 + np.sin(0.01 * np.arange(nodes)) + 0.1 * random.random(nodes))
+    position = frame.node_position
+    position += 1e-7 * random.random(position.shape)
+    return dataclasses.replace(frame, node_position=position, node_stress=stress)
+
+
+@contextmanager
+def folder(on: Path | None) -> Iterator[Path]:
+    with tempfile.TemporaryDirectory(dir=on) as name:
+        yield Path(name)
+
+
+def write_speed(model: Model, *, frames: int, rounds: int, on: Path | None) -> dict[str, Any]:
+    """Seconds a frame through USD and through tofile, the median of the rounds."""
+    frame, layout = frame_of(model, initial_state(model), 0), model.layout()
+    usd, floor, sizes, processor = [], [], [0], []
+    for _ in range(rounds):
+        with folder(on) as place:
+            writer = StageWriter(place, layout, **vars(options(model)), streaming=True)
+            writer.add_frame(frame)
+            writer.flush()
+            begin, used = time.perf_counter(), time.process_time()
+            for index in range(1, frames + 1):
+                writer.add_frame(dataclasses.replace(frame, index=index))
+            writer.flush()
+            usd.append((time.perf_counter() - begin) / frames)
+            processor.append((time.process_time() - used) / frames)
+            sizes = [path.stat().st_size for path in sorted((place / "frames").iterdir())[1:]]
+        with folder(on) as place:
+            bytes_ = np.random.default_rng(2).integers(0, 256, sizes[0], dtype=np.uint8)
+            begin = time.perf_counter()
+            for index in range(frames):
+                with open(place / str(index), "wb") as file:
+                    bytes_.tofile(file)
+                    file.flush()
+                    os.fsync(file.fileno())
+            floor.append((time.perf_counter() - begin) / frames)
+    return {
+        "case": "usd write", "nodes": model.panel.node_count, "frames": frames, "bytes_a_frame": sizes[0],
+        "usd_s_a_frame": statistics.median(usd), "usd_processor_s_a_frame": statistics.median(processor),
+        "tofile_s_a_frame": statistics.median(floor), "ratio": statistics.median(u / f for u, f in zip(usd, floor, strict=True)),
+    }  # fmt: skip
+
+
+def slowdown(model: Model, *, frames: int, steps: int, threads: int, on: Path | None) -> dict[str, Any]:
+    """Seconds of `steps` steps with a frame and without."""
+    state = initial_state(model)
+    state.write_control({c.TRAVEL_LIMIT: np.inf})
+    stepper = Stepper(model, state, threads=threads)
+    frame = frame_of(model, state, 0)
+    stepper.step(50)
+    with folder(on) as place:
+        model.layout().save(place / "layout.npz")
+        with WriterProcess(place, model.layout(), options(model)) as writer:
+            writer.add_frame(frame)
+            writer.flush()
+            plain, handed, busy, late = [], [], [], []
+            stepping = handing = 0.0  # [s] of processor time
+            process = psutil.Process(writer.pid)
+            before = sum(process.cpu_times()[:2])
+            for index in range(1, frames + 1):
+                begin, used = time.perf_counter(), time.process_time()
+                stepper.step(steps)
+                plain.append(time.perf_counter() - begin)
+                stepping += time.process_time() - used
+                begin, used = time.perf_counter(), time.process_time()
+                writer.add_frame(dataclasses.replace(frame, index=index))
+                busy.append(time.perf_counter() - begin)
+                handing += time.process_time() - used
+                stepper.step(steps)
+                handed.append(time.perf_counter() - begin)
+                begin = time.perf_counter()
+                writer.flush()
+                late.append(time.perf_counter() - begin)
+            writing = sum(process.cpu_times()[:2]) - before
+            writer.close(complete=True)
+            shutil.rmtree(place / "frames")
+    return {
+        "case": "usd slowdown", "nodes": model.panel.node_count, "frames": frames, "steps_a_frame": steps, "threads": threads,
+        "steps_s": statistics.median(plain), "steps_and_frame_s": statistics.median(handed),
+        "hand_over_s": statistics.median(busy), "waited_for_s": statistics.median(late),
+        "slowdown": statistics.median(h / p for h, p in zip(handed, plain, strict=True)) - 1.0,
+        "writer_processor_s_a_frame": writing / frames,
+        "slowdown_by_processor_time": (handing + writing) / stepping,
+    }  # fmt: skip

@@ -1,0 +1,207 @@
+"""The prims that are drawn: wires, contacts, the sheet. What each holds once, and what moves with the frames.
+
+Colours are indices into a table that is written once: an index takes a byte in the file, a colour twelve.
+"""
+
+from collections.abc import Container, Mapping
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+
+__all__ = [
+    "GOLD",
+    "MOVING",
+    "contact_values",
+    "declare",
+    "define_contacts",
+    "define_surface",
+    "define_wires",
+    "stress_colour",
+    "surface_values",
+    "wire_values",
+]
+
+COLOURS = 256  # entries of the table
+ROW = 2048  # points whose coordinates are compared at once
+GOLD = Gf.Vec3f(1.0, 0.77, 0.34)
+OPEN_COLOUR, ACTIVE_COLOUR = Gf.Vec3f(0.75, 0.75, 0.75), Gf.Vec3f(0.8, 0.02, 0.02)
+# Gold at rest to dark violet at the limit: lightness falls steadily, so it reads without colour vision. Linear RGB.
+STRESS_COLOURS = np.array([GOLD, (0.90, 0.33, 0.10), (0.60, 0.08, 0.10), (0.22, 0.02, 0.16), (0.03, 0.005, 0.10)])
+
+POINT3, EXTENT, FLOATS, INTS = (
+    Sdf.ValueTypeNames.Point3fArray,
+    Sdf.ValueTypeNames.Float3Array,
+    Sdf.ValueTypeNames.FloatArray,
+    Sdf.ValueTypeNames.IntArray,
+)
+COLOUR_INDEX = "primvars:displayColor:indices"
+Attributes: TypeAlias = Mapping[str, tuple[Any, str]]  # name -> type, interpolation of a primvar
+Values: TypeAlias = dict[str, Any]
+MOVING: Mapping[str, Attributes] = {
+    "Wires": {
+        "points": (POINT3, ""),
+        "extent": (EXTENT, ""),
+        "primvars:warpknit:stress": (FLOATS, "vertex"),
+        COLOUR_INDEX: (INTS, ""),
+    },
+    "Contacts": {
+        "points": (POINT3, ""),
+        "extent": (EXTENT, ""),
+        "primvars:warpknit:active": (INTS, "vertex"),
+        "primvars:warpknit:activePairs": (INTS, "vertex"),
+        "primvars:warpknit:normalForce": (FLOATS, "vertex"),
+        "primvars:warpknit:normalForceA": (FLOATS, "vertex"),
+        "primvars:warpknit:normalForceB": (FLOATS, "vertex"),
+        COLOUR_INDEX: (INTS, ""),
+    },
+    "Surface": {
+        "points": (POINT3, ""),
+        "extent": (EXTENT, ""),
+        "primvars:warpknit:stress": (FLOATS, "uniform"),
+        "primvars:warpknit:activeShare": (FLOATS, "uniform"),
+        COLOUR_INDEX: (INTS, ""),
+    },
+}
+
+
+# --- what moves: attribute -> value -----------------------------------------------------------------------------------
+
+
+def wire_values(points: NDArray[Any], stress: NDArray[Any], width: float, stress_max: float | None) -> Values:
+    """`points` [point, 3] [mm] from the tile's origin and `stress` [point] [Pa], both float32."""
+    values = {
+        "points": Vt.Vec3fArray.FromNumpy(points),
+        "extent": _extent(points, width),
+        "primvars:warpknit:stress": Vt.FloatArray.FromNumpy(stress),
+    }
+    if stress_max is not None:
+        values[COLOUR_INDEX] = Vt.IntArray.FromNumpy(_colour_index(stress, stress_max))
+    return values
+
+
+def contact_values(points: NDArray[Any], force: NDArray[Any], active: NDArray[Any], width: float) -> Values:
+    """`points` [body, 3] [mm] from the tile's origin, `force` [body, 2] [N] and `active` [body, 2] of its two pairs."""
+    pairs = active.sum(axis=1, dtype=np.int32)
+    both = (pairs == 2).astype(np.int32)
+    force = force.astype(np.float32)
+    return {
+        "points": Vt.Vec3fArray.FromNumpy(points),
+        "extent": _extent(points, width),
+        "primvars:warpknit:active": Vt.IntArray.FromNumpy(both),
+        "primvars:warpknit:activePairs": Vt.IntArray.FromNumpy(pairs),
+        "primvars:warpknit:normalForce": Vt.FloatArray.FromNumpy(force.min(axis=1)),
+        "primvars:warpknit:normalForceA": Vt.FloatArray.FromNumpy(np.ascontiguousarray(force[:, 0])),
+        "primvars:warpknit:normalForceB": Vt.FloatArray.FromNumpy(np.ascontiguousarray(force[:, 1])),
+        COLOUR_INDEX: Vt.IntArray.FromNumpy(both),
+    }
+
+
+def surface_values(
+    points: NDArray[Any], stress: NDArray[Any], share: NDArray[Any], width: float, stress_max: float | None
+) -> Values:
+    """`points` [vertex, 3] [mm] from the origin of the sheet, `stress` [Pa] and `share` [%] of each face."""
+    values = wire_values(points, stress.astype(np.float32), width, stress_max)
+    return values | {"primvars:warpknit:activeShare": Vt.FloatArray.FromNumpy(share.astype(np.float32))}
+
+
+def stress_colour(stress: NDArray[Any], stress_max: float) -> NDArray[np.float32]:
+    """[point, 3]  linear RGB of the size of a stress, from gold at zero to dark violet at `stress_max` and above."""
+    return np.asarray(_stress_table()[_colour_index(stress, stress_max)])
+
+
+def _stress_table() -> NDArray[np.float32]:
+    last = len(STRESS_COLOURS) - 1
+    place = np.linspace(0.0, last, COLOURS)
+    channels = [np.interp(place, np.arange(last + 1), channel) for channel in STRESS_COLOURS.T]
+    return np.ascontiguousarray(np.stack(channels, axis=1).astype(np.float32))
+
+
+def _colour_index(stress: NDArray[Any], stress_max: float) -> NDArray[np.int32]:
+    place = np.abs(stress)
+    place *= (COLOURS - 1) / stress_max
+    place += 0.5
+    return np.minimum(place, COLOURS - 1, out=place).astype(np.int32)
+
+
+def _extent(points: NDArray[np.float32], width: float) -> Vt.Vec3fArray:
+    """Bounds of points [mm] that are drawn `width` [mm] wide."""
+    whole = points.shape[0] // ROW * ROW
+    rows = points[:whole].reshape(-1, 3 * ROW)  # wide rows: over an axis of three NumPy takes several times as long
+    pad = np.float32(0.5 * width)
+    bounds = []
+    for extreme, sign in ((np.min, -1), (np.max, 1)):
+        parts = [part.reshape(-1, 3) for part in ([extreme(rows, axis=0)] if whole else [])]
+        bounds.append(extreme(np.concatenate([*parts, points[whole:]]), axis=0) + sign * pad)
+    return Vt.Vec3fArray.FromNumpy(np.stack(bounds).astype(np.float32))
+
+
+def declare(layer: Sdf.Layer, prim: Sdf.Path, names: Container[str]) -> None:
+    """Make specs, without values, of the moving attributes that are among `names`; the prim's name says its kind."""
+    spec = Sdf.CreatePrimInLayer(layer, prim)
+    for name, (kind, interpolation) in MOVING[prim.name].items():
+        if name in names and name not in spec.attributes:
+            attribute = Sdf.AttributeSpec(spec, name, kind)
+            if interpolation:
+                attribute.SetInfo("interpolation", interpolation)
+
+
+# --- what is written once ---------------------------------------------------------------------------------------------
+
+
+def define_wires(
+    stage: Usd.Stage, path: Sdf.Path, wires: NDArray[Any], counts: NDArray[Any], width: float, *, shows_stress: bool
+) -> UsdGeom.Gprim:
+    curves = UsdGeom.BasisCurves.Define(stage, path)
+    curves.CreateTypeAttr(UsdGeom.Tokens.linear)
+    curves.CreateWrapAttr(UsdGeom.Tokens.nonperiodic)
+    curves.CreateCurveVertexCountsAttr(_ints(counts))
+    _set_width(curves, width)
+    _set_primvar(curves, "warpknit:wireId", UsdGeom.Tokens.uniform, _ints(wires))
+    _set_stress_colours(curves, UsdGeom.Tokens.vertex if shows_stress else None)
+    return curves
+
+
+def define_contacts(
+    stage: Usd.Stage, path: Sdf.Path, bodies: NDArray[Any], body_wires: NDArray[Any], width: float
+) -> UsdGeom.Gprim:
+    contacts = UsdGeom.Points.Define(stage, path)
+    contacts.CreateIdsAttr(Vt.Int64Array.FromNumpy(np.ascontiguousarray(bodies, dtype=np.int64)))
+    _set_width(contacts, width)
+    for name, column in (("wireA", 0), ("wireB", 1)):
+        _set_primvar(contacts, f"warpknit:{name}", UsdGeom.Tokens.vertex, _ints(body_wires[:, column]))
+    contacts.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex).Set([OPEN_COLOUR, ACTIVE_COLOUR])
+    return contacts
+
+
+def define_surface(
+    stage: Usd.Stage, path: Sdf.Path, face_vertices: NDArray[Any], pair_counts: NDArray[Any], *, shows_stress: bool
+) -> UsdGeom.Gprim:
+    mesh = UsdGeom.Mesh.Define(stage, path)
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    mesh.CreateDoubleSidedAttr(True)
+    mesh.CreateFaceVertexCountsAttr(_ints(np.full(face_vertices.shape[0], 4)))
+    mesh.CreateFaceVertexIndicesAttr(_ints(face_vertices.ravel()))
+    _set_primvar(mesh, "warpknit:pairs", UsdGeom.Tokens.uniform, _ints(pair_counts))
+    _set_stress_colours(mesh, UsdGeom.Tokens.uniform if shows_stress else None)
+    return mesh
+
+
+def _set_stress_colours(shape: UsdGeom.Gprim, interpolation: str | None) -> None:
+    """The table of stress colours, or gold."""
+    primvar = shape.CreateDisplayColorPrimvar(interpolation or UsdGeom.Tokens.constant)
+    primvar.Set(Vt.Vec3fArray.FromNumpy(_stress_table()) if interpolation else [GOLD])
+
+
+def _set_width(shape: Any, width: float) -> None:
+    shape.CreateWidthsAttr([width])
+    shape.SetWidthsInterpolation(UsdGeom.Tokens.constant)
+
+
+def _set_primvar(shape: UsdGeom.Gprim, name: str, interpolation: str, values: Vt.IntArray) -> None:
+    UsdGeom.PrimvarsAPI(shape).CreatePrimvar(name, INTS, interpolation).Set(values)
+
+
+def _ints(values: NDArray[Any]) -> Vt.IntArray:
+    return Vt.IntArray.FromNumpy(np.ascontiguousarray(values, dtype=np.int32))
