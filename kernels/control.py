@@ -56,7 +56,8 @@ FORCE_MAX = wp.constant(39)  # [N]
 FORCE_SQUARE = wp.constant(40)  # [N2]
 DISSIPATED = wp.constant(41)  # [J] taken out by mass-proportional damping
 RAMP_SHARE = wp.constant(42)  # how far the clamps have gone on the way that the ramp takes them, 0 .. 1
-CONTROL_COUNT = 43
+MULTIPLIER_RATE = wp.constant(43)  # [-] share of what is missing that an update of the multipliers takes (multipliers.py)
+CONTROL_COUNT = 44
 
 STATUS_RUNNING = wp.constant(wp.float64(0.0))
 STATUS_STALE = wp.constant(wp.float64(1.0))
@@ -124,17 +125,13 @@ def sum_partials(
         row[0, k] = sums[k]
 
 
-@wp.kernel
-def update_control(
-    # in
+@wp.func
+def renew_control(
     wire_partial: wp.array2d(dtype=wp.float64),
     body_partial: wp.array2d(dtype=wp.float64),
-    # in and out
     control: wp.array(dtype=wp.float64),
 ):
     """Sum the partial sums in their order, watch the limits, set the factors of the next step and move the load."""
-    if control[STATUS] != STATUS_RUNNING:
-        return
     sums = add_rows(add_rows(partial_sums(), wire_partial), body_partial)
     kinetic = sums[2]
     finite = wp.isfinite(kinetic) and wp.isfinite(sums[5])
@@ -150,8 +147,22 @@ def update_control(
     control[TRAVEL] = control[TRAVEL] + move
     if not finite or move > control[STEP_LIMIT]:
         control[STATUS] = STATUS_DIVERGED
+    else:
+        if control[TRAVEL] > control[TRAVEL_LIMIT]:
+            control[STATUS] = STATUS_STALE
+        set_factors(control)
+        advance_load(control)
+
+
+@wp.kernel
+def update_control(
+    # in
+    wire_partial: wp.array2d(dtype=wp.float64),
+    body_partial: wp.array2d(dtype=wp.float64),
+    # in and out
+    control: wp.array(dtype=wp.float64),
+):
+    """One thread, after each step."""
+    if control[STATUS] != STATUS_RUNNING:
         return
-    if control[TRAVEL] > control[TRAVEL_LIMIT]:
-        control[STATUS] = STATUS_STALE
-    set_factors(control)
-    advance_load(control)
+    renew_control(wire_partial, body_partial, control)

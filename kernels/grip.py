@@ -12,6 +12,16 @@ import warp as wp
 from .control import GRADIENT, RAMP_SHARE, STATUS, STATUS_RUNNING
 
 
+@wp.func
+def held_move(control: wp.array(dtype=wp.float64), lever: wp.vec2d):
+    """Displacement [m] of a held node at `lever` from its clamp."""
+    one = wp.float64(1.0)
+    return wp.vec2d(
+        (one - control[GRADIENT]) * lever[0] - control[GRADIENT + 1] * lever[1],
+        (one - control[GRADIENT + 3]) * lever[1] - control[GRADIENT + 2] * lever[0],
+    )
+
+
 @wp.kernel
 def move_held_nodes(
     # in
@@ -31,16 +41,12 @@ def move_held_nodes(
     h = wp.tid()
     if control[STATUS] != STATUS_RUNNING:
         return
-    one = wp.float64(1.0)
-    x = held_lever_x[h]
-    y = held_lever_y[h]
-    dx = (one - control[GRADIENT]) * x - control[GRADIENT + 1] * y
-    dy = (one - control[GRADIENT + 3]) * y - control[GRADIENT + 2] * x
+    move = held_move(control, wp.vec2d(held_lever_x[h], held_lever_y[h]))
     clamp = held_clamp[h]
     q = clamp_from[clamp] + control[RAMP_SHARE] * (clamp_to[clamp] - clamp_from[clamp])
     i = held_node[h]
-    ux[i] = count_of(dx + q[0], unit)
-    uy[i] = count_of(dy + q[1], unit)
+    ux[i] = count_of(move[0] + q[0], unit)
+    uy[i] = count_of(move[1] + q[1], unit)
 
 
 @wp.func

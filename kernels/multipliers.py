@@ -13,6 +13,8 @@ from typing import Any
 
 import warp as wp
 
+from .control import MULTIPLIER_RATE
+
 
 @wp.kernel
 def update_tension_offset(
@@ -22,7 +24,7 @@ def update_tension_offset(
     block_wire: wp.array(dtype=wp.int32),
     block_size: int,
     # in
-    rate: wp.float64,
+    control: wp.array(dtype=wp.float64),
     axial_before: wp.array(dtype=Any),
     axial: wp.array(dtype=Any),
     true_stiffness: wp.float64,
@@ -43,20 +45,20 @@ def update_tension_offset(
     t = wp.float64(tension[i])
     offset = t - k / k_before * (t - wp.float64(tension_offset[i]))
     excess = wp.float64(strain[i]) - t / true_stiffness
-    tension_offset[i] = tension_offset.dtype(offset + rate * k * excess)
+    tension_offset[i] = tension_offset.dtype(offset + control[MULTIPLIER_RATE] * k * excess)
 
 
 @wp.kernel
 def update_pair_offset(
     # in
-    rate: wp.float64,
+    control: wp.array(dtype=wp.float64),
     pair_force: wp.array(dtype=Any),
     # in and out
     pair_offset: wp.array(dtype=Any),
 ):
     """offset += rate (F - offset)."""
     pair = wp.tid()
-    offset = pair_offset[pair] + pair_offset.dtype(rate) * (pair_force[pair] - pair_offset[pair])
+    offset = pair_offset[pair] + pair_offset.dtype(control[MULTIPLIER_RATE]) * (pair_force[pair] - pair_offset[pair])
     if offset < pair_offset.dtype(1.0e-16):
         offset = pair_offset.dtype(0.0)  # an open pair forgets
     pair_offset[pair] = offset

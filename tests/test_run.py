@@ -79,7 +79,7 @@ def test_interrupt_and_resume_give_the_same_bits(tmp_path: Path, drive: str, mon
         nonlocal looks
         looks += 1
         if looks in (7, 31):
-            self._interrupt = True
+            self.interrupts.ask()
         original(self, progress)
 
     monkeypatch.setattr(Watch, "_look", interrupt_once)

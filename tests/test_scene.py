@@ -124,7 +124,8 @@ REFUSED = [
     ("knit.repeats=[0, 1]", "knit.repeats", "[0, 1]", "two whole numbers"),
     ("knit.repeats=[1.0, 1]", "knit.repeats", "[1.0, 1]", "two whole numbers"),
     (f"knit.repeats=[{10**40}, 1]", "knit.repeats", "[1000", "two whole numbers"),
-    ("knit.scatter=0.1", "knit.scatter", "0.1", "0 in this version (all repeats share one table"),
+    ("knit.scatter=0.3", "knit.scatter", "0.3", "a number from 0 to 0.2"),
+    ("sweep={strain_weft=[0], strain_warp=[0], seeds=2}", "sweep.seeds", "2", "1, as without knit.scatter all seeds"),
     ("knit.seed=-1", "knit.seed", "-1", "a whole number from 0"),
     ("knit.loop.closed_radius=3", "knit.loop.closed_radius", "3", "a number from 0.4 to 0.78"),
     ("knit.loop.shape=square", "knit.loop.shape", "'square'", "'auto', 'circular-oval', 'general'"),
@@ -426,7 +427,8 @@ VARIED = [
     },
     {"solver": {"drive": "ramp", "mass_scaling": 1e4, "loading_time": "10 ms", "damping": "100 /s", "max_steps": 10}},
     {
-        "sweep": {"strain_weft": [0, 0.02], "strain_warp": [0.0]},
+        "sweep": {"strain_weft": [0, 0.02], "strain_warp": [0.0], "seeds": 3},
+        "knit": {"scatter": 0.1},
         "contact": {"stiffness": "10 N/m", "threshold": "1 uN"},
     },
 ]

@@ -1,4 +1,4 @@
-"""The command line: `warpknit run`, `warpknit plan`, `warpknit export`.
+"""The command line: `warpknit run`, `warpknit plan`, `warpknit map`, `warpknit export`.
 
 Whatever ends a command is turned into an exit status and a line in one place, `exit_status`.
 """
@@ -126,12 +126,21 @@ def scene_options(command: Any) -> Any:
     return command
 
 
+def result_options(command: Any) -> Any:
+    """The options that say where results go and what may stand there."""
+    for option in (
+        click.option("--quiet", is_flag=True, help="No progress, no log."),
+        click.option("--force", is_flag=True, help="Replace what is finished in DIR."),
+        click.option("--resume", is_flag=True, help="Go on from where DIR was left."),
+        click.option("--out", metavar="DIR", help="Where the results go.  [default: runs/<scene name>]"),
+    ):
+        command = option(command)
+    return command
+
+
 @main.command()
 @scene_options
-@click.option("--out", metavar="DIR", help="Where the results go.  [default: runs/<scene name>]")
-@click.option("--resume", is_flag=True, help="Go on from the last checkpoint in DIR.")
-@click.option("--force", is_flag=True, help="Replace a finished run in DIR.")
-@click.option("--quiet", is_flag=True, help="No progress, no log.")
+@result_options
 @click.pass_obj
 def run(
     ranks: Ranks,
@@ -167,6 +176,40 @@ def run(
     from warpknit.report import print_summary
 
     print_summary(result.summary, directory)
+    return FINISHED
+
+
+@main.command("map")
+@scene_options
+@result_options
+def contact_map(
+    scene: str,
+    overrides: tuple[str, ...],
+    preset: str | None,
+    device: str | None,
+    out: str | None,
+    resume: bool,
+    force: bool,
+    quiet: bool,
+) -> int:
+    """Run the strains of SCENE's [sweep] and leave the contact map in DIR."""
+    configure_logging(logging.WARNING if quiet else logging.INFO)
+    from warpknit.scene import load_scene
+
+    loaded = load_scene(scene, overrides, preset)
+    directory = Path(out) if out else Path("runs") / loaded.name
+
+    from warpknit.progress import progress_for
+    from warpknit.sweep import map_lines, run_map
+
+    with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
+        result = run_map(loaded, out=directory, device=device, resume=resume, force=force, progress=progress)
+    if result.exit_code != FINISHED:
+        click.echo(f"warpknit: {result.message}", err=True)
+        return result.exit_code
+    from warpknit.report import engineering, print_table
+
+    print_table([*map_lines(result.summary, engineering), ("results in", str(directory))])
     return FINISHED
 
 

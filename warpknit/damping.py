@@ -15,6 +15,7 @@ from .step import ForceProbe, Stepper
 
 SLOWEST_WAVE = 3.0  # loops of wire: bending waves longer than this are left overdamped; they carry next to nothing
 FASTEST = 0.2
+TINY = 1e-300  # keeps a quotient finite that nothing uses
 
 
 class SlowestMode:
@@ -31,7 +32,7 @@ class SlowestMode:
         nodes, device = model.panel.node_count, model.device
         kinds = [model.precision.coordinate] * 2 + [model.precision.real] * 2
         self._last = [wp.zeros(nodes, dtype=kind, device=device) for kind in kinds]
-        self._partial = wp.zeros((len(model.panel.block_first), 2), dtype=wp.float64, device=device)
+        self.partial = wp.zeros((len(model.panel.block_first), 2), dtype=wp.float64, device=device)  # see kernels/relax.py
         self._sum = [self._record(parity) for parity in (0, 1)]
 
     def _record(self, parity: int) -> wp.Launch:
@@ -44,7 +45,7 @@ class SlowestMode:
                 state.wire_mass, model.rest.inverse_mass,
                 model.precision.real(model.precision.unit),
                 state.node_ux[parity], state.node_uy[parity],
-                self.probe.acceleration_x, self.probe.acceleration_y, *self._last, self._partial,
+                self.probe.acceleration_x, self.probe.acceleration_y, *self._last, self.partial,
             ],
             device=model.device,
             record_cmd=True,
@@ -62,11 +63,20 @@ class SlowestMode:
         """Take in the state; with `use`, set the damping from what happened since the last look."""
         state = self.state
         self.probe.evaluate()
-        self._sum[state.parity].launch()
-        if not use or state.read_control()[int(c.DRIVE)] != 0.0:
-            return
-        force, moved = self.model.ranks.exact_sum(self._partial.numpy())
-        if moved > 0.0 and force > 0.0:
-            rate = min(max(2.0 * math.sqrt(force / moved), self._slowest), FASTEST)
-            now = float(state.read_control()[int(c.DAMPING)])
-            self.state.write_control({c.DAMPING: math.sqrt(now * rate)})
+        self.launch_sum()
+        control = state.read_control()
+        if use and control[int(c.DRIVE)] == 0.0:
+            renewed = self.renewed(control[int(c.DAMPING)], self.model.ranks.exact_sum(self.partial.numpy()))
+            self.state.write_control({c.DAMPING: float(renewed)})
+
+    def launch_sum(self) -> None:
+        """Sum up what moved since the last look, after the probe; this state becomes that of the last look."""
+        self._sum[self.state.parity].launch()
+
+    def renewed(self, damping: np.ndarray, total: np.ndarray) -> np.ndarray:
+        """Damping (...) [1/s] after one of `damping`, by the sums (..., 2) over what kernels/relax.py left; unchanged where
+        nothing moved. A leading axis counts replicas."""
+        force, moved = total[..., 0], total[..., 1]
+        tells = (moved > 0.0) & (force > 0.0)
+        mode = 2.0 * np.sqrt(force * tells / np.maximum(moved, TINY))
+        return np.where(tells, np.sqrt(damping * np.minimum(np.maximum(mode, self._slowest), FASTEST)), damping)

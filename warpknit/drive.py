@@ -112,7 +112,7 @@ class Drive(ABC):
         self.stepper = stepper_of(model, state)
         self.neighbours = NeighbourSearch(model, state)
         self.look = Look(model, state, self.stepper)
-        self.steadiness = Steadiness(model, state)
+        self.steadiness = Steadiness(model)
         self._is_warm = any(any(stage.temperature_gradient) for stage in self.scene.stages)
         self.rim: Rim | None = None  # where the edge does more than follow the load
         self.stations = np.zeros((0, 2))  # (station, 2) [m] displacement of its stations from the affinely mapped outline
@@ -171,7 +171,7 @@ class Drive(ABC):
             "temperature": before,
         }
 
-    def _target(self, stage: Stage, factor: float) -> LoadPoint:
+    def target(self, stage: Stage, factor: float) -> LoadPoint:
         """Load of a stage at a load factor; a direction driven by tension keeps the strain it has."""
         start = self.progress.start
         first = np.array(start["gradient"]).reshape(2, 2)
@@ -197,7 +197,7 @@ class Drive(ABC):
         index = self.progress.stage_index
         return self.scene.stages[index - 1] if index else None
 
-    def _record(self, stage: Stage, factor: float, steady: bool, work: float | None = None) -> Record:
+    def record(self, stage: Stage, factor: float, steady: bool, work: float | None = None) -> Record:
         progress = self.progress
         before = float(progress.start["temperature"])
         reading = measure.read(self.model, self.state)
@@ -253,7 +253,7 @@ class Drive(ABC):
             left -= taken
             status = control[int(c.STATUS)]
             if status == 2.0:
-                raise self._divergence()
+                raise self.divergence()
             if status == 1.0:
                 self.neighbours.search()
 
@@ -272,7 +272,7 @@ class Drive(ABC):
         """Tensions (weft, warp) [N/m] of the mesh that the first rank has read."""
         return self.model.ranks.from_first(lambda: np.array(measure.mesh_tension(reading)))
 
-    def _divergence(self) -> Diverged:
+    def divergence(self) -> Diverged:
         control = self.state.read_control()
         strain = [control[int(c.GRADIENT)] - 1, control[int(c.GRADIENT) + 3] - 1]
         return Diverged(

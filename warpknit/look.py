@@ -6,6 +6,7 @@ reading for a record is measure.read.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ import warp as wp
 
 from .kernels import look as k
 from .model import Model
+from .panel import Panel
 from .reading import evaluation
 from .state import State
 from .step import Stepper
@@ -20,22 +22,65 @@ from .step import Stepper
 
 @dataclass(frozen=True)
 class Sums:
-    """What a look gave."""
+    """What a look gave; of many replicas, the replica is the first axis of everything, and numbers are arrays [replica]."""
 
     strain_max: np.ndarray  # [wire] largest |strain| of an arc
     error_max: np.ndarray  # [wire] largest |strain - tension/EA|
     error_mean: np.ndarray  # [wire] |mean| of the same
     tension_max: np.ndarray  # [wire] [N]
     turning_max: np.ndarray  # [wire] [rad] largest change of a turning angle
-    error_largest: float  # the largest over all wires of the mesh
-    tension_largest: float  # [N]
-    turning_largest: float  # [rad]
-    tension_square: float  # [N2] over all segments
-    turning_square: float  # [rad2] over all nodes
-    closed: int  # pairs that carry force
-    force_mean: float  # [N] of those
-    gap_max: float  # [m] largest gap or overlap of those
+    error_largest: np.ndarray | float  # the largest over all wires of the mesh
+    tension_largest: np.ndarray | float  # [N]
+    turning_largest: np.ndarray | float  # [rad]
+    tension_square: np.ndarray | float  # [N2] over all segments
+    turning_square: np.ndarray | float  # [rad2] over all nodes
+    closed: np.ndarray | float  # pairs that carry force
+    force_mean: np.ndarray | float  # [N] of those
+    gap_max: np.ndarray | float  # [m] largest gap or overlap of those
     stress: np.ndarray  # (2, 2) [N/m] nominal stress of the mesh; see measure.nominal_stress
+
+
+def first_blocks(panel: Panel) -> np.ndarray:
+    """[wire] first block of each wire."""
+    return np.searchsorted(panel.block_wire, np.arange(len(panel.wire_first)))
+
+
+def sum_up(
+    model: Model, first: np.ndarray, wires: np.ndarray, pairs: np.ndarray, held_stress: np.ndarray
+) -> Sums:
+    """The sums of what kernels/look.py left: rows (..., block, WIRE_COLUMNS) and (..., pair block, PAIR_COLUMNS).
+
+    `first` [wire]: see `first_blocks`.
+    `held_stress` (..., 2, 2) [N m] is what forces on held nodes add. A leading axis counts replicas.
+    """
+    panel, ranks = model.panel, model.ranks
+    largest = np.maximum.reduceat(wires, first, axis=-2)
+    error_sum = np.add.reduceat(wires[..., int(k.ERROR_SUM)], first, axis=-1)
+    total, contact = wires.sum(axis=-2), pairs.sum(axis=-2)
+    stress = total[..., int(k.WIRE_STRESS) :] + contact[..., int(k.PAIR_STRESS) :]
+    stress = stress.reshape(*stress.shape[:-1], 2, 2) + held_stress
+    sums = [total[..., int(k.TENSION_SQUARE)], total[..., int(k.TURNING_SQUARE)]]
+    sums += [contact[..., int(k.CLOSED)], contact[..., int(k.FORCE_SUM)]]
+    sums += [stress[..., a, b] for a, b in np.ndindex(2, 2)]
+    tension_square, turning_square, closed, force, *stresses = ranks.sum(np.stack(sums))
+    most = [largest[..., int(column)].max(axis=-1) for column in (k.ERROR_MAX, k.TENSION_MAX, k.TURNING_MAX)]
+    *most, gap_max = ranks.largest(np.stack([*most, pairs[..., int(k.GAP_MAX)].max(axis=-1)]))
+    return Sums(
+        strain_max=largest[..., int(k.STRAIN_MAX)],
+        error_max=largest[..., int(k.ERROR_MAX)],
+        error_mean=np.abs(error_sum) / panel.wire_count,
+        tension_max=largest[..., int(k.TENSION_MAX)],
+        turning_max=largest[..., int(k.TURNING_MAX)],
+        error_largest=most[0],
+        tension_largest=most[1],
+        turning_largest=most[2],
+        tension_square=tension_square,
+        turning_square=turning_square,
+        closed=closed,
+        force_mean=force / np.maximum(1.0, closed),
+        gap_max=gap_max,
+        stress=np.stack(stresses, axis=-1).reshape(stress.shape) / panel.area,
+    )
 
 
 class Look:
@@ -53,7 +98,7 @@ class Look:
             [evaluation(model, state, parity, scratch, share).launch for share in shares] for parity in (0, 1)
         ]
         self._pairs_at_clamps = _pairs_at_clamps(model)
-        self._first_block = np.searchsorted(panel.block_wire, np.arange(len(panel.wire_first)))
+        self._first_block = first_blocks(panel)
         self._wires = wp.zeros((len(panel.block_first), k.WIRE_COLUMNS), dtype=wp.float64, device=device)
         self._pairs = wp.zeros((max(1, -(-model.pair_count // k.PAIR_BLOCK)), k.PAIR_COLUMNS), dtype=wp.float64, device=device)
         self._squares = wp.zeros(len(panel.block_first), dtype=wp.float64, device=device)
@@ -90,40 +135,19 @@ class Look:
 
     def take(self) -> Sums:
         """Look at the state as it is. Rows of wires are of this rank's strip, everything else is of the whole mesh."""
-        self._stepper.together(self._evaluate[self.state.parity])
-        self._stepper.together(self._sum_wires)
-        self._sum_pairs.launch()
-        wires, pairs = self._wires.numpy(), self._pairs.numpy()
-        largest = np.maximum.reduceat(wires, self._first_block, axis=0)
-        panel = self.model.panel
-        error_sum = np.add.reduceat(wires[:, int(k.ERROR_SUM)], self._first_block)
-        total, contact = wires.sum(axis=0), pairs.sum(axis=0)
-        stress = total[int(k.WIRE_STRESS) :] + contact[int(k.PAIR_STRESS) :]
-        stress = stress.reshape(2, 2) + self._held_stress()
-        ranks = self.model.ranks
-        sums = [total[int(k.TENSION_SQUARE)], total[int(k.TURNING_SQUARE)], contact[int(k.CLOSED)], contact[int(k.FORCE_SUM)]]
-        *sums, xx, xy, yx, yy = ranks.sum(np.array([*sums, *stress.ravel()])).tolist()
-        tension_square, turning_square, closed, force = sums
-        most = [largest[:, int(column)].max() for column in (k.ERROR_MAX, k.TENSION_MAX, k.TURNING_MAX)]
-        *most, gap_max = ranks.largest(np.array([*most, pairs[:, int(k.GAP_MAX)].max()])).tolist()
-        return Sums(
-            strain_max=largest[:, int(k.STRAIN_MAX)],
-            error_max=largest[:, int(k.ERROR_MAX)],
-            error_mean=np.abs(error_sum) / panel.wire_count,
-            tension_max=largest[:, int(k.TENSION_MAX)],
-            turning_max=largest[:, int(k.TURNING_MAX)],
-            error_largest=most[0],
-            tension_largest=most[1],
-            turning_largest=most[2],
-            tension_square=tension_square,
-            turning_square=turning_square,
-            closed=int(closed),
-            force_mean=force / max(1.0, closed),
-            gap_max=gap_max,
-            stress=np.array([[xx, xy], [yx, yy]]) / panel.area,
-        )
+        for parts in self.launches():
+            self._stepper.together(parts)
+        return sum_up(self.model, self._first_block, *self.partial_sums())
 
-    def _held_stress(self) -> np.ndarray:
+    def partial_sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What the launches of the last look left, for `sum_up`: rows of wires and of pairs, and what held nodes add."""
+        return self._wires.numpy(), self._pairs.numpy(), self.held_stress()
+
+    def launches(self) -> list[list[Callable[[], object]]]:
+        """What a look launches, in turn; parts of one list may go side by side."""
+        return [self._evaluate[self.state.parity], self._sum_wires, [self._sum_pairs.launch]]
+
+    def held_stress(self) -> np.ndarray:
         """(2, 2) [N m] what the forces on held nodes add: a clamp moves with its own place, not with the node's."""
         panel = self.model.panel
         if not len(panel.held_node):

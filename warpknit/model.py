@@ -21,6 +21,7 @@ from .kernels.bodies import BODY_BLOCK
 from .kernels.contact import CURVE_COEFFICIENTS
 from .kernels.contact_by_batch import PAIR_BATCH
 from .kernels.wires_by_block import BLOCK_SIZE
+from .knit.chain import KnitError
 from .knit.cloth import Cloth, knit_cloth
 from .numerics import Numbers, choose_numbers
 from .panel import Panel, build_panel, table_lead
@@ -192,7 +193,13 @@ def estimated_nodes(scene: Scene, cloth: Cloth) -> int:
     repeats = scene.knit.repeats[0] * scene.knit.repeats[1]
     if scene.model.boundary == "gripped":
         repeats = scene.panel.shape(scene.knit.size).area / np.prod(scene.knit.repeat)
-    return round(scene.model.nodes_per_loop * len(cloth.stitches) * repeats)
+    return round(scene.model.nodes_per_loop * len(cloth.stitches) * repeats / math.prod(_tiles(scene)))
+
+
+def copies_of_cloth(scene: Scene) -> tuple[int, int]:
+    """How often `knit_scene` stands side by side (weft, warp) in the mesh: once where loops differ, as no repeat is like
+    another then."""
+    return (1, 1) if scene.knit.scatter else scene.knit.repeats
 
 
 def required_memory(scene: Scene, nodes: int) -> int:
@@ -212,8 +219,10 @@ def available_memory() -> int:
 
 
 def knit_scene(scene: Scene) -> Cloth:
-    """One repeat of the scene's cloth; refuses (`MemoryNeeded`) a mesh that cannot fit before anything is laid out."""
-    cloth = knit_cloth(scene.knit, scene.wire.diameter, merge_lenses=scene.model.merge_lenses)
+    """One repeat of the scene's cloth, or all of it where loops differ; refuses (`MemoryNeeded`) a mesh that cannot fit before
+    anything is laid out, and (`KnitError`) loops so far from the mean that they hook otherwise."""
+    cloth = knit_cloth(scene.knit, scene.wire.diameter, scene.model.merge_lenses, _tiles(scene))
+    _refuse_other_hooks(scene, cloth)
     nodes = estimated_nodes(scene, cloth)
     needed, available = required_memory(scene, nodes), available_memory()
     if needed > available or nodes > np.iinfo(np.int32).max:
@@ -222,6 +231,21 @@ def knit_scene(scene: Scene) -> Cloth:
             f" available {available / 2**30:.3g} GiB"
         )
     return cloth
+
+
+def _tiles(scene: Scene) -> tuple[int, int]:
+    """Pattern repeats that are knitted as one."""
+    return scene.knit.repeats if scene.knit.scatter else (1, 1)
+
+
+def _refuse_other_hooks(scene: Scene, cloth: Cloth) -> None:
+    if not scene.knit.scatter:
+        return
+    even = knit_cloth(replace(scene.knit, scatter=0.0), scene.wire.diameter, scene.model.merge_lenses)
+    meant, found = len(even.clasps) * math.prod(_tiles(scene)), len(cloth.clasps)
+    if found != meant:
+        allowed = f"less, or another seed: with seed {scene.knit.seed} loops hook {found} times where {meant} are meant"
+        raise KnitError("knit.scatter", scene.knit.scatter, allowed)
 
 
 def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -> Model:
@@ -247,7 +271,7 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
     panel = build_panel(
         cloth,
         table,
-        repeats=scene.knit.repeats,
+        repeats=copies_of_cloth(scene),
         outline=None if scene.model.boundary == "periodic" else scene.panel.shape(scene.knit.size),
         slack=slack,
         set_fraction=wire.set_fraction,

@@ -97,7 +97,7 @@ def choose_numbers(scene: Scene, table: Table, loop_length: float) -> Numbers:
 def unit_step_mass(
     axial_stiffness: np.ndarray | float,
     bending_stiffness: float,
-    contact_stiffness: float,
+    contact_stiffness: np.ndarray | float,
     spacing: float,
     turning: np.ndarray | float = 0.0,
     tension: np.ndarray | float = 0.0,

@@ -24,6 +24,7 @@ from .model import (
     available_memory,
     build_model,
     choose_numbers,
+    copies_of_cloth,
     estimated_nodes,
     knit_scene,
     required_memory,
@@ -184,7 +185,7 @@ def _count(model: Model) -> MeshSize:
 
 def _estimate(scene: Scene, cloth: Cloth) -> MeshSize:
     """The sizes of so many repeats of endless cloth: right for a tile, and but for its edges for a gripped mesh."""
-    columns, rows = scene.knit.repeats
+    columns, rows = copies_of_cloth(scene)
     spacing = cloth.stitch_length / scene.model.nodes_per_loop
     table = rest_table(
         cloth,

@@ -34,8 +34,8 @@ WORTH = 1.5  # ratio from which a smaller mesh pays
 def smaller_scene(scene: Scene) -> Scene | None:
     """The scene of the smaller mesh, or None where the mesh is small enough."""
     repeats = scene.knit.repeats
-    if scene.depends_on_path:
-        return None
+    if scene.knit.scatter or scene.depends_on_path:
+        return None  # no repeat is like another, or what was before counts
     if scene.model.boundary == "periodic":
         smaller = (1, 1)
     elif scene.panel.outline != "rectangle":

@@ -34,11 +34,11 @@ class Ramp(Drive):
         loading_time = self.model.loading_time
         unloaded = progress.stage_index == 0
         if progress.level == 0 and unloaded:
-            yield self._record(stage, 0.0, steady=True, work=progress.work)
+            yield self.record(stage, 0.0, steady=True, work=progress.work)
         driven = np.array([stage.strain_weft is None, stage.strain_warp is None])
         if not progress.settling:
             if not driven.any():
-                self._set_ramp(self._target(stage, 1.0), math.ceil(loading_time / self._renew_step()))
+                self._set_ramp(self.target(stage, 1.0), math.ceil(loading_time / self._renew_step()))
             progress.compliance = [1.0 / measure.tension_scale(self.model)] * 2
             self.neighbours.expect(RAMP_SHARE * self.neighbours.margin)
             progress.settling = True
@@ -64,11 +64,11 @@ class Ramp(Drive):
                 break
             while recorded < frames - 1 and share * frames >= recorded + 1:
                 recorded += 1
-                yield self._record(stage, progress.load_factor, steady=False, work=progress.work)
+                yield self.record(stage, progress.load_factor, steady=False, work=progress.work)
             self.watch(progress)
         progress.settling, progress.load_factor = False, 1.0
         steady = progress.residual < self.scene.solver.residual_tolerance and self._carries(stage, driven)
-        yield self._record(stage, 1.0, steady=steady, work=progress.work)
+        yield self.record(stage, 1.0, steady=steady, work=progress.work)
 
     # --- directions driven by tension ---
 
@@ -98,7 +98,7 @@ class Ramp(Drive):
         miss = self._wanted_tension(stage, share) - tension
         most = MOST_STRAIN * CHECK_STEPS * step / loading_time
         move = np.clip(TENSION_GAIN * np.array(progress.compliance) * miss, -most, most)
-        target = self._target(stage, _smooth(share))
+        target = self.target(stage, _smooth(share))
         gradient = target.gradient.copy()
         gradient[np.diag_indices(2)] = np.where(driven, 1.0 + strain + move, np.diag(gradient))
         self._set_ramp(LoadPoint(gradient, target.temperature), CHECK_STEPS)
@@ -113,7 +113,9 @@ class Ramp(Drive):
         return bool(np.all(~driven | (np.abs(tension - wanted) <= near)))
 
     def _is_steady(self, control: np.ndarray) -> bool:
-        self.progress.residual = self.steadiness.measure(control, self.look.take())
+        self.progress.residual = float(
+            self.steadiness.measure(control, self.look.take(), self.state.wire_axial.numpy())
+        )
         return self.progress.residual < self.scene.solver.residual_tolerance
 
     def _renew_step(self) -> float:

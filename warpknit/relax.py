@@ -81,7 +81,7 @@ class Relaxation(Drive):
         self.smaller = smaller
         self.cell = cell
         self.prolongation = Prolongation(model, state, smaller.model, smaller.state) if smaller else None
-        self.multipliers = Multipliers(model, state)
+        self.multipliers = Multipliers(model, state, self.look)
         self.path = Path(model, state)
         self.slowest_mode = SlowestMode(model, state, self.stepper)
         self.membrane = None
@@ -175,11 +175,11 @@ class Relaxation(Drive):
                 wanted = None
                 if driven.any() and there > 0.0:
                     wanted = WantedTension(driven, tension_start + there * (tension_end - tension_start))
-                self.bring_to_rest(self._target(stage, there), wanted)
+                self.bring_to_rest(self.target(stage, there), wanted)
                 self.path.advance()
                 progress.part += 1
             progress.part = 0
-            yield self._record(stage, factor, steady=True)
+            yield self.record(stage, factor, steady=True)
 
     def _parts_of_level(self, stage: Stage, factor: float, levels: int) -> int:
         """Steady states on the way to a level: where the state depends on the way, the strain between two is bounded."""
@@ -191,7 +191,7 @@ class Relaxation(Drive):
     def bring_to_rest(self, target: LoadPoint, wanted: WantedTension | None) -> None:
         """Go to the next load level, the smaller mesh first, or on with the one that was begun."""
         progress = self.progress
-        if progress.steps == 0 and wanted is None and self._is_at_rest(target):
+        if progress.steps == 0 and wanted is None and self.is_at_rest(target):
             return
         if not progress.settling:
             if self.smaller is not None:
@@ -199,17 +199,21 @@ class Relaxation(Drive):
             if self.membrane is not None:
                 self._response = find_response(self.cell, target.gradient, target.temperature)
                 self.membrane.renew(self._response)
-            self._start_level(target)
-            progress.search.begin_level()
-            self.multipliers.begin_level()
-            progress.settling = True
-            self._begin_settling()
+            self.begin_level(target)
         self._settle()
         if wanted is not None:
             self._find_tension(wanted, target)
         progress.settling = False
 
-    def _is_at_rest(self, target: LoadPoint) -> bool:
+    def begin_level(self, target: LoadPoint) -> None:
+        """Put the load of the next level on; what is left is to settle."""
+        self._start_level(target)
+        self.progress.search.begin_level()
+        self.multipliers.begin_level()
+        self.progress.settling = True
+        self._begin_settling()
+
+    def is_at_rest(self, target: LoadPoint) -> bool:
         """Whether a mesh that was not stepped yet is at rest under a load: as knitted, unless it was knitted under stress."""
         as_knitted = np.array_equal(target.gradient, np.eye(2)) and target.temperature == self.scene.wire.reference_temperature
         if not as_knitted:
@@ -348,7 +352,6 @@ class Relaxation(Drive):
     def _settle(self) -> None:
         """Step until the level is steady."""
         progress = self.progress
-        limit = self.scene.solver.max_steps or LEVEL_STEP_LIMIT
         while True:
             self._advance(CHECK_STEPS)
             progress.looks += 1
@@ -369,13 +372,10 @@ class Relaxation(Drive):
                     progress.tensions.clear()
                 self._expect_progress(left)
             if self.scene.solver.multipliers and progress.looks % SOFTENING_LOOKS == 0:
-                self.multipliers.bound_softening(self.look)
+                self.multipliers.bound_softening()
             self.watch(progress)
-            if progress.looks * CHECK_STEPS > limit:
-                raise Diverged(
-                    f"level {progress.load_factor:.3g} of stage {progress.stage!r} is not steady after {limit:,} steps"
-                    f" ({self._how_far()}): raise solver.max_steps or solver.residual_tolerance"
-                )
+            if progress.looks * CHECK_STEPS > self.most_steps:
+                raise self.too_long()
 
     def _move_as_membrane(self) -> None:
         """Move the mesh towards where it balances as a membrane, unless it is there."""
@@ -383,7 +383,7 @@ class Relaxation(Drive):
         pulled = self.look.clamp_forces() if rim.is_free else np.zeros((0, 2))
         solve = self.membrane.solve if progress.trust > 0.0 else self.membrane.solve_rim
         correction, stress = solve(self.state.gradient, self.stations, pulled)
-        scale = max(float(np.abs(self._sums.stress).max()), self._least_tension())
+        scale = max(float(np.abs(self._sums.stress).max()), self.least_tension)
         progress.imbalance = stress / (MEMBRANE_TOLERANCE * scale)
         if progress.imbalance <= 1.0:
             return
@@ -439,10 +439,11 @@ class Relaxation(Drive):
         if len(tensions) <= DRIFT_LOOKS:
             return 1.0
         moved = np.abs(np.subtract(tensions[-1], tensions.pop(0))).max()
-        scale = max(np.abs(tensions[-1]).max(), self._least_tension())
+        scale = max(np.abs(tensions[-1]).max(), self.least_tension)
         return float(moved / (self.scene.solver.residual_tolerance * scale))
 
-    def _least_tension(self) -> float:
+    @property
+    def least_tension(self) -> float:
         """[N/m] what tensions are compared with where the mesh carries less."""
         return TENSION_FLOOR * measure.tension_scale(self.model)
 
@@ -452,11 +453,27 @@ class Relaxation(Drive):
         if left < 0.9 * progress.best or left > WORSE * progress.best:  # a snap begins anew
             progress.best, progress.waited = left, 0
         if progress.waited > PATIENCE:
-            raise Diverged(
-                f"level {progress.load_factor:.3g} of stage {progress.stage!r} does not come to rest:"
-                f" no better for {PATIENCE * CHECK_STEPS:,} steps ({self._how_far()}); raise output.frames, or"
-                f" solver.residual_tolerance if that is near enough"
-            )
+            raise self.no_progress()
+
+    def no_progress(self) -> Diverged:
+        """The error of a level that gets no nearer to rest."""
+        return Diverged(
+            f"level {self.progress.load_factor:.3g} of stage {self.progress.stage!r} does not come to rest:"
+            f" no better for {PATIENCE * CHECK_STEPS:,} steps ({self._how_far()}); raise output.frames, or"
+            f" solver.residual_tolerance if that is near enough"
+        )
+
+    def too_long(self) -> Diverged:
+        """The error of a level that takes more steps than it may."""
+        return Diverged(
+            f"level {self.progress.load_factor:.3g} of stage {self.progress.stage!r} is not steady after {self.most_steps:,}"
+            f" steps ({self._how_far()}): raise solver.max_steps or solver.residual_tolerance"
+        )
+
+    @property
+    def most_steps(self) -> int:
+        """Steps of a level after which it counts as never steady."""
+        return self.scene.solver.max_steps or LEVEL_STEP_LIMIT
 
     def _how_far(self) -> str:
         """Residual, what moves most, and whether the wires are beyond what they bear."""
@@ -472,10 +489,10 @@ class Relaxation(Drive):
         """What is left to do, 1 being the most that counts as steady; moves the multipliers."""
         tolerance = self.scene.solver.residual_tolerance
         self._sums = self.look.take()
-        self.progress.residual = self.steadiness.measure(control, self._sums)
+        self.progress.residual = float(self.steadiness.measure(control, self._sums, self.state.wire_axial.numpy()))
         left = self.progress.residual / tolerance
         if self.scene.solver.multipliers:
-            left = max(left, self.multipliers.update(self.look, self._sums, nearly_steady=left < NEARLY_STEADY))
+            left = max(left, self.multipliers.update(self._sums, nearly_steady=left < NEARLY_STEADY))
         return left
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -75,12 +75,17 @@ def _hook_rows(hook: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 def print_summary(summary: Mapping[str, Any], directory: Path) -> None:
     """Print the table to stdout."""
+    print_table(summary_rows(summary, directory))
+
+
+def print_table(rows: Iterable[tuple[str, str]]) -> None:
+    """Print headings and texts to stdout."""
     from rich.console import Console
     from rich.table import Table
 
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(no_wrap=True)
     table.add_column(overflow="fold")
-    for heading, text in summary_rows(summary, directory):
+    for heading, text in rows:
         table.add_row(heading, text, style="yellow" if heading == "warning" else None)
     Console(highlight=False, markup=False).print(table)

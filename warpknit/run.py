@@ -27,6 +27,7 @@ from .model import Model, available_memory, build_model
 from .panel_report import report_panel
 from .progress import Progress as Display
 from .ranks import One, Ranks
+from .run_directory import check_directory, clear, make_directory, read_summary
 from .scene import Scene, resolved_toml
 from .simulate import Progress, Record, Simulation
 from .state import initial_state
@@ -41,8 +42,6 @@ _log = logging.getLogger(__name__)
 RECORD_MEMORY = 400  # bytes a node that writing a record takes: the frame and its tables
 PATIENCE = 30.0  # [s] that an earlier run may take to finish its last frame after it was killed
 COMPILING_S = 1.0  # kernels that took longer to be ready were compiled, not loaded
-OURS = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda", "wires.topology.usdc",
-        "wires.manifest.usda", "stages.json", "states", "frames", "figures", "checkpoint", "vtk", "tables", "panel")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -86,7 +85,7 @@ def run_scene(
     with contextlib.ExitStack() as stack:
         hold = ranks.from_first(lambda: stack.enter_context(_held(out)))
         if checkpoint is None:
-            ranks.from_first(lambda: _clear(out))
+            ranks.from_first(lambda: clear(out))
         if not ranks.is_first:
             ending = Watch(simulation, out).run(lambda _record: None)
             return Run(ending.exit_code, {}, ending.message)
@@ -95,61 +94,25 @@ def run_scene(
 
 def _finished_run(scene: Scene, out: Path, resume: bool, force: bool) -> Run | None:
     """The run that `out` holds where there is nothing left to resume. Raises `RunDirectoryError` where `out` cannot be used."""
-    finished = _finished_summary(out)
+    finished = read_summary(out, "summary.json")
     if finished is not None and resume:
         if finished.get("scene", {}).get("hash") != scene.hash:
             raise RunDirectoryError(f"{out}: holds the finished run of another scene; --force replaces it, --out names another")
         return Run(0, finished)
-    _check_directory(out, finished is not None, resume, force)
+    check_directory(out, unfinished="run" if has_checkpoint(out) else None, resume=resume, force=force)
     return None
 
 
 @contextlib.contextmanager
 def _held(out: Path) -> Iterator[int | None]:
     """Make the directory and keep other runs out of it."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RunDirectoryError(f"--out {out}: given {(error.strerror or 'unusable').lower()}, allowed: a directory") from error
+    make_directory(out)
     with contextlib.ExitStack() as stack:
         try:
             hold = stack.enter_context(held_directory(out, PATIENCE))
         except BlockingIOError as error:
             raise RunDirectoryError(f"{out}: another run is writing there; --out names another directory") from error
         yield hold
-
-
-def _finished_summary(out: Path) -> dict[str, Any] | None:
-    """The summary of a run that ended steady or finished in `out`, or None."""
-    try:
-        summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return summary if isinstance(summary, dict) and summary.get("stop_reason") in ("steady", "finished") else None
-
-
-def _check_directory(out: Path, finished: bool, resume: bool, force: bool) -> None:
-    if out.exists() and not out.is_dir():
-        raise RunDirectoryError(f"--out {out}: given a file, allowed: a directory")
-    if force:
-        return
-    if finished:
-        raise RunDirectoryError(f"{out}: holds a finished run; --force replaces it, --out names another directory")
-    if has_checkpoint(out) and not resume:
-        raise RunDirectoryError(f"{out}: holds an interrupted run; --resume goes on with it, --force starts over")
-    foreign = [p.name for p in out.iterdir() if p.name not in OURS and not p.name.startswith(".")] if out.is_dir() else []
-    if foreign and not (out / "scene.toml").exists():
-        raise RunDirectoryError(f"{out}: holds files of something else ({foreign[0]}); --out names another directory")
-
-
-def _clear(out: Path) -> None:
-    """Remove what an earlier run left, and nothing else."""
-    for name in OURS:
-        path = out / name
-        if path.is_dir():
-            shutil.rmtree(path)
-        else:
-            path.unlink(missing_ok=True)
 
 
 def _ready(model: Model, checkpoint: Checkpoint | None) -> tuple[Simulation, float]:

@@ -22,7 +22,7 @@ from pydantic_core import PydanticCustomError
 from warpknit.errors import SceneError
 from warpknit.materials import MATERIALS
 from warpknit.presets import PRESETS, Preset
-from warpknit.scene_file import KnitTable, ModelTable, SceneFile, SolverTable, StageTable, WireTable
+from warpknit.scene_file import KnitTable, ModelTable, SceneFile, SolverTable, StageTable, SweepTable, WireTable
 from warpknit.scene_hook import Hook, contact_values, hook_loads, hook_of
 from warpknit.scene_overrides import Override, with_overrides
 from warpknit.scene_panel import Cord, PanelError, PanelOptions, covering_repeats, panel_options
@@ -206,12 +206,13 @@ class Output:
     checkpoint_interval: Annotated[float, "s"]  # of wall time
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Sweep:
     """The grid of strains of a contact map."""
 
     strain_weft: tuple[float, ...]
     strain_warp: tuple[float, ...]
+    seeds: int  # meshes of scattered loops, from knit.seed on
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -301,9 +302,7 @@ def make_scene(
         contact=Contact(**contact_values(source, file, wire)),
         solver=_solver(source, file.solver, numerics, file.model.nodes_per_loop or numerics.nodes_per_loop, hook),
         output=Output(**file.output.model_dump()),
-        sweep=None
-        if file.sweep is None
-        else Sweep(strain_weft=tuple(file.sweep.strain_weft), strain_warp=tuple(file.sweep.strain_warp)),
+        sweep=_sweep(source, file.sweep, knit),
     )
 
 
@@ -430,6 +429,14 @@ def _solver(
         allowed = f"{SINGLE_TOLERANCE:g} or more in single precision, whose round-off hides less; or precision = \"double\""
         raise source.refusal(("solver", "residual_tolerance"), given["residual_tolerance"], allowed)
     return Solver(**given)
+
+
+def _sweep(source: Source, table: SweepTable | None, knit: Knit) -> Sweep | None:
+    if table is None:
+        return None
+    if table.seeds > 1 and knit.scatter == 0.0:
+        raise source.refusal(("sweep", "seeds"), table.seeds, "1, as without knit.scatter all seeds knit the same mesh")
+    return Sweep(tuple(table.strain_weft), tuple(table.strain_warp), table.seeds)
 
 
 def _stages(source: Source, file: SceneFile, wire: Wire, knit: Knit) -> Iterator[Stage]:

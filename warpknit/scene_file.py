@@ -41,7 +41,9 @@ from warpknit.scene_values import (
     PresetName,
     Rate,
     Repeats,
+    Scatter,
     Seed,
+    Seeds,
     Share,
     Shear,
     Shift,
@@ -58,7 +60,6 @@ from warpknit.scene_values import (
     Time,
     Tolerance,
     Vector,
-    Zero,
     proportion,
     refused,
 )
@@ -85,7 +86,6 @@ Boundary = Annotated[str, BeforeValidator(Choice(("gripped", "periodic")))]
 OutlineName = Annotated[str, BeforeValidator(Choice(("rectangle", "hexagon", "triangle", "disc", "polygon")))]
 Treatment = Annotated[str, BeforeValidator(Choice(TREATMENTS))]
 LoopShape = Annotated[str, BeforeValidator(Choice(("auto", "circular-oval", "general")))]
-Scatter = Annotated[float, BeforeValidator(Zero("all repeats share one table of rest lengths and curvatures"))]
 
 
 class Table(BaseModel):
@@ -330,6 +330,7 @@ class SweepTable(Table):
 
     strain_weft: Annotated[list[Strain], Field(min_length=1)]
     strain_warp: Annotated[list[Strain], Field(min_length=1)]
+    seeds: Seeds = 1  # meshes of scattered loops: knit.seed and on
 
 
 class SceneFile(Table):

@@ -148,26 +148,6 @@ class Switch(Check):
 
 
 @dataclass(frozen=True)
-class Zero(Check):
-    """A number that must be 0 in this version, and why."""
-
-    reason: str
-
-    @property
-    def allowed(self) -> str:  # type: ignore[override]
-        return f"0 in this version ({self.reason})"
-
-    def __call__(self, value: Any) -> float:
-        try:
-            number = si(value, "number")
-        except QuantityError as error:
-            raise refused(self.allowed) from error
-        if number != 0.0:
-            raise refused(self.allowed)
-        return 0.0
-
-
-@dataclass(frozen=True)
 class Text(Check):
     """A string that matches a pattern."""
 
@@ -210,6 +190,7 @@ STRAIN = Quantity("number", least=-0.5, most=2.0)
 Strain = Annotated[float, BeforeValidator(STRAIN)]
 Shear = Annotated[float, BeforeValidator(Quantity("number", least=-1.0, most=1.0))]
 PoissonsRatio = Annotated[float, BeforeValidator(Quantity("number", above=-1.0, most=0.5))]
+Scatter = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=0.2))]
 Fraction = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=1.0))]
 Friction = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=5.0))]
 Percent = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=100.0))]
@@ -218,6 +199,7 @@ Tolerance = Annotated[float, BeforeValidator(Quantity("number", above=0.0, most=
 Factor = Annotated[float, BeforeValidator(Quantity("number", least=1.0, most=1e9))]
 Flag = Annotated[bool, BeforeValidator(Switch())]
 Ends = Annotated[int, BeforeValidator(Integer(1, 1000))]
+Seeds = Annotated[int, BeforeValidator(Integer(1, 1000))]
 Shift = Annotated[int, BeforeValidator(Integer(-1000, 1000))]
 Seed = Annotated[int, BeforeValidator(Integer(0, 2**32 - 1))]
 Repeats = Annotated[tuple[int, int], BeforeValidator(IntegerPair(Integer(1, 10**9)))]

@@ -6,7 +6,8 @@ kernels/__init__.py), never x itself. Two copies of the node displacements alter
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -72,6 +73,17 @@ class State:
     body_partial: wp.array  # [body block, 6]
     parity: int = 0
 
+    def replica(self, index: int) -> State:
+        """One of the states that were made side by side (`initial_state` with `replicas`): its arrays are rows of theirs."""
+
+        def row(array: wp.array) -> wp.array:
+            # Warp takes no row of an array that holds nothing
+            return array[index] if array.size else wp.empty(array.shape[1:], dtype=array.dtype, device=array.device)
+
+        arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "parity"}
+        rows: dict[str, Any] = {n: [row(a) for a in v] if isinstance(v, list) else row(v) for n, v in arrays.items()}
+        return State(**rows)
+
     def arrays(self) -> dict[str, np.ndarray]:
         """Host copies of all that a run needs to go on."""
         kept = {name: getattr(self, name).numpy().copy() for name in ARRAYS}
@@ -115,21 +127,33 @@ class State:
         """Set entries of the control array."""
         host = self.control.numpy()
         for index, value in values.items():
-            host[int(index)] = value
+            host[..., int(index)] = value
         if not self.control.device.is_cpu:
             self.control.assign(host)
 
 
-def initial_state(model: Model) -> State:
-    """The rest state: knitted shape, no velocity, no load."""
+def initial_state(model: Model, replicas: int | None = None) -> State:
+    """The rest state: knitted shape, no velocity, no load.
+
+    With `replicas`, as many states side by side: every array has the replica as its first axis.
+    """
+    lead = () if replicas is None else (replicas,)
     real, coordinate, device = model.precision.real, model.precision.coordinate, model.device
     nodes, bodies, pairs = model.panel.node_count, model.panel.body_count, model.pair_count
     wires = len(model.panel.wire_first)
     anchored = bodies if model.treatment.anchored else 0
     batched = contact_batches(model) * int(b.PAIR_BATCH) if wp.get_device(device).is_cpu else 0
 
+    asleep = np.where(model.panel.pair_wire < 0, ASLEEP, 0.0)
+
     def zeros(count: int, dtype: type) -> wp.array:
-        return wp.zeros(count, dtype=dtype, device=device)
+        return wp.zeros((*lead, count), dtype=dtype, device=device)
+
+    def full(count: int, value: float, dtype: type) -> wp.array:
+        return wp.full((*lead, count), value, dtype=dtype, device=device)
+
+    def rows(count: int) -> wp.array:
+        return wp.zeros((*lead, count, c.PARTIAL_COUNT), dtype=wp.float64, device=device)
 
     state = State(
         node_ux=[zeros(nodes, coordinate), zeros(nodes, coordinate)],
@@ -137,8 +161,8 @@ def initial_state(model: Model) -> State:
         node_vx=zeros(nodes, real),
         node_vy=zeros(nodes, real),
         tension_offset=zeros(nodes, real),
-        wire_axial=wp.full(wires, model.axial_stiffness / model.softening, dtype=real, device=device),
-        wire_mass=wp.full(wires, 1.0, dtype=real, device=device),
+        wire_axial=full(wires, model.axial_stiffness / model.softening, real),
+        wire_mass=full(wires, 1.0, real),
         slide_vy=zeros(len(model.panel.sliding_clamp), wp.float64),
         body_ux=zeros(bodies, coordinate),
         body_uy=zeros(bodies, coordinate),
@@ -147,8 +171,8 @@ def initial_state(model: Model) -> State:
         anchor_x=zeros(anchored, wp.float64),
         anchor_y=zeros(anchored, wp.float64),
         pair_slide=zeros(pairs, wp.int32),
-        pair_u=wp.full(pairs, 0.5, dtype=real, device=device),
-        pair_wake=wp.array(np.where(model.panel.pair_wire < 0, ASLEEP, 0.0), dtype=real, device=device),
+        pair_u=full(pairs, 0.5, real),
+        pair_wake=wp.array(np.broadcast_to(asleep, (*lead, pairs)), dtype=real, device=device),
         pair_offset=zeros(pairs, real),
         pair_node=zeros(pairs, wp.int32),
         pair_gap=zeros(pairs, real),
@@ -162,13 +186,13 @@ def initial_state(model: Model) -> State:
         wire_warmth=zeros(wires, wp.vec2d),
         plastic_turn=zeros(nodes if model.yield_moment else 1, real),
         back_turn=zeros(nodes if model.yield_moment else 1, real),
-        pair_stuck=wp.full(pairs if model.scene.contact.friction else 0, LOOSE, dtype=wp.float64, device=device),
-        cached_slide=wp.full(batched, b.UNCACHED, dtype=wp.int32, device=device),
+        pair_stuck=full(pairs if model.scene.contact.friction else 0, LOOSE, wp.float64),
+        cached_slide=full(batched, b.UNCACHED, wp.int32),
         cached_node=zeros(b.CACHED_NODES * batched, wp.int32),
         cached_number=zeros(b.CACHED_NUMBERS * batched, real),
         control=zeros(c.CONTROL_COUNT, wp.float64),
-        wire_partial=wp.zeros((len(model.panel.block_first), c.PARTIAL_COUNT), dtype=wp.float64, device=device),
-        body_partial=wp.zeros((body_blocks(model), c.PARTIAL_COUNT), dtype=wp.float64, device=device),
+        wire_partial=rows(len(model.panel.block_first)),
+        body_partial=rows(body_blocks(model)),
     )
     gradient = {c.GRADIENT: 1.0, c.GRADIENT + 1: 0.0, c.GRADIENT + 2: 0.0, c.GRADIENT + 3: 1.0, c.LENGTH_FACTOR: 1.0}
     spacing = float(model.table.spacing.min())

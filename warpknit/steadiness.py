@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from . import measure
 from .kernels import control as c
 from .look import Sums
 from .model import Model
-from .state import State
 
 ENERGY_FLOOR = 1e-5  # of EI/W a loop: what kinetic energy is compared with where less is stored
 FORCE_FLOOR = 0.05  # of EI/W^2: what the residual is compared with where contacts carry less
@@ -24,9 +21,8 @@ LOCAL_ALLOWANCE = 10.0  # times the tolerance that the largest residual may be; 
 class Steadiness:
     """Measures how far a state is from rest, from what a look at it summed up."""
 
-    def __init__(self, model: Model, state: State) -> None:
+    def __init__(self, model: Model) -> None:
         self.model = model
-        self.state = state
         h = float(model.table.spacing.min())
         epsilon = float(np.finfo(np.float32 if model.precision.name == "single" else np.float64).eps) / 2
         # rounding of an edge, seen through the stretching and the bending stiffness of a segment
@@ -34,30 +30,31 @@ class Steadiness:
         self._stretch_energy = h / model.axial_stiffness
         self._bend_energy = model.bending_stiffness / h
 
-    def measure(self, control: np.ndarray, sums: Sums) -> float:
+    def measure(self, control: np.ndarray, sums: Sums, axial: np.ndarray) -> np.ndarray:
         """The larger of balance and motion, both to be compared with solver.residual_tolerance.
+
+        `axial` (wire,) [N]: the stiffnesses of the dynamics. Of many replicas, these are the first axis of all that is given.
 
         Balance: rms nodal residual over the mean contact force, and a share of the largest; less where round-off leaves more.
         Motion: root of kinetic over stored energy; it is what soft modes still have to go, which the residual does not see.
         """
         model, tolerance = self.model, self.model.scene.solver.residual_tolerance
-        scale = max(sums.force_mean, FORCE_FLOOR * measure.force_scale(model))
-        mesh = model.whole.panel
+        scale = np.maximum(sums.force_mean, FORCE_FLOOR * measure.force_scale(model))
+        mesh, ranks = model.whole.panel, model.ranks
         free = mesh.node_count + mesh.body_count - len(mesh.held_node)
-        rms, largest = math.sqrt(control[int(c.FORCE_SQUARE)] / free), float(control[int(c.FORCE_MAX)])
+        rms, largest = np.sqrt(control[..., int(c.FORCE_SQUARE)] / free), control[..., int(c.FORCE_MAX)]
         epsilon, bending = self._round_off_terms
-        round_off = epsilon * np.hypot(self.state.wire_axial.numpy().astype(np.float64), bending)  # [wire]
-        square = model.ranks.sum(np.array([np.sum(round_off**2 * model.panel.wire_count)])) / mesh.node_count
-        round_off_rms = math.sqrt(float(square[0]))
-        round_off_largest = float(model.ranks.largest(round_off.max(keepdims=True))[0])
+        round_off = epsilon * np.hypot(axial.astype(np.float64), bending)  # [wire]
+        square = ranks.sum(np.asarray(np.sum(round_off**2 * model.panel.wire_count, axis=-1))) / mesh.node_count
+        round_off_rms = np.sqrt(square)
         most = ROUND_OFF_SHARE * scale
         local = max(LOCAL_ALLOWANCE, free**0.25)
-        balance = max(
-            rms / max(scale, min(ROUND_OFF_RMS * round_off_rms, most) / tolerance),
-            largest / (local * max(scale, min(ROUND_OFF_LARGEST * round_off_largest, most) / tolerance)),
+        round_off_max = ROUND_OFF_LARGEST * ranks.largest(np.asarray(round_off.max(axis=-1)))
+        balance = np.maximum(
+            rms / np.maximum(scale, np.minimum(ROUND_OFF_RMS * round_off_rms, most) / tolerance),
+            largest / (local * np.maximum(scale, np.minimum(round_off_max, most) / tolerance)),
         )
         stored = 0.5 * sums.tension_square * self._stretch_energy + 0.5 * sums.turning_square * self._bend_energy
-        motion = math.sqrt(
-            0.5 * float(control[int(c.KINETIC_TWICE)]) / max(stored, ENERGY_FLOOR * measure.energy_scale(model.whole))
-        )
-        return max(balance, motion)
+        least = ENERGY_FLOOR * measure.energy_scale(model.whole)
+        motion = np.sqrt(0.5 * control[..., int(c.KINETIC_TWICE)] / np.maximum(stored, least))
+        return np.maximum(balance, motion)

@@ -36,6 +36,7 @@ GRAPH_STEPS = (50, 10, 1)  # steps that are replayed at once
 CORES = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
 FIRST_OF_CONTACT = 3  # place of the first pair or batch among the arguments of contact
 NODES_A_THREAD = 4_000  # fewer nodes are not worth the waiting
+PROBING = {c.VELOCITY_FACTOR: 0.0, c.FORCE_FACTOR: 1.0, c.TIME_STEP: 0.0}  # a step leaves f/m as velocities and moves nothing
 
 LaunchData: TypeAlias = tuple[wp.Kernel, int, list]  # kernel, threads and arguments
 
@@ -225,10 +226,14 @@ class ForceProbe:
 
     def evaluate(self) -> None:
         kept = self.state.read_control().copy()
-        self.state.write_control({c.VELOCITY_FACTOR: 0.0, c.FORCE_FACTOR: 1.0, c.TIME_STEP: 0.0})
+        self.state.write_control(PROBING)
+        self.launch()
+        self.state.control.assign(kept)
+
+    def launch(self) -> None:
+        """Evaluate while the control array says PROBING."""
         self._stepper.evaluate_contact()
         self._stepper.together(self._launches[self.state.parity])
-        self.state.control.assign(kept)
 
 
 def contact_arguments(model: Model, state: State, now: int, first: int, cache: tuple[wp.array, ...]) -> list:

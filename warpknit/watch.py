@@ -5,15 +5,14 @@ Where ranks share the mesh every rank has its watch, and all of them take the sa
 
 from __future__ import annotations
 
-import contextlib
-import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from .checkpoint import write_checkpoint
 from .errors import Diverged
+from .interrupts import Interrupted, Interrupts
 from .simulate import Progress, Record, Simulation
 
 SHOWN_EVERY = 0.1  # [s]
@@ -26,10 +25,6 @@ class Ending:
     reason: str  # steady | interrupted | diverged
     exit_code: int = 0
     message: str = ""
-
-
-class _Interrupted(Exception):
-    """Ctrl-C or a request to terminate, taken at the next look at the state."""
 
 
 class Watch:
@@ -51,7 +46,7 @@ class Watch:
         self._show, self._before_checkpoint = show, before_checkpoint
         self._wall_before = wall_before
         self.begin = self._saved = self._shown = time.perf_counter()
-        self._interrupt = False
+        self.interrupts = Interrupts()
         simulation.watch = self._look
 
     @property
@@ -61,11 +56,11 @@ class Watch:
 
     def run(self, keep: Callable[[Record], None]) -> Ending:
         """Run to the end; `keep` gets every record."""
-        with self._catching_signals():
+        with self.interrupts.caught():
             try:
                 for record in self.simulation.run():
                     keep(record)
-            except _Interrupted:
+            except Interrupted:
                 self._checkpoint()
                 return Ending("interrupted", 130, f"interrupted; --resume goes on from {self.out}")
             except Diverged as error:
@@ -74,9 +69,9 @@ class Watch:
 
     def _look(self, progress: Progress) -> None:
         now = time.perf_counter()
-        looks = self._ranks.everyone((self._interrupt, now - self._saved > self._scene.output.checkpoint_interval))
+        looks = self._ranks.everyone((self.interrupts.asked, now - self._saved > self._scene.output.checkpoint_interval))
         if any(interrupt for interrupt, _ in looks):
-            raise _Interrupted
+            raise Interrupted
         if looks[0][1]:  # by the clock of the first rank
             self._checkpoint()
         if now - self._shown > SHOWN_EVERY:
@@ -87,22 +82,3 @@ class Watch:
         self._before_checkpoint()
         write_checkpoint(self.out, self.simulation, self._scene.hash, self.wall)
         self._saved = time.perf_counter()
-
-    @contextlib.contextmanager
-    def _catching_signals(self) -> Iterator[None]:
-        """The first interrupt is taken at the next look at the state, a second one at once."""
-
-        def take(number: int, _frame: object) -> None:
-            if self._interrupt:
-                raise KeyboardInterrupt
-            self._interrupt = True
-
-        before = {}
-        for number in (signal.SIGINT, signal.SIGTERM):
-            with contextlib.suppress(ValueError):  # not in the main thread: signals stay with whoever has them
-                before[number] = signal.signal(number, take)
-        try:
-            yield
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)

@@ -13,7 +13,7 @@ import pytest
 
 from warpknit import measure
 from warpknit.model import build_model
-from warpknit.multipliers import AXIAL_ERROR
+from warpknit.multiplier_rules import AXIAL_ERROR
 from warpknit.scene import load_scene
 from warpknit.simulate import Record, Simulation
 from warpknit.state import initial_state

@@ -19,6 +19,10 @@ from .keypoints import LoopFrame
 from .lapping import Stitch, lapping_table
 from .loops import LoopProportions, Shape, loop_shape
 from .openings import Rhombus, find_rhombus
+from .scatter import scattered_proportions
+
+ALIKE = 0.999  # of the largest opening's area: openings that count as equal
+SCATTERED_ALIKE = 0.5  # the same where loops differ
 
 
 @dataclass(frozen=True)
@@ -44,8 +48,8 @@ class Cloth:
 def knit_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tuple[int, int] = (1, 1)) -> Cloth:
     """Knit one repeat of endless cloth.
 
-    knit: `bars` (each with `chain`, `threading`, `shift`), `wale_spacing` [m], `course_spacing` [m], and `loop`
-    (`LoopProportions` or any object with its names, None for the defaults).
+    knit: `bars` (each with `chain`, `threading`, `shift`), `wale_spacing` [m], `course_spacing` [m], `loop`
+    (`LoopProportions` or any object with its names, None for the defaults), and, where loops differ, `scatter` and `seed`.
     diameter: of the wire [m].
     merge_lenses: one clasp for nested lenses of the same wires.
     tiles: pattern repeats (weft, warp) taken as one repeat.
@@ -59,7 +63,9 @@ def knit_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tup
     lapping = lapping_table(knit.bars, tiles)
     shape = loop_shape(lapping, proportions)
     layers = 1 + max(stitch.layer for stitch in lapping.stitches)
-    frame = LoopFrame(shape, proportions, wale, course, diameter, layers)
+    scatter = float(getattr(knit, "scatter", 0.0))
+    scattered = scattered_proportions(proportions, scatter, knit.seed, len(lapping.stitches)) if scatter else ()
+    frame = LoopFrame(shape, proportions, wale, course, diameter, layers, scattered, lapping.courses)
     frame.check()
     threads = tuple(
         thread_line(number * lapping.courses, stitches, lapping.courses, frame)
@@ -70,5 +76,5 @@ def knit_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tup
     stitch_length = sum(thread.length for thread in threads) / len(lapping.stitches)
     lenses = find_lenses(threads, crossings, size, stitch_length)
     clasps = make_clasps(threads, lenses, size, merge_lenses)
-    rhombus = find_rhombus(threads, lapping.stitches, crossings, clasps, size)
+    rhombus = find_rhombus(threads, lapping.stitches, crossings, clasps, size, SCATTERED_ALIKE if scatter else ALIKE)
     return Cloth(size, lapping.wales, lapping.courses, shape, threads, lapping.stitches, crossings, clasps, rhombus)

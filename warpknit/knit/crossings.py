@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from .centreline import Thread
 
@@ -90,13 +91,19 @@ def _near_segments(
     low, high = both.min(axis=(0, 2)), both.max(axis=(0, 2))
     reach = np.ceil((high.max(axis=0) - low.min(axis=0)) / size).astype(int)
     found = []
+    middle = 0.5 * (low + high)
+    tree, widest = KDTree(middle), float((high - low).max())
     for column in range(reach[0] + 1):
         for row in range(-reach[1] if column else 0, reach[1] + 1):
             shift = [column, row] * size
-            meet = np.all((low[:, None] <= high + shift) & (low + shift <= high[:, None]), axis=2)
+            # boxes that overlap have their middles within the widest of them in x and in y
+            beside = tree.query_ball_point(middle - shift, widest, p=np.inf, return_sorted=True)
+            a = np.repeat(np.arange(chunks), [len(others) for others in beside])
+            b = np.concatenate([np.asarray(others, dtype=np.intp) for others in beside])
+            meet = np.all((low[a] <= high[b] + shift) & (low[b] + shift <= high[a]), axis=1)
             if column == 0 and row == 0:
-                meet = np.triu(meet)
-            a, b = np.nonzero(meet)
+                meet &= a <= b
+            a, b = a[meet], b[meet]
             found.append(np.stack([a, b, np.full_like(a, column), np.full_like(a, row)]))
     a, b, columns, rows = np.concatenate(found, axis=1)
     pick = np.arange(CHUNK)

@@ -79,6 +79,12 @@ class LoopFrame:
     course: float  # course spacing [m]
     diameter: float  # wire diameter [m]
     layers: int  # largest number of loops on one needle and course
+    scattered: tuple[LoopProportions, ...] = ()  # of each course of each thread, where loops differ
+    courses: int = 1  # of a thread, to find a stitch among them
+
+    def proportions_of(self, stitch: Stitch) -> LoopProportions:
+        """Proportions of one loop."""
+        return self.scattered[stitch.thread * self.courses + stitch.course] if self.scattered else self.proportions
 
     @property
     def heights(self) -> Heights:
@@ -87,12 +93,13 @@ class LoopFrame:
 
     def check(self) -> None:
         """Raise `KnitError` where loops of neighbouring wales would run into each other."""
+        loops = (self.proportions, *self.scattered)
         if self.shape == "circular-oval":
-            key, given = "knit.loop.closed_radius", self.proportions.closed_radius
-            room = (0.5 - abs(self.proportions.lateral_shift)) * self.wale - 0.5 * self.diameter
+            key, given = "knit.loop.closed_radius", max(loop.closed_radius for loop in loops)
+            room = (0.5 - max(abs(loop.lateral_shift) for loop in loops)) * self.wale - 0.5 * self.diameter
             largest, unit = room / self.course, "course spacings"
         else:
-            key, given = "knit.loop.leg_half_width", self.proportions.leg_half_width
+            key, given = "knit.loop.leg_half_width", max(loop.leg_half_width for loop in loops)
             room = 0.5 * self.wale - (0.5 + NEST_STEP * (self.layers - 1)) * self.diameter
             largest, unit = room / self.wale, "wale spacings"
         if given > largest:
@@ -133,7 +140,7 @@ def _inlay(stitch: Stitch, frame: LoopFrame) -> LoopKeys:
 
 def _circular_loop(stitch: Stitch, frame: LoopFrame) -> LoopKeys:
     """Closed lap: foot, 13 points of a circle, foot.  The exit leg stays in front until it is inside the head below."""
-    proportions, heights = frame.proportions, frame.heights
+    proportions, heights = frame.proportions_of(stitch), frame.heights
     radius, foot = proportions.closed_radius, proportions.closed_foot
     angle = np.radians(np.linspace(245.0, -65.0, 13))
     xi = np.concatenate([[-foot], radius * np.cos(angle), [foot]]) * frame.course
@@ -147,7 +154,7 @@ def _circular_loop(stitch: Stitch, frame: LoopFrame) -> LoopKeys:
 
 def _oval_loop(stitch: Stitch, frame: LoopFrame) -> LoopKeys:
     """Open lap: foot, 9 points of an ellipse, exit foot rounded by an arc of 4 points."""
-    proportions, heights = frame.proportions, frame.heights
+    proportions, heights = frame.proportions_of(stitch), frame.heights
     foot, bend = proportions.open_foot, proportions.foot_radius
     angle = np.radians(np.linspace(230.0, -50.0, 9))
     eta_oval = 0.5 * (1.0 + proportions.open_head) * (1.0 + np.sin(angle))
@@ -166,7 +173,7 @@ def _round_loop_height(eta: NDArray[np.float64], heights: Heights) -> NDArray[np
 
 def _general_loop(stitch: Stitch, turn: int, frame: LoopFrame) -> LoopKeys:
     """Any lap: feet, waist, legs, shoulders, head, and an exit foot rounded by an arc of 4 points."""
-    proportions, heights, course = frame.proportions, frame.heights, frame.course
+    proportions, heights, course = frame.proportions_of(stitch), frame.heights, frame.course
     grow = NEST_STEP * frame.diameter * stitch.layer
     a = proportions.foot_half_width * frame.wale + grow
     b = proportions.leg_half_width * frame.wale + grow

@@ -152,8 +152,12 @@ def find_rhombus(
     crossings: Crossings,
     clasps: Sequence[Clasp],
     size: NDArray[np.float64],
+    alike: float = 0.999,
 ) -> Rhombus | None:
-    """The largest opening bounded by four primary portions, with its clasps; None where a knit has none."""
+    """The largest opening bounded by four primary portions, with its clasps; None where a knit has none.
+
+    Of openings with more than `alike` of the largest area the one nearest to the middle of the repeat.
+    """
     if len(crossings) == 0 or not {"open", "closed"} <= {stitch.kind for stitch in stitches}:
         return None
     courses = 1 + max(stitch.course for stitch in stitches)
@@ -169,8 +173,8 @@ def find_rhombus(
     if not candidates:
         return None
     largest = candidates[0][0].area
-    alike = [c for c in candidates if c[0].area > 0.999 * largest]
-    opening, portions = min(alike, key=lambda c: _base_distance(c[0].centre, centre, size))
+    equal = [c for c in candidates if c[0].area > alike * largest]
+    opening, portions = min(equal, key=lambda c: _base_distance(c[0].centre, centre, size))
     cell = np.floor(opening.centre / size).astype(int)
     found = []
     for index, clasp in enumerate(clasps):

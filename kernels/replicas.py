@@ -1,0 +1,271 @@
+"""Many explicit steps of many small meshes on the CPU, a mesh a thread.
+
+Replicas are states of one mesh that know nothing of each other: every array of the state has the replica as its first axis, and
+each has its own row of numbers that steer its steps (control.py). Wires are elastic and contacts free of friction. A thread
+takes all steps of its replica one after the other, so that a small mesh stays in the first cache; it stops where the replica
+is frozen. Each step is that of contact_by_batch.py, wires_by_block.py, bodies.py, grip.py and control.py, in this order.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from .bodies import step_block_of_bodies
+from .contact_by_batch import contact_of_batch
+from .control import (
+    BODY_INVERSE_MASS,
+    BOW_MOMENT,
+    CONTACT_STIFFNESS,
+    FORCE_FACTOR,
+    GRADIENT,
+    LENGTH_FACTOR,
+    LOOK_AHEAD,
+    STATUS,
+    STATUS_RUNNING,
+    STEP,
+    TIME_STEP,
+    TRAVEL,
+    VELOCITY_FACTOR,
+    renew_control,
+)
+from .grip import count_of, held_move
+from .wires import rounding_phase
+from .wires_by_block import block_step
+
+
+@wp.kernel
+def step_replicas(
+    # which replicas, and up to which step [replica]
+    replicas: wp.array(dtype=wp.int32),
+    last_step: wp.array(dtype=wp.float64),
+    # how
+    unit: Any,
+    gripped: int,
+    rest_when_free: int,
+    batches: int,
+    body_block: int,
+    body_blocks: int,
+    reach_at_rest: Any,
+    # rest data of one repeat
+    table_x: wp.array(dtype=Any),
+    table_y: wp.array(dtype=Any),
+    rest_x: wp.array(dtype=Any),
+    rest_y: wp.array(dtype=Any),
+    rest_length: wp.array(dtype=Any),
+    inverse_length: wp.array(dtype=Any),
+    rest_angle: wp.array(dtype=Any),
+    hinge_stiffness: wp.array(dtype=Any),
+    inverse_mass: wp.array(dtype=Any),
+    node_mass: wp.array(dtype=Any),
+    curve: wp.array2d(dtype=Any),
+    # blocks and wires
+    block_first: wp.array(dtype=wp.int32),
+    block_count: wp.array(dtype=wp.int32),
+    block_table: wp.array(dtype=wp.int32),
+    block_wire: wp.array(dtype=wp.int32),
+    block_pair_start: wp.array(dtype=wp.int32),
+    block_pair: wp.array(dtype=wp.int32),
+    block_held_start: wp.array(dtype=wp.int32),
+    wire_first: wp.array(dtype=wp.int32),
+    wire_count: wp.array(dtype=wp.int32),
+    wire_closed: wp.array(dtype=wp.int32),
+    wire_clamp: wp.array2d(dtype=Any),
+    # pairs
+    pair_wire: wp.array(dtype=wp.int32),
+    pair_seed: wp.array(dtype=wp.int32),
+    pair_table: wp.array(dtype=wp.int32),
+    pair_low: wp.array(dtype=wp.int32),
+    pair_high: wp.array(dtype=wp.int32),
+    pair_side: wp.array(dtype=wp.int32),
+    pair_rest_x: wp.array(dtype=Any),
+    pair_rest_y: wp.array(dtype=Any),
+    # grips
+    held_node: wp.array(dtype=wp.int32),
+    held_lever_x: wp.array(dtype=wp.float64),
+    held_lever_y: wp.array(dtype=wp.float64),
+    # state in: [replica, ...]
+    pair_wake: wp.array2d(dtype=Any),
+    pair_offset: wp.array2d(dtype=Any),
+    tension_offset: wp.array2d(dtype=Any),
+    plastic_turn: wp.array2d(dtype=Any),
+    back_turn: wp.array2d(dtype=Any),
+    wire_axial: wp.array2d(dtype=Any),
+    wire_mass: wp.array2d(dtype=Any),
+    # state in and out: which of the two buffers of displacements is current [replica], both buffers [2, replica, node] ...
+    parity: wp.array(dtype=wp.int32),
+    node_ux: wp.array3d(dtype=Any),
+    node_uy: wp.array3d(dtype=Any),
+    # ... and the rest [replica, ...]
+    node_vx: wp.array2d(dtype=Any),
+    node_vy: wp.array2d(dtype=Any),
+    body_ux: wp.array2d(dtype=Any),
+    body_uy: wp.array2d(dtype=Any),
+    body_vx: wp.array2d(dtype=Any),
+    body_vy: wp.array2d(dtype=Any),
+    pair_slide: wp.array2d(dtype=wp.int32),
+    pair_u: wp.array2d(dtype=Any),
+    cached_slide: wp.array2d(dtype=wp.int32),
+    cached_node: wp.array2d(dtype=wp.int32),
+    cached_number: wp.array2d(dtype=Any),
+    control: wp.array2d(dtype=wp.float64),
+    # out: [replica, ...]
+    pair_node: wp.array2d(dtype=wp.int32),
+    pair_gap: wp.array2d(dtype=Any),
+    pair_force: wp.array2d(dtype=Any),
+    pair_body_x: wp.array2d(dtype=Any),
+    pair_body_y: wp.array2d(dtype=Any),
+    pair_nodal_x: wp.array2d(dtype=Any),
+    pair_nodal_y: wp.array2d(dtype=Any),
+    wire_partial: wp.array3d(dtype=wp.float64),
+    body_partial: wp.array3d(dtype=wp.float64),
+):
+    r = replicas[wp.tid()]
+    while control[r, STATUS] == STATUS_RUNNING and control[r, STEP] < last_step[r]:
+        now = parity[r]
+        then = 1 - now
+        fxx = type(unit)(control[r, GRADIENT])
+        fxy = type(unit)(control[r, GRADIENT + 1])
+        fyx = type(unit)(control[r, GRADIENT + 2])
+        fyy = type(unit)(control[r, GRADIENT + 3])
+        length_factor = type(unit)(control[r, LENGTH_FACTOR])
+        velocity_factor = type(unit)(control[r, VELOCITY_FACTOR])
+        force_factor = type(unit)(control[r, FORCE_FACTOR])
+        time_step = type(unit)(control[r, TIME_STEP])
+        look_ahead = type(unit)(control[r, LOOK_AHEAD])
+        phase = type(unit)(rounding_phase(control[r, STEP]))
+        for batch in range(batches):
+            contact_of_batch(
+                batch,
+                pair_wire.shape[0],
+                control[r, TRAVEL],
+                unit,
+                fxx,
+                fxy,
+                fyx,
+                fyy,
+                reach_at_rest,
+                reach_at_rest * length_factor,
+                type(unit)(control[r, CONTACT_STIFFNESS]),
+                table_x,
+                table_y,
+                rest_x,
+                rest_y,
+                curve,
+                pair_wire,
+                pair_seed,
+                pair_table,
+                pair_low,
+                pair_high,
+                pair_side,
+                pair_rest_x,
+                pair_rest_y,
+                pair_wake[r],
+                pair_offset[r],
+                wire_first,
+                wire_count,
+                wire_closed,
+                node_ux[now, r],
+                node_uy[now, r],
+                body_ux[r],
+                body_uy[r],
+                pair_slide[r],
+                pair_u[r],
+                cached_slide[r],
+                cached_node[r],
+                cached_number[r],
+                pair_node[r],
+                pair_gap[r],
+                pair_force[r],
+                pair_body_x[r],
+                pair_body_y[r],
+                pair_nodal_x[r],
+                pair_nodal_y[r],
+            )
+        for block in range(block_first.shape[0]):
+            wire = block_wire[block]
+            block_step(
+                block,
+                block_first[block],
+                block_count[block],
+                block_table[block],
+                wire_first[wire],
+                wire_count[wire],
+                wire_closed[wire],
+                block_pair_start[block],
+                block_pair_start[block + 1],
+                block_held_start[block],
+                block_held_start[block + 1],
+                gripped,
+                wire,
+                wire_clamp,
+                unit,
+                fxx,
+                fxy,
+                fyx,
+                fyy,
+                length_factor,
+                type(unit)(wp.float64(1.0) / control[r, LENGTH_FACTOR]),
+                type(unit)(control[r, BOW_MOMENT] * control[r, LENGTH_FACTOR]),
+                wire_axial[r, wire],
+                type(unit)(1.0) / wire_mass[r, wire],
+                velocity_factor,
+                force_factor,
+                time_step,
+                look_ahead,
+                phase,
+                rest_x,
+                rest_y,
+                rest_length,
+                inverse_length,
+                rest_angle,
+                hinge_stiffness,
+                inverse_mass,
+                node_mass,
+                tension_offset[r],
+                type(unit)(0.0),
+                type(unit)(0.0),
+                plastic_turn[r],
+                back_turn[r],
+                block_pair,
+                pair_node[r],
+                pair_force[r],
+                pair_nodal_x[r],
+                pair_nodal_y[r],
+                held_node,
+                node_ux[now, r],
+                node_uy[now, r],
+                node_vx[r],
+                node_vy[r],
+                node_ux[then, r],
+                node_uy[then, r],
+                wire_partial[r],
+            )
+        body_inverse_mass = type(unit)(control[r, BODY_INVERSE_MASS])
+        for block in range(body_blocks):
+            step_block_of_bodies(
+                block,
+                block * body_block,
+                wp.min((block + 1) * body_block, body_ux.shape[1]),
+                rest_when_free,
+                unit,
+                body_inverse_mass,
+                velocity_factor,
+                force_factor * body_inverse_mass,
+                time_step,
+                look_ahead,
+                phase,
+                pair_force[r],
+                pair_body_x[r],
+                pair_body_y[r],
+                body_ux[r],
+                body_uy[r],
+                body_vx[r],
+                body_vy[r],
+                body_partial[r],
+            )
+        for h in range(held_node.shape[0]):
+            move = held_move(control[r], wp.vec2d(held_lever_x[h], held_lever_y[h]))
+            node_ux[then, r, held_node[h]] = count_of(move[0], unit)
+            node_uy[then, r, held_node[h]] = count_of(move[1], unit)
+        renew_control(wire_partial[r], body_partial[r], control[r])
+        parity[r] = then

@@ -1,0 +1,65 @@
+"""Replicas step as a single mesh does: kernels/replicas.py against the kernels that it stands for."""
+
+import numpy as np
+import pytest
+
+from warpknit.kernels import control as c
+from warpknit.model import build_model
+from warpknit.neighbours import NeighbourSearch
+from warpknit.replicas import Replicas
+from warpknit.scene import make_scene
+from warpknit.state import State, initial_state
+from warpknit.step import Stepper
+
+STEPS = 37  # odd: it ends in the other buffer of displacements
+STRAINS = (0.02, 0.12, 0.2)
+
+
+def load(state: State, strain: float, steps: int) -> None:
+    """Aim at an equibiaxial strain by a ramp of so many steps."""
+    values = {c.RAMP_STEP: 0.0, c.RAMP_STEPS: float(steps)}
+    values |= {int(c.TO) + k: value for k, value in enumerate((1 + strain, 0.0, 0.0, 1 + strain, 1.0))}
+    state.write_control(values)
+
+
+@pytest.mark.parametrize(
+    ("boundary", "repeats", "precision"),
+    [("periodic", [1, 1], "single"), ("gripped", [2, 2], "single"), ("periodic", [1, 1], "double")],
+)
+def test_replicas_step_to_the_bits_of_a_single_mesh(boundary, repeats, precision):
+    """Same numbers, same order of sums: states of three loads are equal to the bit, whichever thread took them."""
+    model = build_model(
+        make_scene({
+            "knit": {"repeats": repeats},
+            "model": {"boundary": boundary, "nodes_per_loop": 16},
+            "solver": {"precision": precision},
+        })
+    )  # fmt: skip
+    replicas = Replicas(model, len(STRAINS), threads=2)
+    rows = np.arange(len(STRAINS))
+    for state, strain in zip(replicas.states, STRAINS, strict=True):
+        load(state, strain, 30)
+        NeighbourSearch(model, state).search()
+    replicas.step(rows, np.full(len(rows), float(STEPS)))
+    for row, strain in zip(rows, STRAINS, strict=True):
+        single = initial_state(model)
+        load(single, strain, 30)
+        NeighbourSearch(model, single).search()
+        Stepper(model, single).step(STEPS)
+        kept, wanted = replicas.states[row].arrays(), single.arrays()
+        assert replicas.states[row].read_control()[int(c.STEP)] == single.read_control()[int(c.STEP)] > 0
+        for name, value in wanted.items():
+            assert np.array_equal(kept[name], value), name
+
+
+def test_a_frozen_replica_stays_as_it_is():
+    """One that is stale stops where it is while the others go on."""
+    model = build_model(make_scene({"model": {"boundary": "periodic", "nodes_per_loop": 16}}))
+    replicas = Replicas(model, 2)
+    for state in replicas.states:
+        load(state, 0.001, 30)
+        NeighbourSearch(model, state).search()
+    replicas.states[0].write_control({c.TRAVEL_LIMIT: 0.0})
+    replicas.step(np.arange(2), np.full(2, 20.0))
+    assert replicas.state.read_control()[:, int(c.STEP)].tolist() == [1.0, 20.0]
+    assert replicas.status.tolist() == [1.0, 0.0]

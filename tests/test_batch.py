@@ -1,0 +1,73 @@
+"""A batch of replicas answers as single runs do, and no replica depends on the others."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from warpknit import measure
+from warpknit.batch import Batch, Outcome
+from warpknit.model import build_model
+from warpknit.scene import Scene, make_scene
+from warpknit.simulate import Simulation
+from warpknit.state import initial_state
+
+STRAINS = [(0.1, 0.1), (0.0, 0.16), (0.16, 0.02), (0.04, 0.0)]
+
+
+def scene_of(boundary: str, **tables: dict) -> Scene:
+    repeats = [1, 1] if boundary == "periodic" else [2, 2]
+    return make_scene(
+        {
+            "knit": {"repeats": repeats},
+            "model": {"boundary": boundary},
+            "solver": {"preset": "draft"},
+            "output": {"frames": 4},
+        }
+        | tables
+    )
+
+
+def stages(scene: Scene, strains: list[tuple[float, float]]) -> list:
+    return [replace(scene.stages[0], strain_weft=x, strain_warp=y) for x, y in strains]
+
+
+def outcomes(scene: Scene, strains: list[tuple[float, float]]) -> list[Outcome]:
+    found = {outcome.index: outcome for outcome in Batch(build_model(scene), stages(scene, strains)).run()}
+    return [found[k] for k in range(len(strains))]
+
+
+@pytest.mark.parametrize("boundary", ["periodic", "gripped"])
+def test_each_replica_answers_as_a_run_of_its_load(boundary):
+    """The same decisions at the same looks: equal but for the order in which looks are summed up."""
+    scene = scene_of(boundary)
+    for outcome, (x, y) in zip(outcomes(scene, STRAINS), STRAINS, strict=True):
+        single = replace(scene, stages=(replace(scene.stages[0], strain_weft=x, strain_warp=y),))
+        model = build_model(single)
+        *_, last = Simulation(model, initial_state(model)).run()
+        assert outcome.record is not None and outcome.record.steady
+        tension = np.array(measure.mesh_tension(outcome.record.reading))
+        wanted = np.array(measure.mesh_tension(last.reading))
+        scale = max(np.abs(wanted).max(), 1e-3 * measure.tension_scale(model))
+        assert np.abs(tension - wanted).max() < scene.solver.residual_tolerance * scale
+        assert measure.contacts(outcome.record.reading) == measure.contacts(last.reading)
+        assert outcome.steps == pytest.approx(last.steps, rel=0.05)
+
+
+def test_a_replica_does_not_depend_on_its_batch():
+    """To the bit: alone, among others, and in another place."""
+    scene = scene_of("periodic")
+    alone = outcomes(scene, STRAINS[:1])[0]
+    among = outcomes(scene, STRAINS[::-1])[-1]
+    assert alone.record is not None and among.record is not None
+    assert alone.steps == among.steps
+    assert np.array_equal(alone.record.reading.u, among.record.reading.u)
+    assert np.array_equal(alone.record.reading.pair_force, among.record.reading.pair_force)
+
+
+def test_a_replica_that_fails_leaves_the_others_alone():
+    """A level that may take no more than 600 steps is too short for a load."""
+    scene = scene_of("periodic", solver={"preset": "draft", "max_steps": 600})
+    found = outcomes(scene, [(0.0, 0.0), (0.16, 0.0)])
+    assert found[0].record is not None and found[0].error is None
+    assert found[1].record is None and "not steady after 600 steps" in str(found[1].error)

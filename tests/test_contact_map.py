@@ -1,0 +1,76 @@
+"""Rows of a contact map: files, means over seeds, the optimum."""
+
+import math
+
+import numpy as np
+import pytest
+
+from warpknit.contact_map import Cell, Detail, MapRow, find_optimum, grid, mean_map, read_map, write_map
+
+
+def row(weft, warp, active=50.0, stress=1e8, tension=(0.1, 0.2), reason="steady", above=0.0) -> MapRow:
+    if reason != "steady":
+        return MapRow(Cell(weft, warp, *[None] * 5, reason), Detail(weft, warp, *[None] * 6, 0, 7, "too fast"))
+    detail = Detail(weft, warp, None, active, None, 1e-6, stress, 1e-3, 1, 5, "")
+    return MapRow(Cell(weft, warp, active, *tension, stress, above, reason), detail)
+
+
+def test_rows_come_back_to_the_bit_and_blanks_as_none(tmp_path):
+    rows = [row(0.1, 1 / 3, active=200 / 3), row(0.2, 0.0, reason="diverged")]
+    paths = tmp_path / "map.csv", tmp_path / "details.csv"
+    write_map(rows, *paths)
+    assert read_map(*paths) == rows
+    assert "nan" not in paths[0].read_text().lower()
+    header = paths[0].read_text().splitlines()[0]
+    assert header == (
+        "strain_weft,strain_warp,active_percent,tension_weft_N_per_m,tension_warp_N_per_m,stress_max_Pa,yield_fraction,stop_reason"
+    )
+
+
+def test_the_mean_is_over_seeds_at_rest_and_stress_is_the_largest():
+    """Shares 20 and 40: mean 30, standard deviation sqrt(200)."""
+    (mean,) = mean_map([[row(0, 0, 20.0, 1e8)], [row(0, 0, 40.0, 3e8)], [row(0, 0, reason="diverged")]])
+    assert mean.cell.active_percent == 30.0
+    assert mean.cell.stress_max_Pa == 3e8
+    assert mean.cell.stop_reason == "2 of 3 seeds steady"
+    assert mean.detail.active_percent_deviation == pytest.approx(math.sqrt(200.0))
+    assert (mean.detail.seeds, mean.detail.steps, mean.detail.message) == (2, 17, "too fast")
+
+
+def test_a_grid_is_warp_by_weft_and_unknown_where_there_is_no_row():
+    values = grid([row(0.0, 0.0, 1.0), row(0.1, 0.0, 2.0), row(0.0, 0.2, 3.0)], "active_percent", [0.0, 0.1], [0.0, 0.2])
+    assert np.array_equal(values, [[1.0, 2.0], [3.0, np.nan]], equal_nan=True)
+
+
+def square(share, stress) -> list[MapRow]:
+    """Rows of 5 x 5 strains from functions of their places."""
+    places = [(i, j) for j in range(5) for i in range(5)]
+    return [row(0.1 * i, 0.1 * j, float(share(i, j)), float(stress(i, j))) for i, j in places]
+
+
+def test_the_optimum_has_the_most_contacts_below_the_elastic_limit():
+    """Contacts and stress both grow with strain: the best cell is the last below the limit."""
+    best = find_optimum(square(lambda i, j: 10 * (i + j) + i, lambda i, j: 1e8 * (i + j)), yield_stress=5.5e8)
+    assert best is not None
+    assert (best.strain_weft, best.strain_warp) == (0.4, 0.1)
+    assert best.stress_margin == pytest.approx(0.5 / 5.5)
+
+
+def test_among_equal_shares_the_optimum_has_equal_neighbours_and_the_least_stress():
+    """A plateau from weft 0.1 on: its cell of least stress with all eight neighbours on it is (0.2, 0.1)."""
+    best = find_optimum(square(lambda i, j: 60 * (i >= 1), lambda i, j: 1e8 * (1 + i + j)), yield_stress=2e9)
+    assert best is not None
+    assert (best.strain_weft, best.strain_warp) == (0.2, 0.1)
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        [row(0.1, 0.1, stress=3e9)],  # beyond the limit
+        [row(0.1, 0.1, active=0.0)],  # nothing touches
+        [row(0.1, 0.1, tension=(0.1, -0.1))],  # not tensile
+        [row(0.1, 0.1, reason="diverged")],
+    ],
+)
+def test_there_may_be_no_optimum(rows):
+    assert find_optimum(rows, yield_stress=2e9) is None

@@ -1,0 +1,110 @@
+"""Maps as a user makes them: what is left, refusals, interrupts, resumption."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from warpknit import batch
+from warpknit.cli import main
+from warpknit.interrupts import Interrupts
+
+SCENES = Path(__file__).parents[1] / "scenes"
+SMALL = ["solver.preset=draft", "output.frames=2", "sweep.strain_weft=[0.0, 0.1]", "sweep.strain_warp=[0.1, 0.0]"]
+
+
+def make_map(out: Path, *arguments: str, scene: str = "contact_map.toml"):
+    settings = [part for setting in SMALL for part in ("--set", setting)]
+    command = ["map", str(SCENES / scene), "--out", str(out), "--quiet", *settings, *arguments]
+    return CliRunner().invoke(main, command, prog_name="warpknit")
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with open(path, newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_map_leaves_its_files_and_is_not_overwritten(tmp_path):
+    """map.csv has a row for each pair of strains; a finished map is refused, kept by --resume, replaced by --force."""
+    out = tmp_path / "m"
+    done = make_map(out)
+    assert done.exit_code == 0, done.output
+    assert "optimum strain" in done.stdout and "4 of 4 at rest" in done.stdout
+    assert [(r["strain_weft"], r["strain_warp"]) for r in rows(out / "map.csv")] == [
+        ("0.0", "0.0"), ("0.1", "0.0"), ("0.0", "0.1"), ("0.1", "0.1")
+    ]  # fmt: skip
+    assert all(r["stop_reason"] == "steady" for r in rows(out / "map.csv"))
+    for name in ("contact_map", "stress_map", "yield_map", "tension_weft_map", "tension_warp_map"):
+        assert (out / "figures" / f"{name}.png").stat().st_size > 0
+    summary = json.loads((out / "map.json").read_text())
+    assert summary["stop_reason"] == "finished" and summary["optimum"]["active_percent"] > 0
+    before = (out / "map.csv").read_bytes()
+    refused = make_map(out)
+    assert refused.exit_code == 2 and "holds a finished map" in refused.stderr
+    assert make_map(out, "--resume").exit_code == 0
+    assert make_map(out, "--force").exit_code == 0
+    assert (out / "map.csv").read_bytes() == before
+
+
+def test_a_scene_without_a_sweep_is_refused(tmp_path):
+    done = CliRunner().invoke(main, ["map", str(SCENES / "atlas_cell.toml"), "--out", str(tmp_path / "m")])
+    assert done.exit_code == 2 and not (tmp_path / "m").exists()
+    assert len(done.stderr.splitlines()) == 1 and "sweep: given nothing" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("setting", "said"), [("solver.drive=ramp", "solver.drive"), ("knit.scatter=0.15", "knit.scatter")]
+)
+def test_what_a_map_cannot_do_is_refused(tmp_path, setting, said):
+    """A ramp has no steady levels; at seed 3 loops scattered by 15 % hook otherwise than meant."""
+    done = make_map(tmp_path / "m", "--set", setting, "--set", "knit.seed=3")
+    assert done.exit_code == 2 and said in done.stderr and len(done.stderr.splitlines()) == 1
+
+
+def test_an_interrupted_map_keeps_its_cells_and_goes_on_to_the_same_map(tmp_path, monkeypatch):
+    whole, cut = tmp_path / "whole", tmp_path / "cut"
+    assert make_map(whole).exit_code == 0
+
+    def stop(self):
+        if finished:
+            self.ask()
+        check(self)
+
+    check, finished = Interrupts.check, []
+    outcome = batch.Batch._finished
+    monkeypatch.setattr(batch.Batch, "_finished", lambda self, row: finished.append(row) or outcome(self, row))
+    monkeypatch.setattr(Interrupts, "check", stop)
+    stopped = make_map(cut)
+    monkeypatch.undo()
+    assert stopped.exit_code == 130 and "--resume" in stopped.stderr
+    assert 0 < len(rows(cut / "map.csv")) < 4
+    assert make_map(cut).exit_code == 2
+    assert make_map(cut, "--resume").exit_code == 0
+    assert (cut / "map.csv").read_bytes() == (whole / "map.csv").read_bytes()
+
+
+def test_cells_that_do_not_come_to_rest_are_blank(tmp_path):
+    """With 600 steps a level the unloaded cell comes to rest and the stretched ones do not."""
+    done = make_map(tmp_path / "m", "--set", "solver.max_steps=600")
+    assert done.exit_code == 0, done.output
+    assert "did not come to rest" in done.stdout
+    found = {(r["strain_weft"], r["strain_warp"]): r for r in rows(tmp_path / "m" / "map.csv")}
+    failed = found["0.1", "0.1"]
+    assert failed["stop_reason"] == "diverged" and failed["active_percent"] == failed["stress_max_Pa"] == ""
+    assert found["0.0", "0.0"]["stop_reason"] == "steady"
+    for name in ("map.csv", "map_details.csv", "map.json"):
+        assert "nan" not in (tmp_path / "m" / name).read_text().lower()
+
+
+def test_seeds_scatter_and_the_map_is_their_mean(tmp_path):
+    """Two meshes of scattered loops: their maps differ, and map.csv holds the mean."""
+    out = tmp_path / "m"
+    assert make_map(out, "--set", "knit.scatter=0.08", "--set", "sweep.seeds=2").exit_code == 0
+    first, second = (rows(out / "seeds" / f"map_{seed:02d}.csv")[-1] for seed in (0, 1))
+    mean = rows(out / "map.csv")[-1]
+    tensions = [float(r["tension_weft_N_per_m"]) for r in (first, second, mean)]
+    assert tensions[0] != tensions[1]
+    assert tensions[2] == pytest.approx(0.5 * (tensions[0] + tensions[1]), rel=1e-12)
+    assert (out / "figures" / "contact_spread_map.png").exists()

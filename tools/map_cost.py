@@ -1,0 +1,72 @@
+"""What a contact map costs as one batch, beside the same cells run one by one.
+
+    python tools/map_cost.py [SCENE] [--sample N] [--rounds N]       default: scenes/contact_map.toml, every 10th cell one by one
+
+Prints one JSON object a round: cell-steps per second of the batch on one and on all threads and of `Simulation` cell by cell (the
+time loop alone, without building and files), measured in turn, and the seconds that all cells take or would take: of wall time,
+and of all cores together, which says more on a machine that others use too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+from warpknit.batch import Batch
+from warpknit.model import Model, build_model
+from warpknit.scene import Scene, Stage, load_scene
+from warpknit.simulate import Simulation
+from warpknit.state import initial_state
+from warpknit.step import CORES
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scene", nargs="?", default="scenes/contact_map.toml")
+    parser.add_argument("--sample", type=int, default=10, metavar="N", help="run every Nth cell one by one")
+    parser.add_argument("--rounds", type=int, default=2, metavar="N")
+    options = parser.parse_args()
+    scene = load_scene(options.scene)
+    if scene.sweep is None:
+        parser.error(f"{options.scene} has no [sweep]")
+    stages = [
+        replace(scene.stages[0], strain_weft=x, strain_warp=y, tension_weft=None, tension_warp=None)
+        for y in scene.sweep.strain_warp
+        for x in scene.sweep.strain_weft
+    ]
+    model = build_model(scene)
+    list(Batch(model, stages[:1]).run())  # compiles the kernels
+    one_by_one(scene, model, stages[:1])
+    for _ in range(options.rounds):
+        row: dict[str, float | int] = {"cells": len(stages), "nodes": model.panel.node_count}
+        for threads in (1, len(CORES)):
+            begin, begin_cpu = time.perf_counter(), time.process_time()
+            batch = Batch(model, stages, threads=threads)
+            list(batch.run())
+            wall, cpu = time.perf_counter() - begin, time.process_time() - begin_cpu
+            row |= {f"batch_{threads}_threads_s": wall, f"batch_{threads}_threads_cpu_s": cpu}
+            row[f"batch_{threads}_threads_cell_steps_per_s"] = batch.steps / wall
+        begin_cpu = time.process_time()
+        steps, wall = one_by_one(scene, model, stages[:: options.sample])
+        share = batch.steps / steps
+        row["one_by_one_cell_steps_per_s"] = steps / wall
+        row |= {"one_by_one_s": wall * share, "one_by_one_cpu_s": (time.process_time() - begin_cpu) * share}
+        print(json.dumps({key: float(f"{value:.4g}") for key, value in row.items()}), flush=True)
+
+
+def one_by_one(scene: Scene, model: Model, stages: Sequence[Stage]) -> tuple[int, float]:
+    """Steps and seconds of single runs."""
+    steps, begin = 0, time.perf_counter()
+    for stage in stages:
+        simulation = Simulation(replace(model, scene=replace(scene, stages=(stage,))), initial_state(model))
+        for _ in simulation.run():
+            pass
+        steps += simulation.progress.steps
+    return steps, time.perf_counter() - begin
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,115 @@
+"""Pictures of a contact map: a quantity over weft strain (horizontal) and warp strain (vertical), as figure 8 of the paper.
+
+R. Guglielmini, A. Marotta, P. Salvini, IOP Conf. Ser.: Mater. Sci. Eng. 1214 (2022) 012033, figure 8.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from warpknit.export.plots import figure_of, save_figure
+
+__all__ = ["Marks", "map_figure"]
+
+PERCENT_LEVELS = (10.0, 25.0, 50.0, 75.0, 90.0)
+LEAST_LEVEL = 0.02  # of the largest value: lines of less are left out
+LIMIT_COLOUR, OPTIMUM_COLOUR = "#D55E00", "white"
+
+
+@dataclass(frozen=True)
+class Marks:
+    """What is marked on every map."""
+
+    stress: NDArray[Any]  # (warp, weft) [Pa] largest wire stress, nan where unknown
+    yield_stress: float  # [Pa]
+    optimum: tuple[float, float] | None  # strains, weft and warp
+
+
+def map_figure(
+    path: str | os.PathLike[str],
+    weft: Sequence[float],
+    warp: Sequence[float],
+    values: NDArray[Any],
+    *,
+    title: str,
+    label: str,
+    percent: bool,
+    marks: Marks,
+) -> Path:
+    """Draw `values` (warp, weft) over strains; nan stays blank. `percent`: colours go from 0 to 100.
+
+    A tile of colour is one cell; lines of equal value go between the cells' middles.
+    """
+    x, y = 100.0 * np.asarray(weft, dtype=float), 100.0 * np.asarray(warp, dtype=float)
+    figure = figure_of(7.0, 5.9)
+    axes = figure.subplots()
+    known = np.ma.masked_invalid(values)
+    low, high = (0.0, 0.0) if known.mask.all() else (min(0.0, float(known.min())), float(known.max()))
+    top = 100.0 if percent else high if high > low else low + 1.0
+    tiles = axes.pcolormesh(_edges(x), _edges(y), known, cmap="viridis", vmin=low, vmax=top)
+    bar = figure.colorbar(tiles, ax=axes, pad=0.02)
+    bar.set_label(label)
+    if known.mask.all():
+        axes.text(0.5, 0.5, "no state at rest", transform=axes.transAxes, ha="center", va="center")
+    elif min(values.shape) > 1:
+        _draw_levels(axes, x, y, known, percent)
+    handles = _draw_marks(axes, x, y, marks)
+    if known.mask.any():
+        axes.set_facecolor("#E8E8E8")
+        handles.append(Patch(facecolor="#E8E8E8", edgecolor="#909090", label="did not come to rest, or not run"))
+    if handles:
+        legend = {"facecolor": "#B0B0B0", "edgecolor": "none", "framealpha": 1.0, "fontsize": "small"}
+        axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=len(handles), **legend)
+    axes.set_xlabel("weft strain [%]")
+    axes.set_ylabel("warp strain [%]")
+    axes.set_title(title, fontsize="medium")
+    return save_figure(figure, path)
+
+
+def _draw_levels(axes: Axes, x: NDArray[Any], y: NDArray[Any], known: np.ma.MaskedArray[Any, Any], percent: bool) -> None:
+    """Labelled lines of equal value."""
+    low, high = float(known.min()), float(known.max())
+    # what is small beside the largest wanders about zero, and a line at zero with it
+    levels = PERCENT_LEVELS if percent else [v for v in MaxNLocator(7).tick_values(low, high) if abs(v) > LEAST_LEVEL * high]
+    if not any(low < level < high for level in levels):
+        return
+    lines = axes.contour(x, y, known, levels=levels, colors="white", linewidths=0.9)
+    axes.clabel(lines, fmt=lambda value: f"{value:g} %" if percent else f"{value:g}", fontsize="small")
+
+
+def _draw_marks(axes: Axes, x: NDArray[Any], y: NDArray[Any], marks: Marks) -> list[Any]:
+    """The elastic limit and the optimum; what the legend says of them."""
+    handles: list[Any] = []
+    stress = np.ma.masked_invalid(marks.stress)
+    if min(stress.shape) > 1 and stress.count() and float(stress.min()) < marks.yield_stress < float(stress.max()):
+        axes.contour(x, y, stress, levels=[marks.yield_stress], colors=LIMIT_COLOUR, linewidths=2.4)
+        label = f"elastic limit, {marks.yield_stress / 1e9:.3g} GPa"
+        handles.append(Line2D([], [], color=LIMIT_COLOUR, linewidth=2.4, label=label))
+    elif stress.count() and float(stress.max()) <= marks.yield_stress:
+        label = f"all below the elastic limit, {marks.yield_stress / 1e9:.3g} GPa"
+        handles.append(Line2D([], [], linestyle="none", label=label))
+    if marks.optimum is not None:
+        style: dict[str, Any] = {"marker": "*", "markersize": 15, "markeredgecolor": "black", "linestyle": "none"}
+        place = 100.0 * marks.optimum[0], 100.0 * marks.optimum[1]
+        axes.plot(*place, color=OPTIMUM_COLOUR, zorder=5, **style)
+        handles.append(Line2D([], [], color=OPTIMUM_COLOUR, label=f"optimum, {place[0]:g} % / {place[1]:g} %", **style))
+    return handles
+
+
+def _edges(middle: NDArray[Any]) -> NDArray[Any]:
+    """Edges (n + 1,) of cells about their middles (n,)."""
+    if len(middle) == 1:
+        return np.array([middle[0] - 0.5, middle[0] + 0.5])
+    between = 0.5 * (middle[1:] + middle[:-1])
+    return np.concatenate([[2 * middle[0] - between[0]], between, [2 * middle[-1] - between[-1]]])
