@@ -161,9 +161,12 @@ def test_strips_driven_by_tension_find_the_same_strain() -> None:
     assert_same_bits(shared, alone)
 
 
+SIDES = ("weft", "warp")
+
+
 def test_strips_remember_friction_and_yield() -> None:
     """Where contacts stick and how wires have yielded: the same bits, and the heat of both added up over the strips."""
-    path = ("contact.friction=0.3", "wire.plastic=true", "wire.yield_stress=2e8", "load.strain_weft=0.05", "load.strain_warp=0.05")
+    path = ("contact.friction=0.3", "wire.plastic=true", "wire.yield_stress=2e8", *(f"load.strain_{side}=0.05" for side in SIDES))
     here = scene([2, 2], "gripped", *path, "output.frames=1")
 
     def at_the_end(ranks: Ranks) -> tuple[measure.Reading, float]:
