@@ -185,7 +185,7 @@ class Relaxation(Drive):
         """Steady states on the way to a level: where the state depends on the way, the strain between two is bounded."""
         if not self.scene.depends_on_path or factor <= 0.0:
             return 1
-        ends = [self._target(stage, f).gradient for f in (factor - 1.0 / levels, factor)]
+        ends = [self.target(stage, f).gradient for f in (factor - 1.0 / levels, factor)]
         return max(1, math.ceil(float(np.abs(ends[1] - ends[0]).max()) / PATH_STRAIN - 1e-9))
 
     def bring_to_rest(self, target: LoadPoint, wanted: WantedTension | None) -> None:
