@@ -182,7 +182,9 @@ def run(
 @main.command("map")
 @scene_options
 @result_options
+@click.pass_obj
 def contact_map(
+    ranks: Ranks,
     scene: str,
     overrides: tuple[str, ...],
     preset: str | None,
@@ -201,6 +203,9 @@ def contact_map(
 
     from warpknit.progress import progress_for
     from warpknit.sweep import map_lines, run_map
+
+    if ranks.count > 1:
+        raise ModelError(f"a map is not shared by {ranks.count} ranks: run it without mpirun")
 
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         result = run_map(loaded, out=directory, device=device, resume=resume, force=force, progress=progress)
