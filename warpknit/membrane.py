@@ -29,7 +29,6 @@ from .step import ForceProbe
 
 MOST_CELLS = 96  # of the grid in a direction
 MOST_STRAIN = 0.02  # of one correction
-SAMPLES = 6  # by which the part of a cell inside the outline is found, in a direction
 
 
 @dataclass(frozen=True)
@@ -74,11 +73,7 @@ class Membrane:
         outline = self.rim.outline
         if len(outline.corners) == 4 and np.isclose(outline.area, np.prod(self.model.panel.size)):
             return np.ones((nx, ny))
-        inside = (np.arange(SAMPLES) + 0.5) / SAMPLES
-        x = self.model.panel.low[0] + self._cell[0] * (np.arange(nx)[:, None] + inside).ravel()
-        y = self.model.panel.low[1] + self._cell[1] * (np.arange(ny)[:, None] + inside).ravel()
-        there = outline.contains(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2))
-        return there.reshape(nx, SAMPLES, ny, SAMPLES).mean(axis=(1, 3))
+        return outline.cover(self.model.panel.low, self._cell, (int(nx), int(ny)))
 
     def _tie_grid(self) -> None:
         """`_tied` (2 grid node, unknown + 2 station): how the grid follows its free nodes and the stations of the rim."""

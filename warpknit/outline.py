@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+SAMPLES = 8  # by which the part of a cell inside an outline is found, in a direction
 DISC_CORNERS = 96  # of the polygon that stands for a disc; it has the disc's area
 
 
@@ -70,6 +71,13 @@ class Outline:
         from matplotlib.path import Path  # a third of a second, for gripped meshes only
 
         return Path(np.vstack([self.corners, self.corners[:1]]), closed=True).contains_points(points)
+
+    def cover(self, low: np.ndarray, cell: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+        """Share (column, row) inside the outline of each cell of a grid from `low` (2,) [m] on, cells being `cell` (2,) [m]."""
+        inside = (np.arange(SAMPLES) + 0.5) / SAMPLES
+        x, y = (low[k] + cell[k] * (np.arange(shape[k])[:, None] + inside).ravel() for k in range(2))
+        there = self.contains(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2))
+        return there.reshape(shape[0], SAMPLES, shape[1], SAMPLES).mean(axis=(1, 3))
 
     def place(self, arc: np.ndarray) -> np.ndarray:
         """Points (..., 2) [m] at arc lengths [m]."""

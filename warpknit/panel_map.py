@@ -15,7 +15,6 @@ from . import measure
 from .measure import Reading
 
 LEAST_SHARE = 0.5  # of a tile inside the outline, for a value to be given
-SAMPLES = 8  # by which the part of a tile inside the outline is found, in a direction
 NODES_AT_ONCE = 1_000_000
 FEWEST_TILES = 12  # whole tiles from which a panel has a map
 
@@ -94,7 +93,7 @@ def panel_map(r: Reading) -> PanelMap:
     for a, b in np.ndindex(2, 2):
         virial[:, a, b] += gather(body_tile[touching // 2], np.einsum("pk,pk->p", r.pair_nodal[touching, :, a], lever[..., b]))
         virial[:, a, b] += gather(held_tile, held[:, a] * panel.held_lever[:, b])
-    share = _share_inside(r, low, tile, shape)
+    share = panel.outline.cover(low, tile, shape)
     known = share >= LEAST_SHARE
 
     def shown(values: np.ndarray) -> np.ndarray:
@@ -112,17 +111,6 @@ def panel_map(r: Reading) -> PanelMap:
         percent = shown(100.0 * active / pairs)
     gradient = np.where(known[..., None, None], gradient, np.nan)
     return PanelMap(low - middle, tile, share, gradient, nominal, tension, percent, shown(stress_max))
-
-
-def _share_inside(r: Reading, low: np.ndarray, tile: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """Share (column, row) of each tile inside the outline."""
-    outline = r.model.panel.outline
-    assert outline is not None
-    sample = (np.arange(SAMPLES) + 0.5) / SAMPLES
-    x = low[0] + tile[0] * (np.arange(shape[0])[:, None] + sample).ravel()
-    y = low[1] + tile[1] * (np.arange(shape[1])[:, None] + sample).ravel()
-    there = outline.contains(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2))
-    return there.reshape(shape[0], SAMPLES, shape[1], SAMPLES).mean(axis=(1, 3))
 
 
 def _slopes(moved: np.ndarray, known: np.ndarray, tile: np.ndarray) -> np.ndarray:

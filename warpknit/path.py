@@ -52,10 +52,7 @@ class Path:
         wp.launch(draw_anchors, dim=self.model.panel.body_count, inputs=inputs, device=self.model.device)
 
     def _yield(self) -> None:
-        """Take on the set of the wires: backward Euler of bilinear bending with kinematic hardening.
-
-        Every fibre of the sum M_y |kappa_p change| is gone as heat; what hardening stores is not.
-        """
+        """Take on the set of the wires: backward Euler of bilinear bending with kinematic hardening."""
         reading = read_strip(self.model, self.state)
         kept = self.model.scene.wire.hardening
         beyond = reading.turning - reading.plastic_turn - reading.back_turn
