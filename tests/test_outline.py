@@ -124,15 +124,28 @@ def test_a_bad_file_of_corners_is_one_clear_line(tmp_path: Path, content: str | 
         ({"panel": {"cord": {"tension": 1, "stiffness": 1}}}, "panel.grip_pitch"),
         ({"panel": {"outline": "hexagon", "size": 0.02}, "model": {"boundary": "periodic"}}, "model.boundary"),
         ({"panel": {"rotation": 1.0}}, "panel.rotation"),
-        ({"load": {"pull": [{"at": [0, 0], "by": [0, 0]}]}}, "load.pull[0].width"),
+        ({"load": {"pull": [{"at": [0, 0], "by": [0, 0]}]}}, "load.pull[0].at"),
+        ({"load": {"pull": [{"at": [1.7e-3, 0], "by": [0, 0]}]}}, "load.pull[0].width"),
+        ({"load": {"pull": [{"at": [1.7e-3, 0], "by": [1, 0], "width": 1e-3}]}}, "load.pull[0].by"),
+        ({"load": {"temperature_gradient": [1e6, 0]}}, "load.temperature_gradient"),
+        ({"panel": {"outline": "polygon", "corners": [[0, 0], [1, 1], [2, 2]]}}, "panel.corners"),
+        ({"contact": {"friction": 0.1}, "load": {"tension_weft": 0.1}}, "load.tension_weft"),
+        ({"wire": {"plastic": True}, "path": [{"tension_warp": 0.1}]}, "path[0].tension_warp"),
         ({"load": {"pull": [{"at": [0, 0, 0], "by": [0, 0]}]}}, "load.pull[0].at"),
         ({"load": {"temperature_gradient": [1, 1]}, "model": {"boundary": "periodic"}}, "load.temperature_gradient"),
         ({"load": {"temperature_gradient": [1, 1]}, "solver": {"drive": "ramp"}}, "load.temperature_gradient"),
         ({"panel": {"grip_pitch": 0.01, "cord": {"tension": 1, "stiffness": 1}}, "solver": {"drive": "ramp"}}, "panel.cord"),
-        ({"load": {"pull": [{"at": [0, 0], "by": [0, 0], "width": 1e-3}]}, "solver": {"drive": "ramp"}}, "load.pull"),
+        ({"load": {"pull": [{"at": [1.7e-3, 0], "by": [0, 0], "width": 1e-3}]}, "solver": {"drive": "ramp"}}, "load.pull"),
     ],
 )
 def test_keys_that_clash_are_named(table: dict, key: str) -> None:
     with pytest.raises(SceneError) as error:
         make_scene(table)
     assert f" {key}: " in str(error.value)
+
+
+def test_an_outline_that_holds_no_wire_is_refused() -> None:
+    from warpknit.errors import ModelError
+
+    with pytest.raises(ModelError, match=r"panel\.size"):
+        build_model(make_scene({"panel": {"outline": "triangle", "size": 1e-4}}))

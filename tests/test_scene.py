@@ -459,7 +459,7 @@ def test_the_resolved_file_keeps_every_bit(diameter, courses, strain):
 
 def test_the_resolved_file_writes_every_key_or_names_it_as_left_out():
     panel = {"grip_pitch": 0.01, "cord": {"tension": 1.0, "stiffness": 100.0}}
-    pull = [{"at": [0.0, 0.0], "by": [0.0, 0.0]}]
+    pull = [{"at": [1.7e-3, 0.0], "by": [0.0, 0.0]}]
     table = {"path": [{}], "wire": {"plating": {"thickness": 1e-7}}, "panel": panel, "load": {"pull": pull}}
     text = resolved_toml(make_scene(table))
     written = tomllib.loads(text)

@@ -44,6 +44,7 @@ class Record:
     steady: bool
     work: float | None  # [J] put in since the start, where the drive keeps account of it (ramp)
     dissipated: float  # [J] taken out since the start, by the damping of a ramp or by friction
+    left_out: float  # of the tension, that the mesh may be out of balance by as a membrane; 0 where that was looked after
     edge_work: float  # [J] put in by what differs from place to place: pulls at the edge, cords, warmth
     stations: np.ndarray  # (station, 2) [m] displacement of the rim (rim.py); empty where it only follows the load
     reading: measure.Reading
@@ -114,6 +115,7 @@ class Drive(ABC):
         self.look = Look(model, state, self.stepper)
         self.steadiness = Steadiness(model)
         self._is_warm = any(any(stage.temperature_gradient) for stage in self.scene.stages)
+        self.left_out = 0.0  # stress over the tension, the most that corrections as a membrane were given up with
         self.rim: Rim | None = None  # where the edge does more than follow the load
         self.stations = np.zeros((0, 2))  # (station, 2) [m] displacement of its stations from the affinely mapped outline
         self.edge_work = EdgeWork() if self._is_warm else None
@@ -211,6 +213,7 @@ class Drive(ABC):
             steady=steady,
             work=work,
             dissipated=self.dissipated,
+            left_out=self.left_out,
             edge_work=self.edge_work.account(reading) if self.edge_work is not None else 0.0,
             stations=self.stations,
             reading=reading,

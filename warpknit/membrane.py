@@ -158,18 +158,31 @@ class Membrane:
             force[-pull.size :] += pull.ravel()
         return self._correction(force, np.zeros(len(force)), gradient, stations)
 
+    def edge_imbalance(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray, least: float) -> float:
+        """Force on the free stations over what the wires pull at them, or a tension of `least` [N/m], root mean square.
+
+        A cord that is stiff against the mesh may be far from balance where the mesh does not feel it.
+        """
+        free = ~self.rim.given
+        if not free.any():
+            return 0.0
+        cord = self.rim.cord_forces(gradient, stations)[0]
+        total = self._pull(gradient, stations, held)
+        wires = float(np.sqrt(np.mean((total - cord)[free] ** 2)))
+        apart = self.rim.outline.length / len(self.rim.arc)
+        return float(np.sqrt(np.mean(total[free] ** 2))) / max(wires, least * apart)
+
     def solve_rim(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray) -> tuple[Correction, float]:
-        """The same where the mesh is not like a membrane: its edge moves, as stiff as if the mesh behind it stood still, and the
-        stress is the force [N/m] along the edge that is out of balance."""
+        """The same where the mesh is not like a membrane: its edge moves, as stiff as if the mesh behind it stood still."""
         pull = self._pull(gradient, stations, held)
         free = np.nonzero(np.repeat(~self.rim.given, 2))[0]
         first = self._tied.shape[1] - pull.size
         matrix = self._matrix(gradient, stations)[first + free][:, first + free]
         moved = np.zeros(pull.size)
         moved[free] = splu(matrix.tocsc()).solve(pull.ravel()[free])
-        apart = self.rim.outline.length / len(self.rim.arc)
-        still = Correction(np.zeros((self._tied.shape[0] // 2, 2)), moved.reshape(-1, 2))
-        return still, float(np.sqrt(np.mean(pull[~self.rim.given] ** 2))) / apart
+        farthest = float(np.abs(moved).max()) / (MOST_STRAIN * float(self._cell.min()))
+        still = Correction(np.zeros((self._tied.shape[0] // 2, 2)), moved.reshape(-1, 2), 1.0 / max(1.0, farthest))
+        return still, 0.0
 
     def _pull(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray) -> np.ndarray:
         """Forces (station, 2) [N] of the wires, wherever a rank holds them, and of the cord."""

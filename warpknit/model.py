@@ -227,7 +227,7 @@ def knit_scene(scene: Scene) -> Cloth:
     needed, available = required_memory(scene, nodes), available_memory()
     if needed > available or nodes > np.iinfo(np.int32).max:
         raise MemoryNeeded(
-            f"knit.repeats = {list(scene.knit.repeats)}: {nodes:.3g} nodes need {needed / 2**30:.3g} GiB,"
+            f"{_size_of(scene)}: {nodes:.3g} nodes need {needed / 2**30:.3g} GiB,"
             f" available {available / 2**30:.3g} GiB"
         )
     return cloth
@@ -246,6 +246,15 @@ def _refuse_other_hooks(scene: Scene, cloth: Cloth) -> None:
     if found != meant:
         allowed = f"less, or another seed: with seed {scene.knit.seed} loops hook {found} times where {meant} are meant"
         raise KnitError("knit.scatter", scene.knit.scatter, allowed)
+
+
+def _size_of(scene: Scene) -> str:
+    """The key that says how large the mesh is, with its value."""
+    if scene.panel.outline == "rectangle":
+        return f"knit.repeats = {list(scene.knit.repeats)}"
+    if scene.panel.size is None:
+        return f"panel.corners = {len(scene.panel.corners or ())} corners"
+    return f"panel.size = {scene.panel.size:g} m"
 
 
 def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -> Model:

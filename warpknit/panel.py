@@ -244,6 +244,8 @@ def build_panel(
         outline = outline.shifted(middle)
         low, size = outline.low, outline.size
         strands = _cut_strands(cloth, table, outline)
+    if not len(strands.thread):
+        raise ModelError("panel.size: no wire runs through the outline: use a larger one")
     bodies = _place_bodies(cloth, table, strands, slack, GRIP_CLEARANCE * cloth.stitch_length)
     if outline is None:
         used = np.arange(len(strands.thread))

@@ -31,6 +31,7 @@ from .model import (
 )
 from .panel import table_lead
 from .prolongation import smaller_scene
+from .rim import net_nodes
 from .scene import Scene, Stage
 from .step import thread_count
 from .table import Table, rest_table
@@ -331,8 +332,9 @@ def _panel_physics(scene: Scene) -> Iterator[str]:
     if panel.outline != "rectangle":
         yield f"outline: the mesh is cut along a {panel.outline}, panel.outline"
     if panel.cord is not None and panel.grip_pitch is not None:
+        nodes, apart = net_nodes(panel.shape(scene.knit.size), panel.grip_pitch)
         yield (
-            f"cords: net nodes about {1e3 * panel.grip_pitch:.3g} mm apart hold the edge, between them it hangs on a cord of"
+            f"cords: {nodes} net nodes hold the edge, {1e3 * apart:.3g} mm apart or less, between them it hangs on a cord of"
             f" {panel.cord.tension:.3g} N, panel.cord"
         )
     if any(stage.pull for stage in scene.stages):

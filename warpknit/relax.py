@@ -36,6 +36,7 @@ MOVE_STEPS = 200  # steps between parts of a move of the edge
 LEVEL_STEP_LIMIT = 500_000  # steps of a level after which it counts as never steady, where the scene gives no max_steps
 WORSE = 100.0  # times what was left at best: the mesh has gone on to another state
 PATIENCE = 1500  # looks without progress by a tenth after which a level counts as never steady
+EDGE_TOLERANCE = 0.05  # force on the stations of a cord over what the wires pull at them
 CORRECTION_LOOKS = 6  # looks between corrections of the mesh as a membrane
 CORRECTION_GAIN = 0.7  # a correction that leaves more of the least imbalance so far was in vain
 IN_VAIN = 8  # corrections in vain after which they are given up for the level
@@ -138,7 +139,7 @@ class Relaxation(Drive):
             kept["stations"] = self.stations
             kept |= {f"cell_{name}": value for name, value in self.cell.everything().items()}
             kept |= self._response.memory()
-        kept |= self.path.memory()
+        kept |= self.path.memory() | {"left_out": np.array(self.left_out)}
         return super().memory() | kept | self.multipliers.memory() | self.slowest_mode.memory()
 
     def recall(self, kept: dict[str, np.ndarray]) -> None:
@@ -149,6 +150,7 @@ class Relaxation(Drive):
         self._last_correction = kept["last_correction"]
         self.multipliers.recall(kept)
         self.path.recall(kept)
+        self.left_out = float(kept["left_out"])
         self.slowest_mode.recall(kept)
         if self.smaller is not None and self.prolongation is not None:
             self.smaller.put_back(_under("smaller_", kept))
@@ -185,8 +187,13 @@ class Relaxation(Drive):
         """Steady states on the way to a level: where the state depends on the way, the strain between two is bounded."""
         if not self.scene.depends_on_path or factor <= 0.0:
             return 1
-        ends = [self.target(stage, f).gradient for f in (factor - 1.0 / levels, factor)]
-        return max(1, math.ceil(float(np.abs(ends[1] - ends[0]).max()) / PATH_STRAIN - 1e-9))
+        ends = [self.target(stage, f) for f in (factor - 1.0 / levels, factor)]
+        strain = float(np.abs(ends[1].gradient - ends[0].gradient).max())
+        if self.rim is not None and ends[0].stations is not None and ends[1].stations is not None:
+            # a pull strains what is near it most
+            along = np.diff(ends[1].stations - ends[0].stations, axis=0, append=(ends[1].stations - ends[0].stations)[:1])
+            strain = max(strain, float(np.abs(along).max()) * len(self.rim.arc) / self.rim.outline.length)
+        return max(1, math.ceil(strain / PATH_STRAIN - 1e-9))
 
     def bring_to_rest(self, target: LoadPoint, wanted: WantedTension | None) -> None:
         """Go to the next load level, the smaller mesh first, or on with the one that was begun."""
@@ -295,7 +302,7 @@ class Relaxation(Drive):
             return
         now = self.state.gradient.ravel()
         ratio = 0.0
-        if self._last_gradient is not None:
+        if self._last_gradient is not None and not self.scene.depends_on_path:
             before = now - np.array(self._last_gradient)
             ahead = target.gradient.ravel() - now
             ratio = float(np.clip(ahead @ before / max(before @ before, 1e-30), 0.0, 1.0))
@@ -385,15 +392,20 @@ class Relaxation(Drive):
         correction, stress = solve(self.state.gradient, self.stations, pulled)
         scale = max(float(np.abs(self._sums.stress).max()), self.least_tension)
         progress.imbalance = stress / (MEMBRANE_TOLERANCE * scale)
+        if rim.is_free:
+            edge = self.membrane.edge_imbalance(self.state.gradient, self.stations, pulled, self.least_tension)
+            progress.imbalance = max(progress.imbalance, edge / EDGE_TOLERANCE)
         if progress.imbalance <= 1.0:
             return
         progress.in_vain += 1
         if progress.imbalance < CORRECTION_GAIN * progress.least_imbalance:
             progress.least_imbalance, progress.in_vain = progress.imbalance, 0
         if progress.trust == 0.0:
-            self._move_clamps(correction)
+            self._move_clamps(correction.times(correction.most))
+            self.neighbours.search()
         elif progress.in_vain > IN_VAIN:
             # the mesh is not like a membrane of endless cloth: it comes to rest by itself
+            self.left_out = max(self.left_out, MEMBRANE_TOLERANCE * progress.imbalance)
             progress.trust, progress.imbalance = 0.0, 1e30 if rim.is_free else 0.0
         else:
             progress.trust = correction.most * self._share_of(correction.numbers)

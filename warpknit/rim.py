@@ -42,6 +42,7 @@ class Rim:
     def weights(self, arc: np.ndarray) -> sparse.csr_matrix:
         """(place, station) of the two stations around places on the outline [m]: straight between them."""
         n = len(self.arc)
+        arc = np.where(arc < self.arc[0], arc + self.outline.length, arc)  # the last stretch ends at the first station
         before = np.searchsorted(self.arc, arc, side="right") - 1
         span = np.diff(np.append(self.arc, self.arc[0] + self.outline.length))
         share = (arc - self.arc[before]) / span[before]
@@ -136,10 +137,16 @@ def build_rim(panel: Panel, scene: Scene) -> Rim:
     if held.sum() < 3:
         raise ModelError(f"panel.grip_pitch: leaves {held.sum()} net nodes on an outline of {outline.length:.3g} m: at least 3")
     rim = Rim(outline, arc, outline.place(arc), held, sparse.csr_matrix((0, len(arc))), options.cord)
-    # the arc of a station on a corner belongs to the edge behind it: places before the first station wrap
     clamp_arc, _ = outline.nearest(panel.clamp_position)
-    clamp_arc = np.where(clamp_arc < arc[0], clamp_arc + outline.length, clamp_arc)
     return Rim(outline, arc, rim.place, held, rim.weights(clamp_arc), options.cord)
+
+
+def net_nodes(outline: Outline, pitch: float) -> tuple[int, float]:
+    """How many net nodes a pitch [m] gives, and how far the farthest neighbours are apart along the outline [m]."""
+    corners = _corners(outline)
+    sides = np.diff(np.append(corners, corners[0] + outline.length))
+    spans = np.maximum(1, np.round(sides / pitch))
+    return int(spans.sum()), float((sides / spans).max())
 
 
 def _corners(outline: Outline) -> np.ndarray:

@@ -16,11 +16,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
 from warpknit.errors import SceneError
 from warpknit.materials import MATERIALS
+from warpknit.outline import Outline
 from warpknit.presets import PRESETS, Preset
 from warpknit.scene_file import KnitTable, ModelTable, SceneFile, SolverTable, StageTable, SweepTable, WireTable
 from warpknit.scene_hook import Hook, contact_values, hook_loads, hook_of
@@ -61,6 +63,8 @@ __all__ = [
 ]
 
 
+FARTHEST_PULL = 0.5  # of the width of a panel
+NEAR_EDGE = 0.1  # of the width of a panel: a pull farther from its edge is a mistake
 SPACING_RATIO = 10.0  # largest ratio of wale and course spacing, either way
 SINGLE_NODES = 48  # nodes a loop above which double is the default: round-off grows as EI/h^2
 SINGLE_TOLERANCE = 1e-3  # least residual tolerance that single precision can meet
@@ -298,7 +302,7 @@ def make_scene(
         hook=hook,
         model=_model(source, file.model, wire, numerics),
         panel=panel,
-        stages=tuple(_stages(source, file, wire, knit) if hook is None else _hook_stages(source, file, wire, hook)),
+        stages=tuple(_stages(source, file, wire, knit, panel) if hook is None else _hook_stages(source, file, wire, hook)),
         contact=Contact(**contact_values(source, file, wire)),
         solver=_solver(source, file.solver, numerics, file.model.nodes_per_loop or numerics.nodes_per_loop, hook),
         output=Output(**file.output.model_dump()),
@@ -439,9 +443,11 @@ def _sweep(source: Source, table: SweepTable | None, knit: Knit) -> Sweep | None
     return Sweep(tuple(table.strain_weft), tuple(table.strain_warp), table.seeds)
 
 
-def _stages(source: Source, file: SceneFile, wire: Wire, knit: Knit) -> Iterator[Stage]:
+def _stages(source: Source, file: SceneFile, wire: Wire, knit: Knit, panel: PanelOptions) -> Iterator[Stage]:
     """[load] and each [[path]], a stage taking over from the one before what it leaves out."""
     load = _unloaded(wire)
+    outline = panel.shape(knit.size)
+    by_path = file.contact.friction > 0.0 or file.wire.plastic
     for location, name, table in _named_stages(source, file):
         given = table.model_dump(exclude={"name"}, exclude_none=True)
         if "displacement" in given:
@@ -453,8 +459,13 @@ def _stages(source: Source, file: SceneFile, wire: Wire, knit: Knit) -> Iterator
         if "pull" in given:
             given["pull"] = tuple(Pull(**pull) for pull in table.model_dump()["pull"])
             for index, pull in enumerate(given["pull"]):
-                _check_pull(source, file, (*location, "pull", index), pull)
+                _check_pull(source, file, (*location, "pull", index), pull, outline)
         load |= given
+        _check_warmth(source, location, load, outline)
+        for side in ("weft", "warp"):
+            if by_path and load[f"tension_{side}"] is not None:
+                allowed = "strains with friction or yield: a search for tension would be part of the path"
+                raise source.refusal((*location, f"tension_{side}"), load[f"tension_{side}"], allowed)
         yield Stage(name=name, **load)
 
 
@@ -472,7 +483,27 @@ def _check_uneven(source: Source, file: SceneFile, location: tuple[int | str, ..
             raise source.refusal((*location, key), value, "nothing with solver.multipliers = false, which bring it in")
 
 
-def _check_pull(source: Source, file: SceneFile, location: tuple[int | str, ...], pull: Pull) -> None:
+def _check_warmth(source: Source, location: tuple[int | str, ...], load: dict[str, Any], outline: Outline) -> None:
+    """Refuse a gradient that leaves the temperatures there are."""
+    from_middle = outline.corners - (outline.low + 0.5 * outline.size)
+    there = load["temperature"] + from_middle @ np.array(load["temperature_gradient"])
+    if there.min() <= 0.0 or there.max() > 4000.0:
+        allowed = f"what keeps the edge between 0 K and 4000 K: this makes {there.min():.4g} K to {there.max():.4g} K"
+        raise source.refusal((*location, "temperature_gradient"), load["temperature_gradient"], allowed)
+
+
+def _check_pull(
+    source: Source, file: SceneFile, location: tuple[int | str, ...], pull: Pull, outline: Outline
+) -> None:
+    size = float(outline.size.min())
+    if math.hypot(*pull.by) > FARTHEST_PULL * size:
+        allowed = f"at most {FARTHEST_PULL:g} of the panel's width, {FARTHEST_PULL * size:.3g} m"
+        raise source.refusal((*location, "by"), pull.by, allowed)
+    middle = outline.low + 0.5 * outline.size
+    _, away = outline.nearest((middle + np.array(pull.at))[None])
+    if away[0] > NEAR_EDGE * size:
+        allowed = f"a place on the edge of the panel, or within {NEAR_EDGE * size:.3g} m of it; this is {away[0]:.3g} m away"
+        raise source.refusal((*location, "at"), pull.at, allowed)
     if (pull.width is None) == (file.panel.grip_pitch is None):
         allowed = "left out with panel.grip_pitch (net nodes are moved)" if pull.width else "a length: how much of the edge moves"
         raise source.refusal((*location, "width"), pull.width or 0.0, allowed)

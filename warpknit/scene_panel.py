@@ -14,7 +14,7 @@ from warpknit.outline import Outline, disc, is_simple, rectangle, regular, signe
 from warpknit.scene_file import PanelTable
 from warpknit.units import QuantityError, si
 
-MOST_CORNERS = 2000  # of a polygon
+MOST_CORNERS = 1000  # of a polygon
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,6 +105,8 @@ def _checked_corners(key: str, corners: list[tuple[float, float]]) -> tuple[tupl
     points = np.array(corners)
     if not is_simple(points):
         raise PanelError(key, f"{len(corners)} corners", "an outline that does not cross or touch itself")
+    if abs(signed_area(points)) < 1e-6 * float(np.ptp(points, axis=0).max()) ** 2:
+        raise PanelError(key, f"{len(corners)} corners", "an outline that has an area")
     if signed_area(points) < 0.0:
         points = points[::-1]
     return tuple((float(x), float(y)) for x, y in points)

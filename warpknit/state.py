@@ -120,7 +120,11 @@ class State:
         self.clamp_to.assign(np.ascontiguousarray(end))
 
     def stiffen_contact(self, penalty: float) -> None:
-        """Take a new contact penalty [N/m], and the fictitious mass that a body needs for it."""
+        """Take a new contact penalty [N/m], and the fictitious mass that a body needs for it; friction keeps its force."""
+        if len(self.pair_stuck):
+            stuck, place = self.pair_stuck.numpy(), self.pair_slide.numpy() + self.pair_u.numpy().astype(np.float64)
+            share = float(self.read_control()[int(c.CONTACT_STIFFNESS)]) / penalty
+            self.pair_stuck.assign(np.where(stuck > float(LOOSE), place - share * (place - stuck), stuck))
         self.write_control({c.CONTACT_STIFFNESS: penalty, c.BODY_INVERSE_MASS: 1.0 / (MASS_MARGIN * penalty)})
 
     def write_control(self, values: dict[int, float]) -> None:

@@ -12,6 +12,7 @@ from .history import HookRow, Row
 from .model import Model
 from .simulate import Record
 
+STEEP = 0.3  # slope from which its square is no longer small
 LEVELS_FOLLOWED = 4  # of a stage: with fewer the work along them is too rough to tell of a snap
 STRAIN_JUMP = 0.06  # between two recorded states of a relaxation: worth a warning
 
@@ -35,6 +36,7 @@ def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None 
             "energy_balance": energy_balance(rows, model),
             "energy_balance_of_stored": energy_balance_of_stored(rows, model),
             "residual": measure.residual(r),
+            "membrane_left_out": record.left_out,
             "penetration_max": max(row.penetration for row in rows),
         },
         "contacts": {
@@ -117,19 +119,30 @@ def warnings_of(model: Model, rows: list[Row], stages: list[dict[str, Any]]) -> 
     found = list(model.panel.notes)
     largest = max((row.stress_max_Pa for row in rows), default=0.0)
     interior = max((stage["wire"]["stress_interior_max_Pa"] for stage in stages), default=largest)
+    law = "bilinear in bending, and its stress nominal" if wire.plastic else "elastic"
     where = f" (away from the grips {interior / 1e6:.3g} MPa)" if interior < 0.95 * largest else ""
     if largest > wire.tensile_strength:
         found.append(
             f"a wire is stressed to {largest / 1e9:.3g} GPa{where}, beyond its strength of {wire.tensile_strength / 1e9:.3g} GPa:"
-            " it would break; the result is elastic"
+            f" it would break; the result is {law}"
         )
-    elif largest > wire.yield_stress:
+    elif largest > wire.yield_stress and not wire.plastic:
         found.append(
             f"a wire is stressed to {largest / 1e9:.3g} GPa{where}, beyond its elastic limit of"
             f" {wire.yield_stress / 1e9:.3g} GPa: it would keep a set; the result is elastic"
         )
     if any(row.strain_weft < -0.005 or row.strain_warp < -0.005 for row in rows):
         found.append("the mesh is compressed: a real one would wrinkle out of its plane, which this planar model cannot show")
+    left_out = max((stage["quality"]["membrane_left_out"] for stage in stages), default=0.0)
+    if left_out > 0.0:
+        found.append(
+            f"the mesh is slack or uneven: over many repeats its stress may be {left_out:.1%} of the tension out of balance"
+        )
+    steep = max((stage.get("panel", {}).get("surface", {}).get("slope_max", 0.0) for stage in stages), default=0.0)
+    if steep > STEEP:
+        found.append(
+            f"the paraboloid is as steep as {steep:.2g} at the edge of the panel: its shape is worked out for small slopes"
+        )
     ends = max((stage["contacts"]["at_reach_end"] for stage in stages), default=0)
     if ends:
         found.append(f"{ends} active contacts have slid as far along their wire as the model follows: never trust their forces")

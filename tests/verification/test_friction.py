@@ -121,7 +121,7 @@ def test_hysteresis_grows_with_friction_and_vanishes_without() -> None:
     assert gone[0] == 0.0
     assert 0.0 < gone[1] < gone[2]
     unloaded = [cycle(mu)[1][0].sum() for mu in (0.0, 0.3)]
-    assert unloaded[1] < unloaded[0] * (1.0 + 1e-3)
+    assert unloaded[1] < unloaded[0] * (1.0 + 2e-2)  # steady to 1e-2
     without = [cycle(0.0)[k][0] for k in (0, 2)]
     # steady to the draft preset's tolerance of 1e-2
     assert without[0] == pytest.approx(without[1], rel=2e-2)
