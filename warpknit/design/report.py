@@ -39,6 +39,7 @@ class Findings:
     """All that the page is made of."""
 
     scene: Scene
+    notes: Sequence[str]  # on how the scene was fitted
     model: Model
     rows: Sequence[MapRow]
     optimum: Optimum | None
@@ -62,11 +63,18 @@ def report_scene(scene: Scene) -> Scene:
 
 
 def make_report(
-    scene: Scene, rows: Sequence[MapRow], out: Path, *, tension: float | None, progress: Progress | None = None
+    scene: Scene,
+    rows: Sequence[MapRow],
+    out: Path,
+    *,
+    tension: float | None = None,
+    notes: Sequence[str] = (),
+    progress: Progress | None = None,
 ) -> Findings:
     """Write FILES and their figures into `out`, which holds the finished map of `scene`.
 
-    rows: of the map. tension: [N/m] that the card is for, both ways; default: the optimum. Raises `ModelError`, `KnitError`.
+    rows: of the map. tension: [N/m] that the card is for, both ways; default: the optimum. notes: sentences on where the scene is
+    from. Raises `ModelError`, `KnitError`.
     """
     show = progress or Progress()
     show.stage("tension-strain curves", number=1, of=3)
@@ -79,6 +87,7 @@ def make_report(
     knitted = states_at(model, [np.eye(2)])[0]
     found = Findings(
         scene=scene,
+        notes=notes,
         model=model,
         rows=rows,
         optimum=optimum,
@@ -139,8 +148,7 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
             f"The mesh does not carry {found.asked:g} N/m both ways within the strains of the map: the most that it carries both"
             f" ways is {engineering(found.largest_tension, 'N/m')}. What follows is for the optimum instead."
         )
-    cloth = found.model.cloth
-    mesh_section(page, found.scene, None if cloth is None else cloth.stitch_length, found.knitted_openings, found.card)
+    mesh_section(page, found.scene, found.model.cloth, found.card, found.notes)
     map_section(page, found.scene, found.optimum, found.service, found.largest_tension, figures["map"])
     curve_section(page, found.curves, figures["curves"])
     stress = None if found.tensioned is None else measure.stress_extremes(found.tensioned)[0]

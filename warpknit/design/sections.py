@@ -9,23 +9,22 @@ import numpy as np
 from scipy.constants import speed_of_light
 
 from ..contact_map import Optimum
+from ..knit.cloth import Cloth
 from ..report import engineering
 from ..scene import Scene
 from .card import AGREEMENT, MaterialCard
 from .card_files import DEFINITION, card_values
 from .curves import CurvePoint
+from .inputs import openings_per_length
 from .network import surface, wire_resistance
 from .opening_size import BANDS, FINE_ENOUGH, Opening
 from .page import Page
 
 INCH = 0.0254  # [m]
-LARGE = 0.5  # of the largest opening's area: those that count as the openings of the mesh
 
 
-def mesh_section(
-    page: Page, scene: Scene, loop_length: float | None, knitted: Sequence[Opening], card: MaterialCard | None
-) -> None:
-    """What the mesh is made of. loop_length: [m] of wire, in plan."""
+def mesh_section(page: Page, scene: Scene, cloth: Cloth | None, card: MaterialCard | None, notes: Sequence[str]) -> None:
+    """What the mesh is made of; notes: on how its scene was fitted."""
     wire, knit = scene.wire, scene.knit
     page.heading("The mesh")
     plating = "" if wire.plating is None else f", {1e6 * wire.plating.thickness:g} um of {wire.plating.material}"
@@ -33,17 +32,17 @@ def mesh_section(
         ("wire", f"{wire.material}, {1e6 * wire.diameter:g} um{plating}, {wire.ends} in a yarn"),
         ("wales and courses", f"{0.01 / knit.wale_spacing:.3g} and {0.01 / knit.course_spacing:.3g} per cm"),
     ]
-    if loop_length is not None:
-        mass = loop_length * wire.linear_density / (knit.wale_spacing * knit.course_spacing)
-        rows.append(("wire length a loop", f"{1e3 * loop_length:.3g} mm in plan view"))
+    if cloth is not None:
+        mass = cloth.stitch_length * wire.linear_density / (knit.wale_spacing * knit.course_spacing)
+        rows.append(("wire length a loop", f"{1e3 * cloth.stitch_length:.3g} mm in plan view"))
         rows.append(("areal mass as knitted", f"{1e3 * mass:.3g} g/m2"))
+        if (count := openings_per_length(cloth, knit.scatter > 0.0)) is not None:
+            rows.append(("openings as knitted", f"{count * INCH:.3g} per inch (square root of their number per square inch)"))
     if card is not None:
         rows.append(("areal mass at the tension of the card", f"{1e3 * card.areal_mass:.3g} g/m2"))
-    large = [o for o in knitted if o.area > LARGE * knitted[0].area]
-    if large:
-        spacing = float(np.sqrt(np.prod(knit.size) / len(large)))
-        rows.append(("openings as knitted", f"{INCH / spacing:.3g} per inch (square root of their number per square inch)"))
     page.table(rows)
+    for note in notes:
+        page.text(note[0].upper() + note[1:] + ".")
 
 
 def map_section(
