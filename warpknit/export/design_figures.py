@@ -57,6 +57,8 @@ def resistance_figure(curve: Curve, path: str | os.PathLike[str]) -> Path:
         axes.plot(strain, resistance, color=colour, marker=marker, markersize=4, label=f"along {side}")
     if any(np.isfinite(curve[f"sheet_resistance_{side}_ohm"]).any() for side in ("weft", "warp")):
         axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter("{x:.1g}")
     axes.set_xlabel("strain of weft and warp alike [%]")
     axes.set_ylabel("sheet resistance [ohm per square]")
     axes.grid(color="#DDDDDD", linewidth=0.6, which="both")
@@ -88,6 +90,7 @@ def openings_figure(
         axes.axvline(1e-9 * band, color="#DDDDDD", linewidth=0.8, zorder=0)
         axes.text(1e-9 * band, 0.985, name, transform=axes.get_xaxis_transform(), ha="center", va="top", fontsize="small")
     axes.xaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_major_formatter("{x:g}")
     axes.set_xlabel("frequency [GHz]")
     axes.set_ylabel("largest circle in an opening / wavelength")
     axes.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none", fontsize="small")
