@@ -28,7 +28,7 @@ from .states import states_at
 STEP = 1e-3  # strain of the differences
 AGREEMENT = 0.05  # of the largest stiffness: differences at STEP and 2 STEP that differ by more are worth a warning
 TENSION_TOLERANCE = 5e-3  # relative, of the tension that is asked for
-MOST_ROUNDS = 6  # of the search for its strains
+MOST_ROUNDS = 10  # of the search for its strains
 MOST_STRAIN = 0.02  # of one round
 
 
@@ -121,15 +121,20 @@ def find_card_at_tension(model: Model, tension: float, start: tuple[float, float
 
     Raises `Diverged` where no such strains are found.
     """
-    weft, warp = start
+    place, step, best = np.array(start), np.zeros(2), np.inf
     for _ in range(MOST_ROUNDS):
-        card, state = find_card(model, weft, warp)
+        card, state = find_card(model, *(place + step).tolist())
         missing = tension - np.array([card.tension_weft, card.tension_warp])
-        if np.abs(missing).max() <= TENSION_TOLERANCE * tension:
+        missed = float(np.abs(missing).max())
+        if missed <= TENSION_TOLERANCE * tension:
             return card, state
+        if missed >= best:  # past where contacts close
+            step *= 0.5
+            continue
+        place, best = place + step, missed
         # Cauchy stress by stretch: C with the geometric terms of a diagonal stretch
-        stress = np.diag([card.tension_weft, card.tension_warp])
-        tangent = card.stiffness[:2, :2] + stress - np.diag(stress)[:, None] * (1.0 - np.eye(2))
-        more = np.clip(np.linalg.solve(tangent, missing), -MOST_STRAIN, MOST_STRAIN)
-        weft, warp = (1.0 + weft) * (1.0 + more[0]) - 1.0, (1.0 + warp) * (1.0 + more[1]) - 1.0
+        stress = np.array([card.tension_weft, card.tension_warp])
+        tangent = card.stiffness[:2, :2] + np.diag(stress) - stress[:, None] * (1.0 - np.eye(2))
+        step = (1.0 + place) * np.linalg.solve(tangent, missing)
+        step *= min(1.0, MOST_STRAIN / float(np.abs(step).max()))
     raise Diverged(f"no strains found at which the mesh carries {tension:g} N/m both ways within {TENSION_TOLERANCE:.1%}")

@@ -27,11 +27,10 @@ from .network import contact_resistances, sheet_resistance
 from .opening_size import BANDS, Opening, openings
 from .page import Page
 from .sections import card_section, curve_section, electric_section, map_section, mesh_section, openings_section
-from .service import SERVICE_TENSIONS, largest_common_tension, strains_at_tension
+from .service import SERVICE_TENSIONS, largest_common_tension, strains_at_tension, strains_seen_closely
 from .states import exact_model, states_at
 
 DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))  # of the map where the scene has no [sweep]
-FILES = ("material_card.csv", "material_card.json", "tension_strain.csv", "report.html")
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ def make_report(
     notes: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> Findings:
-    """Write FILES and their figures into `out`, which holds the finished map of `scene`.
+    """Write report.html, the card, tension_strain.csv and figures into `out`, which holds the finished map of `scene`.
 
     rows: of the map. tension: [N/m] that the card is for, both ways; default: the optimum. notes: sentences on where the scene is
     from. Raises `ModelError`, `KnitError`.
@@ -111,7 +110,7 @@ def _card(
     """The card, its mesh, and what it is for; or none, and why."""
     place = None if tension is None else strains_at_tension(rows, tension)
     if tension is not None and place is not None:
-        text, find = f"{tension:g} N/m both ways", lambda: find_card_at_tension(exact_model(scene), tension, place)
+        text, find = f"{tension:g} N/m both ways", lambda: _card_at(exact_model(scene), rows, tension, place)
     elif optimum is not None:
         strains = optimum.strain_weft, optimum.strain_warp
         missed = f", as {tension:g} N/m both ways is not reached in the map" if tension is not None else ""
@@ -122,6 +121,17 @@ def _card(
         return *find(), text
     except Diverged as error:
         return None, None, f"no card for {text}: {error}"
+
+
+def _card_at(model: Model, rows: Sequence[MapRow], tension: float, start: tuple[float, float]) -> tuple[MaterialCard, Reading]:
+    """The card at a tension from strains that the map gives; where contacts close between its points they may be far off."""
+    try:
+        return find_card_at_tension(model, tension, start)
+    except Diverged:
+        nearer = strains_seen_closely(model, rows, tension, start)
+        if nearer is None:
+            raise
+        return find_card_at_tension(model, tension, nearer)
 
 
 def _write(found: Findings, out: Path) -> None:
