@@ -51,11 +51,11 @@ LAYERS = (
     {"panel_map"},
     {"surface"},
     {"history", "checkpoint", "watch", "summary", "panel_report", "export"},
-    {"run", "sweep", "plan"},
+    {"run", "sweep", "plan", "design"},
     {"cli"},
     {"__main__"},
 )
-MAY_IMPORT_EXPORT = {"run", "sweep", "cli"}
+MAY_IMPORT_EXPORT = {"run", "sweep", "cli", "design.report"}
 EXPORT_MAY_IMPORT = {"errors", "files", "frame", "knit", "export"}
 
 

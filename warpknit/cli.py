@@ -1,4 +1,4 @@
-"""The command line: `warpknit run`, `warpknit plan`, `warpknit map`, `warpknit export`.
+"""The command line: `warpknit run`, `warpknit plan`, `warpknit map`, `warpknit report`, `warpknit export`.
 
 Whatever ends a command is turned into an exit status and a line in one place, `exit_status`.
 """
@@ -216,6 +216,86 @@ def contact_map(
 
     print_table([*map_lines(result.summary, engineering), ("results in", str(directory))])
     return FINISHED
+
+
+@main.command()
+@scene_options
+@click.option("--tension", metavar="TENSION", help='Of the material card, both ways, such as "2 N/m".  [default: the optimum]')
+@click.option("--openings", metavar="COUNT", help='Scale wales and courses to so many openings, such as "12 /inch".')
+@click.option("--fit-loop-length", metavar="LENGTH", help='Fit the loops to their wire length, such as "5.6 mm".')
+@click.option("--fit-curve", metavar="FILE", help="Fit the loops to the biaxial test in a CSV file.")
+@click.option("--areal-mass", metavar="MASS", help='Compare with a measured mass, such as "10 g/m^2".')
+@click.option("--quiet", is_flag=True, help="No progress, no log.")
+@click.option("--force", is_flag=True, help="Replace what is finished in DIR.")
+@click.option("--out", metavar="DIR", help="Where the results go.  [default: runs/<scene name>]")
+def report(
+    scene: str,
+    overrides: tuple[str, ...],
+    preset: str | None,
+    device: str | None,
+    tension: str | None,
+    openings: str | None,
+    fit_loop_length: str | None,
+    fit_curve: str | None,
+    areal_mass: str | None,
+    quiet: bool,
+    force: bool,
+    out: str | None,
+) -> int:
+    """Make SCENE's page for the designer in DIR: contact map, curves, material card, openings, resistance.
+
+    A map of the same scene that DIR holds is used.
+    """
+    configure_logging(logging.WARNING if quiet else logging.INFO)
+    if fit_loop_length and fit_curve:
+        raise click.UsageError("--fit-curve: given beside --fit-loop-length, allowed: one of them.")
+    asked = positive_quantity("--tension", tension, "tension")
+    count = positive_quantity("--openings", openings, "per_length")
+    length = positive_quantity("--fit-loop-length", fit_loop_length, "length")
+    mass = positive_quantity("--areal-mass", areal_mass, "areal_mass")
+    from warpknit.design.inputs import Known, with_known
+    from warpknit.design.report import make_report, report_scene
+    from warpknit.scene import load_scene
+
+    loaded = report_scene(load_scene(scene, overrides, preset))
+    directory = Path(out) if out else Path("runs") / loaded.name
+
+    from warpknit.contact_map import read_map
+    from warpknit.progress import progress_for
+    from warpknit.sweep import map_lines, run_map
+
+    with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
+        if length or fit_curve:
+            progress.stage("fit of the loops", number=1, of=1)
+        fitted = with_known(loaded, Known(count, length, Path(fit_curve) if fit_curve else None, mass))
+        loaded = fitted.scene
+        result = run_map(loaded, out=directory, device=device, resume=not force, force=force, progress=progress)
+        if result.exit_code != FINISHED:
+            click.echo(f"warpknit: {result.message}", err=True)
+            return result.exit_code
+        rows = read_map(directory / "map.csv", directory / "map_details.csv")
+        found = make_report(loaded, rows, directory, tension=asked, notes=fitted.notes, progress=progress)
+    from warpknit.report import engineering, print_table
+
+    lines = [("mesh", note) for note in fitted.notes]
+    lines += [*map_lines(result.summary, engineering), ("material card", found.where), ("page", str(directory / "report.html"))]
+    print_table(lines)
+    return FINISHED
+
+
+def positive_quantity(option: str, given: str | None, dimension: str) -> float | None:
+    """The value of an option in SI, None where it is not given; raises click.UsageError unless it is above zero."""
+    if given is None:
+        return None
+    from warpknit.units import DIMENSIONS, QuantityError, shown, si
+
+    try:
+        value = si(given, dimension)
+    except QuantityError as error:
+        raise click.UsageError(f"{option}: {error}.") from error
+    if value <= 0.0:
+        raise click.UsageError(f"{option}: given {shown(given)}, expected {DIMENSIONS[dimension]}, above zero.")
+    return value
 
 
 @main.command()

@@ -10,6 +10,10 @@ Sources, by column:
 - Yield stress: no measured value of fine drawn wire was at hand, so these are assumptions on the safe side. Tungsten
   2.0 GPa is less than half of the drawn strength; molybdenum 0.6 GPa is three quarters of its strength. A scene that
   knows better sets `wire.yield_stress`.
+- Resistivity: textbook values of the pure metals (gold 2.44e-8, tungsten 5.60e-8, molybdenum 5.34e-8 Ohm m).
+- Hardness, for contact resistance: gold 0.7 GPa, between annealed and hard plated gold; tungsten 4.6 GPa and molybdenum 2.7 GPa,
+  the upper ends of the Vickers hardness of the metals (3.4 to 4.6 and 1.4 to 2.7 GPa), drawn wire being hard. Oxide on bare
+  tungsten and molybdenum adds a resistance that is not counted.
 """
 
 from __future__ import annotations
@@ -27,10 +31,12 @@ class Material:
     expansion: float  # [1/K]
     yield_stress: float  # [Pa]
     tensile_strength: float  # [Pa]
+    resistivity: float  # [Ohm m]
+    hardness: float  # [Pa]
 
 
 MATERIALS = {
-    "tungsten": Material(400e9, 0.28, 19250.0, 4.5e-6, 2.0e9, 4.5e9),
-    "molybdenum": Material(320e9, 0.31, 10220.0, 5.0e-6, 0.6e9, 0.8e9),
-    "gold": Material(78e9, 0.42, 19300.0, 14.2e-6, 0.1e9, 0.13e9),
+    "tungsten": Material(400e9, 0.28, 19250.0, 4.5e-6, 2.0e9, 4.5e9, 5.60e-8, 4.6e9),
+    "molybdenum": Material(320e9, 0.31, 10220.0, 5.0e-6, 0.6e9, 0.8e9, 5.34e-8, 2.7e9),
+    "gold": Material(78e9, 0.42, 19300.0, 14.2e-6, 0.1e9, 0.13e9, 2.44e-8, 0.7e9),
 }

@@ -11,7 +11,8 @@ from .errors import RunDirectoryError
 
 OURS = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda", "wires.topology.usdc",
         "wires.manifest.usda", "stages.json", "states", "frames", "figures", "checkpoint", "vtk", "tables", "panel",
-        "map.csv", "map.json", "map_details.csv", "seeds")  # fmt: skip
+        "map.csv", "map.json", "map_details.csv", "seeds",
+        "report.html", "material_card.csv", "material_card.json", "tension_strain.csv")  # fmt: skip
 SUMMARIES = {"summary.json": "run", "map.json": "map"}
 
 

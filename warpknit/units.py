@@ -38,6 +38,7 @@ DIMENSIONS = {
     "expansion": Dimension("1/K", "an expansion coefficient", "'4.5e-6 /K'"),
     "temperature": Dimension("K", "a temperature", "'-190 degC'"),
     "tension": Dimension("N/m", "a force per length", "'2 N/m'"),
+    "areal_mass": Dimension("kg/m^2", "a mass per area", "'10 g/m^2'"),
     "force": Dimension("N", "a force", "'1 uN'"),
     "angle": Dimension("rad", "an angle", "'30 deg'"),
     "temperature_gradient": Dimension("K/m", "a temperature per length", "'200 K/m'"),

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,9 @@ __all__ = ["Marks", "map_figure"]
 
 PERCENT_LEVELS = (10.0, 25.0, 50.0, 75.0, 90.0)
 LEAST_LEVEL = 0.02  # of the largest value: lines of less are left out
-LIMIT_COLOUR, OPTIMUM_COLOUR = "#D55E00", "white"
+LIMIT_COLOUR, OPTIMUM_COLOUR, PLACE_COLOUR = "#D55E00", "white", "#CC79A7"
+PLACE_MARKERS = "osD^v"
+LEGEND_COLUMNS = 3
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,7 @@ class Marks:
     stress: NDArray[Any]  # (warp, weft) [Pa] largest wire stress, nan where unknown
     yield_stress: float  # [Pa]
     optimum: tuple[float, float] | None  # strains, weft and warp
+    places: tuple[tuple[str, tuple[float, float]], ...] = ()  # others: what the legend says, and strains
 
 
 def map_figure(
@@ -70,7 +74,8 @@ def map_figure(
         handles.append(Patch(facecolor="#E8E8E8", edgecolor="#909090", label="did not come to rest, or not run"))
     if handles:
         legend = {"facecolor": "#B0B0B0", "edgecolor": "none", "framealpha": 1.0, "fontsize": "small"}
-        axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=len(handles), **legend)
+        columns = min(len(handles), LEGEND_COLUMNS)
+        axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=columns, **legend)
     axes.set_xlabel("weft strain [%]")
     axes.set_ylabel("warp strain [%]")
     axes.set_title(title, fontsize="medium")
@@ -104,6 +109,10 @@ def _draw_marks(axes: Axes, x: NDArray[Any], y: NDArray[Any], marks: Marks) -> l
         place = 100.0 * marks.optimum[0], 100.0 * marks.optimum[1]
         axes.plot(*place, color=OPTIMUM_COLOUR, zorder=5, **style)
         handles.append(Line2D([], [], color=OPTIMUM_COLOUR, label=f"optimum, {place[0]:g} % / {place[1]:g} %", **style))
+    for (label, strains), marker in zip(marks.places, cycle(PLACE_MARKERS), strict=False):
+        style = {"marker": marker, "markersize": 9, "markeredgecolor": "black", "linestyle": "none", "color": PLACE_COLOUR}
+        axes.plot(100.0 * strains[0], 100.0 * strains[1], zorder=5, **style)
+        handles.append(Line2D([], [], label=label, **style))
     return handles
 
 

@@ -1,0 +1,76 @@
+"""The material card against conservation and scaling laws."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warpknit import measure
+from warpknit.design.card import STEP, find_card, find_card_at_tension, stretch
+from warpknit.design.states import exact_model, states_at
+from warpknit.scene import load_scene
+
+SCENE = Path(__file__).parents[2] / "scenes" / "contact_map.toml"
+STRAINS = 0.16, 0.16
+
+
+@pytest.fixture(scope="module")
+def model():
+    return exact_model(load_scene(SCENE, ["output.frames=4"], "draft"))
+
+
+@pytest.fixture(scope="module")
+def found(model):
+    return find_card(model, *STRAINS)
+
+
+def test_stretch_has_the_strain_that_is_asked():
+    """E = (f^T f - 1)/2, f upper triangular."""
+    strain = np.array([0.03, -0.02, 0.05])
+    f = stretch(strain)
+    green = 0.5 * (f.T @ f - np.eye(2))
+    assert f[1, 0] == 0.0
+    assert [green[0, 0], green[1, 1], 2 * green[0, 1]] == pytest.approx(strain, abs=1e-15)
+
+
+def test_the_stiffness_is_that_of_an_energy(found):
+    """C = d2w/dE2 is symmetric and, where the mesh is stable, positive definite; the mesh is its own mirror image after half a
+    repeat, so that stretch brings no shear. Tolerance: residual 1e-4 of the tension (0.2 N/m) over a strain of 1e-3, against
+    2 N/m, is 1 %; the second difference step must agree as well."""
+    card, _ = found
+    assert card.is_stable
+    assert card.asymmetry < 0.01 and card.step_difference < 0.01
+    assert np.abs(card.stiffness[:2, 2]).max() < 0.01 * card.stiffness.max()
+    nu12, nu21 = card.poissons_ratios
+    assert nu12 * card.moduli[1] == pytest.approx(nu21 * card.moduli[0], rel=1e-12)  # Maxwell and Betti
+
+
+def test_the_card_foretells_a_further_strain(model, found):
+    """S = S0 + C E for a strain in all directions at once that no difference was taken along, to second order in E."""
+    card, _ = found
+    strain = STEP * np.array([1.0, -1.5, 2.0])
+    f, tensioned = stretch(strain), np.diag(1.0 + np.array(STRAINS))
+    (state,) = states_at(model, [f @ tensioned])
+    s = np.linalg.solve(f, measure.nominal_stress(state)) @ tensioned.T / np.linalg.det(tensioned)
+    change = np.array([s[0, 0] - card.tension_weft, s[1, 1] - card.tension_warp, s[0, 1]])
+    expected = card.stiffness @ strain
+    assert change == pytest.approx(expected, abs=0.03 * np.abs(expected).max())
+
+
+def test_the_free_mesh_expands_as_its_wires_and_slackens(model, found):
+    """Bending alone makes the energy of a mesh of size L scale as u(F/L)/L, thin wire being inextensible and the contact's reach
+    small: at constant tension s the mesh expands by (1 + 3 C^-1 s) of the wires' expansion. What does not scale is the reach,
+    1.25 d against loops of C: a share of d/C = 0.015."""
+    card, _ = found
+    tension = np.array([card.tension_weft, card.tension_warp, 0.0])
+    expected = np.array([1.0, 1.0, 0.0]) + 3.0 * np.linalg.solve(card.stiffness, tension)
+    wire = model.scene.wire
+    assert card.expansion / wire.expansion == pytest.approx(expected, abs=wire.diameter / 1e-3)
+    assert abs(expected[0] - 1.0) > 2 * 0.015  # what a mesh without tension would do is told apart
+
+
+def test_the_strains_of_a_tension_are_found(model, found):
+    """Both tensions meet what is asked within half a percent, from a start that misses it by a tenth."""
+    card, state = find_card_at_tension(model, 0.18, STRAINS)
+    assert (card.tension_weft, card.tension_warp) == pytest.approx((0.18, 0.18), rel=5e-3)
+    assert np.diag(state.gradient) - 1.0 == pytest.approx((card.strain_weft, card.strain_warp))

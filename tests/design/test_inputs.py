@@ -1,0 +1,99 @@
+"""What a user knows of a mesh is put into its scene."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warpknit import measure
+from warpknit.design import inputs
+from warpknit.design.inputs import COLUMNS, Known, fit_curve, fit_loop_length, openings_per_length, with_known, with_openings
+from warpknit.design.states import states_at
+from warpknit.errors import InputError
+from warpknit.model import build_model, knit_scene
+from warpknit.scene import load_scene
+
+SCENE = Path(__file__).parents[2] / "scenes" / "contact_map.toml"
+INCH = 0.0254
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return load_scene(SCENE, ["output.frames=3"], "draft")
+
+
+def test_the_double_atlas_has_two_openings_a_repeat(scene):
+    """A repeat of 2 wales and 4 courses: sqrt(2/(2 W 4 C)) openings per length."""
+    knit = scene.knit
+    expected = np.sqrt(2.0 / (8.0 * knit.wale_spacing * knit.course_spacing))
+    assert openings_per_length(knit_scene(scene)) == pytest.approx(expected, rel=1e-12)
+
+
+def test_wales_and_courses_follow_from_openings(scene):
+    """Twice the openings per length halve both spacings; what comes out has what was asked."""
+    wanted = 12.0 / INCH
+    found = with_openings(scene, wanted).scene
+    assert openings_per_length(knit_scene(found)) == pytest.approx(wanted, rel=1e-9)
+    ratio = scene.knit.wale_spacing / scene.knit.course_spacing
+    assert found.knit.wale_spacing / found.knit.course_spacing == pytest.approx(ratio)
+    with pytest.raises(InputError, match="at most"):
+        with_openings(scene, 1e6)
+
+
+def test_loops_are_fitted_to_their_wire_length(scene):
+    """The knitted loop has the length that was asked for, within what the tolerance of the factor makes of it."""
+    found = fit_loop_length(scene, 5.7e-3)
+    assert knit_scene(found.scene).stitch_length == pytest.approx(5.7e-3, rel=1e-3)
+    assert found.scene.knit.loop.closed_radius > scene.knit.loop.closed_radius
+    with pytest.raises(InputError, match=r"--fit-loop-length: given 9 mm, allowed: 5\.\d+ mm to 6\.\d+ mm"):
+        fit_loop_length(scene, 9e-3)
+
+
+def test_an_areal_mass_is_compared(scene):
+    """8 loops of length l a repeat of 8 W C: l rho A / (W C)."""
+    knit = scene.knit
+    mass = knit_scene(scene).stitch_length * scene.wire.linear_density / (knit.wale_spacing * knit.course_spacing)
+    (note,) = with_known(scene, Known(areal_mass=mass / 1.25)).notes
+    assert "+25%" in note and f"{knit_scene(scene).stitch_length / 1.25 * 1e3:.3g} mm" in note
+
+
+def test_loops_are_fitted_to_a_biaxial_curve(scene, tmp_path, monkeypatch):
+    """A curve computed for loops of another size gives that size back: the misfit is zero there, and is sought to the tolerance
+    of the factor."""
+    tolerance = 1e-2
+    monkeypatch.setattr(inputs, "FIT_TOLERANCE", tolerance)
+    factor = 1.08
+    names = ("closed_radius", "closed_head", "open_head", "open_half_width")
+    loop = replace(scene.knit.loop, **{name: factor * getattr(scene.knit.loop, name) for name in names})
+    other = build_model(replace(scene, knit=replace(scene.knit, loop=loop)))
+    strains = [(0.15, 0.15), (0.16, 0.1)]
+    states = states_at(other, [np.diag(1.0 + np.array(pair)) for pair in strains])
+    lines = [",".join(map(str, (*pair, *measure.mesh_tension(state)))) for pair, state in zip(strains, states, strict=True)]
+    path = tmp_path / "measured.csv"
+    path.write_text("\n".join([",".join(COLUMNS), *lines]), encoding="utf-8")
+    found = fit_curve(scene, path).scene
+    assert found.knit.loop.closed_radius / scene.knit.loop.closed_radius == pytest.approx(factor, abs=2 * tolerance)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("strain_weft,strain_warp\n0.1,0.1\n", "tension_weft_N_per_m"),
+        (",".join(COLUMNS) + "\n0.1,0.1,much,1\n", "'much'"),
+        (",".join(COLUMNS) + "\n0.1,0.1,nan,1\n", "finite"),
+        (",".join(COLUMNS) + "\n", "no rows"),
+        (",".join(COLUMNS) + "\n0.1,0.1,0,0\n", "other than 0"),
+    ],
+)
+def test_a_bad_curve_is_refused(scene, tmp_path, text, said):
+    path = tmp_path / "measured.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match="measured.csv") as refused:
+        fit_curve(scene, path)
+    assert said in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_a_missing_curve_is_refused(scene, tmp_path):
+    with pytest.raises(InputError, match="nowhere.csv"):
+        fit_curve(scene, tmp_path / "nowhere.csv")

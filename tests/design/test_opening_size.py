@@ -1,0 +1,40 @@
+"""Openings between straight wires."""
+
+import numpy as np
+import pytest
+
+from warpknit.design.opening_size import POINTS_ACROSS, openings_between
+
+PITCH, THICKNESS = 1e-3, 50e-6
+
+
+def lattice(periods: np.ndarray, copies: int):
+    """Wires along both periods, `copies` of the cell a side in one tile."""
+    begins, ends = [], []
+    for k in range(copies):
+        begins += [periods @ [0.0, k], periods @ [k, 0.0]]
+        ends += [periods @ [copies, k], periods @ [k, copies]]
+    return np.array(begins), np.array(ends), copies * periods
+
+
+@pytest.mark.parametrize("copies", [1, 2])
+def test_openings_of_a_square_lattice(copies):
+    """Squares of side p - d, one a cell, with a circle of that diameter; to a step of the grid on each side."""
+    found = openings_between(*lattice(PITCH * np.eye(2), copies), THICKNESS)
+    assert len(found) == copies**2
+    step, side = THICKNESS / POINTS_ACROSS, PITCH - THICKNESS
+    for opening in found:
+        assert opening.circle == pytest.approx(side, abs=2 * step)
+        assert opening.width == pytest.approx(side, abs=2 * step)
+        assert opening.height == pytest.approx(side, abs=2 * step)
+        assert opening.area == pytest.approx(side**2, abs=4 * side * step)
+
+
+def test_openings_of_a_sheared_lattice():
+    """Shear by g leaves height p - d between the wires along x; the circle fits between the closer pair, p/sqrt(1 + g^2) - d."""
+    shear = 0.5
+    found = openings_between(*lattice(PITCH * np.array([[1.0, shear], [0.0, 1.0]]), 1), THICKNESS)
+    assert len(found) == 1
+    step = THICKNESS / POINTS_ACROSS
+    assert found[0].height == pytest.approx(PITCH - THICKNESS, abs=2 * step)
+    assert found[0].circle == pytest.approx(PITCH / np.hypot(1.0, shear) - THICKNESS, abs=2 * step)

@@ -1,0 +1,127 @@
+"""`warpknit report` as a user makes it: the page, its files, what cannot be given, refusals."""
+
+import csv
+import json
+import re
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from warpknit.cli import main
+from warpknit.contact_map import Cell, Detail, MapRow
+from warpknit.design import curves
+from warpknit.design.service import largest_common_tension, strains_at_tension
+
+SCENES = Path(__file__).parents[2] / "scenes"
+SMALL = ["output.frames=3", "sweep.strain_weft=[0.08, 0.12, 0.16]", "sweep.strain_warp=[0.08, 0.12, 0.16]"]
+
+
+def make_report(out: Path, *arguments: str, scene: str = "contact_map.toml"):
+    settings = [part for setting in SMALL for part in ("--set", setting)]
+    command = ["report", str(SCENES / scene), "--out", str(out), "--quiet", "--preset", "draft", *settings, *arguments]
+    return CliRunner().invoke(main, command, prog_name="warpknit")
+
+
+@pytest.fixture(scope="module")
+def reports(tmp_path_factory):
+    """(page, card, map.csv) for a tension out of reach and for one that the mesh carries, made one after the other."""
+    out = tmp_path_factory.mktemp("report") / "r"
+    found = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(curves, "POINTS", 2)
+        for tension in ("2 N/m", "0.06 N/m"):
+            done = make_report(out, "--tension", tension)
+            assert done.exit_code == 0, done.output
+            page = (out / "report.html").read_text(encoding="utf-8")
+            card = json.loads((out / "material_card.json").read_text(encoding="utf-8"))
+            found[tension] = page, card, (out / "map.csv").stat().st_mtime_ns
+    return out, found
+
+
+def test_the_page_holds_all_it_shows(reports):
+    """Every picture is inside, as are the words; nothing is looked for elsewhere."""
+    out, found = reports
+    page, _, _ = found["2 N/m"]
+    sources = re.findall(r'(?:src|href)="([^"]*)"', page)
+    assert len(sources) == 4 and all(source.startswith("data:image/png;base64,") for source in sources)
+    assert "http" not in page and "@import" not in page and "<script" not in page and "url(" not in page
+    for words in ("Active contacts", "Tension against strain", "Material card", "Openings", "resistance", "wire length a loop"):
+        assert words in page
+    assert "nan" not in re.sub(r"data:[^\"]*", "", page).lower().split()
+    assert len(list((out / "figures").glob("report_*.png"))) == 4
+
+
+def test_a_tension_out_of_reach_is_said_and_the_optimum_taken(reports):
+    _, found = reports
+    page, card, _ = found["2 N/m"]
+    assert "does not carry 2 N/m" in page and page.count("<td>not reached</td>") == 3
+    assert "optimum" in card["state"] and card["values"]["prestress1"] < 2.0
+
+
+def test_a_tension_within_reach_is_the_prestress_of_the_card(reports):
+    out, found = reports
+    page, card, _ = found["0.06 N/m"]
+    assert "does not carry" not in page
+    assert card["values"]["prestress1"] == pytest.approx(0.06, rel=5e-3)
+    assert card["values"]["prestress2"] == pytest.approx(0.06, rel=5e-3)
+    with open(out / "material_card.csv", newline="", encoding="utf-8") as file:
+        rows = {row["name"]: row for row in csv.DictReader(file)}
+    assert {name: float(row["value"]) for name, row in rows.items()} == card["values"]
+    assert card["quality"]["positive_definite"] and rows["C33"]["unit"] == "N/m"
+
+
+def test_the_map_that_is_there_is_used_again(reports):
+    _, found = reports
+    assert found["2 N/m"][2] == found["0.06 N/m"][2]
+
+
+def test_the_curves_are_a_table(reports):
+    out, _ = reports
+    with open(out / "tension_strain.csv", newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["load"] for row in rows] == ["equal"] * 3 + ["weft_alone"] * 3 + ["warp_alone"] * 3
+    assert float(rows[2]["tension_weft_N_per_m"]) > float(rows[5]["tension_weft_N_per_m"]) > 0.0
+    assert rows[0]["sheet_resistance_weft_ohm"] == ""  # no contact, no current across
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--tension", "2 kg"), "--tension"),
+        (("--tension", "-1 N/m"), "--tension"),
+        (("--set", "model.boundary=gripped"), "model.boundary"),
+        (("--set", "solver.drive=ramp"), "solver.drive"),
+    ],
+)
+def test_what_cannot_be_reported_is_refused(tmp_path, arguments, said):
+    done = make_report(tmp_path / "r", *arguments)
+    assert done.exit_code == 2 and said in done.stderr and len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "r").exists()
+
+
+def test_another_mesh_in_the_directory_is_refused(reports):
+    out, _ = reports
+    done = make_report(out, "--set", "wire.diameter=20 um")
+    assert done.exit_code == 2 and "--force" in done.stderr and len(done.stderr.splitlines()) == 1
+
+
+def row(weft: float, warp: float, tension: tuple[float, float] | tuple[None, None]) -> MapRow:
+    return MapRow(
+        Cell(weft, warp, 50.0, *tension, 1e8, 0.0, "steady"),
+        Detail(weft, warp, None, None, None, None, None, 0.0, 1, 1, ""),
+    )
+
+
+def test_strains_of_a_tension_on_a_bilinear_map():
+    """Weft tension 10 x + 2 y + 100 x y, warp tension 20 y: T = 3 both ways at y = 0.15 and x = 2.7/25."""
+    places = [(x, y) for x in (0.0, 0.1, 0.2) for y in (0.0, 0.1, 0.2)]
+    rows = [row(x, y, (10 * x + 2 * y + 100 * x * y, 20 * y)) for x, y in places]
+    assert strains_at_tension(rows, 3.0) == pytest.approx((2.7 / 25, 0.15), abs=1e-7)
+    assert strains_at_tension(rows, 5.0) is None
+    assert largest_common_tension(rows) == pytest.approx(4.0)
+
+
+def test_unknown_states_carry_nothing():
+    rows = [row(x, y, (None, None)) for x in (0.0, 0.1) for y in (0.0, 0.1)]
+    assert strains_at_tension(rows, 1.0) is None and largest_common_tension(rows) == 0.0

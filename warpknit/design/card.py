@@ -1,0 +1,140 @@
+"""The orthotropic material card of a mesh under tension: tangent membrane stiffness and thermal expansion.
+
+The mesh is brought to rest at a deformation gradient F0, and from there strained a little further by f, F = f F0. Everything
+refers to the tensioned mesh: its width and length count as 1, and the tension that is there is the prestress of the FE model.
+
+    stress   S = f^-1 P F0^T / det F0 [N/m]   second Piola-Kirchhoff, P the nominal stress of measure.py
+    strain   E = (f^T f - 1) / 2              Green-Lagrange
+    C = dS/dE at f = 1                        by central differences, symmetric as S = dw/dE
+
+Geometric stiffness is not in C: an FE model with prestress adds it. With w the energy per tensioned area and L the length factor
+of the wires, dS/dL = d(dw/dL)/dE is had from the same states, and the free mesh at constant tension expands by
+
+    alpha = -C^-1 (dS/dL) alpha_wire.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import measure
+from ..errors import Diverged
+from ..model import Model
+from ..reading import Reading
+from .states import states_at
+
+STEP = 1e-3  # strain of the differences
+AGREEMENT = 0.05  # of the largest stiffness: differences at STEP and 2 STEP that differ by more are worth a warning
+TENSION_TOLERANCE = 5e-3  # relative, of the tension that is asked for
+MOST_ROUNDS = 10  # of the search for its strains
+MOST_STRAIN = 0.02  # of one round
+
+
+@dataclass(frozen=True)
+class MaterialCard:
+    """Tangent properties of a tensioned mesh; index 1 is weft, 2 warp, 3 shear (engineering shear strain)."""
+
+    strain_weft: float  # of the tensioned mesh against the mesh as knitted
+    strain_warp: float
+    tension_weft: float  # [N/m] force per current width
+    tension_warp: float
+    stiffness: np.ndarray  # (3, 3) [N/m] symmetric
+    asymmetry: float  # of what the differences gave, over the largest stiffness
+    step_difference: float  # between the stiffness at STEP and at 2 STEP, over the largest stiffness
+    expansion: np.ndarray  # (3,) [1/K] of the free mesh at constant tension
+    areal_mass: float  # [kg/m2] of the tensioned mesh
+
+    @property
+    def poissons_ratios(self) -> tuple[float, float]:
+        """nu12: contraction along warp over extension along weft under weft stress; nu21: the other way round."""
+        c = self.stiffness
+        return float(c[0, 1] / c[1, 1]), float(c[0, 1] / c[0, 0])
+
+    @property
+    def moduli(self) -> tuple[float, float]:
+        """[N/m] stress over strain along weft and along warp, the other direction being free to contract."""
+        c = self.stiffness
+        return float(c[0, 0] - c[0, 1] ** 2 / c[1, 1]), float(c[1, 1] - c[0, 1] ** 2 / c[0, 0])
+
+    @property
+    def is_stable(self) -> bool:
+        """Whether the stiffness is positive definite."""
+        return bool(np.linalg.eigvalsh(self.stiffness).min() > 0.0)
+
+
+def stretch(strain: np.ndarray) -> np.ndarray:
+    """Upper triangular f (2, 2) whose Green-Lagrange strain is E11, E22, 2 E12 = `strain` (3,)."""
+    a = np.sqrt(1.0 + 2.0 * strain[0])
+    b = strain[2] / a
+    return np.array([[a, b], [0.0, np.sqrt(1.0 + 2.0 * strain[1] - b * b)]])
+
+
+def find_card(model: Model, weft: float, warp: float) -> tuple[MaterialCard, Reading]:
+    """The card at the strains `weft` and `warp`, and the tensioned mesh. `model`: periodic, see `exact_model`.
+
+    Raises `Diverged` where the mesh does not come to rest.
+    """
+    tensioned = np.diag([1.0 + weft, 1.0 + warp])
+    steps = [sign * size * np.eye(3)[k] for size in (STEP, 2.0 * STEP) for k in range(3) for sign in (1.0, -1.0)]
+    stretches = [stretch(strain) for strain in (np.zeros(3), *steps)]
+    states = []
+    for state in states_at(model, [f @ tensioned for f in stretches]):
+        if isinstance(state, Diverged):
+            raise state
+        states.append(state)
+    area = model.panel.area * float(np.linalg.det(tensioned))
+    stress = np.array([_stress(state, f, tensioned) for state, f in zip(states, stretches, strict=True)])
+    by_length = np.array([measure.thermal_force(state) / area for state in states])
+
+    def slope(values: np.ndarray, first: int, size: float) -> np.ndarray:
+        """(3, ...) derivative by E11, E22, 2 E12 from the states `first` on."""
+        return (values[first : first + 6 : 2] - values[first + 1 : first + 6 : 2]) / (2.0 * size)
+
+    fine, coarse = slope(stress, 1, STEP), slope(stress, 7, 2.0 * STEP)
+    stiffness, coarser = 0.5 * (fine + fine.T), 0.5 * (coarse + coarse.T)
+    largest = np.abs(stiffness).max()
+    tension = measure.mesh_tension(states[0])
+    card = MaterialCard(
+        strain_weft=weft,
+        strain_warp=warp,
+        tension_weft=tension[0],
+        tension_warp=tension[1],
+        stiffness=stiffness,
+        asymmetry=float(np.abs(fine - fine.T).max() / largest),
+        step_difference=float(np.abs(stiffness - coarser).max() / largest),
+        expansion=-np.linalg.solve(stiffness, slope(by_length, 1, STEP)) * model.scene.wire.expansion,
+        areal_mass=measure.areal_mass(states[0]),
+    )
+    return card, states[0]
+
+
+def _stress(state: Reading, f: np.ndarray, tensioned: np.ndarray) -> tuple[float, float, float]:
+    """S11, S22, S12 [N/m]."""
+    s = np.linalg.solve(f, measure.nominal_stress(state)) @ tensioned.T / np.linalg.det(tensioned)
+    return float(s[0, 0]), float(s[1, 1]), 0.5 * float(s[0, 1] + s[1, 0])
+
+
+def find_card_at_tension(model: Model, tension: float, start: tuple[float, float]) -> tuple[MaterialCard, Reading]:
+    """The card where the mesh carries `tension` [N/m] both ways within TENSION_TOLERANCE, by Newton from strains `start`.
+
+    Raises `Diverged` where no such strains are found.
+    """
+    place, step, best = np.array(start), np.zeros(2), np.inf
+    for _ in range(MOST_ROUNDS):
+        card, state = find_card(model, *(place + step).tolist())
+        missing = tension - np.array([card.tension_weft, card.tension_warp])
+        missed = float(np.abs(missing).max())
+        if missed <= TENSION_TOLERANCE * tension:
+            return card, state
+        if missed >= best:  # past where contacts close
+            step *= 0.5
+            continue
+        place, best = place + step, missed
+        # Cauchy stress by stretch: C with the geometric terms of a diagonal stretch
+        stress = np.array([card.tension_weft, card.tension_warp])
+        tangent = card.stiffness[:2, :2] + np.diag(stress) - stress[:, None] * (1.0 - np.eye(2))
+        step = (1.0 + place) * np.linalg.solve(tangent, missing)
+        step *= min(1.0, MOST_STRAIN / float(np.abs(step).max()))
+    raise Diverged(f"no strains found at which the mesh carries {tension:g} N/m both ways within {TENSION_TOLERANCE:.1%}")

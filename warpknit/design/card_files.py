@@ -1,0 +1,68 @@
+"""material_card.csv and material_card.json: the card as an FE model takes it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..files import write_aside, write_table
+from ..scene import Scene
+from .card import MaterialCard
+
+AXES = {"1": "weft (x)", "2": "warp (y)", "3": "shear, engineering shear strain 2 E12"}
+DEFINITION = (
+    "Tangent of the tensioned mesh: C = dS/dE with S the second Piola-Kirchhoff stress (force per width) and E the Green-Lagrange"
+    " strain, both referred to the tensioned mesh, where they are the true tension and the small strain. The tension is to be"
+    " given to the FE model as prestress; its geometric stiffness is not in C."
+)
+
+
+def card_values(card: MaterialCard) -> Iterator[tuple[str, float, str, str]]:
+    """Name, value, unit and meaning of each number."""
+    c = card.stiffness
+    yield "C11", float(c[0, 0]), "N/m", "stiffness along weft, warp held"
+    yield "C12", float(c[0, 1]), "N/m", "coupling of weft and warp"
+    yield "C22", float(c[1, 1]), "N/m", "stiffness along warp, weft held"
+    yield "C33", float(c[2, 2]), "N/m", "shear stiffness"
+    for axis, value, side in zip("12", card.moduli, ("weft", "warp"), strict=True):
+        yield f"E{axis}", value, "N/m", f"stiffness along {side}, the other direction free to contract"
+    nu12, nu21 = card.poissons_ratios
+    yield "nu12", nu12, "1", "contraction along warp over extension along weft, stress along weft"
+    yield "nu21", nu21, "1", "contraction along weft over extension along warp, stress along warp"
+    for axis, value, side in zip("12", card.expansion[:2].tolist(), ("weft", "warp"), strict=True):
+        yield f"alpha{axis}", value, "1/K", f"thermal expansion along {side} of the free mesh at constant tension"
+    yield "areal_mass", card.areal_mass, "kg/m^2", "mass per area of the tensioned mesh"
+    for axis, value, side in zip("12", (card.tension_weft, card.tension_warp), ("weft", "warp"), strict=True):
+        yield f"prestress{axis}", value, "N/m", f"tension along {side}, force per current width"
+    for axis, value, side in zip("12", (card.strain_weft, card.strain_warp), ("weft", "warp"), strict=True):
+        yield f"prestrain{axis}", value, "1", f"strain along {side} against the mesh as knitted"
+
+
+def write_card(card: MaterialCard, scene: Scene, where: str, out: Path) -> None:
+    """Write both files into `out`; `where`: which tension the card is for, in words."""
+    rows = list(card_values(card))
+    columns = zip(("name", "value", "unit", "meaning"), zip(*rows, strict=True), strict=True)
+    write_table(out / "material_card.csv", {heading: np.array(column, dtype=object) for heading, column in columns})
+    coupling = float(np.abs(card.stiffness[:2, 2]).max() / np.abs(card.stiffness).max())
+    content: dict[str, Any] = {
+        "mesh": scene.name,
+        "state": where,
+        "temperature_K": scene.stages[0].temperature,
+        "axes": AXES,
+        "definition": DEFINITION,
+        "values": {name: value for name, value, _, _ in rows},
+        "units": {name: unit for name, _, unit, _ in rows},
+        "meaning": {name: meaning for name, _, _, meaning in rows},
+        "quality": {
+            "positive_definite": card.is_stable,
+            "asymmetry_of_largest": card.asymmetry,
+            "step_difference_of_largest": card.step_difference,
+            "shear_coupling_of_largest": coupling,
+        },
+    }
+    with write_aside(out / "material_card.json") as file:
+        json.dump(content, file, indent=2, allow_nan=False)

@@ -1,0 +1,52 @@
+"""Tension against strain: both directions strained alike, and one strained while the other is held as knitted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import measure
+from ..errors import Diverged
+from ..model import Model
+from ..reading import Reading
+from .network import sheet_resistance
+from .states import states_at
+
+POINTS = 12  # of a curve beside the mesh as knitted
+LOADS = (("equal", 1.0, 1.0), ("weft_alone", 1.0, 0.0), ("warp_alone", 0.0, 1.0))
+
+
+@dataclass(frozen=True)
+class CurvePoint:
+    """A row of tension_strain.csv; None where the mesh did not come to rest, or does not conduct."""
+
+    load: str  # equal | weft_alone | warp_alone
+    strain_weft: float
+    strain_warp: float
+    tension_weft_N_per_m: float | None  # force per current width
+    tension_warp_N_per_m: float | None
+    active_percent: float | None
+    stress_max_Pa: float | None
+    sheet_resistance_weft_ohm: float | None
+    sheet_resistance_warp_ohm: float | None
+
+
+def tension_strain(model: Model, weft: float, warp: float) -> list[CurvePoint]:
+    """The curves of all LOADS up to the strains `weft` and `warp`; where both are strained, up to the smaller of them."""
+    wanted = []
+    for name, along_weft, along_warp in LOADS:
+        end = min(weft, warp) if along_weft and along_warp else weft if along_weft else warp
+        shares = np.linspace(0.0, 1.0, POINTS + 1)
+        wanted += [(name, float(along_weft * end * share), float(along_warp * end * share)) for share in shares]
+    states = states_at(model, [np.diag([1.0 + x, 1.0 + y]) for _, x, y in wanted])
+    return [_point(*place, state) for place, state in zip(wanted, states, strict=True)]
+
+
+def _point(load: str, weft: float, warp: float, state: Reading | Diverged) -> CurvePoint:
+    if isinstance(state, Diverged):
+        return CurvePoint(load, weft, warp, None, None, None, None, None, None)
+    tension, contacts = measure.mesh_tension(state), measure.contacts(state)
+    return CurvePoint(
+        load, weft, warp, *tension, contacts.active_percent, measure.stress_extremes(state)[0], *sheet_resistance(state)
+    )

@@ -1,0 +1,206 @@
+"""What is known of a mesh when its loops were never measured: openings per length, wire length a loop, a biaxial test.
+
+Wales and courses are scaled to the openings, their ratio kept. The loops are fitted by one factor on the proportions that make
+them large (SCALED), within the range of each.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import brentq, minimize_scalar
+
+from .. import measure
+from ..errors import Diverged, InputError
+from ..knit.chain import KnitError
+from ..knit.cloth import Cloth
+from ..knit.lapping import lapping_table
+from ..knit.loops import RANGES, LoopProportions, loop_shape
+from ..knit.openings import find_openings
+from ..model import build_model, knit_scene
+from ..scene import Scene
+from .states import states_at
+
+SCALED = {
+    "circular-oval": ("closed_radius", "closed_head", "open_head", "open_half_width"),
+    "general": ("foot_half_width", "leg_half_width", "head_height"),
+}
+ALIKE, SCATTERED_ALIKE = 0.99, 0.5  # of the rhombus's area: the openings that are counted
+COLUMNS = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m")  # of a measured curve
+FIT_TOLERANCE = 2e-3  # of the factor
+EDGE, SHORTER = 1e-9, 0.8  # how near to a range's end a factor goes; how fast one that cannot be knitted comes back
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A scene with what was given put in, and what was done, in sentences."""
+
+    scene: Scene
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Known:
+    """What the user knows of the mesh beside its scene; None where nothing is."""
+
+    openings: float | None = None  # [1/m]
+    loop_length: float | None = None  # [m]
+    curve: Path | None = None
+    areal_mass: float | None = None  # [kg/m2] as knitted: compared only
+
+
+def with_known(scene: Scene, known: Known, progress: Callable[[float], None] = lambda _: None) -> Fitted:
+    """`scene` with all that is `known` put in, and notes that say so. Raises `InputError`, `KnitError`, `ModelError`."""
+    notes: tuple[str, ...] = ()
+    if known.openings is not None:
+        fitted = with_openings(scene, known.openings)
+        scene, notes = fitted.scene, notes + fitted.notes
+    if known.loop_length is not None:
+        fitted = fit_loop_length(scene, known.loop_length)
+        scene, notes = fitted.scene, notes + fitted.notes
+    if known.curve is not None:
+        fitted = fit_curve(scene, known.curve, progress)
+        scene, notes = fitted.scene, notes + fitted.notes
+    if known.areal_mass is not None:
+        area = scene.knit.wale_spacing * scene.knit.course_spacing
+        density = scene.wire.linear_density
+        found = knit_scene(scene).stitch_length * density / area
+        needed = known.areal_mass * area / density
+        notes += (
+            f"the areal mass as knitted is {1e3 * found:.3g} g/m2, {found / known.areal_mass - 1.0:+.0%} against the"
+            f" {1e3 * known.areal_mass:.3g} g/m2 that were given, which need {1e3 * needed:.3g} mm of wire a loop",
+        )
+    return Fitted(scene, notes)
+
+
+def openings_per_length(cloth: Cloth, scattered: bool = False) -> float | None:
+    """[1/m] square root of the number of openings per area; None where wires leave none.
+
+    Those count that are as large as the rhombus, or, where a knit has none, as the largest.
+    """
+    found = find_openings(cloth.threads, cloth.crossings, cloth.size)
+    if not found:
+        return None
+    whole = cloth.rhombus.opening.area if cloth.rhombus is not None else found[0].area
+    alike = SCATTERED_ALIKE if scattered else ALIKE
+    return math.sqrt(sum(opening.area > alike * whole for opening in found) / float(np.prod(cloth.size)))
+
+
+def with_openings(scene: Scene, wanted: float) -> Fitted:
+    """Wales and courses scaled to `wanted` openings per length [1/m]. Raises `InputError`, `KnitError`, `ModelError`."""
+    knit = scene.knit
+    now = openings_per_length(knit_scene(scene), knit.scatter > 0.0)
+    if now is None:
+        raise InputError(f"{scene.path}: --openings: given, allowed: left out (the wires of this knit leave no openings)")
+    wale, course = (now / wanted * spacing for spacing in (knit.wale_spacing, knit.course_spacing))
+    if min(wale, course) < 2.0 * scene.wire.diameter:
+        most = now * min(knit.wale_spacing, knit.course_spacing) / (2.0 * scene.wire.diameter)
+        raise InputError(f"--openings: given {wanted:.4g} per m, allowed: at most {most:.4g} per m, loops two wires apart")
+    scaled = replace(scene, knit=replace(knit, wale_spacing=wale, course_spacing=course))
+    return Fitted(scaled, (f"wales {1e3 * wale:.4g} mm and courses {1e3 * course:.4g} mm apart, from the openings per inch",))
+
+
+def fit_loop_length(scene: Scene, wanted: float) -> Fitted:
+    """Loops with `wanted` wire length each [m], in plan view. Raises `InputError` where no factor within the ranges gives it."""
+    low, high = _factors(scene)
+
+    def missing(factor: float) -> float:
+        return knit_scene(_scaled(scene, factor)).stitch_length - wanted
+
+    ends = missing(low), missing(high)
+    if not min(ends) <= 0.0 <= max(ends):
+        allowed = " to ".join(f"{1e3 * (wanted + end):.4g} mm" for end in sorted(ends))
+        raise InputError(
+            f"{scene.path}: --fit-loop-length: given {1e3 * wanted:.4g} mm, allowed: {allowed}"
+            " with these spacings (beyond, the proportions of knit.loop leave their ranges)"
+        )
+    factor = float(brentq(missing, low, high, xtol=FIT_TOLERANCE / 10))
+    return _fitted(scene, factor, "the wire length a loop")
+
+
+def fit_curve(scene: Scene, path: Path, progress: Callable[[float], None] = lambda _: None) -> Fitted:
+    """Loops whose tensions come nearest to a measured biaxial curve in the CSV file `path`, with COLUMNS.
+
+    Least squares over all tensions, by one factor. `progress` is called with each factor that is tried. Raises `InputError` for
+    the file, and where no factor brings the mesh to rest at all of its strains.
+    """
+    strains, tensions = _read_curve(path)
+    gradients = [np.diag(1.0 + strain) for strain in strains]
+
+    def misfit(factor: float) -> float:
+        progress(factor)
+        states = states_at(build_model(_scaled(scene, factor)), gradients)
+        if any(isinstance(state, Diverged) for state in states):
+            return math.inf
+        found = np.array([measure.mesh_tension(state) for state in states if not isinstance(state, Diverged)])
+        return float(np.linalg.norm(found - tensions) / np.linalg.norm(tensions))
+
+    best = minimize_scalar(misfit, bounds=_factors(scene), method="bounded", options={"xatol": FIT_TOLERANCE, "maxiter": 20})
+    if not math.isfinite(best.fun):
+        raise InputError(f"{path}: strain: given what the mesh does not come to rest at, allowed: smaller strains")
+    return _fitted(scene, float(best.x), f"{path.name} with an rms miss of {best.fun:.1%} of the tensions")
+
+
+def _read_curve(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Strains (point, 2) and tensions (point, 2) [N/m]."""
+    allowed = f"a CSV file with the columns {', '.join(COLUMNS)}"
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            rows = list(csv.DictReader(file))
+    except (OSError, ValueError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or "no text in UTF-8"
+        raise InputError(f"{path}: given {reason.lower()}, allowed: {allowed}") from error
+    missing = [name for name in COLUMNS if not rows or name not in rows[0]]
+    if missing:
+        raise InputError(f"{path}: given no {'rows' if not rows else missing[0]}, allowed: {allowed}")
+    values = np.zeros((len(rows), len(COLUMNS)))
+    for number, row in enumerate(rows):
+        for column, name in enumerate(COLUMNS):
+            try:
+                values[number, column] = float(row[name])
+            except (TypeError, ValueError) as error:
+                raise InputError(f"{path}: {name}: given {row[name]!r} in row {number + 1}, allowed: a number") from error
+    if not np.all(np.isfinite(values)) or np.any(values[:, :2] <= -0.5) or np.any(values[:, :2] > 2.0):
+        raise InputError(f"{path}: given a strain or tension out of range, allowed: finite, strains from -0.5 to 2")
+    if not np.any(values[:, 2:]):
+        raise InputError(f"{path}: given no tension other than 0, allowed: the tensions [N/m] of a biaxial test")
+    return values[:, :2], values[:, 2:]
+
+
+def _scaled(scene: Scene, factor: float) -> Scene:
+    loop = scene.knit.loop
+    larger = {name: factor * getattr(loop, name) for name in _names(scene)}
+    return replace(scene, knit=replace(scene.knit, loop=replace(loop, **larger)))
+
+
+def _fitted(scene: Scene, factor: float, how: str) -> Fitted:
+    """The scene at `factor`. Raises `InputError` where its wires hook otherwise than before."""
+    scaled = _scaled(scene, factor)
+    meant, found = len(knit_scene(scene).clasps), len(knit_scene(scaled).clasps)
+    if found != meant:
+        allowed = f"{meant} times, as those of knit.loop"
+        raise InputError(f"{scene.path}: {how}: given what makes loops hook {found} times a repeat, allowed: {allowed}")
+    return Fitted(scaled, (f"loop proportions times {factor:.3f}, fitted to {how}",))
+
+
+def _names(scene: Scene) -> tuple[str, ...]:
+    return SCALED[loop_shape(lapping_table(scene.knit.bars, (1, 1)), LoopProportions.of(scene.knit.loop))]
+
+
+def _factors(scene: Scene) -> tuple[float, float]:
+    """The smallest and the largest factor that keep every proportion within its range, and loops of neighbouring wales apart."""
+    ranges = [np.array(RANGES[name]) / getattr(scene.knit.loop, name) for name in _names(scene)]
+    low, high = max(float(r[0]) for r in ranges) + EDGE, min(float(r[1]) for r in ranges) - EDGE
+    while high > 1.0:
+        try:
+            knit_scene(_scaled(scene, high))
+        except KnitError:
+            high = 1.0 + SHORTER * (high - 1.0) if high - 1.0 > FIT_TOLERANCE else 1.0
+        else:
+            break
+    return low, high

@@ -1,0 +1,118 @@
+"""Sheet resistance of a mesh: its wires and their touching places as a network of resistors.
+
+A stretch of wire between two touching places is a resistor, a body both of whose pairs are active another: the
+constriction of the current at one round spot between two wires whose surface yields (Holm, Electric Contacts, 1967),
+
+    R = (rho / 2) sqrt(pi H / F),      rho resistivity, H hardness, F force of the contact.
+
+One repeat stands for endless cloth. With a mean field e the potential at x is e . x + phi, phi the same in every repeat; phi
+follows from Kirchhoff's law, the mean current per width from the currents in all resistors.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy.sparse as sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
+
+from .. import measure
+from ..materials import MATERIALS, Material
+from ..reading import Reading
+from ..scene import Wire
+
+SHORTEST = 1e-9  # of a wire: a stretch between two contacts at one place
+CONDUCTS = 1e-9  # of the better direction: a worse conductance is round-off
+
+
+def sheet_conductance(ends: np.ndarray, reach: np.ndarray, conductance: np.ndarray, count: int, area: float) -> np.ndarray:
+    """Mean current per width over the mean field (2, 2) [S] of an endless periodic network.
+
+    ends: (resistor, 2) points that each joins, of `count` in a repeat. reach: (resistor, 2) [m] from its first end to its second,
+    which may lie in another repeat. conductance: [resistor] [S]. area: [m2] of a repeat.
+    """
+    m = len(ends)
+    if m == 0:
+        return np.zeros((2, 2))
+    rows = np.tile(np.arange(m), 2)
+    signs = np.repeat([-1.0, 1.0], m)
+    drop = sparse.coo_matrix((signs, (rows, ends.T.ravel())), shape=(m, count)).tocsr()  # a resistor to itself: zero
+    weighted = sparse.diags(conductance) @ drop
+    _, piece = connected_components(sparse.coo_matrix((np.ones(m), (ends[:, 0], ends[:, 1])), shape=(count, count)))
+    free = np.setdiff1d(np.arange(count), np.unique(piece, return_index=True)[1])  # of each piece one point is at zero
+    potential = np.zeros((count, 2))
+    if len(free):
+        matrix = (drop[:, free].T @ weighted[:, free]).tocsc()
+        potential[free] = splu(matrix).solve(-(weighted[:, free].T @ reach))
+    return np.asarray(reach.T @ (conductance[:, None] * (drop @ potential + reach)) / area)
+
+
+def surface(wire: Wire) -> Material:
+    """The metal at the surface of the wire."""
+    return MATERIALS[wire.plating.material if wire.plating is not None else wire.material]
+
+
+def holm_resistance(metal: Material, force: np.ndarray | float) -> np.ndarray:
+    """[Ohm] of contacts that press with `force` [N]."""
+    return np.asarray(0.5 * metal.resistivity * np.sqrt(math.pi * metal.hardness / np.asarray(force)))
+
+
+def wire_resistance(wire: Wire) -> float:
+    """[Ohm/m] of the yarn: its ends and their platings in parallel."""
+    core = math.pi * wire.radius**2 / MATERIALS[wire.material].resistivity
+    coat = 0.0
+    if wire.plating is not None:
+        outer = wire.radius + wire.plating.thickness
+        coat = math.pi * (outer**2 - wire.radius**2) / MATERIALS[wire.plating.material].resistivity
+    return 1.0 / (wire.ends * (core + coat))
+
+
+def contact_resistances(r: Reading) -> np.ndarray:
+    """[Ohm] of each body both of whose pairs are active, under the mean of their forces."""
+    both = measure.pair_active(r).reshape(-1, 2).all(axis=1)
+    return holm_resistance(surface(r.model.scene.wire), r.pair_force.reshape(-1, 2)[both].mean(axis=1))
+
+
+def sheet_resistance(r: Reading) -> tuple[float | None, float | None]:
+    """[Ohm] per square in weft and warp of a periodic mesh, no voltage being put across; None where it does not conduct."""
+    area = r.model.panel.area * float(np.linalg.det(r.gradient))
+    conductance = np.diag(sheet_conductance(*_network(r), area))
+    least = CONDUCTS * conductance.max()
+    weft, warp = (1.0 / g if g > least else None for g in conductance.tolist())
+    return weft, warp
+
+
+def _network(r: Reading) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """Ends, reach, conductance and number of points, for `sheet_conductance`. The points are those of active pairs, and one
+    of each wire that has none."""
+    model, panel, table = r.model, r.model.panel, r.model.table
+    per_length = wire_resistance(model.scene.wire)
+    pairs = np.flatnonzero(np.repeat(measure.pair_active(r).reshape(-1, 2).all(axis=1), 2))
+    u = r.pair_u[pairs, None]
+    knitted = np.stack([table.x, table.y], axis=1)
+    towards = np.stack([table.rest_x, table.rest_y], axis=1)
+    entry = panel.pair_table[pairs] + r.pair_slide[pairs]
+    at_body = knitted[entry] + u * towards[entry] + panel.pair_shift[pairs]  # [m] as knitted, in the repeat of the body
+    entry = r.entry[r.pair_node[pairs]]
+    origin = np.repeat(panel.block_origin, panel.block_count, axis=0)[r.pair_node[pairs]]
+    at_wire = knitted[entry] + u * towards[entry] + origin  # the same, in the repeat of the wire
+    ends, reach = [np.arange(len(pairs)).reshape(-1, 2)], [at_body[1::2] - at_body[::2]]
+    conductance = [1.0 / contact_resistances(r)]
+    count = len(pairs)
+    lengths = r.natural_length * r.length_factor
+    for wire, (first, nodes) in enumerate(zip(panel.wire_first, panel.wire_count, strict=True)):
+        along = np.concatenate([[0.0], np.cumsum(lengths[first : first + nodes])])
+        points = np.flatnonzero(panel.pair_wire[pairs] == wire)
+        node = r.pair_node[pairs[points]] - first
+        arc = along[node] + u[points, 0] * lengths[first + node]
+        order = np.argsort(arc)
+        points, arc, place = points[order], arc[order], at_wire[points[order]]
+        if not len(points):
+            points, arc, place, count = np.array([count]), np.zeros(1), np.zeros((1, 2)), count + 1
+        ends.append(np.stack([points, np.roll(points, -1)], axis=1))
+        reach.append(np.diff(np.concatenate([place, place[:1] + [0.0, panel.size[1]]]), axis=0))
+        stretches = np.diff(np.append(arc, arc[0] + along[-1]))
+        conductance.append(1.0 / (per_length * np.maximum(stretches, SHORTEST * along[-1])))
+    return np.concatenate(ends), np.concatenate(reach) @ r.gradient.T, np.concatenate(conductance), count

@@ -1,0 +1,87 @@
+"""How large the openings of a mesh are: the free places between its wires in plan view, and the circle that fits in each.
+
+The plan view of one repeat is looked at on a grid of points fine against the wire; what is farther than half a wire from every
+centre line is free, and free points that hang together are an opening.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from .. import measure
+from ..reading import Reading
+
+POINTS_ACROSS = 5  # grid points on a wire thickness
+MOST_POINTS = 6_000_000  # of the grid over nine tiles: a large repeat of thin wire is looked at more coarsely
+SMALLEST = 0.01  # of the largest opening's area: smaller slits between wires do not count
+
+BANDS = (("L", 1.5e9), ("S", 3e9), ("C", 6e9), ("X", 10e9), ("Ku", 15e9), ("K", 22e9), ("Ka", 35e9), ("Q", 43e9))  # [Hz]
+FINE_ENOUGH = (10.0, 20.0, 50.0)  # wavelengths over the opening that designers ask for, by how much may leak
+
+
+@dataclass(frozen=True)
+class Opening:
+    """One opening of a repeat."""
+
+    area: float  # [m2]
+    circle: float  # [m] diameter of the largest circle in it
+    width: float  # [m] extent along weft
+    height: float  # [m] along warp
+
+
+def openings(r: Reading) -> list[Opening]:
+    """The openings of one tile of a periodic mesh at rest, the largest first."""
+    layout = r.model.layout()
+    node = measure.positions(r)[0][:, :2]
+    starts, counts = layout.wire_start[:-1], np.diff(layout.wire_start)
+    period = r.gradient @ [0.0, layout.period[1]]
+    wires = [node[first : first + count] for first, count in zip(starts, counts, strict=True)]
+    ends = np.concatenate([np.append(wire[1:], wire[:1] + period, axis=0) for wire in wires])
+    return openings_between(node, ends, r.gradient @ np.diag(layout.period), 2.0 * measure.section(r.model.scene.wire)[0])
+
+
+def openings_between(begins: np.ndarray, ends: np.ndarray, periods: np.ndarray, thickness: float) -> list[Opening]:
+    """Openings between straight stretches (stretch, 2) [m] that repeat by the columns of `periods` (2, 2), the largest first.
+
+    thickness: of the wire [m].
+    """
+    corners = periods @ np.array([[-1, 2, -1, 2], [-1, -1, 2, 2]])  # of nine tiles
+    low, size = corners.min(axis=1), np.ptp(corners, axis=1)
+    pitch = max(thickness / POINTS_ACROSS, float(np.sqrt(np.prod(size) / MOST_POINTS)))
+    shape = np.ceil(size / pitch).astype(int)
+    points = _along(begins, ends, 0.5 * pitch)
+    share = np.linalg.solve(periods, points.T).T % 1.0
+    free = np.ones(shape, dtype=bool)
+    for tile in np.ndindex(5, 5):
+        place = np.floor(((share + tile - 2.0) @ periods.T - low) / pitch).astype(int)
+        place = place[np.all((place >= 0) & (place < shape), axis=1)]
+        free[place[:, 0], place[:, 1]] = False
+    distance = pitch * ndimage.distance_transform_edt(free)
+    pieces, _ = ndimage.label(distance > 0.5 * thickness)
+    found = []
+    for number, where in enumerate(ndimage.find_objects(pieces), start=1):
+        if any(s.start == 0 or s.stop == n for s, n in zip(where, shape, strict=True)):
+            continue  # cut by the rim of the nine tiles
+        inside = pieces[where] == number
+        place = np.stack(np.nonzero(inside), axis=1) + [s.start + 0.5 for s in where]
+        middle = np.linalg.solve(periods, low + pitch * place.mean(axis=0))
+        if np.any((middle < 0.0) | (middle >= 1.0)):
+            continue  # the copy of another tile
+        circle = 2.0 * float(distance[where][inside].max()) - thickness
+        extent = pitch * (np.ptp(place, axis=0) + 1.0)
+        found.append(Opening(pitch**2 * len(place), circle, *extent.tolist()))
+    if not found:
+        return []
+    ordered = sorted(found, key=lambda opening: -opening.area)
+    return [opening for opening in ordered if opening.area >= SMALLEST * ordered[0].area]
+
+
+def _along(begins: np.ndarray, ends: np.ndarray, spacing: float) -> np.ndarray:
+    """Points (k, 2) on the stretches, at most `spacing` apart."""
+    count = np.maximum(1, np.ceil(np.linalg.norm(ends - begins, axis=1) / spacing).astype(int))
+    which = np.repeat(np.arange(len(count)), count)
+    share = (np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)) / count[which]
+    return np.asarray(begins[which] + share[:, None] * (ends - begins)[which])

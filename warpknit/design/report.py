@@ -1,0 +1,202 @@
+"""What `warpknit report` leaves beside a contact map: report.html, the material card, the tension-strain curves.
+
+Whatever a mesh cannot give (a tension that it does not carry, a state that does not come to rest) is said in the page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+
+from .. import measure
+from ..contact_map import MapRow, Optimum, find_optimum, grid
+from ..errors import Diverged, SceneError
+from ..files import write_aside, write_table
+from ..model import Model, build_model
+from ..progress import Progress
+from ..reading import Reading
+from ..report import engineering
+from ..scene import Scene, Sweep
+from .card import MaterialCard, find_card, find_card_at_tension
+from .card_files import write_card
+from .curves import CurvePoint, tension_strain
+from .network import contact_resistances, sheet_resistance
+from .opening_size import BANDS, Opening, openings
+from .page import Page
+from .sections import card_section, curve_section, electric_section, map_section, mesh_section, openings_section
+from .service import SERVICE_TENSIONS, largest_common_tension, strains_at_tension, strains_seen_closely
+from .states import exact_model, states_at
+
+DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))  # of the map where the scene has no [sweep]
+
+
+@dataclass(frozen=True)
+class Findings:
+    """All that the page is made of."""
+
+    scene: Scene
+    notes: Sequence[str]  # on how the scene was fitted
+    model: Model
+    rows: Sequence[MapRow]
+    optimum: Optimum | None
+    asked: float | None  # [N/m] tension that the card was asked for
+    largest_tension: float  # [N/m] that the map carries both ways
+    service: Sequence[tuple[float, tuple[float, float] | None]]  # tensions [N/m] and the strains that carry them
+    curves: Sequence[CurvePoint]
+    where: str  # what the card is for, in words; or why there is none
+    card: MaterialCard | None
+    tensioned: Reading | None  # the mesh of the card
+    knitted_openings: Sequence[Opening]
+    tensioned_openings: Sequence[Opening]
+
+
+def report_scene(scene: Scene) -> Scene:
+    """`scene` with a sweep, if it has none. Raises SceneError for a mesh that is not endless."""
+    if scene.model.boundary != "periodic":
+        allowed = "'periodic' for a report (a card is that of endless cloth)"
+        raise SceneError(f"{scene.path}: model.boundary: given {scene.model.boundary!r}, allowed: {allowed}")
+    return replace(scene, sweep=scene.sweep or Sweep(DEFAULT_STRAINS, DEFAULT_STRAINS, 1))
+
+
+def make_report(
+    scene: Scene,
+    rows: Sequence[MapRow],
+    out: Path,
+    *,
+    tension: float | None = None,
+    notes: Sequence[str] = (),
+    progress: Progress | None = None,
+) -> Findings:
+    """Write report.html, the card, tension_strain.csv and figures into `out`, which holds the finished map of `scene`.
+
+    rows: of the map. tension: [N/m] that the card is for, both ways; default: the optimum. notes: sentences on where the scene is
+    from. Raises `ModelError`, `KnitError`.
+    """
+    show = progress or Progress()
+    show.stage("tension-strain curves", number=1, of=3)
+    model = build_model(scene)
+    curves = tension_strain(model, max(row.cell.strain_weft for row in rows), max(row.cell.strain_warp for row in rows))
+    show.stage("material card", number=2, of=3)
+    optimum = find_optimum(rows, scene.wire.yield_stress)
+    card, tensioned, where = _card(scene, rows, optimum, tension)
+    show.stage("openings and page", number=3, of=3)
+    knitted = states_at(model, [np.eye(2)])[0]
+    found = Findings(
+        scene=scene,
+        notes=notes,
+        model=model,
+        rows=rows,
+        optimum=optimum,
+        asked=tension,
+        largest_tension=largest_common_tension(rows),
+        service=[(value, strains_at_tension(rows, value)) for value in SERVICE_TENSIONS],
+        curves=curves,
+        where=where,
+        card=card,
+        tensioned=tensioned,
+        knitted_openings=[] if isinstance(knitted, Diverged) else openings(knitted),
+        tensioned_openings=[] if tensioned is None else openings(tensioned),
+    )
+    _write(found, out)
+    return found
+
+
+def _card(
+    scene: Scene, rows: Sequence[MapRow], optimum: Optimum | None, tension: float | None
+) -> tuple[MaterialCard | None, Reading | None, str]:
+    """The card, its mesh, and what it is for; or none, and why."""
+    place = None if tension is None else strains_at_tension(rows, tension)
+    if tension is not None and place is not None:
+        text, find = f"{tension:g} N/m both ways", lambda: _card_at(exact_model(scene), rows, tension, place)
+    elif optimum is not None:
+        strains = optimum.strain_weft, optimum.strain_warp
+        missed = f", as {tension:g} N/m both ways is not reached in the map" if tension is not None else ""
+        text, find = f"the optimum of the map{missed}", lambda: find_card(exact_model(scene), *strains)
+    else:
+        return None, None, "no card: the map has no optimum" + (" and does not reach the tension" if tension else "")
+    try:
+        return *find(), text
+    except Diverged as error:
+        return None, None, f"no card for {text}: {error}"
+
+
+def _card_at(model: Model, rows: Sequence[MapRow], tension: float, start: tuple[float, float]) -> tuple[MaterialCard, Reading]:
+    """The card at a tension from strains that the map gives; where contacts close between its points they may be far off."""
+    try:
+        return find_card_at_tension(model, tension, start)
+    except Diverged:
+        nearer = strains_seen_closely(model, rows, tension, start)
+        if nearer is None:
+            raise
+        return find_card_at_tension(model, tension, nearer)
+
+
+def _write(found: Findings, out: Path) -> None:
+    names = [field.name for field in fields(CurvePoint)]
+    table = {name: np.array([asdict(p)[name] for p in found.curves], dtype=object) for name in names}
+    write_table(out / "tension_strain.csv", table)
+    for name in ("material_card.csv", "material_card.json"):
+        (out / name).unlink(missing_ok=True)  # of an earlier report, for another tension
+    if found.card is not None:
+        write_card(found.card, found.scene, found.where, out)
+    with write_aside(out / "report.html") as file:
+        file.write(_page(found, _figures(found, out / "figures")).html())
+
+
+def _page(found: Findings, figures: dict[str, Path]) -> Page:
+    wire = found.scene.wire
+    page = Page(f"{found.scene.name}: {wire.material} mesh, {1e6 * wire.diameter:g} um wire")
+    page.text(
+        "Computed by warpknit for endless cloth, without friction, every state reached proportionally from the mesh as knitted."
+        " Weft is across the wales (axis 1, x), warp along them (axis 2, y). Tensions are forces per current width."
+    )
+    if found.asked is not None and strains_at_tension(found.rows, found.asked) is None:
+        page.warning(
+            f"The mesh does not carry {found.asked:g} N/m both ways within the strains of the map: the most that it carries both"
+            f" ways is {engineering(found.largest_tension, 'N/m')}. What follows is for the optimum instead."
+        )
+    mesh_section(page, found.scene, found.model.cloth, found.card, found.notes)
+    map_section(page, found.scene, found.optimum, found.service, found.largest_tension, figures["map"])
+    curve_section(page, found.curves, figures["curves"])
+    stress = None if found.tensioned is None else measure.stress_extremes(found.tensioned)[0]
+    card_section(page, found.scene, found.card, found.where, stress)
+    openings_section(page, found.knitted_openings, found.tensioned_openings, figures["openings"])
+    electric = None if found.tensioned is None else (contact_resistances(found.tensioned), sheet_resistance(found.tensioned))
+    electric_section(page, found.scene, electric, figures["resistance"])
+    return page
+
+
+def _figures(found: Findings, folder: Path) -> dict[str, Path]:
+    from ..export.design_figures import openings_figure, resistance_figure, tension_strain_figure
+    from ..export.map_figure import Marks, map_figure
+
+    weft, warp = (sorted({row.strains[side] for row in found.rows}) for side in (0, 1))
+    optimum, limit = found.optimum, found.scene.wire.yield_stress
+    marks = Marks(
+        stress=grid(found.rows, "stress_max_Pa", weft, warp),
+        yield_stress=limit,
+        optimum=None if optimum is None else (optimum.strain_weft, optimum.strain_warp),
+        places=tuple((f"{tension:g} N/m both ways", place) for tension, place in found.service if place is not None),
+    )
+    curves = {load: _arrays([p for p in found.curves if p.load == load]) for load in dict.fromkeys(p.load for p in found.curves)}
+    states = (("as knitted", found.knitted_openings), ("at the tension of the card", found.tensioned_openings))
+    circles = [(name, max(o.circle for o in those)) for name, those in states if those]
+    draw: dict[str, Callable[[Path], Path]] = {
+        "map": lambda path: map_figure(
+            path, weft, warp, grid(found.rows, "active_percent", weft, warp),
+            title=f"{found.scene.name}: active contacts", label="active contacts [% of pairs]", percent=True, marks=marks,
+        ),
+        "curves": lambda path: tension_strain_figure(curves, path, yield_stress=limit),
+        "openings": lambda path: openings_figure(circles, BANDS, path),
+        "resistance": lambda path: resistance_figure(curves["equal"], path),
+    }  # fmt: skip
+    return {name: drawn(folder / f"report_{name}.png") for name, drawn in draw.items()}
+
+
+def _arrays(points: Sequence[CurvePoint]) -> dict[str, np.ndarray]:
+    """Columns of numbers, nan where there is none."""
+    names = [field.name for field in fields(CurvePoint) if field.name != "load"]
+    return {name: np.array([getattr(p, name) for p in points], dtype=float) for name in names}

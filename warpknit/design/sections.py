@@ -1,0 +1,170 @@
+"""The sections of report.html, each from the numbers that it shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.constants import speed_of_light
+
+from ..contact_map import Optimum
+from ..knit.cloth import Cloth
+from ..report import engineering
+from ..scene import Scene
+from .card import AGREEMENT, MaterialCard
+from .card_files import DEFINITION, card_values
+from .curves import CurvePoint
+from .inputs import openings_per_length
+from .network import surface, wire_resistance
+from .opening_size import BANDS, FINE_ENOUGH, Opening
+from .page import Page
+
+INCH = 0.0254  # [m]
+
+
+def mesh_section(page: Page, scene: Scene, cloth: Cloth | None, card: MaterialCard | None, notes: Sequence[str]) -> None:
+    """What the mesh is made of; notes: on how its scene was fitted."""
+    wire, knit = scene.wire, scene.knit
+    page.heading("The mesh")
+    plating = "" if wire.plating is None else f", {1e6 * wire.plating.thickness:g} um of {wire.plating.material}"
+    rows = [
+        ("wire", f"{wire.material}, {1e6 * wire.diameter:g} um{plating}, {wire.ends} in a yarn"),
+        ("wales and courses", f"{0.01 / knit.wale_spacing:.3g} and {0.01 / knit.course_spacing:.3g} per cm"),
+    ]
+    if cloth is not None:
+        mass = cloth.stitch_length * wire.linear_density / (knit.wale_spacing * knit.course_spacing)
+        rows.append(("wire length a loop", f"{1e3 * cloth.stitch_length:.3g} mm in plan view"))
+        rows.append(("areal mass as knitted", f"{1e3 * mass:.3g} g/m2"))
+        if (count := openings_per_length(cloth, knit.scatter > 0.0)) is not None:
+            rows.append(("openings as knitted", f"{count * INCH:.3g} per inch (square root of their number per square inch)"))
+    if card is not None:
+        rows.append(("areal mass at the tension of the card", f"{1e3 * card.areal_mass:.3g} g/m2"))
+    page.table(rows)
+    for note in notes:
+        page.text(note[0].upper() + note[1:] + ".")
+
+
+def map_section(
+    page: Page,
+    scene: Scene,
+    optimum: Optimum | None,
+    service: Sequence[tuple[float, tuple[float, float] | None]],
+    largest: float,
+    figure: Path,
+) -> None:
+    """The contact map, the optimum and the service tensions. largest: tension [N/m] that the map carries both ways."""
+    page.heading("Active contacts and the optimum")
+    page.figure(figure, "Share of active contacts over strain. Orange: elastic limit of the wire; star: optimum.")
+    if optimum is None:
+        page.warning("No tensile load of the map has an active contact and keeps the wire below its elastic limit.")
+    else:
+        margin = f"margin {optimum.stress_margin:.0%} of the elastic limit"
+        page.table([
+            ("optimum strain, weft / warp", f"{optimum.strain_weft:.1%} / {optimum.strain_warp:.1%}"),
+            ("tension, weft / warp", _pair(optimum.tension_weft_N_per_m, optimum.tension_warp_N_per_m, "N/m")),
+            ("active contacts", f"{optimum.active_percent:.3g} % of pairs"),
+            ("largest stress", f"{engineering(optimum.stress_max_Pa, 'Pa')}, {margin}"),
+        ])  # fmt: skip
+    page.text("The optimum is the load of most active contacts among those that stress no wire beyond its elastic limit.")
+    page.table(
+        [
+            (f"{tension:g} N/m", "not reached" if place is None else f"{place[0]:.1%} / {place[1]:.1%}")
+            for tension, place in service
+        ],
+        ("service tension, both ways", "strain, weft / warp"),
+    )
+    page.text(f"The most that the map carries both ways is {engineering(largest, 'N/m')}.")
+    if scene.sweep is not None and scene.sweep.seeds > 1:
+        page.text("The map is the mean over meshes of scattered loops; all that follows is for the first of them.")
+
+
+def curve_section(page: Page, curves: Sequence[CurvePoint], figure: Path) -> None:
+    """Tension against strain."""
+    page.heading("Tension against strain")
+    page.figure(figure, "Tension in weft and warp. Shaded: the wire is beyond its elastic limit.")
+    missing = sum(point.tension_weft_N_per_m is None for point in curves)
+    if missing:
+        page.warning(f"{missing} of {len(curves)} states did not come to rest and are left out.")
+    page.text("tension_strain.csv has the numbers.")
+
+
+def card_section(page: Page, scene: Scene, card: MaterialCard | None, where: str, stress: float | None) -> None:
+    """The material card. where: what it is for, or why there is none; stress: the largest there [Pa]."""
+    page.heading("Material card")
+    if card is None:
+        page.warning(where[0].upper() + where[1:] + ".")
+        return
+    page.text(f"For {where}: {_pair(card.tension_weft, card.tension_warp, 'N/m')} in weft and warp.")
+    rows = [(name, f"{value:.4g}", "-" if unit == "1" else unit, meaning) for name, value, unit, meaning in card_values(card)]
+    page.table(rows, ("", "value", "unit", "meaning"))
+    page.text(DEFINITION + " material_card.csv and material_card.json have the same numbers.")
+    if not card.is_stable:
+        page.warning("The stiffness is not positive definite: the mesh is not stable in this state. Take another tension.")
+    worst = max(card.step_difference, card.asymmetry)
+    quality = f"Differences at twice the step, and C12 found both ways, agree to {worst:.1%} of the largest stiffness."
+    (page.warning if worst > AGREEMENT else page.text)(quality)
+    coupling = float(np.abs(card.stiffness[:2, 2]).max() / np.abs(card.stiffness).max())
+    if coupling > AGREEMENT:
+        page.warning(f"Shear is coupled to stretch ({coupling:.0%} of the largest stiffness); an orthotropic card leaves it out.")
+    if stress is not None and stress > scene.wire.yield_stress:
+        over = engineering(stress, "Pa"), engineering(scene.wire.yield_stress, "Pa")
+        page.warning(f"The wire is stressed to {over[0]}, beyond its elastic limit of {over[1]}: it would yield.")
+
+
+def openings_section(page: Page, knitted: Sequence[Opening], tensioned: Sequence[Opening], figure: Path) -> None:
+    """Size of the openings against the wavelength."""
+    page.heading("Openings and wavelength")
+    states = [(name, those) for name, those in (("as knitted", knitted), ("at the tension of the card", tensioned)) if those]
+    page.table(
+        [
+            (name, str(len(those)), f"{1e6 * those[0].area:.3g} mm2", f"{1e3 * max(o.circle for o in those):.3g} mm",
+             f"{1e3 * those[0].width:.3g} x {1e3 * those[0].height:.3g} mm")
+            for name, those in states
+        ],
+        ("", "openings a repeat", "largest area", "largest circle that fits in one", "largest opening, weft x warp"),
+    )  # fmt: skip
+    if not states:
+        return
+    circle = max(o.circle for o in states[-1][1])
+    page.table(
+        [
+            (f"{name}, {1e-9 * frequency:g} GHz", f"{1e3 * length:.3g} mm", f"1/{length / circle:.3g}")
+            for name, frequency in BANDS
+            for length in [speed_of_light / frequency]
+        ],
+        ("band", "wavelength", f"circle {states[-1][0]} over wavelength"),
+    )
+    page.figure(figure, "The largest circle that fits in an opening, over the wavelength.")
+    limits = ", ".join(f"1/{part:g} up to {speed_of_light / (part * circle) * 1e-9:.3g} GHz" for part in FINE_ENOUGH)
+    page.text(
+        f"The circle {states[-1][0]} is at most {limits}. How much a mesh lets through also depends on its contacts; this is"
+        " geometry alone."
+    )
+
+
+def electric_section(
+    page: Page, scene: Scene, electric: tuple[np.ndarray, tuple[float | None, float | None]] | None, figure: Path
+) -> None:
+    """Contact and sheet resistance. electric: [Ohm] of the active contacts at the tension of the card, and of the sheet along
+    weft and warp, None where it does not conduct."""
+    page.heading("Electrical resistance")
+    rows = [("wire", f"{engineering(wire_resistance(scene.wire), 'ohm/m')}")]
+    if electric is not None:
+        resistances, sheet = electric
+        contacts = "none" if not len(resistances) else f"{_pair(resistances.min(), resistances.max(), 'ohm', ' to ')}"
+        rows.append((f"one of the {len(resistances)} active contacts of a repeat", contacts))
+        shown = " / ".join("does not conduct" if value is None else engineering(value, "ohm") for value in sheet)
+        rows.append(("sheet resistance, along weft / warp", shown + " per square"))
+    page.table(rows)
+    page.figure(figure, "Sheet resistance when both directions are strained alike. No value: the mesh does not conduct that way.")
+    metal = surface(scene.wire)
+    page.text(
+        "Direct current through a network of wires and contacts, no voltage being put across. A contact is one round spot (Holm),"
+        f" the surface having a resistivity of {1e8 * metal.resistivity:.3g}e-8 ohm m and a hardness of"
+        f" {1e-9 * metal.hardness:g} GPa, both textbook values; oxide films are not counted, nor wires that merely cross."
+    )
+
+
+def _pair(first: float, second: float, unit: str, between: str = " / ") -> str:
+    return f"{engineering(first, unit)}{between}{engineering(second, unit)}"

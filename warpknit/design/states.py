@@ -1,0 +1,46 @@
+"""One repeat of endless cloth at rest at many deformation gradients, side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..batch import Batch
+from ..errors import Diverged
+from ..model import Model, build_model
+from ..reading import Reading
+from ..scene import Scene
+
+DIFFERENCE_TOLERANCE = 1e-4  # residual, so that the differences between states hold three digits
+
+
+def exact_model(scene: Scene) -> Model:
+    """The model of `scene` in double precision and brought to rest so well that neighbouring states can be subtracted.
+
+    Raises `ModelError`, `KnitError`.
+    """
+    tolerance = min(scene.solver.residual_tolerance, DIFFERENCE_TOLERANCE)
+    return build_model(replace(scene, solver=replace(scene.solver, precision="double", residual_tolerance=tolerance)))
+
+
+def states_at(model: Model, gradients: Sequence[np.ndarray]) -> list[Reading | Diverged]:
+    """The mesh at rest at each of the upper triangular deformation gradients (2, 2), or why it does not come to rest.
+
+    Each is reached proportionally from the mesh as knitted, at the temperature of the scene's first stage.
+    """
+    load = model.scene.stages[0]
+    stages = [
+        replace(
+            load, strain_weft=f[0, 0] - 1.0, strain_warp=f[1, 1] - 1.0, shear=f[0, 1], tension_weft=None, tension_warp=None
+        )
+        for f in gradients
+    ]  # fmt: skip
+    found: dict[int, Reading | Diverged] = {}
+    for outcome in Batch(model, stages).run():
+        if outcome.record is not None:
+            found[outcome.index] = outcome.record.reading
+        elif outcome.error is not None:
+            found[outcome.index] = outcome.error
+    return [found[index] for index in range(len(stages))]

@@ -1,0 +1,97 @@
+"""Figures of `warpknit report`: tension against strain, sheet resistance against tension, openings against frequency."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.constants import speed_of_light
+
+from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, figure_of, save_figure
+
+__all__ = ["openings_figure", "resistance_figure", "tension_strain_figure"]
+
+TITLES = {
+    "equal": "both strained alike",
+    "weft_alone": "weft strained, warp held",
+    "warp_alone": "warp strained, weft held",
+}
+FREQUENCIES = (1e9, 1e11)  # [Hz]
+
+Curve = Mapping[str, NDArray[Any]]
+
+
+def tension_strain_figure(curves: Mapping[str, Curve], path: str | os.PathLike[str], *, yield_stress: float) -> Path:
+    """Tension in weft and warp against strain. `curves`: by load, with the columns of tension_strain.csv as arrays."""
+    figure = figure_of(10.5, 3.9)
+    panels = figure.subplots(1, len(curves), sharey=True)
+    for axes, (load, curve) in zip(np.atleast_1d(panels), curves.items(), strict=True):
+        strain = 100.0 * np.maximum(curve["strain_weft"], curve["strain_warp"])
+        for side, colour, marker in (("weft", BLUE, "o"), ("warp", ORANGE, "s")):
+            tension = 1e3 * curve[f"tension_{side}_N_per_m"]
+            axes.plot(strain, tension, color=colour, marker=marker, markersize=4, label=f"tension in {side}")
+        beyond = curve["stress_max_Pa"] > yield_stress
+        if beyond.any():
+            axes.axvspan(strain[beyond][0], strain[-1], color="#F3D9C6", zorder=0, label="beyond the elastic limit")
+        axes.set_title(TITLES[load], fontsize="medium")
+        axes.set_xlabel("strain [%]")
+        axes.grid(color="#DDDDDD", linewidth=0.6)
+        axes.spines[["top", "right"]].set_visible(False)
+    first = np.atleast_1d(panels)[0]
+    first.set_ylabel("tension [mN/m]")
+    first.legend(frameon=False, fontsize="small")
+    return save_figure(figure, path)
+
+
+def resistance_figure(curve: Curve, path: str | os.PathLike[str]) -> Path:
+    """Sheet resistance along weft and warp, and active contacts, against the strain of both directions alike."""
+    figure = figure_of(7.0, 4.0)
+    axes = figure.subplots()
+    strain = 100.0 * curve["strain_weft"]
+    for side, colour, marker in (("weft", BLUE, "o"), ("warp", ORANGE, "s")):
+        resistance = curve[f"sheet_resistance_{side}_ohm"]
+        axes.plot(strain, resistance, color=colour, marker=marker, markersize=4, label=f"along {side}")
+    if any(np.isfinite(curve[f"sheet_resistance_{side}_ohm"]).any() for side in ("weft", "warp")):
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter("{x:.1g}")
+    axes.set_xlabel("strain of weft and warp alike [%]")
+    axes.set_ylabel("sheet resistance [ohm per square]")
+    axes.grid(color="#DDDDDD", linewidth=0.6, which="both")
+    share = axes.twinx()
+    share.plot(strain, curve["active_percent"], color=GREEN, linestyle=":", label="active contacts (right)")
+    share.set_ylim(-3.0, 103.0)
+    share.set_ylabel("active contacts [% of pairs]")
+    handles = [*axes.get_lines(), *share.get_lines()]
+    axes.legend(handles=handles, loc="best", frameon=True, framealpha=0.9, edgecolor="none", fontsize="small")
+    return save_figure(figure, path)
+
+
+def openings_figure(
+    circles: Sequence[tuple[str, float]], bands: Sequence[tuple[str, float]], path: str | os.PathLike[str]
+) -> Path:
+    """Diameter of the largest circle in an opening over the wavelength, against frequency.
+
+    circles: what the legend says and the diameter [m]. bands: name and frequency [Hz].
+    """
+    figure = figure_of(7.0, 4.0)
+    axes = figure.subplots()
+    frequency = np.geomspace(*FREQUENCIES, 60)
+    for (label, circle), colour in zip(circles, (GREY, BLUE, ORANGE), strict=False):
+        axes.loglog(1e-9 * frequency, circle * frequency / speed_of_light, color=colour, label=label)
+    for part in (10, 20, 50):
+        axes.axhline(1.0 / part, color="#909090", linewidth=0.8, linestyle="--")
+        axes.text(1e-9 * FREQUENCIES[0] * 1.05, 1.04 / part, f"1/{part}", fontsize="small", color="#606060")
+    for name, band in bands:
+        axes.axvline(1e-9 * band, color="#DDDDDD", linewidth=0.8, zorder=0)
+        axes.text(1e-9 * band, 0.985, name, transform=axes.get_xaxis_transform(), ha="center", va="top", fontsize="small")
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.set_xlabel("frequency [GHz]")
+    axes.set_ylabel("largest circle in an opening / wavelength")
+    axes.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none", fontsize="small")
+    return save_figure(figure, path)
