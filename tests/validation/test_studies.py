@@ -6,6 +6,7 @@ shares that step by a third, and on differences of runs that share that error.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -14,8 +15,12 @@ from heat_study import Heated, heated
 from paper_statements import ContactMap, contact_maps, heat_shares, statements, sweep_row
 from path_study import Overload, cycle, overload
 from rhombus_study import Row, both_ways, curve_at_rest, nodes, rows_of, sizes
+from study import run_model, scene_of
 
+from warpknit.history import row_of
+from warpknit.model import build_model
 from warpknit.relax import PATIENCE, PATIENT_NODES, patience_of
+from warpknit.summary import warnings_of
 
 DRAFT = "solver.preset=draft"
 CELL = "atlas_cell.toml"
@@ -167,3 +172,14 @@ def test_an_overload_costs_contacts_for_good() -> None:
     assert molybdenum(0.2, True).share_after < molybdenum(0.2, True).share_before
     assert molybdenum(0.2, True).tension_after < 0.1 * molybdenum(0.2, True).tension_before
     assert molybdenum(0.2, False).share_after == molybdenum(0.2, False).share_before
+
+
+@pytest.mark.parametrize("plastic", [True, False])
+def test_warnings_say_whether_wires_may_yield(plastic: bool) -> None:
+    load = {"strain_weft": 0.14, "strain_warp": 0.14}
+    scene = scene_of("overload.toml", DRAFT, load=load, wire={"plastic": plastic}, output={"frames": 2})
+    scene = replace(scene, stages=scene.stages[:1])
+    model = build_model(scene)
+    rows = [row_of(record) for record in run_model(model)]
+    warning = next(text for text in warnings_of(model, rows, []) if "elastic limit" in text or "strength" in text)
+    assert ("the result is elastic" in warning) is not plastic
