@@ -21,7 +21,7 @@ from .kernels import control as c
 from .look import Sums, first_blocks, sum_up
 from .model import Model
 from .multiplier_rules import MultiplierRules
-from .relax import DRIFT_LOOKS, NEARLY_STEADY, PATIENCE, SOFTENING_LOOKS, WORSE, Relaxation
+from .relax import DRIFT_LOOKS, NEARLY_STEADY, SOFTENING_LOOKS, WORSE, Relaxation, patience_of
 from .replicas import Replicas
 from .scene import Stage
 from .step import PROBING
@@ -227,7 +227,8 @@ class Batch:
         better = (left < 0.9 * self._best[rows]) | (left > WORSE * self._best[rows])  # a snap begins anew
         self._best[rows] = np.where(better, left, self._best[rows])
         self._waited[rows] = np.where(better, 0, self._waited[rows] + 1)
-        for row in rows[self._waited[rows] > PATIENCE].tolist():
+        patience = patience_of(self.model.scene.model.nodes_per_loop)
+        for row in rows[self._waited[rows] > patience].tolist():
             failed[row] = self.members[row].no_progress()
         for row in rows[self._looks[rows] * CHECK_STEPS > self.members[0].most_steps].tolist():
             failed[row] = self.members[row].too_long()

@@ -36,6 +36,7 @@ MOVE_STEPS = 200  # steps between parts of a move of the edge
 LEVEL_STEP_LIMIT = 500_000  # steps of a level after which it counts as never steady, where the scene gives no max_steps
 WORSE = 100.0  # times what was left at best: the mesh has gone on to another state
 PATIENCE = 1500  # looks without progress by a tenth after which a level counts as never steady
+PATIENT_NODES = 100  # a loop, up to which that holds: periods of bending take steps with the square of the nodes
 EDGE_TOLERANCE = 0.05  # force on the stations of a cord over what the wires pull at them
 CORRECTION_LOOKS = 6  # looks between corrections of the mesh as a membrane
 CORRECTION_GAIN = 0.7  # a correction that leaves more of the least imbalance so far was in vain
@@ -464,14 +465,15 @@ class Relaxation(Drive):
         progress.waited += 1
         if left < 0.9 * progress.best or left > WORSE * progress.best:  # a snap begins anew
             progress.best, progress.waited = left, 0
-        if progress.waited > PATIENCE:
+        if progress.waited > patience_of(self.scene.model.nodes_per_loop):
             raise self.no_progress()
 
     def no_progress(self) -> Diverged:
         """The error of a level that gets no nearer to rest."""
+        steps = patience_of(self.scene.model.nodes_per_loop) * CHECK_STEPS
         return Diverged(
             f"level {self.progress.load_factor:.3g} of stage {self.progress.stage!r} does not come to rest:"
-            f" no better for {PATIENCE * CHECK_STEPS:,} steps ({self._how_far()}); raise output.frames, or"
+            f" no better for {steps:,} steps ({self._how_far()}); raise output.frames, or"
             f" solver.residual_tolerance if that is near enough"
         )
 
@@ -511,3 +513,9 @@ class Relaxation(Drive):
 def _under(prefix: str, kept: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """The entries whose names begin with `prefix`, without it."""
     return {name.removeprefix(prefix): value for name, value in kept.items() if name.startswith(prefix)}
+
+
+def patience_of(nodes_per_loop: int) -> int:
+    """Looks without progress that a level is given. Fictitious masses go with 4 EI/h^3, so slow motions of the wires take steps
+    with the square of the nodes."""
+    return round(PATIENCE * max(1.0, (nodes_per_loop / PATIENT_NODES) ** 2))

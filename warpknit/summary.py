@@ -119,17 +119,17 @@ def warnings_of(model: Model, rows: list[Row], stages: list[dict[str, Any]]) -> 
     found = list(model.panel.notes)
     largest = max((row.stress_max_Pa for row in rows), default=0.0)
     interior = max((stage["wire"]["stress_interior_max_Pa"] for stage in stages), default=largest)
-    law = "bilinear in bending, and its stress nominal" if wire.plastic else "elastic"
     where = f" (away from the grips {interior / 1e6:.3g} MPa)" if interior < 0.95 * largest else ""
+    law = "the result has it yield in bending and never break" if wire.plastic else "the result is elastic"
     if largest > wire.tensile_strength:
         found.append(
             f"a wire is stressed to {largest / 1e9:.3g} GPa{where}, beyond its strength of {wire.tensile_strength / 1e9:.3g} GPa:"
-            f" it would break; the result is {law}"
+            f" it would break; {law}"
         )
-    elif largest > wire.yield_stress and not wire.plastic:
+    elif largest > wire.yield_stress:
         found.append(
             f"a wire is stressed to {largest / 1e9:.3g} GPa{where}, beyond its elastic limit of"
-            f" {wire.yield_stress / 1e9:.3g} GPa: it would keep a set; the result is elastic"
+            f" {wire.yield_stress / 1e9:.3g} GPa: it {'keeps' if wire.plastic else 'would keep'} a set; {law}"
         )
     if any(row.strain_weft < -0.005 or row.strain_warp < -0.005 for row in rows):
         found.append("the mesh is compressed: a real one would wrinkle out of its plane, which this planar model cannot show")

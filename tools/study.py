@@ -1,0 +1,93 @@
+"""What the studies of the paper share: running a scene without files, rows of a table as CSV and on the screen."""
+
+from __future__ import annotations
+
+import csv
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from warpknit.model import Model, build_model
+from warpknit.scene import Scene, make_scene
+from warpknit.simulate import Record, Simulation
+from warpknit.state import initial_state
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+SCENES = Path(__file__).parents[1] / "scenes"
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+
+
+def scene_of(file: str, *overrides: str, path: Sequence[dict[str, Any]] = (), **tables: dict[str, Any]) -> Scene:
+    """The scene in scenes/`file`, with `tables` merged into its own, `path` as its stages behind [load], and overrides."""
+    table = tomllib.loads((SCENES / file).read_text(encoding="utf-8"))
+    for name, values in tables.items():
+        table[name] = table.get(name, {}) | values
+    if path:
+        table["path"] = list(path)
+    return make_scene(table, overrides, path=SCENES / file)
+
+
+def run(scene: Scene) -> Iterator[Record]:
+    """The records of a run without files. Raises Diverged."""
+    return run_model(build_model(scene))
+
+
+def run_model(model: Model) -> Iterator[Record]:
+    """The same of a model."""
+    yield from Simulation(model, initial_state(model)).run()
+
+
+def write_rows(path: Path, rows: Sequence[Any]) -> None:
+    """A CSV file of dataclasses of one kind; numbers to five digits, as no result here holds more."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    aside = path.with_suffix(".part")
+    with open(aside, "w", newline="", encoding="utf-8") as file:
+        table = csv.DictWriter(file, [field.name for field in fields(rows[0])], lineterminator="\n")
+        table.writeheader()
+        for row in rows:
+            table.writerow({key: _short(value) for key, value in asdict(row).items()})
+    os.replace(aside, path)
+
+
+def _short(value: Any) -> Any:
+    return f"{value:.5g}" if isinstance(value, float | np.floating) else value
+
+
+def show_rows(rows: Sequence[Any]) -> None:
+    """The same rows on the screen, in columns."""
+    cells = [[field.name for field in fields(rows[0])]]
+    cells += [[str(_short(value)) for value in asdict(row).values()] for row in rows]
+    widths = [max(len(line[k]) for line in cells) for k in range(len(cells[0]))]
+    for line in cells:
+        print("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip())
+    print(flush=True)
+
+
+def new_figure(width: float, height: float, rows: int, columns: int) -> tuple[Figure, np.ndarray]:
+    """A figure (sizes in inches) and its axes (rows, columns)."""
+    figure = Figure(figsize=(width, height), dpi=120, layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(rows, columns, squeeze=False)
+    return figure, panels
+
+
+def tidy(panels: np.ndarray, legend: bool = True) -> None:
+    """Grid, no frame, legends."""
+    axes: Axes
+    for axes in panels.ravel():
+        axes.grid(color="#DDDDDD", linewidth=0.6)
+        axes.spines[["top", "right"]].set_visible(False)
+        if legend and axes.get_legend_handles_labels()[0]:
+            axes.legend(frameon=False, fontsize=8)
