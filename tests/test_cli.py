@@ -140,13 +140,13 @@ def test_a_finished_run_prints_a_short_table(behind):
 
 
 def test_options_reach_the_run(behind):
-    invoke("run", CELL, "--set", "load.shear=0.1", "--preset", "draft", "--device", "cpu", "--resume", "--force")
+    invoke("run", CELL, "--set", "load.shear=0.1", "--preset", "draft", "--device", "cpu", "--resume")
     ((scene,), options) = behind.calls[0]
     assert scene.stages[0].shear == 0.1
     assert scene.solver.preset == "draft"
     assert isinstance(options.pop("progress"), Progress)
     assert options.pop("ranks").count == 1
-    assert options == {"out": Path("runs/atlas_cell"), "device": "cpu", "resume": True, "force": True}
+    assert options == {"out": Path("runs/atlas_cell"), "device": "cpu", "resume": True, "force": False}
 
 
 def test_plan_prints_text_or_one_json_object(behind):
@@ -195,3 +195,10 @@ def test_the_bar_goes_through_stages(capsys):
             bar.stage("load", number=number, of=2)
             bar.update(done=1.5, load_factor=1.0, node_steps_per_s=3.2e8)
     assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize("command", ["run", "map"])
+def test_resume_and_force_are_not_both_possible(command):
+    result = invoke(command, CELL, "--resume", "--force")
+    assert result.exit_code == 2
+    assert "give one of them" in result.stderr

@@ -126,6 +126,12 @@ def scene_options(command: Any) -> Any:
     return command
 
 
+def _refuse_both(resume: bool, force: bool) -> None:
+    """One goes on with what is there, the other replaces it."""
+    if resume and force:
+        raise click.UsageError("--resume goes on with what is in DIR, --force replaces it: give one of them.")
+
+
 def result_options(command: Any) -> Any:
     """The options that say where results go and what may stand there."""
     for option in (
@@ -154,6 +160,7 @@ def run(
     quiet: bool,
 ) -> int:
     """Run SCENE and leave its results in DIR."""
+    _refuse_both(resume, force)
     quiet = quiet or not ranks.is_first
     configure_logging(logging.WARNING if quiet else logging.INFO)
     from warpknit.scene import load_scene
@@ -195,6 +202,7 @@ def contact_map(
     quiet: bool,
 ) -> int:
     """Run the strains of SCENE's [sweep] and leave the contact map in DIR."""
+    _refuse_both(resume, force)
     configure_logging(logging.WARNING if quiet else logging.INFO)
     from warpknit.scene import load_scene
 
