@@ -36,7 +36,7 @@ LAYERS = (
         "scene", "frame",
     },
     {"thread_curve", "cut", "table", "panel", "strip", "hook", "treatment"},
-    {"device", "numerics", "rim", "model"},
+    {"device", "numerics", "device_arrays", "rim", "model"},
     {"state"},
     {"join"},
     {"step", "strip_step", "reading", "replicas"},

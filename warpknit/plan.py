@@ -20,15 +20,14 @@ from .knit.cloth import Cloth
 from .model import (
     SLIDE_ALLOWANCE,
     Model,
-    Numbers,
     available_memory,
     build_model,
-    choose_numbers,
     copies_of_cloth,
     estimated_nodes,
     knit_scene,
     required_memory,
 )
+from .numerics import Numbers, choose_numbers
 from .panel import table_lead
 from .prolongation import smaller_scene
 from .rim import net_nodes

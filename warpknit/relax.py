@@ -91,9 +91,8 @@ class Relaxation(Drive):
             self._response = no_response(cell.model if cell else smaller.model)
         if cell is not None:
             self._response = no_response(cell.model)
-            pulled = any(stage.pull for stage in self.scene.stages)
             rim = build_rim(model.panel, self.scene)
-            self.rim = rim if pulled or rim.is_free else None
+            self.rim = rim if self.scene.has_moving_edge else None
             self.membrane = Membrane(model, state, self.slowest_mode.probe, rim)
             self.stations = np.zeros((len(rim.arc), 2))
             if self.rim is not None:

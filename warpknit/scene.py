@@ -237,6 +237,11 @@ class Scene:
     sweep: Sweep | None
 
     @property
+    def has_moving_edge(self) -> bool:
+        """Whether the edge of the mesh does more than follow the load as a whole."""
+        return self.panel.cord is not None or any(stage.pull for stage in self.stages)
+
+    @property
     def depends_on_path(self) -> bool:
         """Whether the state depends on the way there, not on the load alone."""
         return self.contact.friction > 0.0 or self.wire.plastic

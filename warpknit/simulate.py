@@ -49,7 +49,7 @@ class Simulation:
         """A relaxation with the smaller meshes that it starts from."""
         scene = smaller_scene(model.scene) if model.cloth is not None else None
         if scene is None:
-            return Relaxation(model, state, progress, self._look, cell=cell if _has_moving_edge(model.scene) else None)
+            return Relaxation(model, state, progress, self._look, cell=cell if model.scene.has_moving_edge else None)
         smaller = build_model(scene, model.device, self._sharing(model, scene))
         below = self._relaxation(smaller, initial_state(smaller), Progress(), cell)
         return Relaxation(model, state, progress, self._look, smaller=below, cell=cell)
@@ -67,7 +67,7 @@ class Simulation:
         scene = model.scene
         if model.cloth is None or scene.model.boundary == "periodic":
             return None
-        if smaller_scene(scene) is None and not _has_moving_edge(scene):
+        if smaller_scene(scene) is None and not scene.has_moving_edge:
             return None
         cell = build_model(one_repeat(scene), model.device)
         return Relaxation(cell, initial_state(cell), Progress(), lambda _progress: None)
@@ -102,8 +102,3 @@ class Simulation:
             yield from self.drive.stage(stage)
             progress.stage_index += 1
             progress.level, progress.start, progress.time = 0, {}, 0.0
-
-
-def _has_moving_edge(scene: Scene) -> bool:
-    """Whether the edge of the mesh does more than follow the load as a whole."""
-    return scene.panel.cord is not None or any(stage.pull for stage in scene.stages)
