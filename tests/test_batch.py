@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from warpknit import measure
-from warpknit.batch import Batch, Outcome
-from warpknit.model import build_model
+from warpknit.model.model import build_model
+from warpknit.model.state import initial_state
 from warpknit.scene import Scene, make_scene
-from warpknit.simulate import Simulation
-from warpknit.state import initial_state
+from warpknit.solve.simulate import Simulation
+from warpknit.sweep.batch import Batch, Outcome
 
 STRAINS = [(0.1, 0.1), (0.0, 0.16), (0.16, 0.02), (0.04, 0.0)]
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from warpknit.contact_map import Cell, Detail, MapRow, find_optimum, grid, mean_map, read_map, write_map
+from warpknit.sweep.contact_map import Cell, Detail, MapRow, find_optimum, grid, mean_map, read_map, write_map
 
 
 def row(weft, warp, active=50.0, stress=1e8, tension=(0.1, 0.2), reason="steady", above=0.0) -> MapRow:

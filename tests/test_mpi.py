@@ -31,7 +31,7 @@ PATIENCE = 240  # [s] for what takes some seconds: a rank that hangs is a failur
 # the command line with a fault put in: rank 1 runs out of memory at its fifth look
 OUT_OF_MEMORY = """
 import sys
-from warpknit import watch
+from warpknit.run import watch
 from warpknit.cli import main
 look, looks = watch.Watch._look, 0
 def fail(self, progress):

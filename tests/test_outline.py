@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpknit.cut import cut_cloth
 from warpknit.errors import SceneError
 from warpknit.knit.cloth import knit_cloth
-from warpknit.model import build_model
-from warpknit.outline import Outline, disc, is_simple, rectangle, regular, turned
+from warpknit.mesh.cut import cut_cloth
+from warpknit.mesh.thread_curve import ThreadCurve
+from warpknit.model.model import build_model
 from warpknit.scene import load_scene, make_scene, resolved_toml
-from warpknit.thread_curve import ThreadCurve
+from warpknit.scene.outline import Outline, disc, is_simple, rectangle, regular, turned
 
 SHAPES = {
     "rectangle": (rectangle(3e-2, 2e-2), 6e-4),

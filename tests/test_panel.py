@@ -10,10 +10,10 @@ import pytest
 
 from warpknit import measure
 from warpknit.kernels import clamp
-from warpknit.model import Model, build_model
+from warpknit.model.model import Model, build_model
+from warpknit.model.state import initial_state
 from warpknit.scene import load_scene
-from warpknit.simulate import Simulation
-from warpknit.state import initial_state
+from warpknit.solve.simulate import Simulation
 
 PATCH = Path(__file__).parents[1] / "scenes/atlas_patch.toml"
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from warpknit import measure
-from warpknit.model import build_model
-from warpknit.outline import disc, rectangle
-from warpknit.panel_map import PanelMap, panel_map
-from warpknit.rim import Rim, build_rim
+from warpknit.measure.panel_map import PanelMap, panel_map
+from warpknit.measure.surface import find_surface
+from warpknit.mesh.rim import Rim, build_rim
+from warpknit.model.model import build_model
+from warpknit.model.state import initial_state
 from warpknit.scene import Cord, make_scene
-from warpknit.simulate import Record, Simulation
-from warpknit.state import initial_state
-from warpknit.surface import find_surface
+from warpknit.scene.outline import disc, rectangle
+from warpknit.solve.simulate import Record, Simulation
 
 LOAD = {"strain_weft": 0.1, "strain_warp": 0.08}
 
@@ -124,7 +124,7 @@ def test_a_taut_cord_runs_straight_between_net_nodes() -> None:
 def test_a_gripped_panel_reports_what_its_thresholds_ask_for() -> None:
     from dataclasses import replace
 
-    from warpknit.panel_report import report_panel
+    from warpknit.run.panel_report import report_panel
 
     record = stretched()
     model = record.reading.model

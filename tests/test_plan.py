@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpknit import measure, model, plan
+from warpknit import measure, plan
 from warpknit.errors import DeviceError, MemoryNeeded
 from warpknit.knit.chain import KnitError
-from warpknit.model import MEMORY_PER_NODE, build_model
+from warpknit.model import model
+from warpknit.model.model import MEMORY_PER_NODE, build_model
+from warpknit.model.state import initial_state
 from warpknit.plan import ESTIMATE_FACTOR, make_plan
 from warpknit.scene import load_scene, make_scene
-from warpknit.simulate import Simulation
-from warpknit.state import initial_state
+from warpknit.solve.simulate import Simulation
 
 ROOT = Path(__file__).parent.parent
 CELL = ROOT / "scenes" / "atlas_cell.toml"

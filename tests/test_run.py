@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from warpknit.errors import RunDirectoryError
-from warpknit.run import run_scene
+from warpknit.run.run import run_scene
+from warpknit.run.watch import Watch
 from warpknit.scene import load_scene
-from warpknit.watch import Watch
 
 SCENES = Path(__file__).parents[1] / "scenes"
 QUICK = ["output.frames=4", "solver.preset=draft", "output.usd=false", "output.figures=false"]

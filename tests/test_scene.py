@@ -10,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic_core import PydanticCustomError
 
-from warpknit.materials import MATERIALS
-from warpknit.presets import PRESETS
 from warpknit.scene import SceneError, load_scene, make_scene, resolved_toml
-from warpknit.scene_file import LoopTable
-from warpknit.scene_report import known_keys
-from warpknit.units import QuantityError, si
+from warpknit.scene.file import LoopTable
+from warpknit.scene.materials import MATERIALS
+from warpknit.scene.messages import known_keys
+from warpknit.scene.presets import PRESETS
+from warpknit.scene.units import QuantityError, si
 
 if sys.version_info >= (3, 11):
     import tomllib

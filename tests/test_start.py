@@ -10,15 +10,16 @@ import pytest
 
 from warpknit import measure
 from warpknit.kernels import control as c
-from warpknit.membrane import Correction
-from warpknit.model import Model, build_model
-from warpknit.prolongation import smaller_scene
-from warpknit.reading import node_entries
-from warpknit.relax import MEMBRANE_TOLERANCE, Relaxation
-from warpknit.response import STRAIN, carried_values
+from warpknit.measure.reading import node_entries
+from warpknit.model.model import Model, build_model
+from warpknit.model.state import State, initial_state
 from warpknit.scene import load_scene
-from warpknit.simulate import Progress, Simulation
-from warpknit.state import State, initial_state
+from warpknit.solve.large import MEMBRANE_TOLERANCE
+from warpknit.solve.membrane import Correction
+from warpknit.solve.prolongation import smaller_scene
+from warpknit.solve.relax import Relaxation
+from warpknit.solve.response import STRAIN, carried_values
+from warpknit.solve.simulate import Progress, Simulation
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"
 TOLERANCE = 3e-3  # of the standard preset: what a tension may still drift

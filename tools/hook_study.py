@@ -26,11 +26,11 @@ from matplotlib.figure import Figure
 
 from warpknit.device import start_warp
 from warpknit.errors import Diverged
-from warpknit.hook_contact import HookContact, hook_contact
-from warpknit.model import Model, build_model
+from warpknit.measure.hook_contact import HookContact, hook_contact
+from warpknit.model.model import Model, build_model
+from warpknit.model.state import initial_state
 from warpknit.scene import Scene, load_scene
-from warpknit.simulate import Simulation
-from warpknit.state import initial_state
+from warpknit.solve.simulate import Simulation
 
 SCENES = Path(__file__).parents[1] / "scenes"
 TREATMENTS = ("point", "spring_point", "spring_cylinder", "ring", "friction_plane", "free_body")

@@ -15,12 +15,12 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
-from warpknit.batch import Batch
-from warpknit.model import Model, build_model
+from warpknit.model.model import Model, build_model
+from warpknit.model.state import initial_state
 from warpknit.scene import Scene, Stage, load_scene
-from warpknit.simulate import Simulation
-from warpknit.state import initial_state
-from warpknit.step import CORES
+from warpknit.solve.simulate import Simulation
+from warpknit.solve.step import CORES
+from warpknit.sweep.batch import Batch
 
 
 def main() -> None:

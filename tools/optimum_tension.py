@@ -18,7 +18,7 @@ from pathlib import Path
 
 from warpknit.files import write_aside
 from warpknit.scene import load_scene
-from warpknit.sweep import run_map
+from warpknit.sweep.sweep import run_map
 
 MATERIALS = {
     "tungsten": ["wire.material=tungsten"],

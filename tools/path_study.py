@@ -21,7 +21,7 @@ from study import COLOURS, new_figure, run, scene_of, show_rows, tidy, write_row
 
 from warpknit import measure
 from warpknit.device import start_warp
-from warpknit.simulate import Record
+from warpknit.solve.simulate import Record
 
 FRICTIONS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 OVERLOADS = (0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.24, 0.28)

@@ -17,10 +17,10 @@ import numpy as np
 
 from warpknit import measure
 from warpknit.device import start_warp
-from warpknit.model import build_model
+from warpknit.model.model import build_model
+from warpknit.model.state import initial_state
 from warpknit.scene import load_scene
-from warpknit.simulate import Simulation
-from warpknit.state import initial_state
+from warpknit.solve.simulate import Simulation
 
 
 def seconds(work: Callable[[], object], count: int) -> float:

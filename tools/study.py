@@ -15,10 +15,10 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from warpknit.model import Model, build_model
+from warpknit.model.model import Model, build_model
+from warpknit.model.state import initial_state
 from warpknit.scene import Scene, make_scene
-from warpknit.simulate import Record, Simulation
-from warpknit.state import initial_state
+from warpknit.solve.simulate import Record, Simulation
 
 if sys.version_info >= (3, 11):
     import tomllib

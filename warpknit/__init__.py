@@ -22,11 +22,11 @@ __version__ = "0.1.0"
 _DOOR = {
     "load_scene": "scene",
     "knit_cloth": "knit.cloth",
-    "build_model": "model",
-    "initial_state": "state",
-    "Simulation": "simulate",
+    "build_model": "model.model",
+    "initial_state": "model.state",
+    "Simulation": "solve.simulate",
     "measure": None,
-    "run_scene": "run",
+    "run_scene": "run.run",
     "export_run": "export",
 }
 __all__ = ["__version__", *_DOOR]

@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 from warpknit.errors import ModelError, WarpknitError
-from warpknit.launch import join_ranks, started_as
-from warpknit.ranks import One, Ranks
+from warpknit.ranks.launch import join_ranks, started_as
+from warpknit.ranks.ranks import One, Ranks
 
 if TYPE_CHECKING:
     from warpknit.scene import Scene
@@ -168,8 +168,8 @@ def run(
     loaded = load_scene(scene, overrides, preset)
     directory = Path(out) if out else Path("runs") / loaded.name
 
-    from warpknit.progress import progress_for
-    from warpknit.run import run_scene
+    from warpknit.run.progress import progress_for
+    from warpknit.run.run import run_scene
 
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         result = run_scene(
@@ -180,7 +180,7 @@ def run(
     if result.exit_code != FINISHED:
         click.echo(f"warpknit: {result.message}", err=True)
         return int(result.exit_code)
-    from warpknit.report import print_summary
+    from warpknit.run.report import print_summary
 
     print_summary(result.summary, directory)
     return FINISHED
@@ -209,8 +209,8 @@ def contact_map(
     loaded = load_scene(scene, overrides, preset)
     directory = Path(out) if out else Path("runs") / loaded.name
 
-    from warpknit.progress import progress_for
-    from warpknit.sweep import map_lines, run_map
+    from warpknit.run.progress import progress_for
+    from warpknit.sweep.sweep import map_lines, run_map
 
     if ranks.count > 1:
         raise ModelError(f"a map is not shared by {ranks.count} ranks: run it without mpirun")
@@ -220,7 +220,7 @@ def contact_map(
     if result.exit_code != FINISHED:
         click.echo(f"warpknit: {result.message}", err=True)
         return result.exit_code
-    from warpknit.report import engineering, print_table
+    from warpknit.run.report import engineering, print_table
 
     print_table([*map_lines(result.summary, engineering), ("results in", str(directory))])
     return FINISHED
@@ -268,9 +268,9 @@ def report(
     loaded = report_scene(load_scene(scene, overrides, preset))
     directory = Path(out) if out else Path("runs") / loaded.name
 
-    from warpknit.contact_map import read_map
-    from warpknit.progress import progress_for
-    from warpknit.sweep import map_lines, run_map
+    from warpknit.run.progress import progress_for
+    from warpknit.sweep.contact_map import read_map
+    from warpknit.sweep.sweep import map_lines, run_map
 
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         if length or fit_curve:
@@ -283,7 +283,7 @@ def report(
             return result.exit_code
         rows = read_map(directory / "map.csv", directory / "map_details.csv")
         found = make_report(loaded, rows, directory, tension=asked, notes=fitted.notes, progress=progress)
-    from warpknit.report import engineering, print_table
+    from warpknit.run.report import engineering, print_table
 
     lines = [("mesh", note) for note in fitted.notes]
     lines += [*map_lines(result.summary, engineering), ("material card", found.where), ("page", str(directory / "report.html"))]
@@ -295,7 +295,7 @@ def positive_quantity(option: str, given: str | None, dimension: str) -> float |
     """The value of an option in SI, None where it is not given; raises click.UsageError unless it is above zero."""
     if given is None:
         return None
-    from warpknit.units import DIMENSIONS, QuantityError, shown, si
+    from warpknit.scene.units import DIMENSIONS, QuantityError, shown, si
 
     try:
         value = si(given, dimension)
@@ -339,8 +339,8 @@ def export(run_dir: str, to: str) -> None:
 def naming_the_file(scene: Scene) -> Iterator[None]:
     """Errors of the knit and of the model name a key but not the file that gave it: put the file in front."""
     from warpknit.knit.chain import KnitError
-    from warpknit.scene_report import scene_error
-    from warpknit.units import shown
+    from warpknit.scene.messages import scene_error
+    from warpknit.scene.units import shown
 
     try:
         yield

@@ -17,7 +17,10 @@ from typing import Any
 from .device import find_device
 from .knit.chain import parse_chain
 from .knit.cloth import Cloth
-from .model import (
+from .mesh.panel import table_lead
+from .mesh.rim import net_nodes
+from .mesh.table import Table, rest_table
+from .model.model import (
     SLIDE_ALLOWANCE,
     Model,
     available_memory,
@@ -27,13 +30,10 @@ from .model import (
     knit_scene,
     required_memory,
 )
-from .numerics import Numbers, choose_numbers
-from .panel import table_lead
-from .prolongation import smaller_scene
-from .rim import net_nodes
+from .model.numerics import Numbers, choose_numbers
 from .scene import Scene, Stage
-from .step import thread_count
-from .table import Table, rest_table
+from .solve.prolongation import smaller_scene
+from .solve.step import thread_count
 
 COUNTED_NODES = 2_000_000  # meshes up to here are laid out to be counted: a second or two
 PROGRAM_MEMORY = 430 * 2**20  # [bytes] of a run of few nodes, its libraries included

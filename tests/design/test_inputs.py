@@ -11,7 +11,7 @@ from warpknit.design import inputs
 from warpknit.design.inputs import COLUMNS, Known, fit_curve, fit_loop_length, openings_per_length, with_known, with_openings
 from warpknit.design.states import states_at
 from warpknit.errors import InputError
-from warpknit.model import build_model, knit_scene
+from warpknit.model.model import build_model, knit_scene
 from warpknit.scene import load_scene
 
 SCENE = Path(__file__).parents[2] / "scenes" / "contact_map.toml"

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from warpknit.design.network import holm_resistance, sheet_conductance, wire_resistance
-from warpknit.materials import MATERIALS
 from warpknit.scene import make_scene
+from warpknit.scene.materials import MATERIALS
 
 
 def square_grid(n: int, pitch: float, segment: float, contact: float):

@@ -9,9 +9,9 @@ import pytest
 from click.testing import CliRunner
 
 from warpknit.cli import main
-from warpknit.contact_map import Cell, Detail, MapRow
 from warpknit.design import curves
 from warpknit.design.service import largest_common_tension, strains_at_tension
+from warpknit.sweep.contact_map import Cell, Detail, MapRow
 
 SCENES = Path(__file__).parents[2] / "scenes"
 SMALL = ["output.frames=3", "sweep.strain_weft=[0.08, 0.12, 0.16]", "sweep.strain_warp=[0.08, 0.12, 0.16]"]

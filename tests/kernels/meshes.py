@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from warpknit.model import Model, build_model
-from warpknit.reading import node_entries
+from warpknit.measure.reading import node_entries
+from warpknit.model.model import Model, build_model
+from warpknit.model.state import State, initial_state
 from warpknit.scene import load_scene
-from warpknit.simulate import Simulation
-from warpknit.state import State, initial_state
-from warpknit.step import ForceProbe, Stepper
+from warpknit.solve.simulate import Simulation
+from warpknit.solve.step import ForceProbe, Stepper
 
 SCENES = Path(__file__).parents[2] / "scenes"
 MESHES = {

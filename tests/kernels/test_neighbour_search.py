@@ -11,10 +11,10 @@ from verification.wires import CLOSEST_POINT_TOLERANCE, Rig, panel_of_wires, str
 
 from warpknit import measure
 from warpknit.kernels import control as c
-from warpknit.neighbours import NeighbourSearch
-from warpknit.simulate import Simulation
-from warpknit.state import initial_state
-from warpknit.step import Stepper
+from warpknit.model.state import initial_state
+from warpknit.solve.neighbours import NeighbourSearch
+from warpknit.solve.simulate import Simulation
+from warpknit.solve.step import Stepper
 
 
 def distances(mesh: Mesh, pair: int) -> tuple[np.ndarray, np.ndarray]:

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from warpknit.kernels import control as c
-from warpknit.model import build_model
-from warpknit.neighbours import NeighbourSearch
-from warpknit.replicas import Replicas
+from warpknit.model.model import build_model
+from warpknit.model.state import State, initial_state
 from warpknit.scene import make_scene
-from warpknit.state import State, initial_state
-from warpknit.step import Stepper
+from warpknit.solve.neighbours import NeighbourSearch
+from warpknit.solve.step import Stepper
+from warpknit.sweep.replicas import Replicas
 
 STEPS = 37  # odd: it ends in the other buffer of displacements
 STRAINS = (0.02, 0.12, 0.2)

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from warpknit import measure
-from warpknit.model import build_model
-from warpknit.multiplier_rules import AXIAL_ERROR
+from warpknit.model.model import build_model
+from warpknit.model.state import initial_state
 from warpknit.scene import load_scene
-from warpknit.simulate import Record, Simulation
-from warpknit.state import initial_state
+from warpknit.solve.multiplier_rules import AXIAL_ERROR
+from warpknit.solve.simulate import Record, Simulation
 
 SCENES = Path(__file__).parents[2] / "scenes"
 DRAFT_ERROR = 0.06  # largest error of a force at the draft preset against the reference, at 10 % strain (docs/accuracy.md)
@@ -171,7 +171,7 @@ strain_warp = 0.0
 
 def test_tension_drive_meets_the_tension() -> None:
     """A stage driven by tension ends within the search's tolerance of it."""
-    from warpknit.tension import TOLERANCE
+    from warpknit.solve.tension import TOLERANCE
 
     run = cell('load.tension_weft="0.3 N/m"', 'load.tension_warp="0.2 N/m"', "output.frames=3")
     weft, warp = measure.mesh_tension(run[-1].reading)

@@ -14,14 +14,14 @@ import pytest
 from hook_reference import Contact, Hook
 
 from warpknit import measure
-from warpknit.hook import LEFT_TOP, RIGHT_TOP
-from warpknit.hook_contact import HookContact, hook_contact
-from warpknit.measure import Reading
-from warpknit.model import build_model
+from warpknit.measure.hook_contact import HookContact, hook_contact
+from warpknit.measure.reading import Reading
+from warpknit.mesh.hook import LEFT_TOP, RIGHT_TOP
+from warpknit.model.model import build_model
+from warpknit.model.state import initial_state
 from warpknit.scene import Scene, make_scene
-from warpknit.simulate import Simulation
-from warpknit.state import initial_state
-from warpknit.timestep import stable_step
+from warpknit.solve.simulate import Simulation
+from warpknit.solve.timestep import stable_step
 
 DIAMETER = 15e-6
 DISPLACEMENT = 0.8e-3
@@ -260,7 +260,7 @@ def test_a_hook_goes_on_from_where_it_was_kept(treatment: str) -> None:
 def test_both_wire_kernels_step_a_hook_alike() -> None:
     """A thread a node, as on a GPU, and a block a thread: a thousand steps agree to the round-off of sums in another order."""
     from warpknit.kernels import control as c
-    from warpknit.step import Stepper
+    from warpknit.solve.step import Stepper
 
     model = build_model(hook_scene(16, contact={"treatment": "spring-cylinder"}))
     states = []

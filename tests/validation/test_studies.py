@@ -17,10 +17,10 @@ from path_study import Overload, cycle, overload
 from rhombus_study import Row, both_ways, curve_at_rest, nodes, rows_of, sizes
 from study import run_model, scene_of
 
-from warpknit.history import row_of
-from warpknit.model import build_model
-from warpknit.relax import PATIENCE, PATIENT_NODES, patience_of
-from warpknit.summary import warnings_of
+from warpknit.model.model import build_model
+from warpknit.run.history import row_of
+from warpknit.run.summary import warnings_of
+from warpknit.solve.relax import PATIENCE, PATIENT_NODES, patience_of
 
 DRAFT = "solver.preset=draft"
 CELL = "atlas_cell.toml"

@@ -18,7 +18,7 @@ from verification.wires import (
 )
 
 from warpknit.kernels import control as c
-from warpknit.state import LOOK_AHEAD
+from warpknit.model.state import LOOK_AHEAD
 
 SEGMENTS = 40
 SPACING = 50e-6

@@ -12,7 +12,7 @@ from verification.wires import CLOSEST_POINT_TOLERANCE, EPSILON, Rig, circle, pa
 
 from warpknit.kernels import control as c
 from warpknit.kernels.contact import CURVE_COEFFICIENTS
-from warpknit.table import Table
+from warpknit.mesh.table import Table
 
 NODES = 40
 RADIUS = 0.4e-3

@@ -9,12 +9,12 @@ import warp as wp
 from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.kernels.friction import LOOSE, TANGENTIAL
-from warpknit.model import build_model
-from warpknit.path import Path
+from warpknit.model.model import build_model
+from warpknit.model.state import initial_state
 from warpknit.scene import make_scene
-from warpknit.simulate import Simulation
-from warpknit.state import initial_state
-from warpknit.step import Stepper
+from warpknit.solve.path import Path
+from warpknit.solve.simulate import Simulation
+from warpknit.solve.step import Stepper
 
 CYCLE = {
     "model": {"boundary": "periodic"},

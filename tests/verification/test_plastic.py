@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from warpknit import measure
-from warpknit.model import Model, build_model
-from warpknit.path import Path
-from warpknit.reading import read
+from warpknit.measure.reading import read
+from warpknit.model.model import Model, build_model
+from warpknit.model.state import State, initial_state
 from warpknit.scene import make_scene
-from warpknit.simulate import Simulation
-from warpknit.state import State, initial_state
+from warpknit.solve.path import Path
+from warpknit.solve.simulate import Simulation
 
 CYCLE = {
     "model": {"boundary": "periodic"},

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from warpknit import measure
-from warpknit.model import build_model
+from warpknit.model.model import build_model
+from warpknit.model.state import initial_state
 from warpknit.scene import load_scene
-from warpknit.simulate import Simulation
-from warpknit.state import initial_state
+from warpknit.solve.simulate import Simulation
 
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell.toml"
 OTHER = [

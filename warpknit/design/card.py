@@ -21,8 +21,8 @@ import numpy as np
 
 from .. import measure
 from ..errors import Diverged
-from ..model import Model
-from ..reading import Reading
+from ..measure.reading import Reading
+from ..model.model import Model
 from .states import states_at
 
 STEP = 1e-3  # strain of the differences

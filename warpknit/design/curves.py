@@ -8,8 +8,8 @@ import numpy as np
 
 from .. import measure
 from ..errors import Diverged
-from ..model import Model
-from ..reading import Reading
+from ..measure.reading import Reading
+from ..model.model import Model
 from .network import sheet_resistance
 from .states import states_at
 

@@ -22,7 +22,7 @@ from ..knit.cloth import Cloth
 from ..knit.lapping import lapping_table
 from ..knit.loops import RANGES, LoopProportions, loop_shape
 from ..knit.openings import find_openings
-from ..model import build_model, knit_scene
+from ..model.model import build_model, knit_scene
 from ..scene import Scene
 from .states import states_at
 

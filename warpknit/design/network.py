@@ -19,9 +19,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from .. import measure
-from ..materials import MATERIALS, Material
-from ..reading import Reading
+from ..measure.reading import Reading
 from ..scene import Wire
+from ..scene.materials import MATERIALS, Material
 
 SHORTEST = 1e-9  # of a wire: a stretch between two contacts at one place
 CONDUCTS = 1e-9  # of the better direction: a worse conductance is round-off

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import ndimage
 
 from .. import measure
-from ..reading import Reading
+from ..measure.reading import Reading
 
 POINTS_ACROSS = 5  # grid points on a wire thickness
 MOST_POINTS = 6_000_000  # of the grid over nine tiles: a large repeat of thin wire is looked at more coarsely

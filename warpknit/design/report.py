@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from .. import measure
-from ..contact_map import MapRow, Optimum, find_optimum, grid
 from ..errors import Diverged, SceneError
 from ..files import write_aside, write_table
-from ..model import Model, build_model
-from ..progress import Progress
-from ..reading import Reading
-from ..report import engineering
+from ..measure.reading import Reading
+from ..model.model import Model, build_model
+from ..run.progress import Progress
+from ..run.report import engineering
 from ..scene import Scene, Sweep
+from ..sweep.contact_map import MapRow, Optimum, find_optimum, grid
 from .card import MaterialCard, find_card, find_card_at_tension
 from .card_files import write_card
 from .curves import CurvePoint, tension_strain

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from scipy.constants import speed_of_light
 
-from ..contact_map import Optimum
 from ..knit.cloth import Cloth
-from ..report import engineering
+from ..run.report import engineering
 from ..scene import Scene
+from ..sweep.contact_map import Optimum
 from .card import AGREEMENT, MaterialCard
 from .card_files import DEFINITION, card_values
 from .curves import CurvePoint

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from .. import measure
-from ..contact_map import MapRow, grid
 from ..errors import Diverged
-from ..model import Model
+from ..model.model import Model
+from ..sweep.contact_map import MapRow, grid
 from .states import states_at
 
 SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf. Ser. 402, 66)

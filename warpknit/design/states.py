@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..batch import Batch
 from ..errors import Diverged
-from ..model import Model, build_model
-from ..reading import Reading
+from ..measure.reading import Reading
+from ..model.model import Model, build_model
 from ..scene import Scene
+from ..sweep.batch import Batch
 
 DIFFERENCE_TOLERANCE = 1e-4  # residual, so that the differences between states hold three digits
 

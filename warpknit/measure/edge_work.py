@@ -1,0 +1,38 @@
+"""Work of what differs from place to place: clamps that leave the affinely mapped outline, and warmth that is not even.
+
+Added up from one recorded state to the next by the mean of the forces at both (the trapezoidal rule).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from . import whole
+from .reading import Reading
+
+
+class EdgeWork:
+    """Keeps the account over the records of a run."""
+
+    def __init__(self) -> None:
+        self._work = 0.0
+        self._last: list[np.ndarray] = []  # forces [N], displacements [m], warmth forces [J], warmth
+
+    def account(self, reading: Reading) -> float:
+        """[J] since the first record, this one included."""
+        now = [whole.edge_force(reading), reading.clamp_shift, whole.warmth_force(reading), reading.warmth]
+        if self._last:
+            for force, place in ((0, 1), (2, 3)):
+                mean = 0.5 * (now[force] + self._last[force])
+                self._work += float(np.sum(mean * (now[place] - self._last[place])))
+        self._last = now
+        return self._work
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """What a checkpoint keeps."""
+        return {"edge_work": np.array(self._work)} | {f"edge_work_{k}": value for k, value in enumerate(self._last)}
+
+    def recall(self, kept: dict[str, np.ndarray]) -> None:
+        """Put back what `memory` returned."""
+        self._work = float(kept["edge_work"])
+        self._last = [kept[f"edge_work_{k}"] for k in range(4) if f"edge_work_{k}" in kept]

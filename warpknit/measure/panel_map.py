@@ -1,0 +1,130 @@
+"""Maps over a gripped panel: strain, tension, active contacts and stress of each repeat of the knit.
+
+A tile is one repeat of the cloth at rest. Its nominal stress P is the virial of what lies in it (mesh.nominal_stress, tile by
+tile), its deformation gradient F that of the whole plus the slope of the mean displacement from tile to tile; the tension is
+the force per current width, P F^T / det F.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import whole
+from .reading import Reading
+
+LEAST_SHARE = 0.5  # of a tile inside the outline, for a value to be given
+NODES_AT_ONCE = 1_000_000
+FEWEST_TILES = 12  # whole tiles from which a panel has a map
+
+
+@dataclass(frozen=True)
+class PanelMap:
+    """Values on tiles (column, row); nan where less than LEAST_SHARE of the tile is mesh."""
+
+    low: np.ndarray  # (2,) [m] lower corner of the first tile, from the middle of the panel at rest
+    tile: np.ndarray  # (2,) [m] size of a tile at rest
+    inside: np.ndarray  # share of the tile inside the outline
+    gradient: np.ndarray  # (column, row, 2, 2) deformation gradient
+    nominal: np.ndarray  # (column, row, 2, 2) [N/m] force per rest width
+    tension: np.ndarray  # (column, row, 2, 2) [N/m] force per current width
+    active_percent: np.ndarray  # of the pairs of the tile
+    stress_max: np.ndarray  # [Pa]
+
+    @property
+    def known(self) -> np.ndarray:
+        """Whether a tile has values."""
+        return self.inside >= LEAST_SHARE
+
+    @property
+    def place(self) -> np.ndarray:
+        """(column, row, 2) [m] middle of each tile, from the middle of the panel at rest."""
+        column, row = np.indices(self.inside.shape)
+        return self.low + (np.stack([column, row], axis=-1) + 0.5) * self.tile
+
+    def area_share(self, below: np.ndarray) -> float:
+        """Share of the panel's area where a condition (column, row) holds, of what has values."""
+        area = np.where(self.known, self.inside, 0.0)
+        return float(area[below & self.known].sum() / area.sum())
+
+
+def has_map(reading: Reading) -> bool:
+    """Whether the mesh is a gripped one of enough repeats."""
+    panel, cloth = reading.model.panel, reading.model.cloth
+    return panel.outline is not None and cloth is not None and panel.area >= FEWEST_TILES * float(np.prod(cloth.size))
+
+
+def panel_map(r: Reading) -> PanelMap:
+    """The maps of a gripped panel."""
+    panel, table, cloth = r.model.panel, r.model.table, r.model.cloth
+    assert panel.outline is not None and cloth is not None
+    tile = np.array(cloth.size)
+    shape = tuple(np.maximum(1, np.ceil(panel.size / tile - 1e-9)).astype(int).tolist())
+    middle = panel.low + 0.5 * panel.size
+    low = middle - 0.5 * tile * shape
+
+    def number(place: np.ndarray) -> np.ndarray:
+        """Tile of points (point, 2) [m] at rest."""
+        column, row = np.clip(np.floor((place - low) / tile).astype(np.int64), 0, np.array(shape) - 1).T
+        return column * shape[1] + row
+
+    def gather(where: np.ndarray, values: np.ndarray) -> np.ndarray:
+        return np.bincount(where, values, minlength=shape[0] * shape[1])
+
+    virial, stress_max = np.zeros((shape[0] * shape[1], 2, 2)), np.zeros(shape[0] * shape[1])
+    force, stress = r.segment_force, whole.wire_stress(r)
+    inside = np.any(r.edge != 0.0, axis=1)
+    origin = np.repeat(np.arange(len(panel.block_first)), panel.block_count)
+    for begin in range(0, panel.node_count, NODES_AT_ONCE):
+        part = slice(begin, begin + NODES_AT_ONCE)
+        entry = r.entry[part]
+        where = number(np.stack([table.x[entry], table.y[entry]], axis=1) + panel.block_origin[origin[part]])
+        np.maximum.at(stress_max, where, stress[part])
+        rest_edge = np.where(inside[part, None], np.stack([table.rest_x[entry], table.rest_y[entry]], axis=1), 0.0)
+        for a, b in np.ndindex(2, 2):
+            virial[:, a, b] += gather(where, force[part, a] * rest_edge[:, b])
+    del force, stress
+    body_tile = number(panel.body_rest + panel.body_origin)
+    touching = np.nonzero(r.pair_force > 0)[0]
+    lever = whole.pair_levers(r, touching)
+    held_tile = number(panel.clamp_position[panel.held_clamp])
+    held = whole.held_forces(r)
+    for a, b in np.ndindex(2, 2):
+        virial[:, a, b] += gather(body_tile[touching // 2], np.einsum("pk,pk->p", r.pair_nodal[touching, :, a], lever[..., b]))
+        virial[:, a, b] += gather(held_tile, held[:, a] * panel.held_lever[:, b])
+    share = panel.outline.cover(low, tile, shape)
+    known = share >= LEAST_SHARE
+
+    def shown(values: np.ndarray) -> np.ndarray:
+        values = values.reshape(*shape, *values.shape[1:]).astype(float)
+        values[~known] = np.nan
+        return values
+
+    pairs = 2.0 * gather(body_tile, np.ones(panel.body_count))
+    active = gather(body_tile, whole.pair_active(r).reshape(-1, 2).sum(axis=1).astype(float))
+    moved = np.stack([gather(body_tile, r.body_u[:, a]) for a in range(2)], axis=1) / np.maximum(0.5 * pairs, 1.0)[:, None]
+    gradient = r.gradient + _slopes(moved.reshape(*shape, 2), known & (pairs.reshape(shape) > 0), tile)
+    nominal = shown(virial) / (np.maximum(share, LEAST_SHARE) * np.prod(tile))[..., None, None]
+    tension = np.einsum("xyab,xycb->xyac", nominal, gradient) / np.linalg.det(gradient)[..., None, None]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        percent = shown(100.0 * active / pairs)
+    gradient = np.where(known[..., None, None], gradient, np.nan)
+    return PanelMap(low - middle, tile, share, gradient, nominal, tension, percent, shown(stress_max))
+
+
+def _slopes(moved: np.ndarray, known: np.ndarray, tile: np.ndarray) -> np.ndarray:
+    """(column, row, 2, 2) slope of a displacement (column, row, 2) [m]: central where both neighbours are known, else to one
+    side, else none."""
+    slopes = np.zeros((*known.shape, 2, 2))
+    for axis in range(2):
+        u, there = np.moveaxis(moved, axis, 0), np.moveaxis(known, axis, 0)
+        total, count = np.zeros_like(u), np.zeros(there.shape)
+        both = there[1:] & there[:-1]
+        step = np.where(both[..., None], np.diff(u, axis=0) / tile[axis], 0.0)
+        for part in (slice(1, None), slice(None, -1)):
+            total[part] += step
+            count[part] += both
+        slope = np.where(count[..., None] > 0, total / np.maximum(count, 1.0)[..., None], 0.0)
+        slopes[..., axis] = np.moveaxis(slope, 0, axis)
+    return slopes

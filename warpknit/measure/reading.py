@@ -1,0 +1,253 @@
+"""A reading: the state of a mesh on the host, and what follows from it node by node.
+
+`read(model, state)` brings what is needed to the host once; what is measured on it is in measure.py.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import warp as wp
+
+from ..kernels import clamp
+from ..kernels import control as c
+from ..kernels.energy import evaluate_wires
+from ..kernels.wires_by_block import BLOCK_SIZE
+from ..model.join import Join
+from ..model.model import Model
+from ..model.state import State
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The state on the host, float64. Segment values stand at the node that starts the segment."""
+
+    model: Model
+    control: np.ndarray
+    u: np.ndarray  # [node, 2] [m] displacement from the affinely mapped rest shape
+    body_u: np.ndarray  # [body, 2] [m]
+    clamp_shift: np.ndarray  # [clamp, 2] [m] displacement of the clamps from the affinely mapped outline
+    warmth: np.ndarray  # [wire, 2] see State.wire_warmth
+    edge: np.ndarray  # [node, 2] [m] zero behind the last node of an open wire
+    tension: np.ndarray  # [node] [N]
+    wire_axial: np.ndarray  # [wire] [N] softened axial stiffness
+    turning: np.ndarray  # [node] [rad] turning angle less its natural value
+    plastic_turn: np.ndarray  # [node, or one without yield] [rad] of it, what stayed as of the last state at rest
+    back_turn: np.ndarray  # [node, or one] [rad] elastic turning that the wire yields on either side of
+    pair_force: np.ndarray  # [pair] [N]
+    pair_offset: np.ndarray  # [pair] [N] part of the force that the running multiplier carries
+    pair_gap: np.ndarray  # [pair] [m] meaningful where the force is not zero
+    pair_node: np.ndarray  # [pair]
+    pair_slide: np.ndarray  # [pair]
+    pair_u: np.ndarray  # [pair]
+    pair_nodal: np.ndarray  # [pair, 4, 2] [N] zero where the force is zero
+
+    @property
+    def gradient(self) -> np.ndarray:
+        """Deformation gradient (2, 2) of the boundary."""
+        return self.control[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2)
+
+    @property
+    def length_factor(self) -> float:
+        return float(self.control[int(c.LENGTH_FACTOR)])
+
+    @cached_property
+    def entry(self) -> np.ndarray:
+        """[node] entry of the rest table."""
+        return node_entries(self.model)
+
+    @cached_property
+    def segment_force(self) -> np.ndarray:
+        """[node, 2] [N] gradient of the energy by the edge: n = T t + (g - g_next)/|e| nu (kernels/wires.py)."""
+        panel = self.model.panel
+        moment = self.moment
+        moment += self.bow_moment
+        shear = np.roll(moment, -1)
+        last = panel.wire_first + panel.wire_count - 1
+        shear[last] = np.where(panel.wire_closed, moment[panel.wire_first], 0.0)
+        np.subtract(moment, shear, out=shear)
+        inverse = np.hypot(self.edge[:, 0], self.edge[:, 1])
+        np.divide(1.0, inverse, out=inverse, where=inverse > 0)
+        shear *= inverse
+        pull = self.tension * inverse
+        shear *= inverse
+        force = self.edge * pull[:, None]
+        force[:, 0] -= shear * self.edge[:, 1]
+        force[:, 1] += shear * self.edge[:, 0]
+        return force
+
+    # what follows is worked out when asked for: kept, it would be most of the memory of a large mesh
+
+    @property
+    def moment(self) -> np.ndarray:
+        """[node] [N m] bending moment."""
+        return self.model.bending_stiffness * self.curvature_change
+
+    @property
+    def bow_moment(self) -> np.ndarray:
+        """[node] [N m] by which tension unbends arcs that keep their length (kernels/bend.py)."""
+        panel = self.model.panel
+        pull = self.tension * self.natural_length * self.length_factor
+        before = np.roll(pull, 1)
+        last = panel.wire_first + panel.wire_count - 1
+        before[panel.wire_first] = pull[last]
+        moment = float(self.control[int(c.BOW_MOMENT)]) * (self.turning + self.natural_angle) * (pull + before)
+        for end in (panel.wire_first, last):
+            moment[end] = np.where(panel.wire_closed, moment[end], 0.0)
+        return moment
+
+    @property
+    def curvature_change(self) -> np.ndarray:
+        """[node] [1/m] elastic change of curvature: the turning over the length that the hinge stands for."""
+        return self.elastic_turning / (self.hinge_length * self.length_factor)
+
+    @property
+    def elastic_turning(self) -> np.ndarray:
+        """[node] [rad] part of the turning that is elastic (kernels/bend.py)."""
+        if not self.model.yield_moment:
+            return self.turning
+        trial = self.turning - self.plastic_turn
+        beyond = trial - self.back_turn
+        over = np.maximum(np.abs(beyond) - self.yield_turn, 0.0)
+        return trial - np.sign(beyond) * over * (1.0 - self.model.scene.wire.hardening)
+
+    @property
+    def yield_turn(self) -> np.ndarray:
+        """[node] [rad] by which a node may turn elastically to either side."""
+        return self.model.scene.wire.yield_curvature * self.hinge_length * self.length_factor
+
+    # rest data of the nodes: those of the table but next to clamps
+
+    @property
+    def natural_length(self) -> np.ndarray:
+        """[node] [m] of the segment that starts there, at the reference temperature."""
+        values = self.model.table.rest_length[self.entry]
+        if self.model.is_gripped:
+            for far, node in enumerate(self._segments_at_clamps):
+                values[node] = self.model.panel.wire_clamp[:, far, clamp.LENGTH]
+        return values
+
+    @property
+    def natural_angle(self) -> np.ndarray:
+        """[node] [rad] natural turning angle."""
+        values = self.model.table.rest_angle[self.entry]
+        for far, following, node in self._hinges_at_clamps:
+            values[node] = self.model.panel.wire_clamp[:, far, clamp.ANGLE + following]
+        return values
+
+    @property
+    def hinge_length(self) -> np.ndarray:
+        """[node] [m] wire that the hinge at the node stands for, at the reference temperature."""
+        values = self.model.table.hinge_length[self.entry]
+        for far, following, node in self._hinges_at_clamps:
+            values[node] /= self.model.panel.wire_clamp[:, far, clamp.HINGE + following]
+        return values
+
+    @property
+    def _segments_at_clamps(self) -> tuple[np.ndarray, np.ndarray]:
+        """Nodes [wire] that the first and the last segment between clamps start at."""
+        panel = self.model.panel
+        return panel.wire_first + 1, panel.wire_first + panel.wire_count - 3
+
+    @property
+    def _hinges_at_clamps(self) -> list[tuple[int, int, np.ndarray]]:
+        """End of the wire, 0 at the clamp or 1 at the next node, and those nodes [wire]."""
+        if not self.model.is_gripped:
+            return []
+        first, last = self.model.panel.wire_first, self.model.panel.wire_first + self.model.panel.wire_count - 1
+        return [(0, 0, first + 1), (0, 1, first + 2), (1, 0, last - 1), (1, 1, last - 2)]
+
+
+def node_entries(model: Model) -> np.ndarray:
+    """Table entry (node,) of each node."""
+    panel = model.panel
+    lane = np.arange(panel.node_count, dtype=np.int32) - np.repeat(panel.block_first, panel.block_count)
+    return np.repeat(panel.block_table, panel.block_count) + lane
+
+
+def read(model: Model, state: State) -> Reading:
+    """Evaluate the wires and copy the state to the host.
+
+    Where ranks share the mesh, all of them read together; what the first one gets is of the whole mesh.
+    """
+    return _joined(read_strip(model, state))
+
+
+def read_strip(model: Model, state: State) -> Reading:
+    """The same of what this rank holds, without the others."""
+    nodes = model.panel.node_count
+    out = [wp.zeros(nodes, dtype=model.precision.real, device=model.device) for _ in range(5)]
+    evaluate(model, state, out)
+    edge_x, edge_y, _, tension, turning = (a.numpy().astype(np.float64) for a in out)
+    now = state.parity
+    unit = model.precision.unit
+
+    def metres(ax: wp.array, ay: wp.array) -> np.ndarray:
+        return np.stack([ax.numpy(), ay.numpy()], axis=1).astype(np.float64) * unit
+
+    force = state.pair_force.numpy().astype(np.float64)
+    nodal = np.stack([state.pair_nodal_x.numpy(), state.pair_nodal_y.numpy()], axis=1).astype(np.float64)
+    return Reading(
+        model=model,
+        control=state.read_control().copy(),
+        u=metres(state.node_ux[now], state.node_uy[now]),
+        body_u=metres(state.body_ux, state.body_uy),
+        clamp_shift=state.clamp_shift,
+        warmth=state.wire_warmth.numpy().copy(),
+        edge=np.stack([edge_x, edge_y], axis=1),
+        tension=tension,
+        wire_axial=state.wire_axial.numpy().astype(np.float64),
+        turning=turning,
+        plastic_turn=state.plastic_turn.numpy().astype(np.float64),
+        back_turn=state.back_turn.numpy().astype(np.float64),
+        pair_force=force,
+        pair_offset=state.pair_offset.numpy().astype(np.float64),
+        pair_gap=state.pair_gap.numpy().astype(np.float64),
+        pair_node=state.pair_node.numpy().copy(),
+        pair_slide=state.pair_slide.numpy().copy(),
+        pair_u=state.pair_u.numpy().astype(np.float64),
+        pair_nodal=np.where(force[:, None, None] > 0, nodal.reshape(-1, 4, 2), 0.0),
+    )
+
+
+def _joined(reading: Reading) -> Reading:
+    """The reading of the whole mesh on the first rank; that of its strip, as it is, on the others."""
+    model = reading.model
+    join = Join(model)
+    first_node = 0 if model.strip is None else model.strip.nodes.start
+    joined = {name: join.nodes(getattr(reading, name)) for name in ("u", "edge", "tension", "turning")}
+    joined |= {"wire_axial": join.wires(reading.wire_axial), "body_u": join.bodies(reading.body_u)}
+    for name in ("plastic_turn", "back_turn"):
+        values = getattr(reading, name)
+        joined[name] = join.nodes(values) if len(values) == model.panel.node_count else values
+    joined |= {"clamp_shift": join.clamps(reading.clamp_shift), "warmth": join.wires(reading.warmth)}
+    joined["pair_node"] = join.pairs(reading.pair_node + first_node)
+    of_pairs = ("pair_force", "pair_offset", "pair_gap", "pair_slide", "pair_u", "pair_nodal")
+    joined |= {name: join.pairs(getattr(reading, name)) for name in of_pairs}
+    return replace(reading, model=model.whole, **joined) if model.ranks.is_first else reading
+
+
+def evaluate(model: Model, state: State, out: list[wp.array]) -> None:
+    """Run `evaluate_wires` into edge_x, edge_y, strain, tension, turning, each [node]."""
+    evaluation(model, state, state.parity, out, (0, len(model.panel.block_first))).launch()
+
+
+def evaluation(model: Model, state: State, parity: int, out: list[wp.array], blocks: tuple[int, int]) -> wp.Launch:
+    """The launch of `evaluate` for so many blocks from one on, to be repeated where the displacements stand in the buffers of
+    `parity`."""
+    mesh, rest = model.mesh, model.rest
+    return wp.launch(
+        evaluate_wires,
+        dim=blocks[1] * BLOCK_SIZE,
+        inputs=[
+            mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire, BLOCK_SIZE, blocks[0],
+            mesh.wire_first, mesh.wire_count, mesh.wire_closed, mesh.wire_clamp, state.wire_axial, state.wire_warmth,
+            state.control, model.precision.real(model.precision.unit),
+            rest.rest_x, rest.rest_y, rest.rest_length, rest.rest_angle, rest.rest_bow, state.tension_offset,
+            state.node_ux[parity], state.node_uy[parity], int(model.is_gripped), *out,
+        ],
+        device=model.device,
+        record_cmd=True,
+    )  # fmt: skip

@@ -1,0 +1,138 @@
+"""The shape that a planar tension field takes out of its plane when the edge of the panel lies on a paraboloid.
+
+A mesh under tension has next to no bending stiffness over many loops and carries no pressure: div(N grad w) = 0, with N the
+tension of the panel's map (panel_map.py) and w = r^2/(4 f) where the edge is held; between net nodes the edge hangs on its
+cord, which pulls it straight. What is left of the paraboloid is w less r^2/(4 f): the pillowing. Linear triangles on the strained
+panel; slopes are taken to be small (their square against the strain of the mesh).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sparse
+from scipy.sparse.linalg import spsolve
+from scipy.spatial import Delaunay, cKDTree
+
+from ..mesh.rim import Rim
+from .panel_map import PanelMap
+
+CROWDED = 0.4  # of the spacing: inner points nearer to the edge are left out
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Points of the panel with their height and what the paraboloid has there."""
+
+    point: np.ndarray  # (point, 2) [m] of the strained panel, from its middle
+    triangle: np.ndarray  # (triangle, 3) points
+    height: np.ndarray  # (point,) [m]
+    wanted: np.ndarray  # (point,) [m]
+
+    @property
+    def deviation(self) -> np.ndarray:
+        """(point,) [m] height above the wanted surface."""
+        return self.height - self.wanted
+
+    @property
+    def area(self) -> np.ndarray:
+        """(triangle,) [m2]"""
+        return triangle_areas(self.point, self.triangle)
+
+    def rms(self, values: np.ndarray) -> float:
+        """Root mean square over the area of values (point,) that are linear on each triangle."""
+        v = values[self.triangle]
+        square = (np.sum(v**2, axis=1) + v[:, 0] * v[:, 1] + v[:, 1] * v[:, 2] + v[:, 2] * v[:, 0]) / 6.0
+        return float(np.sqrt(np.sum(self.area * square) / self.area.sum()))
+
+    @property
+    def rms_deviation(self) -> float:
+        """[m] from the wanted surface."""
+        return self.rms(self.deviation)
+
+    @property
+    def rms_best_fit(self) -> float:
+        """[m] once the panel is shifted and tilted to lie as near as it can to the wanted surface."""
+        weight = np.zeros(len(self.point))
+        np.add.at(weight, self.triangle, np.repeat(self.area[:, None], 3, axis=1) / 3.0)
+        plane = np.column_stack([np.ones(len(self.point)), self.point])
+        root = np.sqrt(weight)[:, None]
+        fit = np.linalg.lstsq(root * plane, root[:, 0] * self.deviation, rcond=None)[0]
+        return self.rms(self.deviation - plane @ fit)
+
+    @property
+    def pillowing(self) -> float:
+        """[m] largest deviation from the wanted surface."""
+        return float(np.abs(self.deviation).max())
+
+
+def triangle_areas(point: np.ndarray, triangle: np.ndarray) -> np.ndarray:
+    """(triangle,) [m2]"""
+    a, b = point[triangle[:, 1]] - point[triangle[:, 0]], point[triangle[:, 2]] - point[triangle[:, 0]]
+    return 0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+def find_surface(
+    map_: PanelMap, rim: Rim, gradient: np.ndarray, stations: np.ndarray, middle: np.ndarray, focal_length: float
+) -> Surface:
+    """The shape of a panel whose edge lies on z = r^2/(4 focal_length) [m] round its middle.
+
+    rim, gradient (2, 2) and the displacement of the stations (station, 2) [m] say where the edge is, `middle` (2,) [m] is that of
+    the panel at rest.
+    """
+    tile, known = map_.tile, map_.known
+    inner = map_.place[known]
+    distance = rim.outline.nearest(inner + middle)[1]
+    inner = inner[rim.outline.contains(inner + middle) & (distance > CROWDED * tile.min())]
+    edge = rim.place - middle
+    rest = np.concatenate([edge, inner])
+    triangle = Delaunay(rest).simplices
+    centre = rest[triangle].mean(axis=1)
+    triangle = triangle[rim.outline.contains(centre + middle)]
+    triangle = triangle[triangle_areas(rest, triangle) > 1e-9 * tile.prod()]
+    point = rest @ gradient.T
+    point[: len(edge)] += stations
+    nodes, n_edge = len(point), len(edge)
+    wanted = np.sum(point**2, axis=1) / (4.0 * focal_length)
+
+    # tension in each triangle: that of the nearest tile that has one
+    tension = _tension_at(map_, rest[triangle].mean(axis=1))
+    area = triangle_areas(point, triangle)
+    corner = point[triangle]
+    opposite = np.roll(corner, -1, axis=1) - np.roll(corner, -2, axis=1)  # edge across from each corner
+    signed = opposite[:, 0, 0] * opposite[:, 1, 1] - opposite[:, 0, 1] * opposite[:, 1, 0]
+    slope = np.stack([opposite[..., 1], -opposite[..., 0]], axis=-1) / signed[:, None, None]
+    element = np.einsum("tia,tab,tjb->tij", slope, tension, slope) * area[:, None, None]
+    rows, columns = np.repeat(triangle, 3, axis=1), np.tile(triangle, (1, 3))
+    matrix = sparse.coo_matrix(
+        (element.reshape(len(triangle), 9).ravel(), (rows.ravel(), columns.ravel())), (nodes, nodes)
+    ).tocsr()
+    if rim.is_free:
+        here, there = np.arange(n_edge), (np.arange(n_edge) + 1) % n_edge
+        length = np.hypot(*(point[there] - point[here]).T)
+        pull = rim.cord_forces(gradient, stations)[1] / length
+        entries = np.concatenate([pull, pull, -pull, -pull])
+        places = (np.concatenate([here, there, here, there]), np.concatenate([here, there, there, here]))
+        matrix = matrix + sparse.csr_matrix((entries, places), (nodes, nodes))
+    held = np.zeros(nodes, dtype=bool)
+    held[:n_edge] = rim.given
+    used = np.zeros(nodes, dtype=bool)
+    used[triangle] = True
+    free = np.nonzero(~held & used)[0]
+    height = np.where(held, wanted, 0.0)
+    height[free] = spsolve(matrix[free][:, free].tocsc(), -(matrix[free] @ height))
+    height[~held & ~used] = wanted[~held & ~used]
+    return Surface(point, triangle, height, wanted)
+
+
+def _tension_at(map_: PanelMap, place: np.ndarray) -> np.ndarray:
+    """(place, 2, 2) [N/m] of the nearest tile whose tension is known, its symmetric part made positive."""
+    known = map_.known & np.isfinite(map_.tension).all(axis=(2, 3))
+    _, nearest = cKDTree(map_.place[known]).query(place)
+    tension = map_.tension[known][nearest]
+    tension = 0.5 * (tension + np.swapaxes(tension, 1, 2))
+    values, vectors = np.linalg.eigh(tension)
+    floor = 1e-3 * np.abs(values).max()
+    values = np.maximum(values, floor)  # a slack mesh carries nothing: it is taken to be next to slack
+    return np.einsum("pab,pb,pcb->pac", vectors, values, vectors)

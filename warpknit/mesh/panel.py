@@ -1,0 +1,428 @@
+"""Copies of one repeat make a mesh: wires, blocks of nodes, contact bodies with their pairs, and what is held.
+
+*Periodic*: the tile is closed onto itself, every wire is an endless loop. *Gripped*: the mesh is cut along an outline from
+endless cloth (cut.py); a clamp sits where a wire is cut and holds the nodes before and behind. A hinge next to a clamp stands
+for the wire from there to the middle of the next segment, so what a wire does between its grips does not depend on where
+its nodes fall.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..errors import ModelError
+from ..kernels import clamp
+from ..kernels.bend import BOW
+from ..kernels.wires_by_block import BLOCK_PAD, BLOCK_SIZE
+from ..knit.cloth import Cloth
+from ..scene.outline import Outline
+from .cut import cut_cloth
+from .table import Table
+from .thread_curve import ThreadCurve
+
+END_NODES = 1  # segments at the end of a wire that a contact point may not come to: its curve needs a node beyond
+SHORTEST = 5  # segments of a cut wire: with less, the two clamps would share a hinge
+NEAREST = 0.75  # node spacings from a clamp to the first free node, at least: nearer ones would need smaller steps
+TANGENT_SHARE = 1e-3  # of a node spacing, either side of a clamp: where its direction is taken from
+GRIP_CLEARANCE = 0.05  # loops of wire that a lens must keep from a grip, or its clasp is left out
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Wires, bodies and grips of the mesh. Index arrays are int32; wires hold consecutive nodes."""
+
+    size: np.ndarray  # (2,) [m] rest size of the mesh, or of the box around it
+    low: np.ndarray  # (2,) [m] its lower corner
+    outline: Outline | None  # that it is cut along; None where it is periodic
+    boundary: str  # gripped | periodic
+    wire_first: np.ndarray  # [wire] first node
+    wire_count: np.ndarray  # [wire] nodes
+    wire_closed: np.ndarray  # [wire] bool
+    wire_thread: np.ndarray  # [wire] thread of the repeat
+    wire_length: np.ndarray  # [wire] [m] between its clamps, or all round
+    wire_clamp: np.ndarray  # [wire, 2, CLAMP_NUMBERS] its clamps (kernels/clamp.py), zero where it has none
+    block_first: np.ndarray  # [block] first node
+    block_count: np.ndarray  # [block] nodes, at most BLOCK_SIZE
+    block_table: np.ndarray  # [block] table entry of the first node
+    block_wire: np.ndarray  # [block]
+    block_origin: np.ndarray  # [block, 2] [m]
+    body_clasp: np.ndarray  # [body] clasp of the repeat
+    body_rest: np.ndarray  # [body, 2] [m] position at rest in the frame of its repeat
+    body_origin: np.ndarray  # [body, 2] [m] what to add to it
+    pair_wire: np.ndarray  # [pair]; pairs 2b and 2b + 1 belong to body b
+    pair_seed: np.ndarray  # [pair] node that starts the segment nearest to the body at rest
+    pair_table: np.ndarray  # [pair] table entry of that node, in the first period
+    pair_shift: np.ndarray  # [pair, 2] [m] position of the body in the frame of the table = body_rest - shift
+    pair_low: np.ndarray  # [pair] reach along the wire in segments from the seed
+    pair_high: np.ndarray  # [pair]
+    pair_side: np.ndarray  # [pair] +1 | -1
+    held_node: np.ndarray  # [held] sorted
+    held_lever: np.ndarray  # [held, 2] [m] rest position of the node less that of its clamp
+    held_clamp: np.ndarray  # [held] clamp that holds it
+    clamp_position: np.ndarray  # [clamp, 2] [m]
+    rhombus_bodies: np.ndarray  # bodies round the complete opening nearest to the middle
+    notes: tuple[str, ...] = field(default=())  # what the user should know about how the mesh was cut
+    # clamps that are free to move along warp (kernels/slide.py), each of two nodes that are a block of their own
+    sliding_clamp: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+
+    @property
+    def area(self) -> float:
+        """[m2] at rest."""
+        return float(np.prod(self.size)) if self.outline is None else self.outline.area
+
+    @property
+    def node_count(self) -> int:
+        return int(self.wire_count.sum())
+
+    @property
+    def body_count(self) -> int:
+        return len(self.body_rest)
+
+
+@dataclass(frozen=True)
+class _Strands:
+    """Copies of the threads and which stretch of them is which wire.
+
+    A strand is thread t in column c of repeats; its nodes are counted by K = row * nodes[t] + k with k in one period.
+    """
+
+    columns: np.ndarray  # [column] columns of repeats that are kept
+    rows: np.ndarray  # [row]
+    closed: bool
+    thread: np.ndarray  # [wire]
+    column: np.ndarray  # [wire]
+    begin: np.ndarray  # [wire] K of its first node
+    count: np.ndarray  # [wire] nodes
+    arc_begin: np.ndarray  # [wire] [m] where the wire begins and ends on its strand
+    arc_end: np.ndarray  # [wire] [m]
+
+    def wire(self, thread: np.ndarray, column: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """Wire (...) that holds the stretch from arc `low` to `high` [m] of strands (thread, column), -1 where none does."""
+        if self.closed:
+            return np.mod(column, len(self.columns)) * (self.thread.max() + 1) + thread
+        # wires and stretches on one line: strand after strand, farther apart than any strand is long
+        apart = 4.0 * max(np.abs(self.arc_begin).max(), np.abs(self.arc_end).max(), np.abs(low).max(), np.abs(high).max())
+        first = self.columns[0]
+        span = len(self.columns) + 4 * (1 + np.abs(column).max())
+
+        def place(t: np.ndarray, c: np.ndarray) -> np.ndarray:
+            return (t * span + c - first) * apart
+
+        starts = place(self.thread, self.column) + self.arc_begin
+        here = place(thread, column)
+        found = np.searchsorted(starts, here + low, side="right") - 1
+        ends = place(self.thread, self.column) + self.arc_end
+        return np.where((found >= 0) & (here + high <= ends[found]), found, -1)
+
+
+def _closed_strands(cloth: Cloth, table: Table, repeats: tuple[int, int]) -> _Strands:
+    threads = len(table.nodes)
+    columns = np.arange(repeats[0])
+    thread = np.tile(np.arange(threads), repeats[0])
+    length = np.array([t.length for t in cloth.threads])[thread]
+    return _Strands(
+        columns=columns,
+        rows=np.arange(repeats[1]),
+        closed=True,
+        thread=thread,
+        column=np.repeat(columns, threads),
+        begin=np.zeros(len(thread), dtype=np.int64),
+        count=table.nodes[thread] * repeats[1],
+        arc_begin=np.zeros(len(thread)),
+        arc_end=length * repeats[1],
+    )
+
+
+def _cut_strands(cloth: Cloth, table: Table, outline: Outline) -> _Strands:
+    """Wires inside the outline: at either end two held nodes, the inner one next to the clamp, before or behind it."""
+    cut = cut_cloth(cloth, outline)
+    spacing = table.spacing[cut.thread]
+    begin = np.ceil(cut.begin / spacing + NEAREST).astype(np.int64) - 2
+    last = np.floor(cut.end / spacing - NEAREST).astype(np.int64) + 2
+    return _Strands(
+        columns=cut.columns,
+        rows=cut.rows,
+        closed=False,
+        thread=cut.thread,
+        column=cut.column,
+        begin=begin,
+        count=last - begin + 1,
+        arc_begin=cut.begin,
+        arc_end=cut.end,
+    )
+
+
+@dataclass(frozen=True)
+class _Bodies:
+    """Bodies that are kept, with their pairs; arrays over [body] or [body, 2]."""
+
+    clasp: np.ndarray
+    column: np.ndarray
+    row: np.ndarray
+    wire: np.ndarray  # [body, 2]
+    node: np.ndarray  # [body, 2] K of the seed
+    low: np.ndarray
+    high: np.ndarray
+    side: np.ndarray
+    strand_column: np.ndarray  # [body, 2]
+
+
+def _place_bodies(cloth: Cloth, table: Table, strands: _Strands, slack: float, clearance: float) -> _Bodies:
+    """All copies of the clasps whose lens lies whole on wires that are there, `clearance` [m] of wire from any grip.
+
+    `slack` [m] is how far a contact may slide beyond its lens along the wire.
+    """
+
+    def of_arms(name: str, dtype: type = np.int64) -> np.ndarray:
+        return np.array([[getattr(a, name) for a in clasp.arms] for clasp in cloth.clasps], dtype=dtype).reshape(-1, 2)
+
+    thread, arm_column, side = of_arms("thread"), of_arms("column"), of_arms("side")
+    arc, arc_low, arc_high = (of_arms(name, float) for name in ("arc", "arc_low", "arc_high"))
+    h = table.spacing[thread]
+    seed = np.floor(arc / h).astype(np.int64)
+    reach_low = np.floor((arc_low - slack) / h).astype(np.int64) - seed
+    reach_high = np.ceil((arc_high + slack) / h).astype(np.int64) - 1 - seed
+
+    clasp, column, row = (a.ravel() for a in np.meshgrid(
+        np.arange(len(thread)), strands.columns, strands.rows, indexing="ij"))
+    order = np.lexsort((clasp, row, column))  # neighbours in the mesh are neighbours in memory
+    clasp, column, row = clasp[order], column[order], row[order]
+    t = thread[clasp]
+    strand_column = column[:, None] + arm_column[clasp]
+    period = np.array([thread.length for thread in cloth.threads])[t]
+    lift = row[:, None] * period
+    wire = strands.wire(t, strand_column, arc_low[clasp] + lift - clearance, arc_high[clasp] + lift + clearance)
+    node = seed[clasp] + row[:, None] * np.asarray(table.nodes)[t]
+    low, high = reach_low[clasp], reach_high[clasp]
+    if not strands.closed:
+        begin = strands.begin[wire]
+        end = begin + strands.count[wire] - 1
+        low = np.maximum(low, begin + END_NODES - node)
+        high = np.minimum(high, end - 1 - END_NODES - node)
+        wire[(low > 0) | (high < 0) | (strands.count[wire] <= SHORTEST)] = -1
+    keep = (wire >= 0).all(axis=1)
+    return _Bodies(
+        clasp=clasp[keep], column=column[keep], row=row[keep], wire=wire[keep], node=node[keep],
+        low=low[keep], high=high[keep], side=side[clasp][keep], strand_column=strand_column[keep],
+    )  # fmt: skip
+
+
+def table_lead(cloth: Cloth, spacing: float, slack: float) -> int:
+    """Entries that a table needs before and behind a period [-], at the given node spacing [m]."""
+    spans = [arm.arc_high - arm.arc_low for clasp in cloth.clasps for arm in clasp.arms]
+    reach = int(np.ceil((max(spans, default=0.0) + slack) / spacing))
+    return max(BLOCK_SIZE + BLOCK_PAD, reach) + 6
+
+
+def build_panel(
+    cloth: Cloth,
+    table: Table,
+    *,
+    repeats: tuple[int, int],
+    outline: Outline | None,
+    slack: float,
+    set_fraction: float = 1.0,
+) -> Panel:
+    """Lay out copies of the repeat; `slack` [m]: see `table_lead`; `set_fraction` as in `rest_table`.
+
+    outline: of a gripped mesh, its origin where the middle of the mesh is to be; None: `repeats` (weft, warp) copies make a
+    periodic tile.
+    Raises `ModelError` where nothing is left after the cut.
+    """
+    repeat = np.array(cloth.size)
+    size = repeat * np.array(repeats)
+    nodes = np.asarray(table.nodes)
+    notes: list[str] = []
+    if outline is None:
+        low, middle = np.zeros(2), 0.5 * size
+        strands = _closed_strands(cloth, table, repeats)
+    else:
+        # an opening sits in the middle, so that its rhombus is as far from the grips as it can be
+        middle = np.zeros(2) if cloth.rhombus is None else np.array(cloth.rhombus.centre)
+        outline = outline.shifted(middle)
+        low, size = outline.low, outline.size
+        strands = _cut_strands(cloth, table, outline)
+    if not len(strands.thread):
+        raise ModelError("panel.size: no wire runs through the outline: use a larger one")
+    bodies = _place_bodies(cloth, table, strands, slack, GRIP_CLEARANCE * cloth.stitch_length)
+    if outline is None:
+        used = np.arange(len(strands.thread))
+    else:
+        used = np.unique(bodies.wire)
+        if len(used) < len(strands.thread):
+            notes.append(f"{len(strands.thread) - len(used)} wire fragments at the edges hold no clasp: dropped")
+    if len(bodies.clasp) == 0:
+        raise ModelError(
+            f"knit.repeats: {repeats[0]} x {repeats[1]} leave no clasp inside the boundary: use more, or a larger panel.size"
+        )
+    new_index = np.full(len(strands.thread), -1, dtype=np.int64)
+    # wires side by side in the mesh are side by side in memory
+    used = used[np.lexsort((strands.begin[used], strands.thread[used], strands.column[used]))]
+    new_index[used] = np.arange(len(used))
+    thread, column = strands.thread[used], strands.column[used]
+    begin, count = strands.begin[used], strands.count[used]
+    first = np.concatenate([[0], np.cumsum(count)[:-1]])
+    n = nodes[thread]
+    pieces = -(-count // BLOCK_SIZE)
+    block_wire = np.repeat(np.arange(len(used)), pieces)
+    piece = np.arange(len(block_wire)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    block_low = count[block_wire] * piece // pieces[block_wire]
+    block_high = count[block_wire] * (piece + 1) // pieces[block_wire]
+    block_node = begin[block_wire] + block_low
+    block_n = n[block_wire]
+
+    pair_wire = new_index[bodies.wire]
+    pair_local = bodies.node - begin[pair_wire]
+    pair_n = n[pair_wire]
+    if outline is None:
+        pair_local = np.mod(pair_local, count[pair_wire])
+    pair_period = np.floor_divide(bodies.node, pair_n)
+    shift = np.stack(
+        [
+            (bodies.strand_column - bodies.column[:, None]) * repeat[0],
+            (pair_period - bodies.row[:, None]) * repeat[1],
+        ],
+        axis=2,
+    )
+    grips = _no_clamps(len(used))
+    if not strands.closed:
+        grips = _clamps(cloth, table, strands, used, first, set_fraction)
+    return Panel(
+        size=size,
+        low=low,
+        outline=outline,
+        boundary="periodic" if outline is None else "gripped",
+        wire_first=_as32(first),
+        wire_count=_as32(count),
+        wire_closed=np.full(len(used), strands.closed),
+        wire_thread=_as32(thread),
+        wire_length=strands.arc_end[used] - strands.arc_begin[used],
+        wire_clamp=grips.numbers,
+        block_first=_as32(first[block_wire] + block_low),
+        block_count=_as32(block_high - block_low),
+        block_table=_as32(table.start[thread[block_wire]] + np.mod(block_node, block_n)),
+        block_wire=_as32(block_wire),
+        block_origin=np.stack(
+            [column[block_wire] * repeat[0], np.floor_divide(block_node, block_n) * repeat[1]], axis=1
+        ),
+        body_clasp=_as32(bodies.clasp),
+        body_rest=np.array([c.position for c in cloth.clasps]).reshape(-1, 2)[bodies.clasp],
+        body_origin=np.stack([bodies.column * repeat[0], bodies.row * repeat[1]], axis=1),
+        pair_wire=_as32(pair_wire.ravel()),
+        pair_seed=_as32((first[pair_wire] + pair_local).ravel()),
+        pair_table=_as32((table.start[thread[pair_wire]] + np.mod(bodies.node, pair_n)).ravel()),
+        pair_shift=shift.reshape(-1, 2),
+        pair_low=_as32(bodies.low.ravel()),
+        pair_high=_as32(bodies.high.ravel()),
+        pair_side=_as32(bodies.side.ravel()),
+        held_node=_as32(grips.node),
+        held_lever=grips.lever,
+        held_clamp=_as32(np.repeat(np.arange(len(grips.position)), 2)),
+        clamp_position=grips.position,
+        rhombus_bodies=_central_rhombus(cloth, bodies, strands, middle, repeat),
+        notes=tuple(notes),
+    )
+
+
+def _as32(a: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(a, dtype=np.int32)
+
+
+@dataclass(frozen=True)
+class _Grips:
+    """Two clamps a wire and what they hold."""
+
+    node: np.ndarray  # [held]
+    lever: np.ndarray  # [held, 2] [m]
+    position: np.ndarray  # [clamp, 2] [m]
+    numbers: np.ndarray  # [wire, 2, CLAMP_NUMBERS]
+
+
+def _no_clamps(wires: int) -> _Grips:
+    return _Grips(np.zeros(0, int), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((wires, 2, clamp.CLAMP_NUMBERS)))
+
+
+def _clamps(
+    cloth: Cloth, table: Table, strands: _Strands, used: np.ndarray, first: np.ndarray, set_fraction: float
+) -> _Grips:
+    """The clamps of the wires that are kept; see kernels/clamp.py for their numbers."""
+    thread, begin, count = strands.thread[used], strands.begin[used], strands.count[used]
+    spacing = table.spacing[thread]
+    arc = np.stack([strands.arc_begin[used], strands.arc_end[used]], axis=1)
+    # the clamp, points a little before and behind it, and the five nodes at its end of the wire, the outermost first
+    inward = np.array([1, -1])
+    local = np.stack([np.zeros_like(count), count - 1], axis=1)[:, :, None] + inward[:, None] * np.arange(5)
+    node_arc = (begin[:, None, None] + local) * spacing[:, None, None]
+    apart = TANGENT_SHARE * spacing[:, None]
+    at = np.concatenate([np.stack([arc, arc - apart, arc + apart], axis=2), node_arc], axis=2)
+    place = np.zeros((*at.shape, 2))
+    for t, line in enumerate(cloth.threads):
+        here = thread == t
+        place[here] = ThreadCurve(line, cloth.size[1])(at[here].ravel())[:, :2].reshape(*at[here].shape, 2)
+    place[..., 0] += (strands.column[used] * cloth.size[0])[:, None, None]
+    centre, node = place[:, :, 0], place[:, :, 3:]
+    tangent = place[:, :, 2] - place[:, :, 1]
+    tangent /= np.linalg.norm(tangent, axis=2)[:, :, None]
+
+    # edges from the clamp inwards, and turned so that they run along the wire at both ends
+    edge = np.diff(np.concatenate([centre[:, :, None], node[:, :, 2:]], axis=2), axis=2) * inward[:, None, None]
+    length = np.linalg.norm(edge, axis=3)
+    turn = np.stack([_turn(tangent, edge[:, :, 0], inward), _turn(edge[:, :, 0], edge[:, :, 1], inward)], axis=2)
+    hinge = np.stack([0.5 * length[..., 0], 0.5 * (length[..., 0] + length[..., 1])], axis=2)
+    # table entries [wire, end, hinge] of the two nodes
+    entry = np.mod(begin[:, None, None] + local[:, :, 1:3], table.nodes[thread][:, None, None])
+    entry += table.start[thread][:, None, None]
+    in_table = table.rest_turn[entry]
+    numbers = np.zeros((len(used), 2, clamp.CLAMP_NUMBERS))
+    lever = centre - node[:, :, 1]
+    numbers[..., [clamp.LEVER_X, clamp.LEVER_Y]] = -lever * inward[:, None]
+    numbers[..., [clamp.TANGENT_X, clamp.TANGENT_Y]] = tangent
+    numbers[..., clamp.LENGTH] = length[..., 0]
+    numbers[..., [clamp.ANGLE, clamp.NEXT_ANGLE]] = set_fraction * turn
+    numbers[..., [clamp.HINGE, clamp.NEXT_HINGE]] = table.hinge_length[entry] / hinge
+    change = BOW * (turn**2 - in_table**2)
+    numbers[..., clamp.BOW_CHANGE] = change.sum(axis=2)
+    numbers[..., clamp.NEXT_BOW_CHANGE] = change[..., 1]
+    held = (first[:, None, None] + np.sort(local[:, :, :2], axis=2)).reshape(-1)
+    held_place = np.where((inward < 0)[:, None, None], node[:, :, 1::-1], node[:, :, :2])
+    return _Grips(
+        node=held,
+        lever=(held_place - centre[:, :, None]).reshape(-1, 2),
+        position=centre.reshape(-1, 2),
+        numbers=numbers,
+    )
+
+
+def _turn(a: np.ndarray, b: np.ndarray, inward: np.ndarray) -> np.ndarray:
+    """Turning angle [wire, end] [rad] from edge a to b (wire, end, 2) at the near end; from b to a at the far one."""
+    cross = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return np.arctan2(inward * cross, np.sum(a * b, axis=-1))
+
+
+def _central_rhombus(
+    cloth: Cloth, bodies: _Bodies, strands: _Strands, middle: np.ndarray, repeat: np.ndarray
+) -> np.ndarray:
+    """Bodies (k,) round the complete opening whose centre is nearest to `middle` (2,) [m]; empty where none is complete."""
+    if cloth.rhombus is None:
+        return np.zeros(0, dtype=np.int64)
+    rows, columns = len(strands.rows), len(strands.columns)
+    index = np.full((len(cloth.clasps), columns, rows), -1, dtype=np.int64)
+    index[bodies.clasp, bodies.column - strands.columns[0], bodies.row - strands.rows[0]] = np.arange(len(bodies.clasp))
+    parts = np.array(cloth.rhombus.clasps, dtype=np.int64).reshape(-1, 3)
+    c, r = (a.ravel() for a in np.meshgrid(np.arange(columns), np.arange(rows), indexing="ij"))
+    pc, pr = c[:, None] + parts[:, 1], r[:, None] + parts[:, 2]
+    if strands.closed:
+        pc, pr = np.mod(pc, columns), np.mod(pr, rows)
+        there = np.ones(pc.shape, dtype=bool)
+    else:
+        there = (pc >= 0) & (pc < columns) & (pr >= 0) & (pr < rows)
+    members = np.where(there, index[parts[:, 0], np.clip(pc, 0, columns - 1), np.clip(pr, 0, rows - 1)], -1)
+    complete = np.nonzero((members >= 0).all(axis=1))[0]
+    if len(complete) == 0:
+        return np.zeros(0, dtype=np.int64)
+    centre = np.array(cloth.rhombus.centre) + np.stack(
+        [(c[complete] + strands.columns[0]) * repeat[0], (r[complete] + strands.rows[0]) * repeat[1]], axis=1
+    )
+    return members[complete[np.argmin(np.sum((centre - middle) ** 2, axis=1))]]

@@ -1,0 +1,157 @@
+"""What holds a gripped mesh along its outline: stations that are held or hang on an elastic cord.
+
+Between two stations the edge moves as a straight line does; the clamps at the ends of the wires go with it. Where the mesh is
+held all along its outline every station is given; with net nodes at a pitch only these are, and between them a cord pulls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sparse
+
+from ..errors import ModelError
+from ..scene import Cord, Pull, Scene
+from ..scene.outline import Outline
+from .panel import Panel
+
+REPEATS_A_CELL = 2  # of the grid of a membrane: finer ones would see the stiffness of the edges
+CORNER = 0.5  # rad by which an outline turns where a net node must stand
+STATIONS_AT_LEAST = 2  # of a cord between two net nodes
+SOFT = 1e-6  # of the stiffness along the cord: keeps a slack one from moving without bound
+
+
+@dataclass(frozen=True)
+class Rim:
+    """Stations along an outline, and how the clamps follow them."""
+
+    outline: Outline
+    arc: np.ndarray  # [station] [m], ascending
+    place: np.ndarray  # [station, 2] [m] at rest
+    given: np.ndarray  # [station] bool: held by the net or a frame; the others hang on the cord
+    clamps: sparse.csr_matrix  # (clamp, station) weights
+    cord: Cord | None
+
+    @property
+    def is_free(self) -> bool:
+        """Whether any station moves by itself."""
+        return not bool(self.given.all())
+
+    def weights(self, arc: np.ndarray) -> sparse.csr_matrix:
+        """(place, station) of the two stations around places on the outline [m]: straight between them."""
+        n = len(self.arc)
+        arc = np.where(arc < self.arc[0], arc + self.outline.length, arc)  # the last stretch ends at the first station
+        before = np.searchsorted(self.arc, arc, side="right") - 1
+        span = np.diff(np.append(self.arc, self.arc[0] + self.outline.length))
+        share = (arc - self.arc[before]) / span[before]
+        rows = np.arange(len(arc))
+        entries = np.concatenate([1.0 - share, share])
+        columns = np.concatenate([before, (before + 1) % n])
+        return sparse.csr_matrix((entries, (np.tile(rows, 2), columns)), shape=(len(arc), n))
+
+    def pulled(self, pulls: Sequence[Pull]) -> np.ndarray:
+        """Displacement (station, 2) [m] of the given stations by pulls at places of the outline.
+
+        With net nodes the nearest one moves; else the outline within half a width does, as cos^2.
+        """
+        moved = np.zeros((len(self.arc), 2))
+        for pull in pulls:
+            middle = 0.5 * (2.0 * self.outline.low + self.outline.size)
+            at = middle + np.array(pull.at)
+            if pull.width is None:
+                net = np.nonzero(self.given)[0]
+                share = np.zeros(len(self.arc))
+                share[net[np.argmin(np.sum((self.place[net] - at) ** 2, axis=1))]] = 1.0
+            else:
+                arc, _ = self.outline.nearest(at[None])
+                away = np.abs(self.arc - arc[0])
+                away = np.minimum(away, self.outline.length - away)
+                share = np.where(away < 0.5 * pull.width, np.cos(np.pi * away / pull.width) ** 2, 0.0)
+            moved += share[:, None] * np.array(pull.by)
+        return moved
+
+    # --- the cord ---
+
+    def cord_forces(self, gradient: np.ndarray, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Forces (station, 2) [N] of the cord on its stations, displaced by `moved` (station, 2) [m] from the outline under the
+        deformation gradient (2, 2), and its tensions [N] behind each station."""
+        _, tension, unit = self._cord(gradient, moved)
+        pull = tension[:, None] * unit
+        return pull - np.roll(pull, 1, axis=0), tension
+
+    def cord_stiffness(self, gradient: np.ndarray, moved: np.ndarray) -> sparse.csr_matrix:
+        """(2 station, 2 station) [N/m] derivative of minus the forces by the displacements."""
+        assert self.cord is not None
+        length, tension, unit = self._cord(gradient, moved)
+        n = len(self.arc)
+        along = unit[:, :, None] * unit[:, None, :]
+        stiffness = self.cord.stiffness / length
+        across = np.maximum(tension / length, SOFT * stiffness)
+        k = stiffness[:, None, None] * along + across[:, None, None] * (np.eye(2) - along)
+        here, there = np.arange(n), (np.arange(n) + 1) % n
+        rows, columns, values = [], [], []
+        for a, b, sign in ((here, here, 1.0), (there, there, 1.0), (here, there, -1.0), (there, here, -1.0)):
+            for i in range(2):
+                for j in range(2):
+                    rows.append(2 * a + i)
+                    columns.append(2 * b + j)
+                    values.append(sign * k[:, i, j])
+        matrix = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+        return sparse.csr_matrix(matrix, shape=(2 * n, 2 * n))
+
+    def _cord(self, gradient: np.ndarray, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Lengths on the outline [m], tensions [N] (none where slack) and directions (station, 2) of the cord behind each
+        station."""
+        assert self.cord is not None
+        straight = np.roll(self.place, -1, axis=0) @ gradient.T - self.place @ gradient.T
+        natural = np.hypot(straight[:, 0], straight[:, 1])
+        edge = straight + np.roll(moved, -1, axis=0) - moved
+        length = np.hypot(edge[:, 0], edge[:, 1])
+        tension = np.maximum(self.cord.tension + self.cord.stiffness * (length / natural - 1.0), 0.0)
+        return natural, tension, edge / length[:, None]
+
+
+def build_rim(panel: Panel, scene: Scene) -> Rim:
+    """Stations along the outline of a gripped panel, the net nodes among them.
+
+    Those on a cord are as far apart as the nodes of the grid of a membrane (membrane.py), others a repeat.
+    Raises `ModelError` where the pitch leaves fewer than three net nodes.
+    """
+    outline, options = panel.outline, scene.panel
+    spacing = (REPEATS_A_CELL if options.cord else 1) * min(scene.knit.repeat)
+    assert outline is not None
+    corners = _corners(outline)
+    ends = np.append(corners, corners[0] + outline.length)
+    arcs, given = [], []
+    for begin, end in zip(ends[:-1], ends[1:], strict=True):
+        spans = max(1, round((end - begin) / (options.grip_pitch or end - begin)))
+        pieces = max(STATIONS_AT_LEAST if options.cord else 1, round((end - begin) / spans / spacing))
+        place = np.arange(spans * pieces)
+        arcs.append(begin + (end - begin) * place / len(place))
+        given.append(place % pieces == 0 if options.cord else np.ones(len(place), dtype=bool))
+    arc, held = np.mod(np.concatenate(arcs), outline.length), np.concatenate(given)
+    order = np.argsort(arc)
+    arc, held = arc[order], held[order]
+    if held.sum() < 3:
+        raise ModelError(f"panel.grip_pitch: leaves {held.sum()} net nodes on an outline of {outline.length:.3g} m: at least 3")
+    rim = Rim(outline, arc, outline.place(arc), held, sparse.csr_matrix((0, len(arc))), options.cord)
+    clamp_arc, _ = outline.nearest(panel.clamp_position)
+    return Rim(outline, arc, rim.place, held, rim.weights(clamp_arc), options.cord)
+
+
+def net_nodes(outline: Outline, pitch: float) -> tuple[int, float]:
+    """How many net nodes a pitch [m] gives, and how far the farthest neighbours are apart along the outline [m]."""
+    corners = _corners(outline)
+    sides = np.diff(np.append(corners, corners[0] + outline.length))
+    spans = np.maximum(1, np.round(sides / pitch))
+    return int(spans.sum()), float((sides / spans).max())
+
+
+def _corners(outline: Outline) -> np.ndarray:
+    """Arc lengths [m] of the corners at which an outline turns by more than CORNER; of the first one where none does."""
+    edge, before = outline.edges, np.roll(outline.edges, 1, axis=0)
+    turn = np.arctan2(before[:, 0] * edge[:, 1] - before[:, 1] * edge[:, 0], np.sum(before * edge, axis=1))
+    found = outline.arcs[np.abs(turn) > CORNER]
+    return found if len(found) else outline.arcs[:1]

@@ -1,0 +1,129 @@
+"""A mesh cut into strips along the warp, one a rank.
+
+Wires run along the warp and stand in memory side by side, so a strip is a range of whole wires. Nothing but contact bodies
+crosses from strip to strip: a body that hooks a wire of one strip to a wire of another is there in both, and its pair on the
+other's wire is foreign: its force comes from there (kernels/border.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..errors import ModelError
+from .panel import Panel
+
+
+@dataclass(frozen=True)
+class Neighbour:
+    """Another rank whose strip shares bodies with this one; both list the shared bodies in the same order."""
+
+    rank: int
+    own_pair: np.ndarray  # [shared body] the pair on a wire of this strip
+    foreign_pair: np.ndarray  # [shared body] the pair on a wire of the other
+
+
+@dataclass(frozen=True)
+class Strip:
+    """The strip of one rank. `panel` is that of the strip, in which a foreign pair has the wire -1."""
+
+    panel: Panel
+    whole: Panel
+    wires: slice  # of the whole mesh
+    nodes: slice
+    body: np.ndarray  # [body of the strip] which body of the mesh it is; those that this rank speaks for come first
+    owned_bodies: int  # bodies that this rank speaks for: every body is spoken for once
+    pair: np.ndarray  # [pair of the strip on a wire of its own]
+    pair_of_whole: np.ndarray  # [the same] which pair of the mesh it is
+    neighbours: tuple[Neighbour, ...]
+
+
+def wires_of_ranks(panel: Panel, ranks: int) -> np.ndarray:
+    """First wire of each rank, and the number of wires behind them (ranks + 1,): about as many nodes for each.
+
+    Raises `ModelError` where there are fewer wires than ranks.
+    """
+    wires = len(panel.wire_first)
+    if wires < ranks:
+        raise ModelError(f"knit.repeats: {wires} wires cannot be shared by {ranks} ranks: use more repeats or fewer ranks")
+    middle = panel.wire_first + 0.5 * panel.wire_count
+    first = np.searchsorted(middle, panel.node_count * np.arange(ranks + 1) / ranks)
+    # at least a wire for each
+    first = np.maximum.accumulate(first - np.arange(ranks + 1)) + np.arange(ranks + 1)
+    return np.minimum(first, wires - ranks + np.arange(ranks + 1))
+
+
+def cut_strip(panel: Panel, rank: int, ranks: int) -> Strip:
+    """The strip of `rank` among `ranks`. Raises `ModelError` where there are fewer wires than ranks."""
+    first_wire = wires_of_ranks(panel, ranks)
+    wires = slice(int(first_wire[rank]), int(first_wire[rank + 1]))
+    first_node = np.append(panel.wire_first, panel.node_count)
+    nodes = slice(int(first_node[wires.start]), int(first_node[wires.stop]))
+
+    rank_of_pair = (np.searchsorted(first_wire, panel.pair_wire, side="right") - 1).reshape(-1, 2)
+    owned = rank_of_pair[:, 0] == rank
+    here = (rank_of_pair == rank).any(axis=1)
+    body = np.concatenate([np.nonzero(owned)[0], np.nonzero(here & ~owned)[0]])
+    pair = (2 * body[:, None] + np.arange(2)).ravel()
+    own = rank_of_pair[body].ravel() == rank
+
+    block = slice(*np.searchsorted(panel.block_wire, [wires.start, wires.stop]))
+    held = slice(*np.searchsorted(panel.held_node, [nodes.start, nodes.stop]))
+    clamps, held_clamp = np.unique(panel.held_clamp[held], return_inverse=True)
+
+    def as32(values: np.ndarray) -> np.ndarray:
+        return np.ascontiguousarray(values, dtype=np.int32)
+
+    part = replace(
+        panel,
+        wire_first=as32(panel.wire_first[wires] - nodes.start),
+        wire_count=panel.wire_count[wires],
+        wire_closed=panel.wire_closed[wires],
+        wire_thread=panel.wire_thread[wires],
+        wire_length=panel.wire_length[wires],
+        wire_clamp=panel.wire_clamp[wires],
+        block_first=as32(panel.block_first[block] - nodes.start),
+        block_count=panel.block_count[block],
+        block_table=panel.block_table[block],
+        block_wire=as32(panel.block_wire[block] - wires.start),
+        block_origin=panel.block_origin[block],
+        body_clasp=panel.body_clasp[body],
+        body_rest=panel.body_rest[body],
+        body_origin=panel.body_origin[body],
+        pair_wire=as32(np.where(own, panel.pair_wire[pair] - wires.start, -1)),
+        pair_seed=as32(np.where(own, panel.pair_seed[pair] - nodes.start, 0)),
+        pair_table=panel.pair_table[pair],
+        pair_shift=panel.pair_shift[pair],
+        pair_low=panel.pair_low[pair],
+        pair_high=panel.pair_high[pair],
+        pair_side=panel.pair_side[pair],
+        held_node=as32(panel.held_node[held] - nodes.start),
+        held_lever=panel.held_lever[held],
+        held_clamp=as32(held_clamp.reshape(-1)),
+        clamp_position=panel.clamp_position[clamps],
+        rhombus_bodies=np.zeros(0, dtype=np.int64),
+    )
+    return Strip(
+        panel=part,
+        whole=panel,
+        wires=wires,
+        nodes=nodes,
+        body=body,
+        owned_bodies=int(owned.sum()),
+        pair=np.nonzero(own)[0],
+        pair_of_whole=pair[own],
+        neighbours=_neighbours(rank, body, rank_of_pair[body]),
+    )
+
+
+def _neighbours(rank: int, body: np.ndarray, rank_of_pair: np.ndarray) -> tuple[Neighbour, ...]:
+    """Whom the bodies (body,) of a strip are shared with, from the ranks (body, 2) of their pairs."""
+    found = []
+    order = np.argsort(body)  # the order in the whole mesh is the same for both sides
+    other = rank_of_pair.max(axis=1) + rank_of_pair.min(axis=1) - rank
+    for peer in np.unique(other[other != rank]):
+        shared = order[other[order] == peer]
+        second = rank_of_pair[shared, 1] == rank  # the pair on a wire of this strip is the second of its body
+        found.append(Neighbour(int(peer), 2 * shared + second, 2 * shared + 1 - second))
+    return tuple(found)

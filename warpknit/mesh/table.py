@@ -1,0 +1,179 @@
+"""Rest data of one repeat at the nodes: edges, lengths, angles, masses, and the true curve between the nodes.
+
+Nodes lie evenly along the plan arc length of each thread. Entry k of a thread repeats with its number of nodes a period,
+so the arrays hold a little more than one period and a run of nodes reads consecutive entries whatever its phase.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss
+
+from ..kernels.bend import BOW
+from ..knit.cloth import Cloth
+from .thread_curve import ThreadCurve
+
+FIT_POINTS = 12  # Gauss points a segment for the fit of the rest curve
+SLIDE_WEIGHT = 0.1  # of a miss along the line in that fit
+SLOPE_SHARE = 1e-4  # of the node spacing, over which the slope of the centre line is taken
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rest data of one repeat, float64.
+
+    Arrays run over the entries of all threads, thread after thread; `start[t]` is the entry of node 0 of thread t, which has
+    `lead` entries before it and at least `nodes[t] + lead` behind.
+    """
+
+    start: np.ndarray  # [thread] int
+    nodes: np.ndarray  # [thread] int: nodes a period
+    spacing: np.ndarray  # [thread] [m] arc length between nodes
+    lead: int
+    x: np.ndarray  # [entry] [m] unrolled plan position in the frame of the repeat
+    y: np.ndarray  # [entry] [m]
+    z: np.ndarray  # [entry] [m] height of the knit's centre line
+    rest_x: np.ndarray  # [entry] [m] edge to the next node
+    rest_y: np.ndarray  # [entry] [m]
+    rest_length: np.ndarray  # [entry] [m] its natural length
+    rest_bow: np.ndarray  # [entry] [-] share by which the arc is longer, as the kernel sees it (kernels/bend.py)
+    rest_turn: np.ndarray  # [entry] [rad] turning angle at the node as knitted
+    rest_angle: np.ndarray  # [entry] [rad] natural turning angle: what is left of it when the wire is let free
+    hinge_length: np.ndarray  # [entry] [m] mean of the two chords at the node
+    node_length: np.ndarray  # [entry] [m] wire that the node stands for
+    curve: np.ndarray  # [entry, CURVE_COEFFICIENTS] [-] see kernels/contact.py
+    curve_error: float  # [m] largest distance of the fitted rest curve from the true one
+
+
+@dataclass(frozen=True)
+class Line:
+    """A centre line to sample."""
+
+    centre_line: Callable[[np.ndarray], np.ndarray]  # points (m, 3) [m] at arc lengths (m,) [m]; it goes on beyond its ends
+    nodes: int  # of a period
+    spacing: float  # [m] of arc length between nodes
+
+
+def rest_table(cloth: Cloth, *, nodes_per_loop: int, set_fraction: float, lead: int) -> Table:
+    """Sample the threads of a repeat at `nodes_per_loop` nodes a stitch.
+
+    `lead` entries are kept before and behind a period [-]; `set_fraction` scales the natural turning angles.
+    """
+    stitches = np.array([s.thread for s in cloth.stitches])
+    lines = []
+    for t, thread in enumerate(cloth.threads):
+        n = nodes_per_loop * max(1, int(np.sum(stitches == t)))
+        lines.append(Line(ThreadCurve(thread, cloth.size[1]), n, thread.length / n))
+    return table_of_lines(lines, set_fraction=set_fraction, lead=lead)
+
+
+def table_of_lines(lines: Sequence[Line], *, set_fraction: float, lead: int) -> Table:
+    """The table of centre lines, each a thread of its own; see `rest_table`."""
+    names = ("x", "y", "z", "ex", "ey", "len", "bow", "turn", "ang", "hl", "nl")
+    columns: dict[str, list[np.ndarray]] = {name: [] for name in names}
+    curves, starts, counts, spacings = [], [], [], []
+    error = 0.0
+    offset = 0
+    for line in lines:
+        n, h, centre_line = line.nodes, line.spacing, line.centre_line
+        k = np.arange(-lead - 1, n + lead + 2)
+        position = centre_line(k * h)
+        edge = np.diff(position[:, :2], axis=0)  # edge of entry k joins k and k + 1
+        chord = np.hypot(edge[:, 0], edge[:, 1])
+        angle = _angle_between(edge[:-1], edge[1:])
+        inner = slice(1, -2)  # entries -lead .. n + lead - 1
+        columns["x"].append(position[inner, 0])
+        columns["y"].append(position[inner, 1])
+        columns["z"].append(position[inner, 2])
+        columns["ex"].append(edge[1:-1, 0])
+        columns["ey"].append(edge[1:-1, 1])
+        columns["len"].append(chord[1:-1])
+        columns["bow"].append(BOW * (angle[:-1] ** 2 + angle[1:] ** 2))
+        columns["turn"].append(angle[:-1])
+        columns["ang"].append(angle[:-1] * set_fraction)
+        columns["hl"].append(0.5 * (chord[:-2] + chord[1:-1]))
+        columns["nl"].append(np.full(len(k) - 3, h))
+        coefficients, miss = _fit_rest_curve(centre_line, n, h)
+        error = max(error, miss)
+        curves.append(coefficients[np.mod(k[inner], n)])
+        starts.append(offset + lead)
+        counts.append(n)
+        spacings.append(h)
+        offset += len(k) - 3
+    joined = {name: np.concatenate(parts) for name, parts in columns.items()}
+    return Table(
+        start=np.array(starts),
+        nodes=np.array(counts),
+        spacing=np.array(spacings),
+        lead=lead,
+        x=joined["x"],
+        y=joined["y"],
+        z=joined["z"],
+        rest_x=joined["ex"],
+        rest_y=joined["ey"],
+        rest_length=joined["len"],
+        rest_bow=joined["bow"],
+        rest_turn=joined["turn"],
+        rest_angle=joined["ang"],
+        hinge_length=joined["hl"],
+        node_length=joined["nl"],
+        curve=np.concatenate(curves),
+        curve_error=error,
+    )
+
+
+def _angle_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Angle (m,) [rad] from vectors a to b, both (m, 2)."""
+    return np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], np.sum(a * b, axis=1))
+
+
+def _fit_rest_curve(
+    centre_line: Callable[[np.ndarray], np.ndarray], nodes: int, spacing: float
+) -> tuple[np.ndarray, float]:
+    """Coefficients (nodes, CURVE_COEFFICIENTS) [-] of the rest curve of a period, and the largest miss [m] across it.
+
+    The slope at the nodes is that of the centre line; what is missed between them is fitted at Gauss points, across the line
+    before along it: a point that is late on the line does not change the gap.
+    """
+    k = np.arange(nodes)
+    u = 0.5 * (leggauss(FIT_POINTS)[0] + 1.0)
+    corner = [centre_line((k + i) * spacing)[:, :2] for i in (-1, 0, 1, 2)]
+    chord = corner[2] - corner[1]
+    m0, m1 = 0.5 * (corner[2] - corner[0]), 0.5 * (corner[3] - corner[1])
+    apart = SLOPE_SHARE * spacing
+    slope = (centre_line(k * spacing + apart) - centre_line(k * spacing - apart))[:, :2] / (2.0 * SLOPE_SHARE)
+    correction = np.stack(_parts(slope - m0, m0), axis=1)
+    next_slope = m1 + _turned(np.roll(correction, -1, axis=0), m1)
+    h10, h01, h11 = u * (1 - u) ** 2, u * u * (3 - 2 * u), u * u * (u - 1)
+    hermite = h10[:, None] * slope[:, None] + h01[:, None] * chord[:, None] + h11[:, None] * next_slope[:, None]
+    arcs = ((k[:, None] + u) * spacing).ravel()
+    true = centre_line(arcs)[:, :2].reshape(nodes, len(u), 2) - corner[1][:, None]
+    miss = true - hermite
+    tangent = centre_line(arcs + apart)[:, :2] - centre_line(arcs - apart)[:, :2]
+    tangent = (tangent / np.linalg.norm(tangent, axis=1)[:, None]).reshape(miss.shape)
+    normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
+    directions = np.stack([SLIDE_WEIGHT * tangent, normal], axis=2)  # [segment, point, direction, xy]
+    chord_normal = np.stack([-chord[:, 1], chord[:, 0]], axis=1)
+    sides = np.stack([chord, chord_normal], axis=1)  # [segment, side, xy]
+    basis = (u * (1 - u))[:, None] ** 2 * u[:, None] ** np.arange(4)
+    system = np.einsum("sudx,scx,up->sudcp", directions, sides, basis).reshape(nodes, 2 * len(u), -1)
+    wanted = np.einsum("sudx,sux->sud", directions, miss).reshape(nodes, -1, 1)
+    bump = np.linalg.pinv(system) @ wanted
+    error = np.abs(wanted - system @ bump).reshape(miss.shape)[..., 1]
+    return np.concatenate([correction, bump[..., 0]], axis=1), float(np.max(error))
+
+
+def _parts(vector: np.ndarray, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers a, b (...) such that vector = a base + b J base, both (..., 2)."""
+    square = np.sum(base * base, axis=-1)
+    across = base[..., 0] * vector[..., 1] - base[..., 1] * vector[..., 0]
+    return np.sum(vector * base, axis=-1) / square, across / square
+
+
+def _turned(parts: np.ndarray, base: np.ndarray) -> np.ndarray:
+    """a base + b J base (..., 2) of parts a, b (..., 2)."""
+    normal = np.stack([-base[..., 1], base[..., 0]], axis=-1)
+    return parts[..., :1] * base + parts[..., 1:] * normal

@@ -1,0 +1,1 @@
+"""What a run computes with: everything that does not move, and everything that does."""

@@ -1,0 +1,311 @@
+"""The model: everything about a mesh that does not move, as device arrays in the precision of the run.
+
+`build_model(scene)` knits one repeat, samples it, lays out its copies, chooses the numerical stiffnesses and masses, and
+uploads the result. Host copies stay in `table` and `panel` (float64) for the measures.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import psutil
+
+from ..errors import MemoryNeeded, ModelError
+from ..frame import WireLayout
+from ..kernels.bodies import BODY_BLOCK
+from ..kernels.contact_by_batch import PAIR_BATCH
+from ..kernels.wires_by_block import BLOCK_SIZE
+from ..knit.chain import KnitError
+from ..knit.cloth import Cloth, knit_cloth
+from ..mesh.hook import hook_panel, hook_table
+from ..mesh.panel import Panel, build_panel, table_lead
+from ..mesh.strip import Strip, cut_strip
+from ..mesh.table import Table, rest_table
+from ..mesh.treatment import Treatment, choose_treatment
+from ..ranks.ranks import One, Ranks
+from ..scene import Hook, Scene
+from .device_arrays import MeshArrays, Precision, RestArrays, precision_of, upload_mesh, upload_rest
+from .numerics import choose_numbers
+
+SLIDE_ALLOWANCE = 0.2  # how far a contact may slide beyond its lens, in wire lengths of a loop
+CORD_SAG = 0.2  # of the size of a mesh: farther its edge cannot be from its outline
+LIBRARY_MEMORY = 512 * 2**20  # [bytes] of addresses that libraries may still take: threads, compiler, USD
+MEMORY_PER_NODE = {"single": 420, "double": 520}  # bytes, at the peak of a run on the CPU
+USD_MEMORY_PER_NODE = 60  # bytes, of the process that writes scene.usda and of the frame that is handed to it
+
+
+@dataclass(frozen=True)
+class Model:
+    """A mesh ready to run. Stiffnesses and masses are those the run starts with; the control array holds the current ones."""
+
+    scene: Scene
+    cloth: Cloth | None  # None for wires that no pattern made
+    table: Table
+    panel: Panel
+    precision: Precision
+    device: str
+    rest: RestArrays
+    mesh: MeshArrays
+    axial_stiffness: float  # [N] true EA
+    bending_stiffness: float  # [N m2]
+    softening: float  # EA over the stiffness of the dynamics
+    contact_stiffness: float  # [N/m]
+    treatment: Treatment  # how contact is carried; its reach is body radius + half a wire thickness in a mesh
+    body_mass: float  # [kg]; fictitious in relax
+    added_mass: float  # share of mass that scaling added, 0 where none; nan-free
+    time_step: float  # [s] of the unloaded mesh; 1 in relax
+    loading_time: float  # [s] of a stage, in a ramp
+    damping: float  # [1/s] mass-proportional, in a ramp
+    limited_by: str  # what limits the time step
+    ranks: Ranks = field(default_factory=One)  # that share the mesh
+    strip: Strip | None = None  # what of the mesh `panel` and all arrays are, where ranks share it
+
+    @cached_property
+    def whole(self) -> Model:
+        """The model of the whole mesh on the host: what readings, measures and results speak of. Its arrays are of the strip."""
+        return self if self.strip is None else replace(self, panel=self.strip.whole, strip=None)
+
+    @property
+    def is_gripped(self) -> bool:
+        """Whether two clamps hold every wire (kernels/clamp.py)."""
+        return len(self.panel.clamp_position) == 2 * len(self.panel.wire_first)
+
+    @property
+    def yield_moment(self) -> float:
+        """[N m] of the yarn at which its outermost fibres reach the yield stress; 0 where the scene keeps it elastic."""
+        wire = self.scene.wire
+        return wire.yield_curvature * wire.bending_stiffness if wire.plastic else 0.0
+
+    @property
+    def contact_reach(self) -> float:
+        """[m] distance of body centre and wire centre line at which they touch."""
+        return self.treatment.reach
+
+    @property
+    def pair_count(self) -> int:
+        return 2 * self.panel.body_count
+
+    @property
+    def bodies(self) -> np.ndarray:
+        """[body] which body of the whole mesh it is."""
+        return np.arange(self.panel.body_count) if self.strip is None else self.strip.body
+
+    @property
+    def owned_bodies(self) -> int:
+        """Bodies that sums go over, the first ones: another rank speaks for the rest."""
+        return self.panel.body_count if self.strip is None else self.strip.owned_bodies
+
+    def layout(self) -> WireLayout:
+        """How the wires are laid out, for the exports."""
+        p = self.panel
+        return WireLayout(
+            wire_start=np.concatenate([p.wire_first, [p.node_count]]),
+            wire_closed=p.wire_closed,
+            period=np.array(p.size),
+            diameter=self.scene.wire.diameter,
+            body_radius=self.scene.model.body_radius,
+            body_wires=p.pair_wire.reshape(-1, 2),
+            rhombus_bodies=p.rhombus_bodies,
+            repeats=np.array(self.scene.knit.repeats if self.cloth is not None else (0, 0)),
+        )
+
+
+def estimated_nodes(scene: Scene, cloth: Cloth) -> int:
+    """Nodes of the mesh before it is built, to refuse what cannot fit."""
+    repeats = scene.knit.repeats[0] * scene.knit.repeats[1]
+    if scene.model.boundary == "gripped":
+        repeats = scene.panel.shape(scene.knit.size).area / np.prod(scene.knit.repeat)
+    return round(scene.model.nodes_per_loop * len(cloth.stitches) * repeats / math.prod(_tiles(scene)))
+
+
+def copies_of_cloth(scene: Scene) -> tuple[int, int]:
+    """How often `knit_scene` stands side by side (weft, warp) in the mesh: once where loops differ, as no repeat is like
+    another then."""
+    return (1, 1) if scene.knit.scatter else scene.knit.repeats
+
+
+def required_memory(scene: Scene, nodes: int) -> int:
+    """Bytes for so many nodes with their share of bodies."""
+    return (MEMORY_PER_NODE[scene.solver.precision] + USD_MEMORY_PER_NODE * scene.output.usd) * nodes
+
+
+def available_memory() -> int:
+    """Bytes of main memory that a run may take now, a limit of the process included."""
+    available = int(psutil.virtual_memory().available)
+    process = psutil.Process()
+    if hasattr(process, "rlimit"):
+        limit, _ = process.rlimit(psutil.RLIMIT_AS)
+        if limit != psutil.RLIM_INFINITY:
+            available = min(available, max(0, limit - process.memory_info().vms - LIBRARY_MEMORY))
+    return available
+
+
+def knit_scene(scene: Scene) -> Cloth:
+    """One repeat of the scene's cloth, or all of it where loops differ; refuses (`MemoryNeeded`) a mesh that cannot fit before
+    anything is laid out, and (`KnitError`) loops so far from the mean that they hook otherwise."""
+    cloth = knit_cloth(scene.knit, scene.wire.diameter, scene.model.merge_lenses, _tiles(scene))
+    _refuse_other_hooks(scene, cloth)
+    nodes = estimated_nodes(scene, cloth)
+    needed, available = required_memory(scene, nodes), available_memory()
+    if needed > available or nodes > np.iinfo(np.int32).max:
+        raise MemoryNeeded(
+            f"{_size_of(scene)}: {nodes:.3g} nodes need {needed / 2**30:.3g} GiB,"
+            f" available {available / 2**30:.3g} GiB"
+        )
+    return cloth
+
+
+def _tiles(scene: Scene) -> tuple[int, int]:
+    """Pattern repeats that are knitted as one."""
+    return scene.knit.repeats if scene.knit.scatter else (1, 1)
+
+
+def _refuse_other_hooks(scene: Scene, cloth: Cloth) -> None:
+    if not scene.knit.scatter:
+        return
+    even = knit_cloth(replace(scene.knit, scatter=0.0), scene.wire.diameter, scene.model.merge_lenses)
+    meant, found = len(even.clasps) * math.prod(_tiles(scene)), len(cloth.clasps)
+    if found != meant:
+        allowed = f"less, or another seed: with seed {scene.knit.seed} loops hook {found} times where {meant} are meant"
+        raise KnitError("knit.scatter", scene.knit.scatter, allowed)
+
+
+def _size_of(scene: Scene) -> str:
+    """The key that says how large the mesh is, with its value."""
+    if scene.panel.outline == "rectangle":
+        return f"knit.repeats = {list(scene.knit.repeats)}"
+    if scene.panel.size is None:
+        return f"panel.corners = {len(scene.panel.corners or ())} corners"
+    return f"panel.size = {scene.panel.size:g} m"
+
+
+def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -> Model:
+    """Build and upload the model of a scene, of this rank's strip where several `ranks` share it.
+
+    Raises `ModelError`, `MemoryNeeded`, `KnitError`.
+    """
+    if scene.hook is not None:
+        if ranks is not None and ranks.count > 1:
+            raise ModelError(f"hook: two wires are not shared by {ranks.count} ranks: run without mpirun")
+        return _build_hook(scene, scene.hook, device)
+    cloth = knit_scene(scene)
+    wire = scene.wire
+    loop_length = sum(t.length for t in cloth.threads) / len(cloth.stitches)
+    slack = SLIDE_ALLOWANCE * loop_length
+    spacing = loop_length / scene.model.nodes_per_loop
+    table = rest_table(
+        cloth,
+        nodes_per_loop=scene.model.nodes_per_loop,
+        set_fraction=wire.set_fraction,
+        lead=table_lead(cloth, 0.8 * spacing, slack),
+    )
+    panel = build_panel(
+        cloth,
+        table,
+        repeats=copies_of_cloth(scene),
+        outline=None if scene.model.boundary == "periodic" else scene.panel.shape(scene.knit.size),
+        slack=slack,
+        set_fraction=wire.set_fraction,
+    )
+    loop_size = max(scene.knit.wale_spacing, scene.knit.course_spacing)
+    furthest = 2 * loop_size + _edge_travel(scene)
+    return assemble_model(
+        scene, table, panel, device=device, loop_length=loop_length, displacement_range=furthest, cloth=cloth, ranks=ranks
+    )
+
+
+def _edge_travel(scene: Scene) -> float:
+    """[m] by which the edge may leave the affinely mapped outline."""
+    pulled = max((math.hypot(*pull.by) for stage in scene.stages for pull in stage.pull), default=0.0)
+    return 2 * pulled + (CORD_SAG * max(scene.knit.size) if scene.panel.cord else 0.0)
+
+
+def _build_hook(scene: Scene, hook: Hook, device: str) -> Model:
+    """The model of two hooked wires; a loop is one of them."""
+    set_fraction = scene.wire.set_fraction
+    treatment = choose_treatment(scene, yarn_thickness(scene))
+    table = hook_table(hook, segments=scene.model.nodes_per_loop, set_fraction=set_fraction)
+    panel = hook_panel(
+        hook,
+        table,
+        set_fraction=set_fraction,
+        contact_node=treatment.contact_node,
+        target_share=treatment.target_share,
+    )
+    model = assemble_model(scene, table, panel, device=device, loop_length=hook.length, displacement_range=2 * hook.length)
+    most = model.contact_stiffness
+    if scene.contact.spring_stiffness is not None and scene.contact.spring_stiffness > most:
+        raise ModelError(
+            f"contact.spring_stiffness: given {scene.contact.spring_stiffness:g} N/m, allowed: at most {most:.3g} N/m, the"
+            " contact penalty: a body would be held as if it were clamped"
+        )
+    return model
+
+
+def assemble_model(
+    scene: Scene,
+    table: Table,
+    panel: Panel,
+    *,
+    device: str,
+    loop_length: float,
+    displacement_range: float,
+    cloth: Cloth | None = None,
+    ranks: Ranks | None = None,
+) -> Model:
+    """Choose the numbers and upload; `loop_length` [m] is the wire of one loop, which the mass of a body goes by.
+
+    `ranks` share the panel in strips.
+    """
+    ranks = ranks or One()
+    strip = cut_strip(panel, ranks.rank, ranks.count) if ranks.count > 1 else None
+    panel = panel if strip is None else strip.panel
+    precision = precision_of(scene.solver.precision, displacement_range)
+    numbers = choose_numbers(scene, table, loop_length)
+    treatment = choose_treatment(scene, yarn_thickness(scene), numbers.contact_stiffness)
+    return Model(
+        scene=scene,
+        cloth=cloth,
+        table=table,
+        panel=panel,
+        precision=precision,
+        device=device,
+        rest=upload_rest(table, precision, numbers, scene.wire.bending_stiffness, device),
+        mesh=upload_mesh(panel, strip, precision, device, treatment),
+        axial_stiffness=scene.wire.axial_stiffness,
+        bending_stiffness=scene.wire.bending_stiffness,
+        softening=numbers.softening,
+        contact_stiffness=numbers.contact_stiffness,
+        treatment=treatment,
+        body_mass=numbers.body_mass,
+        added_mass=numbers.added_mass,
+        time_step=numbers.time_step,
+        loading_time=numbers.loading_time,
+        damping=numbers.damping,
+        limited_by=numbers.limited_by,
+        ranks=ranks,
+        strip=strip,
+    )
+
+
+def yarn_thickness(scene: Scene) -> float:
+    """Thickness of the yarn where it touches [m]: one wire with its plating, several side by side in the plane of the
+    mesh count as a round bundle of the same section."""
+    plating = 0.0 if scene.wire.plating is None else scene.wire.plating.thickness
+    return (scene.wire.diameter + 2 * plating) * math.sqrt(scene.wire.ends)
+
+
+def block_threads(model: Model) -> int:
+    """Threads of a launch with one thread a node place."""
+    return len(model.panel.block_first) * BLOCK_SIZE
+
+
+def body_blocks(model: Model) -> int:
+    return max(1, -(-model.owned_bodies // BODY_BLOCK))
+
+
+def contact_batches(model: Model) -> int:
+    return -(-model.pair_count // int(PAIR_BATCH))

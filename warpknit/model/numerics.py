@@ -1,0 +1,123 @@
+"""The numbers a run starts with: softening, contact penalty, masses, time step, loading time and damping.
+
+relax: fictitious masses that are stable at unit step. ramp: real masses, scaled if asked, and a step from the highest frequency.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..kernels.bend import BOW
+from ..mesh.table import Table
+from ..scene import Scene
+
+CONTACT_TO_AXIAL = 0.25  # contact stiffness over the softened axial stiffness of a segment, where the scene gives none
+MASS_MARGIN = 1.5  # fictitious masses over the least that is stable at unit step, in relax
+LOADING_PERIODS = 10.0  # slowest periods over which a stage of a ramp loads, where the scene gives no time
+CONTACT_SHARE = 1.6  # contact stiffness that a node's fictitious mass leaves room for, in penalties
+HOOK_CONTACT = 100.0  # the same of two hooked wires in relax, over EI/R^3: stiff against the wires, and yet the mass that a body
+# needs for it leaves a body that only a soft spring holds quick enough
+TURN_ALLOWANCE = 0.3  # [rad] by which load may sharpen a turn
+BODY_MASS_SHARE = 0.5  # body mass over that of half a loop of wire, in a ramp (the paper: less than that)
+STEP_MARGIN = 0.9  # time step over the bound
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """What is chosen for the numerics."""
+
+    softening: float
+    contact_stiffness: float  # [N/m]
+    node_mass: np.ndarray  # [entry] [kg]
+    body_mass: float  # [kg]
+    added_mass: float
+    time_step: float  # [s]
+    limited_by: str
+    loading_time: float = 0.0  # [s] ramp
+    damping: float = 0.0  # [1/s] ramp
+
+
+def slowest_rate(scene: Scene, loop_length: float) -> float:
+    """Angular frequency [1/s] of the slowest bending mode: a wave of about three loops of wire.
+
+    w = sqrt(EI/mu) (2 pi/(3 L))^2; the softest mode of the double atlas cell has a wave length of 2.75 L (measured on the
+    stiffness matrix of its relaxed state at 10 %).
+    """
+    wire = scene.wire
+    wave = math.sqrt(wire.bending_stiffness / (wire.linear_density * scene.solver.mass_scaling))
+    return wave * (2.0 * math.pi / (3.0 * loop_length)) ** 2
+
+
+def choose_numbers(scene: Scene, table: Table, loop_length: float) -> Numbers:
+    """Softening, contact stiffness, masses and time step of the unloaded mesh.
+
+    relax: fictitious masses that are stable at unit step, so a step of 1 s. ramp: real masses, scaled if asked.
+    """
+    wire = scene.wire
+    h = float(table.spacing.min())
+    softening = scene.solver.axial_softening
+    axial = wire.axial_stiffness / softening / h
+    bend = wire.bending_stiffness / h**3
+    contact = scene.contact.stiffness
+    if scene.hook is not None and scene.solver.drive == "relax" and contact is None:
+        contact = HOOK_CONTACT * wire.bending_stiffness / scene.hook.radius**3
+    if scene.solver.drive == "relax":
+        contact = CONTACT_TO_AXIAL * max(axial, 4 * bend) if contact is None else contact
+        node = unit_step_mass(
+            wire.axial_stiffness / softening, wire.bending_stiffness, contact, h, sharpest_turn(table)
+        )
+        return Numbers(softening, contact, node, MASS_MARGIN * contact, 0.0, 1.0, "unit step")
+    true_mass = wire.linear_density * table.node_length
+    mass = true_mass * scene.solver.mass_scaling
+    contact = 20 * bend if contact is None else contact
+    share = BODY_MASS_SHARE if scene.contact.body_mass is None else scene.contact.body_mass
+    body_mass = share * wire.linear_density * 0.5 * loop_length * scene.solver.mass_scaling
+    stiffness = max(4 * axial, 16 * bend)
+    target = scene.solver.target_time_step
+    if target is not None:
+        mass = np.maximum(mass, (stiffness + 2 * contact) * (target / (2 * STEP_MARGIN)) ** 2)
+        body_mass = max(body_mass, 4 * contact * (target / (2 * STEP_MARGIN)) ** 2)
+    added = float(mass.sum() / true_mass.sum() - 1.0)
+    rates = {
+        "stretch": 4 * axial / mass.min(),
+        "bending": 16 * bend / mass.min(),
+        "contact": max((stiffness + 2 * contact) / mass.min(), 4 * contact / body_mass),
+    }
+    limited_by = max(rates, key=lambda k: rates[k])
+    step = STEP_MARGIN * 2 / math.sqrt(max(rates.values()))
+    slowest = slowest_rate(scene, loop_length)
+    loading_time = scene.solver.loading_time or LOADING_PERIODS * 2.0 * math.pi / slowest
+    damping = slowest if scene.solver.damping is None else scene.solver.damping
+    return Numbers(softening, contact, mass, body_mass, added, step, limited_by, loading_time, damping)
+
+
+def unit_step_mass(
+    axial_stiffness: np.ndarray | float,
+    bending_stiffness: float,
+    contact_stiffness: np.ndarray | float,
+    spacing: float,
+    turning: np.ndarray | float = 0.0,
+    tension: np.ndarray | float = 0.0,
+) -> np.ndarray:
+    """Node mass [kg] that is stable at a step of 1 s, for a softened EA [N], EI [N m2], a penalty [N/m] and a spacing [m].
+
+    A chain's largest eigenvalue is a = 4 k (stretch) or b = 16 EI/h^3 (bend), the larger of the two where it is straight; a
+    turn theta [rad] couples them: (a + b)/2 + sqrt((a - b)^2/4 + a b sin^2 theta). The step is stable up to 4 m. CONTACT_SHARE
+    leaves room for the pairs of neighbouring bodies that may push the same node; a tension T [N] stiffens sideways by 4 T/h, and
+    unbends arcs (kernels/bend.py).
+    """
+    a = 4.0 * np.asarray(axial_stiffness) / spacing
+    pull = np.maximum(tension, 0.0)
+    b = 16.0 * (bending_stiffness / spacing**3 + 4.0 * BOW * pull / spacing)
+    sine = np.sin(np.minimum(turning, 0.5 * np.pi))
+    wire = 0.5 * (a + b) + np.sqrt(0.25 * (a - b) ** 2 + a * b * sine**2)
+    return MASS_MARGIN * (0.25 * wire + pull / spacing + CONTACT_SHARE * contact_stiffness)
+
+
+def sharpest_turn(table: Table) -> np.ndarray:
+    """Largest turning angle (entry,) [rad] at a node and its neighbours, with room for what load adds."""
+    turn = np.abs(table.rest_angle)
+    return np.maximum(turn, np.maximum(np.roll(turn, 1), np.roll(turn, -1))) + TURN_ALLOWANCE

@@ -1,0 +1,223 @@
+"""The state: everything about a mesh that moves, as device arrays.
+
+Positions are x = F X + u: the displacement u from the affinely mapped rest shape is stored (in counts, see
+kernels/__init__.py), never x itself. Two copies of the node displacements alternate: `node_ux[parity]` is current.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..kernels import contact_by_batch as b
+from ..kernels import control as c
+from ..kernels.bend import BOW
+from ..kernels.friction import LOOSE
+from .model import Model, body_blocks, contact_batches
+from .numerics import MASS_MARGIN
+
+STEP_LIMIT = 0.1  # course spacings in one step: a move beyond it, and beyond a node spacing, is a divergence
+LOOK_AHEAD = 0.12  # steps; stable up to 4/(1 + 2 LOOK_AHEAD) of the unit-step mass, see numerics.MASS_MARGIN
+ASLEEP = 1e30  # [m] travel at which a foreign pair would be looked at: never
+WIRE_STATE = ("node_vx", "node_vy", "tension_offset", "wire_axial", "wire_mass", "slide_vy")
+BODY_STATE = ("body_ux", "body_uy", "body_vx", "body_vy", "anchor_x", "anchor_y")
+CLAMP_STATE = ("clamp_from", "clamp_to", "wire_warmth")
+PATH_STATE = ("pair_stuck", "plastic_turn", "back_turn")
+PAIR_STATE = ("pair_slide", "pair_u", "pair_wake", "pair_offset", "pair_force", "pair_gap", "pair_node")
+ARRAYS = WIRE_STATE + BODY_STATE + PAIR_STATE + CLAMP_STATE + PATH_STATE
+
+
+@dataclass
+class State:
+    """Arrays on the device of the model."""
+
+    node_ux: list[wp.array]  # 2 x [node] [counts]
+    node_uy: list[wp.array]
+    node_vx: wp.array  # [node] [m/s]
+    node_vy: wp.array
+    tension_offset: wp.array  # [node] [N] running multiplier of the segment to the next node
+    wire_axial: wp.array  # [wire] [N] axial stiffness of the dynamics: EA over the softening
+    wire_mass: wp.array  # [wire] node masses over those of the rest table
+    slide_vy: wp.array  # [sliding clamp] [m/s]
+    body_ux: wp.array  # [body] [counts]
+    body_uy: wp.array
+    body_vx: wp.array  # [body] [m/s]
+    body_vy: wp.array
+    anchor_x: wp.array  # [body] [m] where on the ground a body is tied, from where it rests (kernels/anchored_bodies.py)
+    anchor_y: wp.array
+    pair_slide: wp.array  # [pair] current segment, counted from the seed
+    pair_u: wp.array  # [pair] place on the segment, 0 .. 1
+    pair_wake: wp.array  # [pair] [m] travel since the last neighbour search at which the pair must be looked at
+    pair_offset: wp.array  # [pair] [N] running multiplier
+    pair_node: wp.array  # [pair] first node of the current segment
+    pair_gap: wp.array  # [pair] [m]; meaningful where near
+    pair_force: wp.array  # [pair] [N]
+    pair_body_x: wp.array  # [pair] [N] force on the body; stale where pair_force is 0
+    pair_body_y: wp.array
+    pair_nodal_x: wp.array  # [4 pair] [N] forces on the four nodes; stale where pair_force is 0
+    pair_nodal_y: wp.array
+    clamp_from: wp.array  # [clamp] vec2d [m] displacement of a clamp from the affinely mapped outline, where the ramp begins
+    clamp_to: wp.array  # [clamp] vec2d [m] and where it ends
+    pair_stuck: wp.array  # [pair, or none without friction] where a contact sticks to its wire (kernels/friction.py)
+    plastic_turn: wp.array  # [node, or one without yield] [rad] turning that stays (kernels/bend.py)
+    back_turn: wp.array  # [node, or one] [rad] elastic turning that the wire yields on either side of
+    wire_warmth: wp.array  # [wire] vec2d: excess of the length factor at its first node, relative, and growth a node (warmth.py)
+    cached_slide: wp.array  # what kernels/contact_by_batch.py keeps from step to step; follows from the rest
+    cached_node: wp.array
+    cached_number: wp.array
+    control: wp.array  # [CONTROL_COUNT] float64, see kernels/control.py
+    wire_partial: wp.array  # [block, 6]
+    body_partial: wp.array  # [body block, 6]
+    parity: int = 0
+
+    def replica(self, index: int) -> State:
+        """One of the states that were made side by side (`initial_state` with `replicas`): its arrays are rows of theirs."""
+
+        def row(array: wp.array) -> wp.array:
+            # Warp takes no row of an array that holds nothing
+            return array[index] if array.size else wp.empty(array.shape[1:], dtype=array.dtype, device=array.device)
+
+        arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "parity"}
+        rows: dict[str, Any] = {n: [row(a) for a in v] if isinstance(v, list) else row(v) for n, v in arrays.items()}
+        return State(**rows)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Host copies of all that a run needs to go on."""
+        kept = {name: getattr(self, name).numpy().copy() for name in ARRAYS}
+        kept["node_ux"] = self.node_ux[self.parity].numpy().copy()
+        kept["node_uy"] = self.node_uy[self.parity].numpy().copy()
+        kept["control"] = self.control.numpy().copy()
+        return kept
+
+    def restore(self, kept: dict[str, np.ndarray]) -> None:
+        """Put back what `arrays` returned."""
+        for name in (*ARRAYS, "control"):
+            getattr(self, name).assign(kept[name])
+        self.node_ux[self.parity].assign(kept["node_ux"])
+        self.node_uy[self.parity].assign(kept["node_uy"])
+
+    def read_control(self) -> np.ndarray:
+        """The control array on the host: a view on the CPU, a copy from a GPU."""
+        return self.control.numpy()
+
+    @property
+    def gradient(self) -> np.ndarray:
+        """Deformation gradient (2, 2) of the boundary, a copy."""
+        return self.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2).copy()
+
+    @property
+    def clamp_shift(self) -> np.ndarray:
+        """Displacement (clamp, 2) [m] of the clamps from the affinely mapped outline."""
+        start, share = self.clamp_from.numpy(), float(self.read_control()[int(c.RAMP_SHARE)])
+        return start + share * (self.clamp_to.numpy() - start)
+
+    def move_clamps(self, start: np.ndarray, end: np.ndarray) -> None:
+        """Have the next ramp take the clamps from displacements (clamp, 2) [m] to others."""
+        self.clamp_from.assign(np.ascontiguousarray(start))
+        self.clamp_to.assign(np.ascontiguousarray(end))
+
+    def stiffen_contact(self, penalty: float) -> None:
+        """Take a new contact penalty [N/m], and the fictitious mass that a body needs for it; friction keeps its force."""
+        if len(self.pair_stuck):
+            stuck, place = self.pair_stuck.numpy(), self.pair_slide.numpy() + self.pair_u.numpy().astype(np.float64)
+            share = float(self.read_control()[int(c.CONTACT_STIFFNESS)]) / penalty
+            self.pair_stuck.assign(np.where(stuck > float(LOOSE), place - share * (place - stuck), stuck))
+        self.write_control({c.CONTACT_STIFFNESS: penalty, c.BODY_INVERSE_MASS: 1.0 / (MASS_MARGIN * penalty)})
+
+    def write_control(self, values: dict[int, float]) -> None:
+        """Set entries of the control array."""
+        host = self.control.numpy()
+        for index, value in values.items():
+            host[..., int(index)] = value
+        if not self.control.device.is_cpu:
+            self.control.assign(host)
+
+
+def initial_state(model: Model, replicas: int | None = None) -> State:
+    """The rest state: knitted shape, no velocity, no load.
+
+    With `replicas`, as many states side by side: every array has the replica as its first axis.
+    """
+    lead = () if replicas is None else (replicas,)
+    real, coordinate, device = model.precision.real, model.precision.coordinate, model.device
+    nodes, bodies, pairs = model.panel.node_count, model.panel.body_count, model.pair_count
+    wires = len(model.panel.wire_first)
+    anchored = bodies if model.treatment.anchored else 0
+    batched = contact_batches(model) * int(b.PAIR_BATCH) if wp.get_device(device).is_cpu else 0
+
+    asleep = np.where(model.panel.pair_wire < 0, ASLEEP, 0.0)
+
+    def zeros(count: int, dtype: type) -> wp.array:
+        return wp.zeros((*lead, count), dtype=dtype, device=device)
+
+    def full(count: int, value: float, dtype: type) -> wp.array:
+        return wp.full((*lead, count), value, dtype=dtype, device=device)
+
+    def rows(count: int) -> wp.array:
+        return wp.zeros((*lead, count, c.PARTIAL_COUNT), dtype=wp.float64, device=device)
+
+    state = State(
+        node_ux=[zeros(nodes, coordinate), zeros(nodes, coordinate)],
+        node_uy=[zeros(nodes, coordinate), zeros(nodes, coordinate)],
+        node_vx=zeros(nodes, real),
+        node_vy=zeros(nodes, real),
+        tension_offset=zeros(nodes, real),
+        wire_axial=full(wires, model.axial_stiffness / model.softening, real),
+        wire_mass=full(wires, 1.0, real),
+        slide_vy=zeros(len(model.panel.sliding_clamp), wp.float64),
+        body_ux=zeros(bodies, coordinate),
+        body_uy=zeros(bodies, coordinate),
+        body_vx=zeros(bodies, real),
+        body_vy=zeros(bodies, real),
+        anchor_x=zeros(anchored, wp.float64),
+        anchor_y=zeros(anchored, wp.float64),
+        pair_slide=zeros(pairs, wp.int32),
+        pair_u=full(pairs, 0.5, real),
+        pair_wake=wp.array(np.broadcast_to(asleep, (*lead, pairs)), dtype=real, device=device),
+        pair_offset=zeros(pairs, real),
+        pair_node=zeros(pairs, wp.int32),
+        pair_gap=zeros(pairs, real),
+        pair_force=zeros(pairs, real),
+        pair_body_x=zeros(pairs, real),
+        pair_body_y=zeros(pairs, real),
+        pair_nodal_x=zeros(4 * pairs, real),
+        pair_nodal_y=zeros(4 * pairs, real),
+        clamp_from=zeros(len(model.panel.clamp_position), wp.vec2d),
+        clamp_to=zeros(len(model.panel.clamp_position), wp.vec2d),
+        wire_warmth=zeros(wires, wp.vec2d),
+        plastic_turn=zeros(nodes if model.yield_moment else 1, real),
+        back_turn=zeros(nodes if model.yield_moment else 1, real),
+        pair_stuck=full(pairs if model.scene.contact.friction else 0, LOOSE, wp.float64),
+        cached_slide=full(batched, b.UNCACHED, wp.int32),
+        cached_node=zeros(b.CACHED_NODES * batched, wp.int32),
+        cached_number=zeros(b.CACHED_NUMBERS * batched, real),
+        control=zeros(c.CONTROL_COUNT, wp.float64),
+        wire_partial=rows(len(model.panel.block_first)),
+        body_partial=rows(body_blocks(model)),
+    )
+    gradient = {c.GRADIENT: 1.0, c.GRADIENT + 1: 0.0, c.GRADIENT + 2: 0.0, c.GRADIENT + 3: 1.0, c.LENGTH_FACTOR: 1.0}
+    spacing = float(model.table.spacing.min())
+    relax = model.scene.solver.drive == "relax"
+    state.write_control(
+        gradient
+        | {int(c.FROM) + k: gradient[int(c.GRADIENT) + k] for k in range(5)}
+        | {int(c.TO) + k: gradient[int(c.GRADIENT) + k] for k in range(5)}
+        | {
+            c.CONTACT_STIFFNESS: model.contact_stiffness,
+            c.BODY_INVERSE_MASS: 1.0 / model.body_mass,
+            c.DRIVE: 0.0 if relax else 1.0,
+            c.TIME_STEP: model.time_step,
+            c.DAMPING: 0.02 if relax else model.damping,
+            c.BOW_MOMENT: 2.0 * BOW if relax and model.scene.solver.multipliers else 0.0,
+            c.LOOK_AHEAD: LOOK_AHEAD if relax else 0.0,
+            c.FORCE_FACTOR: model.time_step,
+            c.VELOCITY_FACTOR: 1.0,
+            c.RAMP_SHARE: 1.0,
+            c.SPEED_LIMIT: 0.05 * spacing,
+            c.STEP_LIMIT: max(spacing, STEP_LIMIT * model.scene.knit.course_spacing),
+        }
+    )
+    return state

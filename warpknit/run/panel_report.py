@@ -1,0 +1,93 @@
+"""What a run says of a panel: its maps as tables, and the figures of the whole that a designer compares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..measure.panel_map import PanelMap, has_map, panel_map
+from ..measure.surface import Surface, find_surface
+from ..mesh.rim import build_rim
+from ..solve.drive import Record
+
+
+@dataclass(frozen=True)
+class PanelReport:
+    """Tables and numbers of one recorded state of a panel."""
+
+    map: PanelMap
+    surface: Surface | None
+    summary: dict[str, Any]
+
+    def map_table(self) -> dict[str, np.ndarray]:
+        """Columns of panel_map.csv, a value for each tile that is mesh for the better part."""
+        m = self.map
+        known = m.known
+        return {
+            "weft_m": m.place[known][:, 0],
+            "warp_m": m.place[known][:, 1],
+            "inside": m.inside[known],
+            "strain_weft": m.gradient[known][:, 0, 0] - 1.0,
+            "strain_warp": m.gradient[known][:, 1, 1] - 1.0,
+            "shear": m.gradient[known][:, 0, 1] + m.gradient[known][:, 1, 0],
+            "tension_weft_N_per_m": m.tension[known][:, 0, 0],
+            "tension_warp_N_per_m": m.tension[known][:, 1, 1],
+            "active_percent": np.nan_to_num(m.active_percent[known]),
+            "stress_max_Pa": m.stress_max[known],
+        }
+
+    def surface_table(self) -> dict[str, np.ndarray]:
+        """Columns of panel_surface.csv, a value a point."""
+        assert self.surface is not None
+        s = self.surface
+        return {"x_m": s.point[:, 0], "y_m": s.point[:, 1], "height_m": s.height, "deviation_m": s.deviation}
+
+
+def report_panel(record: Record) -> PanelReport | None:
+    """The report of a gripped panel; None for a mesh that is none, or too small for a map."""
+    reading = record.reading
+    if not has_map(reading):
+        return None
+    model = reading.model
+    options = model.scene.panel
+    assert model.panel.outline is not None
+    found = panel_map(reading)
+    least = np.minimum(found.tension[..., 0, 0], found.tension[..., 1, 1])[found.known]
+    numbers: dict[str, Any] = {
+        "outline": options.outline,
+        "area_m2": model.panel.area,
+        "tension_median_weft_N_per_m": float(np.median(found.tension[found.known][:, 0, 0])),
+        "tension_median_warp_N_per_m": float(np.median(found.tension[found.known][:, 1, 1])),
+        "tension_least_N_per_m": float(least.min()),
+        "tension_threshold_N_per_m": options.tension_threshold,
+        "area_below_tension_percent": None,
+        "active_threshold_percent": options.active_threshold,
+        "area_below_active_percent": None,
+    }
+    with np.errstate(invalid="ignore"):
+        if options.tension_threshold is not None:
+            slack = np.minimum(found.tension[..., 0, 0], found.tension[..., 1, 1]) < options.tension_threshold
+            numbers["area_below_tension_percent"] = 100.0 * found.area_share(slack)
+        if options.active_threshold is not None:
+            numbers["area_below_active_percent"] = 100.0 * found.area_share(found.active_percent < options.active_threshold)
+    surface = None
+    rim = build_rim(model.panel, model.scene)
+    stations = record.stations if len(record.stations) else np.zeros((len(rim.arc), 2))
+    if rim.is_free:
+        tension = rim.cord_forces(reading.gradient, stations)[1]
+        numbers |= {"cord_tension_max_N": float(tension.max()), "cord_tension_min_N": float(tension.min())}
+        inward = np.hypot(stations[:, 0], stations[:, 1])
+        numbers["cord_displacement_max_m"] = float(inward.max())
+    if options.focal_length is not None:
+        middle = model.panel.low + 0.5 * model.panel.size
+        surface = find_surface(found, rim, reading.gradient, stations, middle, options.focal_length)
+        numbers["surface"] = {
+            "focal_length_m": options.focal_length,
+            "rms_deviation_m": surface.rms_deviation,
+            "rms_best_fit_m": surface.rms_best_fit,
+            "pillowing_m": surface.pillowing,
+            "slope_max": float(np.hypot(*surface.point.T).max() / (2.0 * options.focal_length)),
+        }
+    return PanelReport(found, surface, numbers)

@@ -1,0 +1,62 @@
+"""The directory of a run or of a map: what may be written there, and what is ours to remove."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+from ..errors import RunDirectoryError
+
+OURS = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda", "wires.topology.usdc",
+        "wires.manifest.usda", "stages.json", "states", "frames", "figures", "checkpoint", "vtk", "tables", "panel",
+        "map.csv", "map.json", "map_details.csv", "seeds",
+        "report.html", "material_card.csv", "material_card.json", "tension_strain.csv")  # fmt: skip
+SUMMARIES = {"summary.json": "run", "map.json": "map"}
+
+
+def read_summary(out: Path, name: str) -> dict[str, Any] | None:
+    """The summary `name` of what ended steady or finished in `out`, or None."""
+    try:
+        summary = json.loads((out / name).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return summary if isinstance(summary, dict) and summary.get("stop_reason") in ("steady", "finished") else None
+
+
+def check_directory(out: Path, *, unfinished: str | None, resume: bool, force: bool) -> None:
+    """Refuse a directory that holds something; `unfinished`: what kind of unfinished work stands there to be resumed, if any.
+
+    Raises RunDirectoryError.
+    """
+    if out.exists() and not out.is_dir():
+        raise RunDirectoryError(f"--out {out}: given a file, allowed: a directory")
+    if force:
+        return
+    for name, kind in SUMMARIES.items():
+        if read_summary(out, name) is not None:
+            raise RunDirectoryError(f"{out}: holds a finished {kind}; --force replaces it, --out names another directory")
+    if unfinished is not None and not resume:
+        raise RunDirectoryError(f"{out}: holds an interrupted {unfinished}; --resume goes on with it, --force starts over")
+    foreign = [p.name for p in out.iterdir() if p.name not in OURS and not p.name.startswith(".")] if out.is_dir() else []
+    if foreign and not (out / "scene.toml").exists():
+        raise RunDirectoryError(f"{out}: holds files of something else ({foreign[0]}); --out names another directory")
+
+
+def make_directory(out: Path) -> None:
+    """Make `out` where it is not there. Raises RunDirectoryError."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunDirectoryError(f"--out {out}: given {(error.strerror or 'unusable').lower()}, allowed: a directory") from error
+
+
+def clear(out: Path) -> None:
+    """Remove what an earlier run or map left, and nothing else."""
+    for name in OURS:
+        path = out / name
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink(missing_ok=True)

@@ -1,0 +1,227 @@
+"""summary.json: what a run found, in SI units (the keys are fixed, see docs/scenes.md)."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from .. import __version__, measure
+from ..model.model import Model
+from ..solve.simulate import Record
+from .history import HookRow, Row
+
+STEEP = 0.3  # slope from which its square is no longer small
+LEVELS_FOLLOWED = 4  # of a stage: with fewer the work along them is too rough to tell of a snap
+STRAIN_JUMP = 0.06  # between two recorded states of a relaxation: worth a warning
+
+
+def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None = None) -> dict[str, Any]:
+    """Contacts, wire, mesh and quality of the state at the end of a stage; `rows` are all rows up to it, `panel` what is said
+    of a panel as a whole."""
+    r = record.reading
+    model = r.model
+    contact = measure.contacts(r)
+    rhombus = measure.contacts(r, model.panel.rhombus_bodies)
+    force = r.pair_force[measure.pair_active(r)]
+    largest, high, above = measure.stress_extremes(r)
+    tension = measure.mesh_tension(r)
+    plastic = measure.plastic_extremes(r)
+    f = r.gradient
+    return _hook_part(rows[-1]) | {
+        "name": record.stage,
+        "quality": {
+            "kinetic_to_internal": kinetic_to_internal(rows, model),
+            "energy_balance": energy_balance(rows, model),
+            "energy_balance_of_stored": energy_balance_of_stored(rows, model),
+            "residual": measure.residual(r),
+            "membrane_left_out": record.left_out,
+            "penetration_max": max(row.penetration for row in rows),
+        },
+        "contacts": {
+            "pairs": contact.pairs,
+            "active": contact.active,
+            "active_percent": contact.active_percent,
+            "bodies": contact.bodies,
+            "active_bodies": contact.active_bodies,
+            "at_reach_end": measure.pairs_at_reach_end(r),
+            "force_max_N": float(force.max(initial=0.0)),
+            "force_mean_N": float(force.mean()) if len(force) else 0.0,
+            "threshold_N": measure.active_threshold(model),
+            "central_rhombus": {
+                "bodies": rhombus.bodies,
+                "pairs": rhombus.pairs,
+                "active": rhombus.active,
+                "active_percent": rhombus.active_percent if rhombus.bodies else None,
+            },
+        },
+        "wire": {
+            "stress_max_Pa": largest,
+            "stress_p99_Pa": high,
+            "stress_interior_max_Pa": measure.interior_stress(r),
+            "stress_max_so_far_Pa": max(row.stress_max_Pa for row in rows),
+            "yield_stress_Pa": model.scene.wire.yield_stress,
+            "yield_fraction": above,
+            "plastic_fraction": plastic[0],
+            "plastic_strain_max": plastic[1],
+            "axial_strain_max": float(np.max(np.abs(measure.axial_strain(r)))),
+        },
+        "mesh": {
+            "tension_weft_N_per_m": tension[0],
+            "tension_warp_N_per_m": tension[1],
+            "strain_weft": float(f[0, 0] - 1.0),
+            "strain_warp": float(f[1, 1] - 1.0),
+            "shear": float(f[0, 1]),
+            "temperature_K": record.temperature,
+            "areal_mass_kg_per_m2": measure.areal_mass(r),
+        },
+    } | ({} if panel is None else {"panel": panel})
+
+
+def _hook_part(row: Row) -> dict[str, Any]:
+    """What the last row says of two hooked wires, by the names of its columns; nothing of a mesh."""
+    if not isinstance(row, HookRow):
+        return {}
+    return {"hook": {field.name: getattr(row, field.name) for field in fields(HookRow)[len(fields(Row)) :]}}
+
+
+def kinetic_to_internal(rows: list[Row], model: Model) -> float:
+    """Largest kinetic over stored energy of the states that count: steady ones, or a ramp's after a tenth of its load."""
+    counted = [row for row in rows if (row.steady or row.load_factor > 0.1) and row.stored > 0.0 and row.load_factor > 0.0]
+    floor = 1e-12 * measure.energy_scale(model)
+    return max((row.energy_kinetic_J / max(row.stored, floor) for row in counted), default=0.0)
+
+
+def energy_balance(rows: list[Row], model: Model) -> float:
+    """Work in less stored, dissipated and kinetic energy of the last row, over the larger of stored and EI/W a loop.
+
+    What the damping of a ramp took out is on the books; a relaxation works along steady states, where it takes out nothing.
+    """
+    return _missing_work(rows, model) / max(rows[-1].stored, measure.energy_scale(model))
+
+
+def energy_balance_of_stored(rows: list[Row], model: Model) -> float:
+    """The same over the most energy that was stored so far; 0 where none was."""
+    most = max(row.stored for row in rows)
+    return _missing_work(rows, model) / most if most > 0.0 else 0.0
+
+
+def _missing_work(rows: list[Row], model: Model) -> float:
+    last = rows[-1]
+    kinetic = last.energy_kinetic_J if model.scene.solver.drive == "ramp" else 0.0
+    return last.work_J - last.stored - last.dissipated_J - kinetic
+
+
+def warnings_of(model: Model, rows: list[Row], stages: list[dict[str, Any]]) -> list[str]:
+    """What the user should know about this result."""
+    wire = model.scene.wire
+    found = list(model.panel.notes)
+    largest = max((row.stress_max_Pa for row in rows), default=0.0)
+    interior = max((stage["wire"]["stress_interior_max_Pa"] for stage in stages), default=largest)
+    where = f" (away from the grips {interior / 1e6:.3g} MPa)" if interior < 0.95 * largest else ""
+    law = "the result has it yield in bending and never break" if wire.plastic else "the result is elastic"
+    if largest > wire.tensile_strength:
+        found.append(
+            f"a wire is stressed to {largest / 1e9:.3g} GPa{where}, beyond its strength of {wire.tensile_strength / 1e9:.3g} GPa:"
+            f" it would break; {law}"
+        )
+    elif largest > wire.yield_stress:
+        found.append(
+            f"a wire is stressed to {largest / 1e9:.3g} GPa{where}, beyond its elastic limit of"
+            f" {wire.yield_stress / 1e9:.3g} GPa: it {'keeps' if wire.plastic else 'would keep'} a set; {law}"
+        )
+    if any(row.strain_weft < -0.005 or row.strain_warp < -0.005 for row in rows):
+        found.append("the mesh is compressed: a real one would wrinkle out of its plane, which this planar model cannot show")
+    left_out = max((stage["quality"]["membrane_left_out"] for stage in stages), default=0.0)
+    if left_out > 0.0:
+        found.append(
+            f"the mesh is slack or uneven: over many repeats its stress may be {left_out:.1%} of the tension out of balance"
+        )
+    steep = max((stage.get("panel", {}).get("surface", {}).get("slope_max", 0.0) for stage in stages), default=0.0)
+    if steep > STEEP:
+        found.append(
+            f"the paraboloid is as steep as {steep:.2g} at the edge of the panel: its shape is worked out for small slopes"
+        )
+    ends = max((stage["contacts"]["at_reach_end"] for stage in stages), default=0)
+    if ends:
+        found.append(f"{ends} active contacts have slid as far along their wire as the model follows: never trust their forces")
+    if rows and rows[0].active_pairs:
+        found.append(
+            f"as knitted {rows[0].active_pairs} pairs press already, with {rows[0].tension_weft_N_per_m:.2g} N/m in weft and"
+            f" {rows[0].tension_warp_N_per_m:.2g} N/m in warp at no strain: the yarn is thicker than the loops leave room for"
+        )
+    for a, b in zip(rows, rows[1:], strict=False):
+        by_tension = _driven_by_tension(model, b.stage)
+        jump = float(np.max(np.abs([b.strain_weft - a.strain_weft, b.strain_warp - a.strain_warp]) * by_tension))
+        if jump > STRAIN_JUMP and model.scene.solver.drive == "relax":
+            found.append(
+                f"the mesh jumps by {jump:.1%} strain between loads {a.load_factor:.3g} and {b.load_factor:.3g} of stage"
+                f" {b.stage!r}: slack was taken up, or more than one state carries such a load and which is found depends on"
+                " the way there"
+            )
+            break
+    followed = model.scene.output.frames >= LEVELS_FOLLOWED or model.scene.solver.drive == "ramp"
+    if stages and followed and abs(stages[-1]["quality"]["energy_balance_of_stored"]) > 0.05:
+        found.append(
+            f"work and stored energy differ by {stages[-1]['quality']['energy_balance_of_stored']:.0%} of the most that was"
+            " stored: the mesh snapped between recorded states, or output.frames is too small to follow it"
+        )
+    return found
+
+
+def _driven_by_tension(model: Model, name: str) -> np.ndarray:
+    """(2,) whether a stage drives weft and warp by tension: only then is a jump of strain the mesh's own."""
+    stage = next(stage for stage in model.scene.stages if stage.name == name)
+    return np.array([stage.strain_weft is None, stage.strain_warp is None])
+
+
+def run_summary(
+    model: Model,
+    rows: list[Row],
+    stages: list[dict[str, Any]],
+    *,
+    stop_reason: str,
+    wall: float,
+    compile_time: float,
+    steps: int,
+    message: str = "",
+) -> dict[str, Any]:
+    """The whole of summary.json; the last stage's values stand at the top."""
+    scene, panel = model.scene, model.panel
+    last = {key: value for key, value in stages[-1].items() if key != "name"} if stages else {}
+    if "quality" in last:
+        last["quality"] = {**last["quality"], "estimated_error": None}
+    return {
+        "scene": {"name": scene.name, "hash": scene.hash},
+        "version": __version__,
+        "device": model.device,
+        "stop_reason": stop_reason,
+        "message": message,
+        "warnings": warnings_of(model, rows, stages),
+        "model": {
+            "kind": scene.model.kind,
+            "boundary": scene.model.boundary,
+            "precision": model.precision.name,
+            "wires": len(panel.wire_first),
+            "nodes": panel.node_count,
+            "repeats": list(scene.knit.repeats),
+            "bodies": panel.body_count,
+            "pairs": model.pair_count,
+            "rest_curve_error": model.table.curve_error / scene.wire.diameter,
+        },
+        "solver": {
+            "time_step_s": model.time_step,
+            "steps": steps,
+            "wall_s": wall,
+            "compile_s": compile_time,
+            "ranks": model.ranks.count,
+            "node_steps_per_s": steps * panel.node_count / wall if wall > 0 else 0.0,
+            "mass_scaling": 1.0 + model.added_mass,
+            "axial_softening": model.softening,
+            "preset": scene.solver.preset,
+            "drive": scene.solver.drive,
+        },
+        **last,
+        "stages": stages,
+    }

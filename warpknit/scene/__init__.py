@@ -1,0 +1,49 @@
+"""The scene: what is knitted, how it is loaded and solved, as frozen objects in plain SI.
+
+    scene = load_scene("scenes/atlas_patch.toml", overrides=["load.strain_warp=0.05"], preset="draft")
+
+A scene file is TOML; `warpknit.scene.file` lists its keys. Whatever is wrong with it is a SceneError of one line.
+"""
+
+from warpknit.errors import SceneError
+from warpknit.scene.hook import Hook
+from warpknit.scene.load import load_scene, make_scene
+from warpknit.scene.objects import (
+    Bar,
+    Contact,
+    Knit,
+    Loop,
+    ModelOptions,
+    Output,
+    Pull,
+    Scene,
+    Solver,
+    Stage,
+    Sweep,
+)
+from warpknit.scene.panel import Cord, PanelOptions
+from warpknit.scene.resolved import resolved_toml
+from warpknit.scene.wire import Plating, Wire
+
+__all__ = [
+    "Bar",
+    "Contact",
+    "Cord",
+    "Hook",
+    "Knit",
+    "Loop",
+    "ModelOptions",
+    "Output",
+    "PanelOptions",
+    "Plating",
+    "Pull",
+    "Scene",
+    "SceneError",
+    "Solver",
+    "Stage",
+    "Sweep",
+    "Wire",
+    "load_scene",
+    "make_scene",
+    "resolved_toml",
+]

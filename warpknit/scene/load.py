@@ -1,0 +1,213 @@
+"""A scene from its file: `warpknit.scene.file` lists the keys. Whatever is wrong with it is a SceneError of one line."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from warpknit.scene.file import KnitTable, ModelTable, SceneFile, SolverTable, SweepTable, WireTable
+from warpknit.scene.hook import Hook, contact_values, hook_of
+from warpknit.scene.materials import MATERIALS
+from warpknit.scene.messages import dotted, first_error, scene_error
+from warpknit.scene.objects import Bar, Contact, Knit, Loop, ModelOptions, Output, Scene, Solver, Sweep
+from warpknit.scene.overrides import Override, with_overrides
+from warpknit.scene.panel import PanelError, PanelOptions, covering_repeats, panel_options
+from warpknit.scene.presets import PRESETS, Preset
+from warpknit.scene.source import Source
+from warpknit.scene.stages import hook_stages, mesh_stages
+from warpknit.scene.units import shown
+from warpknit.scene.wire import Plating, Wire
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+SPACING_RATIO = 10.0  # largest ratio of wale and course spacing, either way
+SINGLE_NODES = 48  # nodes a loop above which double is the default: round-off grows as EI/h^2
+SINGLE_TOLERANCE = 1e-3  # least residual tolerance that single precision can meet
+
+
+def load_scene(path: str | os.PathLike[str], overrides: Sequence[Override] = (), preset: str | None = None) -> Scene:
+    """The scene in the TOML file at `path`.
+
+    overrides: "key=value" strings (the value is TOML, else a plain string) or (key, value) pairs; keys are dotted. A
+    strain set this way takes the place of the file's tension in that direction, and so for other ways to say the same.
+    preset: takes the place of `solver.preset`; keys that the file gives still stand.
+    Raises SceneError.
+    """
+    path = Path(path)
+    expected = "a scene file in TOML"
+    try:
+        table = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except OSError as error:
+        raise scene_error(path, "the file", (error.strerror or "an unreadable file").lower(), expected) from error
+    except (ValueError, RecursionError) as error:
+        raise scene_error(path, "the file", f"invalid TOML ({error})", expected) from error
+    return make_scene(table, overrides, preset, path=path)
+
+
+def make_scene(
+    table: dict[str, Any],
+    overrides: Sequence[Override] = (),
+    preset: str | None = None,
+    *,
+    path: str | os.PathLike[str] = "scene.toml",
+) -> Scene:
+    """The scene of a table as read from TOML; `path` is for messages, and names a scene without `name`."""
+    path = Path(path)
+    if preset is not None:
+        overrides = [*overrides, ("solver.preset", preset)]
+    table = with_overrides(path, table, overrides)
+    try:
+        file = SceneFile.model_validate(table)
+    except ValidationError as error:
+        raise first_error(path, error) from error
+    source = Source(path, table)
+    wire = _wire(source, file.wire)
+    hook = None if file.hook is None else hook_of(source, file, wire)
+    knit = _knit(source, file.knit, wire) if hook is None else _nothing_knitted(file, hook)
+    panel = _panel(source, file)
+    if panel.outline != "rectangle":
+        repeats = covering_repeats(panel.shape(knit.size), knit.repeat)
+        if file.knit.repeats not in ((1, 1), repeats):
+            allowed = f"nothing where panel.outline = {panel.outline!r} says how large the mesh is ({list(repeats)} cover it)"
+            raise source.refusal(("knit", "repeats"), list(file.knit.repeats), allowed)
+        knit = replace(knit, repeats=repeats)
+    numerics = PRESETS[file.solver.preset]
+    return Scene(
+        name=file.name or path.stem,
+        path=path,
+        wire=wire,
+        knit=knit,
+        hook=hook,
+        model=_model(source, file.model, wire, numerics),
+        panel=panel,
+        stages=tuple(mesh_stages(source, file, wire, knit, panel) if hook is None else hook_stages(source, file, wire, hook)),
+        contact=Contact(**contact_values(source, file, wire)),
+        solver=_solver(source, file.solver, numerics, file.model.nodes_per_loop or numerics.nodes_per_loop, hook),
+        output=Output(**file.output.model_dump()),
+        sweep=_sweep(source, file.sweep, knit),
+    )
+
+
+def _wire(source: Source, table: WireTable) -> Wire:
+    given = table.model_dump(exclude={"plating"})
+    for key, value in given.items():
+        if value is None:
+            given[key] = getattr(MATERIALS[table.material], key)
+    wire = Wire(**given, plating=None if table.plating is None else Plating(**table.plating.model_dump()))
+    if wire.yield_stress > wire.tensile_strength:
+        allowed = f"at most the tensile strength, {wire.tensile_strength:g} Pa"
+        raise source.refusal(("wire", "yield_stress"), wire.yield_stress, allowed)
+    if wire.plating is not None and wire.plating.thickness > wire.radius:
+        allowed = f"at most the radius of the wire, {wire.radius:g} m"
+        raise source.refusal(("wire", "plating", "thickness"), wire.plating.thickness, allowed)
+    return wire
+
+
+def _knit(source: Source, table: KnitTable, wire: Wire) -> Knit:
+    spacing = {}
+    for key, length, count_key, count, default in (
+        ("wale_spacing", table.wale_spacing, "wales", table.wales, 1.7e-3),
+        ("course_spacing", table.course_spacing, "courses", table.courses, 1.0e-3),
+    ):
+        spacing[key] = length if length is not None else default if count is None else 1 / count
+        if not 2 * wire.diameter <= spacing[key] < math.inf:
+            least = 2 * wire.diameter
+            allowed = f"two diameters of the wire or more between loops, {least:g} m (wire.diameter is {wire.diameter:g} m)"
+            raise source.refusal(("knit", key if count is None else count_key), spacing[key], allowed)
+    ratio = spacing["wale_spacing"] / spacing["course_spacing"]
+    if not 1 / SPACING_RATIO <= ratio <= SPACING_RATIO:
+        key = "wales" if table.wales is not None else "wale_spacing"
+        allowed = (
+            f"between 1/{SPACING_RATIO:g} and {SPACING_RATIO:g} course spacings; this makes wales"
+            f" {spacing['wale_spacing'] * 1e3:.4g} mm and courses {spacing['course_spacing'] * 1e3:.4g} mm apart"
+            " (bare numbers are SI)"
+        )
+        raise source.refusal(("knit", key), spacing["wale_spacing"], allowed)
+    return Knit(
+        bars=tuple(Bar(**bar.model_dump()) for bar in table.bars),
+        **spacing,
+        repeats=table.repeats,
+        scatter=table.scatter,
+        seed=table.seed,
+        loop=Loop(**table.loop.model_dump()),
+    )
+
+
+def _nothing_knitted(file: SceneFile, hook: Hook) -> Knit:
+    """The knit of a hook scene: nothing, but the radius as the scale of lengths."""
+    return Knit(
+        bars=(),
+        wale_spacing=hook.radius,
+        course_spacing=hook.radius,
+        repeats=(1, 1),
+        scatter=0.0,
+        seed=0,
+        loop=Loop(**file.knit.loop.model_dump()),
+    )
+
+
+def _model(source: Source, table: ModelTable, wire: Wire, numerics: Preset) -> ModelOptions:
+    given = table.model_dump()
+    if given["nodes_per_loop"] is None:
+        given["nodes_per_loop"] = numerics.nodes_per_loop
+    if given["body_radius"] is None:
+        given["body_radius"] = wire.diameter / 8
+    elif given["body_radius"] > wire.diameter:
+        allowed = f"at most the diameter of the wire, {wire.diameter:g} m"
+        raise source.refusal(("model", "body_radius"), given["body_radius"], allowed)
+    return ModelOptions(**given)
+
+
+def _panel(source: Source, file: SceneFile) -> PanelOptions:
+    if file.model.boundary == "periodic" and file.panel != type(file.panel)():
+        raise source.refusal(("model", "boundary"), "periodic", "'gripped' with [panel]: a periodic tile has no outline")
+    if file.solver.drive == "ramp" and file.contact.friction:
+        raise source.refusal(("contact", "friction"), file.contact.friction, "0 with solver.drive = 'ramp'")
+    if file.solver.drive == "ramp" and file.wire.plastic:
+        raise source.refusal(("wire", "plastic"), file.wire.plastic, "false with solver.drive = 'ramp'")
+    if file.solver.drive == "ramp" and file.panel.cord is not None:
+        raise scene_error(source.path, "panel.cord", "a cord", "nothing with solver.drive = 'ramp'")
+    try:
+        panel = panel_options(file.panel, source.path.parent)
+    except PanelError as error:
+        key = dotted(("panel", error.key))
+        raise scene_error(source.path, key, shown(error.given), error.allowed) from error
+    return panel
+
+
+def _solver(
+    source: Source, table: SolverTable, numerics: Preset, nodes_per_loop: int, hook: Hook | None = None
+) -> Solver:
+    given = table.model_dump()
+    ramp = "ramp_" if given["drive"] == "ramp" else ""
+    for key, name in (
+        ("precision", f"{ramp}precision"),
+        ("axial_softening", f"{ramp}axial_softening"),
+        ("residual_tolerance", "residual_tolerance"),
+    ):
+        if given[key] is None:
+            given[key] = getattr(numerics, name)
+    if hook is not None or (table.precision is None and nodes_per_loop > SINGLE_NODES):
+        given["precision"] = "double"
+    if given["precision"] == "single" and given["residual_tolerance"] < SINGLE_TOLERANCE:
+        allowed = f"{SINGLE_TOLERANCE:g} or more in single precision, whose round-off hides less; or precision = \"double\""
+        raise source.refusal(("solver", "residual_tolerance"), given["residual_tolerance"], allowed)
+    return Solver(**given)
+
+
+def _sweep(source: Source, table: SweepTable | None, knit: Knit) -> Sweep | None:
+    if table is None:
+        return None
+    if table.seeds > 1 and knit.scatter == 0.0:
+        raise source.refusal(("sweep", "seeds"), table.seeds, "1, as without knit.scatter all seeds knit the same mesh")
+    return Sweep(tuple(table.strain_weft), tuple(table.strain_warp), table.seeds)

@@ -1,0 +1,118 @@
+"""From what the checks of a scene found to one line: file, key, what was given, what is allowed."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import typing
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from warpknit.errors import SceneError
+from warpknit.scene.file import SceneFile
+from warpknit.scene.units import shown
+from warpknit.scene.values import Check
+
+Location = tuple[int | str, ...]
+
+
+def scene_error(file: object, key: str, given: str, allowed: str, more: int = 0) -> SceneError:
+    """The error for one key; `more` is how many other errors there are."""
+    line = f"{file}: {key}: given {given}, allowed: {allowed}" + (f" (and {more} more)" if more else "")
+    return SceneError(_one_line(line))
+
+
+def first_error(file: object, error: ValidationError) -> SceneError:
+    """The first of the errors that pydantic found; unknown keys come first, as they often cause the others."""
+    found = sorted(error.errors(include_url=False), key=lambda item: item["type"] != "extra_forbidden")
+    item, more = found[0], len(found) - 1
+    location: Location = item["loc"]
+    context = item.get("ctx", {})
+    given = shown(item["input"])
+    match item["type"]:
+        case "refused":
+            key = (*location, context["key"]) if "key" in context else location
+            return scene_error(file, dotted(key), context.get("given", given), context["allowed"], more)
+        case "extra_forbidden":
+            unknown = f"{dotted(location)}: unknown key, the nearest is {_nearest_key(location)}"
+            return scene_error(file, unknown, given, ", ".join(_fields(location[:-1])), more)
+        case "missing":
+            return scene_error(file, dotted(location), "nothing", _allowed_at(location), more)
+        case "list_type":
+            return scene_error(file, dotted(location), given, "a list", more)
+        case "too_short":
+            return scene_error(file, dotted(location), given, "a list with at least one entry", more)
+        case _:
+            return scene_error(file, dotted(location) or "the file", given, "a table", more)
+
+
+def dotted(location: Sequence[int | str]) -> str:
+    """("knit", "bars", 1, "chain") as people write it: knit.bars[1].chain."""
+    text = ""
+    for part in location:
+        if isinstance(part, int):
+            text += f"[{part}]"
+        else:
+            text += ("." if text else "") + (part if re.fullmatch(r"[\w-]+", part) else repr(part))
+    return text
+
+
+def known_keys() -> list[str]:
+    """Every key of a scene file, dotted; an entry of a list of tables as list[0]."""
+    return list(_keys_below(SceneFile, ""))
+
+
+def _keys_below(table: type[BaseModel], prefix: str) -> Iterator[str]:
+    for name, field in table.model_fields.items():
+        yield prefix + name
+        below = _table_in(field.annotation)
+        if below is not None:
+            is_list = list in (typing.get_origin(field.annotation), *map(typing.get_origin, typing.get_args(field.annotation)))
+            yield from _keys_below(below, f"{prefix}{name}{'[0]' if is_list else ''}.")
+
+
+def _table_in(annotation: Any) -> type[BaseModel] | None:
+    """The table type within an annotation such as `list[BarTable]` or `PlatingTable | None`."""
+    if typing.get_origin(annotation) is None and isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next((table for part in typing.get_args(annotation) if (table := _table_in(part))), None)
+
+
+def _table_at(location: Location) -> type[BaseModel]:
+    table: type[BaseModel] = SceneFile
+    for part in location:
+        if isinstance(part, str):
+            table = _table_in(table.model_fields[part].annotation) or table
+    return table
+
+
+def _fields(location: Location) -> list[str]:
+    return list(_table_at(location).model_fields)
+
+
+def _nearest_key(location: Location) -> str:
+    """The known key most like the unknown one: in its own table when one there is close, else anywhere."""
+    *above, last = location
+    unknown = str(last).lower()
+    here = _fields(tuple(above))
+    close = difflib.get_close_matches(unknown, here, n=1, cutoff=0.7)
+    if not close:
+        elsewhere = {key.rsplit(".", 1)[-1]: key for key in reversed(known_keys())}
+        far = difflib.get_close_matches(unknown, list(elsewhere), n=1, cutoff=0.75)
+        if far:
+            return elsewhere[far[0]]
+        close = difflib.get_close_matches(unknown, here, n=1, cutoff=0.0) or here[:1]
+    return dotted((*above, close[0]))
+
+
+def _allowed_at(location: Location) -> str:
+    """What a required key allows."""
+    field = _table_at(location[:-1]).model_fields[str(location[-1])]
+    checks = (getattr(entry, "func", None) for entry in field.metadata)
+    return next((check.allowed for check in checks if isinstance(check, Check)), "a list with at least one entry")
+
+
+def _one_line(text: str) -> str:
+    return "".join(character if character.isprintable() else repr(character)[1:-1] for character in text)

@@ -1,0 +1,109 @@
+"""Dotted overrides of a scene file: load.strain_warp=0.05, knit.bars[1].chain="1-0/1-2"."""
+
+from __future__ import annotations
+
+import copy
+import re
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+from warpknit.scene.messages import dotted, scene_error
+from warpknit.scene.units import shown
+
+Override = str | tuple[str, Any]
+
+_PART = re.compile(r"(?P<name>[A-Za-z0-9_-]+)(?P<indices>(\[\d{1,6}\])*)")
+
+# The same thing said in another way: setting one key takes the file's other out.
+RIVALS = {
+    "strain_weft": ("tension_weft",),
+    "tension_weft": ("strain_weft",),
+    "strain_warp": ("tension_warp",),
+    "tension_warp": ("strain_warp",),
+    "displacement": ("strain_weft", "tension_weft", "strain_warp", "tension_warp"),
+    "wale_spacing": ("wales",),
+    "wales": ("wale_spacing",),
+    "course_spacing": ("courses",),
+    "courses": ("course_spacing",),
+}
+
+
+def with_overrides(file: object, table: dict[str, Any], overrides: Sequence[Override]) -> dict[str, Any]:
+    """A copy of `table` with the overrides set, in their order. The values are checked later, with the rest."""
+    table = copy.deepcopy(table)
+    keys_set: set[tuple[int | str, ...]] = set()
+    for override in overrides:
+        key, value = _key_and_value(file, override)
+        location = _location(file, key)
+        _set(file, table, location, value)
+        keys_set.add(location)
+        *above, last = location
+        if above and above[0] in ("load", "path", "knit"):
+            holder = _at(table, above)
+            for rival in RIVALS.get(str(last), ()):
+                if (*above, rival) not in keys_set:
+                    holder.pop(rival, None)
+    return table
+
+
+def _key_and_value(file: object, override: Override) -> tuple[str, Any]:
+    if not isinstance(override, str):
+        return override
+    key, equals, text = override.partition("=")
+    if not equals or not key.strip():
+        raise scene_error(file, "--set", shown(override), "KEY=VALUE, such as load.strain_warp=0.05")
+    return key.strip(), _value(text.strip())
+
+
+def _value(text: str) -> Any:
+    """`text` as a TOML value, else as it stands."""
+    try:
+        parsed = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):
+        return text
+    return parsed["value"] if parsed.keys() == {"value"} else text
+
+
+def _location(file: object, key: str) -> tuple[int | str, ...]:
+    """knit.bars[1].chain or knit.bars.1.chain as ("knit", "bars", 1, "chain")."""
+    parts: list[int | str] = []
+    for piece in key.split("."):
+        match = _PART.fullmatch(piece)
+        if match is None:
+            raise scene_error(file, "--set", shown(key), "a dotted key, such as load.strain_warp or knit.bars[1].chain")
+        name = match["name"]
+        parts.append(int(name) if name.isdecimal() and len(name) < 7 else name)
+        parts.extend(int(index) for index in re.findall(r"\d+", match["indices"]))
+    return tuple(parts)
+
+
+def _at(table: Any, location: Sequence[int | str]) -> Any:
+    for part in location:
+        table = table[part]
+    return table
+
+
+def _set(file: object, table: Any, location: Sequence[int | str], value: Any) -> None:
+    """Set one value; tables on the way are made, and a list grows by one entry at its end."""
+    for depth, part in enumerate(location):
+        here = dotted(location[:depth]) or "the file"
+        if isinstance(part, int):
+            if not isinstance(table, list) or part > len(table):
+                size = len(table) if isinstance(table, list) else 0
+                raise scene_error(file, dotted(location[: depth + 1]), shown(value), f"an entry 0 to {size} of a list")
+            if part == len(table):
+                table.append({})
+        elif not isinstance(table, dict):
+            raise scene_error(file, dotted(location), shown(value), f"no key below {here}, which is {shown(table)}")
+        if depth == len(location) - 1:
+            table[part] = value
+        elif isinstance(part, int):
+            table = table[part]
+        else:
+            table = table.setdefault(part, [] if isinstance(location[depth + 1], int) else {})

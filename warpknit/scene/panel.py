@@ -1,0 +1,144 @@
+"""The panel of a scene: the outline that a gripped mesh is cut along, what holds it there, and the surface it should make."""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+
+from warpknit.scene.file import PanelTable
+from warpknit.scene.outline import Outline, disc, is_simple, rectangle, regular, signed_area, turned
+from warpknit.scene.units import QuantityError, si
+
+MOST_CORNERS = 1000  # of a polygon
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cord:
+    """An elastic cord along the outline, fixed at the net nodes; `tension` where it lies on the outline."""
+
+    tension: Annotated[float, "N"]
+    stiffness: Annotated[float, "N"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PanelOptions:
+    """What a gripped mesh is cut along and held by. None: not asked for."""
+
+    outline: str = "rectangle"  # rectangle | hexagon | triangle | disc | polygon
+    size: Annotated[float, "m"] | None = None  # side of a hexagon or triangle, diameter of a disc
+    corners: tuple[tuple[float, float], ...] | None = None  # [m] of a polygon, counter-clockwise
+    rotation: Annotated[float, "rad"] = 0.0
+    grip_pitch: Annotated[float, "m"] | None = None  # distance of net nodes along the outline; None: held all along
+    cord: Cord | None = None
+    focal_length: Annotated[float, "m"] | None = None  # of the paraboloid that the panel should lie on
+    tension_threshold: Annotated[float, "N/m"] | None = None
+    active_threshold: float | None = None  # percent of the contacts
+
+    def shape(self, rectangle_size: tuple[float, float]) -> Outline:
+        """The outline round the origin (a polygon where its corners say); `rectangle_size` [m] is that of all repeats."""
+        if self.outline == "rectangle":
+            return rectangle(*rectangle_size)
+        if self.outline == "polygon":
+            assert self.corners is not None
+            outline = Outline(np.array(self.corners))
+        else:
+            assert self.size is not None
+            outline = (
+                disc(self.size) if self.outline == "disc" else regular({"triangle": 3, "hexagon": 6}[self.outline], self.size)
+            )
+        return turned(outline, self.rotation) if self.rotation else outline
+
+
+class PanelError(Exception):
+    """A key of [panel] that clashes; `key`, `given` and `allowed` are words for the message."""
+
+    def __init__(self, key: str, given: Any, allowed: str) -> None:
+        super().__init__(key)
+        self.key, self.given, self.allowed = key, given, allowed
+
+
+def panel_options(table: PanelTable, folder: Path) -> PanelOptions:
+    """The options of a checked table; a polygon's file is looked for in `folder`. Raises `PanelError`."""
+    corners = None
+    if table.outline == "polygon":
+        if (table.corners is None) == (table.file is None):
+            raise PanelError("outline", "polygon", "with corners, or with a file")
+        key = "corners" if table.file is None else "file"
+        found = table.corners if table.file is None else _read_corners(folder / table.file, table.file)
+        corners = _checked_corners(key, found or [])
+    elif table.corners is not None or table.file is not None:
+        key = "corners" if table.corners is not None else "file"
+        raise PanelError(key, getattr(table, key), "only with outline = 'polygon'")
+    sized = table.outline in ("hexagon", "triangle", "disc")
+    if sized != (table.size is not None):
+        allowed = f"a length with outline = {table.outline!r}" if sized else "only with outline = 'hexagon', 'triangle' or 'disc'"
+        raise PanelError("size", table.size if table.size is not None else "nothing", allowed)
+    if table.rotation and table.outline == "rectangle":
+        raise PanelError("rotation", table.rotation, "0 with outline = 'rectangle' (a turned one is a polygon)")
+    if (table.grip_pitch is None) != (table.cord is None):
+        missing = "cord" if table.cord is None else "grip_pitch"
+        raise PanelError(missing, "nothing", "cord and grip_pitch together: between net nodes the edge hangs on its cord")
+    return PanelOptions(
+        outline=table.outline,
+        size=table.size,
+        corners=corners,
+        rotation=table.rotation,
+        grip_pitch=table.grip_pitch,
+        cord=None if table.cord is None else Cord(**table.cord.model_dump()),
+        focal_length=table.focal_length,
+        tension_threshold=table.tension_threshold,
+        active_threshold=table.active_threshold,
+    )
+
+
+def _checked_corners(key: str, corners: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+    """Counter-clockwise, without a repeated last corner."""
+    if len(corners) > 1 and corners[0] == corners[-1]:
+        corners = corners[:-1]
+    if not 3 <= len(corners) <= MOST_CORNERS:
+        raise PanelError(key, f"{len(corners)} corners", f"3 to {MOST_CORNERS}")
+    points = np.array(corners)
+    if not is_simple(points):
+        raise PanelError(key, f"{len(corners)} corners", "an outline that does not cross or touch itself")
+    if abs(signed_area(points)) < 1e-6 * float(np.ptp(points, axis=0).max()) ** 2:
+        raise PanelError(key, f"{len(corners)} corners", "an outline that has an area")
+    if signed_area(points) < 0.0:
+        points = points[::-1]
+    return tuple((float(x), float(y)) for x, y in points)
+
+
+def _read_corners(path: Path, name: str) -> list[tuple[float, float]]:
+    """Corners from a CSV file with two columns, x and y: lengths with a unit, or numbers in m; a first line of names may
+    stand above them, with a unit in brackets that all numbers below are in."""
+    allowed = "a CSV file of corners: two columns, x and y, such as '12.5 mm, 3 mm'"
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            rows = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
+    except OSError as error:
+        raise PanelError("file", f"{name} ({(error.strerror or 'unreadable').lower()})", allowed) from error
+    except (ValueError, csv.Error) as error:
+        raise PanelError("file", f"{name} (not text)", allowed) from error
+    units = ["", ""]
+    corners = []
+    for number, row in enumerate(rows, start=1):
+        try:
+            if len(row) != 2:
+                raise QuantityError(row, allowed)
+            corners.append(tuple(si(f"{cell.strip()} {unit}".strip(), "length") for cell, unit in zip(row, units, strict=True)))
+        except QuantityError as error:
+            if number == 1 and len(row) == 2:
+                units = [cell[cell.find("[") + 1 : cell.rfind("]")] if "[" in cell else "" for cell in row]
+                continue
+            raise PanelError("file", f"{name}, line {number}: {', '.join(row)[:40]!r}", allowed) from error
+    return corners  # type: ignore[return-value]
+
+
+def covering_repeats(outline: Outline, repeat: tuple[float, float]) -> tuple[int, int]:
+    """Repeats (weft, warp) of size `repeat` [m] that cover the box around an outline."""
+    across, along = (max(1, math.ceil(side / each - 1e-9)) for side, each in zip(outline.size, repeat, strict=True))
+    return across, along

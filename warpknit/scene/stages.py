@@ -1,0 +1,142 @@
+"""The stages of the loading from the tables `[load]` and `[[path]]`, each taking over from the one before what it leaves out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from pydantic_core import PydanticCustomError
+
+from warpknit.scene.file import SceneFile, StageTable
+from warpknit.scene.hook import Hook, hook_loads
+from warpknit.scene.objects import Knit, Pull, Stage
+from warpknit.scene.outline import Outline
+from warpknit.scene.panel import PanelOptions
+from warpknit.scene.source import Source
+from warpknit.scene.units import tidy
+from warpknit.scene.values import STRAIN
+from warpknit.scene.wire import Wire
+
+FARTHEST_PULL = 0.5  # of the width of a panel
+NEAR_EDGE = 0.1  # of the width of a panel: a pull farther from its edge is a mistake
+
+
+def mesh_stages(source: Source, file: SceneFile, wire: Wire, knit: Knit, panel: PanelOptions) -> Iterator[Stage]:
+    """[load] and each [[path]], a stage taking over from the one before what it leaves out."""
+    load = _unloaded(wire)
+    outline = panel.shape(knit.size)
+    by_path = file.contact.friction > 0.0 or file.wire.plastic
+    for location, name, table in _named_stages(source, file):
+        given = table.model_dump(exclude={"name"}, exclude_none=True)
+        if "displacement" in given:
+            load |= _displaced(source, (*location, "displacement"), given.pop("displacement"), knit)
+        for side in ("weft", "warp"):
+            if f"strain_{side}" in given or f"tension_{side}" in given:
+                load |= _direction(side, given.pop(f"strain_{side}", None), given.pop(f"tension_{side}", None))
+        _check_uneven(source, file, location, given)
+        if "pull" in given:
+            given["pull"] = tuple(Pull(**pull) for pull in table.model_dump()["pull"])
+            for index, pull in enumerate(given["pull"]):
+                _check_pull(source, file, (*location, "pull", index), pull, outline)
+        load |= given
+        _check_warmth(source, location, load, outline)
+        for side in ("weft", "warp"):
+            if by_path and load[f"tension_{side}"] is not None:
+                allowed = "strains with friction or yield: a search for tension would be part of the path"
+                raise source.refusal((*location, f"tension_{side}"), load[f"tension_{side}"], allowed)
+        yield Stage(name=name, **load)
+
+
+def _check_uneven(source: Source, file: SceneFile, location: tuple[int | str, ...], given: dict[str, Any]) -> None:
+    """Refuse what differs from place to place where nothing can follow it."""
+    for key in ("temperature_gradient", "pull"):
+        value = given.get(key)
+        if not value or value == (0.0, 0.0):
+            continue
+        if file.model.boundary == "periodic":
+            raise source.refusal((*location, key), value, "nothing with model.boundary = 'periodic', which has no edge")
+        if file.solver.drive == "ramp":
+            raise source.refusal((*location, key), value, "nothing with solver.drive = 'ramp'")
+        if key == "temperature_gradient" and not file.solver.multipliers:
+            raise source.refusal((*location, key), value, "nothing with solver.multipliers = false, which bring it in")
+
+
+def _check_warmth(source: Source, location: tuple[int | str, ...], load: dict[str, Any], outline: Outline) -> None:
+    """Refuse a gradient that leaves the temperatures there are."""
+    from_middle = outline.corners - (outline.low + 0.5 * outline.size)
+    there = load["temperature"] + from_middle @ np.array(load["temperature_gradient"])
+    if there.min() <= 0.0 or there.max() > 4000.0:
+        allowed = f"what keeps the edge between 0 K and 4000 K: this makes {there.min():.4g} K to {there.max():.4g} K"
+        raise source.refusal((*location, "temperature_gradient"), load["temperature_gradient"], allowed)
+
+
+def _check_pull(
+    source: Source, file: SceneFile, location: tuple[int | str, ...], pull: Pull, outline: Outline
+) -> None:
+    size = float(outline.size.min())
+    if math.hypot(*pull.by) > FARTHEST_PULL * size:
+        allowed = f"at most {FARTHEST_PULL:g} of the panel's width, {FARTHEST_PULL * size:.3g} m"
+        raise source.refusal((*location, "by"), pull.by, allowed)
+    middle = outline.low + 0.5 * outline.size
+    _, away = outline.nearest((middle + np.array(pull.at))[None])
+    if away[0] > NEAR_EDGE * size:
+        allowed = f"a place on the edge of the panel, or within {NEAR_EDGE * size:.3g} m of it; this is {away[0]:.3g} m away"
+        raise source.refusal((*location, "at"), pull.at, allowed)
+    if (pull.width is None) == (file.panel.grip_pitch is None):
+        allowed = "left out with panel.grip_pitch (net nodes are moved)" if pull.width else "a length: how much of the edge moves"
+        raise source.refusal((*location, "width"), pull.width or 0.0, allowed)
+
+
+def hook_stages(source: Source, file: SceneFile, wire: Wire, hook: Hook) -> Iterator[Stage]:
+    """The stages of a hook."""
+    for load in hook_loads(source, _named_stages(source, file), wire, hook):
+        yield Stage(**{**_unloaded(wire), **load})
+
+
+def _unloaded(wire: Wire) -> dict[str, Any]:
+    """What the first stage starts from."""
+    return {
+        **_direction("weft", 0.0, None),
+        **_direction("warp", 0.0, None),
+        "shear": 0.0,
+        "temperature": wire.reference_temperature,
+        "temperature_gradient": (0.0, 0.0),
+        "pull": (),
+    }
+
+
+def _named_stages(source: Source, file: SceneFile) -> Iterator[tuple[tuple[int | str, ...], str, StageTable]]:
+    """Where each stage stands in the file, its name and its table."""
+    tables: list[tuple[tuple[int | str, ...], StageTable]] = [(("load",), file.load)]
+    tables += [(("path", index), table) for index, table in enumerate(file.path)]
+    names: set[str] = set()
+    for number, (location, table) in enumerate(tables, start=1):
+        name = table.name or ("load" if number == 1 else f"stage-{number}")
+        if name in names:
+            raise source.refusal((*location, "name"), name, "a name that no other stage has")
+        names.add(name)
+        yield location, name, table
+
+
+def _direction(side: str, strain: float | None, tension: float | None) -> dict[str, float | None]:
+    return {f"strain_{side}": strain, f"tension_{side}": tension}
+
+
+def _displaced(
+    source: Source, location: Sequence[int | str], displacement: float, knit: Knit
+) -> dict[str, float | None]:
+    """The strains of every side moved outward by `displacement` [m]."""
+    load: dict[str, float | None] = {}
+    for side, size in zip(("weft", "warp"), knit.size, strict=True):
+        strain = tidy(2 * displacement / size)
+        try:
+            STRAIN(strain)
+        except PydanticCustomError as error:
+            allowed = (
+                f"what makes a strain {STRAIN.allowed.removeprefix('a number ')}; this makes {strain:.3g} in {side}"
+            )
+            raise source.refusal(location, displacement, allowed) from error
+        load |= _direction(side, strain, None)
+    return load

@@ -1,0 +1,235 @@
+"""The checks that single values of a scene pass. Each knows the sentence that says what it allows."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator
+from pydantic_core import PydanticCustomError
+
+from warpknit.scene.presets import PRESETS
+from warpknit.scene.units import DIMENSIONS, QuantityError, si
+
+
+def refused(allowed: str, **context: Any) -> PydanticCustomError:
+    """The error that a check raises. `context` may hold `key` (below the value's own key) and `given` (as text)."""
+    return PydanticCustomError("refused", "{allowed}", {"allowed": allowed, **context})
+
+
+class Check:
+    """A callable value -> checked value, with `allowed`: what it lets through, in words."""
+
+    allowed: str
+
+    def __call__(self, value: Any) -> Any:
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Quantity(Check):
+    """A number of one dimension (a key of units.DIMENSIONS) within bounds, in SI."""
+
+    dimension: str
+    above: float | None = None  # exclusive lower bound [SI]
+    least: float | None = None  # inclusive lower bound [SI]
+    most: float | None = None  # inclusive upper bound [SI]
+
+    @property
+    def allowed(self) -> str:  # type: ignore[override]
+        kind = DIMENSIONS[self.dimension]
+        unit = f" {kind.unit}" if kind.unit else ""
+        if self.least is not None and self.most is not None:
+            bounds = [f"from {self.least:g} to {self.most:g}{unit}"]
+        else:
+            words = (("above", self.above), ("at least", self.least), ("at most", self.most))
+            bounds = [f"{word} {bound:g}{unit}" for word, bound in words if bound is not None]
+        example = "" if not kind.unit and bounds else f", such as {kind.example}"
+        return kind.noun + (" " + " and ".join(bounds) if bounds else "") + example
+
+    def __call__(self, value: Any) -> float:
+        try:
+            number = si(value, self.dimension)
+        except QuantityError as error:
+            raise refused(self.allowed) from error
+        if (
+            (self.above is not None and number <= self.above)
+            or (self.least is not None and number < self.least)
+            or (self.most is not None and number > self.most)
+        ):
+            raise refused(self.allowed)
+        return number
+
+
+@dataclass(frozen=True)
+class Integer(Check):
+    """A whole number within bounds. `true` and 2.0 are not whole numbers."""
+
+    least: int
+    most: int
+
+    @property
+    def allowed(self) -> str:  # type: ignore[override]
+        return f"a whole number from {self.least} to {self.most}"
+
+    def __call__(self, value: Any) -> int:
+        if isinstance(value, bool) or not isinstance(value, int) or not self.least <= value <= self.most:
+            raise refused(self.allowed)
+        return value
+
+
+@dataclass(frozen=True)
+class IntegerPair(Check):
+    """Two whole numbers, one for weft and one for warp."""
+
+    each: Integer
+
+    @property
+    def allowed(self) -> str:  # type: ignore[override]
+        return f"two whole numbers from {self.each.least} to {self.each.most}, such as [7, 6]"
+
+    def __call__(self, value: Any) -> tuple[int, int]:
+        if not isinstance(value, (list, tuple)) or len(value) != 2:
+            raise refused(self.allowed)
+        try:
+            return self.each(value[0]), self.each(value[1])
+        except PydanticCustomError as error:
+            raise refused(self.allowed) from error
+
+
+@dataclass(frozen=True)
+class Pair(Check):
+    """Two quantities, one for weft and one for warp."""
+
+    each: Quantity
+
+    @property
+    def allowed(self) -> str:  # type: ignore[override]
+        kind = DIMENSIONS[self.each.dimension]
+        return f"a pair, each {self.each.allowed.partition(', such')[0]}, such as [{kind.example}, {kind.example}]"
+
+    def __call__(self, value: Any) -> tuple[float, float]:
+        if not isinstance(value, (list, tuple)) or len(value) != 2:
+            raise refused(self.allowed)
+        try:
+            return self.each(value[0]), self.each(value[1])
+        except PydanticCustomError as error:
+            raise refused(self.allowed) from error
+
+
+@dataclass(frozen=True)
+class Choice(Check):
+    """One of a few words."""
+
+    options: tuple[str, ...]
+    remark: str = ""
+
+    @property
+    def allowed(self) -> str:  # type: ignore[override]
+        return ", ".join(repr(option) for option in self.options) + (f" ({self.remark})" if self.remark else "")
+
+    def __call__(self, value: Any) -> str:
+        if not isinstance(value, str) or value not in self.options:
+            raise refused(self.allowed)
+        return value
+
+
+@dataclass(frozen=True)
+class Switch(Check):
+    """true or false."""
+
+    allowed: str = "true, false"
+
+    def __call__(self, value: Any) -> bool:
+        if not isinstance(value, bool):
+            raise refused(self.allowed)
+        return value
+
+
+@dataclass(frozen=True)
+class Text(Check):
+    """A string that matches a pattern."""
+
+    pattern: str
+    allowed: str
+
+    def __call__(self, value: Any) -> str:
+        if not isinstance(value, str) or not re.fullmatch(self.pattern, value):
+            raise refused(self.allowed)
+        return value
+
+
+def proportion(least: float, most: float) -> BeforeValidator:
+    """The check of a proportion of the loops."""
+    return BeforeValidator(Quantity("number", least=least, most=most))
+
+
+TREATMENTS = ("free-body", "point", "spring-point", "spring-cylinder", "ring", "friction-plane")
+
+Length = Annotated[float, BeforeValidator(Quantity("length", above=0.0))]
+SignedLength = Annotated[float, BeforeValidator(Quantity("length"))]
+Vector = Annotated[tuple[float, float], BeforeValidator(Pair(Quantity("length")))]
+Angle = Annotated[float, BeforeValidator(Quantity("angle"))]
+TemperatureGradient = Annotated[tuple[float, float], BeforeValidator(Pair(Quantity("temperature_gradient")))]
+PerLength = Annotated[float, BeforeValidator(Quantity("per_length", above=0.0))]
+Stress = Annotated[float, BeforeValidator(Quantity("stress", above=0.0))]
+Density = Annotated[float, BeforeValidator(Quantity("density", above=0.0))]
+Expansion = Annotated[float, BeforeValidator(Quantity("expansion", least=-1e-3, most=1e-3))]
+Temperature = Annotated[float, BeforeValidator(Quantity("temperature", above=0.0, most=4000.0))]
+Tension = Annotated[float, BeforeValidator(Quantity("tension", least=0.0))]
+Stiffness = Annotated[float, BeforeValidator(Quantity("tension", above=0.0))]
+Force = Annotated[float, BeforeValidator(Quantity("force", least=0.0))]
+PositiveForce = Annotated[float, BeforeValidator(Quantity("force", above=0.0))]
+AxialStiffness = PositiveForce
+Coefficient = Annotated[float, BeforeValidator(Quantity("number", above=0.0, most=1e3))]
+BodyMass = Annotated[float, BeforeValidator(Quantity("number", above=0.0, most=100.0))]
+Time = Annotated[float, BeforeValidator(Quantity("time", above=0.0))]
+Rate = Annotated[float, BeforeValidator(Quantity("rate", least=0.0))]
+STRAIN = Quantity("number", least=-0.5, most=2.0)
+Strain = Annotated[float, BeforeValidator(STRAIN)]
+Shear = Annotated[float, BeforeValidator(Quantity("number", least=-1.0, most=1.0))]
+PoissonsRatio = Annotated[float, BeforeValidator(Quantity("number", above=-1.0, most=0.5))]
+Scatter = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=0.2))]
+Fraction = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=1.0))]
+Friction = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=5.0))]
+Percent = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=100.0))]
+Share = Annotated[float, BeforeValidator(Quantity("number", least=0.05, most=1.0))]
+Tolerance = Annotated[float, BeforeValidator(Quantity("number", above=0.0, most=0.5))]
+Factor = Annotated[float, BeforeValidator(Quantity("number", least=1.0, most=1e9))]
+Flag = Annotated[bool, BeforeValidator(Switch())]
+Ends = Annotated[int, BeforeValidator(Integer(1, 1000))]
+Seeds = Annotated[int, BeforeValidator(Integer(1, 1000))]
+Shift = Annotated[int, BeforeValidator(Integer(-1000, 1000))]
+Seed = Annotated[int, BeforeValidator(Integer(0, 2**32 - 1))]
+Repeats = Annotated[tuple[int, int], BeforeValidator(IntegerPair(Integer(1, 10**9)))]
+NodesPerLoop = Annotated[int, BeforeValidator(Integer(8, 100_000))]
+StepCount = Annotated[int, BeforeValidator(Integer(1, 10**15))]
+FrameCount = Annotated[int, BeforeValidator(Integer(1, 100_000))]
+FrameInterval = Annotated[int, BeforeValidator(Integer(0, 100_000))]
+TileSize = Annotated[int, BeforeValidator(Integer(100_000, 1_000_000))]
+PresetName = Annotated[str, BeforeValidator(Choice(tuple(PRESETS)))]
+Chain = Annotated[
+    str,
+    BeforeValidator(
+        Text(
+            r"\s*[0-9]{1,4}-[0-9]{1,4}\s*(/\s*[0-9]{1,4}-[0-9]{1,4}\s*)*",
+            "links a-b of whole numbers joined by /, such as '1-0/1-2/2-3/2-1'",
+        )
+    ),
+]
+Threading = Annotated[
+    str,
+    BeforeValidator(
+        Text(
+            r"\.{0,4096}\|[|.]{0,4096}", "'|' for a threaded and '.' for an empty guide, at least one '|', such as '|.'"
+        )
+    ),
+]
+FileName = Annotated[str, BeforeValidator(Text(r"[^\x00-\x1f\x7f]{1,400}", "the name of a file"))]
+Name = Annotated[
+    str,
+    BeforeValidator(
+        Text(r"(?!\.{1,2}$)[^/\\\x00-\x1f\x7f]{1,100}", "a name of 1 to 100 characters that can name a directory")
+    ),
+]

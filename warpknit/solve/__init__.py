@@ -1,0 +1,1 @@
+"""How a state is found: the time step, what is decided between steps, and the loop over the stages."""

@@ -1,0 +1,82 @@
+"""The damping of a relaxation: near critical for the slowest mode that still moves (kernels/relax.py)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import warp as wp
+
+from ..kernels import control as c
+from ..kernels.relax import sum_rayleigh
+from ..model.model import Model
+from ..model.state import State
+from .step import ForceProbe, Stepper
+
+SLOWEST_WAVE = 3.0  # loops of wire: bending waves longer than this are left overdamped; they carry next to nothing
+FASTEST = 0.2
+TINY = 1e-300  # keeps a quotient finite that nothing uses
+
+
+class SlowestMode:
+    """Renews the damping at every look; the state of the last look is its memory."""
+
+    def __init__(self, model: Model, state: State, stepper: Stepper) -> None:
+        self.model = model
+        self.state = state
+        self.probe = ForceProbe(model, state, stepper)
+        h = float(model.table.spacing.min())
+        wave_number = 2.0 * math.pi / (SLOWEST_WAVE * model.scene.model.nodes_per_loop * h)
+        heaviest = 1.0 / float(model.rest.inverse_mass.numpy().min())
+        self._slowest = 2.0 * math.sqrt(model.bending_stiffness * wave_number**4 * h / heaviest)  # [1/s]
+        nodes, device = model.panel.node_count, model.device
+        kinds = [model.precision.coordinate] * 2 + [model.precision.real] * 2
+        self._last = [wp.zeros(nodes, dtype=kind, device=device) for kind in kinds]
+        self.partial = wp.zeros((len(model.panel.block_first), 2), dtype=wp.float64, device=device)  # see kernels/relax.py
+        self._sum = [self._record(parity) for parity in (0, 1)]
+
+    def _record(self, parity: int) -> wp.Launch:
+        model, state = self.model, self.state
+        return wp.launch(
+            sum_rayleigh,
+            dim=len(model.panel.block_first),
+            inputs=[
+                model.mesh.block_first, model.mesh.block_count, model.mesh.block_table, model.mesh.block_wire,
+                state.wire_mass, model.rest.inverse_mass,
+                model.precision.real(model.precision.unit),
+                state.node_ux[parity], state.node_uy[parity],
+                self.probe.acceleration_x, self.probe.acceleration_y, *self._last, self.partial,
+            ],
+            device=model.device,
+            record_cmd=True,
+        )  # fmt: skip
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """What a checkpoint keeps."""
+        return {f"look_{k}": value.numpy().copy() for k, value in enumerate(self._last)}
+
+    def recall(self, kept: dict[str, np.ndarray]) -> None:
+        for k, value in enumerate(self._last):
+            value.assign(kept[f"look_{k}"])
+
+    def look(self, *, use: bool) -> None:
+        """Take in the state; with `use`, set the damping from what happened since the last look."""
+        state = self.state
+        self.probe.evaluate()
+        self.launch_sum()
+        control = state.read_control()
+        if use and control[int(c.DRIVE)] == 0.0:
+            renewed = self.renewed(control[int(c.DAMPING)], self.model.ranks.exact_sum(self.partial.numpy()))
+            self.state.write_control({c.DAMPING: float(renewed)})
+
+    def launch_sum(self) -> None:
+        """Sum up what moved since the last look, after the probe; this state becomes that of the last look."""
+        self._sum[self.state.parity].launch()
+
+    def renewed(self, damping: np.ndarray, total: np.ndarray) -> np.ndarray:
+        """Damping (...) [1/s] after one of `damping`, by the sums (..., 2) over what kernels/relax.py left; unchanged where
+        nothing moved. A leading axis counts replicas."""
+        force, moved = total[..., 0], total[..., 1]
+        tells = (moved > 0.0) & (force > 0.0)
+        mode = 2.0 * np.sqrt(force * tells / np.maximum(moved, TINY))
+        return np.where(tells, np.sqrt(damping * np.minimum(np.maximum(mode, self._slowest), FASTEST)), damping)

@@ -1,0 +1,224 @@
+"""A look at the whole state between steps: sums over nodes and pairs that the time loop decides by.
+
+Everything is summed on the device (kernels/look.py); what comes to the host is a row a wire and a handful of numbers. A full
+reading for a record is measure.read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from ..kernels import look as k
+from ..measure.reading import evaluation
+from ..mesh.panel import Panel
+from ..model.model import Model
+from ..model.state import State
+from .step import Stepper
+
+
+@dataclass(frozen=True)
+class Sums:
+    """What a look gave; of many replicas, the replica is the first axis of everything, and numbers are arrays [replica]."""
+
+    strain_max: np.ndarray  # [wire] largest |strain| of an arc
+    error_max: np.ndarray  # [wire] largest |strain - tension/EA|
+    error_mean: np.ndarray  # [wire] |mean| of the same
+    tension_max: np.ndarray  # [wire] [N]
+    turning_max: np.ndarray  # [wire] [rad] largest change of a turning angle
+    error_largest: np.ndarray | float  # the largest over all wires of the mesh
+    tension_largest: np.ndarray | float  # [N]
+    turning_largest: np.ndarray | float  # [rad]
+    tension_square: np.ndarray | float  # [N2] over all segments
+    turning_square: np.ndarray | float  # [rad2] over all nodes
+    closed: np.ndarray | float  # pairs that carry force
+    force_mean: np.ndarray | float  # [N] of those
+    gap_max: np.ndarray | float  # [m] largest gap or overlap of those
+    stress: np.ndarray  # (2, 2) [N/m] nominal stress of the mesh; see measure.nominal_stress
+
+
+def first_blocks(panel: Panel) -> np.ndarray:
+    """[wire] first block of each wire."""
+    return np.searchsorted(panel.block_wire, np.arange(len(panel.wire_first)))
+
+
+def sum_up(
+    model: Model, first: np.ndarray, wires: np.ndarray, pairs: np.ndarray, held_stress: np.ndarray
+) -> Sums:
+    """The sums of what kernels/look.py left: rows (..., block, WIRE_COLUMNS) and (..., pair block, PAIR_COLUMNS).
+
+    `first` [wire]: see `first_blocks`.
+    `held_stress` (..., 2, 2) [N m] is what forces on held nodes add. A leading axis counts replicas.
+    """
+    panel, ranks = model.panel, model.ranks
+    largest = np.maximum.reduceat(wires, first, axis=-2)
+    error_sum = np.add.reduceat(wires[..., int(k.ERROR_SUM)], first, axis=-1)
+    total, contact = wires.sum(axis=-2), pairs.sum(axis=-2)
+    stress = total[..., int(k.WIRE_STRESS) :] + contact[..., int(k.PAIR_STRESS) :]
+    stress = stress.reshape(*stress.shape[:-1], 2, 2) + held_stress
+    sums = [total[..., int(k.TENSION_SQUARE)], total[..., int(k.TURNING_SQUARE)]]
+    sums += [contact[..., int(k.CLOSED)], contact[..., int(k.FORCE_SUM)]]
+    sums += [stress[..., a, b] for a, b in np.ndindex(2, 2)]
+    tension_square, turning_square, closed, force, *stresses = ranks.sum(np.stack(sums))
+    most = [largest[..., int(column)].max(axis=-1) for column in (k.ERROR_MAX, k.TENSION_MAX, k.TURNING_MAX)]
+    *most, gap_max = ranks.largest(np.stack([*most, pairs[..., int(k.GAP_MAX)].max(axis=-1)]))
+    return Sums(
+        strain_max=largest[..., int(k.STRAIN_MAX)],
+        error_max=largest[..., int(k.ERROR_MAX)],
+        error_mean=np.abs(error_sum) / panel.wire_count,
+        tension_max=largest[..., int(k.TENSION_MAX)],
+        turning_max=largest[..., int(k.TURNING_MAX)],
+        error_largest=most[0],
+        tension_largest=most[1],
+        turning_largest=most[2],
+        tension_square=tension_square,
+        turning_square=turning_square,
+        closed=closed,
+        force_mean=force / np.maximum(1.0, closed),
+        gap_max=gap_max,
+        stress=np.stack(stresses, axis=-1).reshape(stress.shape) / panel.area,
+    )
+
+
+class Look:
+    """`strain`, `tension` and `turning` of the last look stay on the device, [node]; see kernels/energy.py."""
+
+    def __init__(self, model: Model, state: State, stepper: Stepper) -> None:
+        self.model = model
+        self.state = state
+        panel, real, device = model.panel, model.precision.real, model.device
+        scratch = [wp.zeros(panel.node_count, dtype=real, device=device) for _ in range(5)]
+        self._force_x, self._force_y, self.strain, self.tension, self.turning = scratch
+        self._stepper = stepper
+        shares = stepper.shares(len(panel.block_first))
+        self._evaluate = [
+            [evaluation(model, state, parity, scratch, share).launch for share in shares] for parity in (0, 1)
+        ]
+        self._pairs_at_clamps = _pairs_at_clamps(model)
+        self._first_block = first_blocks(panel)
+        self._wires = wp.zeros((len(panel.block_first), k.WIRE_COLUMNS), dtype=wp.float64, device=device)
+        self._pairs = wp.zeros((max(1, -(-model.pair_count // k.PAIR_BLOCK)), k.PAIR_COLUMNS), dtype=wp.float64, device=device)
+        self._squares = wp.zeros(len(panel.block_first), dtype=wp.float64, device=device)
+        mesh, rest, unit = model.mesh, model.rest, real(model.precision.unit)
+        self._sum_wires = [
+            wp.launch(
+                k.sum_wires,
+                dim=blocks,
+                inputs=[
+                    mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire, block,
+                    mesh.wire_first, mesh.wire_count, mesh.wire_closed, mesh.wire_clamp, int(model.is_gripped),
+                    state.control, unit, wp.float64(model.axial_stiffness),
+                    rest.rest_x, rest.rest_y, rest.rest_length, rest.rest_angle, rest.hinge_stiffness,
+                    self.strain, self.tension, self.turning,
+                    real(model.yield_moment), real(model.scene.wire.hardening), state.plastic_turn, state.back_turn,
+                    self._force_x, self._force_y, self._wires,
+                ],
+                device=device,
+                record_cmd=True,
+            ).launch
+            for block, blocks in shares
+        ]  # fmt: skip
+        self._sum_pairs = wp.launch(
+            k.sum_pairs,
+            dim=self._pairs.shape[0],
+            inputs=[
+                k.PAIR_BLOCK, unit, mesh.pair_wire, mesh.pair_table, mesh.pair_rest_x, mesh.pair_rest_y,
+                rest.table_x, rest.table_y, state.pair_slide, state.pair_force, state.pair_gap,
+                state.pair_nodal_x, state.pair_nodal_y, self._pairs,
+            ],
+            device=device,
+            record_cmd=True,
+        )  # fmt: skip
+
+    def take(self) -> Sums:
+        """Look at the state as it is. Rows of wires are of this rank's strip, everything else is of the whole mesh."""
+        for parts in self.launches():
+            self._stepper.together(parts)
+        return sum_up(self.model, self._first_block, *self.partial_sums())
+
+    def partial_sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What the launches of the last look left, for `sum_up`: rows of wires and of pairs, and what held nodes add."""
+        return self._wires.numpy(), self._pairs.numpy(), self.held_stress()
+
+    def launches(self) -> list[list[Callable[[], object]]]:
+        """What a look launches, in turn; parts of one list may go side by side."""
+        return [self._evaluate[self.state.parity], self._sum_wires, [self._sum_pairs.launch]]
+
+    def held_stress(self) -> np.ndarray:
+        """(2, 2) [N m] what the forces on held nodes add: a clamp moves with its own place, not with the node's."""
+        panel = self.model.panel
+        if not len(panel.held_node):
+            return np.zeros((2, 2))
+        return np.einsum("ia,ib->ab", self._held_forces(), panel.held_lever)
+
+    def clamp_forces(self) -> np.ndarray:
+        """(clamp, 2) [N] by which the wires pull at their clamps, as of the last look."""
+        panel = self.model.panel
+        total = np.zeros((len(panel.clamp_position), 2))
+        np.add.at(total, panel.held_clamp, self._held_forces())
+        return total
+
+    def _held_forces(self) -> np.ndarray:
+        """(held, 2) [N] forces of wires and contacts on held nodes."""
+        panel, state = self.model.panel, self.state
+        node = panel.held_node
+        force_x, force_y = self._force_x.numpy(), self._force_y.numpy()
+        force, before = (np.stack([force_x[at], force_y[at]], axis=1).astype(np.float64) for at in (node, node - 1))
+        before[np.isin(node, panel.wire_first)] = 0.0
+        total = force - before
+        # contacts that reach over a held node
+        pair = self._pairs_at_clamps
+        pair = pair[state.pair_force.numpy()[pair] > 0]
+        reached = state.pair_node.numpy()[pair][:, None] + np.arange(-1, 3)
+        place = np.minimum(np.searchsorted(node, reached), len(node) - 1)
+        held = node[place] == reached
+        nodal = np.stack([a.numpy().reshape(-1, 4)[pair] for a in (state.pair_nodal_x, state.pair_nodal_y)], axis=2)
+        np.add.at(total, place[held], nodal[held])
+        return total
+
+    def distance_from_chord(self) -> np.ndarray:
+        """[wire] [m] root mean square distance of the nodes of a wire from the straight line through its ends."""
+        model, state, panel, table = self.model, self.state, self.model.panel, self.model.table
+        unit, now = model.precision.unit, state.parity
+        ux, uy = state.node_ux[now], state.node_uy[now]
+        first, last = panel.wire_first, panel.wire_first + panel.wire_count - 1
+        block = self._first_block
+        last_block = np.append(block[1:], len(panel.block_wire)) - 1
+        host_x, host_y = ux.numpy(), uy.numpy()
+
+        def place(block: np.ndarray, node: np.ndarray) -> np.ndarray:
+            entry = panel.block_table[block] + node - panel.block_first[block]
+            return np.stack([table.x[entry], table.y[entry]], axis=1) + panel.block_origin[block]
+
+        start = place(block, first)
+        gradient = state.gradient
+        moved = np.stack([host_x[last] - host_x[first], host_y[last] - host_y[first]], axis=1).astype(np.float64) * unit
+        chord = np.einsum("ab,ib->ia", gradient, place(last_block, last) - start) + moved
+        length = np.maximum(np.hypot(chord[:, 0], chord[:, 1]), 1e-30)
+        normal = np.stack([-chord[:, 1], chord[:, 0]], axis=1) / length[:, None]
+        mesh = model.mesh
+        wp.launch(
+            k.sum_distances_from_chords,
+            dim=len(panel.block_first),
+            inputs=[
+                mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire, mesh.block_origin_x, mesh.block_origin_y,
+                model.rest.place_x, model.rest.place_y, wp.array(start, dtype=wp.vec2d, device=model.device), mesh.wire_first,
+                wp.array(normal, dtype=wp.vec2d, device=model.device), wp.mat22d(*gradient.ravel()),
+                model.precision.real(unit), ux, uy, self._squares,
+            ],
+            device=model.device,
+        )  # fmt: skip
+        return np.sqrt(np.add.reduceat(self._squares.numpy(), block) / panel.wire_count)
+
+
+def _pairs_at_clamps(model: Model) -> np.ndarray:
+    """Pairs whose contact may reach over a held node."""
+    panel = model.panel
+    if not len(panel.held_node):
+        return np.zeros(0, dtype=np.int64)
+    first, count = panel.wire_first[panel.pair_wire], panel.wire_count[panel.pair_wire]
+    low, high = panel.pair_seed + panel.pair_low - 1 - first, panel.pair_seed + panel.pair_high + 2 - first
+    return np.nonzero(((low <= 1) | (high >= count - 2)) & (panel.pair_wire >= 0))[0]

@@ -1,0 +1,255 @@
+"""Large meshes come to rest as a membrane: what is out of balance over many repeats is solved on a coarse grid.
+
+Local motion dies out in some hundred steps; what differs slowly over the mesh would spread from repeat to repeat in a number of
+steps that grows with the square of the mesh. So from time to time the out-of-balance forces are gathered onto a grid of
+bilinear membrane elements (kernels/membrane.py), whose stiffness is that of endless cloth at the load: the derivative of the
+nominal stress of one periodic repeat, each state of it brought to rest. The displacement that balances them moves the mesh.
+The stress that goes with that displacement tells how far the mesh as a whole was from rest.
+
+Grid nodes of cells that the outline cuts go with the nearest place of the outline (rim.py): they stand still where it is held,
+and where it hangs on a cord the places on the cord are unknowns like those of the grid.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sparse
+import warp as wp
+from scipy.sparse.linalg import splu
+
+from ..kernels.membrane import Grid, gather_body_forces, gather_node_forces, spread_to_bodies, spread_to_nodes
+from ..kernels.wires_by_block import BLOCK_SIZE
+from ..mesh.rim import REPEATS_A_CELL, Rim
+from ..model.model import Model, block_threads
+from ..model.state import State
+from .response import Response
+from .step import ForceProbe
+
+MOST_CELLS = 96  # of the grid in a direction
+MOST_STRAIN = 0.02  # of one correction
+
+
+@dataclass(frozen=True)
+class Correction:
+    """A displacement of the mesh as a membrane."""
+
+    grid: np.ndarray  # (grid node, 2) [m]
+    stations: np.ndarray  # (station, 2) [m] of the rim
+    most: float = 1.0  # share of it that should be taken at once
+
+    def times(self, share: float) -> Correction:
+        return Correction(share * self.grid, share * self.stations)
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """All of it in one array [m]."""
+        return np.concatenate([self.grid.ravel(), self.stations.ravel()])
+
+
+class Membrane:
+    """The coarse grid over a gripped mesh."""
+
+    def __init__(self, model: Model, state: State, probe: ForceProbe, rim: Rim) -> None:
+        self.model, self.state, self._probe, self.rim = model, state, probe, rim
+        self.tangent = np.zeros((2, 2, 2, 2))
+        size = np.array(model.panel.size)
+        cells = np.clip(np.array(model.scene.knit.repeats) // REPEATS_A_CELL, 1, MOST_CELLS)
+        self._cells, self._cell = cells, size / cells
+        grid = Grid()
+        grid.low, grid.cell, grid.cells = wp.vec2d(*model.panel.low), wp.vec2d(*self._cell), wp.vec2i(*map(int, cells))
+        self._grid = grid
+        count = int(np.prod(cells + 1))
+        self._force = wp.zeros((count, 2), dtype=wp.float64, device=model.device)
+        self._displacement = wp.zeros((count, 2), dtype=wp.float64, device=model.device)
+        self._body_clasp = wp.array(model.panel.body_clasp, dtype=wp.int32, device=model.device)
+        self._filled = self._filled_share()
+        self._tie_grid()
+
+    def _filled_share(self) -> np.ndarray:
+        """(cells x, cells y) share of each cell that lies inside the outline."""
+        nx, ny = self._cells
+        outline = self.rim.outline
+        if len(outline.corners) == 4 and np.isclose(outline.area, np.prod(self.model.panel.size)):
+            return np.ones((nx, ny))
+        return outline.cover(self.model.panel.low, self._cell, (int(nx), int(ny)))
+
+    def _tie_grid(self) -> None:
+        """`_tied` (2 grid node, unknown + 2 station): how the grid follows its free nodes and the stations of the rim."""
+        nx, ny = self._cells
+        whole = np.zeros((nx + 2, ny + 2), dtype=bool)
+        whole[1:-1, 1:-1] = self._filled > 1.0 - 1e-9
+        free = (whole[:-1, :-1] & whole[1:, :-1] & whole[:-1, 1:] & whole[1:, 1:]).ravel()
+        ix, iy = (a.ravel() for a in np.meshgrid(np.arange(nx + 1), np.arange(ny + 1), indexing="ij"))
+        place = self.model.panel.low + self._cell * np.stack([ix, iy], axis=1)
+        arc, _ = self.rim.outline.nearest(place[~free])
+        everyone = sparse.identity(len(free), format="csc")
+        both = sparse.hstack([everyone[:, free], everyone[:, ~free] @ self.rim.weights(arc)]).tocsr()
+        self._tied = sparse.kron(both, sparse.identity(2)).tocsr()
+        moves = np.concatenate([np.ones(free.sum(), dtype=bool), ~self.rim.given])
+        self._free = np.nonzero(np.repeat(moves, 2))[0]
+
+    def renew(self, response: Response) -> None:
+        """Take the response of the cloth at this load."""
+        self.tangent = tangent = response.tangent
+        self._response = response
+        if not tangent.any():  # before the first load
+            return
+        nx, ny = self._cells
+        corner = np.array([[i % 2, i // 2] for i in range(4)])
+        points = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
+        element = np.zeros((4, 2, 4, 2))
+        for s in points:
+            for t in points:
+                wx, wy = np.where(corner[:, 0], s, 1 - s), np.where(corner[:, 1], t, 1 - t)
+                slope = (2 * corner - 1) * np.stack([wy, wx], axis=1) / self._cell
+                element += np.einsum("ib,abcd,jd->iajc", slope, tangent, slope) * 0.25 * np.prod(self._cell)
+        ix, iy = (a.ravel() for a in np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"))
+        node = (ix[:, None] + corner[:, 0]) * (ny + 1) + iy[:, None] + corner[:, 1]
+        number = (2 * node[:, :, None] + np.arange(2)).reshape(len(node), 8)
+        rows, columns = np.repeat(number, 8, axis=1), np.tile(number, (1, 8))
+        values = self._filled.ravel()[:, None] * element.reshape(64)
+        matrix = sparse.coo_matrix((values.ravel(), (rows.ravel(), columns.ravel()))).tocsr()
+        self._stiffness = (self._tied.T @ matrix @ self._tied).tocsr()
+        self._solve = None if self.rim.is_free else splu(self._stiffness[self._free][:, self._free].tocsc()).solve
+
+    def imbalance(self) -> np.ndarray:
+        """Out-of-balance forces [grid node, 2] [N], from the accelerations that the probe holds."""
+        model, mesh, state = self.model, self.model.mesh, self.state
+        self._force.zero_()
+        wp.launch(
+            gather_node_forces,
+            dim=block_threads(model),
+            inputs=[
+                mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire,
+                mesh.block_origin_x, mesh.block_origin_y, BLOCK_SIZE, model.rest.place_x, model.rest.place_y, self._grid,
+                state.wire_mass, model.rest.node_mass, self._probe.acceleration_x, self._probe.acceleration_y, self._force,
+            ],
+            device=model.device,
+        )  # fmt: skip
+        if model.owned_bodies:
+            wp.launch(
+                gather_body_forces,
+                dim=model.owned_bodies,
+                inputs=[
+                    mesh.body_origin_x, mesh.body_origin_y, self._grid,
+                    state.pair_force, state.pair_body_x, state.pair_body_y, self._force,
+                ],
+                device=model.device,
+            )  # fmt: skip
+        return model.ranks.sum(self._force.numpy())
+
+    def warm_up(self, response: Response) -> None:
+        """Launch every kernel; the mesh does not move."""
+        self._response = response
+        self.imbalance()
+        self.move(Correction(np.zeros((int(np.prod(self._cells + 1)), 2)), np.zeros((len(self.rim.arc), 2))))
+
+    def solve(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray) -> tuple[Correction, float]:
+        """What should balance the mesh, and the stress [N/m] that goes with the whole of it, root mean square over the mesh.
+
+        gradient (2, 2) and displacement of the stations (station, 2) [m] say where the edge is, `held` (clamp, 2) [N] how the
+        wires pull at it.
+        """
+        force = self._tied.T @ self.imbalance().reshape(-1)
+        if self.rim.is_free:
+            pull = self._pull(gradient, stations, held)
+            force[-pull.size :] += pull.ravel()
+        return self._correction(force, np.zeros(len(force)), gradient, stations)
+
+    def edge_imbalance(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray, least: float) -> float:
+        """Force on the free stations over what the wires pull at them, or a tension of `least` [N/m], root mean square.
+
+        A cord that is stiff against the mesh may be far from balance where the mesh does not feel it.
+        """
+        free = ~self.rim.given
+        if not free.any():
+            return 0.0
+        cord = self.rim.cord_forces(gradient, stations)[0]
+        total = self._pull(gradient, stations, held)
+        wires = float(np.sqrt(np.mean((total - cord)[free] ** 2)))
+        apart = self.rim.outline.length / len(self.rim.arc)
+        return float(np.sqrt(np.mean(total[free] ** 2))) / max(wires, least * apart)
+
+    def solve_rim(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray) -> tuple[Correction, float]:
+        """The same where the mesh is not like a membrane: its edge moves, as stiff as if the mesh behind it stood still."""
+        pull = self._pull(gradient, stations, held)
+        free = np.nonzero(np.repeat(~self.rim.given, 2))[0]
+        first = self._tied.shape[1] - pull.size
+        matrix = self._matrix(gradient, stations)[first + free][:, first + free]
+        moved = np.zeros(pull.size)
+        moved[free] = splu(matrix.tocsc()).solve(pull.ravel()[free])
+        farthest = float(np.abs(moved).max()) / (MOST_STRAIN * float(self._cell.min()))
+        still = Correction(np.zeros((self._tied.shape[0] // 2, 2)), moved.reshape(-1, 2), 1.0 / max(1.0, farthest))
+        return still, 0.0
+
+    def _pull(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """Forces (station, 2) [N] of the wires, wherever a rank holds them, and of the cord."""
+        return self.model.ranks.sum(self.rim.clamps.T @ held) + self.rim.cord_forces(gradient, stations)[0]
+
+    def follow(self, given: np.ndarray, gradient: np.ndarray, stations: np.ndarray) -> Correction:
+        """What the mesh does as a membrane when the stations that are held move by `given` (station, 2) [m]."""
+        known = np.zeros(self._tied.shape[1])
+        known[-given.size :] = np.where(self.rim.given[:, None], given, 0.0).ravel()
+        return self._correction(-(self._matrix(gradient, stations) @ known), known, gradient, stations)[0]
+
+    def _matrix(self, gradient: np.ndarray, stations: np.ndarray) -> sparse.csr_matrix:
+        """Stiffness [N/m] of free grid nodes and stations, the cord's with it."""
+        if not self.rim.is_free:
+            return self._stiffness
+        cord = self.rim.cord_stiffness(gradient, stations).tocoo()
+        first = self._tied.shape[1] - cord.shape[0]
+        there = (cord.data, (cord.row + first, cord.col + first))
+        return self._stiffness + sparse.csr_matrix(there, shape=self._stiffness.shape)
+
+    def _correction(
+        self, force: np.ndarray, known: np.ndarray, gradient: np.ndarray, stations: np.ndarray
+    ) -> tuple[Correction, float]:
+        """The displacement under forces [N] on free nodes and stations, with what is known of it, and its stress [N/m]."""
+        solve = self._solve or splu(self._matrix(gradient, stations)[self._free][:, self._free].tocsc()).solve
+        answer = known.copy()
+        answer[self._free] = solve(force[self._free])
+        grid = self._tied @ answer
+        slope = self._gradient(grid)
+        stress = np.einsum("abcd,xycd->xyab", self.tangent, slope)
+        share = self._filled / self._filled.sum()
+        out_of_balance = float(np.sqrt(np.sum(share * np.sum(stress**2, axis=(2, 3)))))
+        most = min(1.0, MOST_STRAIN / max(float(np.abs(slope).max()), 1e-30))
+        there = answer[len(answer) - 2 * len(self.rim.arc) :].reshape(-1, 2)
+        return Correction(grid.reshape(-1, 2), there, most), out_of_balance
+
+    def _gradient(self, moved: np.ndarray) -> np.ndarray:
+        """Displacement gradient (cells x, cells y, 2, 2) in the middle of the cells, of (2 grid node,) [m]."""
+        moved = moved.reshape(*(self._cells + 1), 2)
+        along_x, along_y = np.diff(moved, axis=0) / self._cell[0], np.diff(moved, axis=1) / self._cell[1]
+        return np.stack([0.5 * (along_x[:, 1:] + along_x[:, :-1]), 0.5 * (along_y[1:] + along_y[:-1])], axis=-1)
+
+    def move(self, correction: Correction) -> None:
+        """Move the mesh with the grid; the clamps stay."""
+        model, mesh, state = self.model, self.model.mesh, self.state
+        self._displacement.assign(correction.grid)
+        unit, now = model.precision.real(model.precision.unit), state.parity
+        wp.launch(
+            spread_to_nodes,
+            dim=block_threads(model),
+            inputs=[
+                mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire,
+                mesh.block_origin_x, mesh.block_origin_y, BLOCK_SIZE, model.rest.place_x, model.rest.place_y, self._grid,
+                state.wire_axial, self._displacement, self._response.cell_node,
+                *self._response.of_nodes, unit,
+                state.node_ux[now], state.node_uy[now], state.tension_offset,
+            ],
+            device=model.device,
+        )  # fmt: skip
+        if model.panel.body_count:
+            wp.launch(
+                spread_to_bodies,
+                dim=model.panel.body_count,
+                inputs=[
+                    mesh.body_origin_x, mesh.body_origin_y, self._body_clasp, self._grid, self._displacement,
+                    *self._response.of_bodies, unit,
+                    state.body_ux, state.body_uy, state.pair_offset,
+                ],
+                device=model.device,
+            )  # fmt: skip

@@ -1,0 +1,111 @@
+"""Softening and penalty of a relaxation, and the running multipliers that take their error out again.
+
+A wire is softened no more than it can bear: the softened stretch must stay small beside what bending gives. For a wire whose
+nodes lie off its chord by y (root mean square), bending gives about y^2/EI a length and stretch s/EA, so s is at most
+y^2 EA/(BEND_OVER_STRETCH EI); a closed wire has no chord that something could impose. Wires straighten under load, so the
+bound is renewed at every level. A wire whose softened strain grows past SOFTENING_STRAIN is softened half as much, and the
+contact penalty is doubled when a body sinks in past PENETRATION_STIFFEN. A short open wire whose multipliers do not
+converge once the mesh is nearly at rest is taut: its softening is divided by TAUT_FACTOR. Fictitious masses follow the
+stiffnesses, the tension and the sharpest turn of each wire (numerics.unit_step_mass).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+
+from ..kernels import control as c
+from ..kernels.multipliers import update_pair_offset, update_tension_offset
+from ..kernels.wires_by_block import BLOCK_SIZE
+from ..model.model import Model, block_threads
+from ..model.state import State
+from .look import Look, Sums
+from .multiplier_rules import MultiplierRules
+
+BEND_OVER_STRETCH = 3.0  # least ratio of what bending and softened stretch give to an imposed pull
+
+
+class Multipliers:
+    """Moves the multipliers of a state and renews stiffnesses that the load has outgrown."""
+
+    def __init__(self, model: Model, state: State, look: Look) -> None:
+        """`look` leaves the tensions and strains that the multipliers move by."""
+        self.model = model
+        self.state = state
+        self.look = look
+        self.rules = MultiplierRules(model)
+        self.axial = wp.zeros_like(state.wire_axial)  # [wire] [N] that a move goes over to
+        self._record()
+
+    def begin_level(self) -> None:
+        """Start with the full rate again."""
+        self.rules.begin_level()
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """What a checkpoint keeps."""
+        return self.rules.memory()
+
+    def recall(self, kept: dict[str, np.ndarray]) -> None:
+        self.rules.recall(kept)
+
+    def bound_softening(self) -> None:
+        """Soften each wire no more than its shape bears."""
+        model, panel = self.model, self.model.panel
+        if panel.boundary == "periodic":
+            return
+        y = self.look.distance_from_chord()
+        most = np.maximum(1.0, y**2 * model.axial_stiffness / (BEND_OVER_STRETCH * model.bending_stiffness))
+        now = self.state.wire_axial.numpy().astype(np.float64)
+        axial = np.maximum(now, np.minimum(model.axial_stiffness / most, model.axial_stiffness))
+        if not model.ranks.any(bool(np.any(axial > now * (1 + 1e-6)))):
+            return
+        sums = self.look.take()
+        self._move_offsets(axial, rate=0.0)
+        self.renew(axial, float(self.state.read_control()[int(c.CONTACT_STIFFNESS)]), sums)
+
+    def update(self, sums: Sums, *, nearly_steady: bool) -> float:
+        """Move every multiplier once, by what a look has just summed up; what is still missing, 1 being the most that counts
+        as steady."""
+        stiffer = self.rules.outgrown(self.state.wire_axial.numpy().astype(np.float64), sums, nearly_steady)
+        penalty = float(self.state.read_control()[int(c.CONTACT_STIFFNESS)])
+        self._move_offsets(stiffer, float(self.rules.rate))
+        self.renew(stiffer, float(self.rules.stiffened(np.float64(penalty), sums)), sums)
+        return float(self.rules.left(sums))
+
+    def _move_offsets(self, axial: np.ndarray, rate: float) -> None:
+        self.axial.assign(axial)
+        self.state.write_control({c.MULTIPLIER_RATE: rate})
+        for launch in self.launches:
+            launch()
+
+    def _record(self) -> None:
+        """The launches of a move, to be repeated with other numbers."""
+        model, mesh, state, device = self.model, self.model.mesh, self.state, self.model.device
+        arguments = [
+            mesh.block_first, mesh.block_count, mesh.block_wire, BLOCK_SIZE, state.control,
+            state.wire_axial, self.axial, wp.float64(model.axial_stiffness),
+            self.look.tension, self.look.strain, state.tension_offset,
+        ]  # fmt: skip
+        wires = wp.launch(
+            update_tension_offset, dim=block_threads(model), inputs=arguments, device=device, record_cmd=True
+        )
+        pairs = wp.launch(
+            update_pair_offset,
+            dim=max(1, model.pair_count),
+            inputs=[state.control, state.pair_force, state.pair_offset],
+            device=device,
+            record_cmd=True,
+        )
+        self.launches = [pairs.launch, wires.launch]
+
+    def renew(self, axial: np.ndarray, penalty: float, sums: Sums) -> None:
+        """Renew stiffnesses, and raise the fictitious masses of the wires where they no longer suffice."""
+        state = self.state
+        before = state.wire_mass.numpy().astype(np.float64)
+        mass = self.rules.mass(before, axial, np.float64(penalty), sums)
+        if penalty != float(state.read_control()[int(c.CONTACT_STIFFNESS)]):
+            state.stiffen_contact(penalty)
+        if np.any(axial != state.wire_axial.numpy()):
+            state.wire_axial.assign(axial)
+        if np.any(mass != before):
+            state.wire_mass.assign(mass)

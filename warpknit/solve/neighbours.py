@@ -1,0 +1,106 @@
+"""When and how the neighbour search is done; the kernels are in kernels/neighbours.py."""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+
+from ..kernels import control as c
+from ..kernels.neighbours import find_nearest_segments, place_nodes_in_hash
+from ..kernels.wires_by_block import BLOCK_SIZE
+from ..model.model import Model, block_threads
+from ..model.state import State
+
+SAG = 0.15  # of the node spacing: how far a wire may bulge beyond the chord between two nodes (a radius of 0.8 spacings)
+RAMP_SHARE = 0.2  # of the margin: kept for the affine motion between two searches of a ramp
+MARGIN = 0.1  # in course spacings: how much closer a body and a wire may come before the next search
+
+
+class NeighbourSearch:
+    """The hash of a model's nodes and the search for the segment that each pair starts from."""
+
+    def __init__(self, model: Model, state: State) -> None:
+        self.model = model
+        self.state = state
+        self.margin = MARGIN * model.scene.knit.course_spacing
+        # a body touches a segment whose nearer node is at most half a (stretched) spacing along the wire
+        self.radius = model.contact_reach + self.margin + 0.75 * float(model.table.spacing.max())
+        self.searches = 0
+        size = np.asarray(model.panel.size)
+        cells = np.maximum(1, np.floor(size / (1.25 * self.radius))).astype(int)
+        self._cell = size / cells
+        if model.panel.boundary != "periodic":
+            cells = cells + 4
+        self._grid = wp.HashGrid(int(cells[0]), int(cells[1]), 1, device=model.device)
+        self._position = wp.zeros(model.panel.node_count, dtype=wp.vec3, device=model.device)
+        self._expected = 0.0
+        self._gradient = np.array([1.0, 0.0, 0.0, 1.0])
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """What a checkpoint keeps."""
+        return {"searches": np.array([self.searches]), "expected": np.array([self._expected, *self._gradient])}
+
+    def recall(self, kept: dict[str, np.ndarray]) -> None:
+        self.searches = int(kept["searches"][0])
+        self._expected, self._gradient = float(kept["expected"][0]), kept["expected"][1:].copy()
+
+    def follow(self, gradient: np.ndarray) -> None:
+        """Search again when the load has used up half of what was kept for it since the last search; see `expect`."""
+        moved = 2.0 * float(np.abs(gradient - self._gradient).max()) * self.radius
+        if moved > 0.5 * self._expected:
+            self.expect(RAMP_SHARE * self.margin)
+
+    def expect(self, motion: float) -> None:
+        """Search, and keep `motion` [m] of the margin for what the load itself will do until the next call."""
+        self._expected = motion
+        self.search()
+
+    def search(self) -> None:
+        """Build the hash, seed every pair that is not in touch, and start a new travel budget.
+
+        The few pairs of other treatments are never asleep, and walk along their wires from where they were.
+        """
+        if self.model.pair_count and self.model.treatment.is_free:
+            self._search()
+        self.searches += 1
+        self._gradient = self.state.gradient.ravel()
+        budget = max(0.5 * self.margin - self._expected, 0.1 * self.margin)
+        self.state.write_control(
+            {c.TRAVEL: 0.0, c.TRAVEL_LIMIT: budget, c.STATUS: 0.0} if self.model.pair_count else
+            {c.TRAVEL: 0.0, c.TRAVEL_LIMIT: np.inf, c.STATUS: 0.0}
+        )  # fmt: skip
+
+    def _search(self) -> None:
+        model, state = self.model, self.state
+        rest, mesh, real = model.rest, model.mesh, model.precision.real
+        now = state.parity
+        unit = real(model.precision.unit)
+        spacing = float(model.table.spacing.max())
+        narrowest = float(np.linalg.svd(state.gradient, compute_uv=False).min())
+        cell_x, cell_y = wp.float64(self._cell[0]), wp.float64(self._cell[1])
+        wp.launch(
+            place_nodes_in_hash,
+            dim=block_threads(model),
+            inputs=[
+                mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_origin_x, mesh.block_origin_y, BLOCK_SIZE,
+                state.control, unit, cell_x, cell_y, rest.place_x, rest.place_y,
+                state.node_ux[now], state.node_uy[now], self._position,
+            ],
+            device=model.device,
+        )  # fmt: skip
+        self._grid.build(self._position, 1.0)
+        wp.launch(
+            find_nearest_segments,
+            dim=model.pair_count,
+            inputs=[
+                wp.uint64(self._grid.id), self.radius / narrowest / float(self._cell.min()), real(self.radius),
+                real(0.6 * spacing), real(SAG * spacing), real(model.contact_reach), real(self._expected), state.control, unit,
+                cell_x, cell_y, rest.table_x, rest.table_y, mesh.body_origin_x, mesh.body_origin_y,
+                mesh.pair_wire, mesh.pair_seed, mesh.pair_table, mesh.pair_low, mesh.pair_high,
+                mesh.pair_rest_x, mesh.pair_rest_y, state.pair_force, state.pair_gap,
+                mesh.wire_first, mesh.wire_count, mesh.wire_closed,
+                state.node_ux[now], state.node_uy[now], state.body_ux, state.body_uy,
+                state.pair_slide, state.pair_u, state.pair_wake,
+            ],
+            device=model.device,
+        )  # fmt: skip

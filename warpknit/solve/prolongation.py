@@ -1,0 +1,206 @@
+"""A large mesh starts a load level from where a smaller mesh of the same knit came to rest under the same load.
+
+What edges and corners do takes many steps to find, and the same steps on a few repeats as on a million. So a large mesh has
+a smaller one beside it, which has a smaller one in turn; each comes to rest first, and what changed is carried over
+(kernels/prolong.py). On a rectangle the repeats within RIM of an edge are carried over as they are, the inside is drawn out. The
+smallest mesh of a periodic tile is one repeat, and so is that of a mesh cut along another outline, where what changed fades out
+towards the edge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import warp as wp
+
+from ..kernels import control as c
+from ..kernels.prolong import Meshes, prolong_bodies, prolong_nodes
+from ..kernels.wires_by_block import BLOCK_SIZE
+from ..measure.reading import node_entries
+from ..model.join import Join
+from ..model.model import Model, block_threads
+from ..model.state import State
+from ..scene import PanelOptions, Scene, Stage
+from .response import Response, carried_values
+
+RIM = 3  # repeats at an edge that are carried over one to one
+RATIO = 3  # repeats of a mesh over those of the smaller one
+LEAST = 8  # repeats of the smaller mesh, at least
+FADED = 1.5  # loops of wire from a clamp over which the change of endless cloth fades out
+WORTH = 1.5  # ratio from which a smaller mesh pays
+
+
+def smaller_scene(scene: Scene) -> Scene | None:
+    """The scene of the smaller mesh, or None where the mesh is small enough."""
+    repeats = scene.knit.repeats
+    if scene.knit.scatter or scene.depends_on_path:
+        return None  # no repeat is like another, or what was before counts
+    if scene.model.boundary == "periodic":
+        smaller = (1, 1)
+    elif scene.panel.outline != "rectangle":
+        return one_repeat(scene)
+    else:
+        # the parity is kept: the middle of the mesh is cut alike
+        smaller = tuple(min(n, max(LEAST + n % 2, -(-n // RATIO) + (-(-n // RATIO) - n) % 2)) for n in repeats)
+        if repeats[0] * repeats[1] < WORTH * smaller[0] * smaller[1]:
+            return None
+    if smaller == repeats:
+        return None
+    return replace(scene, knit=replace(scene.knit, repeats=smaller), panel=PanelOptions(), stages=_plain_stages(scene))
+
+
+def one_repeat(scene: Scene) -> Scene:
+    """The scene of one periodic repeat of the same cloth."""
+    knit, options = replace(scene.knit, repeats=(1, 1)), replace(scene.model, boundary="periodic")
+    contact, wire = replace(scene.contact, friction=0.0), replace(scene.wire, plastic=False)
+    stages = _plain_stages(scene)
+    return replace(scene, wire=wire, knit=knit, model=options, panel=PanelOptions(), contact=contact, stages=stages)
+
+
+def _plain_stages(scene: Scene) -> tuple[Stage, ...]:
+    """The stages without what differs from place to place."""
+    return tuple(replace(stage, pull=(), temperature_gradient=(0.0, 0.0)) for stage in scene.stages)
+
+
+class Prolongation:
+    """Carries what changed on the small mesh since the last time over to the large one."""
+
+    def __init__(self, large: Model, large_state: State, small: Model, small_state: State) -> None:
+        self.large, self.large_state = large, large_state
+        self.small, self.small_state = small, small_state
+        self._last = carried_values(small, small_state)
+        self._places()
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """What a checkpoint keeps."""
+        return {f"carried_{name}": value for name, value in self._last.items()}
+
+    def recall(self, kept: dict[str, np.ndarray]) -> None:
+        self._last = {name: kept[f"carried_{name}"] for name in self._last}
+
+    def _places(self) -> None:
+        """Tables of where things stand on the small mesh."""
+        large, small = self.large.panel, self.small.whole.panel
+        repeat = self._repeat = np.array(self.large.cloth.size)
+        nodes, start = self.large.table.nodes, self.large.table.start
+        periodic = small.boundary == "periodic"
+        self._periodic = int(periodic)
+        entry = node_entries(self.small.whole)
+        thread = np.repeat(small.wire_thread, small.wire_count)
+        first_row = np.repeat(np.rint(small.block_origin / repeat).astype(np.int64), small.block_count, axis=0)
+        column, local = first_row[:, 0], entry - start[thread]
+        row, k = first_row[:, 1] + local // nodes[thread], local % nodes[thread]
+        body_place = np.rint(small.body_origin / repeat).astype(np.int64)
+        low = np.zeros(2, dtype=np.int64)
+        if not periodic:
+            low = np.minimum([column.min(), row.min()], body_place.min(axis=0))
+        column, row, body_place = column - low[0], row - low[1], body_place - low
+        shape = np.maximum([column.max(), row.max()], body_place.max(axis=0)) + 1
+        node_table = np.full((len(nodes), shape[0], shape[1] * nodes.max()), -1, dtype=np.int32)
+        node_table[thread, column, row * nodes[thread] + k] = np.arange(small.node_count)
+        body_table = np.full((small.body_clasp.max() + 1, *shape), -1, dtype=np.int32)
+        body_table[small.body_clasp, body_place[:, 0], body_place[:, 1]] = np.arange(small.body_count)
+        many, few = np.array(self.large.scene.knit.repeats), np.array(self.small.scene.knit.repeats)
+        self._offset = np.zeros(2, dtype=np.int64) if periodic else (many - few) // 2 - low
+        self._node_table, self._body_table = node_table, body_table
+        device = self.large.device
+
+        def index(a: np.ndarray) -> wp.array:
+            return wp.array(np.ascontiguousarray(a, dtype=np.int32), dtype=wp.int32, device=device)
+
+        m = Meshes()
+        m.repeat, m.low = wp.vec2d(*repeat), wp.vec2d(*large.low)
+        m.large, m.small, m.offset = (wp.vec2i(*map(int, pair)) for pair in (many, few, self._offset))
+        m.rim, m.periodic = RIM, self._periodic
+        fades = periodic and large.boundary == "gripped"
+        m.taper = FADED * self.large.scene.model.nodes_per_loop if fades else 0.0
+        self._meshes = m
+        block_place = np.rint(large.block_origin / repeat)
+        self._block_place = [index(block_place[:, 0]), index(block_place[:, 1]), index(large.wire_thread[large.block_wire])]
+        self._threads = [index(start), index(nodes)]
+        # of all pairs of a body, on whatever rank their wire is
+        mesh = self.large.whole.panel
+        first = mesh.wire_first[mesh.pair_wire]
+        from_end = np.minimum(mesh.pair_seed - first, first + mesh.wire_count[mesh.pair_wire] - 1 - mesh.pair_seed)
+        self._body_from_end = index(from_end.reshape(-1, 2).min(axis=1)[self.large.bodies])
+        body_place = np.rint(large.body_origin / repeat)
+        self._body_place = [index(large.body_clasp), index(body_place[:, 0]), index(body_place[:, 1])]
+        self._node_at, self._body_at = (wp.array(t, dtype=wp.int32, device=device) for t in (node_table, body_table))
+
+    def carry(self, response: Response) -> None:
+        """Add what changed on the small mesh to the large one; stiffnesses and masses follow those of the small mesh.
+
+        `response`: of the cloth at the load.
+        """
+        large, state = self.large, self.large_state
+        self._follow_stiffness()
+        values = carried_values(self.small, self.small_state)
+        real, device = large.precision.real, large.device
+        change = {
+            name: wp.array(values[name] - self._last[name], dtype=real, device=device) for name in values
+        }
+        self._last = values
+        mesh, unit = large.mesh, real(large.precision.unit)
+        now = state.parity
+        wp.launch(
+            prolong_nodes,
+            dim=block_threads(large),
+            inputs=[
+                mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire, *self._block_place, BLOCK_SIZE,
+                *self._threads, mesh.wire_first, mesh.wire_count, state.wire_axial,
+                large.rest.place_x, large.rest.place_y, self._meshes, self._node_at,
+                change["x"], change["y"], change["tension"], change["strain"],
+                response.cell_node, *response.of_nodes, unit,
+                state.node_ux[now], state.node_uy[now], state.tension_offset,
+            ],
+            device=device,
+        )  # fmt: skip
+        if large.panel.body_count:
+            wp.launch(
+                prolong_bodies,
+                dim=large.panel.body_count,
+                inputs=[
+                    *self._body_place, mesh.body_origin_x, mesh.body_origin_y, self._body_from_end, self._meshes,
+                    self._body_at,
+                    change["body_x"], change["body_y"], change["offset"], *response.of_bodies, unit,
+                    state.body_ux, state.body_uy, state.pair_offset,
+                ],
+                device=device,
+            )  # fmt: skip
+
+    def _follow_stiffness(self) -> None:
+        """A wire is as stiff and heavy as the stiffest and heaviest wire of the small mesh that its nodes come from."""
+        large, small = self.large.panel, self.small.whole.panel
+        join = Join(self.small, everywhere=True)
+        source = self._source_of_blocks()
+        wire = np.searchsorted(small.wire_first, np.maximum(source, 0), side="right") - 1
+        starts = np.searchsorted(large.block_wire, np.arange(len(large.wire_first)))
+        for name in ("wire_axial", "wire_mass"):
+            array = getattr(self.large_state, name)
+            there = np.where(source >= 0, join.wires(getattr(self.small_state, name).numpy())[wire], 0.0)
+            array.assign(np.maximum(array.numpy(), np.maximum.reduceat(there, starts)))
+        penalty = float(self.small_state.read_control()[int(c.CONTACT_STIFFNESS)])
+        if penalty > float(self.large_state.read_control()[int(c.CONTACT_STIFFNESS)]):
+            self.large_state.stiffen_contact(penalty)
+
+    def _source_of_blocks(self) -> np.ndarray:
+        """[block] node of the small mesh that the middle node of a block takes its values from, -1 where there is none."""
+        panel, table = self.large.panel, self.large.table
+        thread = panel.wire_thread[panel.block_wire]
+        entry = panel.block_table + panel.block_count // 2
+        local = entry - table.start[thread]
+        n = table.nodes[thread]
+        place = np.rint(panel.block_origin / self._repeat).astype(np.int64)
+        place[:, 1] += local // n
+        if self._periodic:
+            place = np.mod(place, self.small.scene.knit.repeats)
+        else:
+            x = np.stack([table.x[entry], table.y[entry]], axis=1) + panel.block_origin
+            many, few = np.array(self.large.scene.knit.repeats), np.array(self.small.scene.knit.repeats)
+            share = np.clip(((x - panel.low) / self._repeat - RIM) / np.maximum(many - 2 * RIM, 1), 0.0, 1.0)
+            place = place + np.rint(-share * (many - few)).astype(np.int64) + self._offset
+        there = np.all((place >= 0), axis=1) & (place[:, 0] < self._node_table.shape[1])
+        k = place[:, 1] * n + local % n
+        there &= k < self._node_table.shape[2]
+        return np.where(there, self._node_table[thread, np.where(there, place[:, 0], 0), np.where(there, k, 0)], -1)

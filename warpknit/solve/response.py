@@ -1,0 +1,120 @@
+"""How endless cloth answers a change of strain: its membrane stiffness, and what happens within a repeat."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+import warp as wp
+
+from ..measure.reading import read_strip
+from ..model.join import Join
+from ..model.model import Model
+from ..model.state import State
+
+STRAIN = 2e-3  # by which one repeat is strained further
+LEAST_STIFFNESS = 1e-2  # of the largest eigenvalue: a softer way to strain the cloth is taken to be as stiff
+
+
+def carried_values(model: Model, state: State) -> dict[str, np.ndarray]:
+    """What tells two states of a mesh apart: [node] or [body] displacements [m], tension [N] and softened strain, [pair]
+    offset [N]. Of the whole mesh, on all ranks that share it."""
+    reading = read_strip(model, state)
+    offset = state.tension_offset.numpy().astype(np.float64)
+    strain = (reading.tension - offset) / np.repeat(reading.wire_axial, model.panel.wire_count)
+    join = Join(model, everywhere=True)
+    of_nodes = {"x": reading.u[:, 0], "y": reading.u[:, 1], "tension": reading.tension, "strain": strain}
+    of_bodies = {"body_x": reading.body_u[:, 0], "body_y": reading.body_u[:, 1]}
+    return {
+        **{name: join.nodes(values) for name, values in of_nodes.items()},
+        **{name: join.bodies(values) for name, values in of_bodies.items()},
+        "offset": join.pairs(reading.pair_offset),
+    }
+
+
+class Cell(Protocol):
+    """One periodic repeat that can be brought to rest at a deformation gradient."""
+
+    model: Model
+
+    def rest_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Nominal stress (2, 2) [N/m] at rest, and what describes the state (see `carried_values`)."""
+
+
+@dataclass(frozen=True)
+class Response:
+    """How endless cloth answers a change of its deformation gradient F about a load; see `find_response`."""
+
+    tangent: np.ndarray  # (2, 2, 2, 2) [N/m] dP/dF, symmetric and positive
+    cell_node: wp.array  # [entry of the rest table] node of the repeat
+    change: dict[str, wp.array]  # (4, ...) derivative of each value of a repeat by Fxx, Fxy, Fyx, Fyy
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """What a checkpoint keeps."""
+        return {"response_tangent": self.tangent} | {f"response_{name}": v.numpy().copy() for name, v in self.change.items()}
+
+    @property
+    def of_nodes(self) -> list[wp.array]:
+        """Derivatives of displacements [m], tension [N] and softened strain of the nodes."""
+        return [self.change[name] for name in ("x", "y", "tension", "strain")]
+
+    @property
+    def of_bodies(self) -> list[wp.array]:
+        """Derivatives of displacements [m] of the bodies and of offsets [N] of their pairs."""
+        return [self.change[name] for name in ("body_x", "body_y", "offset")]
+
+
+def find_response(cell: Cell, gradient: np.ndarray, temperature: float) -> Response:
+    """Stiffness of endless cloth and what its repeats do, by differences between states of one repeat at rest.
+
+    Raises `Diverged` where the repeat does not come to rest.
+    """
+    stress, values = cell.rest_at(gradient, temperature)
+    tangent = np.zeros((2, 2, 2, 2))
+    change = {name: np.zeros((4, len(value))) for name, value in values.items()}
+    for k, (c, d) in enumerate(np.ndindex(2, 2)):
+        step = np.zeros((2, 2))
+        step[c, d] = STRAIN
+        there, moved = cell.rest_at(gradient + step, temperature)
+        tangent[:, :, c, d] = (there - stress) / STRAIN
+        for name in values:
+            change[name][k] = (moved[name] - values[name]) / STRAIN
+    for node, body in (("x", "body_x"), ("y", "body_y")):
+        drift = change[node].mean(axis=1, keepdims=True)  # a repeat is free to move as a whole
+        change[node] -= drift
+        change[body] -= drift
+    matrix = tangent.reshape(4, 4)
+    eigenvalues, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    eigenvalues = np.maximum(eigenvalues, LEAST_STIFFNESS * eigenvalues.max())
+    return Response(
+        ((vectors * eigenvalues) @ vectors.T).reshape(2, 2, 2, 2),
+        _node_of_entry(cell.model),
+        {name: wp.array(value, dtype=wp.float64, device=cell.model.device) for name, value in change.items()},
+    )
+
+
+def no_response(cell: Model) -> Response:
+    """A cloth that does nothing."""
+    nodes, bodies, pairs = cell.panel.node_count, cell.panel.body_count, cell.pair_count
+    lengths = {"x": nodes, "y": nodes, "tension": nodes, "strain": nodes, "body_x": bodies, "body_y": bodies, "offset": pairs}
+    change = {name: wp.zeros((4, count), dtype=wp.float64, device=cell.device) for name, count in lengths.items()}
+    return Response(np.zeros((2, 2, 2, 2)), _node_of_entry(cell), change)
+
+
+def recall_response(kept: dict[str, np.ndarray], cell: Model) -> Response:
+    """The response whose `memory` is among what was kept."""
+    response = no_response(cell)
+    for name, value in response.change.items():
+        value.assign(kept[f"response_{name}"])
+    return replace(response, tangent=kept["response_tangent"])
+
+
+def _node_of_entry(cell: Model) -> wp.array:
+    """Node of one repeat for each entry of its rest table, which those of every mesh of the same cloth are."""
+    table = cell.table
+    ends = np.append(table.start[1:] - table.lead, len(table.x))
+    entry = np.arange(len(table.x))
+    thread = np.searchsorted(ends, entry, side="right")
+    node = cell.panel.wire_first[thread] + np.mod(entry - table.start[thread], table.nodes[thread])
+    return wp.array(node.astype(np.int32), dtype=wp.int32, device=cell.device)

@@ -1,0 +1,60 @@
+"""When a state counts as at rest: forces balance, and motion has died down."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .. import measure
+from ..kernels import control as c
+from ..model.model import Model
+from .look import Sums
+
+ENERGY_FLOOR = 1e-5  # of EI/W a loop: what kinetic energy is compared with where less is stored
+FORCE_FLOOR = 0.05  # of EI/W^2: what the residual is compared with where contacts carry less
+ROUND_OFF_RMS = 3.0  # rms residual that counts as round-off, over that of an edge: 1.7 of its length, a force has two edges
+ROUND_OFF_LARGEST = 4.0  # the same of the largest residual, which is allowed LOCAL_ALLOWANCE times more
+ROUND_OFF_SHARE = 0.1  # of the mean contact force: more round-off than this is no balance, and needs double precision
+LOCAL_ALLOWANCE = 10.0  # times the tolerance that the largest residual may be; the fourth root of their number if that is more,
+# which is as much as one that is alone adds to the mean fourth power of all
+
+
+class Steadiness:
+    """Measures how far a state is from rest, from what a look at it summed up."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        h = float(model.table.spacing.min())
+        epsilon = float(np.finfo(np.float32 if model.precision.name == "single" else np.float64).eps) / 2
+        # rounding of an edge, seen through the stretching and the bending stiffness of a segment
+        self._round_off_terms = (epsilon, 4 * model.bending_stiffness / h**2)
+        self._stretch_energy = h / model.axial_stiffness
+        self._bend_energy = model.bending_stiffness / h
+
+    def measure(self, control: np.ndarray, sums: Sums, axial: np.ndarray) -> np.ndarray:
+        """The larger of balance and motion, both to be compared with solver.residual_tolerance.
+
+        `axial` (wire,) [N]: the stiffnesses of the dynamics. Of many replicas, these are the first axis of all that is given.
+
+        Balance: rms nodal residual over the mean contact force, and a share of the largest; less where round-off leaves more.
+        Motion: root of kinetic over stored energy; it is what soft modes still have to go, which the residual does not see.
+        """
+        model, tolerance = self.model, self.model.scene.solver.residual_tolerance
+        scale = np.maximum(sums.force_mean, FORCE_FLOOR * measure.force_scale(model))
+        mesh, ranks = model.whole.panel, model.ranks
+        free = mesh.node_count + mesh.body_count - len(mesh.held_node)
+        rms, largest = np.sqrt(control[..., int(c.FORCE_SQUARE)] / free), control[..., int(c.FORCE_MAX)]
+        epsilon, bending = self._round_off_terms
+        round_off = epsilon * np.hypot(axial.astype(np.float64), bending)  # [wire]
+        square = ranks.sum(np.asarray(np.sum(round_off**2 * model.panel.wire_count, axis=-1))) / mesh.node_count
+        round_off_rms = np.sqrt(square)
+        most = ROUND_OFF_SHARE * scale
+        local = max(LOCAL_ALLOWANCE, free**0.25)
+        round_off_max = ROUND_OFF_LARGEST * ranks.largest(np.asarray(round_off.max(axis=-1)))
+        balance = np.maximum(
+            rms / np.maximum(scale, np.minimum(ROUND_OFF_RMS * round_off_rms, most) / tolerance),
+            largest / (local * np.maximum(scale, np.minimum(round_off_max, most) / tolerance)),
+        )
+        stored = 0.5 * sums.tension_square * self._stretch_energy + 0.5 * sums.turning_square * self._bend_energy
+        least = ENERGY_FLOOR * measure.energy_scale(model.whole)
+        motion = np.sqrt(0.5 * control[..., int(c.KINETIC_TWICE)] / np.maximum(stored, least))
+        return np.maximum(balance, motion)

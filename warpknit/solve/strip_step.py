@@ -1,0 +1,163 @@
+"""Steps of a strip: between the parts of a step the ranks swap what crosses their borders.
+
+    contact of the pairs on own wires -> swap forces on shared bodies -> wires, bodies, grips -> swap partial sums -> control
+
+A shared body is stepped in both strips with the same two forces, added in the same order as in the whole mesh, and every rank
+renews its control numbers from the same rows: nodes and bodies go the way they would on one rank, bit by bit. Only the
+partial sums are added in another order.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import warp as wp
+
+from ..kernels.bodies import BODY_BLOCK, step_bodies
+from ..kernels.border import collect_forces, distribute_forces
+from ..kernels.control import PARTIAL_COUNT, sum_partials, update_control
+from ..mesh.strip import Strip
+from ..model.model import Model
+from ..model.state import State
+from .step import LaunchData, Stepper, body_arguments
+
+NUMBERS_A_PAIR = 3  # force and its components
+
+
+class Mirror:
+    """An array on the device and the host memory that the ranks swap: the same on the CPU, pinned and copied on a GPU."""
+
+    def __init__(self, shape: tuple[int, ...], dtype: type, device: str) -> None:
+        self._device = device
+        self.array = wp.zeros(shape, dtype=dtype, device=device)
+        self._pinned = None if device == "cpu" else wp.zeros(shape, dtype=dtype, device="cpu", pinned=True)
+        self.host: np.ndarray = (self.array if self._pinned is None else self._pinned).numpy()
+
+    def bring(self) -> None:
+        """Bring the array to the host and wait for it."""
+        if self._pinned is not None:
+            wp.copy(self._pinned, self.array)
+            wp.synchronize_stream(self._device)
+
+    def send_back(self) -> None:
+        if self._pinned is not None:
+            wp.copy(self.array, self._pinned)
+
+
+class StripStepper(Stepper):
+    """Takes steps of a strip's state, together with the other ranks."""
+
+    def __init__(self, model: Model, state: State, *, by_node: bool | None = None, threads: int | None = None) -> None:
+        strip = model.strip
+        assert strip is not None
+        self._make_border(model, strip)
+        self._row = Mirror((1, PARTIAL_COUNT), wp.float64, model.device)
+        self._rows = Mirror((model.ranks.count, PARTIAL_COUNT), wp.float64, model.device)
+        self._collect_rows = model.ranks.table(self._row.host, self._rows.host)
+        self._no_rows = wp.zeros((0, PARTIAL_COUNT), dtype=wp.float64, device=model.device)
+        shared = model.panel.body_count - model.owned_bodies
+        self._shared_blocks = -(-shared // BODY_BLOCK)
+        self._unused_rows = wp.zeros((max(1, self._shared_blocks), PARTIAL_COUNT), dtype=wp.float64, device=model.device)
+        super().__init__(model, state, by_node=by_node, threads=threads)
+        self._parts = [
+            {name: [self._commands(work) for work in self._work(name, parity)] for name in ("contact", "motion", "control")}
+            for parity in (0, 1)
+        ]
+        self._part_graphs: dict[tuple[int, tuple[str, ...]], list[wp.Graph]] = {}
+
+    def _make_border(self, model: Model, strip: Strip) -> None:
+        """Buffers for the shared pairs, neighbour after neighbour."""
+        real, device = model.precision.real, model.device
+        self._border = sum(len(n.own_pair) for n in strip.neighbours)
+
+        def pairs(name: str) -> wp.array:
+            joined = np.concatenate([np.zeros(0, dtype=np.int32), *(getattr(n, name) for n in strip.neighbours)])
+            return wp.array(joined.astype(np.int32), dtype=wp.int32, device=device)
+
+        self._own_pair, self._foreign_pair = pairs("own_pair"), pairs("foreign_pair")
+        self._sent, self._received = (Mirror((NUMBERS_A_PAIR * self._border,), real, device) for _ in range(2))
+        peers, begin = [], 0
+        for neighbour in strip.neighbours:
+            end = begin + NUMBERS_A_PAIR * len(neighbour.own_pair)
+            peers.append((neighbour.rank, slice(begin, end), slice(begin, end)))
+            begin = end
+        self._swap_forces = model.ranks.channel(self._sent.host, self._received.host, peers)
+
+    @property
+    def border_bytes(self) -> int:
+        """Bytes that this rank sends to its neighbours in a step."""
+        return int(self._sent.host.nbytes)
+
+    def _work(self, name: str, parity: int) -> list[list[LaunchData]]:
+        """What each thread launches in a part of a step that needs nothing from other ranks."""
+        model, state, parts = self.model, self.state, range(self.threads)
+        forces = [state.pair_force, state.pair_body_x, state.pair_body_y]
+        if name == "contact":
+            collect = (collect_forces, self._border, [self._own_pair, *forces, self._sent.array])
+            return [[*self._contact_work(parity, part), *self._wait(), *([collect] if part == 0 else [])] for part in parts]
+        if name == "motion":
+            shared = slice(model.owned_bodies, model.panel.body_count)
+            distribute = (distribute_forces, self._border, [self._foreign_pair, self._received.array, *forces])
+            move_shared = (step_bodies, self._shared_blocks, body_arguments(model, state, 0, shared, self._unused_rows))
+            sums = (sum_partials, 1, [state.wire_partial, state.body_partial, self._row.array])
+            return [
+                [
+                    *([distribute] if part == 0 else []),
+                    *self._wait(),
+                    *([move_shared] if part == 0 else []),
+                    *self._motion(parity, part),
+                    *([sums] if part == 0 else []),
+                ]
+                for part in parts
+            ]
+        control = (update_control, 1, [self._rows.array, self._no_rows, state.control])
+        return [[*([control] if part == 0 else []), *self._wait()] for part in parts]
+
+    def _replay(self, parity: int, steps: int) -> None:
+        self._run(parity, "contact")
+        for k in range(steps):
+            now = (parity + k) % 2
+            self._swap_at_border()
+            self._run(now, "motion")
+            self._row.bring()
+            self._collect_rows()
+            self._rows.send_back()
+            if k < steps - 1:
+                self._run(1 - now, "control", "contact")
+        self._run(parity, "control")
+
+    def evaluate_contact(self) -> None:
+        self._run(self.state.parity, "contact")
+        self._swap_at_border()
+        if self._border:
+            forces = [self.state.pair_force, self.state.pair_body_x, self.state.pair_body_y]
+            inputs = [self._foreign_pair, self._received.array, *forces]
+            wp.launch(distribute_forces, dim=self._border, inputs=inputs, device=self.model.device)
+
+    def _swap_at_border(self) -> None:
+        if self._border:
+            self._sent.bring()
+            self._swap_forces()
+            self._received.send_back()
+
+    def _run(self, parity: int, *names: str) -> None:
+        """Replay parts of a step, one after the other."""
+        key = (parity, names)
+        if key not in self._part_graphs:
+            self._part_graphs[key] = [self._captured(parity, names, part) for part in range(self.threads)]
+        self.together([partial(wp.capture_launch, graph) for graph in self._part_graphs[key]])
+
+    def _captured(self, parity: int, names: tuple[str, ...], part: int) -> wp.Graph:
+        with wp.ScopedCapture(device=self.model.device) as capture:
+            for name in names:
+                if name == "motion" and self.by_node:
+                    self.state.wire_partial.zero_()
+                for launch in self._parts[parity][name][part]:
+                    launch.launch()
+        return capture.graph
+
+
+def stepper_of(model: Model, state: State) -> Stepper:
+    """What takes the steps of a model: of the whole mesh, or of a strip with the other ranks."""
+    return Stepper(model, state) if model.strip is None else StripStepper(model, state)

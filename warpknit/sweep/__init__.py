@@ -1,0 +1,1 @@
+"""Contact maps: many loads of one repeat, stepped side by side."""

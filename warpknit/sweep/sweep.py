@@ -1,0 +1,312 @@
+"""The sweep of a scene into a directory: what `warpknit map` leaves there, how it is interrupted, resumed and refused.
+
+DIR holds map.csv, map_details.csv, map.json, scene.toml (resolved) and figures/*.png; where loops scatter over several seeds
+also the map of each seed, seeds/map_##.csv and seeds/details_##.csv. Every file is written aside and renamed.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from .. import measure
+from ..device import find_device
+from ..errors import MemoryNeeded, ModelError, RunDirectoryError, SceneError
+from ..files import write_aside
+from ..model.model import Model, available_memory, build_model, required_memory
+from ..run.interrupts import Interrupted, Interrupts
+from ..run.progress import Progress as Display
+from ..run.run_directory import check_directory, clear, make_directory, read_summary
+from ..scene import Scene, Sweep, resolved_toml
+from ..scene.messages import scene_error
+from ..solve.prolongation import smaller_scene
+from .batch import Batch, Outcome
+from .contact_map import STEADY, Cell, Detail, MapRow, find_optimum, grid, mean_map, read_map, write_map
+
+_log = logging.getLogger(__name__)
+
+SAVE_INTERVAL = 5.0  # [s] between savings of what is finished
+FIGURES = (
+    # file, column, what the colours say, their unit, factor
+    ("contact_map", "active_percent", "active contacts", "% of pairs", 1.0),
+    ("stress_map", "stress_max_Pa", "largest wire stress", "MPa", 1e-6),
+    ("yield_map", "yield_fraction", "wire above the elastic limit", "%", 100.0),
+    ("tension_weft_map", "tension_weft_N_per_m", "weft tension", "mN/m", 1e3),
+    ("tension_warp_map", "tension_warp_N_per_m", "warp tension", "mN/m", 1e3),
+)
+SEED_FIGURES = (("contact_spread_map", "active_percent_deviation", "spread of the active contacts", "points of %", 1.0),)
+
+
+@dataclass(frozen=True)
+class MapResult:
+    """How a map ended."""
+
+    exit_code: int
+    summary: dict[str, Any]
+    message: str = ""
+
+
+def run_map(
+    scene: Scene,
+    *,
+    out: Path,
+    device: str | None = None,
+    resume: bool = False,
+    force: bool = False,
+    progress: Display | None = None,
+) -> MapResult:
+    """Run the sweep of `scene` into the directory `out`.
+
+    Raises `SceneError`, `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. Strains at
+    which the mesh does not come to rest have no values; an interrupt ends with exit_code 130 and keeps the finished cells.
+    """
+    sweep = _checked(scene, device)
+    finished = read_summary(out, "map.json")
+    if resume and finished is not None:
+        if finished.get("scene", {}).get("hash") != scene.hash:
+            raise RunDirectoryError(f"{out}: holds the finished map of another scene; --force replaces it, --out names another")
+        return MapResult(0, finished)
+    begun = (out / "map.csv").exists()
+    check_directory(out, unfinished="map" if begun else None, resume=resume, force=force)
+    resolved = resolved_toml(scene)
+    if resume and begun and (out / "scene.toml").read_text(encoding="utf-8") != resolved:
+        raise RunDirectoryError(f"{out}: holds the map of another scene; --force replaces it, --out names another directory")
+    # what cannot be built is refused before anything is removed
+    seeds = [replace(scene, knit=replace(scene.knit, seed=scene.knit.seed + number)) for number in range(sweep.seeds)]
+    models = [build_model(one) for one in seeds]
+    _refuse_too_many(models[0], sweep)
+    if not (resume and begun):
+        clear(out)
+    make_directory(out)
+    with write_aside(out / "scene.toml") as file:
+        file.write(resolved)
+    return _Mapper(models, sweep, out, progress or Display()).run()
+
+
+def _checked(scene: Scene, device: str | None) -> Sweep:
+    if scene.sweep is None:
+        raise scene_error(scene.path, "sweep", "nothing", "a table [sweep] with strain_weft and strain_warp, for `warpknit map`")
+    if scene.solver.drive != "relax":
+        raise SceneError(f"{scene.path}: solver.drive: given {scene.solver.drive!r}, allowed for a map: 'relax'")
+    if device is not None and find_device(device) != "cpu":
+        raise ModelError(f"--device: given {device}, allowed for a map: cpu (its meshes are small, and fit a CPU's caches)")
+    load = scene.stages[0]
+    for key, given in (
+        ("hook", scene.hook is not None),
+        ("contact.friction", scene.contact.friction > 0.0),
+        ("wire.plastic", scene.wire.plastic),
+        ("load.pull", len(load.pull)),
+        ("load.temperature_gradient", any(load.temperature_gradient)),
+        ("panel.grip_pitch", scene.panel.grip_pitch is not None),
+    ):
+        if given:
+            raise ModelError(f"{key}: given, allowed for a map: left out (meshes are elastic, without friction, strained evenly)")
+    if scene.model.boundary == "gripped" and smaller_scene(scene) is not None:
+        raise ModelError(f"knit.repeats: given {list(scene.knit.repeats)}, allowed for a map: about ten repeats a side")
+    return scene.sweep
+
+
+def _refuse_too_many(model: Model, sweep: Sweep) -> None:
+    cells, nodes = len(set(sweep.strain_weft)) * len(set(sweep.strain_warp)), model.panel.node_count
+    needed, available = cells * required_memory(model.scene, nodes), available_memory()
+    if needed > available:
+        raise MemoryNeeded(
+            f"sweep: {cells} meshes of {nodes:,} nodes need {needed / 2**30:.3g} GiB, available {available / 2**30:.3g} GiB"
+        )
+
+
+class _Mapper:
+    """Runs the batches of a map, one a seed, and writes what they find."""
+
+    def __init__(self, models: Sequence[Model], sweep: Sweep, out: Path, display: Display) -> None:
+        """`models`: of each seed."""
+        self.models, self.scene, self.sweep, self.out, self.display = models, models[0].scene, sweep, out, display
+        self.nodes = models[0].panel.node_count
+        self.strains = [(x, y) for y in sorted(set(sweep.strain_warp)) for x in sorted(set(sweep.strain_weft))]
+        self.maps = [self._read(seed) for seed in range(sweep.seeds)]
+        self.steps = 0
+        self._interrupts = Interrupts()
+        self._begin = self._saved = time.perf_counter()
+
+    def run(self) -> MapResult:
+        reason, code, message = "finished", 0, ""
+        with self._interrupts.caught():
+            try:
+                for seed, done in enumerate(self.maps):
+                    self._run_seed(seed, done)
+            except Interrupted:
+                reason, code, message = "interrupted", 130, f"interrupted; --resume goes on from {self.out}"
+            finally:
+                self._save()
+        summary = self._summary(reason)
+        if code == 0 and not any(row.cell.active_percent is not None for row in self.rows):
+            code, message = 3, f"no strains of the sweep were brought to rest: {self.rows[0].detail.message}"
+            summary["stop_reason"] = "diverged"
+        with write_aside(self.out / "map.json") as file:
+            json.dump(summary, file, indent=2, allow_nan=False)
+        if self.scene.output.figures and self.rows:
+            self._draw(summary)
+        return MapResult(code, summary, message)
+
+    @property
+    def rows(self) -> list[MapRow]:
+        return mean_map(self.maps)
+
+    # --- cells ---
+
+    def _run_seed(self, seed: int, done: list[MapRow]) -> None:
+        """Bring what is left of one mesh's cells to rest; rows are added to `done`."""
+        there = {row.strains for row in done}
+        missing = [strains for strains in self.strains if strains not in there]
+        if not missing:
+            return
+        self.display.stage(f"{len(missing)} pairs of strains", number=seed + 1, of=len(self.maps))
+        load = self.scene.stages[0]
+        stages = [
+            replace(load, name=f"weft {x:g}, warp {y:g}", strain_weft=x, strain_warp=y, tension_weft=None, tension_warp=None)
+            for x, y in missing
+        ]
+        steps_before = self.steps
+
+        def watch(batch: Batch) -> None:
+            self._interrupts.check()
+            self.steps = steps_before + batch.steps
+            rate = self.steps * self.nodes / (time.perf_counter() - self._begin)
+            self.display.update(done=batch.done, load_factor=batch.done, node_steps_per_s=rate)
+            if time.perf_counter() - self._saved > SAVE_INTERVAL:
+                self._save()
+
+        for outcome in Batch(self.models[seed], stages, watch=watch).run():
+            done.append(_row(outcome, missing[outcome.index]))
+
+    # --- files ---
+
+    def _paths(self, seed: int) -> tuple[Path, Path]:
+        if self.sweep.seeds == 1:
+            return self.out / "map.csv", self.out / "map_details.csv"
+        return self.out / "seeds" / f"map_{seed:02d}.csv", self.out / "seeds" / f"details_{seed:02d}.csv"
+
+    def _read(self, seed: int) -> list[MapRow]:
+        wanted = set(self.strains)
+        return [row for row in read_map(*self._paths(seed)) if row.strains in wanted]
+
+    def _save(self) -> None:
+        order = {strains: place for place, strains in enumerate(self.strains)}
+
+        def sorted_rows(rows: Iterable[MapRow]) -> list[MapRow]:
+            return sorted(rows, key=lambda row: order[row.strains])
+
+        if self.sweep.seeds > 1:
+            for seed, rows in enumerate(self.maps):
+                if rows:
+                    write_map(sorted_rows(rows), *self._paths(seed))
+        write_map(sorted_rows(self.rows), self.out / "map.csv", self.out / "map_details.csv")
+        self._saved = time.perf_counter()
+
+    def _summary(self, reason: str) -> dict[str, Any]:
+        from .. import __version__
+
+        wall = time.perf_counter() - self._begin
+        rows, wire = self.rows, self.scene.wire
+        failed = [row for row in rows if row.cell.stop_reason != STEADY]
+        optimum = find_optimum(rows, wire.yield_stress)
+        warnings = []
+        if failed:
+            warnings.append(f"{len(failed)} of {len(rows)} pairs of strains did not come to rest; map_details.csv says why")
+        if len(self.scene.stages) > 1:
+            warnings.append("the stages of [[path]] are not run by a map")
+        return {
+            "scene": {"name": self.scene.name, "hash": self.scene.hash},
+            "version": __version__,
+            "stop_reason": reason,
+            "warnings": warnings,
+            "path": f"each pair of strains by itself, proportionally from the mesh as knitted, {self.scene.output.frames} levels",
+            "cells": {"wanted": len(self.strains), "done": len(rows), "steady": len(rows) - len(failed)},
+            "seeds": self.sweep.seeds,
+            "model": {"boundary": self.scene.model.boundary, "nodes": self.nodes, "bodies": self.models[0].panel.body_count},
+            "solver": {
+                "preset": self.scene.solver.preset,
+                "wall_s": wall,
+                "cell_steps": self.steps,
+                "cell_steps_per_s": self.steps / wall,
+                "node_steps_per_s": self.steps * self.nodes / wall,
+            },
+            "wire": {"yield_stress_Pa": wire.yield_stress},
+            "optimum": None if optimum is None else asdict(optimum),
+        }
+
+    def _draw(self, summary: dict[str, Any]) -> None:
+        from ..export.map_figure import Marks, map_figure
+
+        weft, warp = sorted(set(self.sweep.strain_weft)), sorted(set(self.sweep.strain_warp))
+        rows = self.rows
+
+        def column(name: str, factor: float = 1.0) -> Any:
+            return factor * grid(rows, name, weft, warp)
+
+        optimum = summary["optimum"]
+        marks = Marks(
+            stress=column("stress_max_Pa"),
+            yield_stress=self.scene.wire.yield_stress,
+            optimum=None if optimum is None else (optimum["strain_weft"], optimum["strain_warp"]),
+        )
+        wire, seeds = self.scene.wire, self.sweep.seeds
+        scatter = f", mean of {seeds} seeds, loops scattered by {self.scene.knit.scatter:.0%}" if seeds > 1 else ""
+        mesh = f"{self.scene.name}: {wire.material} {1e6 * wire.diameter:g} um, {self.scene.model.boundary}{scatter}"
+        for name, values, label, unit, factor in FIGURES + (SEED_FIGURES if seeds > 1 else ()):
+            map_figure(
+                self.out / "figures" / f"{name}.png", weft, warp, column(values, factor),
+                title=mesh, label=f"{label} [{unit}]", percent=name == "contact_map", marks=marks,
+            )  # fmt: skip
+
+
+def _row(outcome: Outcome, strains: tuple[float, float]) -> MapRow:
+    """What is kept of a replica."""
+    if outcome.record is None:
+        nothing = Cell(*strains, None, None, None, None, None, "diverged")
+        return MapRow(nothing, Detail(*strains, None, None, None, None, None, None, 0, outcome.steps, str(outcome.error)))
+    r = outcome.record.reading
+    contacts, rhombus = measure.contacts(r), measure.contacts(r, r.model.panel.rhombus_bodies)
+    largest, _, above = measure.stress_extremes(r)
+    cell = Cell(*strains, contacts.active_percent, *measure.mesh_tension(r), largest, above, STEADY)
+    detail = Detail(
+        *strains,
+        active_percent_deviation=None,
+        active_bodies_percent=100.0 * contacts.active_bodies / max(1, contacts.bodies),
+        active_rhombus_percent=rhombus.active_percent if rhombus.pairs else None,
+        contact_force_max_N=float(r.pair_force.max(initial=0.0)),
+        stress_interior_max_Pa=measure.interior_stress(r),
+        residual=measure.residual(r),
+        seeds=1,
+        steps=outcome.steps,
+        message="",
+    )
+    return MapRow(cell, detail)
+
+
+def map_lines(summary: dict[str, Any], shown: Callable[[float, str], str]) -> Iterable[tuple[str, str]]:
+    """What map.json says, as pairs of a heading and a text; `shown`: a number with its unit."""
+    cells, solver, optimum = summary["cells"], summary["solver"], summary["optimum"]
+    meshes = "" if summary["seeds"] == 1 else f", {summary['seeds']} meshes each"
+    yield "pairs of strains", f"{cells['steady']} of {cells['wanted']} at rest{meshes}"
+    steps, nodes = solver["cell_steps"], summary["model"]["nodes"]
+    yield "time steps", f"{steps:,} of {nodes:,} nodes, {solver['cell_steps_per_s']:,.0f} a second"
+    yield "wall time", f"{solver['wall_s']:.3g} s"
+    limit = summary["wire"]["yield_stress_Pa"]
+    if optimum is None:
+        yield "optimum", f"none: no tensile load with an active contact keeps the wires below {shown(limit, 'Pa')}"
+    else:
+        yield "optimum strain, weft / warp", f"{optimum['strain_weft']:.2%} / {optimum['strain_warp']:.2%}"
+        tensions = (shown(optimum[f"tension_{side}_N_per_m"], "N/m") for side in ("weft", "warp"))
+        yield "  tension, weft / warp", " / ".join(tensions)
+        yield "  active contacts", f"{optimum['active_percent']:.3g} %"
+        margin = f"margin {optimum['stress_margin']:.0%} of the elastic limit"
+        yield "  largest stress", f"{shown(optimum['stress_max_Pa'], 'Pa')}, {margin}"
+    yield "stopped", summary["stop_reason"]
+    for warning in summary["warnings"]:
+        yield "warning", warning
