@@ -44,7 +44,7 @@ def behind(monkeypatch):
             raise stand_in.outcome
         return stand_in.outcome
 
-    for name, function in (("run", "run_scene"), ("plan", "make_plan"), ("export", "export_run")):
+    for name, function in (("run.run", "run_scene"), ("plan", "make_plan"), ("export", "export_run")):
         module = ModuleType(f"warpknit.{name}")
         setattr(module, function, answer)
         monkeypatch.setitem(sys.modules, f"warpknit.{name}", module)
