@@ -139,3 +139,10 @@ def test_a_gripped_panel_reports_what_its_thresholds_ask_for() -> None:
     assert len({len(column) for column in report.map_table().values()}) == 1
     rim = build_rim(model.panel, model.scene)
     assert len(report.surface_table()["x_m"]) > len(rim.arc)
+    # the tiles and the edge are drawn as strained: the tiles' far corners reach the edge of the panel
+    tiles = report.map_table()
+    stretch = np.diag(reading.gradient)
+    assert tiles["x_m"] == pytest.approx(stretch[0] * tiles["weft_m"])
+    half = 0.5 * stretch * model.panel.size
+    assert (report.edge["x_m"].max(), report.edge["y_m"].min()) == pytest.approx((half[0], -half[1]))
+    assert report.edge["held"].all()

@@ -156,12 +156,12 @@ def _export_figures(record: _Record) -> list[Path]:
         ]
     paths = [curves_figure(history, folder / "curves.png")]
     for name, frame in wanted:
-        map_file, surface_file = (record.directory / "panel" / f"{kind}_{frame.index:06d}.csv" for kind in ("map", "surface"))
-        if map_file.is_file():
+        tables = {kind: record.directory / "panel" / f"{kind}_{frame.index:06d}.csv" for kind in ("map", "edge", "surface")}
+        if tables["map"].is_file():
             from warpknit.export.panel_figure import panel_figure
 
             title = f"{frame.stage}: strain {frame.strain_weft:.3g} in weft, {frame.strain_warp:.3g} in warp"
-            paths.append(panel_figure(map_file, surface_file, folder / name.replace("mesh", "panel"), title))
+            paths.append(panel_figure(tables, folder / name.replace("mesh", "panel"), title))
         tension = _tension(rows.get(str(frame.index)))
         paths.append(mesh_figure(record.layout, frame, folder / name, yield_stress=yield_stress, tension=tension))
     return paths

@@ -19,13 +19,21 @@ class PanelReport:
 
     map: PanelMap
     surface: Surface | None
+    edge: dict[str, np.ndarray]  # columns of panel/edge_*.csv, a value a station of the rim, round the panel
+    mean_gradient: np.ndarray  # (2, 2) deformation gradient of the panel as a whole
     summary: dict[str, Any]
 
     def map_table(self) -> dict[str, np.ndarray]:
-        """Columns of panel_map.csv, a value for each tile that is mesh for the better part."""
+        """Columns of panel/map_*.csv, a value for each tile that is mesh for the better part.
+
+        A tile's place is that of its middle from the middle of the panel: as knitted, and as strained with the whole.
+        """
         m = self.map
         known = m.known
+        now = m.place[known] @ self.mean_gradient.T
         return {
+            "x_m": now[:, 0],
+            "y_m": now[:, 1],
             "weft_m": m.place[known][:, 0],
             "warp_m": m.place[known][:, 1],
             "inside": m.inside[known],
@@ -39,7 +47,7 @@ class PanelReport:
         }
 
     def surface_table(self) -> dict[str, np.ndarray]:
-        """Columns of panel_surface.csv, a value a point."""
+        """Columns of panel/surface_*.csv, a value a point, from the middle of the panel as strained."""
         assert self.surface is not None
         s = self.surface
         return {"x_m": s.point[:, 0], "y_m": s.point[:, 1], "height_m": s.height, "deviation_m": s.deviation}
@@ -90,4 +98,6 @@ def report_panel(record: Record) -> PanelReport | None:
             "pillowing_m": surface.pillowing,
             "slope_max": float(np.hypot(*surface.point.T).max() / (2.0 * options.focal_length)),
         }
-    return PanelReport(found, surface, numbers)
+    at = (rim.place - model.panel.low - 0.5 * model.panel.size) @ reading.gradient.T + stations
+    edge = {"x_m": at[:, 0], "y_m": at[:, 1], "held": rim.given.astype(int)}
+    return PanelReport(found, surface, edge, reading.gradient, numbers)

@@ -219,6 +219,7 @@ class _Recorder:
             return None
         folder = self.out / "panel"
         write_table(folder / f"map_{record.index:06d}.csv", report.map_table())
+        write_table(folder / f"edge_{record.index:06d}.csv", report.edge)
         if report.surface is not None:
             write_table(folder / f"surface_{record.index:06d}.csv", report.surface_table())
         return report.summary
