@@ -12,7 +12,7 @@ from warpknit.mesh.rim import Rim, build_rim
 from warpknit.model.model import build_model
 from warpknit.model.state import initial_state
 from warpknit.scene import Cord, make_scene
-from warpknit.scene.outline import disc, rectangle
+from warpknit.scene.outline import Outline, disc, rectangle, turned
 from warpknit.solve.simulate import Record, Simulation
 
 LOAD = {"strain_weft": 0.1, "strain_warp": 0.08}
@@ -107,6 +107,46 @@ def test_tension_one_way_hangs_straight_that_way() -> None:
     inner = np.abs(y) < 0.3 * side  # away from the edges along weft, by more than side sqrt(0.002)
     expected = (0.25 * side**2 + y**2) / (4.0 * focal)
     assert surface.height[inner] == pytest.approx(expected[inner], abs=0.02 * side**2 / (4.0 * focal))
+
+
+@pytest.mark.parametrize("shear", [0.5, -0.5])
+def test_shear_tension_tilts_the_surface_of_a_slanted_ellipse(shear: float) -> None:
+    """On the ellipse x . Q x = 1 the paraboloid r^2/(4 f) is that of w = (r^2 + h (1 - x . Q x))/(4 f) for any h, and div(N grad w)
+    = 0 asks for h = tr N / tr(N Q). With Q slanted by 45 degrees, h depends on the sign of N_xy. Triangles of side s across the
+    half axes a, b miss it by s^2/(a b)."""
+    a, b, focal, spacing = 0.04, 0.02, 2.0, 1e-3
+    angle = 2.0 * np.pi * np.arange(240) / 240
+    outline = turned(Outline(np.stack([a * np.cos(angle), b * np.sin(angle)], axis=1)), np.pi / 4)
+    axes = np.array([[1.0, -1.0], [1.0, 1.0]]) / np.sqrt(2.0)
+    q = axes @ np.diag([a**-2, b**-2]) @ axes.T
+    tension = np.array([[1.0, shear], [shear, 0.8]])
+    n = round(outline.length / spacing)
+    surface = find_surface(
+        flat_map(outline, spacing, tension), held_rim(outline, spacing), np.eye(2), np.zeros((n, 2)), np.zeros(2), focal
+    )
+    height = np.trace(tension) / np.trace(tension @ q)
+    x = surface.point
+    expected = (np.sum(x**2, axis=1) + height * (1.0 - np.einsum("pa,ab,pb->p", x, q, x))) / (4.0 * focal)
+    assert surface.height == pytest.approx(expected, abs=2 * spacing**2 / (a * b) * expected.max())
+    assert height == pytest.approx(1.8 / (0.9 * (a**-2 + b**-2) + shear * (a**-2 - b**-2)))
+
+
+def test_the_tension_of_a_tile_is_the_force_per_current_width_under_shear() -> None:
+    """P F^T / det F with the tile's own P and F, by its components: force on the sides that were along weft and warp at rest,
+    turned with them. Under a shear of 0.1, P F, P^T F and P F^T differ by a tenth."""
+    table = {"knit": {"repeats": [4, 4]}, "load": {**LOAD, "shear": 0.1}, "solver": {"preset": "draft"}, "output": {"frames": 1}}
+    model = build_model(make_scene(table))
+    *_, last = Simulation(model, initial_state(model)).run()
+    found = panel_map(last.reading)
+    assert found.gradient[..., 0, 1].mean() == pytest.approx(0.1, abs=0.02)
+    for tile in np.ndindex(4, 4):
+        p, f = found.nominal[tile], found.gradient[tile]
+        # a cut along the current weft direction has the rest normal F^T e_y: the force on it is P F^T e_y over its current width
+        across = [[p[i, 0] * f[j, 0] + p[i, 1] * f[j, 1] for j in range(2)] for i in range(2)]
+        size = f[0, 0] * f[1, 1] - f[0, 1] * f[1, 0]
+        assert found.tension[tile] == pytest.approx(np.array(across) / size, rel=1e-12)
+    scale = np.abs(found.tension).max()
+    assert np.abs(found.nominal[..., 0, 1] - found.nominal[..., 1, 0]).max() > 0.02 * scale  # the forms are told apart
 
 
 def test_a_taut_cord_runs_straight_between_net_nodes() -> None:

@@ -9,6 +9,8 @@ import pytest
 from warpknit import measure
 from warpknit.design import inputs
 from warpknit.design.inputs import COLUMNS, Known, fit_curve, fit_loop_length, openings_per_length, with_known, with_openings
+from warpknit.design.page import Page
+from warpknit.design.sections import mesh_section
 from warpknit.design.states import states_at
 from warpknit.errors import InputError
 from warpknit.model.model import build_model, knit_scene
@@ -69,6 +71,9 @@ def test_the_areal_mass_is_that_of_all_bars(scene):
     (note,) = with_known(locknit, Known(areal_mass=mass)).notes
     assert f"as knitted is {1e3 * mass:.3g} g/m2, +0%" in note.replace("-0%", "+0%")
     assert f"{1e3 * knit_scene(locknit).stitch_length:.3g} mm of wire a loop" in note
+    page = Page("locknit")
+    mesh_section(page, locknit, knit_scene(locknit), None, ())
+    assert f"{1e3 * mass:.3g} g/m2" in page.html()
 
 
 def test_loops_are_fitted_to_a_biaxial_curve(scene, tmp_path, monkeypatch):
