@@ -79,7 +79,8 @@ def test_every_stretch_of_wire_inside_is_a_wire_of_the_cut(name: str) -> None:
         looks = round(curve.length / 4e-6)
         step = curve.length / looks
         place = curve(step * np.arange(looks))[:, :2]
-        rows = np.arange(np.floor(outline.low[1] / cloth.size[1]) - 2, np.ceil((outline.low + outline.size)[1] / cloth.size[1]) + 3)
+        below, above = outline.low[1] / cloth.size[1], (outline.low + outline.size)[1] / cloth.size[1]
+        rows = np.arange(np.floor(below) - 2, np.ceil(above) + 3)
         for column in range(cut.columns[0] - 1, cut.columns[-1] + 2):
             strand = np.concatenate([place + [column * cloth.size[0], row * cloth.size[1]] for row in rows])
             there = np.diff(np.concatenate([[0], outline.contains(strand).astype(int), [0]]))

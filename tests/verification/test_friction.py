@@ -86,8 +86,8 @@ def test_a_stuck_contact_is_drawn_back_and_slips_at_mu_times_the_force(by_node: 
 
 
 def test_friction_acts_at_the_contact_point_of_the_chord() -> None:
-    """Its force on the two nodes beside the contact point, at u of the way from one to the other, has no moment about the point of
-    the chord there: shares 1 - u and u. What friction adds is told by having contacts stick nowhere."""
+    """Its force on the two nodes beside the contact point, at u of the way from one to the other, has no moment about the
+    point of the chord there: shares 1 - u and u. What friction adds is told by having contacts stick nowhere."""
     mu = 0.25
     model, state, stepper, moved, tangent = pressed(mu, True)
     stepper.evaluate_contact()

@@ -68,8 +68,8 @@ def test_one_hinge_goes_round_a_bilinear_loop() -> None:
 
 def test_the_work_of_bending_is_stored_or_dissipated() -> None:
     """On first bending by t each node takes in the area under the bilinear curve of moment M over t, with y the turn at yield,
-    k = EI/l and h the share of stiffness kept: k t^2/2 up to y, then k y^2/2 + k y (t - y) + h k (t - y)^2/2. What yields, hardens:
-    that part is stored, and gone without it."""
+    k = EI/l and h the share of stiffness kept: k t^2/2 up to y, then k y^2/2 + k y (t - y) + h k (t - y)^2/2. What yields,
+    hardens: that part is stored, and gone without it."""
     model, state, path = bent()
     rng = np.random.default_rng(1)
     for coordinate in (state.node_ux[state.parity], state.node_uy[state.parity]):

@@ -30,8 +30,8 @@ def test_cooled_wire_pulls_on_its_grips(cooled_by: float, device: str) -> None:
 
 
 def test_warmth_works_against_the_tension_of_the_wire() -> None:
-    """With the strain e of each segment less its warmth, E = sum EA e^2 L/2; its derivatives by the warmth at the first node and by
-    its growth, by central differences, against `measure.warmth_force`. What that leaves out goes with the strain, here 3e-3."""
+    """With the strain e of each segment less its warmth, E = sum EA e^2 L/2; its derivatives by the warmth at the first node and
+    by its growth, by central differences, against `measure.warmth_force`. What that leaves out goes with the strain: 3e-3."""
     nodes, spacing, by = 24, 40e-6, 1e-6
     table = table_of_wires([straight(nodes, spacing), straight(nodes, spacing, y=1e-3)])
     rig = Rig(table, panel_of_wires(table))
