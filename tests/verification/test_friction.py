@@ -112,6 +112,38 @@ def test_friction_acts_at_the_contact_point_of_the_chord() -> None:
     assert on_nodes[closed] == pytest.approx(-(shares[:, :, None] * on_body[:, None, :])[closed], abs=1e-9 * scale)
 
 
+@pytest.mark.parametrize("share", [0.3, 3.0])
+def test_what_friction_is_drawn_out_by_is_stored(share: float) -> None:
+    """F_t^2/(2 k_t) of each contact that sticks, slipping or not, with F_t what contacts have less once they stick nowhere. In a
+    mesh at rest it is part of the stored energy."""
+    mu = 0.25
+    model, state, stepper, moved, tangent = pressed(mu, False)
+    stepper.evaluate_contact()
+    Path(model, state).advance()
+    stiffness = float(TANGENTIAL) * model.contact_stiffness
+    along = share * mu * state.pair_force.numpy()[::2].mean() / stiffness
+    state.body_ux.assign(moved[:, 0] + along * tangent[:, 0])
+    state.body_uy.assign(moved[:, 1] + along * tangent[:, 1])
+    stepper.evaluate_contact()
+    reading, closed = measure.read(model, state), state.pair_force.numpy() > 0
+    forces = [np.stack([state.pair_body_x.numpy(), state.pair_body_y.numpy()], axis=1)[closed]]
+    kept = state.pair_stuck.numpy().copy()
+    state.pair_stuck.fill_(LOOSE)
+    stepper.evaluate_contact()
+    forces.append(np.stack([state.pair_body_x.numpy(), state.pair_body_y.numpy()], axis=1)[closed])
+    friction = np.linalg.norm(forces[0] - forces[1], axis=1)
+    assert np.isclose(friction, mu * reading.pair_force[closed], rtol=1e-9).any() == (share > 1.0)
+    expected = np.sum(friction**2) / (2.0 * stiffness)
+    assert measure.friction_energy(reading) == pytest.approx(expected, rel=1e-9)
+    loose = measure.energies(measure.read(model, state)).contact
+    assert measure.energies(reading).contact - loose == pytest.approx(expected, rel=1e-6)
+    # taken as a state at rest, it keeps what it is drawn out by
+    state.pair_stuck.assign(kept)
+    stepper.evaluate_contact()
+    Path(model, state).advance()
+    assert measure.friction_energy(measure.read(model, state)) == pytest.approx(expected, rel=1e-9)
+
+
 @pytest.mark.parametrize("by_node", [True, False])
 def test_threads_share_friction_to_the_bit(by_node: bool) -> None:
     """Whatever the number of threads, each pair has its friction once. The batches of 16 pairs do not divide among three."""
