@@ -46,8 +46,7 @@ def test_every_wire_begins_and_ends_on_the_outline_and_stays_inside(name: str) -
     more or less crossing of the edge makes."""
     scene = make_scene({})
     cloth = knit_cloth(scene.knit, scene.wire.diameter)
-    notched = Outline(1e-2 * np.array([[-2.0, -1.5], [2.0, -1.5], [2.0, 1.5], [0.3, 0.1], [-2.0, 1.4]]))
-    outline = notched if name == "notched" else turned(SHAPES[name][0], 0.0 if name == "rectangle" else 0.3)
+    outline = outline_of(name)
     cut = cut_cloth(cloth, outline)
     total = 0.0
     for t, thread in enumerate(cloth.threads):
@@ -65,6 +64,40 @@ def test_every_wire_begins_and_ends_on_the_outline_and_stays_inside(name: str) -
         total += float(np.sum(cut.end[here] - cut.begin[here]))
     density = sum(thread.length for thread in cloth.threads) / np.prod(cloth.size)
     assert total == pytest.approx(density * outline.area, rel=0.5 * outline.length * max(cloth.size) / outline.area / 4)
+
+
+@pytest.mark.parametrize("name", [*SHAPES, "notched"])
+def test_every_stretch_of_wire_inside_is_a_wire_of_the_cut(name: str) -> None:
+    """Against the threads looked at every 4 um, wherever one may pass: what of them lies inside, from where to where. A stretch
+    between two looks may be missed, so wires and stretches of up to two looks need no partner; all others agree to a look."""
+    scene = make_scene({})
+    cloth = knit_cloth(scene.knit, scene.wire.diameter)
+    outline = outline_of(name)
+    cut = cut_cloth(cloth, outline)
+    for t, thread in enumerate(cloth.threads):
+        curve = ThreadCurve(thread, cloth.size[1])
+        looks = round(curve.length / 4e-6)
+        step = curve.length / looks
+        place = curve(step * np.arange(looks))[:, :2]
+        below, above = outline.low[1] / cloth.size[1], (outline.low + outline.size)[1] / cloth.size[1]
+        rows = np.arange(np.floor(below) - 2, np.ceil(above) + 3)
+        for column in range(cut.columns[0] - 1, cut.columns[-1] + 2):
+            strand = np.concatenate([place + [column * cloth.size[0], row * cloth.size[1]] for row in rows])
+            there = np.diff(np.concatenate([[0], outline.contains(strand).astype(int), [0]]))
+            stretches = rows[0] * curve.length + step * np.stack([np.flatnonzero(there == 1), np.flatnonzero(there == -1) - 1])
+            here = (cut.thread == t) & (cut.column == column)
+            wires = np.stack([cut.begin[here], cut.end[here]])
+            long = [ends[:, ends[1] - ends[0] > 2.0 * step] for ends in (stretches, wires)]
+            for ends, others in ((long[0], wires), (long[1], stretches)):
+                missed = np.abs(ends[:, :, None] - others[:, None, :]).max(axis=0).min(axis=1, initial=np.inf)
+                assert np.all(missed <= step)
+
+
+def outline_of(name: str) -> Outline:
+    """One of SHAPES, turned where it is no rectangle, or one with a notch."""
+    if name == "notched":
+        return Outline(1e-2 * np.array([[-2.0, -1.5], [2.0, -1.5], [2.0, 1.5], [0.3, 0.1], [-2.0, 1.4]]))
+    return turned(SHAPES[name][0], 0.0 if name == "rectangle" else 0.3)
 
 
 def test_the_mesh_of_a_polygon_that_is_a_rectangle_is_that_of_the_rectangle() -> None:

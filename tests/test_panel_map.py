@@ -1,5 +1,6 @@
 """Maps over a panel, and the surface that its tension makes of it."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -12,7 +13,7 @@ from warpknit.mesh.rim import Rim, build_rim
 from warpknit.model.model import build_model
 from warpknit.model.state import initial_state
 from warpknit.scene import Cord, make_scene
-from warpknit.scene.outline import disc, rectangle
+from warpknit.scene.outline import Outline, disc, rectangle, turned
 from warpknit.solve.simulate import Record, Simulation
 
 LOAD = {"strain_weft": 0.1, "strain_warp": 0.08}
@@ -40,19 +41,23 @@ def test_the_tiles_add_up_to_the_whole() -> None:
     assert found.area_share(everywhere) == pytest.approx(everywhere.mean())
 
 
-def test_a_uniform_motion_is_a_uniform_map() -> None:
-    """A mesh whose bodies move by a linear field has that slope in every tile, whatever the load of the boundary."""
-    reading = stretched().reading
+@pytest.mark.parametrize("outline", ["rectangle", "hexagon"])
+def test_a_uniform_motion_is_a_uniform_map(outline: str) -> None:
+    """A mesh whose bodies move by a linear field, those of each kind by some more, has that slope in every tile that has a
+    neighbour, at slanted edges too, where tiles hold some of the kinds only."""
+    if outline == "rectangle":
+        reading = stretched().reading
+    else:
+        model = build_model(make_scene({"panel": {"outline": "hexagon", "size": 0.012, "rotation": 0.2}}))
+        reading = measure.read(model, initial_state(model))
     panel = reading.model.panel
     slope = np.array([[0.02, 0.01], [-0.005, 0.03]])
     place = panel.body_rest + panel.body_origin
-    from dataclasses import replace
-
-    moved = replace(reading, body_u=place @ slope.T)
-    found = panel_map(moved)
-    inner = found.gradient[1:-1, 1:-1] - reading.gradient
-    # bodies of a tile lie alike in all whole tiles, so their mean moves with the slope
-    assert inner == pytest.approx(np.broadcast_to(slope, inner.shape), abs=0.2 * 0.03)
+    own = 1e-4 * np.random.default_rng(0).normal(size=(len(reading.model.cloth.clasps), 2))
+    found = panel_map(replace(reading, body_u=place @ slope.T + own[panel.body_clasp]))
+    assert np.all(found.inside > 0.99) == (outline == "rectangle")
+    change = found.gradient[found.known] - reading.gradient
+    assert change == pytest.approx(np.broadcast_to(slope, change.shape), abs=1e-12)
 
 
 def flat_map(outline, spacing: float, tension: np.ndarray) -> PanelMap:
@@ -109,6 +114,44 @@ def test_tension_one_way_hangs_straight_that_way() -> None:
     assert surface.height[inner] == pytest.approx(expected[inner], abs=0.02 * side**2 / (4.0 * focal))
 
 
+@pytest.mark.parametrize("shear", [0.5, -0.5])
+def test_shear_tension_tilts_the_surface_of_a_slanted_ellipse(shear: float) -> None:
+    """On the ellipse x . Q x = 1 the paraboloid r^2/(4 f) is that of w = (r^2 + h (1 - x . Q x))/(4 f) for any h, and
+    div(N grad w) = 0 asks for h = tr N / tr(N Q). With Q slanted by 45 degrees, h depends on the sign of N_xy. Triangles of
+    side s across the half axes a, b miss it by s^2/(a b)."""
+    a, b, focal, spacing = 0.04, 0.02, 2.0, 1e-3
+    angle = 2.0 * np.pi * np.arange(240) / 240
+    outline = turned(Outline(np.stack([a * np.cos(angle), b * np.sin(angle)], axis=1)), np.pi / 4)
+    axes = np.array([[1.0, -1.0], [1.0, 1.0]]) / np.sqrt(2.0)
+    q = axes @ np.diag([a**-2, b**-2]) @ axes.T
+    tension = np.array([[1.0, shear], [shear, 0.8]])
+    n = round(outline.length / spacing)
+    surface = find_surface(
+        flat_map(outline, spacing, tension), held_rim(outline, spacing), np.eye(2), np.zeros((n, 2)), np.zeros(2), focal
+    )
+    height = np.trace(tension) / np.trace(tension @ q)
+    x = surface.point
+    expected = (np.sum(x**2, axis=1) + height * (1.0 - np.einsum("pa,ab,pb->p", x, q, x))) / (4.0 * focal)
+    assert surface.height == pytest.approx(expected, abs=2 * spacing**2 / (a * b) * expected.max())
+    assert height == pytest.approx(1.8 / (0.9 * (a**-2 + b**-2) + shear * (a**-2 - b**-2)))
+
+
+def test_the_tension_of_a_tile_is_the_force_per_current_width_under_shear() -> None:
+    """P F^T / det F with the tile's own P and F, by its components. Under a shear of 0.1 P F, P^T F and P F^T differ."""
+    table = {"knit": {"repeats": [4, 4]}, "load": {**LOAD, "shear": 0.1}, "solver": {"preset": "draft"}, "output": {"frames": 1}}
+    model = build_model(make_scene(table))
+    *_, last = Simulation(model, initial_state(model)).run()
+    found = panel_map(last.reading)
+    assert found.gradient[..., 0, 1].mean() == pytest.approx(0.1, abs=0.02)
+    for tile in np.ndindex(4, 4):
+        p, f = found.nominal[tile], found.gradient[tile]
+        across = [[p[i, 0] * f[j, 0] + p[i, 1] * f[j, 1] for j in range(2)] for i in range(2)]
+        size = f[0, 0] * f[1, 1] - f[0, 1] * f[1, 0]
+        assert found.tension[tile] == pytest.approx(np.array(across) / size, rel=1e-12)
+    scale = np.abs(found.tension).max()
+    assert np.abs(found.nominal[..., 0, 1] - found.nominal[..., 1, 0]).max() > 0.02 * scale  # the forms are told apart
+
+
 def test_a_taut_cord_runs_straight_between_net_nodes() -> None:
     side, focal, spacing = 0.04, 2.0, 2e-3
     outline = rectangle(side, side)
@@ -122,8 +165,6 @@ def test_a_taut_cord_runs_straight_between_net_nodes() -> None:
 
 
 def test_a_gripped_panel_reports_what_its_thresholds_ask_for() -> None:
-    from dataclasses import replace
-
     from warpknit.run.panel_report import report_panel
 
     record = stretched()

@@ -9,10 +9,13 @@ import pytest
 from warpknit import measure
 from warpknit.design import inputs
 from warpknit.design.inputs import COLUMNS, Known, fit_curve, fit_loop_length, openings_per_length, with_known, with_openings
+from warpknit.design.page import Page
+from warpknit.design.sections import mesh_section
 from warpknit.design.states import states_at
 from warpknit.errors import InputError
 from warpknit.model.model import build_model, knit_scene
-from warpknit.scene import load_scene
+from warpknit.model.state import initial_state
+from warpknit.scene import load_scene, make_scene
 
 SCENE = Path(__file__).parents[2] / "scenes" / "contact_map.toml"
 INCH = 0.0254
@@ -56,6 +59,21 @@ def test_an_areal_mass_is_compared(scene):
     mass = knit_scene(scene).stitch_length * scene.wire.linear_density / (knit.wale_spacing * knit.course_spacing)
     (note,) = with_known(scene, Known(areal_mass=mass / 1.25)).notes
     assert "+25%" in note and f"{knit_scene(scene).stitch_length / 1.25 * 1e3:.3g} mm" in note
+
+
+def test_the_areal_mass_is_that_of_all_bars(scene):
+    """Locknit lays two loops on each needle and course: the mass of the mesh as it is modelled, whatever the number of bars."""
+    bars = [{"chain": "1-0/1-2", "threading": "|"}, {"chain": "2-3/1-0", "threading": "|"}]
+    locknit = make_scene({"knit": {"bars": bars}, "model": {"boundary": "periodic"}})
+    model = build_model(locknit)
+    mass = measure.areal_mass(measure.read(model, initial_state(model)))
+    assert mass == pytest.approx(knit_scene(locknit).wire_per_area * locknit.wire.linear_density, rel=1e-9)
+    (note,) = with_known(locknit, Known(areal_mass=mass)).notes
+    assert f"as knitted is {1e3 * mass:.3g} g/m2, +0%" in note.replace("-0%", "+0%")
+    assert f"{1e3 * knit_scene(locknit).stitch_length:.3g} mm of wire a loop" in note
+    page = Page("locknit")
+    mesh_section(page, locknit, knit_scene(locknit), None, ())
+    assert f"{1e3 * mass:.3g} g/m2" in page.html()
 
 
 def test_loops_are_fitted_to_a_biaxial_curve(scene, tmp_path, monkeypatch):

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from warpknit.design.network import holm_resistance, sheet_conductance, wire_resistance
+from warpknit.design.network import contact_resistances, holm_resistance, sheet_conductance, sheet_resistance, wire_resistance
+from warpknit.design.states import states_at
+from warpknit.model.model import build_model
 from warpknit.scene import make_scene
 from warpknit.scene.materials import MATERIALS
 
@@ -66,3 +68,28 @@ def test_ends_and_plating_conduct_side_by_side():
     scene = make_scene({"wire": {"diameter": 20e-6, "ends": 3, "plating": {"thickness": 1e-6}}})
     siemens = 3 * np.pi * (1e-10 / MATERIALS["tungsten"].resistivity + (1.21e-10 - 1e-10) / MATERIALS["gold"].resistivity)
     assert wire_resistance(scene.wire) == pytest.approx(1.0 / siemens, rel=1e-12)
+
+
+def hooked(repeats: list[int], **wire: object):
+    """A periodic mesh with active contacts at rest."""
+    table = {"knit": {"repeats": repeats}, "model": {"boundary": "periodic"}, "solver": {"preset": "draft"}}
+    model = build_model(make_scene({**table, "wire": wire, "output": {"frames": 3}}))
+    (state,) = states_at(model, [np.diag([1.16, 1.16])])
+    return state
+
+
+def test_sheet_resistance_does_not_depend_on_the_tile():
+    """Endless cloth in tiles of one repeat and of six, to what the residual tolerance of 1e-2 leaves of contact forces, half
+    of it in their resistances."""
+    one, six = hooked([1, 1]), hooked([3, 2])
+    assert len(contact_resistances(six)) == 6 * len(contact_resistances(one)) > 0
+    assert sheet_resistance(six) == pytest.approx(sheet_resistance(one), rel=5e-3)
+
+
+def test_a_surface_twice_as_hard_makes_contacts_of_root_two_the_resistance():
+    """R = (rho/2) sqrt(pi H/F). The default is that of the plating, where there is one."""
+    gold = MATERIALS["gold"].hardness
+    plain, hard = (hooked([1, 1], plating={"thickness": 2e-7}, **more) for more in ({}, {"hardness": 2.0 * gold}))
+    assert plain.model.scene.wire.hardness == gold
+    assert contact_resistances(hard) == pytest.approx(np.sqrt(2.0) * contact_resistances(plain), rel=1e-9)
+    assert make_scene({}).wire.hardness == MATERIALS["tungsten"].hardness

@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
-from warpknit.design.opening_size import POINTS_ACROSS, openings_between
+from warpknit.design.opening_size import POINTS_ACROSS, openings, openings_between
+from warpknit.measure import read
+from warpknit.model.model import build_model
+from warpknit.model.state import initial_state
+from warpknit.scene import make_scene
 
 PITCH, THICKNESS = 1e-3, 50e-6
 
@@ -38,3 +42,13 @@ def test_openings_of_a_sheared_lattice():
     step = THICKNESS / POINTS_ACROSS
     assert found[0].height == pytest.approx(PITCH - THICKNESS, abs=2 * step)
     assert found[0].circle == pytest.approx(PITCH / np.hypot(1.0, shear) - THICKNESS, abs=2 * step)
+
+
+def test_a_yarn_of_many_ends_leaves_smaller_openings():
+    """Four ends count as a round bundle of twice the diameter of one, as they do where they touch: the circle is smaller by one
+    diameter; a step of the grid is a fifth of one thickness."""
+    found, diameter = [], 60e-6
+    for ends in (1, 4):
+        model = build_model(make_scene({"wire": {"diameter": diameter, "ends": ends}, "model": {"boundary": "periodic"}}))
+        found.append(max(opening.circle for opening in openings(read(model, initial_state(model)))))
+    assert found[0] - found[1] == pytest.approx(diameter, abs=0.5 * diameter)

@@ -28,9 +28,10 @@ CYCLE = {
 }
 
 
-def pressed(friction: float, by_node: bool):
-    """A cell whose bodies are pressed into one of their wires, which then stick, and are moved along it."""
-    model = build_model(make_scene({**CYCLE, "contact": {"friction": friction}, "solver": {"precision": "double"}}))
+def pressed(friction: float, by_node: bool, repeats: list[int] | None = None, threads: int | None = None):
+    """A periodic mesh whose bodies are pressed into one of their wires, which then stick, and are moved along it."""
+    knit = {"repeats": repeats or [1, 1]}
+    model = build_model(make_scene({**CYCLE, "knit": knit, "contact": {"friction": friction}, "solver": {"precision": "double"}}))
     state = initial_state(model)
     panel = model.panel
     # from the nearest node of the first wire of each body towards the wire, by more than the clearance at rest
@@ -44,7 +45,7 @@ def pressed(friction: float, by_node: bool):
     moved = -(gap - 0.9 * model.contact_reach)[:, None] * normal
     state.body_ux.assign(moved[:, 0])
     state.body_uy.assign(moved[:, 1])
-    stepper = Stepper(model, state, by_node=by_node)
+    stepper = Stepper(model, state, by_node=by_node, threads=threads)
     return model, state, stepper, moved, tangent
 
 
@@ -82,6 +83,87 @@ def test_a_stuck_contact_is_drawn_back_and_slips_at_mu_times_the_force(by_node: 
         assert along < spacing
         drawn = np.sum(body * tangent[closed], axis=1)
         assert np.all(drawn < 0.0)
+
+
+def test_friction_acts_at_the_contact_point_of_the_chord() -> None:
+    """Its force on the two nodes beside the contact point, at u of the way from one to the other, has no moment about the
+    point of the chord there: shares 1 - u and u. What friction adds is told by having contacts stick nowhere."""
+    mu = 0.25
+    model, state, stepper, moved, tangent = pressed(mu, True)
+    stepper.evaluate_contact()
+    Path(model, state).advance()
+    along = 0.05 * model.table.spacing.mean()
+    state.body_ux.assign(moved[:, 0] + along * tangent[:, 0])
+    state.body_uy.assign(moved[:, 1] + along * tangent[:, 1])
+    forces = []
+    for sticks in (True, False):
+        if not sticks:
+            state.pair_stuck.fill_(LOOSE)
+        stepper.evaluate_contact()
+        nodal = np.stack([state.pair_nodal_x.numpy(), state.pair_nodal_y.numpy()], axis=1).reshape(-1, 4, 2)
+        body = np.stack([state.pair_body_x.numpy(), state.pair_body_y.numpy()], axis=1)
+        forces.append((nodal.copy(), body.copy()))
+    closed = state.pair_force.numpy() > 0
+    (on_nodes, on_body), u = (with_it - without for with_it, without in zip(*forces, strict=True)), state.pair_u.numpy()
+    assert closed.sum() >= 3 and np.abs(u[closed] - 0.5).max() > 0.1
+    shares = np.stack([np.zeros_like(u), 1.0 - u, u, np.zeros_like(u)], axis=1)
+    scale = np.abs(on_body[closed]).max()
+    assert scale > 0.0
+    assert on_nodes[closed] == pytest.approx(-(shares[:, :, None] * on_body[:, None, :])[closed], abs=1e-9 * scale)
+
+
+@pytest.mark.parametrize("share", [0.3, 3.0])
+def test_what_friction_is_drawn_out_by_is_stored(share: float) -> None:
+    """F_t^2/(2 k_t) of each contact that sticks, slipping or not, with F_t what contacts have less once they stick nowhere. In a
+    mesh at rest it is part of the stored energy."""
+    mu = 0.25
+    model, state, stepper, moved, tangent = pressed(mu, False)
+    stepper.evaluate_contact()
+    Path(model, state).advance()
+    stiffness = float(TANGENTIAL) * model.contact_stiffness
+    along = share * mu * state.pair_force.numpy()[::2].mean() / stiffness
+    state.body_ux.assign(moved[:, 0] + along * tangent[:, 0])
+    state.body_uy.assign(moved[:, 1] + along * tangent[:, 1])
+    stepper.evaluate_contact()
+    reading, closed = measure.read(model, state), state.pair_force.numpy() > 0
+    forces = [np.stack([state.pair_body_x.numpy(), state.pair_body_y.numpy()], axis=1)[closed]]
+    kept = state.pair_stuck.numpy().copy()
+    state.pair_stuck.fill_(LOOSE)
+    stepper.evaluate_contact()
+    forces.append(np.stack([state.pair_body_x.numpy(), state.pair_body_y.numpy()], axis=1)[closed])
+    friction = np.linalg.norm(forces[0] - forces[1], axis=1)
+    assert np.isclose(friction, mu * reading.pair_force[closed], rtol=1e-9).any() == (share > 1.0)
+    expected = np.sum(friction**2) / (2.0 * stiffness)
+    assert measure.friction_energy(reading) == pytest.approx(expected, rel=1e-9)
+    loose = measure.energies(measure.read(model, state)).contact
+    assert measure.energies(reading).contact - loose == pytest.approx(expected, rel=1e-6)
+    # taken as a state at rest, it keeps what it is drawn out by
+    state.pair_stuck.assign(kept)
+    stepper.evaluate_contact()
+    Path(model, state).advance()
+    assert measure.friction_energy(measure.read(model, state)) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("by_node", [True, False])
+def test_threads_share_friction_to_the_bit(by_node: bool) -> None:
+    """Whatever the number of threads, each pair has its friction once. The batches of 16 pairs do not divide among three."""
+    results = []
+    for threads in (1, 3):
+        model, state, stepper, moved, tangent = pressed(0.25, by_node, repeats=[3, 3], threads=threads)
+        assert stepper.threads == threads and model.pair_count > 6 * 16
+        stepper.evaluate_contact()
+        Path(model, state).advance()
+        along = 0.02 * model.table.spacing.mean()
+        state.body_ux.assign(moved[:, 0] + along * tangent[:, 0])
+        state.body_uy.assign(moved[:, 1] + along * tangent[:, 1])
+        stepper.evaluate_contact()
+        first = state.pair_body_x.numpy().copy()
+        stepper.step(10)
+        results.append((first, state.arrays()))
+    assert np.array_equal(results[0][0], results[1][0])
+    one, three = (result[1] for result in results)
+    assert one.keys() == three.keys()
+    assert all(np.array_equal(one[name], three[name]) for name in one)
 
 
 def test_slip_takes_out_the_friction_times_the_way() -> None:

@@ -8,9 +8,13 @@ refers to the tensioned mesh: its width and length count as 1, and the tension t
     C = dS/dE at f = 1                        by central differences, symmetric as S = dw/dE
 
 Geometric stiffness is not in C: an FE model with prestress adds it. With w the energy per tensioned area and L the length factor
-of the wires, dS/dL = d(dw/dL)/dE is had from the same states, and the free mesh at constant tension expands by
+of the wires, dS/dL = d(dw/dL)/dE is had from the same states, and heat changes S by -C alpha a kelvin,
 
     alpha = -C^-1 (dS/dL) alpha_wire.
+
+What a test machine sees is D, the change of the true tension s by the strains e, geometric stiffness included,
+
+    D_ii = C_ii + s_i     D_12 = C_12 - s_1     D_21 = C_12 - s_2.
 """
 
 from __future__ import annotations
@@ -43,20 +47,26 @@ class MaterialCard:
     stiffness: np.ndarray  # (3, 3) [N/m] symmetric
     asymmetry: float  # of what the differences gave, over the largest stiffness
     step_difference: float  # between the stiffness at STEP and at 2 STEP, over the largest stiffness
-    expansion: np.ndarray  # (3,) [1/K] of the free mesh at constant tension
+    expansion: np.ndarray  # (3,) [1/K] strain E at constant S
     areal_mass: float  # [kg/m2] of the tensioned mesh
 
     @property
     def poissons_ratios(self) -> tuple[float, float]:
-        """nu12: contraction along warp over extension along weft under weft stress; nu21: the other way round."""
+        """nu12: -E22 over E11 under a change of S11 at constant S22; nu21: the other way round."""
         c = self.stiffness
         return float(c[0, 1] / c[1, 1]), float(c[0, 1] / c[0, 0])
 
     @property
     def moduli(self) -> tuple[float, float]:
-        """[N/m] stress over strain along weft and along warp, the other direction being free to contract."""
+        """[N/m] change of S11 over E11 at constant S22, and the other way round: of C alone, without geometric stiffness."""
         c = self.stiffness
         return float(c[0, 0] - c[0, 1] ** 2 / c[1, 1]), float(c[1, 1] - c[0, 1] ** 2 / c[0, 0])
+
+    @property
+    def tension_slope(self) -> np.ndarray:
+        """(2, 2) [N/m] change of the tension (force per current width) in weft and warp by the strain in weft and warp."""
+        tension = np.array([self.tension_weft, self.tension_warp])
+        return np.asarray(self.stiffness[:2, :2] + np.diag(tension) - tension[:, None] * (1.0 - np.eye(2)))
 
     @property
     def is_stable(self) -> bool:
@@ -132,9 +142,6 @@ def find_card_at_tension(model: Model, tension: float, start: tuple[float, float
             step *= 0.5
             continue
         place, best = place + step, missed
-        # Cauchy stress by stretch: C with the geometric terms of a diagonal stretch
-        stress = np.array([card.tension_weft, card.tension_warp])
-        tangent = card.stiffness[:2, :2] + np.diag(stress) - stress[:, None] * (1.0 - np.eye(2))
-        step = (1.0 + place) * np.linalg.solve(tangent, missing)
+        step = (1.0 + place) * np.linalg.solve(card.tension_slope, missing)
         step *= min(1.0, MOST_STRAIN / float(np.abs(step).max()))
     raise Diverged(f"no strains found at which the mesh carries {tension:g} N/m both ways within {TENSION_TOLERANCE:.1%}")

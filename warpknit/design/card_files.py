@@ -17,7 +17,8 @@ AXES = {"1": "weft (x)", "2": "warp (y)", "3": "shear, engineering shear strain 
 DEFINITION = (
     "Tangent of the tensioned mesh: C = dS/dE with S the second Piola-Kirchhoff stress (force per width) and E the Green-Lagrange"
     " strain, both referred to the tensioned mesh, where they are the true tension and the small strain. The tension is to be"
-    " given to the FE model as prestress; its geometric stiffness is not in C."
+    " given to the FE model as prestress; its geometric stiffness is not in C, E1, E2, nu12 and nu21. It is in D11 to D22, the"
+    " slopes of measured tension-strain curves. S = prestress + C (E - alpha (T - T0))."
 )
 
 
@@ -29,12 +30,15 @@ def card_values(card: MaterialCard) -> Iterator[tuple[str, float, str, str]]:
     yield "C22", float(c[1, 1]), "N/m", "stiffness along warp, weft held"
     yield "C33", float(c[2, 2]), "N/m", "shear stiffness"
     for axis, value, side in zip("12", card.moduli, ("weft", "warp"), strict=True):
-        yield f"E{axis}", value, "N/m", f"stiffness along {side}, the other direction free to contract"
+        yield f"E{axis}", value, "N/m", f"stiffness along {side} at constant S across"
     nu12, nu21 = card.poissons_ratios
-    yield "nu12", nu12, "1", "contraction along warp over extension along weft, stress along weft"
-    yield "nu21", nu21, "1", "contraction along weft over extension along warp, stress along warp"
+    yield "nu12", nu12, "1", "contraction along warp over extension along weft, S along warp constant"
+    yield "nu21", nu21, "1", "contraction along weft over extension along warp, S along weft constant"
+    for (row, column), value in np.ndenumerate(card.tension_slope):
+        by, of = ("weft", "warp")[column], ("weft", "warp")[row]
+        yield f"D{row + 1}{column + 1}", float(value), "N/m", f"change of tension along {of} by strain along {by}"
     for axis, value, side in zip("12", card.expansion[:2].tolist(), ("weft", "warp"), strict=True):
-        yield f"alpha{axis}", value, "1/K", f"thermal expansion along {side} of the free mesh at constant tension"
+        yield f"alpha{axis}", value, "1/K", f"thermal expansion along {side} at constant S"
     yield "areal_mass", card.areal_mass, "kg/m^2", "mass per area of the tensioned mesh"
     for axis, value, side in zip("12", (card.tension_weft, card.tension_warp), ("weft", "warp"), strict=True):
         yield f"prestress{axis}", value, "N/m", f"tension along {side}, force per current width"

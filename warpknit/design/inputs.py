@@ -67,10 +67,9 @@ def with_known(scene: Scene, known: Known, progress: Callable[[float], None] = l
         fitted = fit_curve(scene, known.curve, progress)
         scene, notes = fitted.scene, notes + fitted.notes
     if known.areal_mass is not None:
-        area = scene.knit.wale_spacing * scene.knit.course_spacing
-        density = scene.wire.linear_density
-        found = knit_scene(scene).stitch_length * density / area
-        needed = known.areal_mass * area / density
+        cloth = knit_scene(scene)
+        found = cloth.wire_per_area * scene.wire.linear_density
+        needed = cloth.stitch_length * known.areal_mass / found
         notes += (
             f"the areal mass as knitted is {1e3 * found:.3g} g/m2, {found / known.areal_mass - 1.0:+.0%} against the"
             f" {1e3 * known.areal_mass:.3g} g/m2 that were given, which need {1e3 * needed:.3g} mm of wire a loop",

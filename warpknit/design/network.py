@@ -12,6 +12,7 @@ follows from Kirchhoff's law, the mean current per width from the currents in al
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sparse
@@ -50,8 +51,9 @@ def sheet_conductance(ends: np.ndarray, reach: np.ndarray, conductance: np.ndarr
 
 
 def surface(wire: Wire) -> Material:
-    """The metal at the surface of the wire."""
-    return MATERIALS[wire.plating.material if wire.plating is not None else wire.material]
+    """The metal at the surface of the wire, as hard as the scene says."""
+    metal = MATERIALS[wire.plating.material if wire.plating is not None else wire.material]
+    return replace(metal, hardness=wire.hardness)
 
 
 def holm_resistance(metal: Material, force: np.ndarray | float) -> np.ndarray:

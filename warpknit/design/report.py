@@ -28,7 +28,7 @@ from .opening_size import BANDS, Opening, openings
 from .page import Page
 from .sections import card_section, curve_section, electric_section, map_section, mesh_section, openings_section
 from .service import SERVICE_TENSIONS, largest_common_tension, strains_at_tension, strains_seen_closely
-from .states import exact_model, states_at
+from .states import DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE, exact_model, states_at
 
 DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))  # of the map where the scene has no [sweep]
 
@@ -110,17 +110,20 @@ def _card(
     """The card, its mesh, and what it is for; or none, and why."""
     place = None if tension is None else strains_at_tension(rows, tension)
     if tension is not None and place is not None:
-        text, find = f"{tension:g} N/m both ways", lambda: _card_at(exact_model(scene), rows, tension, place)
+        text, find = f"{tension:g} N/m both ways", lambda model: _card_at(model, rows, tension, place)
     elif optimum is not None:
         strains = optimum.strain_weft, optimum.strain_warp
         missed = f", as {tension:g} N/m both ways is not reached in the map" if tension is not None else ""
-        text, find = f"the optimum of the map{missed}", lambda: find_card(exact_model(scene), *strains)
+        text, find = f"the optimum of the map{missed}", lambda model: find_card(model, *strains)
     else:
         return None, None, "no card: the map has no optimum" + (" and does not reach the tension" if tension else "")
-    try:
-        return *find(), text
-    except Diverged as error:
-        return None, None, f"no card for {text}: {error}"
+    why = ""
+    for tolerance in (DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE):
+        try:
+            return *find(exact_model(scene, tolerance)), text
+        except Diverged as error:
+            why = str(error)
+    return None, None, f"no card for {text}: {why}"
 
 
 def _card_at(model: Model, rows: Sequence[MapRow], tension: float, start: tuple[float, float]) -> tuple[MaterialCard, Reading]:

@@ -33,7 +33,7 @@ def mesh_section(page: Page, scene: Scene, cloth: Cloth | None, card: MaterialCa
         ("wales and courses", f"{0.01 / knit.wale_spacing:.3g} and {0.01 / knit.course_spacing:.3g} per cm"),
     ]
     if cloth is not None:
-        mass = cloth.stitch_length * wire.linear_density / (knit.wale_spacing * knit.course_spacing)
+        mass = cloth.wire_per_area * wire.linear_density
         rows.append(("wire length a loop", f"{1e3 * cloth.stitch_length:.3g} mm in plan view"))
         rows.append(("areal mass as knitted", f"{1e3 * mass:.3g} g/m2"))
         if (count := openings_per_length(cloth, knit.scatter > 0.0)) is not None:
@@ -162,7 +162,8 @@ def electric_section(
     page.text(
         "Direct current through a network of wires and contacts, no voltage being put across. A contact is one round spot (Holm),"
         f" the surface having a resistivity of {1e8 * metal.resistivity:.3g}e-8 ohm m and a hardness of"
-        f" {1e-9 * metal.hardness:g} GPa, both textbook values; oxide films are not counted, nor wires that merely cross."
+        f" {1e-9 * metal.hardness:g} GPa (wire.hardness), all at 20 degC; oxide films are not counted, nor wires that merely"
+        " cross."
     )
 
 

@@ -44,6 +44,11 @@ class Cloth:
         """Mean plan wire length of a stitch [m]."""
         return sum(thread.length for thread in self.threads) / len(self.stitches)
 
+    @property
+    def wire_per_area(self) -> float:
+        """Plan wire length in an area [1/m]: of all bars, however many of them lay a loop on each needle and course."""
+        return sum(thread.length for thread in self.threads) / float(np.prod(self.size))
+
 
 def knit_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tuple[int, int] = (1, 1)) -> Cloth:
     """Knit one repeat of endless cloth.

@@ -1,8 +1,8 @@
 """Maps over a gripped panel: strain, tension, active contacts and stress of each repeat of the knit.
 
-A tile is one repeat of the cloth at rest. Its nominal stress P is the virial of what lies in it (mesh.nominal_stress, tile by
-tile), its deformation gradient F that of the whole plus the slope of the mean displacement from tile to tile; the tension is
-the force per current width, P F^T / det F.
+A tile is one repeat of the cloth at rest. Its nominal stress P is the virial of what lies in it (measure.nominal_stress, tile by
+tile), its deformation gradient F that of the whole plus the slope of the displacement from tile to tile, the mean over the bodies
+of a repeat that both tiles have; the tension is the force per current width, P F^T / det F.
 """
 
 from __future__ import annotations
@@ -66,7 +66,10 @@ def panel_map(r: Reading) -> PanelMap:
 
     def number(place: np.ndarray) -> np.ndarray:
         """Tile of points (point, 2) [m] at rest."""
-        column, row = np.clip(np.floor((place - low) / tile).astype(np.int64), 0, np.array(shape) - 1).T
+        return index(np.floor((place - low) / tile))
+
+    def index(steps: np.ndarray) -> np.ndarray:
+        column, row = np.clip(steps.astype(np.int64), 0, np.array(shape) - 1).T
         return column * shape[1] + row
 
     def gather(where: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -85,7 +88,8 @@ def panel_map(r: Reading) -> PanelMap:
         for a, b in np.ndindex(2, 2):
             virial[:, a, b] += gather(where, force[part, a] * rest_edge[:, b])
     del force, stress
-    body_tile = number(panel.body_rest + panel.body_origin)
+    # whole repeats apart, whatever rounding does at the border of a tile
+    body_tile = index(np.floor((panel.body_rest - low) / tile) + np.rint(panel.body_origin / tile))
     touching = np.nonzero(r.pair_force > 0)[0]
     lever = whole.pair_levers(r, touching)
     held_tile = number(panel.clamp_position[panel.held_clamp])
@@ -103,8 +107,10 @@ def panel_map(r: Reading) -> PanelMap:
 
     pairs = 2.0 * gather(body_tile, np.ones(panel.body_count))
     active = gather(body_tile, whole.pair_active(r).reshape(-1, 2).sum(axis=1).astype(float))
-    moved = np.stack([gather(body_tile, r.body_u[:, a]) for a in range(2)], axis=1) / np.maximum(0.5 * pairs, 1.0)[:, None]
-    gradient = r.gradient + _slopes(moved.reshape(*shape, 2), known & (pairs.reshape(shape) > 0), tile)
+    moved = np.full((len(cloth.clasps), shape[0] * shape[1], 2), np.nan)
+    moved[panel.body_clasp, body_tile] = r.body_u
+    moved[:, ~known.ravel()] = np.nan
+    gradient = r.gradient + _slopes(moved.reshape(-1, *shape, 2), tile)
     nominal = shown(virial) / (np.maximum(share, LEAST_SHARE) * np.prod(tile))[..., None, None]
     tension = np.einsum("xyab,xycb->xyac", nominal, gradient) / np.linalg.det(gradient)[..., None, None]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -113,18 +119,19 @@ def panel_map(r: Reading) -> PanelMap:
     return PanelMap(low - middle, tile, share, gradient, nominal, tension, percent, shown(stress_max))
 
 
-def _slopes(moved: np.ndarray, known: np.ndarray, tile: np.ndarray) -> np.ndarray:
-    """(column, row, 2, 2) slope of a displacement (column, row, 2) [m]: central where both neighbours are known, else to one
-    side, else none."""
-    slopes = np.zeros((*known.shape, 2, 2))
+def _slopes(moved: np.ndarray, tile: np.ndarray) -> np.ndarray:
+    """(column, row, 2, 2) slope of the displacements (kind, column, row, 2) [m] of bodies that lie alike in all tiles, nan where
+    a tile has none of a kind: the mean over the kinds that neighbouring tiles both have; central where both neighbours have
+    some, else to one side, else none."""
+    slopes = np.zeros((*moved.shape[1:3], 2, 2))
     for axis in range(2):
-        u, there = np.moveaxis(moved, axis, 0), np.moveaxis(known, axis, 0)
-        total, count = np.zeros_like(u), np.zeros(there.shape)
-        both = there[1:] & there[:-1]
-        step = np.where(both[..., None], np.diff(u, axis=0) / tile[axis], 0.0)
+        steps = np.diff(np.moveaxis(moved, axis + 1, 0), axis=0) / tile[axis]  # (step, kind, along the other axis, 2)
+        there = np.isfinite(steps[..., 0])
+        kinds = there.sum(axis=1)
+        step = np.where(there[..., None], steps, 0.0).sum(axis=1) / np.maximum(kinds, 1)[..., None]
+        total, count = np.zeros((len(steps) + 1, *step.shape[1:])), np.zeros((len(steps) + 1, step.shape[1]))
         for part in (slice(1, None), slice(None, -1)):
             total[part] += step
-            count[part] += both
-        slope = np.where(count[..., None] > 0, total / np.maximum(count, 1.0)[..., None], 0.0)
-        slopes[..., axis] = np.moveaxis(slope, 0, axis)
+            count[part] += kinds > 0
+        slopes[..., axis] = np.moveaxis(total / np.maximum(count, 1.0)[..., None], 0, axis)
     return slopes

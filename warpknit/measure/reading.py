@@ -38,6 +38,7 @@ class Reading:
     back_turn: np.ndarray  # [node, or one] [rad] elastic turning that the wire yields on either side of
     pair_force: np.ndarray  # [pair] [N]
     pair_offset: np.ndarray  # [pair] [N] part of the force that the running multiplier carries
+    pair_stuck: np.ndarray  # [pair, or none without friction] where a contact sticks to its wire (kernels/friction.py)
     pair_gap: np.ndarray  # [pair] [m] meaningful where the force is not zero
     pair_node: np.ndarray  # [pair]
     pair_slide: np.ndarray  # [pair]
@@ -204,6 +205,7 @@ def read_strip(model: Model, state: State) -> Reading:
         back_turn=state.back_turn.numpy().astype(np.float64),
         pair_force=force,
         pair_offset=state.pair_offset.numpy().astype(np.float64),
+        pair_stuck=state.pair_stuck.numpy().copy(),
         pair_gap=state.pair_gap.numpy().astype(np.float64),
         pair_node=state.pair_node.numpy().copy(),
         pair_slide=state.pair_slide.numpy().copy(),
@@ -226,6 +228,8 @@ def _joined(reading: Reading) -> Reading:
     joined["pair_node"] = join.pairs(reading.pair_node + first_node)
     of_pairs = ("pair_force", "pair_offset", "pair_gap", "pair_slide", "pair_u", "pair_nodal")
     joined |= {name: join.pairs(getattr(reading, name)) for name in of_pairs}
+    if len(reading.pair_stuck):
+        joined["pair_stuck"] = join.pairs(reading.pair_stuck)
     return replace(reading, model=model.whole, **joined) if model.ranks.is_first else reading
 
 

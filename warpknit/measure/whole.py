@@ -12,6 +12,7 @@ import numpy as np
 
 from ..frame import Frame
 from ..kernels import control as c
+from ..kernels.friction import LOOSE, TANGENTIAL
 from ..model.model import Model
 from ..scene import Wire
 from .reading import Reading
@@ -37,7 +38,8 @@ class Energies:
 
 
 def energies(r: Reading) -> Energies:
-    """T^2 L/(2 EA) a segment, EI theta^2/(2 l) a node, (F - offset)^2/(2 k) a pair; kinetic from the last step.
+    """T^2 L/(2 EA) a segment, EI theta^2/(2 l) a node, (F - offset)^2/(2 k) a pair, and what its friction is drawn out by;
+    kinetic from the last step.
 
     A softened segment stores T^2 L s/(2 EA) unless its running multiplier took the softening out.
     """
@@ -46,7 +48,7 @@ def energies(r: Reading) -> Energies:
     return Energies(
         stretch=float(np.sum(0.5 * r.tension**2 * natural / _stretch_stiffness(r))),
         bend=float(np.sum(0.5 * r.moment * r.elastic_turning)) + hardened_energy(r),
-        contact=float(np.sum(0.5 * (r.pair_force - r.pair_offset) ** 2 * (r.pair_force > 0)) / stiffness),
+        contact=float(np.sum(0.5 * (r.pair_force - r.pair_offset) ** 2 * (r.pair_force > 0)) / stiffness) + friction_energy(r),
         kinetic=0.5 * float(r.control[int(c.KINETIC_TWICE)]),
     )
 
@@ -57,6 +59,17 @@ def _stretch_stiffness(r: Reading) -> np.ndarray | float:
     if solver.multipliers and solver.drive == "relax":
         return r.model.axial_stiffness
     return np.repeat(r.wire_axial, r.model.panel.wire_count)
+
+
+def friction_energy(r: Reading) -> float:
+    """[J] of the springs by which contacts stick to their wires: F_t^2/(2 k_t) each (kernels/friction.py)."""
+    if not len(r.pair_stuck):
+        return 0.0
+    stiffness = float(TANGENTIAL) * r.control[int(c.CONTACT_STIFFNESS)]
+    sticks = (r.pair_stuck != float(LOOSE)) & (r.pair_force > 0)
+    moved = (r.pair_slide + r.pair_u - r.pair_stuck)[sticks] * r.model.table.rest_length[r.model.panel.pair_table[sticks]]
+    drawn = np.minimum(stiffness * np.abs(moved), r.model.scene.contact.friction * r.pair_force[sticks])
+    return float(np.sum(0.5 * drawn**2) / stiffness)
 
 
 def hardened_energy(r: Reading) -> float:

@@ -125,6 +125,7 @@ class WireTable(Table):
     expansion: Expansion | None = None
     yield_stress: Stress | None = None
     tensile_strength: Stress | None = None
+    hardness: Stress | None = None
     diameter: Length = 15e-6
     ends: Ends = 1
     plating: PlatingTable | None = None

@@ -100,6 +100,8 @@ def make_scene(
 
 def _wire(source: Source, table: WireTable) -> Wire:
     given = table.model_dump(exclude={"plating"})
+    if table.hardness is None and table.plating is not None:
+        given["hardness"] = MATERIALS[table.plating.material].hardness
     for key, value in given.items():
         if value is None:
             given[key] = getattr(MATERIALS[table.material], key)

@@ -11,9 +11,11 @@ Sources, by column:
   2.0 GPa is less than half of the drawn strength; molybdenum 0.6 GPa is three quarters of its strength. A scene that
   knows better sets `wire.yield_stress`.
 - Resistivity: textbook values of the pure metals (gold 2.44e-8, tungsten 5.60e-8, molybdenum 5.34e-8 Ohm m).
-- Hardness, for contact resistance: gold 0.7 GPa, between annealed and hard plated gold; tungsten 4.6 GPa and molybdenum 2.7 GPa,
-  the upper ends of the Vickers hardness of the metals (3.4 to 4.6 and 1.4 to 2.7 GPa), drawn wire being hard. Oxide on bare
-  tungsten and molybdenum adds a resistance that is not counted.
+- Hardness, for contact resistance, which goes with its root: gold 0.7 GPa, soft plated gold (ASTM B488 code A: at most 90 HK,
+  0.88 GPa; hard gold, code C, has 130 to 200 HK, 1.3 to 2.0 GPa; annealed gold 0.2 GPa); molybdenum 2.7 GPa, the upper end of
+  1.40 to 2.74 GPa Vickers (Wikipedia, "Hardnesses of the elements (data page)"), drawn wire being hard;
+  tungsten 4.6 GPa, the upper end of 3.4 to 4.6 GPa, from memory. A scene that knows better sets `wire.hardness`. Oxide on
+  bare tungsten and molybdenum adds a resistance that is not counted.
 """
 
 from __future__ import annotations

@@ -29,6 +29,7 @@ class Wire:
     expansion: Annotated[float, "1/K"]
     yield_stress: Annotated[float, "Pa"]
     tensile_strength: Annotated[float, "Pa"]
+    hardness: Annotated[float, "Pa"]  # of the metal at the surface, that of the plating where there is one
     diameter: Annotated[float, "m"]  # of one end, without its plating
     ends: int
     plating: Plating | None
