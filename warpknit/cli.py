@@ -218,7 +218,8 @@ def contact_map(
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         result = run_map(loaded, out=directory, device=device, resume=resume, force=force, progress=progress)
     if result.exit_code != FINISHED:
-        click.echo(f"warpknit: {result.message}", err=True)
+        goes_on = ", --resume goes on from there" if result.exit_code == INTERRUPTED else ""
+        click.echo(f"warpknit: {result.message}{goes_on}", err=True)
         return result.exit_code
     from warpknit.run.report import engineering, print_table
 
@@ -279,14 +280,16 @@ def report(
         loaded = fitted.scene
         result = run_map(loaded, out=directory, device=device, resume=not force, force=force, progress=progress)
         if result.exit_code != FINISHED:
-            click.echo(f"warpknit: {result.message}", err=True)
+            goes_on = ", and the same command goes on from there" if result.exit_code == INTERRUPTED else ""
+            click.echo(f"warpknit: {result.message}{goes_on}", err=True)
             return result.exit_code
         rows = read_map(directory / "map.csv", directory / "map_details.csv")
         found = make_report(loaded, rows, directory, tension=asked, notes=fitted.notes, progress=progress)
     from warpknit.run.report import engineering, print_table
 
     lines = [("mesh", note) for note in fitted.notes]
-    lines += [*map_lines(result.summary, engineering), ("material card", found.where), ("page", str(directory / "report.html"))]
+    lines += [*map_lines(result.summary, engineering), ("material card", found.where)]
+    lines += [*(("warning", warning) for warning in found.warnings), ("page", str(directory / "report.html"))]
     print_table(lines)
     return FINISHED
 
@@ -295,8 +298,10 @@ def positive_quantity(option: str, given: str | None, dimension: str) -> float |
     """The value of an option in SI, None where it is not given; raises click.UsageError unless it is above zero."""
     if given is None:
         return None
-    from warpknit.scene.units import DIMENSIONS, QuantityError, shown, si
+    from warpknit.scene.units import DIMENSIONS, QuantityError, has_unit, shown, si
 
+    if not has_unit(given):
+        raise click.UsageError(f"{option}: given {shown(given)}, expected {DIMENSIONS[dimension]}, with its unit.")
     try:
         value = si(given, dimension)
     except QuantityError as error:

@@ -145,7 +145,7 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
 def _repeat(scene: Scene, cloth: Cloth) -> str:
     """One repeat in words, with what tells of a lost link: the links of each bar."""
     links = [len(parse_chain(bar.chain)) for bar in scene.knit.bars]
-    text = f"a repeat of {cloth.wales} wales x {cloth.courses} courses, {1e3 * cloth.stitch_length:.3g} mm of wire a stitch"
+    text = f"a repeat of {cloth.wales} wales x {cloth.courses} courses, {1e3 * cloth.stitch_length:.3g} mm of wire a loop"
     if len(set(links)) > 1:
         text += f"; chains of {' and '.join(map(str, links))} links, each over and over"
     return text

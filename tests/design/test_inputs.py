@@ -30,14 +30,19 @@ def test_the_double_atlas_has_two_openings_a_repeat(scene):
     """A repeat of 2 wales and 4 courses: sqrt(2/(2 W 4 C)) openings per length."""
     knit = scene.knit
     expected = np.sqrt(2.0 / (8.0 * knit.wale_spacing * knit.course_spacing))
-    assert openings_per_length(knit_scene(scene)) == pytest.approx(expected, rel=1e-12)
+    assert openings_per_length(scene) == pytest.approx(expected, rel=1e-12)
+
+
+def test_scatter_of_the_loops_does_not_change_what_an_opening_is(scene):
+    scattered = replace(scene, knit=replace(scene.knit, scatter=0.1))
+    assert openings_per_length(scattered) == openings_per_length(scene)
 
 
 def test_wales_and_courses_follow_from_openings(scene):
     """Twice the openings per length halve both spacings; what comes out has what was asked."""
     wanted = 12.0 / INCH
     found = with_openings(scene, wanted).scene
-    assert openings_per_length(knit_scene(found)) == pytest.approx(wanted, rel=1e-9)
+    assert openings_per_length(found) == pytest.approx(wanted, rel=1e-9)
     ratio = scene.knit.wale_spacing / scene.knit.course_spacing
     assert found.knit.wale_spacing / found.knit.course_spacing == pytest.approx(ratio)
     with pytest.raises(InputError, match="at most"):
@@ -102,6 +107,7 @@ def test_loops_are_fitted_to_a_biaxial_curve(scene, tmp_path, monkeypatch):
         (",".join(COLUMNS) + "\n0.1,0.1,nan,1\n", "finite"),
         (",".join(COLUMNS) + "\n", "no rows"),
         (",".join(COLUMNS) + "\n0.1,0.1,0,0\n", "other than 0"),
+        (",".join(COLUMNS) + "\n0.1,0.1,500,500\n", "no factor"),
     ],
 )
 def test_a_bad_curve_is_refused(scene, tmp_path, text, said):

@@ -5,12 +5,16 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from warpknit.cli import main
 from warpknit.design import curves
-from warpknit.design.service import largest_common_tension, strains_at_tension
+from warpknit.design.card import MaterialCard
+from warpknit.design.card_files import card_values, card_warnings
+from warpknit.design.service import REFINED, equal_tension, strains_at_tension
+from warpknit.scene import load_scene
 from warpknit.sweep.contact_map import Cell, Detail, MapRow
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -108,7 +112,7 @@ def test_another_mesh_in_the_directory_is_refused(reports):
 
 def row(weft: float, warp: float, tension: tuple[float, float] | tuple[None, None]) -> MapRow:
     return MapRow(
-        Cell(weft, warp, 50.0, *tension, 1e8, 0.0, "steady"),
+        Cell(weft, warp, 50.0, *tension, 1e9 * warp, 0.0, "steady"),
         Detail(weft, warp, None, None, None, None, None, 0.0, 1, 1, ""),
     )
 
@@ -119,9 +123,32 @@ def test_strains_of_a_tension_on_a_bilinear_map():
     rows = [row(x, y, (10 * x + 2 * y + 100 * x * y, 20 * y)) for x, y in places]
     assert strains_at_tension(rows, 3.0) == pytest.approx((2.7 / 25, 0.15), abs=1e-7)
     assert strains_at_tension(rows, 5.0) is None
-    assert largest_common_tension(rows) == pytest.approx(4.0)
+    # the tensions are alike along x = 18 y/(10 + 100 y); with a stress of 1 GPa y, T = 20 y below 0.11 GPa goes up to 2.2
+    found = equal_tension(rows, 0.11e9)
+    assert found.largest == pytest.approx(4.0, rel=1e-3)
+    assert found.elastic == pytest.approx(2.2, abs=20 * 0.1 / REFINED)
+    assert equal_tension(rows, 1e9).elastic == pytest.approx(4.0, rel=1e-3)
+
+
+def test_a_mesh_that_is_always_stiffer_one_way_carries_no_tension_alike():
+    rows = [row(x, y, (1.0 + x, 2.0 + y)) for x in (0.0, 0.1) for y in (0.0, 0.1)]
+    assert equal_tension(rows, 1e9).largest == 0.0
+    assert "No strains" in equal_tension(rows, 1e9).text()
+
+
+def test_a_card_that_cannot_be_used_says_so():
+    """Moduli and Poisson's ratios come from the inverse, which has no meaning where the mesh is not stable."""
+    scene = load_scene(SCENES / "contact_map.toml")
+    card = MaterialCard(
+        strain_weft=0.1, strain_warp=0.1, tension_weft=1.0, tension_warp=1.0, stiffness=np.diag([3.0, 2.0, -1.0]),
+        asymmetry=0.0, step_difference=0.4, expansion=np.zeros(3), areal_mass=0.01, stress_max=3e9, active_percent=50.0,
+    )  # fmt: skip
+    names = {name: value for name, value, _, _ in card_values(card)}
+    assert names["stable"] == 0.0 and names["difference"] == 0.4 and not {"E1", "nu12", "alpha1"} & set(names)
+    said = " ".join(card_warnings(card, scene))
+    assert "not positive definite" in said and "differs by 40%" in said and "3 GPa" in said
 
 
 def test_unknown_states_carry_nothing():
     rows = [row(x, y, (None, None)) for x in (0.0, 0.1) for y in (0.0, 0.1)]
-    assert strains_at_tension(rows, 1.0) is None and largest_common_tension(rows) == 0.0
+    assert strains_at_tension(rows, 1.0) is None and equal_tension(rows, 1e9).largest == 0.0

@@ -49,6 +49,8 @@ class MaterialCard:
     step_difference: float  # between the stiffness at STEP and at 2 STEP, over the largest stiffness
     expansion: np.ndarray  # (3,) [1/K] strain E at constant S
     areal_mass: float  # [kg/m2] of the tensioned mesh
+    stress_max: float  # [Pa] in the wire of the tensioned mesh
+    active_percent: float  # contacts of the tensioned mesh
 
     @property
     def poissons_ratios(self) -> tuple[float, float]:
@@ -67,6 +69,16 @@ class MaterialCard:
         """(2, 2) [N/m] change of the tension (force per current width) in weft and warp by the strain in weft and warp."""
         tension = np.array([self.tension_weft, self.tension_warp])
         return np.asarray(self.stiffness[:2, :2] + np.diag(tension) - tension[:, None] * (1.0 - np.eye(2)))
+
+    @property
+    def difference(self) -> float:
+        """How far the stiffness is from that at twice the step, and from symmetry, over the largest stiffness."""
+        return max(self.step_difference, self.asymmetry)
+
+    @property
+    def shear_coupling(self) -> float:
+        """Largest coupling of shear to stretch over the largest stiffness; an orthotropic card leaves it out."""
+        return float(np.abs(self.stiffness[:2, 2]).max() / np.abs(self.stiffness).max())
 
     @property
     def is_stable(self) -> bool:
@@ -116,6 +128,8 @@ def find_card(model: Model, weft: float, warp: float) -> tuple[MaterialCard, Rea
         step_difference=float(np.abs(stiffness - coarser).max() / largest),
         expansion=-np.linalg.solve(stiffness, slope(by_length, 1, STEP)) * model.scene.wire.expansion,
         areal_mass=measure.areal_mass(states[0]),
+        stress_max=measure.stress_extremes(states[0])[0],
+        active_percent=measure.contacts(states[0]).active_percent,
     )
     return card, states[0]
 

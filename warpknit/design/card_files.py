@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from ..files import write_aside, write_table
+from ..run.report import engineering
 from ..scene import Scene
-from .card import MaterialCard
+from .card import AGREEMENT, MaterialCard
 
 AXES = {"1": "weft (x)", "2": "warp (y)", "3": "shear, engineering shear strain 2 E12"}
 DEFINITION = (
@@ -29,21 +30,44 @@ def card_values(card: MaterialCard) -> Iterator[tuple[str, float, str, str]]:
     yield "C12", float(c[0, 1]), "N/m", "coupling of weft and warp"
     yield "C22", float(c[1, 1]), "N/m", "stiffness along warp, weft held"
     yield "C33", float(c[2, 2]), "N/m", "shear stiffness"
-    for axis, value, side in zip("12", card.moduli, ("weft", "warp"), strict=True):
-        yield f"E{axis}", value, "N/m", f"stiffness along {side} at constant S across"
-    nu12, nu21 = card.poissons_ratios
-    yield "nu12", nu12, "1", "contraction along warp over extension along weft, S along warp constant"
-    yield "nu21", nu21, "1", "contraction along weft over extension along warp, S along weft constant"
+    if card.is_stable:  # else nothing that comes from the inverse has a meaning
+        for axis, value, side in zip("12", card.moduli, ("weft", "warp"), strict=True):
+            yield f"E{axis}", value, "N/m", f"stiffness along {side} at constant S across"
+        nu12, nu21 = card.poissons_ratios
+        yield "nu12", nu12, "1", "contraction along warp over extension along weft, S along warp constant"
+        yield "nu21", nu21, "1", "contraction along weft over extension along warp, S along weft constant"
     for (row, column), value in np.ndenumerate(card.tension_slope):
         by, of = ("weft", "warp")[column], ("weft", "warp")[row]
         yield f"D{row + 1}{column + 1}", float(value), "N/m", f"change of tension along {of} by strain along {by}"
-    for axis, value, side in zip("12", card.expansion[:2].tolist(), ("weft", "warp"), strict=True):
-        yield f"alpha{axis}", value, "1/K", f"thermal expansion along {side} at constant S"
+    if card.is_stable:
+        for axis, value, side in zip("12", card.expansion[:2].tolist(), ("weft", "warp"), strict=True):
+            yield f"alpha{axis}", value, "1/K", f"thermal expansion along {side} at constant S"
     yield "areal_mass", card.areal_mass, "kg/m^2", "mass per area of the tensioned mesh"
     for axis, value, side in zip("12", (card.tension_weft, card.tension_warp), ("weft", "warp"), strict=True):
         yield f"prestress{axis}", value, "N/m", f"tension along {side}, force per current width"
     for axis, value, side in zip("12", (card.strain_weft, card.strain_warp), ("weft", "warp"), strict=True):
         yield f"prestrain{axis}", value, "1", f"strain along {side} against the mesh as knitted"
+    yield "stress_max", card.stress_max, "Pa", "largest stress in the wire"
+    yield "active", 0.01 * card.active_percent, "1", "share of contacts that are active"
+    yield "stable", float(card.is_stable), "1", "1 where the stiffness is positive definite, else 0: not to be used"
+    yield "difference", card.difference, "1", "of the stiffness by another step, over the largest; above 0.05 not to be trusted"
+
+
+def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[str]:
+    """What speaks against using the card."""
+    if not card.is_stable:
+        yield "the stiffness of the material card is not positive definite (the mesh is not stable there): take another tension"
+    if card.difference > AGREEMENT:
+        yield (
+            f"the stiffness of the material card is uncertain: with another step it differs by {card.difference:.0%} of the"
+            " largest, as where contacts are about to close; take another tension"
+        )
+    if card.shear_coupling > AGREEMENT:
+        coupling = f"{card.shear_coupling:.0%} of the largest stiffness"
+        yield f"shear is coupled to stretch ({coupling}), which an orthotropic card leaves out"
+    if card.stress_max > scene.wire.yield_stress:
+        stress, limit = engineering(card.stress_max, "Pa"), engineering(scene.wire.yield_stress, "Pa")
+        yield f"at the tension of the card the wire is stressed to {stress}, beyond its elastic limit of {limit}: it would yield"
 
 
 def write_card(card: MaterialCard, scene: Scene, where: str, out: Path) -> None:
@@ -51,7 +75,6 @@ def write_card(card: MaterialCard, scene: Scene, where: str, out: Path) -> None:
     rows = list(card_values(card))
     columns = zip(("name", "value", "unit", "meaning"), zip(*rows, strict=True), strict=True)
     write_table(out / "material_card.csv", {heading: np.array(column, dtype=object) for heading, column in columns})
-    coupling = float(np.abs(card.stiffness[:2, 2]).max() / np.abs(card.stiffness).max())
     content: dict[str, Any] = {
         "mesh": scene.name,
         "state": where,
@@ -62,10 +85,11 @@ def write_card(card: MaterialCard, scene: Scene, where: str, out: Path) -> None:
         "units": {name: unit for name, _, unit, _ in rows},
         "meaning": {name: meaning for name, _, _, meaning in rows},
         "quality": {
+            "warnings": list(card_warnings(card, scene)),
             "positive_definite": card.is_stable,
             "asymmetry_of_largest": card.asymmetry,
             "step_difference_of_largest": card.step_difference,
-            "shear_coupling_of_largest": coupling,
+            "shear_coupling_of_largest": card.shear_coupling,
         },
     }
     with write_aside(out / "material_card.json") as file:

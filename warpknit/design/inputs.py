@@ -18,7 +18,6 @@ from scipy.optimize import brentq, minimize_scalar
 from .. import measure
 from ..errors import Diverged, InputError
 from ..knit.chain import KnitError
-from ..knit.cloth import Cloth
 from ..knit.lapping import lapping_table
 from ..knit.loops import RANGES, LoopProportions, loop_shape
 from ..knit.openings import find_openings
@@ -30,9 +29,10 @@ SCALED = {
     "circular-oval": ("closed_radius", "closed_head", "open_head", "open_half_width"),
     "general": ("foot_half_width", "leg_half_width", "head_height"),
 }
-ALIKE, SCATTERED_ALIKE = 0.99, 0.5  # of the rhombus's area: the openings that are counted
+ALIKE = 0.99  # of the rhombus's area: the openings that are counted
 COLUMNS = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m")  # of a measured curve
 FIT_TOLERANCE = 2e-3  # of the factor
+POOR_FIT, NO_FIT = 0.1, 0.5  # root mean square miss over the tensions: worth a word; refused
 EDGE, SHORTER = 1e-9, 0.8  # how near to a range's end a factor goes; how fast one that cannot be knitted comes back
 
 
@@ -77,23 +77,23 @@ def with_known(scene: Scene, known: Known, progress: Callable[[float], None] = l
     return Fitted(scene, notes)
 
 
-def openings_per_length(cloth: Cloth, scattered: bool = False) -> float | None:
+def openings_per_length(scene: Scene) -> float | None:
     """[1/m] square root of the number of openings per area; None where wires leave none.
 
-    Those count that are as large as the rhombus, or, where a knit has none, as the largest.
+    Those count that are as large as the rhombus, or, where a knit has none, as the largest. Scatter of the loops does not enter.
     """
+    cloth = knit_scene(replace(scene, knit=replace(scene.knit, scatter=0.0)))
     found = find_openings(cloth.threads, cloth.crossings, cloth.size)
     if not found:
         return None
     whole = cloth.rhombus.opening.area if cloth.rhombus is not None else found[0].area
-    alike = SCATTERED_ALIKE if scattered else ALIKE
-    return math.sqrt(sum(opening.area > alike * whole for opening in found) / float(np.prod(cloth.size)))
+    return math.sqrt(sum(opening.area > ALIKE * whole for opening in found) / float(np.prod(cloth.size)))
 
 
 def with_openings(scene: Scene, wanted: float) -> Fitted:
     """Wales and courses scaled to `wanted` openings per length [1/m]. Raises `InputError`, `KnitError`, `ModelError`."""
     knit = scene.knit
-    now = openings_per_length(knit_scene(scene), knit.scatter > 0.0)
+    now = openings_per_length(scene)
     if now is None:
         raise InputError(f"{scene.path}: --openings: given, allowed: left out (the wires of this knit leave no openings)")
     wale, course = (now / wanted * spacing for spacing in (knit.wale_spacing, knit.course_spacing))
@@ -142,7 +142,19 @@ def fit_curve(scene: Scene, path: Path, progress: Callable[[float], None] = lamb
     best = minimize_scalar(misfit, bounds=_factors(scene), method="bounded", options={"xatol": FIT_TOLERANCE, "maxiter": 20})
     if not math.isfinite(best.fun):
         raise InputError(f"{path}: strain: given what the mesh does not come to rest at, allowed: smaller strains")
-    return _fitted(scene, float(best.x), f"{path.name} with an rms miss of {best.fun:.1%} of the tensions")
+    if best.fun > NO_FIT:
+        raise InputError(
+            f"{path}: given tensions that no factor on the proportions of knit.loop comes near (the best misses them by"
+            f" {best.fun:.0%}, rms), allowed: tensions [N/m] of this mesh, with the spacings and the wire of the scene"
+        )
+    fitted = _fitted(scene, float(best.x), f"{path.name} with an rms miss of {best.fun:.1%} of the tensions")
+    ends = _factors(scene)
+    doubts = []
+    if best.fun > POOR_FIT:
+        doubts.append("this is a poor fit: the loops differ from those of the scene by more than one factor, or the test does")
+    if min(abs(best.x - end) for end in ends) < 2.0 * FIT_TOLERANCE:
+        doubts.append("the factor is at the end of the range that knit.loop allows")
+    return replace(fitted, notes=fitted.notes + tuple(doubts))
 
 
 def _read_curve(path: Path) -> tuple[np.ndarray, np.ndarray]:

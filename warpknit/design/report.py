@@ -11,23 +11,21 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import measure
 from ..errors import Diverged, SceneError
 from ..files import write_aside, write_table
 from ..measure.reading import Reading
 from ..model.model import Model, build_model
 from ..run.progress import Progress
-from ..run.report import engineering
 from ..scene import Scene, Sweep
 from ..sweep.contact_map import MapRow, Optimum, find_optimum, grid
 from .card import MaterialCard, find_card, find_card_at_tension
-from .card_files import write_card
+from .card_files import card_warnings, write_card
 from .curves import CurvePoint, tension_strain
 from .network import contact_resistances, sheet_resistance
 from .opening_size import BANDS, Opening, openings
 from .page import Page
 from .sections import card_section, curve_section, electric_section, map_section, mesh_section, openings_section
-from .service import SERVICE_TENSIONS, largest_common_tension, strains_at_tension, strains_seen_closely
+from .service import SERVICE_TENSIONS, EqualTension, equal_tension, strains_at_tension, strains_seen_closely
 from .states import DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE, exact_model, states_at
 
 DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))  # of the map where the scene has no [sweep]
@@ -43,7 +41,7 @@ class Findings:
     rows: Sequence[MapRow]
     optimum: Optimum | None
     asked: float | None  # [N/m] tension that the card was asked for
-    largest_tension: float  # [N/m] that the map carries both ways
+    equal_tension: EqualTension  # that the map reaches
     service: Sequence[tuple[float, tuple[float, float] | None]]  # tensions [N/m] and the strains that carry them
     curves: Sequence[CurvePoint]
     where: str  # what the card is for, in words; or why there is none
@@ -51,6 +49,11 @@ class Findings:
     tensioned: Reading | None  # the mesh of the card
     knitted_openings: Sequence[Opening]
     tensioned_openings: Sequence[Opening]
+
+    @property
+    def warnings(self) -> list[str]:
+        """What speaks against using the card."""
+        return [] if self.card is None else list(card_warnings(self.card, self.scene))
 
 
 def report_scene(scene: Scene) -> Scene:
@@ -91,7 +94,7 @@ def make_report(
         rows=rows,
         optimum=optimum,
         asked=tension,
-        largest_tension=largest_common_tension(rows),
+        equal_tension=equal_tension(rows, scene.wire.yield_stress),
         service=[(value, strains_at_tension(rows, value)) for value in SERVICE_TENSIONS],
         curves=curves,
         where=where,
@@ -158,14 +161,13 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     )
     if found.asked is not None and strains_at_tension(found.rows, found.asked) is None:
         page.warning(
-            f"The mesh does not carry {found.asked:g} N/m both ways within the strains of the map: the most that it carries both"
-            f" ways is {engineering(found.largest_tension, 'N/m')}. What follows is for the optimum instead."
+            f"The mesh does not carry {found.asked:g} N/m both ways within the strains of the map. {found.equal_tension.text()}"
+            " What follows is for the optimum instead."
         )
     mesh_section(page, found.scene, found.model.cloth, found.card, found.notes)
-    map_section(page, found.scene, found.optimum, found.service, found.largest_tension, figures["map"])
+    map_section(page, found.scene, found.optimum, found.service, found.equal_tension, figures["map"])
     curve_section(page, found.curves, figures["curves"])
-    stress = None if found.tensioned is None else measure.stress_extremes(found.tensioned)[0]
-    card_section(page, found.scene, found.card, found.where, stress)
+    card_section(page, found.scene, found.card, found.where)
     openings_section(page, found.knitted_openings, found.tensioned_openings, figures["openings"])
     electric = None if found.tensioned is None else (contact_resistances(found.tensioned), sheet_resistance(found.tensioned))
     electric_section(page, found.scene, electric, figures["resistance"])

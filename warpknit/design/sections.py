@@ -13,12 +13,13 @@ from ..run.report import engineering
 from ..scene import Scene
 from ..sweep.contact_map import Optimum
 from .card import AGREEMENT, MaterialCard
-from .card_files import DEFINITION, card_values
+from .card_files import DEFINITION, card_values, card_warnings
 from .curves import CurvePoint
 from .inputs import openings_per_length
 from .network import surface, wire_resistance
 from .opening_size import BANDS, FINE_ENOUGH, Opening
 from .page import Page
+from .service import EqualTension
 
 INCH = 0.0254  # [m]
 
@@ -34,9 +35,11 @@ def mesh_section(page: Page, scene: Scene, cloth: Cloth | None, card: MaterialCa
     ]
     if cloth is not None:
         mass = cloth.wire_per_area * wire.linear_density
-        rows.append(("wire length a loop", f"{1e3 * cloth.stitch_length:.3g} mm in plan view"))
+        loops = len(cloth.stitches) / (cloth.wales * cloth.courses)
+        length = f"{1e3 * cloth.stitch_length:.3g} mm in plan view, {loops:g} on each needle and course"
+        rows.append(("wire length a loop", length))
         rows.append(("areal mass as knitted", f"{1e3 * mass:.3g} g/m2"))
-        if (count := openings_per_length(cloth, knit.scatter > 0.0)) is not None:
+        if (count := openings_per_length(scene)) is not None:
             rows.append(("openings as knitted", f"{count * INCH:.3g} per inch (square root of their number per square inch)"))
     if card is not None:
         rows.append(("areal mass at the tension of the card", f"{1e3 * card.areal_mass:.3g} g/m2"))
@@ -50,10 +53,10 @@ def map_section(
     scene: Scene,
     optimum: Optimum | None,
     service: Sequence[tuple[float, tuple[float, float] | None]],
-    largest: float,
+    largest: EqualTension,
     figure: Path,
 ) -> None:
-    """The contact map, the optimum and the service tensions. largest: tension [N/m] that the map carries both ways."""
+    """The contact map, the optimum and the service tensions; `largest`: that the map carries in both directions alike."""
     page.heading("Active contacts and the optimum")
     page.figure(figure, "Share of active contacts over strain. Orange: elastic limit of the wire; star: optimum.")
     if optimum is None:
@@ -74,7 +77,7 @@ def map_section(
         ],
         ("service tension, both ways", "strain, weft / warp"),
     )
-    page.text(f"The most that the map carries both ways is {engineering(largest, 'N/m')}.")
+    page.text(largest.text())
     if scene.sweep is not None and scene.sweep.seeds > 1:
         page.text("The map is the mean over meshes of scattered loops; all that follows is for the first of them.")
 
@@ -89,8 +92,8 @@ def curve_section(page: Page, curves: Sequence[CurvePoint], figure: Path) -> Non
     page.text("tension_strain.csv has the numbers.")
 
 
-def card_section(page: Page, scene: Scene, card: MaterialCard | None, where: str, stress: float | None) -> None:
-    """The material card. where: what it is for, or why there is none; stress: the largest there [Pa]."""
+def card_section(page: Page, scene: Scene, card: MaterialCard | None, where: str) -> None:
+    """The material card. where: what it is for, or why there is none."""
     page.heading("Material card")
     if card is None:
         page.warning(where[0].upper() + where[1:] + ".")
@@ -99,17 +102,11 @@ def card_section(page: Page, scene: Scene, card: MaterialCard | None, where: str
     rows = [(name, f"{value:.4g}", "-" if unit == "1" else unit, meaning) for name, value, unit, meaning in card_values(card)]
     page.table(rows, ("", "value", "unit", "meaning"))
     page.text(DEFINITION + " material_card.csv and material_card.json have the same numbers.")
-    if not card.is_stable:
-        page.warning("The stiffness is not positive definite: the mesh is not stable in this state. Take another tension.")
-    worst = max(card.step_difference, card.asymmetry)
-    quality = f"Differences at twice the step, and C12 found both ways, agree to {worst:.1%} of the largest stiffness."
-    (page.warning if worst > AGREEMENT else page.text)(quality)
-    coupling = float(np.abs(card.stiffness[:2, 2]).max() / np.abs(card.stiffness).max())
-    if coupling > AGREEMENT:
-        page.warning(f"Shear is coupled to stretch ({coupling:.0%} of the largest stiffness); an orthotropic card leaves it out.")
-    if stress is not None and stress > scene.wire.yield_stress:
-        over = engineering(stress, "Pa"), engineering(scene.wire.yield_stress, "Pa")
-        page.warning(f"The wire is stressed to {over[0]}, beyond its elastic limit of {over[1]}: it would yield.")
+    for warning in card_warnings(card, scene):
+        page.warning(warning[0].upper() + warning[1:] + ".")
+    if card.difference <= AGREEMENT:
+        differ = f"{card.difference:.1%}" if card.difference >= 1e-3 else "less than 0.1%"
+        page.text(f"Differences at twice the step, and C12 found both ways, differ by {differ} of the largest stiffness.")
 
 
 def openings_section(page: Page, knitted: Sequence[Opening], tensioned: Sequence[Opening], figure: Path) -> None:
@@ -122,7 +119,7 @@ def openings_section(page: Page, knitted: Sequence[Opening], tensioned: Sequence
              f"{1e3 * those[0].width:.3g} x {1e3 * those[0].height:.3g} mm")
             for name, those in states
         ],
-        ("", "openings a repeat", "largest area", "largest circle that fits in one", "largest opening, weft x warp"),
+        ("", "openings and slits a repeat", "largest area", "largest circle that fits in one", "largest opening, weft x warp"),
     )  # fmt: skip
     if not states:
         return

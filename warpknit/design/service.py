@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -10,10 +11,12 @@ from scipy.optimize import least_squares
 from .. import measure
 from ..errors import Diverged
 from ..model.model import Model
+from ..run.report import engineering
 from ..sweep.contact_map import MapRow, grid
 from .states import states_at
 
 SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf. Ser. 402, 66)
+REFINED = 16  # times the strains of a map a side, where equal tensions are looked for
 FINER = 9  # strains a side at which a map is looked at more closely
 SIDES = ("weft", "warp")
 INSIDE = 1e-6  # of a tension: how well the bilinear map must meet it
@@ -61,11 +64,55 @@ def strains_seen_closely(
     return strains_on_grid(weft.tolist(), warp.tolist(), np.array(tensions).T.reshape(2, FINER, FINER), tension)
 
 
-def largest_common_tension(rows: Sequence[MapRow]) -> float:
-    """The largest tension [N/m] that some strains of the map carry in both directions at least."""
-    carried = [
-        min(row.cell.tension_weft_N_per_m, row.cell.tension_warp_N_per_m)
-        for row in rows
-        if row.cell.tension_weft_N_per_m is not None and row.cell.tension_warp_N_per_m is not None
-    ]
-    return max(carried, default=0.0)
+@dataclass(frozen=True)
+class EqualTension:
+    """The largest tensions [N/m] that some strains of a map carry in weft and warp alike; 0 where none does."""
+
+    largest: float
+    elastic: float  # with no wire beyond its elastic limit
+    limit: float  # [Pa]
+
+    def text(self) -> str:
+        """What a designer is told."""
+        if self.largest == 0.0:
+            return "No strains of the map carry the same tension both ways: other strains in [sweep] may."
+        up_to = f"Within the strains of the map, equal tensions go up to {engineering(self.largest, 'N/m')}"
+        if self.elastic == self.largest:
+            return f"{up_to}; more takes larger strains in [sweep]."
+        beyond = f", and up to {engineering(self.elastic, 'N/m')} with" if self.elastic > 0.0 else ", none of them with"
+        return f"{up_to}{beyond} the wire below its elastic limit of {engineering(self.limit, 'Pa')}."
+
+
+def equal_tension(rows: Sequence[MapRow], limit: float) -> EqualTension:
+    """Read from the map, bilinear between its points. limit: elastic limit of the wire [Pa]."""
+    weft, warp = (sorted({row.strains[side] for row in rows}) for side in (0, 1))
+    names = [*(f"tension_{side}_N_per_m" for side in SIDES), "stress_max_Pa"]
+    first, second, stress = (_refined(grid(rows, name, weft, warp)) for name in names)
+    apart = first - second
+    largest = elastic = 0.0
+    for axis in range(2):
+        before, after = (np.take(apart, range(k, apart.shape[axis] - 1 + k), axis) for k in (0, 1))
+        crossing = before * after <= 0.0  # not where it is unknown
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = np.where(before == after, 0.0, before / (before - after))
+        tension, there = (
+            (1.0 - share) * np.take(values, range(values.shape[axis] - 1), axis)
+            + share * np.take(values, range(1, values.shape[axis]), axis)
+            for values in (first, stress)
+        )
+        largest = max(largest, float(np.max(tension[crossing], initial=0.0)))
+        elastic = max(elastic, float(np.max(tension[crossing & (there <= limit)], initial=0.0)))
+    return EqualTension(largest, elastic, limit)
+
+
+def _refined(values: np.ndarray) -> np.ndarray:
+    """Values on a grid, and bilinear between them on REFINED times as many points."""
+    for axis in range(2):
+        count = values.shape[axis]
+        if count < 2:
+            continue
+        place = np.linspace(0.0, count - 1.0, REFINED * (count - 1) + 1)
+        low = np.minimum(place.astype(int), count - 2)
+        share = (place - low).reshape((-1, 1) if axis == 0 else (1, -1))
+        values = (1.0 - share) * np.take(values, low, axis) + share * np.take(values, low + 1, axis)
+    return values

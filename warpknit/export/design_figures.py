@@ -34,9 +34,12 @@ def tension_strain_figure(curves: Mapping[str, Curve], path: str | os.PathLike[s
         for side, colour, marker in (("weft", BLUE, "o"), ("warp", ORANGE, "s")):
             tension = 1e3 * curve[f"tension_{side}_N_per_m"]
             axes.plot(strain, tension, color=colour, marker=marker, markersize=4, label=f"tension in {side}")
-        beyond = curve["stress_max_Pa"] > yield_stress
-        if beyond.any():
-            axes.axvspan(strain[beyond][0], strain[-1], color="#F3D9C6", zorder=0, label="beyond the elastic limit")
+        beyond = np.nonzero(curve["stress_max_Pa"] > yield_stress)[0]
+        if len(beyond):
+            first = max(beyond[0] - 1, 0)
+            there = [first, beyond[0]]
+            begin = np.interp(yield_stress, curve["stress_max_Pa"][there], strain[there])
+            axes.axvspan(float(begin), strain[-1], color="#F3D9C6", zorder=0, label="beyond the elastic limit")
         axes.set_title(TITLES[load], fontsize="medium")
         axes.set_xlabel("strain [%]")
         axes.grid(color="#DDDDDD", linewidth=0.6)

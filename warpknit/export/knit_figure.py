@@ -80,7 +80,7 @@ def knit_figure(cloth: Cloth, diameter: float, path: str | os.PathLike[str], col
     axes.set_title(
         f"{columns} x {rows} repeats of {cloth.wales} x {cloth.courses} stitches (wales x courses)", fontsize="medium"
     )
-    note = f"a repeat has {len(cloth.clasps)} bodies\n{cloth.stitch_length * MM:.2f} mm of wire a stitch"
+    note = f"a repeat has {len(cloth.clasps)} bodies\n{cloth.stitch_length * MM:.2f} mm of wire a loop"
     handles.append(Patch(facecolor="none", edgecolor="none", label=note))
     figure.legend(
         handles=handles, loc="upper left", bbox_to_anchor=(1.0 - RIGHT / total[0], 1.0 - TOP / total[1]), frameon=False

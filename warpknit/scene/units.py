@@ -68,6 +68,15 @@ def si(value: object, dimension: str) -> float:
     return number + 0.0  # no negative zero: equal scenes have equal hashes
 
 
+def has_unit(text: str) -> bool:
+    """Whether a string is more than a bare number."""
+    try:
+        float(text)
+    except ValueError:
+        return True
+    return False
+
+
 def si_text(value: float, unit: str) -> str:
     """`value` [unit] as a quantity string that `si` reads back to the same bits."""
     return f"{value!r} {unit}"

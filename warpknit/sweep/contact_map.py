@@ -156,6 +156,8 @@ def find_optimum(rows: Sequence[MapRow], yield_stress: float) -> Optimum | None:
     A mesh of equal loops has few different shares, so many cells tie: of these the ones count first that have the most of their
     eight neighbours on the grid as good as themselves, as strains are never set exactly, and then the one of the least stress.
     """
+    if not rows:
+        return None
     weft = sorted({row.cell.strain_weft for row in rows})
     warp = sorted({row.cell.strain_warp for row in rows})
     active = np.nan_to_num(grid(rows, "active_percent", weft, warp))

@@ -140,7 +140,7 @@ class _Mapper:
                 for seed, done in enumerate(self.maps):
                     self._run_seed(seed, done)
             except Interrupted:
-                reason, code, message = "interrupted", 130, f"interrupted; --resume goes on from {self.out}"
+                reason, code, message = "interrupted", 130, f"interrupted; what is done is kept in {self.out}"
             finally:
                 self._save()
         summary = self._summary(reason)
