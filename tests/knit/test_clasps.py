@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from knits import BARS, COARSE, FINE, PAPER, Knit, cloth
+from knits import BARS, COARSE, FINE, PAPER, Bar, Knit, cloth
 
 from warpknit.knit import LoopProportions, knit_cloth
 from warpknit.knit.loops import RANGES
@@ -82,6 +82,21 @@ def test_glide_maps_bodies_onto_bodies():
     apart = image[:, None] - position
     apart -= np.round(apart / knitted.size) * knitted.size
     assert np.hypot(apart[..., 0], apart[..., 1]).min(axis=1).max() < 0.2 * FINE
+
+
+@pytest.mark.parametrize("courses_per_inch", [14, 17, 18, 20, 23])
+def test_two_bar_tricot_has_its_symmetry_at_any_spacing(courses_per_inch):
+    """Half a repeat up, mirrored, it is the same knit: each clasp has one of the same wires there. Near heads are not merged."""
+    bars = (Bar("1-0/1-2"), Bar("1-2/1-0"))
+    knitted = knit_cloth(Knit(bars, wale_spacing=0.0254 / 14, course_spacing=0.0254 / courses_per_inch), 25e-6)
+    heights = {}
+    for clasp in knitted.clasps:
+        threads = tuple(sorted(arm.thread for arm in clasp.arms))
+        heights.setdefault((threads, clasp.lenses), []).append(clasp.position[1] / knitted.size[1])
+    for found in heights.values():
+        apart = np.abs(np.subtract.outer(found, np.array(found) + 0.5))
+        apart = np.minimum(apart % 1.0, -apart % 1.0)
+        assert apart.min(axis=1).max() < 5e-3 and len(found) % 2 == 0
 
 
 @pytest.mark.parametrize("seed", range(12))

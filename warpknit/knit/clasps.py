@@ -140,24 +140,35 @@ def make_clasps(
 
 
 def _bunches(threads: Sequence[Thread], lenses: Sequence[Lens], size: NDArray[np.float64]) -> list[list[Lens]]:
-    """Lenses gathered by shared stretches of wire, the smallest of each bunch first."""
-    left = sorted(lenses, key=lambda lens: abs(polygon_area(lens.outline)))
-    bunches = []
-    while left:
-        bunch = [left.pop(0)]
-        grown = True
-        while grown:
-            grown = False
-            for lens in left:
-                shifted = [_moved(lens, row, threads, size) for row in (0, 1, -1)]
-                match = [s for s in shifted if any(_belong(s, other) for other in bunch)]
-                if match:
-                    bunch.append(match[0])
-                    left.remove(lens)
-                    grown = True
-                    break
-        bunches.append(bunch)
-    return bunches
+    """Lenses gathered by the head that they hold, the smallest of each bunch first.
+
+    The nearest are joined first. Two bunches that each have a lens of one kind, of wires that run alike or opposed, are the
+    holds of two heads, however near they are, unless these lenses belong together themselves. So what is symmetric in the knit
+    stays so.
+    """
+    ordered = sorted(lenses, key=lambda lens: abs(polygon_area(lens.outline)))
+    bunches = {number: [lens] for number, lens in enumerate(ordered)}
+    home = {number: (number, 0) for number in bunches}  # bunch of each lens, and the row of its copy there
+    near = []
+    for i, lens in enumerate(ordered):
+        for j, other in enumerate(ordered[:i]):
+            for row in (0, 1, -1):
+                gap = _gap(_moved(lens, row, threads, size), other)
+                if gap is not None:
+                    near.append((gap, i, j, row))
+    for _, i, j, row in sorted(near):
+        (leaving, row_i), (staying, row_j) = home[i], home[j]
+        if leaving == staying:
+            continue
+        shift = row_j + row - row_i
+        joining = [_moved(lens, shift, threads, size) for lens in bunches[leaving]]
+        alike = [(a, b) for a in joining for b in bunches[staying] if a.opposed == b.opposed]
+        if any(_gap(a, b) is None for a, b in alike):
+            continue
+        bunches[staying] += joining
+        del bunches[leaving]
+        home |= {k: (staying, r + shift) for k, (bunch, r) in home.items() if bunch == leaving}
+    return [sorted(bunch, key=lambda lens: abs(polygon_area(lens.outline))) for bunch in bunches.values()]
 
 
 def _moved(lens: Lens, row: int, threads: Sequence[Thread], size: NDArray[np.float64]) -> Lens:
@@ -169,17 +180,17 @@ def _moved(lens: Lens, row: int, threads: Sequence[Thread], size: NDArray[np.flo
     )
 
 
-def _belong(lens: Lens, other: Lens) -> bool:
-    """Whether two lenses of the same wires hold the same head.
+def _gap(lens: Lens, other: Lens) -> float | None:
+    """Arc [m] between two lenses that hold the same head, less than 0 where they overlap; None where they hold different ones.
 
     Either they share a stretch of one wire on the same side of it, or they follow each other closely along one wire
     while the other wire comes through one and goes back through the other.
     """
     if lens.thread != other.thread or lens.column != other.column:
-        return False
+        return None
     gap = np.maximum(lens.low, other.low) - np.minimum(lens.high, other.high)
     room = np.minimum(lens.high - lens.low, other.high - other.low) if lens.opposed != other.opposed else np.zeros(2)
-    return any(gap[w] < room[w] and lens.sides[w] == other.sides[w] for w in (0, 1))
+    return min((float(gap[w]) for w in (0, 1) if gap[w] < room[w] and lens.sides[w] == other.sides[w]), default=None)
 
 
 def _clasp(threads: Sequence[Thread], bunch: list[Lens], size: NDArray[np.float64]) -> Clasp:
