@@ -81,11 +81,12 @@ class Plan:
     counted: bool
     relaxes: bool
     knit: str
+    sweep: str
 
     def as_dict(self) -> dict[str, Any]:
         """What `warpknit plan --json` prints."""
         kept = asdict(self)
-        for name in ("scene", "device", "available_bytes", "counted", "relaxes", "knit"):
+        for name in ("scene", "device", "available_bytes", "counted", "relaxes", "knit", "sweep"):
             del kept[name]
         return kept | {"physics": list(self.physics)}
 
@@ -107,6 +108,7 @@ class Plan:
             ("memory", f"{size(self.memory_bytes)} of {size(self.available_bytes)} available"),
             ("time step", step),
             ("steps", f"about {rounded(self.steps):,}"),
+            *([("sweep", self.sweep)] if self.sweep else []),
             ("time", time),
             ("", f"both within a factor of {ESTIMATE_FACTOR}, where the mesh is like the ones they were measured on"),
             ("physics", self.physics[0]),
@@ -139,7 +141,17 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         counted=counted,
         relaxes=scene.solver.drive == "relax",
         knit="" if cloth is None else _repeat(scene, cloth),
+        sweep=_sweep(scene),
     )
+
+
+def _sweep(scene: Scene) -> str:
+    """What `warpknit map` would run of the scene, in words; this plan is of one run of its load."""
+    if scene.sweep is None:
+        return ""
+    pairs = len(set(scene.sweep.strain_weft)) * len(set(scene.sweep.strain_warp))
+    meshes = f" of {scene.sweep.seeds} meshes" if scene.sweep.seeds > 1 else ""
+    return f"warpknit map brings {pairs:,} pairs of strains{meshes} to rest; the numbers here are for one run of [load]"
 
 
 def _repeat(scene: Scene, cloth: Cloth) -> str:

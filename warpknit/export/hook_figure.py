@@ -18,6 +18,7 @@ __all__ = ["hook_figure"]
 
 WIRES = (("left", BLUE), ("right", ORANGE))
 BETWEEN = 4  # states drawn pale between rest and the last
+TOUCHING = 1e-3  # of the largest force: with less the wires just graze, at places that mean nothing
 
 
 def hook_figure(
@@ -41,11 +42,12 @@ def hook_figure(
         force.plot(displacement, column("ground_force_N", 1e3), color=GREEN, linestyle=":", label="ground on the body")
     force.set_ylabel("force [mN]")
     place = panels["place"]
-    closed = (column("force_left_N") > 0.0) & (column("force_right_N") > 0.0)
+    least = np.minimum(column("force_left_N"), column("force_right_N"))
+    closed = least > TOUCHING * least.max(initial=0.0)
     for side, colour in WIRES:
         arc = column(f"arc_{side}_m", 1e3)
         place.plot(displacement, np.where(closed, arc, np.nan), color=colour, marker="o", markersize=3, label=f"{side} wire")
-    place.set(ylabel="contact place [mm]", xlabel="displacement of the driven end [mm]")
+    place.set(ylabel="contact place [mm from the clamp]", xlabel="displacement of the driven end [mm]")
     place.set_xlim(force.get_xlim())
     for axes in (force, place):
         axes.grid(color="#DDDDDD", linewidth=0.6)

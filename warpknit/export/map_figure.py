@@ -53,7 +53,7 @@ def map_figure(
 ) -> Path:
     """Draw `values` (warp, weft) over strains; nan stays blank. `percent`: colours go from 0 to 100.
 
-    A tile of colour is one cell; lines of equal value go between the cells' middles.
+    A tile of colour is one cell, half of it at the edges; lines of equal value go between the cells' middles.
     """
     x, y = 100.0 * np.asarray(weft, dtype=float), 100.0 * np.asarray(warp, dtype=float)
     figure = figure_of(7.0, 5.9)
@@ -76,6 +76,9 @@ def map_figure(
         legend = {"facecolor": "#B0B0B0", "edgecolor": "none", "framealpha": 1.0, "fontsize": "small"}
         columns = min(len(handles), LEGEND_COLUMNS)
         axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=columns, **legend)
+    for limits, ticks in ((axes.set_xlim, x), (axes.set_ylim, y)):
+        if len(ticks) > 1:  # cells at the edge are shown by half: strains that were not run are not in the picture
+            limits(ticks[0], ticks[-1])
     axes.set_xlabel("weft strain [%]")
     axes.set_ylabel("warp strain [%]")
     axes.set_title(title, fontsize="medium")

@@ -28,6 +28,7 @@ __all__ = ["curves_figure", "figure_of", "frame_plan_axes", "mesh_figure", "save
 
 DOTS_PER_INCH = 150
 SEGMENTS_DRAWN = 200_000  # above, single wires cannot be told apart: a map is drawn
+PARTS_DRAWN = 4  # of the curve of a wire between two nodes
 NEIGHBOURS_DRAWN = 2_000  # segments of a periodic tile up to which the tiles around it are drawn, pale
 DECADES_DRAWN = 1e-9  # of a logarithmic axis: a kinetic energy that has died away does not flatten the others
 ROOM = 293.15  # [K]  a temperature other than this is said in the title
@@ -64,7 +65,7 @@ def mesh_figure(
     figure, (axes,), points_per_mm = _plan_figure(high - low, 1, _title(frame, tension))
     stress = 1e-6 * np.asarray(frame.node_stress, dtype=float)[layout.curve_node]
     colours, scale = _stress_colours(stress, yield_stress)
-    lines: Any = np.stack((position[segment], position[segment + 1]), axis=1)
+    lines: Any = _smooth(position, segment)
     wires = LineCollection(
         lines,
         array=0.5 * (stress[segment] + stress[segment + 1]),
@@ -81,6 +82,22 @@ def mesh_figure(
     _draw_contacts(figure, axes, layout, frame, points_per_mm)
     frame_plan_axes(axes, low, high)
     return save_figure(figure, path)
+
+
+def _smooth(position: NDArray[Any], segment: NDArray[Any]) -> NDArray[Any]:
+    """(segment, point, 2) the wires between their nodes, as the cubic curves (Catmull and Rom) that go on smoothly there."""
+    has_before, has_after = np.isin(segment - 1, segment), np.isin(segment + 1, segment)
+    begin, end = position[segment], position[segment + 1]
+    before = np.where(has_before[:, None], position[segment - 1], 2.0 * begin - end)
+    after = np.where(has_after[:, None], position[np.minimum(segment + 2, len(position) - 1)], 2.0 * end - begin)
+    u = np.linspace(0.0, 1.0, PARTS_DRAWN + 1)[None, :, None]
+    at_begin, at_end = (0.5 * (far - near)[:, None] for far, near in ((end, before), (after, begin)))
+    return np.asarray(
+        (1.0 + 2.0 * u) * (1.0 - u) ** 2 * begin[:, None]
+        + u**2 * (3.0 - 2.0 * u) * end[:, None]
+        + u * (1.0 - u) ** 2 * at_begin
+        - u**2 * (1.0 - u) * at_end
+    )
 
 
 def _draw_neighbours(axes: Axes, lines: NDArray[Any], period: NDArray[Any]) -> None:

@@ -23,10 +23,11 @@ class HookContact:
     arc_right: float
     ground_force: float  # [N] that spring or plane take from the body; 0 where it is free
     body: np.ndarray  # (2,) [m]
+    threshold: float  # [N] above which a contact counts as one
 
     @property
     def is_closed(self) -> bool:
-        return self.force_left > 0.0 and self.force_right > 0.0
+        return min(self.force_left, self.force_right) > self.threshold
 
 
 def hook_contact(r: Reading) -> HookContact:
@@ -49,4 +50,5 @@ def hook_contact(r: Reading) -> HookContact:
         # of a single contact point both pairs act on wires, and what one gives the other takes
         ground_force=float(np.hypot(*on_wires)) if model.treatment.anchored else 0.0,
         body=whole.positions(r)[1][0, :2],
+        threshold=whole.active_threshold(model),
     )

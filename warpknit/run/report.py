@@ -65,6 +65,9 @@ def _hook_rows(hook: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield "displacement", f"{engineering(hook['displacement_m'], 'm')}, by a force of {engineering(hook['drive_force_N'], 'N')}"
     left, right = hook["force_left_N"], hook["force_right_N"]
     yield "contact force", f"{engineering(left, 'N')} on the left wire, {engineering(right, 'N')} on the right one"
+    if min(left, right) <= 0.0:
+        yield "contact at", "nowhere: the wires do not touch"
+        return
     places = [f"{engineering(hook[f'arc_{side}_m'], 'm')} on the {side} wire" for side in ("left", "right")]
     yield "contact at", f"{places[0]}, {places[1]} from the lower clamp"
     ways = [engineering(hook[f"slide_{side}_m"], "m") for side in ("left", "right")]

@@ -11,6 +11,7 @@ from .. import __version__, measure
 from ..model.model import Model
 from ..solve.simulate import Record
 from .history import HookRow, Row
+from .report import engineering
 
 STEEP = 0.3  # slope from which its square is no longer small
 LEVELS_FOLLOWED = 4  # of a stage: with fewer the work along them is too rough to tell of a snap
@@ -119,17 +120,17 @@ def warnings_of(model: Model, rows: list[Row], stages: list[dict[str, Any]]) -> 
     found = list(model.panel.notes)
     largest = max((row.stress_max_Pa for row in rows), default=0.0)
     interior = max((stage["wire"]["stress_interior_max_Pa"] for stage in stages), default=largest)
-    where = f" (away from the grips {interior / 1e6:.3g} MPa)" if interior < 0.95 * largest else ""
+    where = f" (away from the grips {engineering(interior, 'Pa')})" if interior < 0.95 * largest else ""
     law = "the result has it yield in bending and never break" if wire.plastic else "the result is elastic"
     if largest > wire.tensile_strength:
         found.append(
-            f"a wire is stressed to {largest / 1e9:.3g} GPa{where}, beyond its strength of {wire.tensile_strength / 1e9:.3g} GPa:"
-            f" it would break; {law}"
+            f"a wire is stressed to {engineering(largest, 'Pa')}{where}, beyond its strength of"
+            f" {engineering(wire.tensile_strength, 'Pa')}: it would break; {law}"
         )
     elif largest > wire.yield_stress:
         found.append(
-            f"a wire is stressed to {largest / 1e9:.3g} GPa{where}, beyond its elastic limit of"
-            f" {wire.yield_stress / 1e9:.3g} GPa: it {'keeps' if wire.plastic else 'would keep'} a set; {law}"
+            f"a wire is stressed to {engineering(largest, 'Pa')}{where}, beyond its elastic limit of"
+            f" {engineering(wire.yield_stress, 'Pa')}: it {'keeps' if wire.plastic else 'would keep'} a set; {law}"
         )
     if any(row.strain_weft < -0.005 or row.strain_warp < -0.005 for row in rows):
         found.append("the mesh is compressed: a real one would wrinkle out of its plane, which this planar model cannot show")
@@ -151,6 +152,8 @@ def warnings_of(model: Model, rows: list[Row], stages: list[dict[str, Any]]) -> 
             f"as knitted {rows[0].active_pairs} pairs press already, with {rows[0].tension_weft_N_per_m:.2g} N/m in weft and"
             f" {rows[0].tension_warp_N_per_m:.2g} N/m in warp at no strain: the yarn is thicker than the loops leave room for"
         )
+    if isinstance(rows[-1] if rows else None, HookRow):
+        found += _lost_contact([row for row in rows if isinstance(row, HookRow)])
     for a, b in zip(rows, rows[1:], strict=False):
         by_tension = _driven_by_tension(model, b.stage)
         jump = float(np.max(np.abs([b.strain_weft - a.strain_weft, b.strain_warp - a.strain_warp]) * by_tension))
@@ -168,6 +171,16 @@ def warnings_of(model: Model, rows: list[Row], stages: list[dict[str, Any]]) -> 
             " stored: the mesh snapped between recorded states, or output.frames is too small to follow it"
         )
     return found
+
+
+def _lost_contact(rows: list[HookRow]) -> list[str]:
+    """Whether two hooked wires have come apart."""
+    force = [min(row.force_left_N, row.force_right_N) for row in rows]
+    most = int(np.argmax(force))
+    if force[-1] > 0.0 or force[most] == 0.0:
+        return []
+    where = f"the wires have lost each other after {engineering(rows[most].displacement_m, 'm')}"
+    return [f"{where}, where they pressed with {engineering(force[most], 'N')}: the contact has slid off its target"]
 
 
 def _driven_by_tension(model: Model, name: str) -> np.ndarray:
