@@ -70,6 +70,7 @@ def test_among_equal_shares_the_optimum_has_equal_neighbours_and_the_least_stres
         [row(0.1, 0.1, active=0.0)],  # nothing touches
         [row(0.1, 0.1, tension=(0.1, -0.1))],  # not tensile
         [row(0.1, 0.1, reason="diverged")],
+        mean_map([[row(0.1, 0.1)], [row(0.1, 0.1, reason="diverged")]]),  # not at rest for all seeds
     ],
 )
 def test_there_may_be_no_optimum(rows):

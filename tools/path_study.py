@@ -2,7 +2,8 @@
 
     python tools/path_study.py DIR [--quick]
 
-Hysteresis: scenes/friction_cycle.toml, 0 -> 16 % -> 0 -> 16 % both ways, by the friction coefficient. Overload:
+Hysteresis: scenes/friction_cycle.toml, 0 -> 16 % -> 0 -> 16 % both ways in steps of 0.125 %, by the friction coefficient.
+Overload:
 scenes/overload.toml, 0 -> overload -> 0 both ways, a mesh as knitted each time, for 30 um tungsten and molybdenum wire that
 yields at the limit in warpknit/materials.py, and for molybdenum as if it never yielded. Prints tables and leaves
 hysteresis.csv, overload.csv and paths.png in DIR.
@@ -28,6 +29,7 @@ OVERLOADS = (0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.24, 0.28)
 WIRES = (("tungsten", True), ("molybdenum", True), ("molybdenum", False))
 SERVICE = 0.1  # strain both ways at which the mesh is used
 STEP = 0.01  # of strain between recorded states
+FINE = "output.frames=128"  # 0.125 % of strain between the states of a cycle with friction
 
 
 @dataclass(frozen=True)
@@ -171,7 +173,7 @@ def main() -> int:
     arguments = parser.parse_args()
     start_warp()
     few = slice(None, None, 3) if arguments.quick else slice(None)
-    cycles = [cycle(mu) for mu in FRICTIONS[few]]
+    cycles = [cycle(mu, FINE) for mu in FRICTIONS[few]]
     show_rows([row for row, _ in cycles])
     overloads = [overload(*wire, strain, "solver.preset=draft") for wire in WIRES for strain in OVERLOADS[few]]
     show_rows([row for row, _ in overloads])

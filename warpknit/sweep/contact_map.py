@@ -150,8 +150,8 @@ class Optimum:
 
 
 def find_optimum(rows: Sequence[MapRow], yield_stress: float) -> Optimum | None:
-    """The optimum among the cells under tension in both directions, none of whose wires is stressed beyond `yield_stress` [Pa];
-    None where there is no such cell, or none with an active contact.
+    """The optimum among the cells under tension in both directions, none of whose wires is stressed beyond `yield_stress` [Pa]
+    and all of whose seeds came to rest; None where there is no such cell, or none with an active contact.
 
     A mesh of equal loops has few different shares, so many cells tie: of these the ones count first that have the most of their
     eight neighbours on the grid as good as themselves, as strains are never set exactly, and then the one of the least stress.
@@ -171,7 +171,8 @@ def find_optimum(rows: Sequence[MapRow], yield_stress: float) -> Optimum | None:
         cell = row.cell
         numbers = (cell.active_percent, cell.tension_weft_N_per_m, cell.tension_warp_N_per_m, cell.stress_max_Pa)
         share, tension_weft, tension_warp, stress = (math.nan if number is None else number for number in numbers)
-        if not (share > 0.0 and tension_weft > 0.0 and tension_warp > 0.0 and stress <= yield_stress):
+        tensile = share > 0.0 and tension_weft > 0.0 and tension_warp > 0.0
+        if not (tensile and stress <= yield_stress and cell.stop_reason == STEADY):
             continue
         neighbours = int(kept[warp.index(cell.strain_warp), weft.index(cell.strain_weft)])
         order = (round(share / SAME_SHARE), neighbours, -stress)
