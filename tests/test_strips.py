@@ -181,6 +181,7 @@ def test_strips_remember_friction_and_yield() -> None:
     assert heat > 0.0 and np.any(alone.plastic_turn != 0.0)
     assert_same_bits(shared, alone)
     assert np.array_equal(shared.plastic_turn, alone.plastic_turn)
+    assert np.array_equal(shared.pair_stuck, alone.pair_stuck) and measure.friction_energy(alone) > 0.0
     assert shared_heat == pytest.approx(heat, rel=1e-12, abs=0)
 
 
