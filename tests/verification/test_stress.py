@@ -1,0 +1,90 @@
+"""Stress of a wire under stretch, bending and the push of a body, and what heat does to its energy."""
+
+import numpy as np
+import pytest
+from verification.test_forces import deformed, two_rings
+from verification.wires import DIAMETER, EPSILON, Rig, panel_of_wires, straight, table_of_wires
+
+from warpknit import measure
+from warpknit.kernels import control as c
+
+SEGMENTS, SPACING = 16, 50e-6
+BALANCE = 1e-14  # [N] over a force of 9e-8 N
+
+
+def test_stretch_counts_on_either_side_of_a_node() -> None:
+    """sigma = E e with the larger strain of the two segments at a node, tensile or not; one where a wire ends. Nodes beyond the
+    yield stress of 2 GPa, strains of 5e-3, are the share that is said."""
+    table = table_of_wires([straight(SEGMENTS + 1, SPACING)])
+    rig = Rig(table, panel_of_wires(table))
+    wire = rig.model.scene.wire
+    strain = np.linspace(-3e-3, 7.1e-3, SEGMENTS)
+    x = rig.rest.copy()
+    x[:, 0] = SPACING * np.concatenate([[0.0], np.cumsum(1.0 + strain)])
+    reading = rig.reading(x)
+    sides = np.abs(np.concatenate([strain[:1], strain, strain[-1:]]))
+    expected = wire.youngs_modulus * np.maximum(sides[:-1], sides[1:])
+    noise = 100 * EPSILON * SEGMENTS / 3e-3
+    assert measure.wire_stress(reading) == pytest.approx(expected, rel=noise)
+    largest, _, above = measure.stress_extremes(reading)
+    assert largest == pytest.approx(2.84e9, rel=noise)
+    assert above == np.mean(expected > wire.yield_stress) and 0.2 < above < 0.4
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_bending_stresses_the_outermost_fibre(side: float) -> None:
+    """A straight wire on an arc of radius R, its chords as long as its segments h: sigma = E (d/2) theta/h with
+    theta = 2 asin(h/(2 R)), at all nodes but the ends, where nothing bends."""
+    table = table_of_wires([straight(SEGMENTS + 1, SPACING)])
+    rig = Rig(table, panel_of_wires(table))
+    radius = 1e-3
+    angle = 2.0 * np.arcsin(0.5 * SPACING / radius)
+    turn = angle * np.arange(SEGMENTS + 1)
+    stress = measure.wire_stress(rig.reading(radius * np.stack([np.sin(turn), side * (1.0 - np.cos(turn))], axis=1)))
+    expected = rig.model.scene.wire.youngs_modulus * 0.5 * DIAMETER * angle / SPACING
+    # rounding of edges against their length, over the turning and over the strain that makes as much stress
+    noise = 1e3 * EPSILON / (angle * DIAMETER / SPACING)
+    assert stress[1:-1] == pytest.approx(np.full(SEGMENTS - 1, expected), rel=noise)
+    assert stress[[0, -1]] == pytest.approx([0.0, 0.0], abs=noise * expected)
+
+
+@pytest.mark.parametrize("u", [0.5, 0.25])
+def test_a_wire_is_stressed_most_under_a_body(u: float) -> None:
+    """A pinned wire pushed by F at a from one end and b from the other bends by M = F a b/L there, between two nodes. Node
+    moments are those of forces on four nodes, whose outer two, up to F/16, make M too large by F h/16 at most."""
+    squeeze = 1e-4 * DIAMETER
+    distance = 2.0 * (0.625 * DIAMETER - squeeze)
+    table = table_of_wires([straight(SEGMENTS + 1, SPACING), straight(SEGMENTS + 1, SPACING, distance)])
+    segment = SEGMENTS // 2
+    place = (segment + u) * SPACING
+    pairs = [(0, segment, 1), (1, segment, -1)]
+    rig = Rig(table, panel_of_wires(table, bodies=np.array([[place, distance / 2]]), pairs=pairs), axial_softening=1e4)
+    rig.control({c.CONTACT_STIFFNESS: 10.0})
+    free = np.ones_like(rig.rest, dtype=bool)
+    free[[0, SEGMENTS, SEGMENTS + 1, 2 * SEGMENTS + 1]] = False
+    free[-1, 0] = False
+    reading = rig.reading(rig.rest_position(rig.rest, free, tolerance=BALANCE))
+    force, length = reading.pair_force, SEGMENTS * SPACING
+    moment = force * place * (length - place) / length
+    over = rig.model.scene.wire.youngs_modulus * 0.5 * DIAMETER / rig.model.bending_stiffness
+    found = measure.contact_stress(reading) / over
+    assert np.all(found > moment * (1.0 - 1e-3)) and np.all(found < moment + force * SPACING / 16 * (1.0 + 1e-3))
+    at_nodes = measure.wire_stress(reading).reshape(2, -1).max(axis=1) / over
+    assert np.all(at_nodes < moment * (1.0 - 1e-3))  # the nodes miss the peak
+    assert measure.stress_extremes(reading)[0] == pytest.approx(over * found.max())
+
+
+def test_heat_works_against_stretch_bending_and_contact() -> None:
+    """`measure.thermal_force` is the derivative of the stored energy by the length factor, which lengthens segments and hinges
+    and widens the reach of contacts; by central differences of 2e-6, to their square and to round-off over them."""
+    rig, by = two_rings(7), 1e-6
+    x = deformed(rig)
+    found = measure.thermal_force(rig.reading(x))
+    energies = []
+    for sign in (1.0, -1.0):
+        rig.control({c.LENGTH_FACTOR: 1.0 + sign * by})
+        energies.append(rig.stored_energy(x))
+    slope = (energies[0] - energies[1]) / (2.0 * by)
+    widened = float(np.sum(rig.reading(x).pair_force)) * rig.model.contact_reach
+    assert slope == pytest.approx(found, abs=1e-4 * abs(widened))
+    assert abs(found) > 0.0 and widened > 0.0
