@@ -5,6 +5,7 @@ import pytest
 
 from warpknit.design.network import contact_resistances, holm_resistance, sheet_conductance, sheet_resistance, wire_resistance
 from warpknit.design.states import states_at
+from warpknit.measure import Reading, pair_active, positions
 from warpknit.model.model import build_model
 from warpknit.scene import make_scene
 from warpknit.scene.materials import MATERIALS
@@ -93,3 +94,47 @@ def test_a_surface_twice_as_hard_makes_contacts_of_root_two_the_resistance():
     assert plain.model.scene.wire.hardness == gold
     assert contact_resistances(hard) == pytest.approx(np.sqrt(2.0) * contact_resistances(plain), rel=1e-9)
     assert make_scene({}).wire.hardness == MATERIALS["tungsten"].hardness
+
+
+def every_segment(r: Reading):
+    """The same network from where everything stands: each stretch between two nodes a resistor of its own, cut where a contact
+    touches it, and each body with active contacts on either wire one between the two places."""
+    panel, wire = r.model.panel, r.model.scene.wire
+    periods = r.gradient @ np.diag(panel.size)
+    place = list(positions(r)[0][:, :2])
+    resistance = r.natural_length * r.length_factor * (4.0 * MATERIALS[wire.material].resistivity / (np.pi * wire.diameter**2))
+    both = np.repeat(pair_active(r).reshape(-1, 2).all(axis=1), 2)
+    ends, reach, ohms, touching = [], [], [], {}
+    for first, count in zip(panel.wire_first, panel.wire_count, strict=True):
+        for node in range(first, first + count):
+            following, beyond = (node + 1, 0.0) if node + 1 < first + count else (first, periods[:, 1])
+            way = place[following] + beyond - place[node]
+            here, at = node, 0.0
+            for pair in sorted(np.flatnonzero(both & (r.pair_node == node)), key=lambda pair: r.pair_u[pair]):
+                touching[pair] = len(place)
+                place.append(place[node] + r.pair_u[pair] * way)
+                ends.append((here, touching[pair]))
+                reach.append((r.pair_u[pair] - at) * way)
+                ohms.append((r.pair_u[pair] - at) * resistance[node])
+                here, at = touching[pair], r.pair_u[pair]
+            ends.append((here, following))
+            reach.append((1.0 - at) * way)
+            ohms.append((1.0 - at) * resistance[node])
+    for body in range(panel.body_count):
+        if 2 * body in touching:
+            one, other = touching[2 * body], touching[2 * body + 1]
+            across = np.linalg.solve(periods, place[other] - place[one])
+            ends.append((one, other))
+            reach.append(periods @ (across - np.rint(across)))
+            force = 0.5 * (r.pair_force[2 * body] + r.pair_force[2 * body + 1])
+            ohms.append(0.5 * MATERIALS[wire.material].resistivity * np.sqrt(np.pi * wire.hardness / force))
+    area = abs(np.linalg.det(periods))
+    return np.array(ends), np.array(reach), 1.0 / np.array(ohms), len(place), area
+
+
+def test_a_mesh_is_the_network_of_its_segments():
+    """Wires between contacts are their segments in series, and where in a repeat a point stands does not matter."""
+    state = hooked([1, 1])
+    expected = sheet_conductance(*every_segment(state))
+    weft, warp = sheet_resistance(state)
+    assert (1.0 / weft, 1.0 / warp) == pytest.approx(np.diag(expected), rel=1e-9)
