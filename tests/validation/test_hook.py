@@ -14,13 +14,15 @@ import pytest
 from hook_reference import Contact, Hook
 
 from warpknit import measure
+from warpknit.kernels.control import KINETIC_TWICE
 from warpknit.measure.hook_contact import HookContact, hook_contact
-from warpknit.measure.reading import Reading
+from warpknit.measure.reading import Reading, node_entries
 from warpknit.mesh.hook import LEFT_TOP, RIGHT_TOP
 from warpknit.model.model import build_model
 from warpknit.model.state import initial_state
 from warpknit.scene import Scene, make_scene
 from warpknit.solve.simulate import Simulation
+from warpknit.solve.step import Stepper
 from warpknit.solve.timestep import stable_step
 
 DIAMETER = 15e-6
@@ -149,6 +151,28 @@ def test_upper_ends_are_free_along_the_warp_only(drive: str, device: str) -> Non
     assert np.allclose(moved[[0, 2]], 0.0, atol=1e-15)
     assert np.allclose(moved[[LEFT_TOP, RIGHT_TOP], :, 0], [[0.0], [0.6e-3]], atol=1e-15)
     assert np.allclose(np.ptp(moved[:, :, 1], axis=1), 0.0, atol=1e-15)
+
+
+def test_a_sliding_clamp_has_the_mass_of_both_its_nodes() -> None:
+    """After a step from random velocities the kinetic energy that the control array adds up is that of all nodes: a clamp's two
+    move as one, with their mean, and carry the mass of both."""
+    model = build_model(hook_scene(16, 8, solver={"drive": "ramp"}))
+    state = initial_state(model)
+    nodes = model.panel.node_count
+    mass = np.repeat(state.wire_mass.numpy(), model.panel.wire_count) / model.rest.inverse_mass.numpy()[node_entries(model)]
+    free = ~np.isin(np.arange(nodes), model.panel.held_node)
+    top = np.concatenate([model.panel.held_node.reshape(4, 2)[end] for end in (LEFT_TOP, RIGHT_TOP)])
+    velocity = np.random.default_rng(0).normal(size=(2, nodes)) * free
+    velocity[1, top] = np.repeat([0.8, -2.5], 2)
+    state.node_vx.assign(velocity[0])
+    state.node_vy.assign(velocity[1])
+    state.slide_vy.assign(np.array([0.8, -2.5]))
+    Stepper(model, state).step(1)
+    after = np.stack([state.node_vx.numpy(), state.node_vy.numpy()])
+    assert after[1, top[::2]] == pytest.approx(after[1, top[1::2]], rel=1e-15)
+    kinetic = float(state.read_control()[int(KINETIC_TWICE)])
+    assert kinetic == pytest.approx(np.sum(mass * after**2), rel=1e-12)
+    assert np.sum(mass[top] * after[1, top] ** 2) > 0.1 * kinetic
 
 
 # --- the other treatments

@@ -209,6 +209,30 @@ def test_hysteresis_grows_with_friction_and_vanishes_without() -> None:
     assert without[0] == pytest.approx(without[1], rel=2e-2)
 
 
+def test_a_contact_that_opens_forgets_where_it_stuck() -> None:
+    """And begins anew where it closes next, without having slipped there."""
+    model, state, stepper, moved, tangent = pressed(0.25, False)
+    stepper.evaluate_contact()
+    path = Path(model, state)
+    path.advance()
+    closed = state.pair_force.numpy() > 0
+    stuck = state.pair_stuck.numpy().copy()
+    assert np.all(stuck[closed] != float(LOOSE))
+    for towards, along in ((0.0, 0.0), (1.0, 0.02 * float(model.table.spacing.mean()))):  # apart, and again a little farther on
+        way = towards * moved + along * tangent
+        state.body_ux.assign(way[:, 0])
+        state.body_uy.assign(way[:, 1])
+        stepper.evaluate_contact()
+        path.advance()
+        if towards == 0.0:
+            assert np.all(state.pair_stuck.numpy()[closed] == float(LOOSE))
+    again = closed & (state.pair_force.numpy() > 0)
+    here = state.pair_slide.numpy() + state.pair_u.numpy()
+    assert again.sum() >= 3 and state.pair_stuck.numpy()[again] == pytest.approx(here[again], rel=1e-12)
+    assert np.abs(here - stuck)[again].max() > 0.0
+    assert path.dissipated == 0.0
+
+
 def test_friction_needs_a_relaxation_and_is_on_the_books() -> None:
     from warpknit.errors import SceneError
 
