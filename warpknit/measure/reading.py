@@ -41,6 +41,7 @@ class Reading:
     pair_stuck: np.ndarray  # [pair, or none without friction] where a contact sticks to its wire (kernels/friction.py)
     pair_gap: np.ndarray  # [pair] [m] meaningful where the force is not zero
     pair_node: np.ndarray  # [pair]
+    pair_wake: np.ndarray  # [pair] [m] travel since the last neighbour search up to which the pair sleeps
     pair_slide: np.ndarray  # [pair]
     pair_u: np.ndarray  # [pair]
     pair_nodal: np.ndarray  # [pair, 4, 2] [N] zero where the force is zero
@@ -208,6 +209,7 @@ def read_strip(model: Model, state: State) -> Reading:
         pair_stuck=state.pair_stuck.numpy().copy(),
         pair_gap=state.pair_gap.numpy().astype(np.float64),
         pair_node=state.pair_node.numpy().copy(),
+        pair_wake=state.pair_wake.numpy().astype(np.float64),
         pair_slide=state.pair_slide.numpy().copy(),
         pair_u=state.pair_u.numpy().astype(np.float64),
         pair_nodal=np.where(force[:, None, None] > 0, nodal.reshape(-1, 4, 2), 0.0),
@@ -226,7 +228,7 @@ def _joined(reading: Reading) -> Reading:
         joined[name] = join.nodes(values) if len(values) == model.panel.node_count else values
     joined |= {"clamp_shift": join.clamps(reading.clamp_shift), "warmth": join.wires(reading.warmth)}
     joined["pair_node"] = join.pairs(reading.pair_node + first_node)
-    of_pairs = ("pair_force", "pair_offset", "pair_gap", "pair_slide", "pair_u", "pair_nodal")
+    of_pairs = ("pair_force", "pair_offset", "pair_gap", "pair_wake", "pair_slide", "pair_u", "pair_nodal")
     joined |= {name: join.pairs(getattr(reading, name)) for name in of_pairs}
     if len(reading.pair_stuck):
         joined["pair_stuck"] = join.pairs(reading.pair_stuck)

@@ -120,7 +120,7 @@ class Ramp(Drive):
 
     def _renew_step(self) -> float:
         """The time step that the present tension and contact allow."""
-        step = stable_step(self.model, self.state)
+        step = stable_step(self.model, self.state, CHECK_STEPS)
         self.state.write_control({c.TIME_STEP: step})
         return step
 
