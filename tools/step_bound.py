@@ -27,7 +27,7 @@ from study import COLOURS, new_figure, tidy, write_rows
 from warpknit import measure
 from warpknit.errors import Diverged, WarpknitError
 from warpknit.kernels import control as c
-from warpknit.model import Model, build_model
+from warpknit.model.model import Model, build_model
 from warpknit.model.numerics import MASS_MARGIN, STEP_MARGIN
 from warpknit.scene import Scene, make_scene
 from warpknit.solve.simulate import Simulation

@@ -13,7 +13,7 @@ import math
 
 from .. import measure
 from ..kernels import control as c
-from ..model import Model
+from ..model.model import Model
 from ..model.numerics import STEP_MARGIN
 from ..model.state import State
 from .frequency import frequency_square
