@@ -1,13 +1,17 @@
-"""How near the bound on the time step comes to the step at which a mesh really diverges.
+"""How near the bound on the step comes to the step at which a mesh really diverges.
 
     python tools/step_bound.py [--scenes N] [--seed S] [--out DIR] [--picture FILE]
 
-Random scenes: pattern, proportions, wire, boundary, nodes, strain, shear, temperature, contact stiffness, body mass, softening and mass
-scaling. Each is brought to rest, and stepped from there as `drive = "ramp"` does, undamped, with small random speeds and a step
-that is longer from trial to trial. The true limit is the first step at which the kinetic energy grows GROWTH-fold within STEPS
-steps, to RESOLUTION. For half of the scenes this is the ramp with its masses (warpknit/solve/timestep.py); for the others
-the relaxation with its fictitious masses, whose bound is the step at which they are meant to be stable.
-Prints the table's statistics, leaves step_bound.csv in DIR and draws the histogram.
+Random scenes: pattern, proportions, wire, boundary, nodes, strain, shear, temperature, contact stiffness, body mass, softening,
+mass scaling. Each is brought to rest twice, and stepped from there with small random speeds and no damping, by a step that is
+longer from trial to trial:
+
+    ramp    with the masses of a ramp and the softening it keeps; bound: largest_step of warpknit/solve/timestep.py
+    relax   with fictitious masses, multipliers as they came to rest; bound: the step at which they are meant to be stable
+
+The true limit is the shortest step tried, to RESOLUTION, at which the kinetic energy grows GROWTH-fold within STEPS steps.
+Speeds are so small that this is the limit of the mesh as it stands. Prints what the ratios are, leaves step_bound.csv in DIR and
+draws their histogram.
 """
 
 from __future__ import annotations
@@ -15,9 +19,8 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,13 +31,13 @@ from warpknit import measure
 from warpknit.errors import Diverged, WarpknitError
 from warpknit.kernels import control as c
 from warpknit.model.model import Model, build_model
-from warpknit.model.numerics import MASS_MARGIN, STEP_MARGIN
-from warpknit.scene import Scene, make_scene
-from warpknit.solve.simulate import Simulation
+from warpknit.model.numerics import MASS_MARGIN
 from warpknit.model.state import LOOK_AHEAD, State, initial_state
-from warpknit.solve.step import Stepper
+from warpknit.scene import make_scene
 from warpknit.solve.neighbours import NeighbourSearch
-from warpknit.solve.frequency import frequency_square
+from warpknit.solve.simulate import Simulation
+from warpknit.solve.step import Stepper
+from warpknit.solve.timestep import largest_step
 
 RESULTS = Path(__file__).parent / "results"
 PICTURE = Path(__file__).parents[1] / "docs" / "images" / "step_bound.png"
@@ -49,7 +52,7 @@ BARS = {
     "long double atlas": (("1-0/1-2/2-3/3-4/3-2/2-1", "|.", 0), ("3-4/3-2/2-1/1-0/1-2/2-3", "|.", 0)),
 }
 STEPS = 3000  # of a trial
-GROWTH = 300.0  # of the kinetic energy: more is a divergence. A stable mode within 1e-3 of its limit grows 500-fold, but is one of many
+GROWTH = 300.0  # of the kinetic energy: a mode within 1e-3 of its limit grows 500-fold, but is one of many
 RESOLUTION = 2e-3  # of the true limit
 COARSE = 1.03  # from trial to trial until one diverges
 SPEED = 1e-4  # wire diameters that the speeds carry in the shortest period, over 2 pi
@@ -71,14 +74,24 @@ class Row:
     shear: float
     temperature_K: float
     softening: float
-    contact_factor: float
+    contact_over_bend: float  # penalty over EI/h^3
     body_mass: float
     mass_scaling: float
     active_percent: float
-    limited_by: str
     bound_s: float
     true_s: float
     ratio: float
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A random scene, at rest as a relaxation leaves it and as a ramp steps it."""
+
+    pattern: str
+    table: dict[str, Any]
+    scaling: dict[str, float]  # body_mass and mass_scaling of the ramp
+    relaxed: tuple[Model, State]
+    moving: tuple[Model, State]
 
 
 def random_table(random: np.random.Generator) -> tuple[str, dict[str, Any]]:
@@ -94,7 +107,7 @@ def random_table(random: np.random.Generator) -> tuple[str, dict[str, Any]]:
     }  # fmt: skip
     return pattern, {
         "wire": {
-            "youngs_modulus": 10 ** span(9, 12), "density": 10 ** span(3, 4.5), "poissons_ratio": 0.3, "expansion": 10 ** span(-6, -4.5),
+            "youngs_modulus": 10 ** span(9, 12), "density": 10 ** span(3, 4.5), "expansion": 10 ** span(-6, -4.5),
             "yield_stress": 1e9, "tensile_strength": 2e9, "diameter": course * 10 ** span(-2.3, -1.6),
         },
         "knit": {
@@ -103,29 +116,35 @@ def random_table(random: np.random.Generator) -> tuple[str, dict[str, Any]]:
             "course_spacing": course,
             "loop": loop,
         },
-        "model": {"boundary": str(random.choice(["periodic", "periodic", "gripped"])), "nodes_per_loop": int(random.integers(12, 61))},
+        "model": {
+            "boundary": str(random.choice(["periodic", "periodic", "gripped"])), "nodes_per_loop": int(random.integers(12, 61)),
+        },
         "load": {
-            "strain_weft": span(-0.02, 0.2), "strain_warp": span(-0.02, 0.2), "shear": span(-0.05, 0.05), "temperature": span(4, 1000),
+            "strain_weft": span(-0.02, 0.2), "strain_warp": span(-0.02, 0.2), "shear": span(-0.05, 0.05),
+            "temperature": span(4, 1000),
         },
         "contact": {},
-        "solver": {"axial_softening": 10 ** span(0, 2.5), "precision": "double", "residual_tolerance": 1e-3, "multipliers": False,
-                   "max_steps": 60000},
+        "solver": {"axial_softening": 10 ** span(1, 3), "precision": "double", "residual_tolerance": 1e-3, "max_steps": 60000},
         "output": {"frames": 4},
     }  # fmt: skip
 
 
-def at_rest(table: dict[str, Any]) -> tuple[Model, State]:
-    """The mesh at rest under its load, without multipliers: its stiffnesses are those that it is stepped with."""
-    model = build_model(make_scene(table))
+def at_rest(table: dict[str, Any], **solver: Any) -> tuple[Model, State]:
+    """The mesh at rest under its load. Raises Diverged."""
+    model = build_model(make_scene({**table, "solver": {**table["solver"], "drive": "relax", **solver}}))
     state = initial_state(model)
     for _ in Simulation(model, state).run():
         pass
     return model, state
 
 
-def as_ramp(table: dict[str, Any], rest: State) -> tuple[Model, State]:
-    """The same state with the masses of a ramp."""
-    model = build_model(make_scene({**table, "solver": {**table["solver"], "drive": "ramp"}}))
+def as_ramp(table: dict[str, Any], softening: float, scaling: dict[str, float]) -> tuple[Model, State]:
+    """At rest without multipliers, so with the stiffnesses that it is stepped with, and then with the masses of a ramp."""
+    _, rest = at_rest(table, axial_softening=softening, multipliers=False)
+    solver = {**table["solver"], "drive": "ramp", "axial_softening": softening, "mass_scaling": scaling["mass_scaling"]}
+    model = build_model(
+        make_scene({**table, "solver": solver, "contact": {**table["contact"], "body_mass": scaling["body_mass"]}})
+    )
     state = initial_state(model)
     control = rest.read_control()
     kept = rest.arrays()
@@ -192,53 +211,67 @@ class Trials:
         return low
 
 
-def measured(number: int, seed: int) -> list[Row]:
-    """Rows of one scene, a ramp and a relaxation; other draws take the place of scenes that cannot be knitted or do not come to rest."""
-    random = np.random.default_rng([seed, number])
+def drawn(number: int, random: np.random.Generator) -> Drawn:
+    """A scene that can be knitted and comes to rest; others are drawn again."""
     while True:
         pattern, table = random_table(random)
-        factor, mass = 10 ** random.uniform(-1, 1), 10 ** random.uniform(-1.5, 1)
-        scaling = 10 ** random.uniform(0, 8)
+        factor, given = float(10 ** random.uniform(-1, 1)), bool(random.integers(2))
+        scaling = {"body_mass": 10 ** random.uniform(-1.5, 1), "mass_scaling": 10 ** random.uniform(0, 8)}
         try:
-            scene = make_scene(table)
-            model = build_model(scene)
-            h = float(model.table.spacing.min())
-            table["contact"] = {"stiffness": factor * 20.0 * scene.wire.bending_stiffness / h**3}
-            table["solver"] = {**table["solver"], "drive": "relax"}
-            relaxed, rest = at_rest(table)
+            model = build_model(make_scene(table))
+            if given:
+                bend = model.bending_stiffness / float(model.table.spacing.min()) ** 3
+                table["contact"] = {"stiffness": factor * 20.0 * bend}
+            relaxed = at_rest(table)
+            softening = min(relaxed[0].softening, 10 ** random.uniform(0, 2.5))
+            penalty = {**table, "contact": {"stiffness": table["contact"].get("stiffness", model.contact_stiffness)}}
+            moving = as_ramp(penalty, softening, scaling)
         except (Diverged, WarpknitError) as error:
-            print(f"scene {number}: drawn again: {str(error)[:140]}", flush=True)
+            print(f"scene {number}: drawn again: {str(error)[:150]}", flush=True)
             continue
-        table["contact"]["body_mass"] = mass
-        table["solver"]["mass_scaling"] = scaling
-        ramp, moving = as_ramp(table, rest)
-        break
+        return Drawn(pattern, table, scaling, relaxed, moving)
+
+
+def measured(number: int, seed: int) -> list[Row]:
+    """Rows of one scene, as a ramp and as a relaxation."""
+    random = np.random.default_rng([seed, number])
+    scene = drawn(number, random)
     rows = []
-    for drive, model, state in (("ramp", ramp, moving), ("relax", relaxed, rest)):
+    for drive, (model, state) in (("ramp", scene.moving), ("relax", scene.relaxed)):
         reading = measure.read(model, state)
-        if drive == "ramp":
-            t0 = time.perf_counter()
-            bound, limited = 2.0 / math.sqrt(frequency_square(reading)), "x"
-            t1 = time.perf_counter() - t0
-        else:
-            bound, limited = math.sqrt(MASS_MARGIN / (1.0 + 2.0 * LOOK_AHEAD)), "unit step"
+        control = reading.control
+        bound = largest_step(reading, 0) if drive == "ramp" else math.sqrt(MASS_MARGIN / (1.0 + 2.0 * LOOK_AHEAD))
         true = Trials(model, state, random, bound).limit(bound)
-        if drive == "ramp":
-            body = 2 * float(reading.control[int(c.CONTACT_STIFFNESS)] * reading.control[int(c.BODY_INVERSE_MASS)])
-            print(f"  {t1*1e3:.1f} ms  bouncing {2/math.sqrt(4*body)/true:.2f} plan {model.time_step/STEP_MARGIN/true:.2f} ", end="")
-            global SPEED
-            for SPEED in (1e-3, 1e-2):
-                print(f"{Trials(model, state, random, bound).limit(bound)/true:.3f}", end=" ")
-            SPEED = 1e-4
-            print()
+        table, bend = scene.table, model.bending_stiffness / float(model.table.spacing.min()) ** 3
         load, knit = table["load"], table["knit"]
         rows.append(Row(
-            number, drive, pattern, table["model"]["boundary"], table["model"]["nodes_per_loop"],
-            table["wire"]["diameter"] / knit["course_spacing"], knit["wale_spacing"] / knit["course_spacing"],
-            load["strain_weft"], load["strain_warp"], load["shear"], load["temperature"], table["solver"]["axial_softening"], factor,
-            mass, scaling, measure.contacts(reading).active_percent, limited, bound, true, bound / true,
+            scene=number, drive=drive, pattern=scene.pattern, boundary=table["model"]["boundary"],
+            nodes_per_loop=table["model"]["nodes_per_loop"],
+            diameter_over_course=table["wire"]["diameter"] / knit["course_spacing"],
+            wale_over_course=knit["wale_spacing"] / knit["course_spacing"],
+            strain_weft=load["strain_weft"], strain_warp=load["strain_warp"], shear=load["shear"],
+            temperature_K=load["temperature"],
+            softening=model.softening, contact_over_bend=float(control[int(c.CONTACT_STIFFNESS)]) / bend,
+            body_mass=scene.scaling["body_mass"], mass_scaling=scene.scaling["mass_scaling"] if drive == "ramp" else 1.0,
+            active_percent=measure.contacts(reading).active_percent, bound_s=bound, true_s=true, ratio=bound / true,
         ))  # fmt: skip
     return rows
+
+
+def draw(rows: Sequence[Row], path: Path) -> None:
+    """The histogram."""
+    figure, panels = new_figure(9.0, 3.4, 1, 2)
+    edges = np.linspace(0.3, 1.05, 51)
+    titles = {"ramp": "ramp: bound of the time step", "relax": "relaxation: fictitious masses at unit step"}
+    for axes, (drive, title), colour in zip(panels[0], titles.items(), COLOURS, strict=False):
+        ratio = np.array([row.ratio for row in rows if row.drive == drive])
+        axes.hist(np.clip(ratio, edges[0], None), edges, color=colour)
+        axes.axvline(1.0, color="black", linewidth=1.0)
+        axes.axvline(float(np.median(ratio)), color="black", linewidth=1.0, linestyle="--")
+        axes.set(title=title, xlabel="bound over the step that really diverges", ylabel=f"scenes, of {len(ratio)}")
+        axes.text(0.03, 0.93, f"median {np.median(ratio):.3f}\nleast {ratio.min():.2f}", transform=axes.transAxes, va="top")
+    tidy(panels, legend=False)
+    figure.savefig(path)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -246,17 +279,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--scenes", type=int, default=200)
     parser.add_argument("--seed", type=int, default=5)
     parser.add_argument("--out", type=Path, default=RESULTS)
+    parser.add_argument("--picture", type=Path, default=PICTURE)
     given = parser.parse_args(arguments)
     rows: list[Row] = []
     for number in range(given.scenes):
         rows += measured(number, given.seed)
-        for r in rows[-2:]:
-            print(f"{r.scene:4d} {r.drive:5s} {r.pattern:18s} {r.boundary:9s} n {r.nodes_per_loop:3d} s {r.softening:6.1f} k {r.contact_factor:5.2f} m {r.body_mass:5.2f}"
-                  f" active {r.active_percent:4.0f} {r.limited_by:9s} {r.ratio:.3f}", flush=True)
+        for row in rows[-2:]:
+            print(
+                f"{row.scene:4d} {row.drive:5s} {row.pattern:18s} {row.boundary:9s} {row.nodes_per_loop:3d} nodes, softened"
+                f" {row.softening:6.1f}, contact/bend {row.contact_over_bend:6.1f}, bodies {row.body_mass:5.2f},"
+                f" {row.active_percent:3.0f} % active: {row.ratio:.3f}",
+                flush=True,
+            )
     for drive in ("ramp", "relax"):
         ratio = np.array([row.ratio for row in rows if row.drive == drive])
-        print(f"{drive}: bound over true limit: median {np.median(ratio):.3f}, least {ratio.min():.3f}, largest {ratio.max():.3f}, above 1: {np.count_nonzero(ratio > 1)}")
+        count, edges = np.histogram(ratio, np.arange(0.3, 1.1, 0.05))
+        print(f"{drive}: median {np.median(ratio):.3f}, least {ratio.min():.3f}, largest {ratio.max():.3f},"
+              f" above 1: {np.count_nonzero(ratio > 1)} of {len(ratio)}")  # fmt: skip
+        for begin, number in zip(edges, count, strict=False):
+            print(f"  {begin:.2f} {'#' * int(number)} {number}")
     write_rows(given.out / "step_bound.csv", rows)
+    draw(rows, given.picture)
     return 0
 
 

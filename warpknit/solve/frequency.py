@@ -28,44 +28,31 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
 
 from ..kernels import control as c
 from ..measure import Reading
 
 PASSES = 2  # of the bound: the second one with the row sums of the first
 LEAST_WEIGHT = 1e-3  # of the largest: terms that hardly count are not divided by next to nothing
-CHUNK = 32_768  # nodes that are looked at together: what is worked out for them stays in the cache
 
 
 @dataclass(frozen=True)
-class Terms:
-    """Terms of the energy of the wires, and which of them every node takes part in.
+class Wires:
+    """Square roots of the stiffnesses of the wires' terms, and their shape. A segment stands at the node that starts it.
 
-    `kind` 0 stretches and 1 swings the segment that starts at a node, 2 bends the wire there. A node takes part in seven: its own
-    three, the two of the segment before, and the bends at its neighbours.
+    At a node meet the segment that ends there and the one that starts there, with the tangents t', t and the normals n', n. The
+    stretches act along t' and t, the swings and the bends of the two neighbours across, along n' and n, and the node's own
+    bend along n'/h' + n/h.
     """
 
     before: np.ndarray  # [node] the node before, around closed wires
     after: np.ndarray
-    along: np.ndarray  # [node, 2] sqrt(k) g of the stretch at the node after; minus it at the node itself
-    across: np.ndarray  # [node, 2] the same of the swing
-    hinge: np.ndarray  # [node] sqrt(k) of the bend; 0 where there is none
-    turn: np.ndarray  # [node, 2] normal over length of the segment: what its end turns it by
+    stretch: np.ndarray  # [node] of the segment
+    swing: np.ndarray  # [node] of the segment
+    bend: np.ndarray  # [node]
+    per_length: np.ndarray  # [node] [1/m] 1/h of the segment
+    tangent: np.ndarray  # [node, 2] of the segment
     inverse_mass: np.ndarray  # [node] [1/kg], 0 where held
-
-    def at(self, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Gradients (7, node, 2) of the terms at nodes, and the node (7, node) and kind (7,) that each term belongs to."""
-        before, after = self.before[nodes], self.after[nodes]
-        own, last = self.turn[nodes], self.turn[before]
-        gradients = np.stack([
-            self.along[before], -self.along[nodes], self.across[before], -self.across[nodes],
-            self.hinge[before, None] * last, -self.hinge[nodes, None] * (own + last), self.hinge[after, None] * own,
-        ])  # fmt: skip
-        return gradients, np.stack([before, nodes, before, nodes, before, nodes, after]), KINDS
-
-
-KINDS = np.array([0, 0, 1, 1, 2, 2, 2])  # of the seven terms at a node
 
 
 @dataclass(frozen=True)
@@ -84,19 +71,15 @@ def frequency_square(reading: Reading, approach: float = 0.0) -> float:
     `approach` [m]: how much closer a body and a wire may come before the next look. A body that is not free (treatment.py)
     counts as one whose contacts push at one node each, apart from the wires.
     """
-    model = reading.model
-    terms = wire_terms(reading)
-    free = model.treatment.is_free
-    contacts = near_contacts(reading, approach) if free else None
-    square = collatz_bound(terms, contacts, float(reading.control[int(c.BODY_INVERSE_MASS)]))
-    if not free:
-        penalty = float(reading.control[int(c.CONTACT_STIFFNESS)])
-        inverse = float(reading.control[int(c.BODY_INVERSE_MASS)])
-        square += 2.0 * penalty * (inverse + float(terms.inverse_mass.max()))
-    return square
+    wires = wire_terms(reading)
+    body_inverse_mass = float(reading.control[int(c.BODY_INVERSE_MASS)])
+    if reading.model.treatment.is_free:
+        return collatz_bound(wires, near_contacts(reading, approach), body_inverse_mass)
+    penalty = float(reading.control[int(c.CONTACT_STIFFNESS)])
+    return collatz_bound(wires, None, 0.0) + 2.0 * penalty * (body_inverse_mass + float(wires.inverse_mass.max()))
 
 
-def wire_terms(reading: Reading) -> Terms:
+def wire_terms(reading: Reading) -> Wires:
     """The terms of the wires, with the stiffnesses and masses of the run."""
     model, panel = reading.model, reading.model.panel
     nodes = np.arange(panel.node_count)
@@ -104,100 +87,146 @@ def wire_terms(reading: Reading) -> Terms:
     before, after = nodes - 1, nodes + 1
     before[panel.wire_first], after[last] = last, panel.wire_first
     length = np.hypot(reading.edge[:, 0], reading.edge[:, 1])
-    segment, hinge = length > 0.0, np.ones(len(nodes), dtype=bool)
-    segment[last] &= panel.wire_closed
-    hinge[panel.wire_first] = hinge[last] = panel.wire_closed
-    if model.is_gripped:
-        segment[panel.wire_first] = segment[last - 1] = False  # rigid, inside the clamps
-    inverse = np.divide(1.0, length, out=np.zeros_like(length), where=length > 0.0)
-    tangent = reading.edge * inverse[:, None]
-    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    per_length = np.divide(1.0, length, out=np.zeros_like(length), where=length > 0.0)
     moment = reading.moment + reading.bow_moment
-    shear = np.abs(moment - moment[after]) * inverse**2
-    axial = np.repeat(reading.wire_axial, panel.wire_count) / (reading.natural_length * reading.length_factor)
+    shear = np.abs(moment - moment[after]) * per_length**2
+    stretch = np.repeat(reading.wire_axial, panel.wire_count) / (reading.natural_length * reading.length_factor) + shear
+    swing = np.maximum(reading.tension, 0.0) * per_length + shear
     bend = model.bending_stiffness / (reading.hinge_length * reading.length_factor)
+    missing = last[~panel.wire_closed]  # segments behind the ends of open wires, and hinges there
+    if model.is_gripped:
+        missing = np.concatenate([missing, panel.wire_first, last - 1])  # and what is rigid inside the clamps
+    stretch[missing] = swing[missing] = 0.0
+    bend[np.concatenate([panel.wire_first, last])[~np.tile(panel.wire_closed, 2)]] = 0.0
     inverse_mass = model.rest.inverse_mass.numpy().astype(float)[reading.entry]
     inverse_mass[panel.held_node] = 0.0
-    return Terms(
-        before=before,
-        after=after,
-        along=np.sqrt(np.where(segment, axial + shear, 0.0))[:, None] * tangent,
-        across=np.sqrt(np.where(segment, np.maximum(reading.tension, 0.0) * inverse + shear, 0.0))[:, None] * normal,
-        hinge=np.sqrt(np.where(hinge, bend, 0.0)),
-        turn=normal * inverse[:, None],
-        inverse_mass=inverse_mass,
-    )
+    tangent = reading.edge * per_length[:, None]
+    return Wires(before, after, np.sqrt(stretch), np.sqrt(swing), np.sqrt(bend), per_length, tangent, inverse_mass)
 
 
 def near_contacts(reading: Reading, approach: float) -> Contacts:
-    """Closed contacts with the weights they push with; those that are about to close as pushes at the nearest node."""
+    """Closed contacts with the weights they push with; those that are about to close with those of a smooth curve."""
     panel, control = reading.model.panel, reading.control
-    stiffness = np.sqrt(float(control[int(c.CONTACT_STIFFNESS)]))
     closed = reading.pair_force > 0.0
     # the gap of a pair that sleeps is an old one; what its wire and body must travel before it is looked at is not
     asleep = 2.0 * (reading.pair_wake - float(control[int(c.TRAVEL)]))
     near = closed | ((approach > 0.0) & (np.where(asleep > 0.0, asleep, reading.pair_gap) < approach))
     pair = np.nonzero(near)[0]
-    wire = panel.wire_first[panel.pair_wire[pair]], panel.wire_count[panel.pair_wire[pair]]
-    node = wire[0][:, None] + np.mod(reading.pair_node[pair, None] + np.arange(-1, 3) - wire[0][:, None], wire[1][:, None])
+    first, count = (of_wire[panel.pair_wire[pair], None] for of_wire in (panel.wire_first, panel.wire_count))
+    node = first + np.mod(reading.pair_node[pair, None] + np.arange(-1, 3) - first, count)
     push = np.zeros((len(pair), 4, 2))
     push[closed[pair]] = reading.pair_nodal[closed] / reading.pair_force[closed, None, None]
     there = np.nonzero(~closed[pair])[0]
-    segment = reading.edge[node[there, 1]]
-    normal = np.stack([-segment[:, 1], segment[:, 0]], axis=1) / np.maximum(np.hypot(*segment.T), 1e-300)[:, None]
-    push[there, 1 + (reading.pair_u[pair[there]] > 0.5)] = normal
-    push *= stiffness
+    edge = reading.edge[node[there, 1]]
+    normal = np.stack([-edge[:, 1], edge[:, 0]], axis=1) / np.maximum(np.hypot(edge[:, 0], edge[:, 1]), 1e-300)[:, None]
+    push[there] = _curve_weights(reading.pair_u[pair[there]])[:, :, None] * normal[:, None, :]
+    push *= np.sqrt(float(control[int(c.CONTACT_STIFFNESS)]))
     return Contacts(node, push, pair // 2, -push.sum(axis=1))
 
 
-def collatz_bound(terms: Terms, contacts: Contacts | None, body_inverse_mass: float) -> float:
+def _curve_weights(u: np.ndarray) -> np.ndarray:
+    """Weights (contact, 4) of the nodes in p(u) of kernels/contact.py, without the corrections of a table."""
+    h10, h01, h11 = u * (1.0 - u) ** 2, u * u * (3.0 - 2.0 * u), u * u * (u - 1.0)
+    return np.stack([-0.5 * h10, 1.0 - h01 - 0.5 * h11, h01 + 0.5 * h10, 0.5 * h11], axis=1)
+
+
+def collatz_bound(wires: Wires, contacts: Contacts | None, body_inverse_mass: float) -> float:
     """Largest (|G| d)_e/d_e, d being the row sums of |G|; `body_inverse_mass` [1/kg]."""
-    count = len(terms.before)
-    weight, contact_weight = np.ones((3, count)), np.ones(len(contacts.node) if contacts else 0)
+    couplings = Couplings(wires, contacts, body_inverse_mass)
+    weights = [np.ones(len(wires.before)) for _ in range(3)] + [np.ones(couplings.contact_count)]
     bound = np.inf
     for _ in range(PASSES):
-        rows, contact_rows = _row_sums(terms, contacts, weight, contact_weight, body_inverse_mass)
-        bound = min(bound, max((rows / weight).max(initial=0.0), (contact_rows / contact_weight).max(initial=0.0)))
-        scale = max(rows.max(initial=0.0), contact_rows.max(initial=0.0), 1e-300)
-        weight, contact_weight = np.maximum(rows / scale, LEAST_WEIGHT), np.maximum(contact_rows / scale, LEAST_WEIGHT)
+        rows = couplings.row_sums(*weights)
+        bound = min(bound, max((row / weight).max(initial=0.0) for row, weight in zip(rows, weights, strict=True)))
+        most = max(row.max(initial=0.0) for row in rows)
+        weights = [np.maximum(row, LEAST_WEIGHT * most) for row in rows]
     return float(bound)
 
 
-def _row_sums(
-    terms: Terms, contacts: Contacts | None, weight: np.ndarray, contact_weight: np.ndarray, body_inverse_mass: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """|G| d of the wires (3, node) and of the contacts; signs are taken node by node, which no two terms that share nodes mind."""
-    count = len(terms.before)
-    rows, contact_rows = np.zeros((3, count)), np.zeros(len(contact_weight))
-    for begin in range(0, count, CHUNK):
-        nodes = np.arange(begin, min(begin + CHUNK, count))
-        gradients, owner, kinds = terms.at(nodes)
-        of_term = weight[kinds[:, None], owner]
-        mass = terms.inverse_mass[nodes]
-        for e in range(7):
-            shared = np.abs(np.einsum("na,fna->fn", gradients[e], gradients))
-            rows[kinds[e], owner[e]] += mass * np.einsum("fn,fn->n", shared, of_term)  # each owner is there once
-    if contacts is None or not len(contacts.node):
-        return rows, contact_rows
-    nodes = contacts.node.ravel()
-    gradients, owner, kinds = terms.at(nodes)
-    push, mass = contacts.push.reshape(-1, 2), terms.inverse_mass[nodes]
-    of_contact = np.repeat(contact_weight, 4)
-    shared = mass * np.abs(np.einsum("na,fna->fn", push, gradients))
-    for e in range(7):
-        np.add.at(rows[kinds[e]], owner[e], shared[e] * of_contact)
-    contact_rows += (shared * weight[kinds[:, None], owner]).sum(axis=0).reshape(-1, 4).sum(axis=1)
-    contact_rows += abs(_between_contacts(contacts, terms.inverse_mass, body_inverse_mass)) @ contact_weight
-    return rows, contact_rows
+class Couplings:
+    """The entries of |G|. Signs are taken node by node, which no two terms that share nodes mind."""
+
+    def __init__(self, wires: Wires, contacts: Contacts | None, body_inverse_mass: float) -> None:
+        self.wires = wires
+        self._first, self._h = wires.per_length[wires.before], wires.per_length  # 1/h' and 1/h
+        ended, started = wires.tangent[wires.before], wires.tangent
+        cosine = np.einsum("na,na->n", ended, started)
+        self._cosine = np.abs(cosine)
+        self._sine = np.abs(ended[:, 0] * started[:, 1] - ended[:, 1] * started[:, 0])
+        self._across_ended = np.abs(self._first + cosine * self._h)  # n' and n on n'/h' + n/h
+        self._across_started = np.abs(self._h + cosine * self._first)
+        self._own = self._first**2 + self._h**2 + 2.0 * cosine * self._first * self._h
+        self.contact_count = 0 if contacts is None else len(contacts.node)
+        if contacts is not None:
+            self._add_contacts(contacts, body_inverse_mass)
+
+    def _add_contacts(self, contacts: Contacts, body_inverse_mass: float) -> None:
+        wires, node = self.wires, contacts.node.ravel()
+        push, self._node = contacts.push.reshape(-1, 2), node
+        turned = np.stack([push[:, 1], -push[:, 0]], axis=1)  # on a tangent what the push is on the normal
+        ended, started = wires.tangent[wires.before[node]], wires.tangent[node]
+        n_ended, n_started = (np.einsum("na,na->n", turned, t) for t in (ended, started))
+        self._pushed = np.abs([
+            np.einsum("na,na->n", push, ended), np.einsum("na,na->n", push, started), n_ended, n_started,
+            n_ended * self._first[node] + n_started * self._h[node],
+        ])  # fmt: skip
+        contact, mass = np.repeat(np.arange(self.contact_count), 4), wires.inverse_mass[node]
+        through_wires = _sharing(node, contact, push, mass)
+        through_bodies = _sharing(contacts.body, contact[::4], contacts.body_push, np.full(self.contact_count, body_inverse_mass))
+        self._between = [np.concatenate(parts) for parts in zip(through_wires, through_bodies, strict=True)]
+
+    def row_sums(self, stretch: np.ndarray, swing: np.ndarray, bend: np.ndarray, contact: np.ndarray) -> list[np.ndarray]:
+        """|G| d of stretches, swings and bends, each [node], and of the contacts."""
+        w, before, after, sine, cosine = self.wires, self.wires.before, self.wires.after, self._sine, self._cosine
+        # what the terms, as heavy as they are, do at a node: along t' and t, along n' and n, and its own bend
+        along, across, turn = w.stretch * stretch, w.swing * swing, w.bend * bend
+        ended, started = along[before], along
+        across_ended = across[before] + turn[before] * self._first
+        across_started = across + turn[after] * self._h
+        did = [ended, started, across_ended, across_started, turn]
+        # what each direction feels of it
+        felt = [
+            ended + cosine * started + sine * (across_started + self._h * turn),
+            started + cosine * ended + sine * (across_ended + self._first * turn),
+            across_ended + cosine * across_started + sine * started + self._across_ended * turn,
+            across_started + cosine * across_ended + sine * ended + self._across_started * turn,
+            sine * (self._h * ended + self._first * started) + self._across_ended * across_ended
+            + self._across_started * across_started + self._own * turn,
+        ]  # fmt: skip
+        contact_rows = np.zeros(self.contact_count)
+        if self.contact_count:
+            heavy = np.repeat(contact, 4)
+            for direction, pushed in zip(felt, self._pushed, strict=True):
+                np.add.at(direction, self._node, pushed * heavy)
+            works = np.einsum("dn,dn->n", self._pushed, np.stack(did)[:, self._node]) * w.inverse_mass[self._node]
+            contact_rows += works.reshape(-1, 4).sum(axis=1)
+            first, second, value = self._between
+            np.add.at(contact_rows, first, value * contact[second])
+        along_ended, along_started, by_ended, by_started, own = (w.inverse_mass * f for f in felt)
+        return [
+            w.stretch * (along_started + along_ended[after]),
+            w.swing * (by_started + by_ended[after]),
+            w.bend * (own + (by_ended * self._first)[after] + (by_started * self._h)[before]),
+            contact_rows,
+        ]
 
 
-def _between_contacts(contacts: Contacts, inverse_mass: np.ndarray, body_inverse_mass: float) -> sparse.csr_matrix:
-    """The part of G between contacts: through wires and through bodies that they share."""
-    count = len(contacts.node)
-    row = np.repeat(np.arange(count), 8)
-    column = (2 * contacts.node[:, :, None] + np.arange(2)).ravel()
-    wires = sparse.csr_matrix((contacts.push.ravel(), (row, column)), shape=(count, 2 * len(inverse_mass)))
-    column = (2 * contacts.body[:, None] + np.arange(2)).ravel()
-    size = 2 * (int(contacts.body.max()) + 1)
-    bodies = sparse.csr_matrix((contacts.body_push.ravel(), (row[::4], column)), shape=(count, size))
-    return wires @ sparse.diags(np.repeat(inverse_mass, 2)) @ wires.T + body_inverse_mass * (bodies @ bodies.T)
+def _sharing(place: np.ndarray, contact: np.ndarray, push: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, ...]:
+    """For all contacts that push at the same place: first contact, second contact and what they share there [1/s2].
+
+    `place`, `contact`, `push` (entry, 2) and `mass` [1/kg] stand side by side.
+    """
+    order = np.argsort(place, kind="stable")
+    place, contact, push, mass = place[order], contact[order], push[order], mass[order]
+    found = [(contact, contact, mass * np.einsum("na,na->n", push, push))]
+    apart = 1
+    while True:
+        one = np.nonzero(place[apart:] == place[:-apart])[0]
+        if not len(one):
+            break
+        other = one + apart
+        value = mass[one] * np.abs(np.einsum("na,na->n", push[one], push[other]))
+        found += [(contact[one], contact[other], value), (contact[other], contact[one], value)]
+        apart += 1
+    first, second, value = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return first, second, value

@@ -18,6 +18,8 @@ TENSION_GAIN = 0.03  # of the strain that would carry the wanted tension, a look
 TENSION_TOLERANCE = 5e-3  # of the wanted tension, in a steady state
 MOST_STRAIN = 0.5  # a loading time
 COMPLIANCE_RANGE = 1e-4  # of that of a loose mesh: the least that is reckoned with
+RENEWAL_LOOKS = 4  # looks between two renewals of the time step, at most
+RENEWALS = 150  # of the time step while a load comes on, at least
 HOLD_LIMIT = 5.0  # loading times that a ramp is held at the end before it stops without being steady
 
 
@@ -44,7 +46,7 @@ class Ramp(Drive):
             progress.settling = True
         recorded = progress.level - unloaded
         while True:
-            step = self._renew_step()
+            step = self._step()
             if driven.any():
                 self._follow_tension(stage, driven, step)
             self._advance(CHECK_STEPS)
@@ -118,9 +120,17 @@ class Ramp(Drive):
         )
         return self.progress.residual < self.scene.solver.residual_tolerance
 
-    def _renew_step(self) -> float:
-        """The time step that the present tension and contact allow."""
-        step = stable_step(self.model, self.state, CHECK_STEPS)
+    def _step(self) -> float:
+        """The time step [s], renewed every few looks: every one where the load comes on in few steps."""
+        control = self.state.read_control()
+        looks = np.clip(control[int(c.RAMP_STEPS)] // (CHECK_STEPS * RENEWALS), 1, RENEWAL_LOOKS)
+        if self.progress.looks % int(looks):
+            return float(control[int(c.TIME_STEP)])
+        return self._renew_step(int(looks))
+
+    def _renew_step(self, looks: int = 1) -> float:
+        """The time step that the present tension and contact allow until so many looks on."""
+        step = stable_step(self.model, self.state, CHECK_STEPS * looks)
         self.state.write_control({c.TIME_STEP: step})
         return step
 
