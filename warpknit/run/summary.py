@@ -10,9 +10,11 @@ import numpy as np
 from .. import __version__, measure
 from ..model.model import Model
 from ..solve.simulate import Record
+from .cautions import cautions
 from .history import HookRow, Row
 from .report import engineering
 
+STORED_FLOOR = 1e-5  # of EI/W a loop: less counts as no stored energy
 STEEP = 0.3  # slope from which its square is no longer small
 LEVELS_FOLLOWED = 4  # of a stage: with fewer the work along them is too rough to tell of a snap
 STRAIN_JUMP = 0.06  # between two recorded states of a relaxation: worth a warning
@@ -103,9 +105,10 @@ def energy_balance(rows: list[Row], model: Model) -> float:
 
 
 def energy_balance_of_stored(rows: list[Row], model: Model) -> float:
-    """The same over the most energy that was stored so far; 0 where none was."""
+    """The same over the most energy that was stored so far; 0 where next to none was."""
     most = max(row.stored for row in rows)
-    return _missing_work(rows, model) / most if most > 0.0 else 0.0
+    least = STORED_FLOOR * measure.energy_scale(model)
+    return _missing_work(rows, model) / most if most > least else 0.0
 
 
 def _missing_work(rows: list[Row], model: Model) -> float:
@@ -134,6 +137,7 @@ def warnings_of(model: Model, rows: list[Row], stages: list[dict[str, Any]]) -> 
         )
     if any(row.strain_weft < -0.005 or row.strain_warp < -0.005 for row in rows):
         found.append("the mesh is compressed: a real one would wrinkle out of its plane, which this planar model cannot show")
+    found += cautions(model, rows)
     left_out = max((stage["quality"]["membrane_left_out"] for stage in stages), default=0.0)
     if left_out > 0.0:
         found.append(

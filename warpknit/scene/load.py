@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from warpknit.scene.file import KnitTable, ModelTable, SceneFile, SolverTable, SweepTable, WireTable
+from warpknit.scene.file import KnitTable, ModelTable, SceneFile, SweepTable, WireTable
 from warpknit.scene.hook import Hook, contact_values, hook_of
 from warpknit.scene.materials import MATERIALS
 from warpknit.scene.messages import dotted, first_error, scene_error
@@ -32,6 +32,7 @@ else:
 
 SPACING_RATIO = 10.0  # largest ratio of wale and course spacing, either way
 SINGLE_NODES = 48  # nodes a loop above which double is the default: round-off grows as EI/h^2
+SINGLE_SLENDERNESS = 1e-3  # of s (d/W)^2, s being the softening, below which it is too: round-off grows as EA/s, forces as EI/W^2
 SINGLE_TOLERANCE = 1e-3  # least residual tolerance that single precision can meet
 
 
@@ -92,7 +93,7 @@ def make_scene(
         panel=panel,
         stages=tuple(mesh_stages(source, file, wire, knit, panel) if hook is None else hook_stages(source, file, wire, hook)),
         contact=Contact(**contact_values(source, file, wire)),
-        solver=_solver(source, file.solver, numerics, file.model.nodes_per_loop or numerics.nodes_per_loop, hook),
+        solver=_solver(source, file, numerics, wire.diameter / knit.wale_spacing),
         output=Output(**file.output.model_dump()),
         sweep=_sweep(source, file.sweep, knit),
     )
@@ -187,9 +188,9 @@ def _panel(source: Source, file: SceneFile) -> PanelOptions:
     return panel
 
 
-def _solver(
-    source: Source, table: SolverTable, numerics: Preset, nodes_per_loop: int, hook: Hook | None = None
-) -> Solver:
+def _solver(source: Source, file: SceneFile, numerics: Preset, slenderness: float) -> Solver:
+    """The options of [solver]; `slenderness` is the diameter of the wire over the wale spacing."""
+    table = file.solver
     given = table.model_dump()
     ramp = "ramp_" if given["drive"] == "ramp" else ""
     for key, name in (
@@ -199,7 +200,9 @@ def _solver(
     ):
         if given[key] is None:
             given[key] = getattr(numerics, name)
-    if hook is not None or (table.precision is None and nodes_per_loop > SINGLE_NODES):
+    nodes = file.model.nodes_per_loop or numerics.nodes_per_loop
+    coarse = nodes <= SINGLE_NODES and given["axial_softening"] * slenderness**2 >= SINGLE_SLENDERNESS
+    if file.hook is not None or (table.precision is None and not coarse):
         given["precision"] = "double"
     if given["precision"] == "single" and given["residual_tolerance"] < SINGLE_TOLERANCE:
         allowed = f"{SINGLE_TOLERANCE:g} or more in single precision, whose round-off hides less; or precision = \"double\""

@@ -16,6 +16,7 @@ Sources, by column:
   1.40 to 2.74 GPa Vickers (Wikipedia, "Hardnesses of the elements (data page)"), drawn wire being hard;
   tungsten 4.6 GPa, the upper end of 3.4 to 4.6 GPa, from memory. A scene that knows better sets `wire.hardness`. Oxide on
   bare tungsten and molybdenum adds a resistance that is not counted.
+- Melting point: textbook values.
 """
 
 from __future__ import annotations
@@ -35,10 +36,11 @@ class Material:
     tensile_strength: float  # [Pa]
     resistivity: float  # [Ohm m]
     hardness: float  # [Pa]
+    melting: float  # [K]
 
 
 MATERIALS = {
-    "tungsten": Material(400e9, 0.28, 19250.0, 4.5e-6, 2.0e9, 4.5e9, 5.60e-8, 4.6e9),
-    "molybdenum": Material(320e9, 0.31, 10220.0, 5.0e-6, 0.6e9, 0.8e9, 5.34e-8, 2.7e9),
-    "gold": Material(78e9, 0.42, 19300.0, 14.2e-6, 0.1e9, 0.13e9, 2.44e-8, 0.7e9),
+    "tungsten": Material(400e9, 0.28, 19250.0, 4.5e-6, 2.0e9, 4.5e9, 5.60e-8, 4.6e9, 3695.0),
+    "molybdenum": Material(320e9, 0.31, 10220.0, 5.0e-6, 0.6e9, 0.8e9, 5.34e-8, 2.7e9, 2896.0),
+    "gold": Material(78e9, 0.42, 19300.0, 14.2e-6, 0.1e9, 0.13e9, 2.44e-8, 0.7e9, 1337.0),
 }

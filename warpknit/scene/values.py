@@ -196,7 +196,7 @@ Friction = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=5
 Percent = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=100.0))]
 Share = Annotated[float, BeforeValidator(Quantity("number", least=0.05, most=1.0))]
 Tolerance = Annotated[float, BeforeValidator(Quantity("number", above=0.0, most=0.5))]
-Factor = Annotated[float, BeforeValidator(Quantity("number", least=1.0, most=1e9))]
+Factor = Annotated[float, BeforeValidator(Quantity("number", least=1.0, most=1e12))]
 Flag = Annotated[bool, BeforeValidator(Switch())]
 Ends = Annotated[int, BeforeValidator(Integer(1, 1000))]
 Seeds = Annotated[int, BeforeValidator(Integer(1, 1000))]

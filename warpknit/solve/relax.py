@@ -63,6 +63,7 @@ class Relaxation(Drive):
         self.slowest_mode = SlowestMode(model, state, self.stepper)
         self._last = [wp.zeros_like(value) for value in self._level_values()]
         self._last_gradient: list[float] | None = None
+        self._pressed = 0  # pairs that carry force in the mesh as knitted
 
     @property
     def dissipated(self) -> float:
@@ -158,6 +159,7 @@ class Relaxation(Drive):
             return False
         self.stepper.evaluate_contact()
         sums = self.look.take()
+        self._pressed = int(sums.closed)
         least = UNLOADED * measure.force_scale(self.model)
         bend = self.model.bending_stiffness / float(self.model.table.hinge_length.min()) ** 2
         return sums.closed == 0 and sums.tension_largest < least and sums.turning_largest * bend < least
@@ -305,13 +307,19 @@ class Relaxation(Drive):
         return self.scene.solver.max_steps or LEVEL_STEP_LIMIT
 
     def _how_far(self) -> str:
-        """Residual, what moves most, and whether the wires are beyond what they bear."""
+        """Residual, what moves most, and what may keep the mesh from coming to rest."""
         reading = measure.read(self.model, self.state)
         wire, stress = self.scene.wire, float(measure.stress_extremes(reading)[0])
-        beyond = f", wires at {stress / 1e9:.3g} GPa are beyond their strength" if stress > wire.tensile_strength else ""
+        causes = ""
+        if stress > wire.tensile_strength:
+            causes += f", wires at {stress / 1e9:.3g} GPa are beyond their strength"
+        if self.steadiness.is_lost_in_round_off(self.look.take(), self.state.wire_axial.numpy()):
+            causes += f", round-off in {self.model.precision.name} precision is more than the forces: solver.precision = 'double'"
+        if self._pressed:
+            causes += f", {self._pressed} pairs press as knitted: the yarn is thicker than the loops leave room for"
         return (
             f"residual {self.progress.residual:.2g} at a tolerance of {self.scene.solver.residual_tolerance:g},"
-            f" {self._fastest()} moves most{beyond}"
+            f" {self._fastest()} moves most{causes}"
         )
 
     def _left(self, control: np.ndarray) -> float:

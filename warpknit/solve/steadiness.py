@@ -40,21 +40,30 @@ class Steadiness:
         """
         model, tolerance = self.model, self.model.scene.solver.residual_tolerance
         scale = np.maximum(sums.force_mean, FORCE_FLOOR * measure.force_scale(model))
-        mesh, ranks = model.whole.panel, model.ranks
+        mesh = model.whole.panel
+        round_off_rms, round_off_max = self.round_off(axial)
         free = mesh.node_count + mesh.body_count - len(mesh.held_node)
         rms, largest = np.sqrt(control[..., int(c.FORCE_SQUARE)] / free), control[..., int(c.FORCE_MAX)]
-        epsilon, bending = self._round_off_terms
-        round_off = epsilon * np.hypot(axial.astype(np.float64), bending)  # [wire]
-        square = ranks.sum(np.asarray(np.sum(round_off**2 * model.panel.wire_count, axis=-1))) / mesh.node_count
-        round_off_rms = np.sqrt(square)
         most = ROUND_OFF_SHARE * scale
         local = max(LOCAL_ALLOWANCE, free**0.25)
-        round_off_max = ROUND_OFF_LARGEST * ranks.largest(np.asarray(round_off.max(axis=-1)))
         balance = np.maximum(
-            rms / np.maximum(scale, np.minimum(ROUND_OFF_RMS * round_off_rms, most) / tolerance),
+            rms / np.maximum(scale, np.minimum(round_off_rms, most) / tolerance),
             largest / (local * np.maximum(scale, np.minimum(round_off_max, most) / tolerance)),
         )
         stored = 0.5 * sums.tension_square * self._stretch_energy + 0.5 * sums.turning_square * self._bend_energy
         least = ENERGY_FLOOR * measure.energy_scale(model.whole)
         motion = np.sqrt(0.5 * control[..., int(c.KINETIC_TWICE)] / np.maximum(stored, least))
         return np.maximum(balance, motion)
+
+    def round_off(self, axial: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals (...) [N] that count as round-off, root mean square and largest."""
+        model = self.model
+        epsilon, bending = self._round_off_terms
+        force = epsilon * np.hypot(axial.astype(np.float64), bending)  # [..., wire]
+        square = model.ranks.sum(np.asarray(np.sum(force**2 * model.panel.wire_count, axis=-1))) / model.whole.panel.node_count
+        return ROUND_OFF_RMS * np.sqrt(square), ROUND_OFF_LARGEST * model.ranks.largest(np.asarray(force.max(axis=-1)))
+
+    def is_lost_in_round_off(self, sums: Sums, axial: np.ndarray) -> bool:
+        """Whether round-off of a mesh is more than a balance of its forces may leave."""
+        scale = np.maximum(sums.force_mean, FORCE_FLOOR * measure.force_scale(self.model))
+        return bool(self.round_off(axial)[0] > ROUND_OFF_SHARE * scale)
