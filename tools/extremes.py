@@ -26,6 +26,7 @@ from study import show_rows, write_rows
 
 from warpknit import measure
 from warpknit.errors import WarpknitError
+from warpknit.knit.chain import KnitError
 from warpknit.model.model import build_model
 from warpknit.model.state import initial_state
 from warpknit.run.run import run_scene
@@ -111,8 +112,8 @@ def run(table: Table) -> Outcome:
         made = make_scene(table)
         with tempfile.TemporaryDirectory() as folder:
             result = run_scene(made, out=Path(folder) / "run")
-    except WarpknitError as error:
-        return Outcome(error.exit_code, time.perf_counter() - start, 0, nothing, (), str(error))
+    except (WarpknitError, KnitError) as error:
+        return Outcome(getattr(error, "exit_code", 2), time.perf_counter() - start, 0, nothing, (), str(error))
     summary, steps = result.summary, int(result.summary["solver"]["steps"])
     seconds, warnings = time.perf_counter() - start, tuple(summary["warnings"])
     if result.exit_code or "mesh" not in summary:
@@ -316,7 +317,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         row = rows[-1]
         print(
             f"{row.group:12s} {row.case:38s} exit {row.exit} {row.seconds:6.1f} s  {row.tension_weft:9.4g}"
-            f" {row.tension_warp:9.4g}  differs {row.difference_percent:6.2f} % of {row.allowed_percent:3.0f}  {row.ending:13s} {row.said[:90]}",
+            f" {row.tension_warp:9.4g}  differs {row.difference_percent:6.2f} % of {row.allowed_percent:3.0f}"
+            f"  {row.ending:13s} {row.said[:90]}",
             flush=True,
         )
     wrong = [row for row in rows if row.ending == "WRONG"]

@@ -15,10 +15,13 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from warpknit.kernels import control as c
 from warpknit.model.model import Model, build_model
 from warpknit.model.state import initial_state
 from warpknit.scene import Scene, make_scene
+from warpknit.solve.neighbours import NeighbourSearch
 from warpknit.solve.simulate import Record, Simulation
+from warpknit.solve.step import Stepper
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -26,6 +29,7 @@ else:
     import tomli as tomllib
 
 SCENES = Path(__file__).parents[1] / "scenes"
+FOLLOWED = 20  # steps between two searches, at least
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 
 
@@ -47,6 +51,24 @@ def run(scene: Scene) -> Iterator[Record]:
 def run_model(model: Model) -> Iterator[Record]:
     """The same of a model."""
     yield from Simulation(model, initial_state(model)).run()
+
+
+def advance(stepper: Stepper, neighbours: NeighbourSearch, steps: int) -> bool:
+    """Take steps without a drive, searching neighbours where the last search no longer holds; False where the mesh diverges or
+    moves too fast to be followed."""
+    state = stepper.state
+    now = float(state.read_control()[int(c.STEP)])
+    end, searched = now + steps, -FOLLOWED
+    while now < end:
+        stepper.step(int(min(50_000, end - now)))
+        control = state.read_control()
+        status, now = control[int(c.STATUS)], float(control[int(c.STEP)])
+        if status == 2.0 or (status == 1.0 and now < searched + FOLLOWED):
+            return False
+        if status == 1.0:
+            neighbours.search()
+            searched = now
+    return True
 
 
 def write_rows(path: Path, rows: Sequence[Any]) -> None:

@@ -1,0 +1,157 @@
+"""Long runs stay right: the cell at rest and at load over ten million steps.
+
+    python tools/long_run.py [--steps N] [--out DIR]
+
+One repeat of the double atlas mesh, periodic, as knitted and at 14 % both ways. Three ways to step it on:
+
+    shaken  real masses, double precision, no damping, small random speeds to begin with: the mesh is shaken for good, and what it
+            has in energy has to stay
+    ramp    the same with the damping of a ramp: it comes to rest, and has to stay there
+    relax   fictitious masses, as a relaxation steps it: it rests, and has to stay where it is
+
+Prints how far energy, the largest axial strain, tension and active contacts, averaged over fiftieths of the steps, come from
+those of the first, and leaves long_run.csv in DIR.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from step_bound import as_ramp
+from study import advance, scene_of, write_rows
+
+from warpknit import measure
+from warpknit.kernels import control as c
+from warpknit.model.model import Model, build_model
+from warpknit.model.state import State, initial_state
+from warpknit.solve.neighbours import NeighbourSearch
+from warpknit.solve.simulate import Simulation
+from warpknit.solve.step import Stepper
+from warpknit.solve.timestep import stable_step
+
+RESULTS = Path(__file__).parent / "results"
+LOOKS = 50  # parts of a run
+AVERAGE = 10  # readings of a part, spread over it
+SPEED = 1e-4  # wire diameters a step, of the shaken mesh
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of long_run.csv: the largest changes since the first fiftieth of the steps."""
+
+    drive: str
+    precision: str
+    strain: float
+    steps: int
+    time_step_s: float
+    us_a_step: float
+    energy_change: float  # of the shaken mesh over what it has, else over EI/W a loop
+    strain_change: float  # of the largest axial strain
+    tension_change: float  # over EI/C^3
+    active_first: int
+    active_least: int
+    active_most: int
+
+
+def mesh(drive: str, precision: str, strain: float) -> tuple[Model, State]:
+    """The cell at rest under its load, ready to be stepped on."""
+    solver = {"precision": precision, "residual_tolerance": 1e-3, "axial_softening": 100.0}
+    load = {"strain_weft": strain, "strain_warp": strain}
+    if drive != "relax":
+        table = {
+            "knit": {"repeats": [1, 1]}, "model": {"boundary": "periodic"}, "output": {"frames": 4}, "solver": solver,
+            "contact": {}, "load": load,
+        }  # fmt: skip
+        return as_ramp(table, 100.0, {"mass_scaling": 1.0, "body_mass": 0.5})
+    model = build_model(scene_of("atlas_cell.toml", load=load, solver=solver, output={"frames": 4}))
+    state = initial_state(model)
+    for _ in Simulation(model, state).run():
+        pass
+    return model, state
+
+
+def shake(model: Model, state: State, step: float) -> None:
+    """Give everything small random speeds."""
+    random = np.random.default_rng(1)
+    speed = SPEED * model.scene.wire.diameter / step
+    for array in (state.node_vx, state.node_vy, state.body_vx, state.body_vy):
+        array.assign(speed * random.standard_normal(array.shape[0]))
+
+
+def measured(drive: str, precision: str, strain: float, steps: int) -> Row:
+    """Step one mesh on and on."""
+    model, state = mesh(drive, precision, strain)
+    neighbours, stepper = NeighbourSearch(model, state), Stepper(model, state, threads=1)
+    neighbours.search()
+    step = float(state.read_control()[int(c.TIME_STEP)])
+    if drive != "relax":
+        step = stable_step(model, state, 0)
+        shake(model, state, step)
+        damping = 0.0 if drive == "shaken" else model.damping
+        state.write_control({c.TIME_STEP: step, c.DAMPING: damping, c.VELOCITY_FACTOR: 1.0, c.FORCE_FACTOR: step})
+    looks, started = [], time.perf_counter()
+    parts = int(LOOKS * AVERAGE)
+    for look in range(parts):
+        if not advance(stepper, neighbours, steps // parts - 1):
+            raise SystemExit(f"{drive}, {precision}, {strain:g}: diverged at look {look}")
+        reading, speeds = measure.read(model, state), speeds_of(state)
+        advance(stepper, neighbours, 1)
+        stretch = float(np.max(np.abs(measure.axial_strain(reading))))
+        energy = stored(reading) + kinetic(model, state, reading, speeds)
+        looks.append([energy, stretch, *measure.mesh_tension(reading), measure.contacts(reading).active])
+    seconds = time.perf_counter() - started
+    values = np.array(looks)
+    means = values.reshape(LOOKS, AVERAGE, -1).mean(axis=1)
+    changes = np.max(np.abs(means - means[0]), axis=0)
+    scale = means[0, 0] if drive == "shaken" else measure.energy_scale(model)
+    return Row(
+        drive, precision, strain, steps, step, 1e6 * seconds / steps, float(changes[0] / scale),
+        float(changes[1]), float(changes[2:4].max() / measure.tension_scale(model)),
+        int(values[0, 4]), int(values[:, 4].min()), int(values[:, 4].max()),
+    )  # fmt: skip
+
+
+def stored(reading: measure.Reading) -> float:
+    """[J]"""
+    energies = measure.energies(reading)
+    return energies.stretch + energies.bend + energies.contact
+
+
+def speeds_of(state: State) -> np.ndarray:
+    """(node + body, 2) [m/s] half a step before the displacements."""
+    parts = [(state.node_vx, state.node_vy), (state.body_vx, state.body_vy)]
+    return np.concatenate([np.stack([x.numpy(), y.numpy()], axis=1).astype(float) for x, y in parts])
+
+
+def kinetic(model: Model, state: State, reading: measure.Reading, before: np.ndarray) -> float:
+    """[J] m v(n - 1/2) v(n + 1/2)/2, the state being one step further than the reading.
+
+    With the stored energy this is what central differences keep of a linear mesh.
+    """
+    mass = np.repeat(state.wire_mass.numpy(), model.panel.wire_count) / model.rest.inverse_mass.numpy()[reading.entry]
+    mass = np.concatenate([mass, np.full(model.panel.body_count, 1.0 / reading.control[int(c.BODY_INVERSE_MASS)])])
+    return 0.5 * float(mass @ np.einsum("na,na->n", before, speeds_of(state)))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--steps", type=int, default=10_000_000)
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    given = parser.parse_args(arguments)
+    rows = []
+    for drive, precision in (("shaken", "double"), ("ramp", "double"), ("relax", "single"), ("relax", "double")):
+        for strain in (0.0, 0.14):
+            rows.append(measured(drive, precision, strain, given.steps))
+            print(rows[-1], flush=True)
+    write_rows(given.out / "long_run.csv", rows)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
