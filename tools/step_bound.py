@@ -1,6 +1,6 @@
 """How near the step that is taken comes to the step at which a mesh really diverges.
 
-    python tools/step_bound.py [--scenes N] [--seed S] [--out DIR] [--picture FILE]
+    python tools/step_bound.py [--scenes N] [--first N] [--seed S] [--out DIR] [--picture FILE]
 
 Random scenes: pattern, proportions, wire, boundary, nodes, strain, shear, temperature, contact stiffness, body mass, softening,
 mass scaling. Each is brought to rest twice, and stepped from there with small random speeds and no damping, by a step that is
@@ -17,10 +17,11 @@ Prints what the ratios are, leaves step_bound.csv in DIR and draws their histogr
 from __future__ import annotations
 
 import argparse
+import csv
 import math
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -262,6 +263,15 @@ def measured(number: int, seed: int) -> list[Row]:
     return rows
 
 
+def read_rows(path: Path) -> list[Row]:
+    """Rows that were written."""
+    with open(path, newline="", encoding="utf-8") as file:
+        return [Row(**{f.name: KINDS[str(f.type)](row[f.name]) for f in fields(Row)}) for row in csv.DictReader(file)]
+
+
+KINDS = {"int": int, "float": float, "str": str}
+
+
 def draw(rows: Sequence[Row], path: Path) -> None:
     """The histogram."""
     figure, panels = new_figure(9.0, 3.4, 1, 2)
@@ -281,12 +291,13 @@ def draw(rows: Sequence[Row], path: Path) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--scenes", type=int, default=200)
+    parser.add_argument("--first", type=int, default=0, help="number of the first scene; rows of others are kept")
     parser.add_argument("--seed", type=int, default=5)
     parser.add_argument("--out", type=Path, default=RESULTS)
     parser.add_argument("--picture", type=Path, default=PICTURE)
     given = parser.parse_args(arguments)
-    rows: list[Row] = []
-    for number in range(given.scenes):
+    rows = read_rows(given.out / "step_bound.csv") if given.first else []
+    for number in range(given.first, given.first + given.scenes):
         rows += measured(number, given.seed)
         for row in rows[-2:]:
             print(
