@@ -17,16 +17,15 @@ Prints what the ratios are, leaves step_bound.csv in DIR and draws their histogr
 from __future__ import annotations
 
 import argparse
-import csv
 import math
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from study import COLOURS, advance, new_figure, tidy, write_rows
+from study import COLOURS, advance, new_figure, read_rows, tidy, write_rows
 
 from warpknit import measure
 from warpknit.errors import Diverged, WarpknitError
@@ -263,15 +262,6 @@ def measured(number: int, seed: int) -> list[Row]:
     return rows
 
 
-def read_rows(path: Path) -> list[Row]:
-    """Rows that were written."""
-    with open(path, newline="", encoding="utf-8") as file:
-        return [Row(**{f.name: KINDS[str(f.type)](row[f.name]) for f in fields(Row)}) for row in csv.DictReader(file)]
-
-
-KINDS = {"int": int, "float": float, "str": str}
-
-
 def draw(rows: Sequence[Row], path: Path) -> None:
     """The histogram."""
     figure, panels = new_figure(9.0, 3.4, 1, 2)
@@ -296,7 +286,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=RESULTS)
     parser.add_argument("--picture", type=Path, default=PICTURE)
     given = parser.parse_args(arguments)
-    rows = read_rows(given.out / "step_bound.csv") if given.first else []
+    rows = read_rows(given.out / "step_bound.csv", Row) if given.first else []
     for number in range(given.first, given.first + given.scenes):
         rows += measured(number, given.seed)
         for row in rows[-2:]:

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -29,6 +29,7 @@ else:
     import tomli as tomllib
 
 SCENES = Path(__file__).parents[1] / "scenes"
+T = TypeVar("T")
 FOLLOWED = 20  # steps between two searches, at least
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 
@@ -81,6 +82,13 @@ def write_rows(path: Path, rows: Sequence[Any]) -> None:
         for row in rows:
             table.writerow({key: _short(value) for key, value in asdict(row).items()})
     os.replace(aside, path)
+
+
+def read_rows(path: Path, kind: type[T]) -> list[T]:
+    """What `write_rows` wrote of dataclasses of a kind whose fields are numbers and words."""
+    kinds = {"int": int, "float": float, "str": str}
+    with open(path, newline="", encoding="utf-8") as file:
+        return [kind(**{f.name: kinds[str(f.type)](row[f.name]) for f in fields(kind)}) for row in csv.DictReader(file)]
 
 
 def _short(value: Any) -> Any:
