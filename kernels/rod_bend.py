@@ -1,6 +1,7 @@
 """Bending and twist at a node between two segments of a rod (discrete elastic rods; Bergou and others 2008, 2010).
 
-With e, f the unit tangents before and after the node, d1, d2 the directors of either segment and l the natural length of the node,
+With e, f the unit tangents before and after the node, d1, d2 the directors of either segment and l the natural length of the
+node,
 
     kb = 2 e x f/(1 + e . f)                                        curvature binormal, integrated over the node
     k1 = (d2_before + d2_after) . kb/2     k2 = - (d1_before + d1_after) . kb/2

@@ -9,7 +9,8 @@ about it (parallel transport in time; Bergou, Audoly, Vouga, Wardetzky and Grins
 and then by the angle that the spin of the segment has turned it. So the director holds the twist, and no angle is ever
 measured against a frame that could jump.
 
-Positions are x = F X + u, F acting in the plane of the mesh and z as it is. A node without a following segment has -1 in `following`.
+Positions are x = F X + u, F acting in the plane of the mesh and z as it is. A node without a following segment has -1 in
+`following`.
 """
 
 import warp as wp

@@ -59,6 +59,7 @@ def step_rods(
     displacement: wp.array(dtype=wp.vec3d),
     velocity: wp.array(dtype=wp.vec3d),
     spin: wp.array(dtype=wp.float64),
+    angle: wp.array(dtype=wp.float64),
     # out
     turn: wp.array(dtype=wp.float64),
     force: wp.array(dtype=wp.vec3d),
@@ -102,7 +103,9 @@ def step_rods(
     velocity[i] = after
     spin[i] = spin_after
     displacement[i] = displacement[i] + dt * (after + ahead * (after - before))
-    turn[i] = dt * (spin_after + ahead * (spin_after - spin_before))
+    move = dt * (spin_after + ahead * (spin_after - spin_before))
+    turn[i] = move
+    angle[i] = angle[i] + move
     force_square = wp.dot(f, f)
     speed_square = wp.dot(after, after)
     row = i / NODE_BLOCK

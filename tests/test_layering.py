@@ -33,6 +33,7 @@ LAYERS = (
     {"device", "model"},
     {"measure"},
     {"solve"},
+    {"spatial"},
     {"export"},
     {"run", "plan"},
     {"sweep"},

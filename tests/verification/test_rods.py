@@ -94,7 +94,8 @@ def _own_turn(tangent: np.ndarray, axis: np.ndarray, angle: float) -> np.ndarray
 
 
 def test_free_motion_keeps_momentum() -> None:
-    """sum m v is kept to round-off. sum m x x v + I w t changes by I w dt/dt alone: rods leave out the gyroscopic couple of the spin.
+    """sum m v is kept to round-off. sum m x x v + I w t changes by I w dt/dt alone: rods leave out the gyroscopic couple of
+    the spin.
 
     Leapfrog positions and velocities give x x v without error, as x' x v' = x x v + dt x x f/m.
     """
@@ -161,7 +162,8 @@ def test_step_bound_of_a_straight_wire_is_sharp(rules: str) -> None:
 
 @pytest.mark.parametrize(("turn", "tightness"), [(0.05, 0.99), (0.4, 0.9), (1.2, 0.6)])
 def test_step_bound_of_a_coil_holds(turn: float, tightness: float) -> None:
-    """The largest w^2 of M^-1 K of an open coil, by differences, is below the bound; its step is at most 1/tightness of the bound's.
+    """The largest w^2 of M^-1 K of an open coil, by differences, is below the bound; its step is at most 1/tightness of the
+    bound's.
 
     Masses are the true ones of a wire so thick that stretch, bending and twist have about the same rate. What couples them with
     the turn p is bounded by sin^2 p, which is more than it is: the bound loses with p.

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..errors import Diverged
 from ..kernels import control as c
+from ..kernels.rod_step import HELD_NODE, HELD_TURN
 from .rod_step import RodStepper
 from .step_bound import LOOK_AHEAD, unit_step_masses
 
@@ -41,12 +42,14 @@ class Rest:
         self.slowest = 0.0  # [1/s] no less damping than this
         rods, state = stepper.rods, stepper.state
         self.has_segment = rods.following >= 0
-        self.free = (rods.held & 1) == 0
+        self.free = (rods.held & int(HELD_NODE)) == 0
+        self.turning_free = ((rods.held & int(HELD_TURN)) == 0) & self.has_segment
         self.stretch = rods.section.axial_stiffness / softening
         state.stretch_stiffness.fill_(self.stretch)
         stepper.set_time_step(1.0, FIRST_DAMPING, LOOK_AHEAD)
-        spacing = float(rods.natural_length[self.has_segment].min())
-        state.write_control({c.DRIVE: 0.0, c.SPEED_LIMIT: SPEED_SHARE * spacing, c.STEP_LIMIT: spacing})
+        self.spacing = spacing = float(rods.natural_length[self.has_segment].min())
+        self.speed_limit = SPEED_SHARE * spacing  # [m] a step
+        state.write_control({c.DRIVE: 0.0, c.STEP_LIMIT: spacing})
         self.take_masses()
         self._last: tuple[np.ndarray, np.ndarray] | None = None
 
@@ -62,6 +65,19 @@ class Rest:
         )
         state.node_mass.assign(mass)
         state.spin_inertia.assign(inertia)
+        self.speed_limit = min(SPEED_SHARE * self.spacing, self._passing_speed(mass))
+        state.write_control({c.SPEED_LIMIT: self.speed_limit})
+
+    def _passing_speed(self, mass: np.ndarray) -> float:
+        """[m/s] at which two wires, all of either flying at the other, are stopped by their contact while half of it is left.
+
+        2 M v^2/2 = k (d/2)^2/2 for the heaviest wire; no limit where nothing touches.
+        """
+        rods = self.stepper.rods
+        if self.contact_stiffness == 0.0:
+            return math.inf
+        heaviest = float(np.add.reduceat(mass, rods.wire_first).max())
+        return float(rods.wire_radius.min()) * math.sqrt(self.contact_stiffness / (2.0 * heaviest))
 
     def turning(self) -> np.ndarray:
         """[node] [rad] the largest angle between segments at a node and its neighbours, of the state last evaluated."""
@@ -89,6 +105,15 @@ class Rest:
         """(free node, 3) [N] of the state last evaluated."""
         return self.stepper.state.force.numpy()[self.free]
 
+    def untwisted(self) -> np.ndarray:
+        """[free segment] [N m] torque out of balance, of the state last evaluated."""
+        return self.stepper.state.torque.numpy()[self.turning_free]
+
+    def left(self) -> float:
+        """[N] the largest force out of balance, torques taken as couples of a segment's length."""
+        couple = float(np.abs(self.untwisted()).max(initial=0.0)) / self.spacing
+        return max(float(np.linalg.norm(self.out_of_balance(), axis=1).max(initial=0.0)), couple)
+
     def stretch_error(self) -> float:
         """Largest difference between strain and T/EA: what the softening still does."""
         return float(np.abs(self.strain() - self.tension() / self.stepper.rods.section.axial_stiffness).max(initial=0.0))
@@ -101,9 +126,9 @@ class Rest:
             error = self.strain() - self.tension() / stepper.rods.section.axial_stiffness
             offset = state.tension_offset.numpy() + MULTIPLIER_RATE * self.stretch * error
             state.tension_offset.assign(np.where(self.has_segment, offset, 0.0))
-        mass = state.node_mass.numpy()[self.free, None]
-        moved = state.displacement.numpy()[self.free].copy()
-        pushed = self.out_of_balance() / mass
+        mass = np.concatenate([np.repeat(state.node_mass.numpy()[self.free], 3), state.spin_inertia.numpy()[self.turning_free]])
+        moved = np.concatenate([state.displacement.numpy()[self.free].ravel(), state.angle.numpy()[self.turning_free]])
+        pushed = np.concatenate([self.out_of_balance().ravel(), self.untwisted()]) / mass
         if self._last is not None:
             du, da = moved - self._last[0], pushed - self._last[1]
             force, way = -float(np.sum(mass * du * da)), float(np.sum(mass * du * du))
@@ -111,7 +136,7 @@ class Rest:
                 now = float(state.read_control()[int(c.DAMPING)])
                 wanted = math.sqrt(max(now, TINY) * 2.0 * math.sqrt(force / way))
                 state.write_control({c.DAMPING: float(np.clip(wanted, self.slowest, FASTEST_DAMPING))})
-        self._last = (moved, pushed.copy())
+        self._last = (moved, pushed)
 
     def begin(self) -> None:
         """Stop all motion; the state has been moved by hand."""
@@ -142,7 +167,7 @@ class Rest:
                 raise Diverged("rods: a node moved farther than a segment in one step")
             if steps % (20 * CHECK_STEPS) == 0:
                 self.take_masses()
-            left = float(np.abs(self.out_of_balance()).max(initial=0.0))
+            left = self.left()
             if left < tolerance and self.stretch_error() < strain_tolerance:
                 return steps + CHECK_STEPS
         raise Diverged(f"rods: {left:.3g} N out of balance after {most_steps:,} steps")

@@ -37,6 +37,7 @@ class RodState:
     velocity: wp.array  # vec3d [m/s]
     turn: wp.array  # [rad] that a section has still to turn by
     spin: wp.array  # [rad/s] of a section about its tangent
+    angle: wp.array  # [rad] that a section has turned by since the start
     tangent: wp.array  # vec3d
     director: wp.array  # vec3d
     tension_offset: wp.array  # [N] running multiplier of a segment
@@ -119,6 +120,7 @@ def rest_state(rods: Rods, device: str) -> RodState:
         velocity=vectors(),
         turn=reals(),
         spin=reals(),
+        angle=reals(),
         tangent=vectors(edge / np.linalg.norm(edge, axis=1)[:, None]),
         director=vectors(rods.director),
         tension_offset=reals(),
@@ -181,5 +183,5 @@ def step_arguments(arrays: RodArrays, state: RodState) -> list:
         state.tension_offset, state.length, state.tangent,
         state.pull_before, state.pull_after, state.torque_before, state.torque_after,
         state.contact_force, state.contact_torque, state.displacement, state.velocity, state.spin,
-        state.turn, state.force, state.torque, state.partial,
+        state.angle, state.turn, state.force, state.torque, state.partial,
     ]  # fmt: skip

@@ -120,6 +120,15 @@ class RodStepper:
         self.evaluate()
         return self.state.force.numpy().copy(), self.state.torque.numpy().copy()
 
+    def segment_forces(self) -> np.ndarray:
+        """(node, 3) [N] with what each segment pulls its first node towards its second, of the state last evaluated."""
+        rods, state = self.rods, self.state
+        factor = float(state.read_control()[int(c.LENGTH_FACTOR)])
+        strain = state.length.numpy() / (rods.natural_length * factor) - 1.0
+        tension = state.tension_offset.numpy() + state.stretch_stiffness.numpy() * strain
+        pull = tension[:, None] * state.tangent.numpy() + state.pull_after.numpy() + state.pull_before.numpy()[rods.following]
+        return np.where((rods.following >= 0)[:, None], pull, 0.0)
+
     def energy(self) -> float:
         """[J] that stretch, bending and twist store, of the state last evaluated."""
         rods, state = self.rods, self.state

@@ -55,6 +55,7 @@ class Rods:
     natural_curvature: np.ndarray | None = None  # (node, 2) [rad] in the directions of the section; None: as at rest
     natural_twist: np.ndarray | None = None  # [node] [rad]; None: as at rest
     set_fraction: float = 1.0  # natural over rest curvature and twist, where these are taken as at rest
+    thicker: np.ndarray | None = None  # [wire] [m] radius where it touches, where that is not half the section's thickness
     tile: np.ndarray = field(default_factory=lambda: np.zeros(3))  # [m] periods of the world along x, y, z; 0: none
 
     @property
@@ -80,6 +81,11 @@ class Rods:
     def wire_of(self) -> np.ndarray:
         """[node] its wire."""
         return np.repeat(np.arange(len(self.wire_first)), self.wire_count)
+
+    @property
+    def wire_radius(self) -> np.ndarray:
+        """[wire] [m] where it touches."""
+        return np.full(len(self.wire_first), 0.5 * self.section.thickness) if self.thicker is None else self.thicker
 
     @property
     def rest_edge(self) -> np.ndarray:
@@ -128,7 +134,8 @@ def rods_of(
     """Rods through node positions (n, 3) [m], free of stress as they are.
 
     `periods`: for each wire None where it is open, else the shift (3,) [m] with which it comes back to its first node. The
-    sections of a wire stand without twist from one segment to the next; where it closes, what is left is natural twist.
+    sections of an open wire stand without twist from one segment to the next; along a closed one that would leave a jump at
+    its end, which is spread over all its nodes as natural twist.
     """
     count = np.array([len(p) for p in points])
     first = np.concatenate([[0], np.cumsum(count)[:-1]])
@@ -149,7 +156,10 @@ def rods_of(
     edge = rods.rest_edge
     length = np.linalg.norm(edge, axis=1)
     tangent = edge / length[:, None]
-    director = np.concatenate([_without_twist(tangent[f : f + n]) for f, n in zip(first, count, strict=True)])
+    director = np.concatenate([
+        _evenly_twisted(tangent[f : f + n]) if closed else _without_twist(tangent[f : f + n])
+        for f, n, closed in zip(first, count, rods.wire_closed, strict=True)
+    ])  # fmt: skip
     return replace(rods, natural_length=length, director=director)
 
 
@@ -164,11 +174,23 @@ def _without_twist(tangent: np.ndarray) -> np.ndarray:
     director = np.empty_like(tangent)
     director[0] = _across(first, tangent[0])
     for k in range(1, len(tangent)):
-        a, b = tangent[k - 1], tangent[k]
-        axis, cosine = np.cross(a, b), a @ b
-        d = director[k - 1]
-        director[k] = _across(cosine * d + np.cross(axis, d) + axis * (axis @ d) / (1.0 + cosine), b)
+        director[k] = _carried(director[k - 1], tangent[k - 1], tangent[k])
     return director
+
+
+def _evenly_twisted(tangent: np.ndarray) -> np.ndarray:
+    """The same for a closed wire, turned section by section so that the first comes next after the last."""
+    director = _without_twist(tangent)
+    back = _carried(director[-1], tangent[-1], tangent[0])
+    jump = np.arctan2(np.cross(back, director[0]) @ tangent[0], back @ director[0])
+    angle = (jump / len(tangent) * np.arange(len(tangent)))[:, None]
+    return np.cos(angle) * director + np.sin(angle) * np.cross(tangent, director)
+
+
+def _carried(vector: np.ndarray, before: np.ndarray, now: np.ndarray) -> np.ndarray:
+    """`vector` across `before` after the least rotation to `now`."""
+    axis, cosine = np.cross(before, now), before @ now
+    return _across(cosine * vector + np.cross(axis, vector) + axis * (axis @ vector) / (1.0 + cosine), now)
 
 
 def _across(vector: np.ndarray, tangent: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..kernels.rod_step import HELD_NODE
 from .rods import Rods
 
 MASS_MARGIN = 1.5  # fictitious masses over the least that is stable at unit step without a look-ahead
@@ -61,7 +62,7 @@ def largest_rates(
     k = _stiffnesses(rods, stretch_stiffness, turning, tension, contact_stiffness)
     a, b, t = k.stretch / node_mass, k.bending / node_mass, k.twist / spin_inertia
     both = _coupled(_coupled(a, b, k.coupling), t, k.coupling) + k.beside / node_mass
-    free = rods.held == 0
+    free = (rods.held & int(HELD_NODE)) == 0
     return Rates(*(float(np.max(x[free], initial=0.0)) for x in (a, b, t, k.contact / node_mass, both)))
 
 
