@@ -182,6 +182,29 @@ def _size_of(scene: Scene) -> str:
     return f"panel.size = {scene.panel.size:g} m"
 
 
+def lay_out(scene: Scene, cloth: Cloth) -> tuple[Table, Panel, float]:
+    """Nodes of one repeat of the scene's cloth, the mesh of its copies, and the length [m] of wire of a loop. Raises
+    `ModelError`."""
+    loop_length = sum(t.length for t in cloth.threads) / len(cloth.stitches)
+    slack = SLIDE_ALLOWANCE * loop_length
+    spacing = loop_length / scene.model.nodes_per_loop
+    table = rest_table(
+        cloth,
+        nodes_per_loop=scene.model.nodes_per_loop,
+        set_fraction=scene.wire.set_fraction,
+        lead=table_lead(cloth, 0.8 * spacing, slack),
+    )
+    panel = build_panel(
+        cloth,
+        table,
+        repeats=copies_of_cloth(scene),
+        outline=None if scene.model.boundary == "periodic" else scene.panel.shape(scene.knit.size),
+        slack=slack,
+        set_fraction=scene.wire.set_fraction,
+    )
+    return table, panel, loop_length
+
+
 def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -> Model:
     """Build and upload the model of a scene, of this rank's strip where several `ranks` share it.
 
@@ -192,24 +215,7 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
             raise ModelError(f"hook: two wires are not shared by {ranks.count} ranks: run without mpirun")
         return _build_hook(scene, scene.hook, device)
     cloth = knit_scene(scene)
-    wire = scene.wire
-    loop_length = sum(t.length for t in cloth.threads) / len(cloth.stitches)
-    slack = SLIDE_ALLOWANCE * loop_length
-    spacing = loop_length / scene.model.nodes_per_loop
-    table = rest_table(
-        cloth,
-        nodes_per_loop=scene.model.nodes_per_loop,
-        set_fraction=wire.set_fraction,
-        lead=table_lead(cloth, 0.8 * spacing, slack),
-    )
-    panel = build_panel(
-        cloth,
-        table,
-        repeats=copies_of_cloth(scene),
-        outline=None if scene.model.boundary == "periodic" else scene.panel.shape(scene.knit.size),
-        slack=slack,
-        set_fraction=wire.set_fraction,
-    )
+    table, panel, loop_length = lay_out(scene, cloth)
     loop_size = max(scene.knit.wale_spacing, scene.knit.course_spacing)
     furthest = 2 * loop_size + _edge_travel(scene)
     return assemble_model(

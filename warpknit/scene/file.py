@@ -81,7 +81,7 @@ TREATMENT_KEYS = {
 MaterialName = Annotated[str, BeforeValidator(Choice(tuple(MATERIALS)))]
 Drive = Annotated[str, BeforeValidator(Choice(("relax", "ramp")))]
 Precision = Annotated[str, BeforeValidator(Choice(("single", "double")))]
-Kind = Annotated[str, BeforeValidator(Choice(("planar",), remark="the spatial model is not in this version"))]
+Kind = Annotated[str, BeforeValidator(Choice(("planar", "spatial")))]
 Boundary = Annotated[str, BeforeValidator(Choice(("gripped", "periodic")))]
 OutlineName = Annotated[str, BeforeValidator(Choice(("rectangle", "hexagon", "triangle", "disc", "polygon")))]
 Treatment = Annotated[str, BeforeValidator(Choice(TREATMENTS))]

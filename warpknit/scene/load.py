@@ -21,6 +21,7 @@ from warpknit.scene.overrides import Override, with_overrides
 from warpknit.scene.panel import PanelError, PanelOptions, covering_repeats, panel_options
 from warpknit.scene.presets import PRESETS, Preset
 from warpknit.scene.source import Source
+from warpknit.scene.spatial import refuse_unsupported
 from warpknit.scene.stages import hook_stages, mesh_stages
 from warpknit.scene.units import shown
 from warpknit.scene.wire import Plating, Wire
@@ -71,6 +72,7 @@ def make_scene(
     except ValidationError as error:
         raise first_error(path, error) from error
     source = Source(path, table)
+    refuse_unsupported(source, file)
     wire = _wire(source, file.wire)
     hook = None if file.hook is None else hook_of(source, file, wire)
     knit = _knit(source, file.knit, wire) if hook is None else _nothing_knitted(file, hook)
@@ -82,6 +84,8 @@ def make_scene(
             raise source.refusal(("knit", "repeats"), list(file.knit.repeats), allowed)
         knit = replace(knit, repeats=repeats)
     numerics = PRESETS[file.solver.preset]
+    if file.model.kind == "spatial":
+        numerics = replace(numerics, nodes_per_loop=numerics.spatial_nodes_per_loop, precision="double")
     return Scene(
         name=file.name or path.stem,
         path=path,

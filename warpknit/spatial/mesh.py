@@ -1,0 +1,111 @@
+"""A knitted mesh as rods: the wires of a panel (mesh/panel.py) at the places in space that the knit gives them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..frame import WireLayout
+from ..knit.cloth import Cloth
+from ..mesh.panel import Panel
+from ..mesh.table import Table
+from ..model.device_arrays import Precision, precision_of
+from ..model.model import knit_scene, lay_out, yarn_thickness
+from ..ranks.ranks import One, Ranks
+from ..scene import Scene
+from ..scene.wire import Wire
+from .rods import Rods, Section, rods_of
+
+CONTACT_TO_BENDING = 0.25  # contact penalty over 4 EI/h^3 or, softened, EA/h, the larger, where the scene gives none
+
+
+@dataclass(frozen=True)
+class SpatialMesh:
+    """A mesh ready to be stepped as rods. `panel` says which wires there are and where they are knitted to hook each other."""
+
+    scene: Scene
+    cloth: Cloth
+    table: Table
+    panel: Panel
+    rods: Rods
+    softening: float  # EA over the axial stiffness of the dynamics
+    contact_stiffness: float  # [N/m]
+    loop_length: float  # [m]
+    device: str
+    precision: Precision
+    ranks: Ranks
+    time_step: float = 1.0  # [s], of a relaxation
+    added_mass: float = 0.0
+
+    @property
+    def bending_stiffness(self) -> float:
+        """EI [N m2]."""
+        return self.rods.section.bending_stiffness
+
+    @property
+    def pair_count(self) -> int:
+        """Two for each place where wires hook each other, as in the planar model."""
+        return 2 * self.panel.body_count
+
+    def layout(self) -> WireLayout:
+        """How the wires are laid out, for the exports; a place where wires hook each other stands for a body."""
+        p = self.panel
+        return WireLayout(
+            wire_start=np.concatenate([p.wire_first, [p.node_count]]),
+            wire_closed=p.wire_closed,
+            period=np.array(p.size),
+            diameter=self.scene.wire.diameter,
+            body_radius=self.scene.model.body_radius,
+            body_wires=p.pair_wire.reshape(-1, 2),
+            rhombus_bodies=p.rhombus_bodies,
+            repeats=np.array(self.scene.knit.repeats),
+        )
+
+
+def wire_section(wire: Wire, thickness: float) -> Section:
+    """The section of a yarn that is `thickness` [m] thick where it touches."""
+    return Section(
+        axial_stiffness=wire.axial_stiffness,
+        bending_stiffness=wire.bending_stiffness,
+        twist_stiffness=wire.twist_stiffness,
+        linear_density=wire.linear_density,
+        rotary_inertia=wire.linear_density * thickness**2 / 8,
+        thickness=thickness,
+    )
+
+
+def build_mesh(scene: Scene, device: str = "cpu") -> SpatialMesh:
+    """The mesh of a scene as rods. Raises `ModelError`, `MemoryNeeded`, `KnitError`."""
+    cloth = knit_scene(scene)
+    table, panel, loop_length = lay_out(scene, cloth)
+    section = wire_section(scene.wire, yarn_thickness(scene))
+    rods = replace(_rods_of_panel(section, table, panel), set_fraction=scene.wire.set_fraction)
+    spacing = float(rods.natural_length[rods.following >= 0].min())
+    # beyond this bending rules the step, and softer wires gain nothing
+    softening = max(1.0, min(scene.solver.axial_softening, (2.0 * spacing / scene.wire.diameter) ** 2))
+    stiffest = max(section.axial_stiffness / softening / spacing, 4.0 * section.bending_stiffness / spacing**3)
+    given = scene.contact.stiffness
+    return SpatialMesh(
+        scene=scene,
+        cloth=cloth,
+        table=table,
+        panel=panel,
+        rods=rods,
+        softening=softening,
+        contact_stiffness=CONTACT_TO_BENDING * stiffest if given is None else given,
+        loop_length=loop_length,
+        device=device,
+        precision=precision_of("double", 1.0),
+        ranks=One(),
+    )
+
+
+def _rods_of_panel(section: Section, table: Table, panel: Panel) -> Rods:
+    """The wires of a periodic tile at rest."""
+    entry = panel.node_entry
+    origin = np.repeat(panel.block_origin, panel.block_count, axis=0)
+    position = np.stack([table.x[entry] + origin[:, 0], table.y[entry] + origin[:, 1], table.z[entry]], axis=1)
+    up = np.array([0.0, panel.size[1], 0.0])
+    points = np.split(position, panel.wire_first[1:])
+    return rods_of(section, points, [up] * len(points), tile=np.array([*panel.size, 0.0]))
