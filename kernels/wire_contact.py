@@ -19,7 +19,7 @@ import warp as wp
 
 from .control import CONTACT_STIFFNESS, STATUS, STATUS_RUNNING, TIME_STEP, TRAVEL
 from .rod_frames import carried
-from .wire_curve import closest_on_curves, is_kept_at_end, mixed, share_slopes, shares, stencil
+from .wire_curve import closest_on_chords, closest_on_curves, is_kept_at_end, mixed, row, sag, share_slopes, shares, stencil
 from .wire_pairs import ELSEWHERE
 
 LINE_SINE = wp.constant(wp.float64(0.25))  # of the angle between wires: below it they touch along a line,
@@ -107,6 +107,7 @@ def find_wire_contacts(
     # what steers the step
     control: wp.array(dtype=wp.float64),
     apart: wp.float64,
+    reach: wp.float64,
     damping: wp.float64,
     friction: wp.float64,
     stick_share: wp.float64,
@@ -128,7 +129,9 @@ def find_wire_contacts(
     contact_torque: wp.array(dtype=wp.float64),
     deepest: wp.array(dtype=wp.float64),
 ):
-    """One thread a pair. A pair that does not count has the overlap -ELSEWHERE; `stick_share` is k_t/k."""
+    """One thread a pair. `stick_share` is k_t/k. A pair that does not count, or whose curves are farther apart than `reach` times
+    the distance at which they touch, has the overlap -ELSEWHERE.
+    """
     k = wp.tid()
     if k >= pair_count[0]:
         return
@@ -144,7 +147,12 @@ def find_wire_contacts(
     q = stencil(j, previous, following, position, length, tangent)
     moved = carried(pair_shift[k], control)
     q = q + wp.matrix_from_rows(moved, moved, moved, moved)
-    near = closest_on_curves(p, q)
+    touch = node_radius[i] + node_radius[j]
+    start = closest_on_chords(row(p, 1), row(p, 2), row(q, 1), row(q, 2))
+    chords = row(p, 1) + start[0] * (row(p, 2) - row(p, 1)) - row(q, 1) - start[1] * (row(q, 2) - row(q, 1))
+    if wp.length(chords) > reach * touch + sag(p) + sag(q):
+        return
+    near = closest_on_curves(p, q, start)
     s = near[0]
     t = near[1]
     way = pair_way[k]
@@ -169,7 +177,6 @@ def find_wire_contacts(
         share = wp.clamp((POINT_SINE - sine) / (POINT_SINE - LINE_SINE), zero, one)
         if share == zero:
             return
-    touch = node_radius[i] + node_radius[j]
     overlap = touch - distance
     pair_overlap[k] = overlap
     pair_place[k] = near

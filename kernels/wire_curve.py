@@ -14,6 +14,7 @@ import warp as wp
 NEWTON_STEPS = 8
 NEWTON_ACCURACY = wp.constant(wp.float64(1.0e-12))  # of a segment
 PARALLEL = wp.constant(wp.float64(1.0e-8))  # squared sine below which two chords count as parallel
+MOST_SLOPE = wp.constant(wp.float64(2.0 / 27.0))  # largest s (1 - s)^2, times half: slopes are means of two edges
 LEAST_ANGLE = wp.constant(wp.float64(1.0e-2))  # squared sine that Newton's steps reckon with at least: they stay short beyond
 
 
@@ -58,6 +59,12 @@ def mixed(w: wp.vec4d, nodes: wp.types.matrix(shape=(4, 3), dtype=wp.float64)) -
 
 
 @wp.func
+def row(nodes: wp.types.matrix(shape=(4, 3), dtype=wp.float64), a: int) -> wp.vec3d:
+    """One of the four nodes."""
+    return wp.vec3d(nodes[a, 0], nodes[a, 1], nodes[a, 2])
+
+
+@wp.func
 def stencil(
     i: int,
     previous: wp.array(dtype=wp.int32),
@@ -79,6 +86,15 @@ def stencil(
     if following[after] >= 0:
         three = two + length[after] * tangent[after]
     return wp.matrix_from_rows(zero, one, two, three)
+
+
+@wp.func
+def sag(nodes: wp.types.matrix(shape=(4, 3), dtype=wp.float64)) -> wp.float64:
+    """[m] that the curve leaves its chord by at most: 4/27 of what the slopes at either end differ from the chord."""
+    edge = row(nodes, 2) - row(nodes, 1)
+    before = wp.length(edge - (row(nodes, 1) - row(nodes, 0)))
+    after = wp.length(edge - (row(nodes, 3) - row(nodes, 2)))
+    return MOST_SLOPE * (before + after)
 
 
 @wp.func
@@ -125,17 +141,11 @@ def is_kept_at_end(place: wp.float64, slope: wp.float64) -> bool:
 
 @wp.func
 def closest_on_curves(
-    p: wp.types.matrix(shape=(4, 3), dtype=wp.float64), q: wp.types.matrix(shape=(4, 3), dtype=wp.float64)
+    p: wp.types.matrix(shape=(4, 3), dtype=wp.float64), q: wp.types.matrix(shape=(4, 3), dtype=wp.float64), start: wp.vec2d
 ) -> wp.vec2d:
-    """Places (s, t) in 0 .. 1 of the closest points of two curves near each other, by Newton's method from those of their
-    chords."""
+    """Places (s, t) in 0 .. 1 of the closest points of two curves near each other, by Newton's method from `start`."""
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
-    p1 = wp.vec3d(p[1, 0], p[1, 1], p[1, 2])
-    p2 = wp.vec3d(p[2, 0], p[2, 1], p[2, 2])
-    q1 = wp.vec3d(q[1, 0], q[1, 1], q[1, 2])
-    q2 = wp.vec3d(q[2, 0], q[2, 1], q[2, 2])
-    start = closest_on_chords(p1, p2, q1, q2)
     s = start[0]
     t = start[1]
     for _step in range(NEWTON_STEPS):

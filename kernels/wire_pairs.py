@@ -10,9 +10,9 @@ import warp as wp
 
 from .control import GRADIENT
 from .rod_frames import carried
-from .wire_curve import closest_on_chords
+from .wire_curve import closest_on_chords, row, sag, stencil
 
-SAG = wp.constant(wp.float64(0.15))  # of a segment: how far its curve may bulge beyond its chord
+MOST_SAG = wp.constant(wp.float64(0.3))  # of a segment: more than its curve ever leaves its chord by, 4/27 at either end
 ELSEWHERE = wp.constant(wp.float64(1.0e30))  # [m] distance along a wire of what is on no common wire
 
 
@@ -91,6 +91,7 @@ def find_segment_pairs(
     tile: wp.vec3d,
     is_filling: int,
     # wires
+    previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
     node_wire: wp.array(dtype=wp.int32),
     node_arc: wp.array(dtype=wp.float64),
@@ -126,8 +127,10 @@ def find_segment_pairs(
     if following[i] < 0:
         return
     found = int(0)
-    p1 = position[i]
-    p2 = p1 + length[i] * tangent[i]
+    p = stencil(i, previous, following, position, length, tangent)
+    p1 = row(p, 1)
+    p2 = row(p, 2)
+    bulge = sag(p)
     half = wp.float64(0.5)
     middle = half * (p1 + p2)
     query = wp.hash_grid_query(grid, place[i], hash_radius)
@@ -146,14 +149,17 @@ def find_segment_pairs(
         q2 = q2 + moved
         touch = node_radius[i] + node_radius[j]
         reach = touch + margin
-        longest = half * (length[i] + length[j]) + reach + SAG * (length[i] + length[j])
-        if wp.length_sq(middle - half * (q1 + q2)) > longest * longest:
+        longest = half * (length[i] + length[j]) + reach + bulge
+        if wp.length(middle - half * (q1 + q2)) > longest + MOST_SAG * length[j]:
             continue
         way = along_wire(i, j, shift, node_wire, node_arc, wire_closed, wire_length, wire_period)
         if way != ELSEWHERE and wp.abs(way) + wp.max(length[i], length[j]) < apart * node_radius[i]:
             continue
         near = closest_on_chords(p1, p2, q1, q2)
-        gap = wp.length(p1 + near[0] * (p2 - p1) - q1 - near[1] * (q2 - q1)) - SAG * (length[i] + length[j])
+        gap = wp.length(p1 + near[0] * (p2 - p1) - q1 - near[1] * (q2 - q1)) - bulge
+        if gap > reach + MOST_SAG * length[j]:
+            continue
+        gap -= sag(stencil(j, previous, following, position, length, tangent))
         if gap > reach:
             continue
         if is_filling != 0:

@@ -41,7 +41,7 @@ LAYERS = (
     {"cli"},
     {"__main__"},
 )
-MAY_IMPORT_EXPORT = {"run.run", "sweep.sweep", "cli", "design.report"}
+MAY_IMPORT_EXPORT = {"run.run", "run.spatial_run", "sweep.sweep", "cli", "design.report"}
 EXPORT_MAY_IMPORT = {"errors", "files", "frame", "knit", "export"}
 
 

@@ -10,11 +10,12 @@ import warp as wp
 from ..errors import ModelError, OutOfResources
 from ..kernels import control as c
 from ..kernels.wire_contact import find_wire_contacts
-from ..kernels.wire_pairs import SAG, find_segment_pairs, keep_slips, place_segments_in_hash
+from ..kernels.wire_pairs import MOST_SAG, find_segment_pairs, keep_slips, place_segments_in_hash
 from ..model.model import available_memory
 from .rod_step import RodStepper
 
 APART = 4.0  # radii along a wire below which its segments do not touch each other: bent back onto itself it takes pi
+REACH = 1.3  # distances of touching wires up to which a pair is measured to the end
 MARGIN = 0.5  # of a segment: how much nearer things may come before the next search
 STICK_SHARE = 0.5  # tangential over normal stiffness
 PAIR_BYTES = 8 * (2 * 3 + 1 + 3 * 2 + 1 + 3 + 2 + 3) + 4 * 2  # of one pair, kept twice while a list is renewed
@@ -37,13 +38,13 @@ class TouchingPairs:
 
 
 class _List:
-    """Arrays of a list of pairs with room for `room`."""
+    """Arrays of a list of pairs with room for `room`; `number` tells lists apart."""
 
-    def __init__(self, room: int, nodes: int, device: str) -> None:
+    def __init__(self, room: int, nodes: int, device: str, number: int) -> None:
         def make(dtype: type, count: int = room) -> wp.array:
             return wp.zeros(count, dtype=dtype, device=device)
 
-        self.room = room
+        self.room, self.number = room, number
         self.start, self.count = make(wp.int32, nodes), make(wp.int32, nodes)
         self.total = make(wp.int32, 1)
         self.first, self.second = make(wp.int32), make(wp.int32)
@@ -71,7 +72,7 @@ class WireContact:
         self.margin = MARGIN * float(segments.max())
         self.searches = 0
         longest = 1.2 * float(segments.max())  # with room for what load stretches
-        self._radius = longest * (1.0 + 2.0 * float(SAG)) + 2.0 * float(rods.wire_radius.max()) + self.margin
+        self._radius = longest * (1.0 + 2.0 * float(MOST_SAG)) + 2.0 * float(rods.wire_radius.max()) + self.margin
         cells = np.where(rods.tile > 0, np.floor(rods.tile / self._radius), FREE_CELLS).astype(int)
         if np.any(cells < 3):
             raise ModelError(
@@ -88,10 +89,14 @@ class WireContact:
         self._wire_length = wp.array(rods.wire_length, dtype=wp.float64, device=device)
         self._wire_period = wp.array(rods.wire_period, dtype=wp.vec3d, device=device)
         self.deepest = wp.zeros(1, dtype=wp.float64, device=device)  # [m] overlap since it was last taken
-        self._list = _List(64, rods.node_count, device)
+        self._list, self._other = (_List(64, rods.node_count, device, number) for number in (0, 1))
         stepper.state.write_control({c.CONTACT_STIFFNESS: stiffness})
         stepper.contact = self
-        stepper.forget()
+
+    @property
+    def version(self) -> int:
+        """Which arrays the launches use: launches recorded for one version do for it whenever it comes again."""
+        return self._list.number
 
     @property
     def pair_count(self) -> int:
@@ -108,7 +113,7 @@ class WireContact:
                 [
                     pairs.total, pairs.first, pairs.second, pairs.shift, pairs.way, pairs.wake,
                     arrays.previous, arrays.following, arrays.natural_length, self._node_radius, state.control,
-                    wp.float64(APART), wp.float64(self.damping), wp.float64(self.friction), wp.float64(STICK_SHARE),
+                    wp.float64(APART), wp.float64(REACH), wp.float64(self.damping), wp.float64(self.friction), wp.float64(STICK_SHARE),
                     state.position, state.length, state.tangent, state.velocity, state.spin,
                     pairs.slip, pairs.overlap, pairs.force, pairs.friction, pairs.normal, pairs.place,
                     state.contact_force, state.contact_torque, self.deepest,
@@ -129,15 +134,16 @@ class WireContact:
             device=device,
         )
         self._grid.build(self._hash_place, 1.0)
-        before = self._list
-        counted = _List(1, nodes, device)
+        before, pairs = self._list, self._other
         radius = self._radius / min(narrowest, 1.0) / float(self._cell.min())
-        self._find(counted, radius, filling=False)
-        wp.utils.array_scan(counted.count, counted.start, inclusive=False)
-        total = int(counted.start.numpy()[-1] + counted.count.numpy()[-1])
-        pairs = _List(before.room if total <= before.room else self._room(total), nodes, device)
-        wp.copy(pairs.start, counted.start)
-        wp.copy(pairs.count, counted.count)
+        self._find(pairs, radius, filling=False)
+        wp.utils.array_scan(pairs.count, pairs.start, inclusive=False)
+        total = int(pairs.start.numpy()[-1] + pairs.count.numpy()[-1])
+        if total > pairs.room:
+            grown = _List(self._room(total), nodes, device, pairs.number + 2)
+            wp.copy(grown.start, pairs.start)
+            wp.copy(grown.count, pairs.count)
+            pairs = grown
         pairs.total.fill_(total)
         self._find(pairs, radius, filling=True)
         wp.launch(
@@ -149,8 +155,7 @@ class WireContact:
             ],
             device=device,
         )  # fmt: skip
-        self._list = pairs
-        stepper.forget()
+        self._list, self._other = pairs, before
         self.searches += 1
         state.write_control({c.TRAVEL: 0.0, c.TRAVEL_LIMIT: 0.5 * self.margin, c.STATUS: 0.0})
 
@@ -171,7 +176,7 @@ class WireContact:
             dim=rods.node_count,
             inputs=[
                 wp.uint64(self._grid.id), radius, wp.float64(self.margin), wp.float64(APART),
-                wp.vec3d(*rods.tile), int(filling), arrays.following, self._node_wire, self._node_arc, self._node_radius,
+                wp.vec3d(*rods.tile), int(filling), arrays.previous, arrays.following, self._node_wire, self._node_arc, self._node_radius,
                 self._wire_closed, self._wire_length, self._wire_period, state.control,
                 self._hash_place, state.position, state.length, state.tangent,
                 pairs.start, pairs.count, pairs.first, pairs.second, pairs.shift, pairs.way, pairs.wake,

@@ -179,14 +179,14 @@ class SpatialReading:
         return float(np.sqrt(np.mean(np.sum(self.force**2, axis=1))) / max(mean, self.force_scale))
 
     def frame(self, *, index: int, stage: str, load_factor: float, temperature: float) -> Frame:
-        """The recorded state for the exports. A site stands where its contacts are, else between the middles of its reaches."""
+        """The recorded state for the exports. A site is shown where the knit has it, moved as the wires there have moved."""
         panel, f = self.mesh.panel, self.gradient
         corner = np.append(f @ self.mesh.rods.position[:, :2].min(axis=0), 0.0)
         position = self.position - corner
-        rest = np.column_stack([panel.body_rest + panel.body_origin, np.zeros(self.sites.count)])
-        body = rest.copy()
-        body[:, :2] = rest[:, :2] @ f.T - corner[:2]
-        body[:, 2] = position[panel.pair_seed, 2].reshape(-1, 2).mean(axis=1)
+        carried = self.mesh.rods.position[:, :2] @ f.T
+        moved = (self.position[:, :2] - carried)[panel.pair_seed].reshape(-1, 2, 2).mean(axis=1)
+        body = (panel.body_rest + panel.body_origin) @ f.T - corner[:2] + moved
+        height = position[panel.pair_seed, 2].reshape(-1, 2).mean(axis=1)
         return Frame(
             index=index,
             stage=stage,
@@ -197,7 +197,7 @@ class SpatialReading:
             temperature=temperature,
             node_position=position,
             node_stress=self.stress,
-            body_position=body,
+            body_position=np.column_stack([body, height]),
             pair_force=np.repeat(self.site_force, 2),
             pair_active=np.repeat(self.site_active, 2),
         )

@@ -1,8 +1,8 @@
 """Load levels of a mesh in space, each brought to rest.
 
-A level puts its load on at once: the whole mesh is carried affinely with its boundary, and moved on by what the last level moved
-beside that. It is steady when what is out of balance, motion, the drift of the tension, and what the softening of the wires still does
-are all below the scene's tolerance, as in a planar relaxation.
+A level puts its load on at once: the whole mesh is carried affinely with its boundary, and moved on by what the last level
+moved beside that. It is steady when what is out of balance, motion, the drift of the tension, and what the softening of the
+wires still does are all below the scene's tolerance, as in a planar relaxation.
 """
 
 from __future__ import annotations
@@ -120,8 +120,8 @@ class SpatialRelaxation:
         deep = overlaps[overlaps > CLOSEST]
         if len(deep):
             self.notes.append(
-                f"as knitted wires overlap in {len(deep)} places, by {deep.max():.2g} of their thickness at most: they were pushed"
-                " apart before the load came on"
+                f"as knitted wires overlap in {len(deep)} places, by {deep.max():.2g} of their thickness at most: they were"
+                " pushed apart before the load came on"
             )
         if len(deep) or wire.set_fraction != 1.0:
             self._settle(may_overlap=True)
@@ -223,22 +223,11 @@ class SpatialRelaxation:
             node = int(np.argmax(speed))
             wire = int(self.mesh.rods.wire_of[node])
             raise Diverged(
-                f"diverged at step {self.steps}: wire {wire}, node {node - int(self.mesh.rods.wire_first[wire])}, {where}; likely the"
-                " load comes on too fast for the stiffness there: raise output.frames"
+                f"diverged at step {self.steps}: wire {wire}, node {node - int(self.mesh.rods.wire_first[wire])}, {where};"
+                " likely the load comes on too fast for the stiffness there: raise output.frames"
             )
         if deepest > DEEPEST and not may_overlap:
             raise Diverged(
-                f"wires overlap by {deepest:.2g} of their thickness at step {self.steps}, {where}: the contact penalty does not
-                hold" " them apart; raise output.frames or contact.stiffness"
+                f"wires overlap by {deepest:.2g} of their thickness at step {self.steps}, {where}: the contact penalty does not"
+                " hold them apart; raise output.frames or contact.stiffness"
             )
-
-
-
-
-
-
-
-
-
-
-

@@ -47,6 +47,7 @@ class Rest:
         self.stretch = rods.section.axial_stiffness / softening
         state.stretch_stiffness.fill_(self.stretch)
         stepper.set_time_step(1.0, FIRST_DAMPING, LOOK_AHEAD)
+        stepper.evaluate()
         self.spacing = spacing = float(rods.natural_length[self.has_segment].min())
         self.speed_limit = SPEED_SHARE * spacing  # [m] a step
         state.write_control({c.DRIVE: 0.0, c.STEP_LIMIT: spacing})

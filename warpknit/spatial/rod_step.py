@@ -32,6 +32,10 @@ FROZEN = 3.0  # a status with which a step finds forces and moves nothing
 class Contact(Protocol):
     """What finds contact forces between the wires."""
 
+    @property
+    def version(self) -> int:
+        """Which arrays `launches` uses; launches are recorded once a version."""
+
     def launches(self) -> Sequence[tuple[wp.Kernel, int, list]]:
         """Kernels with threads and arguments that add to contact_force and contact_torque."""
 
@@ -45,11 +49,7 @@ class RodStepper:
         self.arrays: RodArrays = upload_rods(rods, device)
         self.state: RodState = rest_state(rods, device)
         self.contact: Contact | None = None
-        self._graphs: dict[int, wp.Graph] = {}
-
-    def forget(self) -> None:
-        """Have launches recorded anew: arrays that they use have been replaced."""
-        self._graphs.clear()
+        self._graphs: dict[tuple[int, int], wp.Graph] = {}
 
     def launches(self) -> list[tuple[wp.Kernel, int, list]]:
         """Kernel, threads and arguments of all that makes a step, in turn."""
@@ -81,15 +81,16 @@ class RodStepper:
                 wp.launch(kernel, dim=dim, inputs=arguments, device=self.device)
 
     def _graph(self, steps: int) -> wp.Graph:
-        if steps not in self._graphs:
+        key = (self.contact.version if self.contact is not None else -1, steps)
+        if key not in self._graphs:
             state = self.state
             with wp.ScopedCapture(device=self.device) as capture:
                 for _ in range(steps):
                     state.partial.zero_()
                     self._launch()
                     wp.launch(update_control, dim=1, inputs=[state.partial, state.no_bodies, state.control], device=self.device)
-            self._graphs[steps] = capture.graph
-        return self._graphs[steps]
+            self._graphs[key] = capture.graph
+        return self._graphs[key]
 
     # --- the state on the host ---
 
