@@ -34,6 +34,7 @@ SLIDE_ALLOWANCE = 0.2  # how far a contact may slide beyond its lens, in wire le
 CORD_SAG = 0.2  # of the size of a mesh: farther its edge cannot be from its outline
 LIBRARY_MEMORY = 512 * 2**20  # [bytes] of addresses that libraries may still take: threads, compiler, USD
 MEMORY_PER_NODE = {"single": 420, "double": 520}  # bytes, at the peak of a run on the CPU
+SPATIAL_MEMORY_PER_NODE = 1_500  # the same of the spatial model, with the pairs of segments near each other
 USD_MEMORY_PER_NODE = 60  # bytes, of the process that writes scene.usda and of the frame that is handed to it
 
 
@@ -129,7 +130,8 @@ def copies_of_cloth(scene: Scene) -> tuple[int, int]:
 
 def required_memory(scene: Scene, nodes: int) -> int:
     """Bytes for so many nodes with their share of bodies."""
-    return (MEMORY_PER_NODE[scene.solver.precision] + USD_MEMORY_PER_NODE * scene.output.usd) * nodes
+    wire = SPATIAL_MEMORY_PER_NODE if scene.model.kind == "spatial" else MEMORY_PER_NODE[scene.solver.precision]
+    return (wire + USD_MEMORY_PER_NODE * scene.output.usd) * nodes
 
 
 def available_memory() -> int:

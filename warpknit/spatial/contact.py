@@ -113,7 +113,8 @@ class WireContact:
                 [
                     pairs.total, pairs.first, pairs.second, pairs.shift, pairs.way, pairs.wake,
                     arrays.previous, arrays.following, arrays.natural_length, self._node_radius, state.control,
-                    wp.float64(APART), wp.float64(REACH), wp.float64(self.damping), wp.float64(self.friction), wp.float64(STICK_SHARE),
+                    wp.float64(APART), wp.float64(REACH), wp.float64(self.damping), wp.float64(self.friction),
+                    wp.float64(STICK_SHARE),
                     state.position, state.length, state.tangent, state.velocity, state.spin,
                     pairs.slip, pairs.overlap, pairs.force, pairs.friction, pairs.normal, pairs.place,
                     state.contact_force, state.contact_torque, self.deepest,
@@ -176,7 +177,8 @@ class WireContact:
             dim=rods.node_count,
             inputs=[
                 wp.uint64(self._grid.id), radius, wp.float64(self.margin), wp.float64(APART),
-                wp.vec3d(*rods.tile), int(filling), arrays.previous, arrays.following, self._node_wire, self._node_arc, self._node_radius,
+                wp.vec3d(*rods.tile), int(filling),
+                arrays.previous, arrays.following, self._node_wire, self._node_arc, self._node_radius,
                 self._wire_closed, self._wire_length, self._wire_period, state.control,
                 self._hash_place, state.position, state.length, state.tangent,
                 pairs.start, pairs.count, pairs.first, pairs.second, pairs.shift, pairs.way, pairs.wake,

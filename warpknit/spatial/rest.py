@@ -27,7 +27,7 @@ CHECK_STEPS = 50  # steps between looks at the state
 SPEED_SHARE = 0.05  # of a node spacing: farthest move a step
 FIRST_DAMPING = 0.02  # [1/s]
 FASTEST_DAMPING = 0.2  # [1/s]
-MULTIPLIER_RATE = 0.4
+MULTIPLIER_RATE = 0.05  # more of it shakes the wires, which the damping would take for a stiff mode
 TINY = 1e-300
 
 
