@@ -1,9 +1,10 @@
 """What condensing the crossings into the plane costs: the same cell planar and in space, level by level.
 
-    python tools/condensation_study.py [--scene scenes/atlas_cell_spatial.toml] [--strain 0.2] [--levels 10] [--set KEY=VALUE]...
+    python tools/condensation_study.py [--scene FILE] [--strain 0.2] [--levels 10] [--set KEY=VALUE]...
 
-Prints one row a level and model: tension, share of active contacts, sum and largest of the contact forces, largest stress, node-steps
-and wall time. A third run shows the planar model with wires that close at one diameter, as they do in space, in place of 1.25.
+Prints one row a level and model: tension, share of active contacts, sum and largest of the contact forces, largest stress,
+node-steps and wall time. A third run shows the planar model with wires that close at one diameter, as they do in space, in
+place of 1.25.
 """
 
 from __future__ import annotations
@@ -98,23 +99,16 @@ def main(arguments: list[str]) -> int:
     ):
         for r in rows:
             if r.strain > 0.0:
-                print(
-                    f"{r.model:16s} {r.strain:7.3f} {1e3 * r.weft:10.3f} {1e3 * r.warp:10.3f} {r.share:9.1f}
-                    {1e6
-                    * r.force_sum:7.1f}" f" {1e6 * r.force_max:11.2f} {1e-6 * r.stress:11.1f} {r.node_steps:11.2e} {r.wall:7.1f}",
-                    flush=True,
-                )
+                print(line(r), flush=True)
     return 0
 
 
-if __name__ ==
-"__main__":
-   
-   
-   
-   
-   
-   
-   
-   
+def line(r: Row) -> str:
+    """One row as text."""
+    tension = f"{1e3 * r.weft:10.3f} {1e3 * r.warp:10.3f}"
+    contact = f"{r.share:9.1f} {1e6 * r.force_sum:7.1f} {1e6 * r.force_max:11.2f}"
+    return f"{r.model:16s} {r.strain:7.3f} {tension} {contact} {1e-6 * r.stress:11.1f} {r.node_steps:11.2e} {r.wall:7.1f}"
+
+
+if __name__ == "__main__":
     sys.exit(main(sys.argv[1:]))

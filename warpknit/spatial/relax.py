@@ -209,7 +209,12 @@ class SpatialRelaxation:
         return np.diag(read(self.mesh, self.sites, self.rest, self.contact).nominal_stress).copy()
 
     def _drift(self, moved: np.ndarray, now: np.ndarray) -> float:
-        """How much the tensions moved over what the tolerance allows."""
+        """How much the tensions will still move, over what the tolerance allows.
+
+        A mode damped near critically by c goes on for 2/c: what moved over DRIFT_LOOKS goes on at its pace for so long.
+        """
+        damping = max(float(self.stepper.state.read_control()[int(c.DAMPING)]), self.rest.slowest)
+        moved = moved * max(1.0, 2.0 / (damping * DRIFT_LOOKS * CHECK_STEPS))
         floor = TENSION_FLOOR * self.mesh.bending_stiffness / self.scene.knit.course_spacing**3
         return float(np.abs(moved).max() / (self.scene.solver.residual_tolerance * max(np.abs(now).max(), floor)))
 
