@@ -14,7 +14,7 @@ from warpknit.model.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.mesh import build_mesh
-from warpknit.spatial.reading import SpatialReading
+from warpknit.spatial.reading import SpatialReading, read
 from warpknit.spatial.relax import SpatialRelaxation
 
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell_spatial.toml"
@@ -54,29 +54,68 @@ def test_cell_in_space_is_near_the_planar_one() -> None:
     assert spatial.stress.max() == pytest.approx(measure.stress_extremes(record.reading)[0], rel=0.25)
 
 
-def test_nominal_stress_is_the_derivative_of_the_energy() -> None:
-    """A0 P = dE/dF at held displacements, stretch, bending, twist and contact: by central differences, whatever the state.
+def assert_stress_is_the_derivative_of_the_energy(relaxation: SpatialRelaxation) -> None:
+    """A0 P = dE/dF at held displacements, stretch, bending, twist and contact, clamps carried: by central differences.
 
     They are off by (step)^2 times the third derivative, which contact of overlap o makes E/o^3: a hundredth of o is taken for
     the step of the places, F by that over the size of the cell.
     """
-    relaxation, records = relaxed("output.frames=4")
-    stepper, contact, last = relaxation.stepper, relaxation.contact, records[-1]
+    stepper, contact, mesh = relaxation.stepper, relaxation.contact, relaxation.mesh
+    last = read(mesh, relaxation.sites, relaxation.rest, contact)
     assert len(last.touching.force) > 4
-    step = 0.01 * float(last.touching.overlap.min()) / relaxation.mesh.panel.size.max()
+    step = 0.01 * float(last.touching.overlap.min()) / mesh.panel.size.max()
     gradient, found = last.gradient.copy(), np.zeros((2, 2))
+    place = stepper.state.displacement.numpy().copy()
 
     def energy(f: np.ndarray) -> float:
         stepper.state.write_control({int(c.GRADIENT) + k: float(v) for k, v in enumerate(f.ravel())})
+        place[mesh.wires.held_node, :2] = mesh.held_shift(f)
+        stepper.state.displacement.assign(place)
         stepper.evaluate()
-        return stepper.energy() + 0.5 * relaxation.mesh.contact_stiffness * float(np.sum(contact.near().overlap ** 2))
+        return stepper.energy() + 0.5 * mesh.contact_stiffness * float(np.sum(contact.near().overlap ** 2))
 
     for k in np.ndindex(2, 2):
         way = np.zeros((2, 2))
         way[k] = step
         found[k] = (energy(gradient + way) - energy(gradient - way)) / (2 * step)
     energy(gradient)
-    assert last.nominal_stress * relaxation.mesh.panel.area == pytest.approx(found, rel=2e-3, abs=2e-3 * np.abs(found).max())
+    assert last.nominal_stress * mesh.panel.area == pytest.approx(found, rel=2e-3, abs=2e-3 * np.abs(found).max())
+
+
+def test_nominal_stress_of_a_tile_is_the_derivative_of_the_energy() -> None:
+    assert_stress_is_the_derivative_of_the_energy(relaxed("output.frames=4")[0])
+
+
+def patch(*overrides: str) -> SpatialRelaxation:
+    """A small gripped patch as knitted."""
+    return SpatialRelaxation(build_mesh(load_scene(CELL, [*DRAFT, "model.boundary=gripped", "knit.repeats=[1,2]", *overrides])))
+
+
+def test_nominal_stress_of_a_patch_is_the_derivative_of_the_energy() -> None:
+    """Clamps included, in a state that is not at rest: strained affinely, with wires so thick that they touch."""
+    relaxation = patch("wire.diameter='30 um'")
+    gradient = np.array([[1.15, 0.02], [0.0, 1.1]])
+    place = np.zeros((relaxation.mesh.rods.node_count, 3))
+    place[:, 2] = -0.5 * relaxation.mesh.rods.position[:, 2]
+    place[relaxation.mesh.wires.held_node, :2] = relaxation.mesh.held_shift(gradient)
+    relaxation.stepper.state.displacement.assign(place)
+    relaxation.stepper.state.write_control({int(c.GRADIENT) + k: float(v) for k, v in enumerate(gradient.ravel())})
+    relaxation.contact.search()
+    assert_stress_is_the_derivative_of_the_energy(relaxation)
+
+
+def test_clamps_sit_where_the_planar_model_has_them() -> None:
+    """In the middle of the first and last segment, but for the sag of an arc, h^2 kappa/8 with 1/kappa above a tenth of a
+    course."""
+    mesh = patch().mesh
+    rods, clamps = mesh.rods, mesh.panel.clamp_position.reshape(-1, 2, 2)
+    last = rods.wire_first + rods.wire_count - 1
+    spacing = float(rods.natural_length.max())
+    sag = spacing**2 / (8 * 0.1 * mesh.scene.knit.course_spacing)
+    for nodes, clamp in (((rods.wire_first, rods.wire_first + 1), clamps[:, 0]), ((last - 1, last), clamps[:, 1])):
+        middle = 0.5 * (rods.position[nodes[0]] + rods.position[nodes[1]])
+        assert np.linalg.norm(middle[:, :2] - clamp, axis=1).max() < sag
+    assert len(mesh.wires.site_wire) == mesh.panel.body_count
 
 
 def test_contacts_are_where_the_knit_hooks_its_wires() -> None:
@@ -84,6 +123,16 @@ def test_contacts_are_where_the_knit_hooks_its_wires() -> None:
     last = readings("output.frames=4")[-1]
     assert last.elsewhere.sum() < 0.1 * last.site_force.sum()
     assert last.penetration < 0.01
+
+
+@pytest.mark.slow
+def test_rhombus_of_a_patch_is_that_of_the_cell() -> None:
+    """Two repeats a side, gripped: the central rhombus has the share of the cell at the same strain, as in the plane."""
+    relaxation = patch("knit.repeats=[2,2]", "output.frames=4")
+    *_, last = relaxation.run()
+    rhombus = last.reading.site_active[relaxation.mesh.panel.rhombus_bodies]
+    assert len(rhombus) == 12
+    assert rhombus.mean() == readings("output.frames=4")[-1].site_active.mean()
 
 
 @pytest.mark.slow

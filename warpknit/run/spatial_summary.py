@@ -89,7 +89,7 @@ def stage_summary(record: SpatialRecord, rows: list[Row]) -> dict[str, Any]:
         "wire": {
             "stress_max_Pa": float(stress.max()),
             "stress_p99_Pa": float(np.percentile(stress, 99)),
-            "stress_interior_max_Pa": float(stress.max()),
+            "stress_interior_max_Pa": r.interior_stress,
             "stress_max_so_far_Pa": max(row.stress_max_Pa for row in rows),
             "shear_stress_max_Pa": float(r.shear_stress.max()),
             "yield_stress_Pa": wire.yield_stress,
@@ -116,6 +116,9 @@ def spatial_summary(
 ) -> dict[str, Any]:
     """The whole of summary.json; `how` goes to `run_summary`."""
     summary = run_summary(mesh, rows, stages, **how)  # type: ignore[arg-type]
+    nodes, wall = mesh.rods.node_count, summary["solver"]["wall_s"]
+    summary["model"]["nodes"] = nodes
+    summary["solver"]["node_steps_per_s"] = summary["solver"]["steps"] * nodes / wall if wall > 0 else 0.0
     summary["warnings"] = [*notes, *summary["warnings"]]
     return summary
 

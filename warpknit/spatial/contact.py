@@ -20,7 +20,7 @@ MARGIN = 0.5  # of a segment: how much nearer things may come before the next se
 STICK_SHARE = 0.5  # tangential over normal stiffness
 PAIR_BYTES = 8 * (2 * 3 + 1 + 3 * 2 + 1 + 3 + 2 + 3) + 4 * 2  # of one pair, kept twice while a list is renewed
 ROOM = 1.3  # pairs that a list has room for, over those that it holds
-FREE_CELLS = 16  # of the hash along a direction without tiles
+FREE_CELLS = (64, 64, 8)  # of the hash along x, y and z where the world has no tiles
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from ..ranks.ranks import One, Ranks
 from ..scene import Scene
 from ..scene.wire import Wire
 from .rods import Rods, Section, rods_of
+from .wires import SpatialWires, place_wires
 
 CONTACT_TO_BENDING = 0.25  # contact penalty over 4 EI/h^3 or, softened, EA/h, the larger, where the scene gives none
 
@@ -28,6 +29,7 @@ class SpatialMesh:
     cloth: Cloth
     table: Table
     panel: Panel
+    wires: SpatialWires
     rods: Rods
     softening: float  # EA over the axial stiffness of the dynamics
     contact_stiffness: float  # [N/m]
@@ -48,12 +50,24 @@ class SpatialMesh:
         """Two for each place where wires hook each other, as in the planar model."""
         return 2 * self.panel.body_count
 
+    @property
+    def site_node(self) -> np.ndarray:
+        """(site, 2) the nodes of both wires next to it as knitted."""
+        wire = self.wires.site_wire
+        place = np.rint(self.wires.site_seed).astype(np.int64)
+        return self.rods.wire_first[wire] + np.clip(place, 0, self.rods.wire_count[wire] - 1)
+
+    def held_shift(self, gradient: np.ndarray) -> np.ndarray:
+        """(held, 2) [m] displacement of held nodes from the affinely carried place: their clamp is carried, they keep its
+        direction."""
+        return self.wires.held_lever @ (np.eye(2) - gradient).T
+
     def layout(self) -> WireLayout:
         """How the wires are laid out, for the exports; a place where wires hook each other stands for a body."""
-        p = self.panel
+        p, rods = self.panel, self.rods
         return WireLayout(
-            wire_start=np.concatenate([p.wire_first, [p.node_count]]),
-            wire_closed=p.wire_closed,
+            wire_start=np.concatenate([rods.wire_first, [rods.node_count]]),
+            wire_closed=rods.wire_closed,
             period=np.array(p.size),
             diameter=self.scene.wire.diameter,
             body_radius=self.scene.model.body_radius,
@@ -80,8 +94,9 @@ def build_mesh(scene: Scene, device: str = "cpu") -> SpatialMesh:
     cloth = knit_scene(scene)
     table, panel, loop_length = lay_out(scene, cloth)
     section = wire_section(scene.wire, yarn_thickness(scene))
-    rods = replace(_rods_of_panel(section, table, panel), set_fraction=scene.wire.set_fraction)
-    spacing = float(rods.natural_length[rods.following >= 0].min())
+    wires = place_wires(cloth, table, panel)
+    rods = replace(_rods_of_wires(section, panel, wires), set_fraction=scene.wire.set_fraction)
+    spacing = float(table.spacing.min())
     # beyond this bending rules the step, and softer wires gain nothing
     softening = max(1.0, min(scene.solver.axial_softening, (2.0 * spacing / scene.wire.diameter) ** 2))
     stiffest = max(section.axial_stiffness / softening / spacing, 4.0 * section.bending_stiffness / spacing**3)
@@ -91,6 +106,7 @@ def build_mesh(scene: Scene, device: str = "cpu") -> SpatialMesh:
         cloth=cloth,
         table=table,
         panel=panel,
+        wires=wires,
         rods=rods,
         softening=softening,
         contact_stiffness=CONTACT_TO_BENDING * stiffest if given is None else given,
@@ -101,11 +117,9 @@ def build_mesh(scene: Scene, device: str = "cpu") -> SpatialMesh:
     )
 
 
-def _rods_of_panel(section: Section, table: Table, panel: Panel) -> Rods:
-    """The wires of a periodic tile at rest."""
-    entry = panel.node_entry
-    origin = np.repeat(panel.block_origin, panel.block_count, axis=0)
-    position = np.stack([table.x[entry] + origin[:, 0], table.y[entry] + origin[:, 1], table.z[entry]], axis=1)
+def _rods_of_wires(section: Section, panel: Panel, wires: SpatialWires) -> Rods:
+    """The wires of a panel at rest."""
+    closed = panel.boundary == "periodic"
     up = np.array([0.0, panel.size[1], 0.0])
-    points = np.split(position, panel.wire_first[1:])
-    return rods_of(section, points, [up] * len(points), tile=np.array([*panel.size, 0.0]))
+    rods = rods_of(section, wires.points, [up if closed else None] * len(wires.points), tile=wires.tile)
+    return rods.holding(wires.held_node, wires.held_section)

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..frame import Frame
 from ..kernels import control as c
+from ..measure.whole import INTERIOR
 from .contact import TouchingPairs, WireContact
 from .mesh import SpatialMesh
 from .rest import Rest
@@ -99,7 +100,8 @@ class SpatialReading:
     def nominal_stress(self) -> np.ndarray:
         """(2, 2) [N/m] work-conjugate of the deformation gradient, force per rest width.
 
-        P = (1/A0) [sum over segments n (x) E0 - sum over contacts f (x) (P0 - Q0)], f the force on the first wire at the point
+        P = (1/A0) [sum over segments n (x) E0 - sum over contacts f (x) (P0 - Q0) + sum over held nodes f (x) (X - c)], c
+        being the clamp; f of a contact is the force on the first wire at the point
         whose rest place is P0, Q0 that of the second wire.
         """
         rods, t = self.mesh.rods, self.touching
@@ -108,6 +110,8 @@ class SpatialReading:
             lever = self._rest_place(t.first, t.place[:, 0]) - self._rest_place(t.second, t.place[:, 1]) - t.shift
             push = t.force[:, None] * t.normal + t.friction
             total = total - np.einsum("ia,ib->ab", push[:, :2], lever[:, :2])
+        held = self.mesh.wires.held_node
+        total = total + np.einsum("ia,ib->ab", self.force[held, :2], self.mesh.wires.held_lever)
         return total / self.mesh.panel.area
 
     def _rest_place(self, node: np.ndarray, place: np.ndarray) -> np.ndarray:
@@ -145,6 +149,16 @@ class SpatialReading:
         return bending + np.maximum(own, before) * wire.youngs_modulus / wire.axial_stiffness
 
     @property
+    def interior_stress(self) -> float:
+        """[Pa] the largest stress farther than INTERIOR of the mesh's size from its edge."""
+        if self.mesh.panel.boundary == "periodic":
+            return float(self.stress.max())
+        place = self.position[:, :2]
+        share = (place - place.min(axis=0)) / np.ptp(place, axis=0)
+        inside = np.all((share > INTERIOR) & (share < 1.0 - INTERIOR), axis=1)
+        return float(self.stress[inside].max(initial=0.0))
+
+    @property
     def shear_stress(self) -> np.ndarray:
         """[node] [Pa] G (d/2) |twist - twist0|."""
         wire = self.mesh.scene.wire
@@ -172,21 +186,28 @@ class SpatialReading:
 
     @property
     def residual(self) -> float:
-        """Rms out-of-balance force of a node over the larger of the mean tension of a course and a wale and EI/W^2."""
-        knit = self.mesh.scene.knit
-        weft, warp = self.mesh_tension
-        mean = 0.5 * (abs(weft) * knit.course_spacing + abs(warp) * knit.wale_spacing)
-        return float(np.sqrt(np.mean(np.sum(self.force**2, axis=1))) / max(mean, self.force_scale))
+        """Rms out-of-balance force of a node over the larger of EI/W^2 and the mean force of a clamp, or of a course and a
+        wale."""
+        held = self.mesh.wires.held_node
+        if len(held):
+            mean = float(np.linalg.norm(self.force[held].reshape(-1, 2, 3).sum(axis=1), axis=1).mean())
+        else:
+            knit = self.mesh.scene.knit
+            weft, warp = self.mesh_tension
+            mean = 0.5 * (abs(weft) * knit.course_spacing + abs(warp) * knit.wale_spacing)
+        free = np.delete(self.force, held, axis=0)
+        return float(np.sqrt(np.mean(np.sum(free**2, axis=1))) / max(mean, self.force_scale))
 
     def frame(self, *, index: int, stage: str, load_factor: float, temperature: float) -> Frame:
         """The recorded state for the exports. A site is shown where the knit has it, moved as the wires there have moved."""
         panel, f = self.mesh.panel, self.gradient
-        corner = np.append(f @ self.mesh.rods.position[:, :2].min(axis=0), 0.0)
+        rest = self.mesh.rods.position[:, :2] if panel.boundary == "periodic" else panel.clamp_position
+        corner = np.append(f @ rest.min(axis=0), 0.0)
         position = self.position - corner
         carried = self.mesh.rods.position[:, :2] @ f.T
-        moved = (self.position[:, :2] - carried)[panel.pair_seed].reshape(-1, 2, 2).mean(axis=1)
+        moved = (self.position[:, :2] - carried)[self.mesh.site_node].mean(axis=1)
         body = (panel.body_rest + panel.body_origin) @ f.T - corner[:2] + moved
-        height = position[panel.pair_seed, 2].reshape(-1, 2).mean(axis=1)
+        height = position[self.mesh.site_node, 2].mean(axis=1)
         return Frame(
             index=index,
             stage=stage,

@@ -27,7 +27,8 @@ FORCE_FLOOR = 0.05  # of EI/W^2: what the residual is compared with where contac
 LOCAL_ALLOWANCE = 10.0  # times the tolerance that the largest residual may be
 ENERGY_FLOOR = 1e-5  # of EI/W a loop
 TENSION_FLOOR = 1e-3  # of EI/C^3
-DRIFT_LOOKS = 4  # looks over which the tension must stand still
+DRIFT_LOOKS = 8  # looks over which the tension must stand still, twice
+SLOWEST_FALL = 0.98  # of the change of the tension from one such time to the next, that is reckoned with at most
 AXIAL_ERROR = 2e-5  # strain that the softening may still hide
 MASS_LOOKS = 20  # looks between renewals of the fictitious masses
 LEVEL_STEPS = 500_000  # of a level after which it counts as never steady, where the scene gives no max_steps
@@ -54,7 +55,7 @@ class SpatialRelaxation:
 
     def __init__(self, mesh: SpatialMesh, watch: Callable[[SpatialRelaxation], None] = lambda _: None) -> None:
         self.mesh, self.scene, self.watch = mesh, mesh.scene, watch
-        self.sites = Sites(mesh.panel)
+        self.sites = Sites(mesh.wires, mesh.rods)
         self.stepper = RodStepper(mesh.rods, mesh.device)
         self.contact = WireContact(self.stepper, mesh.contact_stiffness, friction=self.scene.contact.friction)
         self.rest = Rest(self.stepper, softening=mesh.softening, contact_stiffness=mesh.contact_stiffness)
@@ -147,6 +148,7 @@ class SpatialRelaxation:
         factor = 1.0 + wire.expansion * (temperature - wire.reference_temperature)
         values = {int(c.GRADIENT) + k: float(v) for k, v in enumerate(gradient.ravel())}
         state.write_control(values | {int(c.LENGTH_FACTOR): factor})
+        kept = displacement.copy()
         if self._before is not None and self.scene.contact.friction == 0.0:
             was, placed = self._before
             step, last = gradient - before, before - was
@@ -155,8 +157,10 @@ class SpatialRelaxation:
             move = max(0.0, ratio) * (displacement - placed)
             furthest = float(np.linalg.norm(move, axis=1).max(initial=0.0))
             most = 0.2 * self.mesh.rods.section.thickness
-            state.displacement.assign(displacement + move * min(1.0, most / max(furthest, 1e-300)))
-        self._before = (before, displacement)
+            displacement = displacement + move * min(1.0, most / max(furthest, 1e-300))
+        self._before = (before, kept)
+        displacement[self.mesh.wires.held_node, :2] = self.mesh.held_shift(gradient)
+        state.displacement.assign(displacement)
         self.rest.begin()
         self.contact.search()
         self._settle()
@@ -178,7 +182,7 @@ class SpatialRelaxation:
                 tensions.clear()
                 continue
             tensions.append(self._nominal())
-            if len(tensions) > DRIFT_LOOKS and self._drift(tensions[-1] - tensions.pop(0), tensions[-1]) < 1.0:
+            if len(tensions) > 2 * DRIFT_LOOKS and self._still_to_come(tensions) < 1.0:
                 return
         raise Diverged(
             f"level {self.load_factor:.3g} of stage {self.stage!r} is not steady after {most:,} steps (residual"
@@ -208,15 +212,17 @@ class SpatialRelaxation:
         """[N/m] nominal tensions."""
         return np.diag(read(self.mesh, self.sites, self.rest, self.contact).nominal_stress).copy()
 
-    def _drift(self, moved: np.ndarray, now: np.ndarray) -> float:
-        """How much the tensions will still move, over what the tolerance allows.
+    def _still_to_come(self, tensions: list[np.ndarray]) -> float:
+        """How much the tensions at the last looks will still move, over what the tolerance allows.
 
-        A mode damped near critically by c goes on for 2/c: what moved over DRIFT_LOOKS goes on at its pace for so long.
+        From what they moved over the last DRIFT_LOOKS and over as many before: the change goes on to fall by that ratio.
         """
-        damping = max(float(self.stepper.state.read_control()[int(c.DAMPING)]), self.rest.slowest)
-        moved = moved * max(1.0, 2.0 / (damping * DRIFT_LOOKS * CHECK_STEPS))
+        now, before, first = tensions[-1], tensions[-1 - DRIFT_LOOKS], tensions[-1 - 2 * DRIFT_LOOKS]
+        moved, earlier = float(np.linalg.norm(now - before)), float(np.linalg.norm(before - first))
+        ratio = min(moved / max(earlier, 1e-300), SLOWEST_FALL)
         floor = TENSION_FLOOR * self.mesh.bending_stiffness / self.scene.knit.course_spacing**3
-        return float(np.abs(moved).max() / (self.scene.solver.residual_tolerance * max(np.abs(now).max(), floor)))
+        allowed = self.scene.solver.residual_tolerance * max(float(np.abs(now).max()), floor)
+        return moved / (1.0 - ratio) / allowed
 
     def _refuse_divergence(self, may_overlap: bool) -> None:
         deepest = self.contact.take_deepest() / self.mesh.rods.section.thickness

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..mesh.panel import Panel
+from .rods import Rods
+from .wires import SpatialWires
 
 NOWHERE = -1
 
@@ -18,13 +19,12 @@ NOWHERE = -1
 class Sites:
     """The sites of a mesh, by the wires and the nodes that they reach over."""
 
-    def __init__(self, panel: Panel) -> None:
-        self.count = panel.body_count
-        self._wire = panel.pair_wire.reshape(-1, 2)
-        self._seed = panel.pair_seed.reshape(-1, 2)
-        self._low, self._high = panel.pair_low.reshape(-1, 2), panel.pair_high.reshape(-1, 2)
-        self._round = np.where(panel.wire_closed, panel.wire_count, 0)[self._wire]
-        self._node_wire = np.repeat(np.arange(len(panel.wire_first)), panel.wire_count)
+    def __init__(self, wires: SpatialWires, rods: Rods) -> None:
+        self.count = len(wires.site_wire)
+        self._wire, self._seed = wires.site_wire, wires.site_seed
+        self._low, self._high = wires.site_low, wires.site_high
+        self._round = np.where(rods.wire_closed, rods.wire_count, 0)[self._wire]
+        self._node_wire, self._first = rods.wire_of, rods.wire_first
 
     def of(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         """[contact] the site of contacts between segments that begin at these nodes, NOWHERE for one elsewhere."""
@@ -34,7 +34,7 @@ class Sites:
             wires = self._node_wire[nodes]
             for k in range(len(nodes)):
                 fits = np.flatnonzero((self._wire == wires[k]).all(axis=1))
-                way = nodes[k] - self._seed[fits]
+                way = nodes[k] - self._first[wires[k]] - self._seed[fits]
                 rounds, low = self._round[fits], self._low[fits]
                 turns = np.floor_divide(way - low, np.maximum(rounds, 1))
                 way = np.where(rounds > 0, way - rounds * turns, way)
