@@ -18,7 +18,7 @@ from warpknit.spatial.reading import SpatialReading, read
 from warpknit.spatial.relax import SpatialRelaxation
 
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell_spatial.toml"
-DRAFT = ("solver.preset=draft", "model.nodes_per_loop=40")
+DRAFT = ("solver.preset=draft", "model.nodes_per_loop=40", "solver.residual_tolerance=0.02")
 
 
 @functools.cache
@@ -34,8 +34,16 @@ def readings(*overrides: str) -> list[SpatialReading]:
 
 def test_nothing_touches_as_knitted() -> None:
     """The knit's wires pass each other at 1.25 d and more, free of stress: no contact, no tension."""
-    unloaded = readings("output.frames=4")[0]
+    unloaded = readings("output.frames=3")[0]
     assert unloaded.stored < 1e-20 and not unloaded.site_active.any() and len(unloaded.touching.force) == 0
+
+
+def test_wires_that_overlap_as_knitted_are_pushed_apart() -> None:
+    """A yarn of three ends is thicker than the knit keeps its centre lines apart: said, and taken out before the load comes
+    on."""
+    relaxation, (unloaded, *_) = relaxed("wire.ends=3", "load.strain_weft=0", "load.strain_warp=0", "output.frames=1")
+    assert "as knitted wires overlap in" in relaxation.notes[0]
+    assert unloaded.touching.force.max() > 0.0 and unloaded.penetration < 0.01
 
 
 def test_cell_in_space_is_near_the_planar_one() -> None:
@@ -45,7 +53,7 @@ def test_cell_in_space_is_near_the_planar_one() -> None:
     and under each other. On the contact curve 0.25 d of gap are worth 4.6 % a 0.05 d in contact force near 10 %
     (docs/physics.md), so up to 25 %.
     """
-    spatial = readings("output.frames=4")[-1]
+    spatial = readings("output.frames=3")[-1]
     planar = load_scene(CELL, ["model.kind=planar", "solver.preset=draft", "output.frames=10"])
     model = build_model(planar)
     *_, record = Simulation(model, initial_state(model)).run()
@@ -83,7 +91,7 @@ def assert_stress_is_the_derivative_of_the_energy(relaxation: SpatialRelaxation)
 
 
 def test_nominal_stress_of_a_tile_is_the_derivative_of_the_energy() -> None:
-    assert_stress_is_the_derivative_of_the_energy(relaxed("output.frames=4")[0])
+    assert_stress_is_the_derivative_of_the_energy(relaxed("output.frames=3")[0])
 
 
 def patch(*overrides: str) -> SpatialRelaxation:
@@ -120,24 +128,28 @@ def test_clamps_sit_where_the_planar_model_has_them() -> None:
 
 def test_contacts_are_where_the_knit_hooks_its_wires() -> None:
     """Of the active contacts those elsewhere carry a small part."""
-    last = readings("output.frames=4")[-1]
+    last = readings("output.frames=3")[-1]
     assert last.elsewhere.sum() < 0.1 * last.site_force.sum()
     assert last.penetration < 0.01
 
 
 @pytest.mark.slow
 def test_rhombus_of_a_patch_is_that_of_the_cell() -> None:
-    """Two repeats a side, gripped: the central rhombus has the share of the cell at the same strain, as in the plane."""
-    relaxation = patch("knit.repeats=[2,2]", "output.frames=4")
+    """Two repeats a side, gripped, at 14 %: the central rhombus has the share of the cell at the same strain, as in the plane.
+
+    Contacts of less than 10 uN, where those that hook carry a hundred, come and go with the grips.
+    """
+    load = ("output.frames=4", "load.strain_weft=0.14", "load.strain_warp=0.14", "contact.threshold='10 uN'")
+    relaxation = patch("knit.repeats=[2,2]", *load)
     *_, last = relaxation.run()
     rhombus = last.reading.site_active[relaxation.mesh.panel.rhombus_bodies]
     assert len(rhombus) == 12
-    assert rhombus.mean() == readings("output.frames=4")[-1].site_active.mean()
+    assert rhombus.mean() == readings(*load)[-1].site_active.mean()
 
 
 @pytest.mark.slow
 def test_tile_of_three_by_three_repeats_is_the_cell() -> None:
     """Under even strain a tile of nine repeats rests as one does."""
-    one, nine = (readings("output.frames=4", f"knit.repeats=[{n}, {n}]")[-1] for n in (1, 3))
+    one, nine = (readings("output.frames=3", f"knit.repeats=[{n}, {n}]")[-1] for n in (1, 3))
     assert nine.site_active.mean() == one.site_active.mean()
     assert nine.mesh_tension == pytest.approx(one.mesh_tension, rel=0.02)

@@ -117,6 +117,7 @@ class SpatialRelaxation:
         """The unloaded mesh, brought to rest where wires overlap as knitted."""
         wire = self.scene.wire
         self.stage = self.scene.stages[0].name
+        self.stepper.evaluate()
         overlaps = self.contact.near().overlap / self.mesh.rods.section.thickness
         deep = overlaps[overlaps > CLOSEST]
         if len(deep):
