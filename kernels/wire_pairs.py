@@ -87,6 +87,7 @@ def find_segment_pairs(
     grid: wp.uint64,
     hash_radius: float,
     margin: wp.float64,
+    expected: wp.float64,
     apart: wp.float64,
     tile: wp.vec3d,
     is_filling: int,
@@ -119,7 +120,7 @@ def find_segment_pairs(
     it than `apart` radii.
 
     `pair_shift` [m] at rest moves the second segment next to the first; `pair_way` [m] is along_wire; `pair_wake` [m] is the
-    travel since this search at which the pair may touch.
+    travel since this search at which the pair may touch, the load bringing it nearer by `expected` [m].
     """
     i = wp.tid()
     if is_filling == 0:
@@ -168,7 +169,7 @@ def find_segment_pairs(
             pair_second[k] = j
             pair_shift[k] = shift
             pair_way[k] = way
-            pair_wake[k] = half * (gap - touch)
+            pair_wake[k] = half * (gap - touch - expected)
         found += 1
     if is_filling == 0:
         count[i] = found

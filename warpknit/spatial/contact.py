@@ -71,6 +71,7 @@ class WireContact:
         segments = rods.natural_length[rods.following >= 0]
         self.margin = MARGIN * float(segments.max())
         self.searches = 0
+        self._expected = 0.0  # [m] by which the load brings things nearer beside their own travel
         longest = 1.2 * float(segments.max())  # with room for what load stretches
         self._radius = longest * (1.0 + 2.0 * float(MOST_SAG)) + 2.0 * float(rods.wire_radius.max()) + self.margin
         cells = np.where(rods.tile > 0, np.floor(rods.tile / self._radius), FREE_CELLS).astype(int)
@@ -122,6 +123,11 @@ class WireContact:
             )
         ]  # fmt: skip
 
+    def expect(self, strain: float) -> None:
+        """Search, and until the next call keep room for what the load itself will do, which strains the mesh by so much."""
+        self._expected = 2.0 * strain * self._radius
+        self.search()
+
     def search(self) -> None:
         """Renew the list of pairs, and start a new travel budget. Raises OutOfResources."""
         stepper, state, device = self.stepper, self.stepper.state, self.stepper.device
@@ -158,7 +164,8 @@ class WireContact:
         )  # fmt: skip
         self._list, self._other = pairs, before
         self.searches += 1
-        state.write_control({c.TRAVEL: 0.0, c.TRAVEL_LIMIT: 0.5 * self.margin, c.STATUS: 0.0})
+        budget = max(0.5 * (self.margin - self._expected), 0.05 * self.margin)
+        state.write_control({c.TRAVEL: 0.0, c.TRAVEL_LIMIT: budget, c.STATUS: 0.0})
 
     def _room(self, total: int) -> int:
         room = round(ROOM * total)
@@ -176,7 +183,7 @@ class WireContact:
             find_segment_pairs,
             dim=rods.node_count,
             inputs=[
-                wp.uint64(self._grid.id), radius, wp.float64(self.margin), wp.float64(APART),
+                wp.uint64(self._grid.id), radius, wp.float64(self.margin), wp.float64(self._expected), wp.float64(APART),
                 wp.vec3d(*rods.tile), int(filling),
                 arrays.previous, arrays.following, self._node_wire, self._node_arc, self._node_radius,
                 self._wire_closed, self._wire_length, self._wire_period, state.control,

@@ -1,8 +1,8 @@
 """Load levels of a mesh in space, each brought to rest.
 
-A level puts its load on at once: the whole mesh is carried affinely with its boundary, and moved on by what the last level
-moved beside that. It is steady when what is out of balance, motion, the drift of the tension, and what the softening of the
-wires still does are all below the scene's tolerance, as in a planar relaxation.
+The load of a level comes on within some hundred steps, the whole mesh being carried affinely with its boundary, and is moved
+on by what the last level moved beside that. It is steady when what is out of balance, motion, the drift of the tension, and what
+the softening of the wires still does are all below the scene's tolerance, as in a planar relaxation.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ LEVEL_STEPS = 500_000  # of a level after which it counts as never steady, where
 SLOWEST_WAVE = 3.0  # loops of wire: bending waves longer than this are left overdamped
 DEEPEST = 0.5  # of the thickness: an overlap from which wires may pass through each other
 CLOSEST = 1e-3  # of the thickness: a smaller overlap as knitted is none
+RAMP_STEPS = 500  # steps over which the load of a level comes on
 PATH_STRAIN = 0.005  # between steady states where friction makes the state depend on the path, at most
 
 
@@ -147,8 +148,10 @@ class SpatialRelaxation:
         before = state.gradient
         displacement = state.displacement.numpy().copy()
         factor = 1.0 + wire.expansion * (temperature - wire.reference_temperature)
-        values = {int(c.GRADIENT) + k: float(v) for k, v in enumerate(gradient.ravel())}
-        state.write_control(values | {int(c.LENGTH_FACTOR): factor})
+        now = state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 5].tolist()
+        then = [*gradient.ravel().tolist(), factor]
+        ramp = {int(c.FROM) + k: now[k] for k in range(5)} | {int(c.TO) + k: then[k] for k in range(5)}
+        state.write_control(ramp | {int(c.RAMP_STEP): 0.0, int(c.RAMP_STEPS): float(RAMP_STEPS)})
         kept = displacement.copy()
         if self._before is not None and self.scene.contact.friction == 0.0:
             was, placed = self._before
@@ -163,7 +166,7 @@ class SpatialRelaxation:
         displacement[self.mesh.wires.held_node, :2] = self.mesh.held_shift(gradient)
         state.displacement.assign(displacement)
         self.rest.begin()
-        self.contact.search()
+        self.contact.expect(float(np.abs(gradient - before).max()))
         self._settle()
 
     def _settle(self, *, may_overlap: bool = False) -> None:
@@ -177,9 +180,11 @@ class SpatialRelaxation:
             self._refuse_divergence(may_overlap)
             if look % MASS_LOOKS == 0:
                 self.rest.take_masses()
+            if look * CHECK_STEPS == RAMP_STEPS:
+                self.contact.expect(0.0)
             self.residual = self._left() * self.scene.solver.residual_tolerance
             self.watch(self)
-            if self._left() >= 1.0:
+            if self._left() >= 1.0 or look * CHECK_STEPS <= RAMP_STEPS:
                 tensions.clear()
                 continue
             tensions.append(self._nominal())

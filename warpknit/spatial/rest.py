@@ -7,7 +7,9 @@ d(f/m) of acceleration between two looks,
 
 Segments may be softer than they are in truth: a running multiplier moves towards the tension that belongs to their strain,
 
-    T = offset + K (|e|/L - 1)        offset -> offset + RATE K (|e|/L - 1 - T/EA)
+    T = offset + K (|e|/L - 1)        offset -> offset + RATE K (strain of the arc - T/EA)
+
+What is to have the strain T/EA is the arc of a segment and not its chord (kernels/rod_bend.py).
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ import numpy as np
 
 from ..errors import Diverged
 from ..kernels import control as c
+from ..kernels.bend import BOW
 from ..kernels.rod_step import HELD_NODE, HELD_TURN
 from .rod_step import RodStepper
 from .step_bound import LOOK_AHEAD, unit_step_masses
@@ -48,6 +51,9 @@ class Rest:
         state.stretch_stiffness.fill_(self.stretch)
         stepper.set_time_step(1.0, FIRST_DAMPING, LOOK_AHEAD)
         stepper.evaluate()
+        self.keeps_arcs = softening != 1.0
+        self._bow_at_rest = self._bow() if self.keeps_arcs else np.zeros(rods.node_count)
+        state.write_control({c.BOW_MOMENT: 2.0 * float(BOW) if self.keeps_arcs else 0.0})
         self.spacing = spacing = float(rods.natural_length[self.has_segment].min())
         self.speed_limit = SPEED_SHARE * spacing  # [m] a step
         state.write_control({c.DRIVE: 0.0, c.STEP_LIMIT: spacing})
@@ -82,19 +88,29 @@ class Rest:
 
     def turning(self) -> np.ndarray:
         """[node] [rad] the largest angle between segments at a node and its neighbours, of the state last evaluated."""
-        size = np.linalg.norm(self.stepper.state.curvature.numpy(), axis=1)
-        angle = 2 * np.arctan(0.5 * size)
+        angle = np.linalg.norm(self.stepper.state.curvature.numpy(), axis=1)
         rods = self.stepper.rods
         after = np.where(rods.following >= 0, angle[rods.following], 0.0)
         before = np.where(rods.previous >= 0, angle[rods.previous], 0.0)
         return np.maximum(angle, np.maximum(after, before))
 
     def strain(self) -> np.ndarray:
-        """[node] of the segments, of the state last evaluated."""
+        """[node] of the chords of the segments, of the state last evaluated."""
         state, rods = self.stepper.state, self.stepper.rods
         factor = float(state.read_control()[int(c.LENGTH_FACTOR)])
         strain = state.length.numpy() / (rods.natural_length * factor) - 1.0
         return np.where(self.has_segment, strain, 0.0)
+
+    def arc_strain(self) -> np.ndarray:
+        """[node] of the segments as arcs, where they keep the length of these; else of their chords."""
+        if not self.keeps_arcs:
+            return self.strain()
+        return np.where(self.has_segment, self.strain() + self._bow() - self._bow_at_rest, 0.0)
+
+    def _bow(self) -> np.ndarray:
+        """[node] share by which the arcs of the segments are longer than their chords (kernels/bend.py)."""
+        square = np.sum(self.stepper.state.curvature.numpy() ** 2, axis=1)
+        return float(BOW) * (square + square[self.stepper.rods.following])
 
     def tension(self) -> np.ndarray:
         """[node] [N] of the segments, of the state last evaluated."""
@@ -117,14 +133,14 @@ class Rest:
 
     def stretch_error(self) -> float:
         """Largest difference between strain and T/EA: what the softening still does."""
-        return float(np.abs(self.strain() - self.tension() / self.stepper.rods.section.axial_stiffness).max(initial=0.0))
+        return float(np.abs(self.arc_strain() - self.tension() / self.stepper.rods.section.axial_stiffness).max(initial=0.0))
 
     def look(self) -> None:
         """Take in the state: renew damping and multipliers."""
         stepper, state = self.stepper, self.stepper.state
         stepper.evaluate()
         if self.softening != 1.0:
-            error = self.strain() - self.tension() / stepper.rods.section.axial_stiffness
+            error = self.arc_strain() - self.tension() / stepper.rods.section.axial_stiffness
             offset = state.tension_offset.numpy() + MULTIPLIER_RATE * self.stretch * error
             state.tension_offset.assign(np.where(self.has_segment, offset, 0.0))
         mass = np.concatenate([np.repeat(state.node_mass.numpy()[self.free], 3), state.spin_inertia.numpy()[self.turning_free]])

@@ -48,7 +48,7 @@ class RodState:
     load_torque: wp.array  # [N m] about the segment
     position: wp.array  # vec3d [m]
     length: wp.array  # [m]
-    curvature: wp.array  # vec2d [rad]
+    curvature: wp.array  # vec2d [rad] turning vector at a node, in the directions of the section
     twist: wp.array  # [rad]
     pull_before: wp.array  # vec3d [N]
     pull_after: wp.array  # vec3d [N]
@@ -169,9 +169,10 @@ def follow_arguments(arrays: RodArrays, state: RodState) -> list:
 
 def bend_arguments(rods: Rods, arrays: RodArrays, state: RodState) -> list:
     return [
-        arrays.previous, arrays.following, arrays.node_length, arrays.natural_curvature, arrays.natural_twist,
+        arrays.previous, arrays.following, arrays.natural_length, arrays.node_length,
+        arrays.natural_curvature, arrays.natural_twist,
         wp.float64(rods.section.bending_stiffness), wp.float64(rods.section.twist_stiffness), state.control,
-        state.length, state.tangent, state.director, state.curvature, state.twist,
+        state.stretch_stiffness, state.tension_offset, state.length, state.tangent, state.director, state.curvature, state.twist,
         state.pull_before, state.pull_after, state.torque_before, state.torque_after,
     ]  # fmt: skip
 

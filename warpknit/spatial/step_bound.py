@@ -4,11 +4,11 @@ A straight uniform chain of segments h with node mass m and spin inertia I has t
 
     a = 4 EA/(h m)      b = 16 EI/(h^3 m)      t = 4 GJ/(h I)
 
-of stretch, bending and twist. A turn p [rad] at the nodes couples them, makes bending stiffer as 2 tan(p/2) is steeper
-than p, by 1/cos^4(p/2), and adds to twist p^2 EI/(h I), as a turned section bends against its natural curvature, and to
-bending p^2 GJ/(2 h^3 m), as a node that moves across turns the frames. Tension adds 4 T/(h m), contact of a penalty k at most
-4 k/m: the curve of a wire puts it on four nodes whose shares squared sum up to less than one, on either wire, and two contacts at
-once may push the same nodes. Two coupled ones w1, w2 make (w1 + w2)/2 + sqrt((w1 - w2)^2/4 + w1 w2 sin^2 p).
+of stretch, bending and twist. A turn p [rad] at the nodes couples them; it adds p^2 EI/(h I) to twist, as a turned section bends
+against its natural curvature, and p^2 GJ/(2 h^3 m) to bending, as a node that moves across turns the frames. Tension adds
+4 T/(h m), contact of a penalty k at most 4 k/m: the curve of a wire puts it on four nodes whose shares squared sum up to less
+than one, on either wire, and two contacts at once may push the same nodes. Two coupled ones w1, w2 make
+(w1 + w2)/2 + sqrt((w1 - w2)^2/4 + w1 w2 sin^2 p).
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def _stiffnesses(
     h = np.minimum(own, np.where(rods.previous >= 0, own[rods.previous], np.inf))
     turn = np.minimum(np.broadcast_to(turning, h.shape), STEEPEST)
     axial = section.axial_stiffness if stretch_stiffness is None else stretch_stiffness
-    bending = 16 * section.bending_stiffness / np.cos(0.5 * turn) ** 4 + 0.5 * turn**2 * section.twist_stiffness
+    bending = 16 * section.bending_stiffness + 0.5 * turn**2 * section.twist_stiffness
     contact = np.full(h.shape, 4.0 * contact_stiffness)
     # an end has half a node's mass, and one segment and one turn pull at it
     half = np.where((rods.following < 0) | (rods.previous < 0), 0.5, 1.0)
