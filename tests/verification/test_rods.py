@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from verification.rods import SECTION, Pose, helix
 
+from warpknit.kernels import control as c
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, rods_of, straight
 from warpknit.spatial.step_bound import largest_rates, stable_step
@@ -45,6 +46,41 @@ def test_forces_and_moments_are_the_gradient_of_the_energy(seed: int) -> None:
     found = pose.join(force, torque)
     tolerance = (100 * step**2 + ROUND_OFF / step) * np.abs(found).max()
     assert np.abs(found - pose.gradient(step)).max() < tolerance
+
+
+def test_a_tension_that_keeps_arcs_is_the_gradient_of_their_energy() -> None:
+    """Where T/EA is the strain of the arc, |e|/L - 1 + (|a|^2 + |a'|^2)/48 less that at rest, the energy is EA L/2 times its square.
+
+    Central differences are off by (step)^2 and round-off/step.
+    """
+    rng = np.random.default_rng(6)
+    pose = Pose(rods_of(SECTION, [helix(5.0, 4.0, 9, 0.6), helix(2.0, 0.0, 7)], [None, np.zeros(3)]))
+    rods, state, step = pose.rods, pose.stepper.state, 1e-5
+    length = np.where(pose.has_segment, rods.natural_length, 0.0)
+
+    def bow() -> np.ndarray:
+        square = np.sum(state.curvature.numpy() ** 2, axis=1)
+        return (square + square[rods.following]) / 48
+
+    def arc_energy(move: np.ndarray, turn: np.ndarray) -> float:
+        stored, *_ = pose.at(move, turn)  # with chords: no offset, and the whole stiffness
+        chord = np.where(pose.has_segment, state.length.numpy() / rods.natural_length - 1, 0.0)
+        arc = chord + bow() - at_rest
+        return stored + 0.5 * SECTION.axial_stiffness * float(np.sum(length * (arc**2 - chord**2)))
+
+    at_rest = bow()
+    pose.bend_by(0.1 * rng.normal(size=(16, 3)), 0.1 * rng.normal(size=16))
+    found = np.zeros(pose.unknowns())
+    for k in range(len(found)):
+        way = np.zeros(len(found))
+        way[k] = step
+        found[k] = -(arc_energy(*pose.split(way)) - arc_energy(*pose.split(-way))) / (2 * step)
+    pose.at(np.zeros((16, 3)), np.zeros(16))
+    state.tension_offset.assign(np.where(pose.has_segment, SECTION.axial_stiffness * (bow() - at_rest), 0.0))
+    state.write_control({c.BOW_MOMENT: 1 / 24})
+    _, force, torque = pose.at(np.zeros((16, 3)), np.zeros(16))
+    scale = np.abs(found).max()
+    assert np.abs(pose.join(force, torque) - found).max() < (100 * step**2 + ROUND_OFF / step) * scale
 
 
 def test_no_net_force_and_no_net_moment() -> None:
