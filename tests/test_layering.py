@@ -29,6 +29,7 @@ LAYERS = (
     # ranks that share a mesh; the pattern; the form in which results leave
     {"ranks", "knit", "frame"},
     {"scene"},
+    {"wires"},
     {"mesh"},
     {"device", "model"},
     {"measure"},

@@ -147,7 +147,11 @@ def available_memory() -> int:
 
 def knit_scene(scene: Scene) -> Cloth:
     """One repeat of the scene's cloth, or all of it where loops differ; refuses (`MemoryNeeded`) a mesh that cannot fit before
-    anything is laid out, and (`KnitError`) loops so far from the mean that they hook otherwise."""
+    anything is laid out, (`ModelError`) wires from a file, and (`KnitError`) loops so far from the mean that they hook
+    otherwise."""
+    if scene.wires is not None:
+        allowed = "'spatial' with [wires], whose wires are curves in space; the spatial model is not in this version"
+        raise ModelError(f"model.kind: given {scene.model.kind!r}, allowed: {allowed}")
     cloth = knit_cloth(scene.knit, scene.wire.diameter, scene.model.merge_lenses, _tiles(scene))
     _refuse_other_hooks(scene, cloth)
     nodes = estimated_nodes(scene, cloth)

@@ -22,9 +22,10 @@ from warpknit.scene.panel import PanelError, PanelOptions, covering_repeats, pan
 from warpknit.scene.presets import PRESETS, Preset
 from warpknit.scene.source import Source
 from warpknit.scene.spatial import refuse_unsupported
-from warpknit.scene.stages import hook_stages, mesh_stages
+from warpknit.scene.stages import hook_stages, mesh_stages, wire_stages
 from warpknit.scene.units import shown
 from warpknit.scene.wire import Plating, Wire
+from warpknit.scene.wires import wire_file
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -75,7 +76,13 @@ def make_scene(
     refuse_unsupported(source, file)
     wire = _wire(source, file.wire)
     hook = None if file.hook is None else hook_of(source, file, wire)
-    knit = _knit(source, file.knit, wire) if hook is None else _nothing_knitted(file, hook)
+    wires = wire_file(source, file, wire)
+    if hook is not None:
+        knit = _nothing_knitted(file, hook.radius)
+    elif wires is not None:
+        knit = _nothing_knitted(file, wire.diameter)
+    else:
+        knit = _knit(source, file.knit, wire)
     panel = _panel(source, file)
     if panel.outline != "rectangle":
         repeats = covering_repeats(panel.shape(knit.size), knit.repeat)
@@ -86,15 +93,20 @@ def make_scene(
     numerics = PRESETS[file.solver.preset]
     if file.model.kind == "spatial":
         numerics = replace(numerics, nodes_per_loop=numerics.spatial_nodes_per_loop, precision="double")
+    if hook is not None:
+        stages = tuple(hook_stages(source, file, wire, hook))
+    else:
+        stages = tuple((mesh_stages if wires is None else wire_stages)(source, file, wire, knit, panel))
     return Scene(
         name=file.name or path.stem,
         path=path,
         wire=wire,
         knit=knit,
         hook=hook,
+        wires=wires,
         model=_model(source, file.model, wire, numerics),
         panel=panel,
-        stages=tuple(mesh_stages(source, file, wire, knit, panel) if hook is None else hook_stages(source, file, wire, hook)),
+        stages=stages,
         contact=Contact(**contact_values(source, file, wire)),
         solver=_solver(source, file.solver, numerics, file.model.nodes_per_loop or numerics.nodes_per_loop, hook),
         output=Output(**file.output.model_dump()),
@@ -149,12 +161,12 @@ def _knit(source: Source, table: KnitTable, wire: Wire) -> Knit:
     )
 
 
-def _nothing_knitted(file: SceneFile, hook: Hook) -> Knit:
-    """The knit of a hook scene: nothing, but the radius as the scale of lengths."""
+def _nothing_knitted(file: SceneFile, scale: float) -> Knit:
+    """The knit of a scene without one: nothing, but a scale of lengths [m]."""
     return Knit(
         bars=(),
-        wale_spacing=hook.radius,
-        course_spacing=hook.radius,
+        wale_spacing=scale,
+        course_spacing=scale,
         repeats=(1, 1),
         scatter=0.0,
         seed=0,
