@@ -39,6 +39,7 @@ def refused(table, folder=SCENES) -> str:
         ({"file": "plain_knit.pyp", "closed": True}, "wires.closed: given true, allowed: only with a .csv or .npz file"),
         ({"file": "plain_knit.pyp", "period": ["1 mm", "1 mm"]}, "given ['1 mm', '1 mm'], allowed: nothing with a .pyp"),
         ({"file": "plain_knit.csv", "period": ["1 mm", "0 mm"]}, "wires.period: given ['1 mm', '0 mm'], allowed: a pair"),
+        ({"file": "plain_knit.csv", "repeats": [2, 1]}, "wires.repeats: given [2, 1], allowed: [1, 1] but with model.boundary"),
         ({"file": "plain_knit.csv", "time": 3}, "wires.time: given 3, allowed: only with a USD file"),
         ({"file": "plain_knit.csv", "interpolation": "cubic"}, "wires.interpolation: given 'cubic', allowed: 'spline', 'linear'"),
         ({"file": "plain_knit.csv", "node_spacing": 0}, "wires.node_spacing: given 0, allowed: a length above 0 m"),

@@ -64,6 +64,7 @@ from warpknit.scene.values import (
     Time,
     Tolerance,
     Vector,
+    WireRepeats,
     proportion,
     refused,
 )
@@ -204,6 +205,7 @@ class WiresTable(Table):
     interpolation: Interpolation = "spline"
     closed: Flag = False
     period: Period | None = None
+    repeats: WireRepeats = (1, 1)
     time: Number | None = None
 
 

@@ -41,6 +41,7 @@ class WireFile:
     interpolation: str  # spline | linear
     closed: bool  # whether the ends of all wires are joined
     period: tuple[float, float] | None  # [m] along weft and warp; None: the file says it, or the wires do not repeat
+    repeats: tuple[int, int]  # of the file's, along weft and warp
     time: float | None  # time code of points that move; None: the first
 
     @property
@@ -69,6 +70,8 @@ def wire_file(source: Source, file: SceneFile, wire: Wire) -> WireFile | None:
         raise source.refusal(("wires", "period"), table.period, "nothing with a .pyp file, which has a period")
     if table.time is not None and suffix not in USD:
         raise source.refusal(("wires", "time"), table.time, f"only with a USD file ({', '.join(USD)})")
+    if table.repeats != (1, 1) and file.model.boundary != "periodic":
+        raise source.refusal(("wires", "repeats"), list(table.repeats), "[1, 1] but with model.boundary = 'periodic'")
     for key, given, default in (("panel", file.panel, PanelTable()), ("sweep", file.sweep, None)):
         if given != default:
             raise source.refusal((key,), {}, f"no [{key}] with [wires]")
@@ -82,6 +85,7 @@ def wire_file(source: Source, file: SceneFile, wire: Wire) -> WireFile | None:
         interpolation=table.interpolation,
         closed=table.closed,
         period=table.period,
+        repeats=table.repeats,
         time=table.time,
     )
 

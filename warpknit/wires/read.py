@@ -17,6 +17,7 @@ from warpknit.wires.bcc import read_bcc
 from warpknit.wires.curve import BadFile, Curve, CurveFile
 from warpknit.wires.npz import read_npz
 from warpknit.wires.pyp import read_pyp
+from warpknit.wires.repeat import repeated
 from warpknit.wires.table import read_table
 from warpknit.wires.usd import read_usd
 from warpknit.wires.wires import Wires
@@ -55,7 +56,7 @@ def read_wires(
 
 
 def rest_wires(scene: Scene) -> Wires:
-    """The wires of a scene with [wires], at rest. Raises `SceneError`."""
+    """The wires of a scene with [wires], in all its repeats, at rest. Raises `SceneError`."""
     options = scene.wires
     if options is None:
         raise scene_error(scene.path, "wires", "nothing", "a table with a file")
@@ -75,7 +76,10 @@ def rest_wires(scene: Scene) -> Wires:
     if (wires.period is not None) != (scene.model.boundary == "periodic"):
         allowed = "'periodic' for wires that repeat" if wires.period is not None else "'gripped' for wires that do not repeat"
         raise scene_error(scene.path, "model.boundary", repr(scene.model.boundary), allowed)
-    return wires
+    if wires.node_count * math.prod(options.repeats) > MOST_NODES:
+        given = f"{list(options.repeats)}, which make {wires.node_count * math.prod(options.repeats):,} nodes"
+        raise scene_error(scene.path, "wires.repeats", given, f"what makes at most {MOST_NODES:,}")
+    return repeated(wires, options.repeats)
 
 
 def _read(
