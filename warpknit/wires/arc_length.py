@@ -89,7 +89,8 @@ def segment_count(length: float, kind: str, spacing: float) -> int:
 
 
 def resample(curve: Curve, arc: ArcLength, count: int) -> tuple[np.ndarray, np.ndarray | None]:
-    """Nodes at equal arc length, `count` segments of them, and the lengths (segment,) free of stress of these.
+    """Nodes at equal arc length, `count` segments of them, and the lengths (segment,) free of stress of these straight segments:
+    so much shorter or longer than they are as the wire is along its curve.
 
     The first node is where the curve begins; of an open curve the last is where it ends.
     """
@@ -101,4 +102,6 @@ def resample(curve: Curve, arc: ArcLength, count: int) -> tuple[np.ndarray, np.n
     if curve.slack is None:
         return points, None
     free = np.concatenate([[0.0], np.cumsum(np.repeat(curve.slack, PARTS) * arc.parts)])
-    return points, np.diff(np.interp(places, arc.knots, free))
+    along = np.diff(np.interp(places, arc.knots, free)) / (arc.length / count)
+    ends = points if curve.kind == "open" else np.concatenate([points, points[:1] + curve.pieces[-1, 3] - curve.pieces[0, 0]])
+    return points, along * np.linalg.norm(np.diff(ends, axis=0), axis=1)

@@ -21,7 +21,7 @@ class Wires:
     shifts: np.ndarray  # (wire, 2) repeats along x and y by which a wire goes on; 0 but for periodic ones
     period: np.ndarray | None  # (2,) [m] width and height of a repeat; None: the wires do not repeat
     radius: float | None  # [m] of the wire, where the file says it
-    rest_lengths: tuple[np.ndarray, ...] | None  # of each wire (segment,) [m] free of stress, where the file says it
+    rest_lengths: tuple[np.ndarray, ...] | None  # of each wire (segment,) [m] straight, free of stress, where the file says it
 
     @property
     def node_count(self) -> int:
