@@ -86,6 +86,11 @@ class Model:
         return self.treatment.reach
 
     @property
+    def curve_error(self) -> float:
+        """[m] of the rest curve between the nodes."""
+        return self.table.curve_error
+
+    @property
     def pair_count(self) -> int:
         return 2 * self.panel.body_count
 
@@ -150,7 +155,9 @@ def knit_scene(scene: Scene) -> Cloth:
     anything is laid out, (`ModelError`) wires from a file, and (`KnitError`) loops so far from the mean that they hook
     otherwise."""
     if scene.wires is not None:
-        allowed = "'spatial' with [wires], whose wires are curves in space; the spatial model is not in this version"
+        if scene.model.kind == "spatial":
+            raise ModelError("wires: given a file, allowed: [knit] here: wires from a file are planned and run, no more")
+        allowed = "'spatial' with [wires], whose wires are curves in space"
         raise ModelError(f"model.kind: given {scene.model.kind!r}, allowed: {allowed}")
     cloth = knit_cloth(scene.knit, scene.wire.diameter, scene.model.merge_lenses, _tiles(scene))
     _refuse_other_hooks(scene, cloth)

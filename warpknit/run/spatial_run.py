@@ -66,7 +66,8 @@ class SpatialRun:
             from ..export.knit_figure import knit_figure
 
             export_run(self.out, "png")
-            knit_figure(self.mesh.cloth, self.scene.wire.diameter, self.out / "figures" / "knit.png")
+            if self.mesh.cloth is not None:
+                knit_figure(self.mesh.cloth, self.scene.wire.diameter, self.out / "figures" / "knit.png")
         if self.scene.output.vtk and self.rows:
             from ..export import export_run
 

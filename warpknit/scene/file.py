@@ -202,6 +202,7 @@ class WiresTable(Table):
     file: FileName
     unit: LengthUnit | None = None
     node_spacing: Length | None = None  # the diameter of the wire
+    loop_size: Length | None = None  # 20 diameters of the wire
     interpolation: Interpolation = "spline"
     closed: Flag = False
     period: Period | None = None

@@ -80,7 +80,7 @@ def make_scene(
     if hook is not None:
         knit = _nothing_knitted(file, hook.radius)
     elif wires is not None:
-        knit = _nothing_knitted(file, wire.diameter)
+        knit = _nothing_knitted(file, wires.loop_size)
     else:
         knit = _knit(source, file.knit, wire)
     panel = _panel(source, file)
@@ -93,6 +93,8 @@ def make_scene(
     numerics = PRESETS[file.solver.preset]
     if file.model.kind == "spatial":
         numerics = replace(numerics, nodes_per_loop=numerics.spatial_nodes_per_loop, precision="double")
+    if wires is not None:
+        numerics = replace(numerics, nodes_per_loop=wires.nodes_per_loop)
     if hook is not None:
         stages = tuple(hook_stages(source, file, wire, hook))
     else:

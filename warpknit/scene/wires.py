@@ -19,6 +19,8 @@ USD = (".usd", ".usda", ".usdc", ".usdz")
 POLYLINES = (".csv", ".npz")
 SUFFIXES = (*USD, ".bcc", ".pyp", *POLYLINES)
 WITHOUT_UNIT = (".bcc", ".npz")
+LOOP_SIZE = 20.0  # diameters of the wire, where the scene does not say
+LOOP_LENGTH = 3.3  # of wire in a loop, over its size, as in the double atlas net
 MOST_BYTES = 256 << 20  # of a file
 
 
@@ -38,11 +40,21 @@ class WireFile:
     digest: str  # SHA-256 of it, in hex
     unit: Annotated[float, "m"] | None  # None: the file says it
     node_spacing: Annotated[float, "m"]
+    loop_size: Annotated[float, "m"]  # what a wale spacing is to a knit: forces and energies are compared with EI over it
     interpolation: str  # spline | linear
     closed: bool  # whether the ends of all wires are joined
     period: tuple[float, float] | None  # [m] along weft and warp; None: the file says it, or the wires do not repeat
     repeats: tuple[int, int]  # of the file's, along weft and warp
     time: float | None  # time code of points that move; None: the first
+
+    @property
+    def loop_length(self) -> float:
+        """[m] of wire in a loop, about."""
+        return LOOP_LENGTH * self.loop_size
+
+    @property
+    def nodes_per_loop(self) -> int:
+        return max(8, round(self.loop_length / self.node_spacing))
 
     @property
     def path(self) -> Path:
@@ -82,6 +94,7 @@ def wire_file(source: Source, file: SceneFile, wire: Wire) -> WireFile | None:
         digest=hashlib.sha256(data).hexdigest(),
         unit=table.unit,
         node_spacing=wire.diameter if table.node_spacing is None else table.node_spacing,
+        loop_size=LOOP_SIZE * wire.diameter if table.loop_size is None else table.loop_size,
         interpolation=table.interpolation,
         closed=table.closed,
         period=table.period,

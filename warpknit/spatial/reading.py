@@ -71,10 +71,9 @@ class SpatialReading:
         total = np.zeros((self.sites.count, 3))
         t = self.touching
         here = self.touching_site != NOWHERE
-        wire = self.mesh.rods.wire_of
-        sign = np.where(wire[t.first] == self.mesh.panel.pair_wire[2 * self.touching_site], 1.0, -1.0)
-        push = sign[:, None] * (t.force[:, None] * t.normal + t.friction)
-        np.add.at(total, self.touching_site[here], push[here])
+        site = self.touching_site[here]
+        sign = np.where(self.mesh.rods.wire_of[t.first[here]] == self.mesh.panel.pair_wire[2 * site], 1.0, -1.0)
+        np.add.at(total, site, sign[:, None] * (t.force[:, None] * t.normal + t.friction)[here])
         return np.linalg.norm(total, axis=1)
 
     @cached_property

@@ -126,7 +126,7 @@ class SpatialRelaxation:
                 f"as knitted wires overlap in {len(deep)} places, by {deep.max():.2g} of their thickness at most: they were"
                 " pushed apart before the load came on"
             )
-        if len(deep) or wire.set_fraction != 1.0:
+        if len(deep) or wire.set_fraction != 1.0 or self.rest.stretch_error() > AXIAL_ERROR or self._left() >= 1.0:
             self._settle(may_overlap=True)
         return self._record(wire.reference_temperature)
 
