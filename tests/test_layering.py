@@ -29,10 +29,12 @@ LAYERS = (
     # ranks that share a mesh; the pattern; the form in which results leave
     {"ranks", "knit", "frame"},
     {"scene"},
+    {"wires"},
     {"mesh"},
     {"device", "model"},
     {"measure"},
     {"solve"},
+    {"spatial"},
     {"export"},
     {"run", "plan"},
     {"sweep"},
@@ -40,7 +42,7 @@ LAYERS = (
     {"cli"},
     {"__main__"},
 )
-MAY_IMPORT_EXPORT = {"run.run", "sweep.sweep", "cli", "design.report"}
+MAY_IMPORT_EXPORT = {"run.run", "run.spatial_run", "sweep.sweep", "cli", "design.report"}
 EXPORT_MAY_IMPORT = {"errors", "files", "frame", "knit", "export"}
 
 

@@ -24,7 +24,9 @@ from warpknit.ranks.launch import join_ranks, started_as
 from warpknit.ranks.ranks import One, Ranks
 
 if TYPE_CHECKING:
+    from warpknit.plan import Plan
     from warpknit.scene import Scene
+    from warpknit.wires.report import WireReport
 
 # NumPy's threads are worth nothing here: they would take memory and go on spinning on the cores that the steps need
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -321,10 +323,17 @@ def plan(scene: str, overrides: tuple[str, ...], preset: str | None, device: str
 
     loaded = load_scene(scene, overrides, preset)
 
-    from warpknit.plan import make_plan
-
+    planned: Plan | WireReport
     with naming_the_file(loaded):
-        planned = make_plan(loaded, device)
+        if loaded.wires is not None:
+            from warpknit.model.model import yarn_thickness
+            from warpknit.wires.report import wire_report
+
+            planned = wire_report(loaded, yarn_thickness(loaded))
+        else:
+            from warpknit.plan import make_plan
+
+            planned = make_plan(loaded, device)
     click.echo(json.dumps(planned.as_dict(), allow_nan=False) if as_json else "\n".join(planned.lines()))
 
 

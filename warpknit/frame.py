@@ -31,15 +31,14 @@ class WireLayout:
     """How nodes make wires and bodies join them; the same for every frame of a run."""
 
     wire_start: Integers  # [wire + 1]  nodes of wire w are wire_start[w]:wire_start[w + 1]
-    wire_closed: NDArray[np.bool_]  # [wire]  a closed wire continues at its first node, one period up the warp
-    period: (
-        Floats  # [2] [m]  width and height of the tile at rest; wires run along the warp, so only the height is used
-    )
+    wire_closed: NDArray[np.bool_]  # [wire]  a closed wire continues at its first node, moved by wire_closing
+    period: Floats  # [2] [m]  width and height of the tile at rest
     diameter: float  # [m]
     body_radius: float  # [m]
     body_wires: Integers  # [body, 2]  the wires of pairs 2b and 2b + 1
     rhombus_bodies: Integers  # [k]  bodies round the central opening; may be empty
     repeats: Integers = field(default_factory=lambda: np.zeros(2, dtype=np.int64))  # [2]  of the knit; 0 where unknown
+    wire_closing: Floats = field(default_factory=lambda: np.zeros((0, 2)))  # [wire, 2] [m]  left out: one period up the warp
 
     def __post_init__(self) -> None:
         for name, kind, shape in (
@@ -49,12 +48,17 @@ class WireLayout:
             ("body_wires", np.int64, (-1, 2)),
             ("rhombus_bodies", np.int64, (-1,)),
             ("repeats", np.int64, (2,)),
+            ("wire_closing", np.float64, (-1, 2)),
         ):
             object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=kind).reshape(shape))
         for name in ("diameter", "body_radius"):
             object.__setattr__(self, name, float(getattr(self, name)))
         if self.wire_start.size < 2 or self.wire_start[0] != 0 or np.any(np.diff(self.wire_start) < 1):
             raise ValueError("wire_start: must begin with 0 and increase")
+        if not self.wire_closing.size:
+            object.__setattr__(self, "wire_closing", np.outer(self.wire_closed, (0.0, self.period[1])))
+        if len(self.wire_closing) != self.wire_count:
+            raise ValueError(f"wire_closing: {len(self.wire_closing)} values for {self.wire_count} wires")
         if self.wire_closed.size != self.wire_count:
             raise ValueError(f"wire_closed: {self.wire_closed.size} values for {self.wire_count} wires")
         for name, count in (("body_wires", self.wire_count), ("rhombus_bodies", self.body_count)):
@@ -187,12 +191,12 @@ class Frame:
 
 
 def curve_position(layout: WireLayout, frame: Frame) -> Floats:
-    """[point, 3] [m]  the drawn curves: the nodes, and at the end of each closed wire its first node one period on."""
+    """[point, 3] [m]  the drawn curves: the nodes, and at the end of each closed wire its first node where it goes on."""
     frame.require_layout(layout)
     if not layout.curve_closing.size:
         return frame.node_position
     position = frame.node_position[layout.curve_node]
-    position[layout.curve_closing, :2] += frame.deformation @ (0.0, layout.period[1])
+    position[layout.curve_closing, :2] += layout.wire_closing[layout.wire_closed] @ frame.deformation.T
     return position
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from .device import find_device
@@ -34,6 +34,7 @@ from .model.numerics import Numbers, choose_numbers
 from .scene import Scene, Stage
 from .solve.prolongation import smaller_scene
 from .solve.step import thread_count
+from .spatial.estimate import spatial_physics, spatial_steps, spatial_time
 
 COUNTED_NODES = 2_000_000  # meshes up to here are laid out to be counted: a second or two
 PROGRAM_MEMORY = 430 * 2**20  # [bytes] of a run of few nodes, its libraries included
@@ -124,6 +125,10 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
     counted = cloth is None or estimated_nodes(scene, cloth) <= COUNTED_NODES
     mesh = _count(build_model(scene, "cpu")) if cloth is None or counted else _estimate(scene, cloth)
     steps = relax_steps(scene, mesh.table) if scene.solver.drive == "relax" else ramp_steps(scene, mesh)
+    time = wall_time(scene, steps, mesh.nodes)
+    if scene.model.kind == "spatial":
+        steps = spatial_steps(scene)
+        time = spatial_time(steps, mesh.nodes)
     return Plan(
         scene=scene.name,
         device=name,
@@ -136,7 +141,7 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         time_step_s=mesh.time_step,
         limited_by=mesh.limited_by,
         steps=steps,
-        wall_s=wall_time(scene, steps, mesh.nodes) if name == "cpu" else None,
+        wall_s=time if name == "cpu" else None,
         physics=tuple(physics_of(scene, mesh)),
         counted=counted,
         relaxes=scene.solver.drive == "relax",
@@ -272,6 +277,10 @@ def wall_time(scene: Scene, steps: int, nodes: int) -> float:
 
 def physics_of(scene: Scene, mesh: MeshSize) -> Iterator[str]:
     """What the scene switches on and why, a sentence each."""
+    if scene.model.kind == "spatial":
+        yield from spatial_physics(scene, mesh.bodies)
+        yield from _solving_of(scene, replace(mesh, softening=1.0))
+        return
     wire, solver = scene.wire, scene.solver
     yield f"stretching: wires carry tension, EA = {wire.axial_stiffness:.3g} N"
     yield f"bending: wires resist a change of curvature, EI = {wire.bending_stiffness:.3g} N m2"
@@ -329,7 +338,7 @@ def _solving_of(scene: Scene, mesh: MeshSize) -> Iterator[str]:
         yield f"mass scaling: masses raised until a step of {solver.target_time_step:.3g} s is stable"
     if mesh.softening != 1.0:
         yield f"softening: wires stretch {mesh.softening:g} times as easily in the dynamics, solver.axial_softening"
-    if solver.drive == "relax" and solver.multipliers:
+    if solver.drive == "relax" and solver.multipliers and scene.model.kind == "planar":
         yield "running multipliers: take out again what softening and contact penalty change, solver.multipliers"
     if solver.precision == "single":
         yield "single precision: displacements are 32-bit fixed point, the rest is float32, solver.precision"

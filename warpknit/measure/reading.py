@@ -164,9 +164,7 @@ class Reading:
 
 def node_entries(model: Model) -> np.ndarray:
     """Table entry (node,) of each node."""
-    panel = model.panel
-    lane = np.arange(panel.node_count, dtype=np.int32) - np.repeat(panel.block_first, panel.block_count)
-    return np.repeat(panel.block_table, panel.block_count) + lane
+    return model.panel.node_entry
 
 
 def read(model: Model, state: State) -> Reading:

@@ -77,6 +77,12 @@ class Panel:
         return int(self.wire_count.sum())
 
     @property
+    def node_entry(self) -> np.ndarray:
+        """[node] its entry of the table."""
+        lane = np.arange(self.node_count, dtype=np.int32) - np.repeat(self.block_first, self.block_count)
+        return np.repeat(self.block_table, self.block_count) + lane
+
+    @property
     def body_count(self) -> int:
         return len(self.body_rest)
 

@@ -34,6 +34,7 @@ SLIDE_ALLOWANCE = 0.2  # how far a contact may slide beyond its lens, in wire le
 CORD_SAG = 0.2  # of the size of a mesh: farther its edge cannot be from its outline
 LIBRARY_MEMORY = 512 * 2**20  # [bytes] of addresses that libraries may still take: threads, compiler, USD
 MEMORY_PER_NODE = {"single": 420, "double": 520}  # bytes, at the peak of a run on the CPU
+SPATIAL_MEMORY_PER_NODE = 1_500  # the same of the spatial model, with the pairs of segments near each other
 USD_MEMORY_PER_NODE = 60  # bytes, of the process that writes scene.usda and of the frame that is handed to it
 
 
@@ -85,6 +86,11 @@ class Model:
         return self.treatment.reach
 
     @property
+    def curve_error(self) -> float:
+        """[m] of the rest curve between the nodes."""
+        return self.table.curve_error
+
+    @property
     def pair_count(self) -> int:
         return 2 * self.panel.body_count
 
@@ -129,7 +135,8 @@ def copies_of_cloth(scene: Scene) -> tuple[int, int]:
 
 def required_memory(scene: Scene, nodes: int) -> int:
     """Bytes for so many nodes with their share of bodies."""
-    return (MEMORY_PER_NODE[scene.solver.precision] + USD_MEMORY_PER_NODE * scene.output.usd) * nodes
+    wire = SPATIAL_MEMORY_PER_NODE if scene.model.kind == "spatial" else MEMORY_PER_NODE[scene.solver.precision]
+    return (wire + USD_MEMORY_PER_NODE * scene.output.usd) * nodes
 
 
 def available_memory() -> int:
@@ -145,7 +152,13 @@ def available_memory() -> int:
 
 def knit_scene(scene: Scene) -> Cloth:
     """One repeat of the scene's cloth, or all of it where loops differ; refuses (`MemoryNeeded`) a mesh that cannot fit before
-    anything is laid out, and (`KnitError`) loops so far from the mean that they hook otherwise."""
+    anything is laid out, (`ModelError`) wires from a file, and (`KnitError`) loops so far from the mean that they hook
+    otherwise."""
+    if scene.wires is not None:
+        if scene.model.kind == "spatial":
+            raise ModelError("wires: given a file, allowed: [knit] here: wires from a file are planned and run, no more")
+        allowed = "'spatial' with [wires], whose wires are curves in space"
+        raise ModelError(f"model.kind: given {scene.model.kind!r}, allowed: {allowed}")
     cloth = knit_cloth(scene.knit, scene.wire.diameter, scene.model.merge_lenses, _tiles(scene))
     _refuse_other_hooks(scene, cloth)
     nodes = estimated_nodes(scene, cloth)
@@ -182,6 +195,29 @@ def _size_of(scene: Scene) -> str:
     return f"panel.size = {scene.panel.size:g} m"
 
 
+def lay_out(scene: Scene, cloth: Cloth) -> tuple[Table, Panel, float]:
+    """Nodes of one repeat of the scene's cloth, the mesh of its copies, and the length [m] of wire of a loop. Raises
+    `ModelError`."""
+    loop_length = sum(t.length for t in cloth.threads) / len(cloth.stitches)
+    slack = SLIDE_ALLOWANCE * loop_length
+    spacing = loop_length / scene.model.nodes_per_loop
+    table = rest_table(
+        cloth,
+        nodes_per_loop=scene.model.nodes_per_loop,
+        set_fraction=scene.wire.set_fraction,
+        lead=table_lead(cloth, 0.8 * spacing, slack),
+    )
+    panel = build_panel(
+        cloth,
+        table,
+        repeats=copies_of_cloth(scene),
+        outline=None if scene.model.boundary == "periodic" else scene.panel.shape(scene.knit.size),
+        slack=slack,
+        set_fraction=scene.wire.set_fraction,
+    )
+    return table, panel, loop_length
+
+
 def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -> Model:
     """Build and upload the model of a scene, of this rank's strip where several `ranks` share it.
 
@@ -192,24 +228,7 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
             raise ModelError(f"hook: two wires are not shared by {ranks.count} ranks: run without mpirun")
         return _build_hook(scene, scene.hook, device)
     cloth = knit_scene(scene)
-    wire = scene.wire
-    loop_length = sum(t.length for t in cloth.threads) / len(cloth.stitches)
-    slack = SLIDE_ALLOWANCE * loop_length
-    spacing = loop_length / scene.model.nodes_per_loop
-    table = rest_table(
-        cloth,
-        nodes_per_loop=scene.model.nodes_per_loop,
-        set_fraction=wire.set_fraction,
-        lead=table_lead(cloth, 0.8 * spacing, slack),
-    )
-    panel = build_panel(
-        cloth,
-        table,
-        repeats=copies_of_cloth(scene),
-        outline=None if scene.model.boundary == "periodic" else scene.panel.shape(scene.knit.size),
-        slack=slack,
-        set_fraction=wire.set_fraction,
-    )
+    table, panel, loop_length = lay_out(scene, cloth)
     loop_size = max(scene.knit.wale_spacing, scene.knit.course_spacing)
     furthest = 2 * loop_size + _edge_travel(scene)
     return assemble_model(

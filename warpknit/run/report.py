@@ -37,6 +37,9 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
         share = value("contacts", "active_percent")
         text = f"{active} of {value('contacts', 'pairs')} pairs"
         yield "active contacts", text if share is None else f"{text}, {share:.3g} %"
+    if elsewhere := value("contacts", "elsewhere"):
+        most = engineering(value("contacts", "elsewhere_force_max_N") or 0.0, "N")
+        yield "contacts elsewhere", f"{elsewhere} pairs of segments, up to {most}"
     if hook is None and (tension := value("mesh", "tension_weft_N_per_m")) is not None:
         warp = value("mesh", "tension_warp_N_per_m") or 0.0
         yield "tension, weft / warp", f"{engineering(tension, 'N/m')} / {engineering(warp, 'N/m')}"

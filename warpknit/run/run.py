@@ -19,18 +19,21 @@ from typing import TYPE_CHECKING, Any
 
 from .. import measure
 from ..device import find_device
-from ..errors import OutOfResources, RunDirectoryError
+from ..errors import ModelError, OutOfResources, RunDirectoryError
 from ..files import held_directory, write_aside, write_table
+from ..frame import WireLayout
 from ..model.model import Model, available_memory, build_model
 from ..model.state import initial_state
 from ..ranks.ranks import One, Ranks
 from ..scene import Scene, resolved_toml
 from ..solve.simulate import Progress, Record, Simulation
+from ..spatial.mesh import build_mesh
 from .checkpoint import Checkpoint, has_checkpoint
 from .history import Row, account_sliding, account_work, read_history, row_of, write_history
 from .panel_report import report_panel
 from .progress import Progress as Display
 from .run_directory import check_directory, clear, make_directory, read_summary
+from .spatial_run import SpatialRun
 from .summary import run_summary, stage_summary
 from .watch import Watch
 
@@ -75,6 +78,8 @@ def run_scene(
     name = find_device(device, ranks.place)
     if device is None:
         _log.info("running on %s", name if ranks.count == 1 else f"{ranks.count} ranks, this one on {name}")
+    if scene.model.kind == "spatial":
+        return _run_spatial(scene, out, name, ranks, progress or Display())
     checkpoint = None
     if resume and ranks.from_first(lambda: has_checkpoint(out)):
         checkpoint = Checkpoint(out, scene.hash, ranks)
@@ -90,6 +95,34 @@ def run_scene(
             ending = Watch(simulation, out).run(lambda _record: None)
             return Run(ending.exit_code, {}, ending.message)
         return _Recorder(model.whole, simulation, out, progress or Display(), compile_time, checkpoint, hold).run()
+
+
+def _run_spatial(scene: Scene, out: Path, device: str, ranks: Ranks, display: Display) -> Run:
+    """Run the spatial model of a scene, which one process has to itself."""
+    if ranks.count > 1:
+        raise ModelError(f"model.kind: given 'spatial', which {ranks.count} ranks cannot share: run without mpirun")
+    mesh = build_mesh(scene, device)
+    with _held(out) as hold:
+        clear(out)
+        frames = _open_frames(scene, mesh.layout(), out, resume=False, hold=hold)
+        return Run(*SpatialRun(mesh, out, display, frames).run())
+
+
+def _open_frames(scene: Scene, layout: WireLayout, out: Path, *, resume: bool, hold: int | None) -> FrameWriter:
+    """Where the recorded states of a run go."""
+    from .. import __version__
+    from ..export.frame_files import StageOptions
+    from ..export.writer_process import frame_writer
+
+    stage = StageOptions(
+        scene_name=scene.name,
+        scene_hash=scene.hash,
+        version=__version__,
+        colour_stress_max=scene.wire.yield_stress,
+        full_every=scene.output.usd_full_every,
+        points_per_tile=scene.output.usd_points_per_tile,
+    )
+    return frame_writer(out, layout, stage if scene.output.usd else None, resume=resume, hold=hold)
 
 
 def _finished_run(scene: Scene, out: Path, resume: bool, force: bool) -> Run | None:
@@ -165,7 +198,7 @@ class _Recorder:
             with write_aside(out / "scene.toml") as file:
                 file.write(resolved_toml(self.scene))
             model.layout().save(out / "layout.npz")
-        self.frames = self._open_frames(resume=checkpoint is not None, hold=hold)
+        self.frames = _open_frames(model.scene, model.layout(), out, resume=checkpoint is not None, hold=hold)
 
     def run(self) -> Run:
         with self.frames:
@@ -281,22 +314,6 @@ class _Recorder:
         )
 
     # --- exports ---
-
-    def _open_frames(self, *, resume: bool, hold: int | None) -> FrameWriter:
-        from .. import __version__
-        from ..export.frame_files import StageOptions
-        from ..export.writer_process import frame_writer
-
-        scene, output = self.scene, self.scene.output
-        stage = StageOptions(
-            scene_name=scene.name,
-            scene_hash=scene.hash,
-            version=__version__,
-            colour_stress_max=scene.wire.yield_stress,
-            full_every=output.usd_full_every,
-            points_per_tile=output.usd_points_per_tile,
-        )
-        return frame_writer(self.out, self.model.layout(), stage if output.usd else None, resume=resume, hold=hold)
 
     def _draw(self) -> None:
         from ..export import export_run

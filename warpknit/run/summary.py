@@ -225,7 +225,7 @@ def run_summary(
             "repeats": list(scene.knit.repeats),
             "bodies": panel.body_count,
             "pairs": model.pair_count,
-            "rest_curve_error": model.table.curve_error / scene.wire.diameter,
+            "rest_curve_error": model.curve_error / scene.wire.diameter,
         },
         "solver": {
             "time_step_s": model.time_step,

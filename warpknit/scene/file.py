@@ -33,9 +33,12 @@ from warpknit.scene.values import (
     FrameInterval,
     Friction,
     Length,
+    LengthUnit,
     Name,
     NodesPerLoop,
+    Number,
     Percent,
+    Period,
     PerLength,
     PoissonsRatio,
     PositiveForce,
@@ -61,6 +64,7 @@ from warpknit.scene.values import (
     Time,
     Tolerance,
     Vector,
+    WireRepeats,
     proportion,
     refused,
 )
@@ -81,10 +85,11 @@ TREATMENT_KEYS = {
 MaterialName = Annotated[str, BeforeValidator(Choice(tuple(MATERIALS)))]
 Drive = Annotated[str, BeforeValidator(Choice(("relax", "ramp")))]
 Precision = Annotated[str, BeforeValidator(Choice(("single", "double")))]
-Kind = Annotated[str, BeforeValidator(Choice(("planar",), remark="the spatial model is not in this version"))]
+Kind = Annotated[str, BeforeValidator(Choice(("planar", "spatial")))]
 Boundary = Annotated[str, BeforeValidator(Choice(("gripped", "periodic")))]
 OutlineName = Annotated[str, BeforeValidator(Choice(("rectangle", "hexagon", "triangle", "disc", "polygon")))]
 Treatment = Annotated[str, BeforeValidator(Choice(TREATMENTS))]
+Interpolation = Annotated[str, BeforeValidator(Choice(("spline", "linear")))]
 LoopShape = Annotated[str, BeforeValidator(Choice(("auto", "circular-oval", "general")))]
 
 
@@ -189,6 +194,20 @@ class HookTable(Table):
     radius: Length = 1e-3
     length: Length | None = None  # a third of a circle
     overlap: Length | None = None  # a fifth of the radius
+
+
+class WiresTable(Table):
+    """[wires], in place of [knit]: a file of centre lines that others made."""
+
+    file: FileName
+    unit: LengthUnit | None = None
+    node_spacing: Length | None = None  # the diameter of the wire
+    loop_size: Length | None = None  # 20 diameters of the wire
+    interpolation: Interpolation = "spline"
+    closed: Flag = False
+    period: Period | None = None
+    repeats: WireRepeats = (1, 1)
+    time: Number | None = None
 
 
 class ModelTable(Table):
@@ -341,6 +360,7 @@ class SceneFile(Table):
     wire: WireTable = WireTable()
     knit: KnitTable = KnitTable()
     hook: HookTable | None = None
+    wires: WiresTable | None = None
     model: ModelTable = ModelTable()
     panel: PanelTable = PanelTable()
     load: StageTable = StageTable()
@@ -352,5 +372,5 @@ class SceneFile(Table):
 
     @model_validator(mode="before")
     @classmethod
-    def _knit_or_hook(cls, data: Any) -> Any:
-        return _exclusive(data, ("knit", "hook"))
+    def _one_kind_of_mesh(cls, data: Any) -> Any:
+        return _exclusive(data, ("knit", "hook", "wires"))

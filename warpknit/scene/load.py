@@ -21,9 +21,11 @@ from warpknit.scene.overrides import Override, with_overrides
 from warpknit.scene.panel import PanelError, PanelOptions, covering_repeats, panel_options
 from warpknit.scene.presets import PRESETS, Preset
 from warpknit.scene.source import Source
-from warpknit.scene.stages import hook_stages, mesh_stages
+from warpknit.scene.spatial import refuse_unsupported
+from warpknit.scene.stages import hook_stages, mesh_stages, wire_stages
 from warpknit.scene.units import shown
 from warpknit.scene.wire import Plating, Wire
+from warpknit.scene.wires import wire_file
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -72,9 +74,16 @@ def make_scene(
     except ValidationError as error:
         raise first_error(path, error) from error
     source = Source(path, table)
+    refuse_unsupported(source, file)
     wire = _wire(source, file.wire)
     hook = None if file.hook is None else hook_of(source, file, wire)
-    knit = _knit(source, file.knit, wire) if hook is None else _nothing_knitted(file, hook)
+    wires = wire_file(source, file, wire)
+    if hook is not None:
+        knit = _nothing_knitted(file, hook.radius)
+    elif wires is not None:
+        knit = _nothing_knitted(file, wires.loop_size)
+    else:
+        knit = _knit(source, file.knit, wire)
     panel = _panel(source, file)
     if panel.outline != "rectangle":
         repeats = covering_repeats(panel.shape(knit.size), knit.repeat)
@@ -83,15 +92,24 @@ def make_scene(
             raise source.refusal(("knit", "repeats"), list(file.knit.repeats), allowed)
         knit = replace(knit, repeats=repeats)
     numerics = PRESETS[file.solver.preset]
+    if file.model.kind == "spatial":
+        numerics = replace(numerics, nodes_per_loop=numerics.spatial_nodes_per_loop, precision="double")
+    if wires is not None:
+        numerics = replace(numerics, nodes_per_loop=wires.nodes_per_loop)
+    if hook is not None:
+        stages = tuple(hook_stages(source, file, wire, hook))
+    else:
+        stages = tuple((mesh_stages if wires is None else wire_stages)(source, file, wire, knit, panel))
     return Scene(
         name=file.name or path.stem,
         path=path,
         wire=wire,
         knit=knit,
         hook=hook,
+        wires=wires,
         model=_model(source, file.model, wire, numerics),
         panel=panel,
-        stages=tuple(mesh_stages(source, file, wire, knit, panel) if hook is None else hook_stages(source, file, wire, hook)),
+        stages=stages,
         contact=Contact(**contact_values(source, file, wire)),
         solver=_solver(source, file, numerics, wire.diameter / knit.wale_spacing),
         output=Output(**file.output.model_dump()),
@@ -146,12 +164,12 @@ def _knit(source: Source, table: KnitTable, wire: Wire) -> Knit:
     )
 
 
-def _nothing_knitted(file: SceneFile, hook: Hook) -> Knit:
-    """The knit of a hook scene: nothing, but the radius as the scale of lengths."""
+def _nothing_knitted(file: SceneFile, scale: float) -> Knit:
+    """The knit of a scene without one: nothing, but a scale of lengths [m]."""
     return Knit(
         bars=(),
-        wale_spacing=hook.radius,
-        course_spacing=hook.radius,
+        wale_spacing=scale,
+        course_spacing=scale,
         repeats=(1, 1),
         scatter=0.0,
         seed=0,

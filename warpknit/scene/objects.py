@@ -14,6 +14,7 @@ from warpknit.scene.hook import Hook
 from warpknit.scene.panel import PanelOptions
 from warpknit.scene.resolved import scene_hash
 from warpknit.scene.wire import Wire
+from warpknit.scene.wires import WireFile
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,8 +173,9 @@ class Scene:
     name: str
     path: Path = field(compare=False)
     wire: Wire
-    knit: Knit  # where `hook` is given, nothing is knitted: no bars, and spacings of one radius, which scale what is small
+    knit: Knit  # beside `hook` or `wires` nothing is knitted: no bars, and spacings of one length, which scales what is small
     hook: Hook | None
+    wires: WireFile | None
     model: ModelOptions
     panel: PanelOptions
     stages: tuple[Stage, ...]  # [load], then each [[path]]

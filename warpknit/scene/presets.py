@@ -10,6 +10,7 @@ class Preset:
     """Values for the keys that a scene leaves out."""
 
     nodes_per_loop: int  # model.nodes_per_loop
+    spatial_nodes_per_loop: int  # the same in space, where wires touch with their own thickness
     axial_softening: float  # solver.axial_softening: EA is divided by it in the dynamics
     ramp_axial_softening: float  # the same in a ramp, where nothing takes its error out again
     precision: str  # solver.precision: single | double
@@ -20,6 +21,7 @@ class Preset:
 PRESETS = {
     "draft": Preset(
         nodes_per_loop=16,
+        spatial_nodes_per_loop=48,
         axial_softening=1000.0,
         ramp_axial_softening=100.0,
         precision="single",
@@ -28,6 +30,7 @@ PRESETS = {
     ),
     "standard": Preset(
         nodes_per_loop=24,
+        spatial_nodes_per_loop=64,
         axial_softening=700.0,
         ramp_axial_softening=30.0,
         precision="single",
@@ -36,6 +39,7 @@ PRESETS = {
     ),
     "reference": Preset(
         nodes_per_loop=54,
+        spatial_nodes_per_loop=128,
         axial_softening=64.0,
         ramp_axial_softening=1.0,
         precision="double",

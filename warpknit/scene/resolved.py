@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def scene_hash(scene: Scene) -> str:
     """SHA-256 of the resolved values, in hex. The name and how the file is written do not enter."""
-    table = {key: value for key, value in _plain(scene).items() if key not in ("name", "path")}
+    table = {key: value for key, value in _plain(scene).items() if key != "name"}
     return hashlib.sha256(json.dumps(table, sort_keys=True, allow_nan=False).encode()).hexdigest()
 
 
@@ -26,8 +26,11 @@ def resolved_toml(scene: Scene) -> str:
 
     left_out: list[str] = []
     table: dict[str, Any] = {"name": scene.name}
-    for key in ("wire", "knit", "model", "panel") if scene.hook is None else ("wire", "hook", "model"):
+    mesh = "hook" if scene.hook is not None else "wires" if scene.wires is not None else "knit"
+    for key in ("wire", mesh, "model", *(("panel",) if mesh == "knit" else ())):
         table[key] = _written(getattr(scene, key), key, left_out)
+    if scene.wires is not None:
+        del table["wires"]["digest"]  # of what is in the file
     table["load"], *path = [_written(stage, "", []) for stage in scene.stages]
     if scene.hook is not None:
         kept = ("name", "displacement", "temperature")
@@ -70,7 +73,7 @@ def _unit(hint: Any) -> str | None:
 def _plain(value: Any) -> Any:
     """A frozen object as nested dicts and lists."""
     if is_dataclass(value):
-        return {entry.name: _plain(getattr(value, entry.name)) for entry in fields(value)}
+        return {entry.name: _plain(getattr(value, entry.name)) for entry in fields(value) if entry.compare}
     if isinstance(value, tuple):
         return [_plain(entry) for entry in value]
     return value

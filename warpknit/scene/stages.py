@@ -18,6 +18,7 @@ from warpknit.scene.source import Source
 from warpknit.scene.units import tidy
 from warpknit.scene.values import STRAIN
 from warpknit.scene.wire import Wire
+from warpknit.scene.wires import check_wire_stages
 
 FARTHEST_PULL = 0.5  # of the width of a panel
 NEAR_EDGE = 0.1  # of the width of a panel: a pull farther from its edge is a mistake
@@ -87,6 +88,12 @@ def _check_pull(
     if (pull.width is None) == (file.panel.grip_pitch is None):
         allowed = "left out with panel.grip_pitch (net nodes are moved)" if pull.width else "a length: how much of the edge moves"
         raise source.refusal((*location, "width"), pull.width or 0.0, allowed)
+
+
+def wire_stages(source: Source, file: SceneFile, wire: Wire, knit: Knit, panel: PanelOptions) -> Iterator[Stage]:
+    """The stages of wires from a file."""
+    check_wire_stages(source, _named_stages(source, file))
+    yield from mesh_stages(source, file, wire, knit, panel)
 
 
 def hook_stages(source: Source, file: SceneFile, wire: Wire, hook: Hook) -> Iterator[Stage]:

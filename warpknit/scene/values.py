@@ -63,6 +63,22 @@ class Quantity(Check):
 
 
 @dataclass(frozen=True)
+class Unit(Check):
+    """A length that is one unit of a file, or the name of that unit, in SI."""
+
+    allowed: str = "a length above 0 m, such as 'mm' or '25.4 mm'"
+
+    def __call__(self, value: Any) -> float:
+        try:
+            number = si(f"1 {value}" if isinstance(value, str) and not value[:1].isdigit() else value, "length")
+        except QuantityError as error:
+            raise refused(self.allowed) from error
+        if number <= 0.0:
+            raise refused(self.allowed)
+        return number
+
+
+@dataclass(frozen=True)
 class Integer(Check):
     """A whole number within bounds. `true` and 2.0 are not whole numbers."""
 
@@ -168,6 +184,9 @@ def proportion(least: float, most: float) -> BeforeValidator:
 TREATMENTS = ("free-body", "point", "spring-point", "spring-cylinder", "ring", "friction-plane")
 
 Length = Annotated[float, BeforeValidator(Quantity("length", above=0.0))]
+LengthUnit = Annotated[float, BeforeValidator(Unit())]
+Period = Annotated[tuple[float, float], BeforeValidator(Pair(Quantity("length", above=0.0)))]
+Number = Annotated[float, BeforeValidator(Quantity("number"))]
 SignedLength = Annotated[float, BeforeValidator(Quantity("length"))]
 Vector = Annotated[tuple[float, float], BeforeValidator(Pair(Quantity("length")))]
 Angle = Annotated[float, BeforeValidator(Quantity("angle"))]
@@ -203,6 +222,7 @@ Seeds = Annotated[int, BeforeValidator(Integer(1, 1000))]
 Shift = Annotated[int, BeforeValidator(Integer(-1000, 1000))]
 Seed = Annotated[int, BeforeValidator(Integer(0, 2**32 - 1))]
 Repeats = Annotated[tuple[int, int], BeforeValidator(IntegerPair(Integer(1, 10**9)))]
+WireRepeats = Annotated[tuple[int, int], BeforeValidator(IntegerPair(Integer(1, 10_000)))]
 NodesPerLoop = Annotated[int, BeforeValidator(Integer(8, 100_000))]
 StepCount = Annotated[int, BeforeValidator(Integer(1, 10**15))]
 FrameCount = Annotated[int, BeforeValidator(Integer(1, 100_000))]

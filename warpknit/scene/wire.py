@@ -54,6 +54,17 @@ class Wire:
         return self._over_section("youngs_modulus", lambda r: math.pi / 4 * r**4)
 
     @property
+    def twist_stiffness(self) -> float:
+        """GJ of the yarn [N m2]: its ends twist side by side, each about its own axis."""
+        share = 1.0 / (1.0 + self.poissons_ratio)  # GJ of a round wire over its EI
+        core = share * self.youngs_modulus * math.pi / 4 * self.radius**4
+        if self.plating is None:
+            return self.ends * core
+        coat = MATERIALS[self.plating.material]
+        annulus = math.pi / 4 * ((self.radius + self.plating.thickness) ** 4 - self.radius**4)
+        return self.ends * (core + coat.youngs_modulus / (1.0 + coat.poissons_ratio) * annulus)
+
+    @property
     def yield_curvature(self) -> float:
         """[1/m] change of curvature at which the outermost fibres of the core reach the yield stress."""
         return self.yield_stress / (self.youngs_modulus * self.radius)

@@ -93,6 +93,8 @@ def _checked(scene: Scene, device: str | None) -> Sweep:
         raise scene_error(scene.path, "sweep", "nothing", "a table [sweep] with strain_weft and strain_warp, for `warpknit map`")
     if scene.solver.drive != "relax":
         raise SceneError(f"{scene.path}: solver.drive: given {scene.solver.drive!r}, allowed for a map: 'relax'")
+    if scene.model.kind != "planar":
+        raise SceneError(f"{scene.path}: model.kind: given {scene.model.kind!r}, allowed for a map: 'planar'")
     if device is not None and find_device(device) != "cpu":
         raise ModelError(f"--device: given {device}, allowed for a map: cpu (its meshes are small, and fit a CPU's caches)")
     load = scene.stages[0]

@@ -1,0 +1,84 @@
+"""Rods made by hand for the verification tests: energies, gradients and stiffness matrices by differences."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warpknit.spatial.rod_step import RodStepper
+from warpknit.spatial.rods import Rods, round_section
+
+SECTION = round_section(1.0, 1e4, 0.3, 1.0)
+
+
+class Pose:
+    """A stepper held at a pose: nodes move and sections turn from there, and come back to it."""
+
+    def __init__(self, rods: Rods, device: str = "cpu") -> None:
+        self.rods = rods
+        self.stepper = RodStepper(rods, device)
+        self.has_segment = rods.following >= 0
+        self.stepper.evaluate()
+        self.keep()
+
+    def keep(self) -> None:
+        """Take the state as it is for the pose."""
+        state = self.stepper.state
+        self.position = state.position.numpy().copy()
+        self._frames = state.tangent.numpy().copy(), state.director.numpy().copy()
+
+    @property
+    def tangent(self) -> np.ndarray:
+        """(node, 3) of the segments."""
+        return self._frames[0]
+
+    def bend_by(self, move: np.ndarray, turn: np.ndarray) -> None:
+        """Move nodes by (node, 3) and turn sections by [node]; that is the pose from now on."""
+        self.at(move, turn)
+        self.keep()
+
+    def at(self, move: np.ndarray, turn: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        """Energy, forces and torques at the pose moved and turned."""
+        state = self.stepper.state
+        for array, kept in zip((state.tangent, state.director), self._frames, strict=True):
+            array.assign(kept)
+        self.stepper.place(self.position + move, turn)
+        torque = np.where(self.has_segment, state.torque.numpy(), 0.0)
+        return self.stepper.energy(), state.force.numpy().copy(), torque
+
+    def unknowns(self) -> int:
+        return 3 * self.rods.node_count + int(self.has_segment.sum())
+
+    def split(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Moves (node, 3) and turns [node] of a vector of all unknowns."""
+        nodes = self.rods.node_count
+        turn = np.zeros(nodes)
+        turn[self.has_segment] = values[3 * nodes :]
+        return values[: 3 * nodes].reshape(nodes, 3), turn
+
+    def join(self, force: np.ndarray, torque: np.ndarray) -> np.ndarray:
+        return np.concatenate([force.ravel(), torque[self.has_segment]])
+
+    def gradient(self, step: float) -> np.ndarray:
+        """Forces and torques as minus the central difference of the energy."""
+        found = np.zeros(self.unknowns())
+        for k in range(len(found)):
+            way = np.zeros(len(found))
+            way[k] = step
+            found[k] = -(self.at(*self.split(way))[0] - self.at(*self.split(-way))[0]) / (2 * step)
+        return found
+
+    def stiffness(self, step: float) -> np.ndarray:
+        """Hessian of the energy at the pose, which must be at rest, by central differences of forces."""
+        rows = []
+        for k in range(self.unknowns()):
+            way = np.zeros(self.unknowns())
+            way[k] = step
+            ahead, behind = (self.join(*self.at(*self.split(sign * way))[1:]) for sign in (1, -1))
+            rows.append((behind - ahead) / (2 * step))
+        return np.array(rows)
+
+
+def helix(radius: float, pitch: float, nodes: int, turns: float = 1.0) -> np.ndarray:
+    """Nodes (nodes, 3) of a helix about z without its last point; `pitch` a turn."""
+    angle = 2 * np.pi * turns * np.arange(nodes) / nodes
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), pitch * angle / (2 * np.pi)], axis=1)

@@ -1,0 +1,324 @@
+"""Contact between round wires: forces, which pairs are found, friction, and that nothing passes through."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from verification.rods import SECTION
+
+from warpknit.kernels import control as c
+from warpknit.spatial.contact import STICK_SHARE, WireContact
+from warpknit.spatial.rest import Rest
+from warpknit.spatial.rod_step import RodStepper
+from warpknit.spatial.rods import Rods, rods_of, straight
+from warpknit.spatial.step_bound import largest_rates, stable_step
+
+STIFFNESS = 100.0  # [N/m]
+ROUND_OFF = 1e-12
+
+
+def line(begin: list[float], way: list[float], nodes: int) -> np.ndarray:
+    """Nodes (nodes, 3) on a straight line, `way` apart."""
+    return np.asarray(begin, dtype=float) + np.arange(nodes)[:, None] * np.asarray(way, dtype=float)
+
+
+def touching(wires: list[np.ndarray], **options: float) -> tuple[RodStepper, WireContact]:
+    """Wires of diameter 1 as they are, with their contacts found."""
+    stepper = RodStepper(rods_of(SECTION, wires))
+    contact = WireContact(stepper, STIFFNESS, **options)
+    contact.search()
+    stepper.evaluate()
+    return stepper, contact
+
+
+@pytest.mark.parametrize("at", [3.0, 3.9, 3.999, 4.0, 4.001, 4.3, 5.0])
+def test_crossing_wires_push_once_with_the_prescribed_stiffness(at: float) -> None:
+    """N = k o wherever two straight wires cross, between nodes and over them: one contact, its force on the two wires alone."""
+    overlap = 0.02
+    stepper, contact = touching([line([0, 0, 0], [2, 0, 0], 6), line([at, -4.2, 1 - overlap], [0, 2, 0], 6)])
+    force, _ = stepper.forces()
+    assert contact.near().force == pytest.approx([STIFFNESS * overlap], rel=1e-9, abs=0)
+    assert force[6:].sum(axis=0) == pytest.approx([0, 0, STIFFNESS * overlap], rel=1e-9, abs=1e-12)
+
+
+def test_contact_force_is_the_gradient_of_its_energy() -> None:
+    """E = k o^2/2 at the closest points of two curves; central differences are off by (step)^2 and round-off/step."""
+    angle = np.linspace(-1.0, 1.0, 7)
+    bow = np.stack([6 * np.sin(angle), np.zeros(7), 6 * np.cos(angle) - 6], axis=1)
+    other = np.stack([0.3 + 0.2 * np.sin(3 * angle), 5 * np.sin(angle), 6.95 - 6 * np.cos(angle)], axis=1)
+    stepper, contact = touching([bow, other])
+    start, step = stepper.rods.position.copy(), 1e-5
+
+    def energy(position: np.ndarray) -> float:
+        stepper.place(position)
+        return float(0.5 * STIFFNESS * np.sum(contact.near().overlap ** 2))
+
+    stepper.place(start)
+    assert len(contact.near().force) == 1
+    stepper.state.control.numpy()[int(c.CONTACT_STIFFNESS)] = 0.0
+    elastic, _ = stepper.forces()
+    stepper.state.control.numpy()[int(c.CONTACT_STIFFNESS)] = STIFFNESS
+    pushed = stepper.forces()[0] - elastic
+    found = np.zeros_like(start)
+    for k in np.ndindex(start.shape):
+        way = np.zeros_like(start)
+        way[k] = step
+        found[k] = -(energy(start + way) - energy(start - way)) / (2 * step)
+    assert np.abs(pushed).max() > 0.1
+    assert np.abs(pushed - found).max() < 1e3 * step**2 * STIFFNESS
+
+
+def test_contact_with_friction_has_no_net_force_and_moment() -> None:
+    """Normal force, friction at the surfaces, its couples and torques: their sums vanish over both wires."""
+    rng = np.random.default_rng(2)
+    stepper, contact = touching(
+        [line([0, 0, 0], [2, 0, 0], 6), line([4.3, -4.2, 0.7], [0.5, 2, 0.1], 6)], friction=0.4, damping=0.1
+    )
+    state = stepper.state
+    state.velocity.assign(rng.normal(size=(12, 3)))
+    state.spin.assign(rng.normal(size=12))
+    stepper.set_time_step(1e-3)
+    stepper.step(1)
+    moved = stepper.rods.position + state.displacement.numpy()
+    stepper.place(moved)
+    touch = contact.near()
+    assert 0.0 < np.linalg.norm(touch.friction) <= 0.4 * touch.force[0]
+    force, torque = stepper.forces()
+    tangent = state.tangent.numpy()
+    has_segment = (stepper.rods.following >= 0)[:, None]
+    moment = np.cross(moved, force).sum(axis=0) + np.where(has_segment, torque[:, None] * tangent, 0.0).sum(axis=0)
+    assert np.abs(force.sum(axis=0)).max() < 1e3 * ROUND_OFF * touch.force[0]
+    assert np.abs(moment).max() < 1e4 * ROUND_OFF * touch.force[0]
+
+
+def tangle(seed: int, wires: int, nodes: int) -> Rods:
+    """Wavy wires without order in a tile that repeats in x and y, each going on into the next tile up."""
+    rng = np.random.default_rng(seed)
+    tile = np.array([14.0, 16.0, 0.0])
+    up = np.arange(nodes) / nodes
+    points = []
+    for _ in range(wires):
+        phase, size = rng.uniform(0, 2 * np.pi, (2, 3)), rng.uniform(0.3, 1.0, (2, 3))
+        x, z = (sum(s * np.sin(2 * np.pi * (k + 1) * up + p) for k, (s, p) in enumerate(zip(*a, strict=True)))
+                for a in zip(size, phase, strict=True))  # fmt: skip
+        points.append(np.stack([rng.uniform(-20, 20) + 2 * x, rng.uniform(-20, 20) + 16 * up, 0.8 * z], axis=1))
+    return rods_of(SECTION, points, [np.array([0.0, 16.0, 0.0])] * wires, tile=tile)
+
+
+def test_every_contact_is_found() -> None:
+    """In a tangle over the borders of its tile, strained and sheared, the pairs near each other are those of a search by all
+    images of all segments, however many: the list grows with them."""
+    rods = tangle(3, 12, 60)
+    stepper = RodStepper(rods)
+    gradient = np.array([[1.1, 0.15], [0.0, 0.9]])
+    stepper.state.write_control({int(c.GRADIENT) + k: v for k, v in enumerate(gradient.ravel())})
+    contact = WireContact(stepper, STIFFNESS)
+    contact.search()
+    assert contact.pair_count > 1000
+    state = stepper.state
+    begin = state.position.numpy()
+    middle = begin + 0.5 * state.length.numpy()[:, None] * state.tangent.numpy()
+    pairs = contact._list
+    found = set()
+    for i, j, shift in zip(pairs.first.numpy(), pairs.second.numpy(), pairs.shift.numpy(), strict=True):
+        if i != j:
+            found.add((int(i), int(j), *np.rint(shift[:2] / rods.tile[:2]).astype(int).tolist()))
+    wire = rods.wire_of
+    for a in range(-4, 5):
+        for b in range(-4, 5):
+            moved = middle + np.append(gradient @ (rods.tile[:2] * [a, b]), 0.0)
+            apart = np.linalg.norm(middle[:, None] - moved[None], axis=2)
+            for i, j in np.argwhere(apart < 1.0 + contact.margin):
+                # neighbours on one wire do not count; those who do are all far along it, in this tangle
+                if i < j and wire[i] != wire[j]:
+                    assert (int(i), int(j), a, b) in found
+
+
+def test_a_wire_of_short_segments_does_not_push_itself_apart() -> None:
+    """Segments of a quarter of the thickness: excluded by arc length, so a straight wire and a bend of radius 2 d are at rest."""
+    angle = np.arange(40) / 8.0
+    bend = 2.0 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    stepper, contact = touching([line([0, 0, 5], [0.25, 0, 0], 30), bend])
+    assert len(contact.near().force) == 0
+    assert np.abs(stepper.forces()[0]).max() < 1e-9 * SECTION.axial_stiffness
+
+
+def test_a_wire_touches_itself() -> None:
+    """A coil of pitch 0.9 d and radius 3 d overlaps with its next turn by 0.1 d all along."""
+    angle = 2 * np.pi * np.arange(60) / 24
+    coil = np.stack([3 * np.cos(angle), 3 * np.sin(angle), 0.9 * angle / (2 * np.pi)], axis=1)
+    _, contact = touching([coil])
+    overlap = contact.near().overlap
+    pitch_angle = np.arctan(0.9 / (2 * np.pi * 3))
+    assert len(overlap) >= 30
+    assert overlap == pytest.approx(np.full(len(overlap), 1 - 0.9 * np.cos(pitch_angle)), abs=5e-3)
+
+
+def energy_of(stepper: RodStepper, contact: WireContact) -> float:
+    """Stored, contact and kinetic energy, the velocity being half a step behind: the mean of two kinetic energies."""
+    state = stepper.state
+    mass = state.node_mass.numpy()[:, None]
+    before = state.velocity.numpy().copy()
+    stepper.evaluate()
+    stored = stepper.energy() + 0.5 * STIFFNESS * float(np.sum(contact.near().overlap ** 2))
+    after = before + float(state.read_control()[int(c.TIME_STEP)]) * state.force.numpy() / mass
+    return stored + 0.25 * float(np.sum(mass * (before**2 + after**2)))
+
+
+@pytest.mark.parametrize(("friction", "damping"), [(0.0, 0.0), (0.0, 3.0), (0.3, 0.0)])
+def test_energy_goes_by_friction_and_damping_alone(friction: float, damping: float) -> None:
+    """Two wires fly into each other, bounce and swing: without friction and damping the energy of leapfrog stays within (w
+    dt)^2/4 of what moves, with either it only falls, but for that."""
+    lower, upper = line([0, 0, 0], [2, 0, 0], 8), line([7.2, -6.7, 1.3], [0.2, 2, 0], 8)
+    stepper, contact = touching([lower, upper], friction=friction, damping=damping)
+    state = stepper.state
+    mass, inertia = state.node_mass.numpy(), state.spin_inertia.numpy()
+    share = 0.1
+    stepper.set_time_step(share * stable_step(largest_rates(stepper.rods, mass, inertia, contact_stiffness=STIFFNESS)))
+    state.velocity.assign(np.where(np.arange(16)[:, None] < 8, [0.5, 0.0, 1.0], [0.0, 0.0, -1.0]))
+    start = energy_of(stepper, contact)
+    energies, hits = [start], 0
+    for _ in range(150):
+        contact.advance(20)
+        energies.append(energy_of(stepper, contact))
+        hits += len(contact.near().force) > 0
+    assert hits > 3
+    error = share**2 * start
+    if friction == damping == 0.0:
+        assert np.abs(np.array(energies) - start).max() < error
+    else:
+        assert np.diff(energies).max() < error
+        assert energies[-1] < start - 3 * error
+
+
+def wire_on_rails(slope: float, friction: float, rolls: bool) -> tuple[RodStepper, WireContact]:
+    """A stiff short wire across two held rails that are inclined by `slope` [rad], with its weight on it."""
+    rails = [line([-1, y, 0], [2, 0, 0], 40) for y in (-2.0, 2.0)]
+    weight = 1.0
+    overlap = 0.5 * weight * np.cos(slope) / STIFFNESS
+    wire = line([2.3, -3.0, 1.0 - overlap], [0, 2, 0], 4)
+    rods = rods_of(SECTION, [*rails, wire])
+    rods = rods.holding(range(80), range(80) if rolls else range(84))
+    stepper = RodStepper(rods)
+    contact = WireContact(stepper, STIFFNESS, friction=friction)
+    load = np.zeros((84, 3))
+    load[80:] = weight / 4 * np.array([np.sin(slope), 0.0, -np.cos(slope)])
+    stepper.state.load_force.assign(load)
+    state = stepper.state
+    rates = largest_rates(rods, state.node_mass.numpy(), state.spin_inertia.numpy(), contact_stiffness=STIFFNESS)
+    stepper.set_time_step(0.5 * stable_step(rates))
+    contact.search()
+    return stepper, contact
+
+
+@pytest.mark.parametrize("share", [0.97, 1.03])
+def test_wire_on_an_incline_slips_at_the_friction_angle(share: float) -> None:
+    """tan(slope) < mu: it comes to rest where friction carries W sin; above it slides with g (sin - mu cos).
+
+    The load comes on at once: the contact first gives way by W sin/(2 k_t), which makes the wire late by less than twice the
+    time that takes, and swings, which 0.2 of the critical damping takes out.
+    """
+    friction = 0.4
+    slope = np.arctan(share * friction)
+    stepper, contact = wire_on_rails(slope, friction, rolls=False)
+    state = stepper.state
+    step, count = float(state.read_control()[int(c.TIME_STEP)]), 4000
+    mass = float(state.node_mass.numpy()[80:].sum())
+    if share < 1:
+        stepper.set_time_step(step, damping=0.2 * np.sqrt(STICK_SHARE * STIFFNESS / mass))
+        contact.advance(count)
+        moved = state.displacement.numpy()[80:, 0].mean()
+        contact.advance(count)
+        assert state.displacement.numpy()[80:, 0].mean() == pytest.approx(moved, rel=1e-6, abs=0)
+        along = -contact.near().friction[:, 0].sum()  # the rails are the first of each pair
+        assert along == pytest.approx(-np.sin(slope), rel=1e-6, abs=0)
+    else:
+        contact.advance(count)
+        expected = (np.sin(slope) - friction * np.cos(slope)) / mass * (step * count)
+        late = np.sqrt(2 * np.sin(slope) / (2 * STICK_SHARE * STIFFNESS) / (np.sin(slope) / mass))
+        speed = state.velocity.numpy()[80:, 0].mean()
+        assert abs(speed - expected) < (np.sin(slope) / mass) * 2 * late + 0.02 * expected
+
+
+def test_wire_rolls_down_rails_where_friction_holds_it() -> None:
+    """Free to spin it rolls without slip: acceleration g sin/(1 + I/(m r^2)) with the spin of a solid cylinder, I = m r^2/2."""
+    slope = 0.1
+    stepper, contact = wire_on_rails(slope, 2.0, rolls=True)
+    state = stepper.state
+    mass = float(state.node_mass.numpy()[80:].sum())
+    inertia = float(state.spin_inertia.numpy()[80:83].sum())
+    step, count = float(state.read_control()[int(c.TIME_STEP)]), 4000
+    contact.advance(count)
+    speed, spin = state.velocity.numpy()[80:, 0].mean(), np.abs(state.spin.numpy()[80:83]).mean()
+    expected = np.sin(slope) / (mass + inertia / 0.5**2) * step * count
+    assert inertia == pytest.approx(0.5 * mass * 0.5**2)
+    assert speed == pytest.approx(expected, rel=0.03)
+    assert spin * 0.5 == pytest.approx(speed, rel=0.05)
+
+
+def test_nothing_passes_through_at_the_speed_limit() -> None:
+    """Two wires driven together at the largest move a step that a relaxation permits stay on their sides."""
+    lower, upper = line([0, 0, 0], [2, 0, 0], 8), line([7.2, -6.7, 1.5], [0, 2, 0], 8)
+    stepper, contact = touching([lower, upper])
+    rest = Rest(stepper, contact_stiffness=STIFFNESS)
+    limit = rest.speed_limit
+    stepper.state.velocity.assign(np.where(np.arange(16)[:, None] < 8, [0.0, 0.0, limit], [0.0, 0.0, -limit]))
+    rest.stepper.set_time_step(1.0)  # undamped: worse than any relaxation
+    lowest = np.inf
+    for _ in range(400):
+        contact.advance(1)
+        z = (stepper.rods.position + stepper.state.displacement.numpy())[:, 2]
+        lowest = min(lowest, float(z[11] - z[3]))
+    assert 0.0 < lowest < 1.0
+
+
+def capstan(share: float, friction: float, wrap: float) -> float:
+    """How far a thin wire slides round a thick held one, `wrap` [rad], under end loads in the ratio exp(mu wrap share), in
+    diameters of the thin one."""
+    big, thin, spacing = 20.0, 1.0, 1.0
+    section = replace(SECTION, bending_stiffness=1e-3 * SECTION.bending_stiffness, twist_stiffness=1e-3 * SECTION.twist_stiffness)
+    core = line([0, 0, -150], [0, 0, 30], 11)
+    radius = 0.5 * (big + thin)
+    half = 0.5 * wrap * radius
+    tail = 6.0
+    arc = np.arange(-half - tail, half + tail, spacing)
+    angle = np.clip(arc, -half, half) / radius
+    beyond = arc - np.clip(arc, -half, half)
+    x = radius * np.sin(angle) + beyond * np.cos(angle)
+    y = radius * np.cos(angle) - beyond * np.sin(angle)
+    wire = np.stack([x, y, 0 * x], axis=1)
+    rods = straight(rods_of(section, [core, wire]))
+    rods = replace(rods, thicker=np.array([0.5 * big, 0.5 * thin])).holding(range(11), range(11 + len(wire)))
+    stepper = RodStepper(rods)
+    stiffness = 200.0
+    contact = WireContact(stepper, stiffness, friction=friction)
+    pull = 1.0
+    load = np.zeros((rods.node_count, 3))
+    ends = (wire[0] - wire[1]) / spacing, (wire[-1] - wire[-2]) / spacing
+    low, high = pull, pull * np.exp(friction * wrap * share)
+    contact.search()
+    rest = Rest(stepper, contact_stiffness=stiffness)
+    # both ends pulled alike first, then one more and more: a slow way to the ratio
+    way = []
+    for now in np.append(np.linspace(low, high, 12), [high, high]):
+        load[11], load[-1] = low * ends[0], now * ends[1]
+        stepper.state.load_force.assign(load)
+        for _ in range(6):
+            contact.advance(50)
+            rest.look()
+        way.append(float(stepper.state.displacement.numpy()[-1] @ ends[1]))
+    return way[-1] - way[-2]
+
+
+def test_capstan() -> None:
+    """T2/T1 = exp(mu wrap) of a wire round a thicker one, short of it by the share r/R of the thin wire's own radius.
+
+    Friction acts at r from the centre line that is bent to R, so its couple m = r f needs a shear force Q = -r f in a wire
+    without bending stiffness, with which T' = f (1 - r/R) and f = mu (T/R + Q'): the exponent is mu (1 - r/R)/(1 + mu^2 r/R)
+    to first order.
+    """
+    friction, wrap, lever = 0.3, np.pi, 0.5 / 10.5
+    law = (1 - lever) / (1 + friction**2 * lever)
+    assert law > 0.94
+    stays, slides = (abs(capstan(share * law, friction, wrap)) for share in (0.97, 1.03))
+    assert stays < 2e-4 < 2e-3 < slides

@@ -1,0 +1,149 @@
+"""Scenes with [wires]: their keys, the scene written back, what `plan` says of them, and that nothing else runs them."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import wire_samples as samples
+from click.testing import CliRunner
+
+from warpknit.cli import main
+from warpknit.errors import SceneError
+from warpknit.scene import load_scene
+from warpknit.scene.load import make_scene
+from warpknit.scene.resolved import resolved_toml
+from warpknit.wires.read import rest_wires
+
+SCENES = Path(__file__).parents[2] / "scenes" / "wires"
+PATCH, CELL = SCENES / "plain_knit_patch.toml", SCENES / "plain_knit_cell.toml"
+
+
+def refused(table, folder=SCENES) -> str:
+    with pytest.raises(SceneError) as caught:
+        make_scene(table, path=folder / "knit.toml")
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("keys", "line"),
+    [
+        ({"file": "none.bcc"}, "wires.file: given 'none.bcc', allowed: a file of wires"),
+        ({"file": "plain_knit_cell.toml"}, "this is a file named .toml"),
+        ({}, "wires.file: given nothing, allowed: the name of a file"),
+        ({"file": "plain_knit.bcc"}, "wires.unit: given 'nothing', allowed: a length, such as 'mm', with a .bcc file"),
+        ({"file": "plain_knit.bcc", "unit": "kg"}, "wires.unit: given 'kg', allowed: a length above 0 m, such as 'mm'"),
+        ({"file": "plain_knit.usda", "unit": "mm"}, "wires.unit: given 'mm', allowed: nothing with a .usda file"),
+        ({"file": "plain_knit.pyp", "closed": True}, "wires.closed: given true, allowed: only with a .csv or .npz file"),
+        ({"file": "plain_knit.pyp", "period": ["1 mm", "1 mm"]}, "given ['1 mm', '1 mm'], allowed: nothing with a .pyp"),
+        ({"file": "plain_knit.csv", "period": ["1 mm", "0 mm"]}, "wires.period: given ['1 mm', '0 mm'], allowed: a pair"),
+        ({"file": "plain_knit.csv", "repeats": [2, 1]}, "wires.repeats: given [2, 1], allowed: [1, 1] but with model.boundary"),
+        ({"file": "plain_knit.csv", "time": 3}, "wires.time: given 3, allowed: only with a USD file"),
+        ({"file": "plain_knit.csv", "interpolation": "cubic"}, "wires.interpolation: given 'cubic', allowed: 'spline', 'linear'"),
+        ({"file": "plain_knit.csv", "node_spacing": 0}, "wires.node_spacing: given 0, allowed: a length above 0 m"),
+    ],
+)
+def test_keys(keys, line):
+    assert line in refused({"wires": keys})
+
+
+@pytest.mark.parametrize(
+    ("other", "line"),
+    [
+        ({"knit": {}}, "wires: given {'file': 'plain_knit.csv'} beside knit = {}, allowed: one of knit, hook, wires"),
+        ({"hook": {}}, "beside hook = {}, allowed: one of knit, hook, wires"),
+        ({"panel": {"outline": "disc", "size": "10 mm"}}, "allowed: no [panel] with [wires]"),
+        ({"sweep": {"strain_weft": [0.0], "strain_warp": [0.0]}}, "allowed: no [sweep] with [wires]"),
+        ({"solver": {"drive": "ramp"}}, "solver.drive: given 'ramp', allowed: 'relax' with [wires]"),
+        ({"load": {"displacement": "1 mm"}}, "load.displacement: given '1 mm', allowed: strains, tensions"),
+        ({"path": [{"temperature_gradient": [1.0, 0.0]}]}, "path[0].temperature_gradient: given [1.0, 0.0], allowed: strains"),
+    ],
+)
+def test_what_does_not_go_with_wires(other, line):
+    assert line in refused({"wires": {"file": "plain_knit.csv"}} | other)
+
+
+def test_a_scene_written_back_is_the_same_from_anywhere(tmp_path):
+    scene = load_scene(PATCH, ["load.strain_weft=0.1", 'wires.period=["4.712388980 mm", "1 mm"]'])
+    (tmp_path / "scene.toml").write_text(resolved_toml(scene), encoding="utf-8")
+    again = load_scene(tmp_path / "scene.toml")
+    assert again == scene and again.hash == scene.hash
+    assert scene.wires is not None and scene.wires.unit == 1e-3 and scene.stages[0].strain_weft == 0.1
+
+
+def test_a_scene_is_another_with_other_wires_in_its_file(tmp_path):
+    for name in ("plain_knit.bcc", PATCH.name):
+        shutil.copy(SCENES / name, tmp_path / name)
+    before = load_scene(tmp_path / PATCH.name)
+    assert before.hash == load_scene(PATCH).hash and before == load_scene(PATCH)
+    samples.write_bcc(tmp_path / "plain_knit.bcc", samples.patch()[:1])
+    after = load_scene(tmp_path / PATCH.name)
+    assert after.hash != before.hash and after != before
+
+
+def test_nodes_are_a_diameter_apart_unless_said():
+    wires = rest_wires(make_scene({"wires": {"file": "plain_knit.csv"}, "wire": {"diameter": "0.1 mm"}}, path=PATCH))
+    assert wires.lengths / wires.segment_counts == pytest.approx(1e-4, rel=0.01)
+    wires = rest_wires(load_scene(PATCH))
+    assert wires.lengths / wires.segment_counts == pytest.approx(50e-6, rel=0.01)
+
+
+def test_what_a_file_says_wrong_is_said_with_the_scene(tmp_path):
+    shutil.copy(PATCH, tmp_path / "knit.toml")
+    data = (SCENES / "plain_knit.bcc").read_bytes()
+    (tmp_path / "plain_knit.bcc").write_bytes(data[:-7])
+    with pytest.raises(SceneError) as caught:
+        rest_wires(load_scene(tmp_path / "knit.toml"))
+    assert str(caught.value).startswith(f"{tmp_path / 'knit.toml'}: wires.file: given 'plain_knit.bcc', {len(data) - 7:,} bytes")
+
+
+@pytest.mark.parametrize(
+    ("scene", "boundary", "line"),
+    [(CELL, "gripped", "'periodic' for wires that repeat"), (PATCH, "periodic", "'gripped' for wires that do not repeat")],
+)
+def test_the_boundary_is_that_of_the_wires(scene, boundary, line):
+    with pytest.raises(SceneError, match=f"model.boundary: given '{boundary}', allowed: {line}"):
+        rest_wires(load_scene(scene, [f"model.boundary={boundary}"]))
+
+
+def test_the_samples_are_what_the_tool_writes(tmp_path):
+    """The same numbers, whatever wrote the archive."""
+    samples.main(tmp_path)
+    for path in sorted(tmp_path.iterdir()):
+        kept = SCENES / path.name
+        if path.suffix == ".npz":
+            with np.load(path) as one, np.load(kept) as other:
+                assert all(np.array_equal(one[name], other[name]) for name in one.files)
+        else:
+            assert path.read_bytes() == kept.read_bytes(), path.name
+        assert kept.stat().st_size < 10_000
+
+
+# --- the command line
+
+
+def call(*arguments):
+    return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+
+def test_plan_says_what_a_file_holds():
+    result = call("plan", CELL, "--json")
+    assert result.exit_code == 0
+    found = json.loads(result.output)
+    assert (found["wires"], found["open"], found["closed"], found["periodic"]) == (1, 0, 0, 1)
+    assert found["nodes"] == 123 and found["overlaps"] == 0
+    assert found["repeat_m"] == pytest.approx([1e-3 * samples.WALE, 1e-3 * samples.COURSE])
+    text = call("plan", CELL, "--set", "wire.diameter=0.5 mm").output
+    assert "wires      1 (1 periodic), 6.166 mm long together" in text
+    assert "4 overlaps; closest centre lines 0.7" in text
+    assert "wires are 0.1 mm thick in the file, 0.5 mm in the scene" in text
+
+
+@pytest.mark.parametrize("command", ["run", "report"])
+def test_only_the_spatial_model_runs_wires(command, tmp_path):
+    result = call(command, CELL, "--out", tmp_path / "out", "--quiet", "--device", "cpu")
+    assert result.exit_code == 2
+    assert "model.kind: given 'planar', allowed: 'spatial' with [wires]" in result.stderr
+    assert not (tmp_path / "out").exists()

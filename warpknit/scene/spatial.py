@@ -1,0 +1,35 @@
+"""What a scene of the spatial model (`model.kind = "spatial"`) may ask for."""
+
+from __future__ import annotations
+
+from warpknit.scene.file import SceneFile
+from warpknit.scene.source import Source
+
+WITH = "with model.kind = 'spatial'"
+
+
+def refuse_unsupported(source: Source, file: SceneFile) -> None:
+    """Raise SceneError where the scene asks the spatial model for what only the planar one does."""
+    if file.model.kind != "spatial":
+        return
+    for location, given, supported, allowed in (
+        (("hook",), "a hook", file.hook is None, f"[knit] {WITH}"),
+        (("panel", "outline"), file.panel.outline, file.panel.outline == "rectangle", f"'rectangle' {WITH}"),
+        (("panel", "grip_pitch"), file.panel.grip_pitch, file.panel.grip_pitch is None, f"left out {WITH}"),
+        (("panel", "focal_length"), file.panel.focal_length, file.panel.focal_length is None, f"left out {WITH}"),
+        (("solver", "drive"), file.solver.drive, file.solver.drive == "relax", f"'relax' {WITH}"),
+        (("solver", "precision"), file.solver.precision, file.solver.precision != "single", f"'double' {WITH}"),
+        (("solver", "multipliers"), file.solver.multipliers, file.solver.multipliers, f"true {WITH}"),
+        (("wire", "plastic"), file.wire.plastic, not file.wire.plastic, f"false {WITH}"),
+    ):
+        if not supported:
+            raise source.refusal(location, given, allowed)
+    for place, stage in ((("load",), file.load), *((("path", k), stage) for k, stage in enumerate(file.path))):
+        if stage.pull:
+            raise source.refusal((*place, "pull"), "a pull", f"left out {WITH}")
+        if stage.temperature_gradient is not None and any(stage.temperature_gradient):
+            raise source.refusal((*place, "temperature_gradient"), list(stage.temperature_gradient), f"left out {WITH}")
+        for direction in ("weft", "warp"):
+            tension = getattr(stage, f"tension_{direction}")
+            if tension is not None:
+                raise source.refusal((*place, f"tension_{direction}"), tension, f"strain_{direction} {WITH}")

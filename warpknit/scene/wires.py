@@ -1,0 +1,130 @@
+"""[wires] of a scene: a file of centre lines that others made, in place of a knit. `warpknit.wires` reads it."""
+
+from __future__ import annotations
+
+import hashlib
+import stat
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from warpknit.scene.file import PanelTable, SceneFile, StageTable
+from warpknit.scene.wire import Wire
+
+if TYPE_CHECKING:
+    from warpknit.scene.source import Source
+
+USD = (".usd", ".usda", ".usdc", ".usdz")
+POLYLINES = (".csv", ".npz")
+SUFFIXES = (*USD, ".bcc", ".pyp", *POLYLINES)
+WITHOUT_UNIT = (".bcc", ".npz")
+LOOP_SIZE = 20.0  # diameters of the wire, where the scene does not say
+LOOP_LENGTH = 3.3  # of wire in a loop, over its size, as in the double atlas net
+MOST_BYTES = 256 << 20  # of a file
+
+
+class WireFileError(Exception):
+    """A file of wires cannot be used: `given` says what it is, `allowed` what would do. `key` is one of [wires]."""
+
+    def __init__(self, given: str, allowed: str, key: str = "file") -> None:
+        super().__init__(f"{key}: given {given}, allowed: {allowed}")
+        self.given, self.allowed, self.key = given, allowed, key
+
+
+@dataclass(frozen=True, kw_only=True)
+class WireFile:
+    """A file of centre lines and how it is read."""
+
+    file: str = field(compare=False)  # where it is; what is in it is compared
+    digest: str  # SHA-256 of it, in hex
+    unit: Annotated[float, "m"] | None  # None: the file says it
+    node_spacing: Annotated[float, "m"]
+    loop_size: Annotated[float, "m"]  # what a wale spacing is to a knit: forces and energies are compared with EI over it
+    interpolation: str  # spline | linear
+    closed: bool  # whether the ends of all wires are joined
+    period: tuple[float, float] | None  # [m] along weft and warp; None: the file says it, or the wires do not repeat
+    repeats: tuple[int, int]  # of the file's, along weft and warp
+    time: float | None  # time code of points that move; None: the first
+
+    @property
+    def loop_length(self) -> float:
+        """[m] of wire in a loop, about."""
+        return LOOP_LENGTH * self.loop_size
+
+    @property
+    def nodes_per_loop(self) -> int:
+        return max(8, round(self.loop_length / self.node_spacing))
+
+    @property
+    def path(self) -> Path:
+        return Path(self.file)
+
+
+def wire_file(source: Source, file: SceneFile, wire: Wire) -> WireFile | None:
+    """The file of wires, looked for beside the scene, with its defaults; None where there is none. Raises `SceneError`."""
+    table = file.wires
+    if table is None:
+        return None
+    path = source.path.parent / table.file
+    try:
+        data = checked_bytes(path)
+    except WireFileError as error:
+        raise source.refusal(("wires", "file"), table.file, f"{error.allowed}; this is {error.given}") from error
+    suffix = path.suffix.lower()
+    if table.unit is None and suffix in WITHOUT_UNIT:
+        raise source.refusal(("wires", "unit"), "nothing", f"a length, such as 'mm', with a {suffix} file, which has no unit")
+    if table.unit is not None and suffix in USD:
+        raise source.refusal(("wires", "unit"), table.unit, f"nothing with a {suffix} file, which has a unit")
+    if table.closed and suffix not in POLYLINES:
+        raise source.refusal(("wires", "closed"), True, f"only with a {' or '.join(POLYLINES)} file: the others say it")
+    if table.period is not None and suffix == ".pyp":
+        raise source.refusal(("wires", "period"), table.period, "nothing with a .pyp file, which has a period")
+    if table.time is not None and suffix not in USD:
+        raise source.refusal(("wires", "time"), table.time, f"only with a USD file ({', '.join(USD)})")
+    if table.repeats != (1, 1) and file.model.boundary != "periodic":
+        raise source.refusal(("wires", "repeats"), list(table.repeats), "[1, 1] but with model.boundary = 'periodic'")
+    for key, given, default in (("panel", file.panel, PanelTable()), ("sweep", file.sweep, None)):
+        if given != default:
+            raise source.refusal((key,), {}, f"no [{key}] with [wires]")
+    if file.solver.drive == "ramp":
+        raise source.refusal(("solver", "drive"), "ramp", "'relax' with [wires]")
+    return WireFile(
+        file=str(path.resolve()),
+        digest=hashlib.sha256(data).hexdigest(),
+        unit=table.unit,
+        node_spacing=wire.diameter if table.node_spacing is None else table.node_spacing,
+        loop_size=LOOP_SIZE * wire.diameter if table.loop_size is None else table.loop_size,
+        interpolation=table.interpolation,
+        closed=table.closed,
+        period=table.period,
+        repeats=table.repeats,
+        time=table.time,
+    )
+
+
+def check_wire_stages(source: Source, stages: Iterator[tuple[tuple[int | str, ...], str, StageTable]]) -> None:
+    """Refuse loads that need to know the size of the mesh, which is known when its file is read."""
+    for location, _, table in stages:
+        for key in ("displacement", "temperature_gradient", "pull"):
+            value = getattr(table, key)
+            if value not in (None, [], (0.0, 0.0)):
+                raise source.refusal((*location, key), value, "strains, tensions, shear and temperature with [wires]")
+
+
+def checked_bytes(path: Path) -> bytes:
+    """What is in a file of wires. Its size is looked at before it is read. Raises `WireFileError`."""
+    allowed = f"a file of wires ({', '.join(SUFFIXES)})"
+    if path.suffix.lower() not in SUFFIXES:
+        raise WireFileError(f"a file named {path.suffix}" if path.suffix else "a file without one of these", allowed)
+    try:
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode):
+            raise WireFileError("not a file", allowed)
+        if not 0 < found.st_size <= MOST_BYTES:
+            size = f"a file of {found.st_size:,} bytes"
+            raise WireFileError("an empty file" if found.st_size == 0 else size, f"{allowed} of at most {MOST_BYTES:,} bytes")
+        return path.read_bytes()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "unreadable"
+        raise WireFileError(reason.lower(), allowed) from error

@@ -1,0 +1,224 @@
+"""Contact between wires: the list of segment pairs that may touch, renewed as things move, and what each step does with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from ..errors import ModelError, OutOfResources
+from ..kernels import control as c
+from ..kernels.wire_contact import find_wire_contacts
+from ..kernels.wire_pairs import MOST_SAG, find_segment_pairs, keep_slips, place_segments_in_hash
+from ..model.model import available_memory
+from .rod_step import RodStepper
+
+APART = 4.0  # radii along a wire below which its segments do not touch each other: bent back onto itself it takes pi
+REACH = 1.3  # distances of touching wires up to which a pair is measured to the end
+MARGIN = 0.5  # of a segment: how much nearer things may come before the next search
+STICK_SHARE = 0.5  # tangential over normal stiffness
+PAIR_BYTES = 8 * (2 * 3 + 1 + 3 * 2 + 1 + 3 + 2 + 3) + 4 * 2  # of one pair, kept twice while a list is renewed
+ROOM = 1.3  # pairs that a list has room for, over those that it holds
+FREE_CELLS = (64, 64, 8)  # of the hash along x, y and z where the world has no tiles
+
+
+@dataclass(frozen=True)
+class TouchingPairs:
+    """Contacts that carry a force; arrays [contact]. `first` and `second` are nodes that begin the segments."""
+
+    first: np.ndarray
+    second: np.ndarray
+    place: np.ndarray  # (contact, 2) on the segments, 0 .. 1
+    shift: np.ndarray  # (contact, 3) [m] at rest, that moves the second next to the first
+    force: np.ndarray  # [N] normal
+    friction: np.ndarray  # (contact, 3) [N] on the first
+    normal: np.ndarray  # (contact, 3) towards the first
+    overlap: np.ndarray  # [m]; negative: how far apart
+
+
+class _List:
+    """Arrays of a list of pairs with room for `room`; `number` tells lists apart."""
+
+    def __init__(self, room: int, nodes: int, device: str, number: int) -> None:
+        def make(dtype: type, count: int = room) -> wp.array:
+            return wp.zeros(count, dtype=dtype, device=device)
+
+        self.room, self.number = room, number
+        self.start, self.count = make(wp.int32, nodes), make(wp.int32, nodes)
+        self.total = make(wp.int32, 1)
+        self.first, self.second = make(wp.int32), make(wp.int32)
+        self.shift, self.slip = make(wp.vec3d), make(wp.vec3d)
+        self.way, self.wake = make(wp.float64), make(wp.float64)
+        self.overlap, self.force = make(wp.float64), make(wp.float64)
+        self.friction, self.normal, self.place = make(wp.vec3d), make(wp.vec3d), make(wp.vec2d)
+
+
+class WireContact:
+    """Contact of all wires of a stepper, each with each and with itself. Sets itself as the stepper's contact.
+
+    Raises:
+        ModelError: a tile is so small that a segment would meet two copies of another.
+    """
+
+    def __init__(
+        self, stepper: RodStepper, stiffness: float, *, friction: float = 0.0, damping: float = 0.0
+    ) -> None:
+        """stiffness [N/m] penalty; damping [N s/m] of a contact along its normal."""
+        self.stepper = stepper
+        self.friction, self.damping = friction, damping
+        rods, device = stepper.rods, stepper.device
+        segments = rods.natural_length[rods.following >= 0]
+        self.margin = MARGIN * float(segments.max())
+        self.searches = 0
+        self._expected = 0.0  # [m] by which the load brings things nearer beside their own travel
+        longest = 1.2 * float(segments.max())  # with room for what load stretches
+        self._radius = longest * (1.0 + 2.0 * float(MOST_SAG)) + 2.0 * float(rods.wire_radius.max()) + self.margin
+        cells = np.where(rods.tile > 0, np.floor(rods.tile / self._radius), FREE_CELLS).astype(int)
+        if np.any(cells < 3):
+            raise ModelError(
+                f"the periodic tile is {rods.tile[rods.tile > 0].min():.3g} m wide, allowed: {3 * self._radius:.3g} m or more,"
+                " so that no segment meets two copies of another: more repeats, or more nodes a loop"
+            )
+        self._cell = np.where(rods.tile > 0, rods.tile / cells, self._radius)
+        self._grid = wp.HashGrid(*map(int, cells), device=device)
+        self._hash_place = wp.zeros(rods.node_count, dtype=wp.vec3, device=device)
+        self._node_wire = wp.array(rods.wire_of, dtype=wp.int32, device=device)
+        self._node_arc = wp.array(rods.arc, dtype=wp.float64, device=device)
+        self._node_radius = wp.array(rods.wire_radius[rods.wire_of], dtype=wp.float64, device=device)
+        self._wire_closed = wp.array(rods.wire_closed, dtype=wp.int32, device=device)
+        self._wire_length = wp.array(rods.wire_length, dtype=wp.float64, device=device)
+        self._wire_period = wp.array(rods.wire_period, dtype=wp.vec3d, device=device)
+        self.deepest = wp.zeros(1, dtype=wp.float64, device=device)  # [m] overlap since it was last taken
+        self._list, self._other = (_List(64, rods.node_count, device, number) for number in (0, 1))
+        stepper.state.write_control({c.CONTACT_STIFFNESS: stiffness})
+        stepper.contact = self
+
+    @property
+    def version(self) -> int:
+        """Which arrays the launches use: launches recorded for one version do for it whenever it comes again."""
+        return self._list.number
+
+    @property
+    def pair_count(self) -> int:
+        """Segment pairs that are looked at."""
+        return int(self._list.total.numpy()[0])
+
+    def launches(self) -> list[tuple[wp.Kernel, int, list]]:
+        """Kernel, threads and arguments that add the forces of contact."""
+        arrays, state, pairs = self.stepper.arrays, self.stepper.state, self._list
+        return [
+            (
+                find_wire_contacts,
+                pairs.room,
+                [
+                    pairs.total, pairs.first, pairs.second, pairs.shift, pairs.way, pairs.wake,
+                    arrays.previous, arrays.following, arrays.natural_length, self._node_radius, state.control,
+                    wp.float64(APART), wp.float64(REACH), wp.float64(self.damping), wp.float64(self.friction),
+                    wp.float64(STICK_SHARE),
+                    state.position, state.length, state.tangent, state.velocity, state.spin,
+                    pairs.slip, pairs.overlap, pairs.force, pairs.friction, pairs.normal, pairs.place,
+                    state.contact_force, state.contact_torque, self.deepest,
+                ],
+            )
+        ]  # fmt: skip
+
+    def expect(self, strain: float) -> None:
+        """Search, and until the next call keep room for what the load itself will do, which strains the mesh by so much."""
+        self._expected = 2.0 * strain * self._radius
+        self.search()
+
+    def search(self) -> None:
+        """Renew the list of pairs, and start a new travel budget. Raises OutOfResources."""
+        stepper, state, device = self.stepper, self.stepper.state, self.stepper.device
+        nodes = stepper.rods.node_count
+        stepper.evaluate()
+        narrowest = float(np.linalg.svd(state.gradient, compute_uv=False).min())
+        wp.launch(
+            place_segments_in_hash,
+            dim=nodes,
+            inputs=[state.control, state.position, state.length, state.tangent, wp.vec3d(*self._cell), self._hash_place],
+            device=device,
+        )
+        self._grid.build(self._hash_place, 1.0)
+        before, pairs = self._list, self._other
+        radius = self._radius / min(narrowest, 1.0) / float(self._cell.min())
+        self._find(pairs, radius, filling=False)
+        wp.utils.array_scan(pairs.count, pairs.start, inclusive=False)
+        total = int(pairs.start.numpy()[-1] + pairs.count.numpy()[-1])
+        if total > pairs.room:
+            grown = _List(self._room(total), nodes, device, pairs.number + 2)
+            wp.copy(grown.start, pairs.start)
+            wp.copy(grown.count, pairs.count)
+            pairs = grown
+        pairs.total.fill_(total)
+        self._find(pairs, radius, filling=True)
+        wp.launch(
+            keep_slips,
+            dim=pairs.room,
+            inputs=[
+                before.start, before.count, before.second, before.shift, before.slip,
+                pairs.total, pairs.first, pairs.second, pairs.shift, pairs.slip,
+            ],
+            device=device,
+        )  # fmt: skip
+        self._list, self._other = pairs, before
+        self.searches += 1
+        budget = max(0.5 * (self.margin - self._expected), 0.05 * self.margin)
+        state.write_control({c.TRAVEL: 0.0, c.TRAVEL_LIMIT: budget, c.STATUS: 0.0})
+
+    def _room(self, total: int) -> int:
+        room = round(ROOM * total)
+        needed, available = 2 * PAIR_BYTES * room, available_memory()
+        if needed > available:
+            raise OutOfResources(
+                f"memory ran out: {total:,} pairs of segments near each other need {needed / 2**20:,.0f} MiB,"
+                f" {available / 2**20:,.0f} MiB are available"
+            )
+        return room
+
+    def _find(self, pairs: _List, radius: float, *, filling: bool) -> None:
+        rods, arrays, state = self.stepper.rods, self.stepper.arrays, self.stepper.state
+        wp.launch(
+            find_segment_pairs,
+            dim=rods.node_count,
+            inputs=[
+                wp.uint64(self._grid.id), radius, wp.float64(self.margin), wp.float64(self._expected), wp.float64(APART),
+                wp.vec3d(*rods.tile), int(filling),
+                arrays.previous, arrays.following, self._node_wire, self._node_arc, self._node_radius,
+                self._wire_closed, self._wire_length, self._wire_period, state.control,
+                self._hash_place, state.position, state.length, state.tangent,
+                pairs.start, pairs.count, pairs.first, pairs.second, pairs.shift, pairs.way, pairs.wake,
+            ],
+            device=self.stepper.device,
+        )  # fmt: skip
+
+    def advance(self, steps: int) -> int:
+        """Take steps, searching whenever things have travelled farther than the list holds for; returns how many were taken,
+        fewer where the state diverged."""
+        state, taken = self.stepper.state, 0
+        while taken < steps:
+            before = int(state.read_control()[int(c.STEP)])
+            self.stepper.step(steps - taken)
+            control = state.read_control()
+            taken += int(control[int(c.STEP)]) - before
+            if control[int(c.STATUS)] == 1.0:
+                self.search()
+            elif control[int(c.STATUS)] != 0.0:
+                break
+        return taken
+
+    def take_deepest(self) -> float:
+        """[m] largest overlap since this was last asked."""
+        deepest = float(self.deepest.numpy()[0])
+        self.deepest.zero_()
+        return deepest
+
+    def near(self, distance: float | None = None) -> TouchingPairs:
+        """Contacts of the state last evaluated: those that carry a force, or all whose surfaces are within `distance` [m]."""
+        pairs, count = self._list, self.pair_count
+        force, overlap = pairs.force.numpy()[:count], pairs.overlap.numpy()[:count]
+        kept = force > 0.0 if distance is None else overlap > -distance
+        which = np.flatnonzero(kept)
+        names = ("first", "second", "place", "shift", "force", "friction", "normal", "overlap")
+        return TouchingPairs(**{name: getattr(pairs, name).numpy()[:count][which].copy() for name in names})

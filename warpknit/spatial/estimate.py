@@ -1,0 +1,47 @@
+"""What a run of the spatial model would take, and which physics it switches on, without running it.
+
+Measured on scenes/atlas_cell_spatial.toml, in four levels at a tolerance of 1e-2: 5,450 steps a level at 40 nodes a loop,
+12,900 at 64.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from ..scene import Scene
+from .relax import PATH_STRAIN
+
+STEPS_A_LEVEL = 12_900.0
+MEASURED_NODES, NODES_POWER = 64, 1.8
+MEASURED_TOLERANCE, TOLERANCE_POWER = 1e-2, 1 / 3
+STEP_TIME = 40e-6  # [s] of a step on the CPU, however few nodes
+NODE_STEPS_PER_S = 4e6  # beyond that, with contact, on one core
+
+
+def spatial_steps(scene: Scene) -> int:
+    """Steps of a relaxation in space."""
+    work = (scene.model.nodes_per_loop / MEASURED_NODES) ** NODES_POWER
+    work *= (MEASURED_TOLERANCE / scene.solver.residual_tolerance) ** TOLERANCE_POWER
+    levels = len(scene.stages) * scene.output.frames
+    if scene.contact.friction:
+        strains = [abs(s or 0.0) for stage in scene.stages for s in (stage.strain_weft, stage.strain_warp)]
+        levels = max(levels, math.ceil(sum(strains) / PATH_STRAIN))
+    return round(levels * STEPS_A_LEVEL * work)
+
+
+def spatial_time(steps: int, nodes: int) -> float:
+    """Time [s] of so many steps on one core."""
+    return steps * (STEP_TIME + nodes / NODE_STEPS_PER_S)
+
+
+def spatial_physics(scene: Scene, sites: int) -> Iterator[str]:
+    """What the scene switches on and why, a sentence each."""
+    wire = scene.wire
+    yield f"stretching: wires carry tension, EA = {wire.axial_stiffness:.3g} N"
+    yield f"bending: wires resist a change of curvature in space, EI = {wire.bending_stiffness:.3g} N m2"
+    yield f"twist: wires resist being twisted, GJ = {wire.twist_stiffness:.3g} N m2"
+    yield f"contact: round wires touch each other anywhere; the knit hooks them in {sites:,} places, which shares are counted by"
+    yield "softening: wires stretch more easily in the dynamics; running multipliers take that out again, solver.axial_softening"
+    yield "periodic boundary: one tile of an endless mesh, model.boundary = 'periodic'"
+    yield "affine carry: the interior moves with the boundary, so that only what differs from it has to be solved"

@@ -1,0 +1,172 @@
+"""A knitted mesh as rods: the wires of a panel (mesh/panel.py) at the places in space that the knit gives them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..errors import MemoryNeeded
+from ..frame import WireLayout
+from ..knit.cloth import Cloth
+from ..mesh.panel import Panel
+from ..mesh.table import Table
+from ..model.device_arrays import Precision, precision_of
+from ..model.model import available_memory, knit_scene, lay_out, required_memory, yarn_thickness
+from ..ranks.ranks import One, Ranks
+from ..scene import Scene
+from ..scene.messages import scene_error
+from ..scene.wire import Wire
+from ..wires.read import rest_wires
+from .from_file import mesh_of_wires
+from .rods import Rods, Section, rods_of
+from .wires import SpatialWires, place_wires
+
+LEAST_SPACING = 0.5  # thicknesses of the wire between the nodes of wires from a file
+CONTACT_TO_BENDING = 0.25  # contact penalty over 4 EI/h^3 or, softened, EA/h, the larger, where the scene gives none
+
+
+@dataclass(frozen=True)
+class SpatialMesh:
+    """A mesh ready to be stepped as rods. `panel` says which wires there are and where they are knitted to hook each other.
+
+    Wires from a file have no cloth and no table, and their panel no places where they hook each other.
+    """
+
+    scene: Scene
+    cloth: Cloth | None
+    table: Table | None
+    panel: Panel
+    wires: SpatialWires
+    rods: Rods
+    softening: float  # EA over the axial stiffness of the dynamics
+    contact_stiffness: float  # [N/m]
+    loop_length: float  # [m]
+    device: str
+    precision: Precision
+    ranks: Ranks
+    time_step: float = 1.0  # [s], of a relaxation
+    added_mass: float = 0.0
+
+    @property
+    def bending_stiffness(self) -> float:
+        """EI [N m2]."""
+        return self.rods.section.bending_stiffness
+
+    @property
+    def curve_error(self) -> float:
+        """[m] of the rest curve between the nodes."""
+        return 0.0 if self.table is None else self.table.curve_error
+
+    @property
+    def pair_count(self) -> int:
+        """Two for each place where wires hook each other, as in the planar model."""
+        return 2 * self.panel.body_count
+
+    @property
+    def site_node(self) -> np.ndarray:
+        """(site, 2) the nodes of both wires next to it as knitted."""
+        wire = self.wires.site_wire
+        place = np.rint(self.wires.site_seed).astype(np.int64)
+        return self.rods.wire_first[wire] + np.clip(place, 0, self.rods.wire_count[wire] - 1)
+
+    def held_shift(self, gradient: np.ndarray) -> np.ndarray:
+        """(held, 2) [m] displacement of held nodes from the affinely carried place: their clamp is carried, they keep its
+        direction."""
+        return self.wires.held_lever @ (np.eye(2) - gradient).T
+
+    def layout(self) -> WireLayout:
+        """How the wires are laid out, for the exports; a place where wires hook each other stands for a body."""
+        p, rods = self.panel, self.rods
+        return WireLayout(
+            wire_start=np.concatenate([rods.wire_first, [rods.node_count]]),
+            wire_closed=rods.wire_closed,
+            period=np.array(p.size),
+            diameter=self.scene.wire.diameter,
+            body_radius=self.scene.model.body_radius,
+            body_wires=p.pair_wire.reshape(-1, 2),
+            rhombus_bodies=p.rhombus_bodies,
+            repeats=np.array(self.scene.knit.repeats),
+            wire_closing=self.rods.wire_period[:, :2],
+        )
+
+
+def wire_section(wire: Wire, thickness: float) -> Section:
+    """The section of a yarn that is `thickness` [m] thick where it touches."""
+    return Section(
+        axial_stiffness=wire.axial_stiffness,
+        bending_stiffness=wire.bending_stiffness,
+        twist_stiffness=wire.twist_stiffness,
+        linear_density=wire.linear_density,
+        rotary_inertia=wire.linear_density * thickness**2 / 8,
+        thickness=thickness,
+    )
+
+
+def build_mesh(scene: Scene, device: str = "cpu") -> SpatialMesh:
+    """The mesh of a scene as rods. Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`."""
+    section = wire_section(scene.wire, yarn_thickness(scene))
+    if scene.wires is not None:
+        _refuse_fine_nodes(scene, section.thickness)
+        found = rest_wires(scene)
+        needed, available = required_memory(scene, found.node_count), available_memory()
+        if needed > available:
+            size = f"{found.node_count:,} nodes need {needed / 2**30:.3g} GiB, available {available / 2**30:.3g} GiB"
+            raise MemoryNeeded(f"wires.node_spacing = {scene.wires.node_spacing:g} m: {size}")
+        panel, wires, rods = mesh_of_wires(section, found)
+        spacing = float(rods.natural_length[rods.following >= 0].min())
+        return _mesh(scene, None, None, panel, wires, rods, spacing, scene.wires.loop_length, device)
+    cloth = knit_scene(scene)
+    table, panel, loop_length = lay_out(scene, cloth)
+    wires = place_wires(cloth, table, panel)
+    rods = _rods_of_wires(section, panel, wires)
+    return _mesh(scene, cloth, table, panel, wires, rods, float(table.spacing.min()), loop_length, device)
+
+
+def _refuse_fine_nodes(scene: Scene, thickness: float) -> None:
+    """The masses of a relaxation are made for few contacts at a node: finer nodes than this meet too many."""
+    least = LEAST_SPACING * thickness
+    if scene.wires is not None and scene.wires.node_spacing < least:
+        given, allowed = f"{scene.wires.node_spacing:g} m", f"half the thickness of the wire or more, {least:g} m, to run"
+        raise scene_error(scene.path, "wires.node_spacing", given, allowed)
+
+
+def _mesh(
+    scene: Scene,
+    cloth: Cloth | None,
+    table: Table | None,
+    panel: Panel,
+    wires: SpatialWires,
+    rods: Rods,
+    spacing: float,
+    loop_length: float,
+    device: str,
+) -> SpatialMesh:
+    """The mesh with the numbers that it is stepped with; spacing [m] of its nodes."""
+    section, rods = rods.section, replace(rods, set_fraction=scene.wire.set_fraction)
+    # beyond this bending rules the step, and softer wires gain nothing
+    softening = max(1.0, min(scene.solver.axial_softening, (2.0 * spacing / scene.wire.diameter) ** 2))
+    stiffest = max(section.axial_stiffness / softening / spacing, 4.0 * section.bending_stiffness / spacing**3)
+    given = scene.contact.stiffness
+    return SpatialMesh(
+        scene=scene,
+        cloth=cloth,
+        table=table,
+        panel=panel,
+        wires=wires,
+        rods=rods,
+        softening=softening,
+        contact_stiffness=CONTACT_TO_BENDING * stiffest if given is None else given,
+        loop_length=loop_length,
+        device=device,
+        precision=precision_of("double", 1.0),
+        ranks=One(),
+    )
+
+
+def _rods_of_wires(section: Section, panel: Panel, wires: SpatialWires) -> Rods:
+    """The wires of a panel at rest."""
+    closed = panel.boundary == "periodic"
+    up = np.array([0.0, panel.size[1], 0.0])
+    rods = rods_of(section, wires.points, [up if closed else None] * len(wires.points), tile=wires.tile)
+    return rods.holding(wires.held_node, wires.held_section)

@@ -1,0 +1,254 @@
+"""A state of the mesh in space on the host, and what follows from it: energies, tension, contacts, stress.
+
+A site (sites.py) stands for a body of the planar model and has two pairs of equal force: what one wire pushes with is what the
+other is pushed back with. So counts and shares mean the same in both models.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..frame import Frame
+from ..kernels import control as c
+from ..measure.whole import INTERIOR
+from .contact import TouchingPairs, WireContact
+from .mesh import SpatialMesh
+from .rest import Rest
+from .sites import NOWHERE, Sites
+
+NEAR = 1.25  # thicknesses: the distance of centre lines at which the paper takes a contact for active
+LEAST_FORCE = 1e-4  # of EI/W^2, about what a steady state leaves out of balance: no contact counts below
+
+
+@dataclass(frozen=True)
+class SpatialReading:
+    """Arrays [node], those of segments too, are of the state last evaluated."""
+
+    mesh: SpatialMesh
+    sites: Sites
+    control: np.ndarray
+    position: np.ndarray  # (node, 3) [m]
+    tension: np.ndarray  # [N] of the segments
+    curvature_change: np.ndarray  # (node, 2) [1/m]
+    twist_change: np.ndarray  # [1/m]
+    segment_force: np.ndarray  # (node, 3) [N]
+    force: np.ndarray  # (node, 3) [N] out of balance
+    stretch_energy: float  # [J] with true stiffness
+    bend_energy: float  # [J] bending and twist
+    touching: TouchingPairs  # contacts with a force
+    near: TouchingPairs  # contacts closer than NEAR
+
+    @property
+    def gradient(self) -> np.ndarray:
+        """(2, 2) deformation gradient of the boundary."""
+        return self.control[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2)
+
+    @property
+    def length_factor(self) -> float:
+        return float(self.control[int(c.LENGTH_FACTOR)])
+
+    @property
+    def force_scale(self) -> float:
+        """EI/W^2 [N]."""
+        return self.mesh.rods.section.bending_stiffness / self.mesh.scene.knit.wale_spacing**2
+
+    @property
+    def threshold(self) -> float:
+        """[N] above which a contact is active."""
+        return max(self.mesh.scene.contact.threshold, LEAST_FORCE * self.force_scale)
+
+    @cached_property
+    def touching_site(self) -> np.ndarray:
+        """[contact] of those that carry a force."""
+        return self.sites.of(self.touching.first, self.touching.second)
+
+    @cached_property
+    def site_force(self) -> np.ndarray:
+        """[site] [N] with which its two wires push each other: the size of the sum of their contacts there."""
+        total = np.zeros((self.sites.count, 3))
+        t = self.touching
+        here = self.touching_site != NOWHERE
+        site = self.touching_site[here]
+        sign = np.where(self.mesh.rods.wire_of[t.first[here]] == self.mesh.panel.pair_wire[2 * site], 1.0, -1.0)
+        np.add.at(total, site, sign[:, None] * (t.force[:, None] * t.normal + t.friction)[here])
+        return np.linalg.norm(total, axis=1)
+
+    @cached_property
+    def site_active(self) -> np.ndarray:
+        """[site] carries more than the threshold."""
+        return self.site_force > self.threshold
+
+    @cached_property
+    def site_near(self) -> np.ndarray:
+        """[site] its wires are closer than NEAR: the paper's measure."""
+        found = np.zeros(self.sites.count, dtype=bool)
+        site = self.sites.of(self.near.first, self.near.second)
+        found[site[site != NOWHERE]] = True
+        return found
+
+    @property
+    def elsewhere(self) -> np.ndarray:
+        """[contact] [N] forces of active contacts that belong to no site."""
+        force = self.touching.force[self.touching_site == NOWHERE]
+        return force[force > self.threshold]
+
+    @cached_property
+    def nominal_stress(self) -> np.ndarray:
+        """(2, 2) [N/m] work-conjugate of the deformation gradient, force per rest width.
+
+        P = (1/A0) [sum over segments n (x) E0 - sum over contacts f (x) (P0 - Q0) + sum over held nodes f (x) (X - c)], c
+        being the clamp; f of a contact is the force on the first wire at the point
+        whose rest place is P0, Q0 that of the second wire.
+        """
+        rods, t = self.mesh.rods, self.touching
+        total = np.einsum("ia,ib->ab", self.segment_force[:, :2], rods.rest_edge[:, :2])
+        if len(t.force):
+            lever = self._rest_place(t.first, t.place[:, 0]) - self._rest_place(t.second, t.place[:, 1]) - t.shift
+            push = t.force[:, None] * t.normal + t.friction
+            total = total - np.einsum("ia,ib->ab", push[:, :2], lever[:, :2])
+        held = self.mesh.wires.held_node
+        total = total + np.einsum("ia,ib->ab", self.force[held, :2], self.mesh.wires.held_lever)
+        return total / self.mesh.panel.area
+
+    def _rest_place(self, node: np.ndarray, place: np.ndarray) -> np.ndarray:
+        """(contact, 3) [m] at rest of a place on the segment behind a node, by the shares of kernels/wire_curve.py."""
+        rods = self.mesh.rods
+        edge = rods.rest_edge
+        after = rods.following[node]
+        here = edge[node]
+        before = np.where((rods.previous[node] >= 0)[:, None], edge[rods.previous[node]], here)
+        behind = np.where((rods.following[after] >= 0)[:, None], edge[after], here)
+        s = place[:, None]
+        h10, h01, h11 = s * (1 - s) ** 2, s * s * (3 - 2 * s), s * s * (s - 1)
+        return rods.position[node] + 0.5 * h10 * (before + here) + h01 * here + 0.5 * h11 * (here + behind)
+
+    @property
+    def mesh_tension(self) -> tuple[float, float]:
+        """Weft and warp [N/m], force per current width: diagonal of P F^T/det F."""
+        cauchy = self.nominal_stress @ self.gradient.T / np.linalg.det(self.gradient)
+        return float(cauchy[0, 0]), float(cauchy[1, 1])
+
+    @property
+    def thermal_force(self) -> float:
+        """[J] derivative of the energy by the length factor of the wires."""
+        rods, ea = self.mesh.rods, self.mesh.rods.section.axial_stiffness
+        pull = np.where(rods.following >= 0, rods.natural_length * (self.tension + 0.5 * self.tension**2 / ea), 0.0)
+        return float(-pull.sum() - self.bend_energy / self.length_factor)
+
+    @property
+    def stress(self) -> np.ndarray:
+        """[node] [Pa] E (d/2) |kappa - kappa0| + N E/EA, with the larger tension of the two segments."""
+        wire, rods = self.mesh.scene.wire, self.mesh.rods
+        bending = wire.youngs_modulus * wire.radius * np.linalg.norm(self.curvature_change, axis=1)
+        own = np.abs(self.tension)
+        before = np.where(rods.previous >= 0, own[rods.previous], 0.0)
+        return bending + np.maximum(own, before) * wire.youngs_modulus / wire.axial_stiffness
+
+    @property
+    def interior_stress(self) -> float:
+        """[Pa] the largest stress farther than INTERIOR of the mesh's size from its edge."""
+        if self.mesh.panel.boundary == "periodic":
+            return float(self.stress.max())
+        place = self.position[:, :2]
+        share = (place - place.min(axis=0)) / np.ptp(place, axis=0)
+        inside = np.all((share > INTERIOR) & (share < 1.0 - INTERIOR), axis=1)
+        return float(self.stress[inside].max(initial=0.0))
+
+    @property
+    def shear_stress(self) -> np.ndarray:
+        """[node] [Pa] G (d/2) |twist - twist0|."""
+        wire = self.mesh.scene.wire
+        return wire.youngs_modulus / (2 * (1 + wire.poissons_ratio)) * wire.radius * np.abs(self.twist_change)
+
+    @property
+    def contact_energy(self) -> float:
+        """[J] of the penalty."""
+        return float(0.5 * np.sum(self.touching.force**2) / self.control[int(c.CONTACT_STIFFNESS)])
+
+    @property
+    def kinetic_energy(self) -> float:
+        """[J] of the last step."""
+        return 0.5 * float(self.control[int(c.KINETIC_TWICE)])
+
+    @property
+    def stored(self) -> float:
+        """[J]"""
+        return self.stretch_energy + self.bend_energy + self.contact_energy
+
+    @property
+    def penetration(self) -> float:
+        """Largest overlap over the thickness."""
+        return float(self.touching.overlap.max(initial=0.0)) / self.mesh.rods.section.thickness
+
+    @property
+    def residual(self) -> float:
+        """Rms out-of-balance force of a node over the larger of EI/W^2 and the mean force of a clamp, or of a course and a
+        wale."""
+        held = self.mesh.wires.held_node
+        if len(held):
+            mean = float(np.linalg.norm(self.force[held].reshape(-1, 2, 3).sum(axis=1), axis=1).mean())
+        else:
+            knit = self.mesh.scene.knit
+            weft, warp = self.mesh_tension
+            mean = 0.5 * (abs(weft) * knit.course_spacing + abs(warp) * knit.wale_spacing)
+        free = np.delete(self.force, held, axis=0)
+        return float(np.sqrt(np.mean(np.sum(free**2, axis=1))) / max(mean, self.force_scale))
+
+    def frame(self, *, index: int, stage: str, load_factor: float, temperature: float) -> Frame:
+        """The recorded state for the exports. A site is shown where the knit has it, moved as the wires there have moved."""
+        panel, f = self.mesh.panel, self.gradient
+        rest = self.mesh.rods.position[:, :2] if panel.boundary == "periodic" else panel.clamp_position
+        corner = np.append(f @ rest.min(axis=0), 0.0)
+        position = self.position - corner
+        carried = self.mesh.rods.position[:, :2] @ f.T
+        moved = (self.position[:, :2] - carried)[self.mesh.site_node].mean(axis=1)
+        body = (panel.body_rest + panel.body_origin) @ f.T - corner[:2] + moved
+        height = position[self.mesh.site_node, 2].mean(axis=1)
+        return Frame(
+            index=index,
+            stage=stage,
+            load_factor=load_factor,
+            strain_weft=float(f[0, 0] - 1.0),
+            strain_warp=float(f[1, 1] - 1.0),
+            shear=float(f[0, 1]),
+            temperature=temperature,
+            node_position=position,
+            node_stress=self.stress,
+            body_position=np.column_stack([body, height]),
+            pair_force=np.repeat(self.site_force, 2),
+            pair_active=np.repeat(self.site_active, 2),
+        )
+
+
+def read(mesh: SpatialMesh, sites: Sites, rest: Rest, contact: WireContact) -> SpatialReading:
+    """Evaluate the state and copy it to the host."""
+    stepper = rest.stepper
+    stepper.evaluate()
+    state, rods = stepper.state, mesh.rods
+    section = rods.section
+    factor = float(state.read_control()[int(c.LENGTH_FACTOR)])
+    inside = (rods.following >= 0) & (rods.previous >= 0)
+    share = np.divide(1.0, rods.node_length * factor, out=np.zeros(rods.node_count), where=inside)
+    bent = share[:, None] * (state.curvature.numpy() - stepper.arrays.natural_curvature.numpy())
+    twisted = share * (state.twist.numpy() - stepper.arrays.natural_twist.numpy())
+    tension = rest.tension()
+    length = np.where(rods.following >= 0, rods.natural_length * factor, 0.0)
+    hinge = section.bending_stiffness * np.sum(bent**2, axis=1) + section.twist_stiffness * twisted**2
+    return SpatialReading(
+        mesh=mesh,
+        sites=sites,
+        control=state.read_control().copy(),
+        position=state.position.numpy().copy(),
+        tension=tension,
+        curvature_change=bent,
+        twist_change=twisted,
+        segment_force=stepper.segment_forces(),
+        force=state.force.numpy().copy(),
+        stretch_energy=float(np.sum(0.5 * tension**2 * length / section.axial_stiffness)),
+        bend_energy=float(np.sum(0.5 * hinge * rods.node_length * factor)),
+        touching=contact.near(),
+        near=contact.near((NEAR - 1.0) * section.thickness),
+    )

@@ -1,0 +1,190 @@
+"""Rods brought to rest: damped steps of one second with fictitious masses.
+
+The damping follows the slowest mode that still moves, as in a planar relaxation: from the changes du of displacement and
+d(f/m) of acceleration between two looks,
+
+    lambda = - sum m du . d(f/m) / sum m du . du        c -> sqrt(c 2 sqrt(lambda))
+
+Segments may be softer than they are in truth: a running multiplier moves towards the tension that belongs to their strain,
+
+    T = offset + K (|e|/L - 1)        offset -> offset + RATE K (strain of the arc - T/EA)
+
+What is to have the strain T/EA is the arc of a segment and not its chord (kernels/rod_bend.py).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from ..errors import Diverged
+from ..kernels import control as c
+from ..kernels.bend import BOW
+from ..kernels.rod_step import HELD_NODE, HELD_TURN
+from .rod_step import RodStepper
+from .step_bound import LOOK_AHEAD, unit_step_masses
+
+CHECK_STEPS = 50  # steps between looks at the state
+SPEED_SHARE = 0.05  # of a node spacing: farthest move a step
+FIRST_DAMPING = 0.02  # [1/s]
+FASTEST_DAMPING = 0.2  # [1/s]
+MULTIPLIER_RATE = 0.05  # more of it shakes the wires, which the damping would take for a stiff mode
+TINY = 1e-300
+
+
+class Rest:
+    """Steps rods until they are at rest."""
+
+    def __init__(self, stepper: RodStepper, *, softening: float = 1.0, contact_stiffness: float = 0.0) -> None:
+        """`softening`: true axial stiffness over that of the dynamics."""
+        self.stepper = stepper
+        self.softening = softening
+        self.contact_stiffness = contact_stiffness
+        self.slowest = 0.0  # [1/s] no less damping than this
+        rods, state = stepper.rods, stepper.state
+        self.has_segment = rods.following >= 0
+        self.free = (rods.held & int(HELD_NODE)) == 0
+        self.turning_free = ((rods.held & int(HELD_TURN)) == 0) & self.has_segment
+        self.stretch = rods.section.axial_stiffness / softening
+        state.stretch_stiffness.fill_(self.stretch)
+        stepper.set_time_step(1.0, FIRST_DAMPING, LOOK_AHEAD)
+        stepper.evaluate()
+        self.keeps_arcs = softening != 1.0
+        self._bow_at_rest = self._bow() if self.keeps_arcs else np.zeros(rods.node_count)
+        state.write_control({c.BOW_MOMENT: 2.0 * float(BOW) if self.keeps_arcs else 0.0})
+        self.spacing = spacing = float(rods.natural_length[self.has_segment].min())
+        self.speed_limit = SPEED_SHARE * spacing  # [m] a step
+        state.write_control({c.DRIVE: 0.0, c.STEP_LIMIT: spacing})
+        self.take_masses()
+        self._last: tuple[np.ndarray, np.ndarray] | None = None
+
+    def take_masses(self) -> None:
+        """Renew the fictitious masses for the turns and tensions as they are; speeds stay."""
+        state = self.stepper.state
+        mass, inertia = unit_step_masses(
+            self.stepper.rods,
+            stretch_stiffness=self.stretch,
+            turning=self.turning(),
+            tension=float(np.max(self.tension(), initial=0.0)),
+            contact_stiffness=self.contact_stiffness,
+        )
+        state.node_mass.assign(mass)
+        state.spin_inertia.assign(inertia)
+        self.speed_limit = min(SPEED_SHARE * self.spacing, self._passing_speed(mass))
+        state.write_control({c.SPEED_LIMIT: self.speed_limit})
+
+    def _passing_speed(self, mass: np.ndarray) -> float:
+        """[m/s] at which two wires, all of either flying at the other, are stopped by their contact while half of it is left.
+
+        2 M v^2/2 = k (d/2)^2/2 for the heaviest wire; no limit where nothing touches.
+        """
+        rods = self.stepper.rods
+        if self.contact_stiffness == 0.0:
+            return math.inf
+        heaviest = float(np.add.reduceat(mass, rods.wire_first).max())
+        return float(rods.wire_radius.min()) * math.sqrt(self.contact_stiffness / (2.0 * heaviest))
+
+    def turning(self) -> np.ndarray:
+        """[node] [rad] the largest angle between segments at a node and its neighbours, of the state last evaluated."""
+        angle = np.linalg.norm(self.stepper.state.curvature.numpy(), axis=1)
+        rods = self.stepper.rods
+        after = np.where(rods.following >= 0, angle[rods.following], 0.0)
+        before = np.where(rods.previous >= 0, angle[rods.previous], 0.0)
+        return np.maximum(angle, np.maximum(after, before))
+
+    def strain(self) -> np.ndarray:
+        """[node] of the chords of the segments, of the state last evaluated."""
+        state, rods = self.stepper.state, self.stepper.rods
+        factor = float(state.read_control()[int(c.LENGTH_FACTOR)])
+        strain = state.length.numpy() / (rods.natural_length * factor) - 1.0
+        return np.where(self.has_segment, strain, 0.0)
+
+    def arc_strain(self) -> np.ndarray:
+        """[node] of the segments as arcs, where they keep the length of these; else of their chords."""
+        if not self.keeps_arcs:
+            return self.strain()
+        return np.where(self.has_segment, self.strain() + self._bow() - self._bow_at_rest, 0.0)
+
+    def _bow(self) -> np.ndarray:
+        """[node] share by which the arcs of the segments are longer than their chords (kernels/bend.py)."""
+        square = np.sum(self.stepper.state.curvature.numpy() ** 2, axis=1)
+        return float(BOW) * (square + square[self.stepper.rods.following])
+
+    def tension(self) -> np.ndarray:
+        """[node] [N] of the segments, of the state last evaluated."""
+        state = self.stepper.state
+        carried = state.tension_offset.numpy() + state.stretch_stiffness.numpy() * self.strain()
+        return np.where(self.has_segment, carried, 0.0)
+
+    def out_of_balance(self) -> np.ndarray:
+        """(free node, 3) [N] of the state last evaluated."""
+        return self.stepper.state.force.numpy()[self.free]
+
+    def untwisted(self) -> np.ndarray:
+        """[free segment] [N m] torque out of balance, of the state last evaluated."""
+        return self.stepper.state.torque.numpy()[self.turning_free]
+
+    def left(self) -> float:
+        """[N] the largest force out of balance, torques taken as couples of a segment's length."""
+        couple = float(np.abs(self.untwisted()).max(initial=0.0)) / self.spacing
+        return max(float(np.linalg.norm(self.out_of_balance(), axis=1).max(initial=0.0)), couple)
+
+    def stretch_error(self) -> float:
+        """Largest difference between strain and T/EA: what the softening still does."""
+        return float(np.abs(self.arc_strain() - self.tension() / self.stepper.rods.section.axial_stiffness).max(initial=0.0))
+
+    def look(self) -> None:
+        """Take in the state: renew damping and multipliers."""
+        stepper, state = self.stepper, self.stepper.state
+        stepper.evaluate()
+        if self.softening != 1.0:
+            error = self.arc_strain() - self.tension() / stepper.rods.section.axial_stiffness
+            offset = state.tension_offset.numpy() + MULTIPLIER_RATE * self.stretch * error
+            state.tension_offset.assign(np.where(self.has_segment, offset, 0.0))
+        mass = np.concatenate([np.repeat(state.node_mass.numpy()[self.free], 3), state.spin_inertia.numpy()[self.turning_free]])
+        moved = np.concatenate([state.displacement.numpy()[self.free].ravel(), state.angle.numpy()[self.turning_free]])
+        pushed = np.concatenate([self.out_of_balance().ravel(), self.untwisted()]) / mass
+        if self._last is not None:
+            du, da = moved - self._last[0], pushed - self._last[1]
+            force, way = -float(np.sum(mass * du * da)), float(np.sum(mass * du * du))
+            if force > 0.0 and way > 0.0:
+                now = float(state.read_control()[int(c.DAMPING)])
+                wanted = math.sqrt(max(now, TINY) * 2.0 * math.sqrt(force / way))
+                state.write_control({c.DAMPING: float(np.clip(wanted, self.slowest, FASTEST_DAMPING))})
+        self._last = (moved, pushed)
+
+    def begin(self) -> None:
+        """Stop all motion; the state has been moved by hand."""
+        state = self.stepper.state
+        state.velocity.zero_()
+        state.spin.zero_()
+        self._last = None
+
+    def settle(
+        self,
+        tolerance: float,
+        *,
+        strain_tolerance: float = 1e-6,
+        most_steps: int = 500_000,
+        advance: Callable[[int], None] | None = None,
+    ) -> int:
+        """Step until the largest force out of balance is below `tolerance` [N] and what softening does below
+        `strain_tolerance`; returns the steps taken.
+
+        Raises:
+            Diverged: it takes more than `most_steps`, or numbers are no longer finite.
+        """
+        advance = advance or self.stepper.step
+        for steps in range(0, most_steps, CHECK_STEPS):
+            advance(CHECK_STEPS)
+            self.look()
+            if self.stepper.state.read_control()[int(c.STATUS)] == 2.0:
+                raise Diverged("rods: a node moved farther than a segment in one step")
+            if steps % (20 * CHECK_STEPS) == 0:
+                self.take_masses()
+            left = self.left()
+            if left < tolerance and self.stretch_error() < strain_tolerance:
+                return steps + CHECK_STEPS
+        raise Diverged(f"rods: {left:.3g} N out of balance after {most_steps:,} steps")

@@ -1,0 +1,146 @@
+"""One time step of rods: the table of contents of the physics in space.
+
+    follow_rods    edges, tangents and directors of the displaced nodes
+    bend_rods      bending and twist at the nodes
+    contact        forces between wires, where there is a contact
+    step_rods      stretch, sums, and the update
+    update_control the numbers of the next step
+
+The launches of many steps are recorded once and replayed as graphs, without Python in between.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+import warp as wp
+
+from ..kernels import control as c
+from ..kernels.control import update_control
+from ..kernels.rod_bend import bend_rods
+from ..kernels.rod_frames import follow_rods
+from ..kernels.rod_step import step_rods
+from .rod_arrays import RodArrays, RodState, bend_arguments, follow_arguments, rest_state, step_arguments, upload_rods
+from .rods import Rods
+
+GRAPH_STEPS = (50, 10, 1)  # steps that are replayed at once
+FROZEN = 3.0  # a status with which a step finds forces and moves nothing
+
+
+class Contact(Protocol):
+    """What finds contact forces between the wires."""
+
+    @property
+    def version(self) -> int:
+        """Which arrays `launches` uses; launches are recorded once a version."""
+
+    def launches(self) -> Sequence[tuple[wp.Kernel, int, list]]:
+        """Kernels with threads and arguments that add to contact_force and contact_torque."""
+
+
+class RodStepper:
+    """Takes steps of rods; `contact` adds the forces between wires."""
+
+    def __init__(self, rods: Rods, device: str = "cpu") -> None:
+        self.rods = rods
+        self.device = device
+        self.arrays: RodArrays = upload_rods(rods, device)
+        self.state: RodState = rest_state(rods, device)
+        self.contact: Contact | None = None
+        self._graphs: dict[tuple[int, int], wp.Graph] = {}
+
+    def launches(self) -> list[tuple[wp.Kernel, int, list]]:
+        """Kernel, threads and arguments of all that makes a step, in turn."""
+        nodes, arrays, state = self.rods.node_count, self.arrays, self.state
+        return [
+            (follow_rods, nodes, follow_arguments(arrays, state)),
+            (bend_rods, nodes, bend_arguments(self.rods, arrays, state)),
+            *(self.contact.launches() if self.contact is not None else ()),
+            (step_rods, nodes, step_arguments(arrays, state)),
+        ]
+
+    def step(self, count: int) -> None:
+        """Take `count` steps; they do nothing once the state is frozen (see kernels/control.py)."""
+        for size in GRAPH_STEPS:
+            for _ in range(count // size):
+                wp.capture_launch(self._graph(size))
+            count %= size
+
+    def evaluate(self) -> None:
+        """Positions, frames and forces of the state as it is, without a step."""
+        kept = float(self.state.read_control()[int(c.STATUS)])
+        self.state.write_control({c.STATUS: FROZEN})
+        self._launch()
+        self.state.write_control({c.STATUS: kept})
+
+    def _launch(self) -> None:
+        for kernel, dim, arguments in self.launches():
+            if dim:
+                wp.launch(kernel, dim=dim, inputs=arguments, device=self.device)
+
+    def _graph(self, steps: int) -> wp.Graph:
+        key = (self.contact.version if self.contact is not None else -1, steps)
+        if key not in self._graphs:
+            state = self.state
+            with wp.ScopedCapture(device=self.device) as capture:
+                for _ in range(steps):
+                    state.partial.zero_()
+                    self._launch()
+                    wp.launch(update_control, dim=1, inputs=[state.partial, state.no_bodies, state.control], device=self.device)
+            self._graphs[key] = capture.graph
+        return self._graphs[key]
+
+    # --- the state on the host ---
+
+    def set_time_step(self, time_step: float, damping: float = 0.0, look_ahead: float = 0.0) -> None:
+        """Step [s] with mass-proportional damping [1/s] and look-ahead [steps]; see kernels/control.py."""
+        half = 0.5 * damping * time_step
+        self.state.write_control(
+            {
+                c.TIME_STEP: time_step,
+                c.DAMPING: damping,
+                c.LOOK_AHEAD: look_ahead,
+                c.VELOCITY_FACTOR: (1 - half) / (1 + half),
+                c.FORCE_FACTOR: time_step / (1 + half),
+            }
+        )
+
+    def place(self, position: np.ndarray, turn: np.ndarray | None = None) -> None:
+        """Move nodes to positions (node, 3) [m] and turn sections by angles [node] [rad]; frames are carried along."""
+        carried = self.rods.position.copy()
+        carried[:, :2] = carried[:, :2] @ self.state.gradient.T
+        self.state.displacement.assign(np.asarray(position) - carried)
+        if turn is not None:
+            self.state.turn.assign(turn)
+        self.evaluate()
+
+    def forces(self) -> tuple[np.ndarray, np.ndarray]:
+        """Forces (node, 3) [N] and torques of the segments [node] [N m] of the state as it is."""
+        self.evaluate()
+        return self.state.force.numpy().copy(), self.state.torque.numpy().copy()
+
+    def segment_forces(self) -> np.ndarray:
+        """(node, 3) [N] with what each segment pulls its first node towards its second, of the state last evaluated."""
+        rods, state = self.rods, self.state
+        factor = float(state.read_control()[int(c.LENGTH_FACTOR)])
+        strain = state.length.numpy() / (rods.natural_length * factor) - 1.0
+        tension = state.tension_offset.numpy() + state.stretch_stiffness.numpy() * strain
+        pull = tension[:, None] * state.tangent.numpy() + state.pull_after.numpy() + state.pull_before.numpy()[rods.following]
+        return np.where((rods.following >= 0)[:, None], pull, 0.0)
+
+    def energy(self) -> float:
+        """[J] that stretch, bending and twist store, of the state last evaluated."""
+        rods, state = self.rods, self.state
+        section = rods.section
+        factor = float(state.read_control()[int(c.LENGTH_FACTOR)])
+        has_segment, is_inside = rods.following >= 0, (rods.following >= 0) & (rods.previous >= 0)
+        natural = rods.natural_length * factor
+        strain = state.length.numpy() / natural - 1.0
+        stretch = natural * (state.tension_offset.numpy() * strain + 0.5 * state.stretch_stiffness.numpy() * strain**2)
+        share = np.divide(1.0, rods.node_length * factor, out=np.zeros(rods.node_count), where=is_inside)
+        bent = np.sum((state.curvature.numpy() - self.arrays.natural_curvature.numpy()) ** 2, axis=1)
+        twisted = (state.twist.numpy() - self.arrays.natural_twist.numpy()) ** 2
+        hinge = 0.5 * share * (section.bending_stiffness * bent + section.twist_stiffness * twisted)
+        return float(stretch[has_segment].sum() + hinge[is_inside].sum())

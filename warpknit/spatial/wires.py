@@ -1,0 +1,99 @@
+"""The wires of a panel (mesh/panel.py) at the places in space that the knit gives them, closed or clamped at both ends.
+
+A closed wire takes the nodes of the panel. A clamped one is divided anew, evenly from clamp to clamp: a clamp sits in the
+middle of the wire's first and last segment, whose two nodes it holds, with their section.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from ..knit.cloth import Cloth
+from ..mesh.panel import Panel
+from ..mesh.table import Table
+from ..mesh.thread_curve import ThreadCurve
+
+FEWEST = 3  # segments between two clamps
+SEARCHED = 3.0  # node spacings from the panel's first node, on which a clamp is looked for
+
+
+@dataclass(frozen=True)
+class SpatialWires:
+    """Nodes of the wires and what holds them, and where along them the sites of the panel's bodies are.
+
+    Places along a wire are numbers of nodes from its first one; sites run over (site, 2), their two wires.
+    """
+
+    points: tuple[np.ndarray, ...]  # for each wire (n, 3) [m]
+    tile: np.ndarray  # (3,) [m] periods of the world; 0: none
+    held_node: np.ndarray  # [held] nodes, counted over all wires
+    held_lever: np.ndarray  # (held, 2) [m] at rest, from the clamp that holds the node
+    held_section: np.ndarray  # [held segment] nodes that they begin at
+    site_wire: np.ndarray
+    site_seed: np.ndarray  # place nearest to the body at rest
+    site_low: np.ndarray  # reach before it, negative
+    site_high: np.ndarray  # and behind
+
+
+def place_wires(cloth: Cloth, table: Table, panel: Panel) -> SpatialWires:
+    """The wires of a panel in space."""
+    wire = panel.pair_wire.reshape(-1, 2)
+    seed = panel.pair_seed.reshape(-1, 2) - panel.wire_first[wire]
+    low, high = panel.pair_low.reshape(-1, 2), panel.pair_high.reshape(-1, 2)
+    if panel.boundary == "periodic":
+        entry = panel.node_entry
+        origin = np.repeat(panel.block_origin, panel.block_count, axis=0)
+        position = np.stack([table.x[entry] + origin[:, 0], table.y[entry] + origin[:, 1], table.z[entry]], axis=1)
+        none = np.zeros(0, dtype=np.int64)
+        points = tuple(np.split(position, panel.wire_first[1:]))
+        return SpatialWires(points, np.array([*panel.size, 0.0]), none, np.zeros((0, 2)), none, wire, seed, low, high)
+    points, starts, shares = [], [], []
+    for w in range(len(panel.wire_first)):
+        along, place, share = _clamped_wire(cloth, table, panel, w)
+        points.append(along)
+        starts.append(place)
+        shares.append(share)
+    start, share = np.array(starts)[wire], np.array(shares)[wire]
+    count = np.array([len(p) for p in points])
+    first = np.concatenate([[0], np.cumsum(count)[:-1]])
+    held = np.stack([first, first + 1, first + count - 2, first + count - 1], axis=1)
+    clamp = panel.clamp_position.reshape(-1, 2, 2)
+    lever = np.concatenate(points)[held][..., :2] - np.repeat(clamp, 2, axis=1)
+    return SpatialWires(
+        points=tuple(points),
+        tile=np.zeros(3),
+        held_node=held.ravel(),
+        held_lever=lever.reshape(-1, 2),
+        held_section=held[:, [0, 2]].ravel(),
+        site_wire=wire,
+        site_seed=start + share * seed,
+        site_low=share * low,
+        site_high=share * high,
+    )
+
+
+def _clamped_wire(cloth: Cloth, table: Table, panel: Panel, wire: int) -> tuple[np.ndarray, float, float]:
+    """Points (n, 3) [m] of a wire between its clamps, the place on it of the panel's first node, and how many of its segments are
+    one of the panel's."""
+    thread = int(panel.wire_thread[wire])
+    curve, spacing = ThreadCurve(cloth.threads[thread], cloth.size[1]), float(table.spacing[thread])
+    block = int(np.searchsorted(panel.block_first, panel.wire_first[wire]))
+    arc = (int(panel.block_table[block]) - int(table.start[thread])) * spacing
+    origin = np.append(panel.block_origin[block], 0.0)
+    clamp = panel.clamp_position[2 * wire]
+
+    def miss(s: float) -> float:
+        return float(np.linalg.norm(curve(np.array([s]))[0, :2] + origin[:2] - clamp))
+
+    tries = arc + np.linspace(0.0, SEARCHED, 61) * spacing
+    near = tries[int(np.argmin([miss(s) for s in tries]))]
+    room = 0.06 * spacing
+    found = minimize_scalar(miss, bounds=(near - room, near + room), method="bounded", options={"xatol": 1e-9 * spacing})
+    begin, length = float(found.x), float(panel.wire_length[wire])
+    segments = max(FEWEST, round(length / spacing))
+    step = length / segments
+    points = curve(begin + (np.arange(segments + 2) - 0.5) * step) + origin
+    return points, (arc - begin) / step + 0.5, spacing / step

@@ -1,0 +1,249 @@
+"""Where wires overlap as they come from their file: the distances of their segments, through the borders of the repeat too.
+
+Two places of one wire that are D apart are neighbours, and left out, where the wire between them is no longer than half a turn
+of that width, pi D/2, or of the thickness: a bend without a fold can be that tight.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from warpknit.wires.wires import Wires
+
+REACH = 2.0  # thicknesses up to which the closest places are found
+MOST_PAIRS = 200_000_000  # of segments within reach of each other
+MOST_TOUCHING = 2_000_000  # of these that overlap
+MOST_IMAGES = 500  # of a repeat
+BLOCK_PAIRS = 1_000_000  # looked at at once
+SAME_PLACE = 2  # segments: overlaps no farther apart on both wires are one
+
+
+@dataclass(frozen=True)
+class Overlaps:
+    """What is found among segments that are no neighbours."""
+
+    thickness: float  # [m]
+    closest: float | None  # [m] least distance of centre lines; None: farther than REACH thicknesses everywhere
+    wires: tuple[int, int] | None  # that are closest, counted from 0
+    arcs: tuple[float, float] | None  # [m] where, along them
+    places: int  # where centre lines are nearer than the thickness
+    crowded: bool = False  # too much overlaps to look at it pair by pair: the unit or the thickness is wrong
+
+    def line(self) -> str:
+        """The same in words."""
+        if self.crowded:
+            return f"wires of {self.thickness:.4g} m overlap nearly everywhere: is the unit right?"
+        if self.closest is None or self.wires is None or self.arcs is None:
+            return f"no wires nearer than {REACH:g} diameters of {self.thickness:.4g} m"
+        pair = " and ".join(f"{wire} at {arc:.4g} m" for wire, arc in zip(self.wires, self.arcs, strict=True))
+        where = f"closest centre lines {self.closest / self.thickness:.3g} diameters apart, of wires {pair}"
+        return f"{self.places:,} overlaps; {where}" if self.places else f"no overlaps; {where}"
+
+
+@dataclass(frozen=True)
+class _Segments:
+    """The segments of all wires, each moved into the first repeat."""
+
+    begin: np.ndarray  # (segment, 3) [m]
+    end: np.ndarray  # (segment, 3) [m]
+    wire: np.ndarray  # (segment,)
+    arc: np.ndarray  # (segment,) [m] of their beginning, along the wire
+    length: np.ndarray  # (segment,) [m]
+    moved: np.ndarray  # (segment, 2) repeats by which they were moved
+
+
+@dataclass(frozen=True)
+class _Images:
+    """Segments with their images in the repeats around the first."""
+
+    owner: np.ndarray  # (image,) the segment
+    offset: np.ndarray  # (image, 2) the repeat
+    middle: np.ndarray  # (image, 3) [m]
+
+
+def find_overlaps(wires: Wires, thickness: float) -> Overlaps:
+    """The overlaps of wires of `thickness` [m]."""
+    segments = _segments(wires)
+    radius = REACH * thickness + float(segments.length.max())
+    crowded = Overlaps(thickness, None, None, None, 0, crowded=True)
+    if wires.period is not None and math.prod(2.0 * np.ceil(radius / wires.period) + 1.0) > MOST_IMAGES:
+        return crowded
+    images = _with_images(segments, wires.period, radius)
+    tree = cKDTree(images.middle)
+    own = np.flatnonzero(~images.offset.any(axis=1))
+    candidates = cKDTree(images.middle[own]).count_neighbors(tree, radius)
+    if candidates > MOST_PAIRS:
+        return crowded
+    block = max(1, len(own) * BLOCK_PAIRS // candidates)
+    nearest, touching = _Nearest(), [np.empty((0, 4), dtype=np.int64)]
+    for first in range(0, len(own), block):
+        pairs, between = _pairs(segments, wires, images, tree, own[first : first + block], radius)
+        touching.append(nearest.take(segments, wires, pairs, between, thickness))
+        if sum(map(len, touching)) > MOST_TOUCHING:
+            return crowded
+    if not nearest.distance <= REACH * thickness:
+        return Overlaps(thickness, None, None, None, 0)
+    return Overlaps(
+        thickness, nearest.distance, nearest.wires, nearest.arcs, _place_count(segments, wires, np.concatenate(touching))
+    )
+
+
+class _Nearest:
+    """The closest of the pairs of segments looked at so far."""
+
+    distance = math.inf  # [m]
+    wires = (0, 0)
+    arcs = (0.0, 0.0)  # [m]
+
+    def take(self, segments: _Segments, wires: Wires, pairs: np.ndarray, between: np.ndarray, thickness: float) -> np.ndarray:
+        """Look at pairs (pair, 4): two segments, and the repeat that the second lies in; `between` them lies so much wire
+        (pair,) [m]. Returns those nearer than `thickness`."""
+        a, b = pairs[:, 0], pairs[:, 1]
+        shift = np.zeros((len(pairs), 3))
+        if wires.period is not None:
+            shift[:, :2] = pairs[:, 2:] * wires.period
+        distance, on_a, on_b = segment_distances(
+            segments.begin[a], segments.end[a], segments.begin[b] + shift, segments.end[b] + shift
+        )
+        distance[between <= 0.5 * np.pi * np.maximum(distance, thickness)] = np.inf
+        least = int(np.argmin(distance)) if len(pairs) else 0
+        if len(pairs) and distance[least] < self.distance:
+            i, j = a[least], b[least]
+            self.distance = float(distance[least])
+            self.wires = (int(segments.wire[i]), int(segments.wire[j]))
+            self.arcs = (
+                float(segments.arc[i] + on_a[least] * segments.length[i]),
+                float(segments.arc[j] + on_b[least] * segments.length[j]),
+            )
+        return pairs[distance < thickness]
+
+
+def _pairs(
+    segments: _Segments,
+    wires: Wires,
+    images: _Images,
+    tree: cKDTree,
+    own: np.ndarray,
+    radius: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs (pair, 4) of the segments `own` of the first repeat with all that may be near: both segments, and the repeat that the
+    second lies in; and the wire between them (pair,) [m]. Each pair once: from the segment with the smaller number, or from the
+    repeat before."""
+    near = cKDTree(images.middle[own]).sparse_distance_matrix(tree, radius, output_type="ndarray")
+    a, second = images.owner[own[near["i"]]], near["j"]
+    b, repeat = images.owner[second], images.offset[second]
+    is_later = (repeat[:, 0] > 0) | ((repeat[:, 0] == 0) & (repeat[:, 1] > 0))
+    kept = (a < b) | ((a == b) & is_later)
+    a, b, repeat = a[kept], b[kept], repeat[kept]
+    return np.column_stack([a, b, repeat]), _wire_between(segments, wires, a, b, repeat)
+
+
+def segment_distances(
+    begin_a: np.ndarray, end_a: np.ndarray, begin_b: np.ndarray, end_b: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Distance (pair,) [m] of two segments each given by its ends (pair, 3) [m], and where on them, from 0 to 1, it is.
+
+    C. Ericson, Real-Time Collision Detection, section 5.1.9.
+    """
+    along_a, along_b, between = end_a - begin_a, end_b - begin_b, begin_a - begin_b
+    a, e = (along_a**2).sum(axis=1), (along_b**2).sum(axis=1)
+    b, c, f = (along_a * along_b).sum(axis=1), (along_a * between).sum(axis=1), (along_b * between).sum(axis=1)
+    across = a * e - b * b
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = np.where(across > 1e-12 * a * e, np.clip((b * f - c * e) / across, 0.0, 1.0), 0.0)
+        t = np.where(e > 0.0, (b * s + f) / e, 0.0)
+        s = np.where(t < 0.0, np.clip(-c / a, 0.0, 1.0), np.where(t > 1.0, np.clip((b - c) / a, 0.0, 1.0), s))
+    s, t = np.where(a > 0.0, s, 0.0), np.clip(t, 0.0, 1.0)
+    gap = between + s[:, None] * along_a - t[:, None] * along_b
+    return np.linalg.norm(gap, axis=1), s, t
+
+
+def _segments(wires: Wires) -> _Segments:
+    begins, ends, numbers, arcs = [], [], [], []
+    for number in range(len(wires.points)):
+        begin, end = wires.ends(number)
+        length = np.linalg.norm(end - begin, axis=1)
+        begins.append(begin)
+        ends.append(end)
+        numbers.append(np.full(len(begin), number))
+        arcs.append(np.concatenate([[0.0], np.cumsum(length)[:-1]]))
+    begin, end = np.concatenate(begins), np.concatenate(ends)
+    moved = np.zeros((len(begin), 2))
+    if wires.period is not None:
+        moved = -np.floor(0.5 * (begin + end)[:, :2] / wires.period)
+        shift = np.concatenate([moved * wires.period, np.zeros((len(begin), 1))], axis=1)
+        begin, end = begin + shift, end + shift
+    length = np.linalg.norm(end - begin, axis=1)
+    return _Segments(begin, end, np.concatenate(numbers), np.concatenate(arcs), length, moved.astype(np.int64))
+
+
+def _with_images(segments: _Segments, period: np.ndarray | None, radius: float) -> _Images:
+    """The segments, and their images within `radius` [m] around the first repeat."""
+    middle = 0.5 * (segments.begin + segments.end)
+    number = np.arange(len(middle))
+    if period is None:
+        return _Images(number, np.zeros((len(middle), 2), dtype=np.int64), middle)
+    owners, offsets, middles = [], [], []
+    count_x, count_y = np.ceil(radius / period).astype(int)
+    for i in range(-count_x, count_x + 1):
+        for j in range(-count_y, count_y + 1):
+            place = middle + [i * period[0], j * period[1], 0.0]
+            near = ((place[:, :2] >= -radius) & (place[:, :2] <= period + radius)).all(axis=1)
+            owners.append(number[near])
+            offsets.append(np.broadcast_to([i, j], (int(near.sum()), 2)))
+            middles.append(place[near])
+    return _Images(np.concatenate(owners), np.concatenate(offsets), np.concatenate(middles))
+
+
+def _wire_between(segments: _Segments, wires: Wires, a: np.ndarray, b: np.ndarray, repeat: np.ndarray) -> np.ndarray:
+    """(pair,) [m] of wire between two segments, the second in the repeat `repeat` (pair, 2); infinite between two wires."""
+    wire = segments.wire[a]
+    round_length = wires.lengths[wire]
+    apart = segments.arc[b] - segments.arc[a]
+    # repeats from the one to the other along the wire as it is drawn, not as its segments were moved
+    repeats = repeat + segments.moved[b] - segments.moved[a]
+    shift = wires.shifts[wire]
+    size = (shift**2).sum(axis=1)
+    turns = np.divide((repeats * shift).sum(axis=1), size, out=np.zeros(len(a)), where=size > 0)
+    on_it = (repeats == np.round(turns)[:, None] * shift).all(axis=1)
+    away = np.abs(apart + np.round(turns) * round_length)
+    closed = np.array([kind == "closed" for kind in wires.kinds])[wire]
+    away = np.where(closed, np.minimum(away, round_length - away), away)
+    is_one = (wire == segments.wire[b]) & on_it
+    return np.where(is_one, np.maximum(away - segments.length[a] - segments.length[b], 0.0), np.inf)
+
+
+def _place_count(segments: _Segments, wires: Wires, pairs: np.ndarray) -> int:
+    """How many places overlapping pairs of segments (pair, 4) make: pairs next to each other on both wires are one.
+
+    A pair has several names, all given to it: the two segments of one wire either way round, and on a wire that goes on, those
+    near its beginning also as what comes behind its end.
+    """
+    if not len(pairs):
+        return 0
+    first = np.searchsorted(segments.wire, np.arange(len(wires.points)))
+    wire_a, wire_b = segments.wire[pairs[:, 0]], segments.wire[pairs[:, 1]]
+    repeat = pairs[:, 2:] + segments.moved[pairs[:, 1]] - segments.moved[pairs[:, 0]]
+    # pair, segment along either wire, the wires, and the repeat of the second seen from the first, as the wires are drawn
+    names = np.column_stack(
+        [np.arange(len(pairs)), pairs[:, 0] - first[wire_a], pairs[:, 1] - first[wire_b], wire_a, wire_b, repeat]
+    )
+    flipped = names[wire_a == wire_b][:, [0, 2, 1, 4, 3, 5, 6]] * [1, 1, 1, 1, 1, -1, -1]
+    names = np.concatenate([names, flipped])
+    goes_on = np.array([kind != "open" for kind in wires.kinds])
+    for side, sign in ((1, 1), (2, -1)):
+        early = names[(names[:, side] < SAME_PLACE) & goes_on[names[:, side + 2]]]
+        early[:, side] += wires.segment_counts[early[:, side + 2]]
+        early[:, 5:] += sign * wires.shifts[early[:, side + 2]]
+        names = np.concatenate([names, early])
+    apart = names[:, 1:] * [1, 1, *[SAME_PLACE + 1] * 4]  # what differs in wire or repeat is not near
+    near = cKDTree(apart).query_pairs(SAME_PLACE, p=np.inf, output_type="ndarray")
+    linked = names[near, 0]
+    graph = coo_matrix((np.ones(len(linked)), (linked[:, 0], linked[:, 1])), shape=(len(pairs), len(pairs)))
+    return int(connected_components(graph, directed=False)[0])

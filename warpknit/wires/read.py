@@ -1,0 +1,203 @@
+"""Wires from a file, whatever its format, as nodes at equal arc length."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warpknit.scene.messages import scene_error
+from warpknit.scene.wires import USD, WireFileError, checked_bytes
+from warpknit.wires.arc_length import ArcLength, resample, segment_count
+from warpknit.wires.bcc import read_bcc
+from warpknit.wires.curve import BadFile, Curve, CurveFile
+from warpknit.wires.npz import read_npz
+from warpknit.wires.pyp import read_pyp
+from warpknit.wires.repeat import repeated
+from warpknit.wires.table import read_table
+from warpknit.wires.usd import read_usd
+from warpknit.wires.wires import Wires
+
+if TYPE_CHECKING:
+    from warpknit.scene import Scene
+
+MOST_NODES = 4_000_000
+LARGEST = 1e3  # [m] of a coordinate
+MOST_REPEATS = 1e4  # that a wire reaches over
+MEETS = 1e-3  # of a period: how near the ends of a wire must be to a whole number of them
+
+
+def read_wires(
+    path: str | os.PathLike[str],
+    *,
+    node_spacing: float,
+    unit: float | None = None,
+    interpolation: str = "spline",
+    closed: bool = False,
+    period: tuple[float, float] | None = None,
+    time: float | None = None,
+) -> Wires:
+    """The wires in the file at `path`, whose suffix says its format.
+
+    node_spacing [m]: nodes are put at equal arc length along each wire, as near to this apart as their number allows.
+    unit [m]: of files without one. interpolation: spline | linear, between the points of polylines. closed: join the ends of all
+    polylines (.csv, .npz). period [m] along x and y: of a mesh that repeats, whose open wires then go on from repeat to repeat.
+    time: time code of a USD stage. Raises `SceneError`, of one line, for whatever is wrong with the file.
+    """
+    path = Path(path)
+    try:
+        return _read(path, node_spacing, unit, interpolation, closed, period, time)
+    except WireFileError as error:
+        raise scene_error(path, f"wires.{error.key}", error.given, error.allowed) from error
+
+
+def rest_wires(scene: Scene) -> Wires:
+    """The wires of a scene with [wires], in all its repeats, at rest. Raises `SceneError`."""
+    options = scene.wires
+    if options is None:
+        raise scene_error(scene.path, "wires", "nothing", "a table with a file")
+    try:
+        wires = _read(
+            options.path,
+            options.node_spacing,
+            options.unit,
+            options.interpolation,
+            options.closed,
+            options.period,
+            options.time,
+        )
+    except WireFileError as error:
+        given = f"{options.path.name!r}, {error.given}" if error.key == "file" else error.given
+        raise scene_error(scene.path, f"wires.{error.key}", given, error.allowed) from error
+    if (wires.period is not None) != (scene.model.boundary == "periodic"):
+        allowed = "'periodic' for wires that repeat" if wires.period is not None else "'gripped' for wires that do not repeat"
+        raise scene_error(scene.path, "model.boundary", repr(scene.model.boundary), allowed)
+    if wires.node_count * math.prod(options.repeats) > MOST_NODES:
+        given = f"{list(options.repeats)}, which make {wires.node_count * math.prod(options.repeats):,} nodes"
+        raise scene_error(scene.path, "wires.repeats", given, f"what makes at most {MOST_NODES:,}")
+    return repeated(wires, options.repeats)
+
+
+def _read(
+    path: Path,
+    node_spacing: float,
+    unit: float | None,
+    interpolation: str,
+    closed: bool,
+    period: tuple[float, float] | None,
+    time: float | None,
+) -> Wires:
+    for key, value in (("node_spacing", (node_spacing,)), ("unit", (unit,)), ("period", period or ())):
+        if not all(length is None or 0.0 < length < math.inf for length in value):
+            raise WireFileError(repr(value), "lengths above 0 m", key)
+    checked_bytes(path)
+    suffix = path.suffix.lower()
+    try:
+        found = _reader(path, suffix, interpolation, closed, time)
+        if not found.curves:
+            raise BadFile("a file without wires")
+        metres = _metres(found, suffix, unit)
+        if period is not None:
+            found = _repeating(found, np.array(period) / metres)
+        return _wires(found, metres, node_spacing)
+    except BadFile as error:
+        raise WireFileError(str(error), _allowed(suffix)) from error
+    except OSError as error:
+        raise WireFileError((error.strerror or "unreadable").lower(), _allowed(suffix)) from error
+
+
+def _reader(path: Path, suffix: str, interpolation: str, closed: bool, time: float | None) -> CurveFile:
+    if suffix in USD:
+        return read_usd(path, interpolation, time=time)
+    if suffix == ".bcc":
+        return read_bcc(path, interpolation)
+    if suffix == ".pyp":
+        return read_pyp(path, interpolation)
+    return (read_table if suffix == ".csv" else read_npz)(path, interpolation, closed=closed)
+
+
+def _allowed(suffix: str) -> str:
+    names = dict.fromkeys(USD, "a USD stage with BasisCurves") | {
+        ".bcc": "a BCC file of curves",
+        ".pyp": "a periodic yarn pattern",
+        ".csv": "a table with columns x, y, z, and wire where there are several",
+        ".npz": "arrays of points",
+    }
+    return names[suffix]
+
+
+def _metres(found: CurveFile, suffix: str, unit: float | None) -> float:
+    """[m] of a unit of the file."""
+    if found.metres is not None and unit is not None:
+        raise WireFileError(f"{unit:g} m", f"nothing: the file says {found.metres:g} m", "unit")
+    if found.metres is None and unit is None and suffix != ".pyp":
+        raise WireFileError("nothing", "a length, such as 'mm', with a file that has no unit", "unit")
+    metres = unit if found.metres is None else found.metres
+    return 1.0 if metres is None else metres
+
+
+def _repeating(found: CurveFile, period: np.ndarray) -> CurveFile:
+    """The same with open curves whose ends are some repeats apart going on as periodic ones."""
+    if found.period is not None:
+        raise WireFileError("a period", "nothing with a file that has one", "period")
+    curves: list[Curve] = []
+    for number, curve in enumerate(found.curves, start=1):
+        _check_reach(number, curve, period)
+        if curve.kind == "open":
+            apart = curve.pieces[-1, 3] - curve.pieces[0, 0]
+            repeats = np.round(apart[:2] / period)
+            away = np.abs(apart - [*(repeats * period), 0.0]).max()
+            if not repeats.any() or away > MEETS * period.min():
+                ends = ", ".join(f"{count:.3g}" for count in apart[:2] / period)
+                raise WireFileError(
+                    f"a period of which the ends of wire {number} are {ends} apart",
+                    "one of which the ends of all open wires are whole numbers apart",
+                    "period",
+                )
+            curve = replace(curve, kind="periodic", shift=(int(repeats[0]), int(repeats[1])))
+        curves.append(curve)
+    return replace(found, curves=tuple(curves), period=period)
+
+
+def _check_reach(number: int, curve: Curve, period: np.ndarray) -> None:
+    """Refuse a repeat (2,) that is tiny beside a curve: of another unit, or damaged."""
+    if (np.abs(curve.pieces[:, :, :2]).max(axis=(0, 1)) > MOST_REPEATS * period).any():
+        given = f"a repeat of {period[0]:.4g} x {period[1]:.4g} of the file's units, with wire {number} over more than"
+        raise WireFileError(f"{given} {MOST_REPEATS:g} of them", "a repeat of the size of the mesh's", "period")
+
+
+def _wires(found: CurveFile, metres: float, node_spacing: float) -> Wires:
+    """The curves resampled, in m."""
+    arcs = []
+    for number, curve in enumerate(found.curves, start=1):
+        if found.period is not None:
+            _check_reach(number, curve, found.period)
+        farthest = float(np.abs(curve.pieces).max()) * metres
+        if not farthest <= LARGEST:
+            raise WireFileError(f"{metres:g} m, by which wire {number} is {farthest:.3g} m away", f"within {LARGEST:g} m", "unit")
+        arc = ArcLength(curve)
+        if not arc.length > 0.0:
+            raise BadFile(f"wire {number} without length")
+        arcs.append(arc)
+    total = sum(arc.length * metres / node_spacing for arc in arcs)
+    if not total <= MOST_NODES:
+        allowed = f"what makes at most {MOST_NODES:,}"
+        raise WireFileError(f"{node_spacing:g} m, which makes {total:.3g} nodes", allowed, "node_spacing")
+    points, rest = [], []
+    for curve, arc in zip(found.curves, arcs, strict=True):
+        places, free = resample(curve, arc, segment_count(arc.length * metres, curve.kind, node_spacing))
+        points.append(places * metres)
+        rest.append(None if free is None else free * metres)
+    is_free = all(free is not None for free in rest)
+    return Wires(
+        points=tuple(points),
+        kinds=tuple(curve.kind for curve in found.curves),
+        shifts=np.array([curve.shift for curve in found.curves], dtype=np.int64),
+        period=None if found.period is None else found.period * metres,
+        radius=None if found.radius is None else found.radius * metres,
+        rest_lengths=tuple(free for free in rest if free is not None) if is_free else None,
+    )

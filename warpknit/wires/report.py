@@ -1,0 +1,89 @@
+"""What a file of wires holds, in words and as an object: what `warpknit plan` says of a scene with [wires]."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from warpknit.scene import Scene
+from warpknit.wires.overlaps import Overlaps, find_overlaps
+from warpknit.wires.read import rest_wires
+from warpknit.wires.wires import Wires
+
+SAME_THICKNESS = 0.01  # over the thickness: files keep seven digits, people three
+
+
+@dataclass(frozen=True)
+class WireReport:
+    """The wires of a scene, as they come from its file."""
+
+    scene: str
+    kind: str  # of the model
+    file: str
+    wires: Wires
+    overlaps: Overlaps
+
+    @property
+    def warnings(self) -> list[str]:
+        """What to look at before a run."""
+        found = [] if self.kind == "spatial" else [f"model.kind = {self.kind!r} does not run wires from a file"]
+        radius = self.wires.radius
+        if radius is not None and abs(2.0 * radius / self.overlaps.thickness - 1.0) > SAME_THICKNESS:
+            found.append(
+                f"wires are {_millimetres(2.0 * radius)} thick in the file, {_millimetres(self.overlaps.thickness)} in the scene"
+            )
+        if self.overlaps.crowded or self.overlaps.places:
+            found.append("wires overlap as they come: a run pushes them apart first")
+        return found
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain numbers in SI, for scripts."""
+        wires, overlaps = self.wires, self.overlaps
+        return {
+            "nodes": wires.node_count,
+            "wires": len(wires.points),
+            **{kind: wires.kinds.count(kind) for kind in ("open", "closed", "periodic")},
+            "wire_length_m": float(wires.lengths.sum()),
+            "repeat_m": None if wires.period is None else wires.period.tolist(),
+            "extent_m": self._extent().tolist(),
+            "file_thickness_m": None if wires.radius is None else 2.0 * wires.radius,
+            "thickness_m": overlaps.thickness,
+            "closest_m": overlaps.closest,
+            "overlaps": None if overlaps.crowded else overlaps.places,
+            "warnings": self.warnings,
+        }
+
+    def lines(self) -> list[str]:
+        """The same as text."""
+        wires = self.wires
+        kinds = ", ".join(f"{count:,} {kind}" for kind in ("open", "closed", "periodic") if (count := wires.kinds.count(kind)))
+        spacing = float(wires.lengths.sum()) / int(wires.segment_counts.sum())
+        rows = [
+            ("scene", self.scene),
+            ("file", self.file),
+            ("wires", f"{len(wires.points):,} ({kinds}), {_millimetres(float(wires.lengths.sum()))} long together"),
+            ("nodes", f"{wires.node_count:,}, {_millimetres(spacing)} apart"),
+            ("extent", " x ".join(map(_millimetres, self._extent()))),
+        ]
+        if wires.period is not None:
+            rows.append(("repeat", " x ".join(map(_millimetres, wires.period))))
+        rows.append(("contact", self.overlaps.line()))
+        rows += [("warning", text) for text in self.warnings]
+        return [f"{heading:<11}{text}" for heading, text in rows]
+
+    def _extent(self) -> np.ndarray:
+        """(3,) [m] of the box around the wires."""
+        return np.ptp(np.concatenate(self.wires.points), axis=0)
+
+
+def wire_report(scene: Scene, thickness: float) -> WireReport:
+    """Reads the wires of a scene and looks where they, of `thickness` [m], overlap. Raises `SceneError`."""
+    wires = rest_wires(scene)
+    file = "" if scene.wires is None else scene.wires.path.name
+    return WireReport(scene.name, scene.model.kind, file, wires, find_overlaps(wires, thickness))
+
+
+def _millimetres(length: float) -> str:
+    return f"{1e3 * length:.4g} mm"
