@@ -49,7 +49,7 @@ def test_forces_and_moments_are_the_gradient_of_the_energy(seed: int) -> None:
 
 
 def test_a_tension_that_keeps_arcs_is_the_gradient_of_their_energy() -> None:
-    """Where T/EA is the strain of the arc, |e|/L - 1 + (|a|^2 + |a'|^2)/48 less that at rest, the energy is EA L/2 times its square.
+    """Where T/EA is the strain of the arc, |e|/L - 1 + (|a|^2 + |a'|^2)/48 less that at rest, the energy is EA L/2 its square.
 
     Central differences are off by (step)^2 and round-off/step.
     """
