@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from warpknit.scene.file import KnitTable, ModelTable, SceneFile, SweepTable, WireTable
-from warpknit.scene.hook import Hook, contact_values, hook_of
+from warpknit.scene.hook import contact_values, hook_of
 from warpknit.scene.materials import MATERIALS
 from warpknit.scene.messages import dotted, first_error, scene_error
 from warpknit.scene.objects import Bar, Contact, Knit, Loop, ModelOptions, Output, Scene, Solver, Sweep
