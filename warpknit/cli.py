@@ -1,4 +1,4 @@
-"""The command line: `warpknit run`, `warpknit plan`, `warpknit map`, `warpknit report`, `warpknit export`.
+"""The command line: `warpknit run`, `warpknit plan`, `warpknit map`, `warpknit trade`, `warpknit report`, `warpknit export`.
 
 Whatever ends a command is turned into an exit status and a line in one place, `exit_status`.
 """
@@ -224,6 +224,46 @@ def contact_map(
     from warpknit.run.report import engineering, print_table
 
     print_table([*map_lines(result.summary, engineering), ("results in", str(directory))])
+    return FINISHED
+
+
+@main.command()
+@scene_options
+@result_options
+@click.option("--against", type=click.Choice(["planar", "spatial"]), help="Model of the reference.  [default: the scene's]")
+def trade(
+    scene: str,
+    overrides: tuple[str, ...],
+    preset: str | None,
+    device: str | None,
+    against: str | None,
+    out: str | None,
+    resume: bool,
+    force: bool,
+    quiet: bool,
+) -> int:
+    """Measure speed against accuracy on SCENE: run it at many settings, and leave errors and costs in DIR."""
+    _refuse_both(resume, force)
+    configure_logging(logging.WARNING if quiet else logging.INFO)
+    from warpknit.scene import load_scene
+
+    loaded = load_scene(scene, overrides, preset)
+    directory = Path(out) if out else Path("runs") / loaded.name
+
+    from warpknit.progress import progress_for
+    from warpknit.trade.study import run_trade, trade_lines
+
+    with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
+        result = run_trade(
+            lambda more, other: load_scene(scene, (*overrides, *more), other or preset),
+            out=directory, against=against, device=device, resume=resume, force=force, progress=progress,
+        )  # fmt: skip
+    if result.exit_code != FINISHED:
+        click.echo(f"warpknit: {result.message}", err=True)
+        return result.exit_code
+    from warpknit.report import print_table
+
+    print_table([*trade_lines(result.summary), ("results in", str(directory))])
     return FINISHED
 
 
