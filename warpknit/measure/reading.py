@@ -83,8 +83,11 @@ class Reading:
 
     @property
     def moment(self) -> np.ndarray:
-        """[node] [N m] bending moment."""
-        return self.model.bending_stiffness * self.curvature_change
+        """[node] [N m] bending moment, to fourth order in the spacing (kernels/bend.py)."""
+        panel = self.model.panel
+        moment = self.model.bending_stiffness * self.elastic_turning / (self.hinge_length * self.length_factor)
+        slope_share = float(self.control[int(c.SLOPE_FACTOR)]) * self.model.bending_stiffness
+        return moment - slope_share * self._second_difference(moment) / self.hinge_length
 
     @property
     def bow_moment(self) -> np.ndarray:
@@ -101,8 +104,29 @@ class Reading:
 
     @property
     def curvature_change(self) -> np.ndarray:
-        """[node] [1/m] elastic change of curvature: the turning over the length that the hinge stands for."""
-        return self.elastic_turning / (self.hinge_length * self.length_factor)
+        """[node] [1/m] elastic change of curvature: the turning over the length that the hinge stands for, less what a turn at a
+        point misses of a smooth curve, h^2/12 of its second derivative (kernels/bend.py). At the ends of an open wire what is
+        missed is of first order, L/3 of the slope: the turn there stands for half a segment."""
+        panel = self.model.panel
+        curvature = self.elastic_turning / (self.hinge_length * self.length_factor)
+        missed = self._second_difference(curvature) / (12.0 * self.hinge_length)
+        for end in (panel.wire_first + 1, panel.wire_first + panel.wire_count - 2):
+            missed[end] *= np.where(panel.wire_closed, 1.0, 2.0)
+        return curvature - missed
+
+    def _second_difference(self, values: np.ndarray) -> np.ndarray:
+        """[node] L (v_next - v) - L_before (v - v_before) of values at the hinges, [m] times their unit."""
+        panel = self.model.panel
+        last = panel.wire_first + panel.wire_count - 1
+        rise = np.roll(values, -1)
+        rise[last] = values[panel.wire_first]
+        np.subtract(rise, values, out=rise)
+        rise *= self.natural_length
+        for end in (panel.wire_first, last - 1, last):
+            rise[end] = np.where(panel.wire_closed, rise[end], 0.0)
+        before = np.roll(rise, 1)
+        before[panel.wire_first] = rise[last]
+        return np.subtract(rise, before, out=rise)
 
     @property
     def elastic_turning(self) -> np.ndarray:

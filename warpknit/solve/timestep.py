@@ -4,7 +4,7 @@ Central differences are stable up to w dt = 2. The highest frequency is bounded 
 
     w^2 <= lambda_wire + lambda_contact
     lambda_wire    = (a + b)/2 + sqrt((a - b)^2/4 + a b sin^2 theta) + t
-    a = 4 K/(h m)   b = 16 EI/(h^3 m)   t = 4 max(T, 0)/(h m)   lambda_contact = 2 k (1/m_body + 1/m)
+    a = 4 K/(h m)   b = 80/3 EI/(h^3 m)   t = 4 max(T, 0)/(h m)   lambda_contact = 2 k (1/m_body + 1/m)
 
 (K axial stiffness, T tension, m node mass, h segment, k contact penalty, theta the largest turning angle). Stretch and
 bending act across each other on a straight wire, so the larger rules there; a turn theta couples them, and
@@ -25,6 +25,7 @@ import numpy as np
 
 from .. import measure
 from ..kernels import control as c
+from ..kernels.bend import BEND_EIGENVALUE
 from ..model.model import Model
 from ..model.numerics import STEP_MARGIN
 from ..model.state import State
@@ -60,7 +61,7 @@ def frequency_bound(model: Model, reading: measure.Reading) -> FrequencyBound:
         h = float(table.rest_length[entry].min())
         im = float(inverse_mass[entry].max())
         a = 4.0 * float(wire_axial[wires].max()) / h * im
-        b = 16.0 * model.bending_stiffness / h**3 * im
+        b = BEND_EIGENVALUE * model.bending_stiffness / h**3 * im
         nodes = np.concatenate([np.arange(panel.wire_first[w], panel.wire_first[w] + panel.wire_count[w]) for w in wires])
         t = 4.0 * max(0.0, float(reading.tension[nodes].max())) / h * im
         angle = np.abs(reading.turning[nodes] + reading.natural_angle[nodes]).max()
