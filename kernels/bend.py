@@ -13,6 +13,8 @@ of the moment along each segment (of natural length L),
 
 which adds to the moment at a node   EI/l [L_before (m - m_before) - L (m_next - m)]/(6 EI).
 
+Behind a free end the moment is 0; a segment that a clamp holds rigid has none.
+
 Source: a beam loaded at its nodes has moments linear between them, so its compliance is the integral of products of linear
 functions, l (1 + delta^2/6) where turns at points alone give l; E_slope is the first term of the inverse.
 """

@@ -168,9 +168,9 @@ def sum_wires(
             natural_angle, _ = hinge_at_clamp(rest_angle[t + k], local, count, gripped, wire, wire_clamp)
             first_length = length_before
             last_length = length
-            if closed == 0 and local == 1:
+            if gripped != 0 and local == 1:
                 first_length = zero
-            if closed == 0 and local == count - 2:
+            if gripped != 0 and local == count - 2:
                 last_length = zero
             next_moment = bend + slope_moment(bend_before, bend, bend_after, first_length, last_length, stiffness, slope_factor)
             next_moment += bow_moment * (turning[i] + natural_angle) * (pull_before + pull)

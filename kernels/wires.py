@@ -202,9 +202,9 @@ def step_wires_by_node(
         if closed != 0 or (local > 0 and local < count - 1):
             length_before = natural_length[k]
             length_after = natural_length[k + 1]
-            if closed == 0 and local == 1:
+            if gripped != 0 and local == 1:
                 length_before = zero
-            if closed == 0 and local == count - 2:
+            if gripped != 0 and local == count - 2:
                 length_after = zero
             moment[k] = bend[k + 1] + slope_moment(
                 bend[k], bend[k + 1], bend[k + 2], length_before, length_after, stiffness[k + 1], slope_factor

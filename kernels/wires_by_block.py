@@ -201,14 +201,14 @@ _BLOCK_STEP = r"""
     }
     }
     if (!closed) {
-        for (int k = 0; k <= begin; ++k) { rise[k] = real(0); }
-        for (int k = end - 2; k < segments; ++k) { rise[k] = real(0); }
+        for (int k = 0; k < begin; ++k) { rise[k] = real(0); }
+        for (int k = end - 1; k < segments; ++k) { rise[k] = real(0); }
     }
     if (gripped) {
         for (int far = 0; far < 2; ++far) {
-            const int k = far ? end - 3 : begin + 1;
-            if (k >= 0 && k < segments && k > begin && k < end - 2)
-                rise[k] = clamps[far * CLAMP_NUMBERS + LENGTH] * (bend[k + 1] - bend[k]);
+            const int rigid = far ? end - 2 : begin, k = far ? end - 3 : begin + 1;
+            if (rigid >= 0 && rigid < segments) rise[rigid] = real(0);
+            if (k >= 0 && k < segments) rise[k] = clamps[far * CLAMP_NUMBERS + LENGTH] * (bend[k + 1] - bend[k]);
         }
     }
     rise[whole] = moment[0] = moment[whole] = real(0);

@@ -250,7 +250,7 @@ def trade(
     loaded = load_scene(scene, overrides, preset)
     directory = Path(out) if out else Path("runs") / loaded.name
 
-    from warpknit.progress import progress_for
+    from warpknit.run.progress import progress_for
     from warpknit.trade.study import run_trade, trade_lines
 
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
@@ -261,7 +261,7 @@ def trade(
     if result.exit_code != FINISHED:
         click.echo(f"warpknit: {result.message}", err=True)
         return result.exit_code
-    from warpknit.report import print_table
+    from warpknit.run.report import print_table
 
     print_table([*trade_lines(result.summary), ("results in", str(directory))])
     return FINISHED

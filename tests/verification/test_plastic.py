@@ -51,7 +51,7 @@ def test_one_hinge_goes_round_a_bilinear_loop() -> None:
         sign = np.sign(trial - back)
         moment = model.bending_stiffness * (trial - sign * over * (1.0 - kept)) / reading.hinge_length
         assert np.count_nonzero(over) > 20
-        assert reading.moment == pytest.approx(moment, rel=1e-12, abs=1e-18)
+        assert reading.moment_of_turns == pytest.approx(moment, rel=1e-12, abs=1e-18)
         path.advance()
         plastic = plastic + sign * over * (1.0 - kept)
         back = back + sign * over * kept
@@ -59,7 +59,7 @@ def test_one_hinge_goes_round_a_bilinear_loop() -> None:
         after = read(model, state)
         assert after.plastic_turn == pytest.approx(plastic, abs=1e-15)
         # the state is as it was: taking on the set changes no force
-        assert after.moment == pytest.approx(moment, rel=1e-9, abs=1e-18)
+        assert after.moment_of_turns == pytest.approx(moment, rel=1e-9, abs=1e-18)
         # on the yield surface where it yielded
         yielded = over > 0
         assert np.abs(after.turning - plastic - back)[yielded] == pytest.approx(limit[yielded], rel=1e-9)

@@ -12,7 +12,8 @@ from ..errors import RunDirectoryError
 OURS = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda", "wires.topology.usdc",
         "wires.manifest.usda", "stages.json", "states", "frames", "figures", "checkpoint", "vtk", "tables", "panel",
         "map.csv", "map.json", "map_details.csv", "seeds",
-        "trade.csv", "trade_knobs.csv", "trade.json", "report.html", "material_card.csv", "material_card.json", "tension_strain.csv")  # fmt: skip
+        "trade.csv", "trade_knobs.csv", "trade.json",
+        "report.html", "material_card.csv", "material_card.json", "tension_strain.csv")  # fmt: skip
 SUMMARIES = {"summary.json": "run", "map.json": "map", "trade.json": "trade"}
 
 

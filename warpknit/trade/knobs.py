@@ -7,8 +7,8 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from warpknit.model import Model
-from warpknit.presets import PRESETS
+from ..model.model import Model
+from ..scene.presets import PRESETS
 
 Overrides = tuple[tuple[str, object], ...]
 

@@ -9,14 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpknit import measure
-from warpknit.drive import Drive
-from warpknit.errors import Diverged, InputError
-from warpknit.hook_contact import hook_contact
-from warpknit.model import Model, build_model
-from warpknit.scene import Scene
-from warpknit.simulate import Progress, Record, Simulation
-from warpknit.state import initial_state
+from .. import measure
+from ..errors import Diverged, InputError
+from ..measure.hook_contact import hook_contact
+from ..model.model import Model, build_model
+from ..model.state import initial_state
+from ..scene import Scene
+from ..solve.drive import Drive
+from ..solve.simulate import Progress, Record, Simulation
 
 FORCE_FLOOR = 0.05  # of EI/W^2: what forces are compared with where contacts carry less
 TENSION_FLOOR = 0.01  # of EI/C^3: the same of tensions
@@ -79,8 +79,8 @@ def run_point(
     record: Record | None = None
     reason, message = "steady", ""
     try:
-        for record in simulation.run():
-            pass
+        for each in simulation.run():
+            record = each
     except TooDear:
         reason, message, record = "too dear", f"stopped after {most_node_steps:.2g} node-steps", None
     except Diverged as error:

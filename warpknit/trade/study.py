@@ -13,16 +13,15 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from warpknit.device import find_device
-from warpknit.errors import Diverged, InputError, RunDirectoryError
-from warpknit.files import write_aside, write_table
-from warpknit.interrupts import Interrupted, Interrupts
-from warpknit.model import Model, build_model
-from warpknit.numerics import slowest_rate
-from warpknit.progress import Progress as Display
-from warpknit.run_directory import check_directory, clear, make_directory, read_summary
-from warpknit.scene import Scene, resolved_toml
-
+from ..device import find_device
+from ..errors import Diverged, InputError, RunDirectoryError
+from ..files import write_aside, write_table
+from ..model.model import Model, build_model
+from ..model.numerics import slowest_rate
+from ..run.interrupts import Interrupted, Interrupts
+from ..run.progress import Progress as Display
+from ..run.run_directory import check_directory, clear, make_directory, read_summary
+from ..scene import Scene, resolved_toml
 from . import knobs
 from .convergence import extrapolate
 from .front import pareto
@@ -175,7 +174,7 @@ class _Study:
     # --- results ---
 
     def _summary(self, reason: str) -> dict[str, Any]:
-        from warpknit import __version__
+        from .. import __version__
 
         if self.rows:
             self._account()
@@ -213,7 +212,7 @@ class _Study:
         }
 
     def _draw(self) -> None:
-        from warpknit.export.trade_figure import Mark, trade_figure
+        from ..export.trade_figure import Mark, trade_figure
 
         marks = [
             Mark(row.price, tuple(asdict(row.errors).values()), row.group, row.preset)

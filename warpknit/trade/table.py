@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from warpknit.files import write_aside
-
+from ..files import write_aside
 from .point import Errors, Found, Outcome
 
 DOUBLE_PRICE = 1.8  # time of a node-step in double precision over that in single: docs/performance.md
@@ -21,7 +20,8 @@ COSTS = ("wall_s", "cpu_s", "steps", "node_steps")
 FOUND = tuple(Found.__dataclass_fields__)
 ERRORS = ("active_percent", "tension", "contact_force", "stress")
 COLUMNS = (
-    "preset", "group", "knob", *SETTINGS, *COSTS, *(f"error_{name}" for name in ERRORS), *FOUND, "stop_reason", "message", "point",
+    "preset", "group", "knob", *SETTINGS, *COSTS, *(f"error_{name}" for name in ERRORS), *FOUND,
+    "stop_reason", "message", "point",
 )  # fmt: skip
 
 
