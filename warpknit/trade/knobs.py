@@ -13,14 +13,14 @@ from ..scene.presets import PRESETS
 Overrides = tuple[tuple[str, object], ...]
 
 BASE = "base"  # the knob of the point at which nothing is turned
-NODES = (10, 12, 14, 16, 18, 20, 24, 30, 40, 54)
+NODES = (8, 10, 12, 14, 16, 18, 20, 24, 30, 40, 54)
 TOLERANCES = (0.1, 0.03, 0.01, 0.003, 0.001)
 SOFTENINGS = (16.0, 64.0, 200.0, 400.0, 700.0, 1000.0, 2000.0)
 STIFFNESSES = (0.25, 4.0, 16.0)  # times what the model chooses
 LEVELS = (1, 2, 5, 10, 20)
-NODES_TOGETHER = (10, 12, 14, 16, 18, 20, 24, 30, 40)
+NODES_TOGETHER = (8, 10, 12, 14, 16, 18, 20, 24, 30, 40)
 TOLERANCES_TOGETHER = (0.03, 0.01, 0.003)
-SOFTENINGS_TOGETHER = (400.0, 1000.0, 2000.0)
+SOFTENINGS_TOGETHER = (700.0, 2000.0)
 PERIODS = (1.0, 3.0, 10.0, 30.0)  # slowest periods over which a ramp loads
 DAMPINGS = (0.1, 0.3, 3.0)  # times the slowest angular frequency
 SCALINGS = (100.0, 1e4)  # of all masses

@@ -18,8 +18,8 @@ from ..scene import Scene
 from ..solve.drive import Drive
 from ..solve.simulate import Progress, Record, Simulation
 
-FORCE_FLOOR = 0.05  # of EI/W^2: what forces are compared with where contacts carry less
-TENSION_FLOOR = 0.01  # of EI/C^3: the same of tensions
+FORCE_FLOOR = 1e-3  # of EI/W^2 a pair: what contact forces are compared with where contacts carry less
+TENSION_FLOOR = 1e-3  # of EI/C^3: the same of tensions
 
 
 @dataclass(frozen=True)

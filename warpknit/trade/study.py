@@ -34,8 +34,9 @@ _log = logging.getLogger(__name__)
 Loader = Callable[[Overrides, str | None], Scene]
 
 RATIO = math.sqrt(2.0)  # of the nodes of one reference to the next
-FINEST = ((2_000, 96), (20_000, 68), (math.inf, 54))  # nodes a loop of the reference, up to so many nodes of the scene
+FINEST = ((2_000, 96), (math.inf, 54))  # nodes a loop of the reference, up to so many nodes of the scene
 DEAREST = 4.0  # times what the reference cost, that a point may
+RAMP_NODES = 2_000  # of a mesh, up to which ramps in real time are tried: they take a hundred times the steps
 
 
 @dataclass(frozen=True)
@@ -129,6 +130,9 @@ class _Study:
         return points
 
     def _points_of_ramp(self) -> Iterator[Point]:
+        if self.base.panel.node_count > RAMP_NODES:
+            _log.info("no ramps: a mesh of more than %d nodes", RAMP_NODES)
+            return
         try:
             model = build_model(self.load((("solver.drive", "ramp"),), None))
         except InputError as error:
