@@ -3,8 +3,8 @@
     f_i = n_i - n_(i-1) + contact          n_j = T_j t_j + (g_j - g_(j+1)) / |e_j| nu_j
 
 with T_j the tension and t_j, nu_j the unit tangent and left normal of the segment from node j to node j + 1, and g_j the
-moment at node j with what the slope of the moment and the tension of its two arcs add (see stretch.py and bend.py). `wires_by_block.py` does the same
-for the CPU, a block of nodes a thread; a test holds the two together.
+moment at node j with what the slope of the moment and the tension of its two arcs add (see stretch.py and bend.py).
+`wires_by_block.py` does the same for the CPU, a block of nodes a thread; a test holds the two together.
 
 Nodes of a wire are consecutive; block b holds nodes `block_first[b]` and on, and the threads of a block are consecutive
 too. Displacements are read from `*_in` and written to `*_out`, so that the neighbours of a node are never half updated.

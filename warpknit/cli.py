@@ -132,6 +132,16 @@ def _refuse_both(resume: bool, force: bool) -> None:
         raise click.UsageError("--resume goes on with what is in DIR, --force replaces it: give one of them.")
 
 
+def _refuse_error(percent: float, preset: str | None, scene: Scene) -> None:
+    """What --error cannot be given with."""
+    if preset is not None:
+        raise click.UsageError("--error and --preset: both given, allowed: one of them.")
+    if not 0.0 < percent <= 100.0:
+        raise click.UsageError(f"--error: given {percent:g}, allowed: a percentage above 0, up to 100.")
+    if scene.solver.drive != "relax":
+        raise click.UsageError(f"--error: given with solver.drive = {scene.solver.drive!r}, allowed with 'relax'.")
+
+
 def result_options(command: Any) -> Any:
     """The options that say where results go and what may stand there."""
     for option in (
@@ -147,6 +157,7 @@ def result_options(command: Any) -> Any:
 @main.command()
 @scene_options
 @result_options
+@click.option("--error", type=float, metavar="PERCENT", help="Take the cheapest settings that miss no more; estimate the error.")
 @click.pass_obj
 def run(
     ranks: Ranks,
@@ -154,6 +165,7 @@ def run(
     overrides: tuple[str, ...],
     preset: str | None,
     device: str | None,
+    error: float | None,
     out: str | None,
     resume: bool,
     force: bool,
@@ -171,9 +183,16 @@ def run(
     from warpknit.run.progress import progress_for
     from warpknit.run.run import run_scene
 
+    judge = None
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
+        if error is not None:
+            from warpknit.trade.estimate import settings_within
+
+            _refuse_error(error, preset, loaded)
+            found = ranks.from_first(lambda: settings_within(loaded, error))
+            loaded, judge = load_scene(scene, (*overrides, *found.overrides)), found.judge(loaded)
         result = run_scene(
-            loaded, out=directory, device=device, resume=resume, force=force, progress=progress, ranks=ranks
+            loaded, out=directory, device=device, resume=resume, force=force, progress=progress, ranks=ranks, judge=judge
         )
     if not ranks.is_first:
         return int(result.exit_code)

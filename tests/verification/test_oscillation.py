@@ -4,7 +4,8 @@
     stretch    w = (2c/h) sin(b/2),  c = sqrt(EA/mu)              = c m pi/L (1 - b^2/24 + ...)
     bending    w = (4/h^2) S sqrt(1 + 2 S/3) sqrt(EI/mu)          = (m pi/L)^2 sqrt(EI/mu) (1 - 7 b^4/480 + ...)
 
-with b = m pi h/L, S = sin^2(b/2) and mu the mass a length; mode m is cos(m pi x/L) of the free bar, sin(m pi x/L) of the pinned beam.
+with b = m pi h/L, S = sin^2(b/2) and mu the mass a length; mode m is cos(m pi x/L) of the free bar, sin(m pi x/L) of the
+pinned beam.
 The dynamics soften EA by (2h/d)^2, so that bending has the largest w; a bar of this stiffness is as good as another.
 """
 

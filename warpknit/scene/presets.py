@@ -19,7 +19,7 @@ class Preset:
 
 PRESETS = {
     "draft": Preset(
-        nodes_per_loop=16,
+        nodes_per_loop=12,
         axial_softening=1000.0,
         ramp_axial_softening=100.0,
         precision="single",
@@ -27,16 +27,16 @@ PRESETS = {
         residual_tolerance=1e-2,
     ),
     "standard": Preset(
-        nodes_per_loop=24,
-        axial_softening=700.0,
+        nodes_per_loop=16,
+        axial_softening=1000.0,
         ramp_axial_softening=30.0,
         precision="single",
         ramp_precision="double",
         residual_tolerance=3e-3,
     ),
     "reference": Preset(
-        nodes_per_loop=54,
-        axial_softening=64.0,
+        nodes_per_loop=48,
+        axial_softening=200.0,
         ramp_axial_softening=1.0,
         precision="double",
         ramp_precision="double",

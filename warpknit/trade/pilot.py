@@ -86,7 +86,7 @@ class Pilot:
         setting = Setting(FINE[self.kind], 64.0 if self.kind == "hook" else 300.0, TOLERANCE, "double")
         outcome = self._run(setting)
         if outcome.found is None:
-            raise Diverged(f"the fine run of {setting.nodes_per_loop} nodes a loop that errors are estimated by: {outcome.message}")
+            raise Diverged(f"the run of {setting.nodes_per_loop} nodes a loop that errors are estimated by: {outcome.message}")
         return outcome.found
 
     def errors(self, setting: Setting) -> Errors | None:
