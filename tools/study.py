@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -63,6 +63,18 @@ def write_rows(path: Path, rows: Sequence[Any]) -> None:
 
 def _short(value: Any) -> Any:
     return f"{value:.5g}" if isinstance(value, float | np.floating) else value
+
+
+Row = TypeVar("Row")
+
+
+def read_rows(path: Path, kind: type[Row]) -> list[Row]:
+    """The rows of a CSV file that `write_rows` wrote of dataclasses of a kind, texts and numbers; none where there is no file."""
+    if not path.exists():
+        return []
+    kinds = {field.name: {"str": str, "int": int, "float": float}[str(field.type)] for field in fields(kind)}
+    with open(path, newline="", encoding="utf-8") as file:
+        return [kind(**{name: kinds[name](text or "nan") for name, text in line.items()}) for line in csv.DictReader(file)]
 
 
 def show_rows(rows: Sequence[Any]) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from .. import __version__, measure
 from ..model.model import Model
+from ..scene.presets import PRESETS
 from ..solve.simulate import Record
 from .history import HookRow, Row
 from .report import engineering
@@ -250,6 +251,7 @@ def run_summary(
             "mass_scaling": 1.0 + model.added_mass,
             "axial_softening": model.softening,
             "preset": scene.solver.preset,
+            "preset_error_percent": None if scene.preset_in_force is None else PRESETS[scene.preset_in_force].error_percent,
             "drive": scene.solver.drive,
         },
         **last,
