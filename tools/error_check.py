@@ -20,7 +20,7 @@ from warpknit.trade.estimate import estimate_of, settings_within
 from warpknit.trade.pilot import kind_of
 from warpknit.trade.point import errors_of, found_at, scales_of
 
-TRUE_NODES = {"periodic": 96, "gripped": 40, "hook": 192}
+TRUE_NODES = {"periodic": 96, "gripped": 54, "hook": 192}
 
 
 def both(weft: float, warp: float) -> tuple[str, str]:

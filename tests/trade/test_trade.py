@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from click.testing import CliRunner
 from warpknit.cli import main
 from warpknit.run.interrupts import Interrupted
 from warpknit.scene import load_scene
+from warpknit.scene.presets import PRESETS
 from warpknit.trade import knobs, pilot, study
 from warpknit.trade.convergence import LEAST_ORDER, extrapolate
 from warpknit.trade.front import pareto
@@ -64,6 +66,8 @@ def test_errors_are_points_of_percent_and_shares() -> None:
 def few_points(monkeypatch: pytest.MonkeyPatch) -> None:
     """A coarse reference and a handful of points."""
     monkeypatch.setattr(study, "FINEST", ((math.inf, 24),))
+    coarse = {name: replace(preset, nodes_per_loop=min(20, preset.nodes_per_loop)) for name, preset in PRESETS.items()}
+    monkeypatch.setattr(knobs, "PRESETS", coarse)
     monkeypatch.setattr(study, "RAMP_NODES", 0)
     monkeypatch.setattr(knobs, "NODES_TOGETHER", (10, 12))
     monkeypatch.setattr(knobs, "TOLERANCES_TOGETHER", (0.01,))
@@ -133,7 +137,14 @@ def test_reference_that_is_refused_is_bad_input(tmp_path: Path) -> None:
 # --- the error of a run
 
 
-def test_setting_within_an_error_is_the_cheapest_that_meets_it() -> None:
+@pytest.fixture
+def quick_pilot(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A coarser mesh counts as true."""
+    monkeypatch.setattr(pilot, "FINE", {"periodic": 30})
+    monkeypatch.setattr(pilot, "LEVELS", 1)
+
+
+def test_setting_within_an_error_is_the_cheapest_that_meets_it(quick_pilot: None) -> None:
     """Settings are tried from the coarsest on; a larger error never asks for more nodes."""
     scene = load_scene(CELL, SMALL)
     small = pilot.Pilot(scene)
@@ -144,7 +155,7 @@ def test_setting_within_an_error_is_the_cheapest_that_meets_it() -> None:
     assert pilot.bound_percent(left) <= 2.0 and pilot.bound_percent(missed) <= 20.0
 
 
-def test_run_within_an_error_says_what_it_may_miss(tmp_path: Path) -> None:
+def test_run_within_an_error_says_what_it_may_miss(tmp_path: Path, quick_pilot: None) -> None:
     out = tmp_path / "r"
     overrides = [item for value in SMALL for item in ("--set", value)]
     arguments = ["run", str(CELL), "--error", "3", "--out", str(out), "--set", "output.usd=false", *overrides]

@@ -41,7 +41,7 @@ def trade_figure(
     for number, (place, quantity) in enumerate(zip(axes, QUANTITIES, strict=True)):
         _panel(place, marks, number, PERCENT[number] * own[number])
         place.set_title(quantity, fontsize="medium")
-        place.set_ylabel("error [%]" if number else "error [points of %]")
+        place.set_ylabel("error [%]" if number else "error [points of %], none at the foot")
     for place in axes[2:]:
         place.set_xlabel("node-steps (those in double precision 1.8 times)")
     handles: list[Any] = [
@@ -63,8 +63,10 @@ def _panel(place: Axes, marks: Sequence[Mark], number: int, own: float) -> None:
         place.scatter(prices, errors, s=size, color=colour, zorder=3 if group == "preset" else 2, linewidths=0)
         if group == "preset":
             for k in chosen:
-                place.annotate(marks[k].label, (marks[k].price, percent[k]), xytext=(5, 5), textcoords="offset points",
-                               fontsize="small", color=colour)  # fmt: skip
+                below = k == chosen[0]  # neighbours' labels stand on either side of them
+                place.annotate(marks[k].label, (marks[k].price, percent[k]), xytext=(-6, -11) if below else (5, 5),
+                               ha="right" if below else "left", textcoords="offset points", fontsize="small",
+                               color=colour)  # fmt: skip
     front: list[int] = []
     for k in sorted(range(len(marks)), key=lambda k: (marks[k].price, percent[k])):
         if not front or percent[k] < percent[front[-1]]:

@@ -81,7 +81,7 @@ def make_scene(
             allowed = f"nothing where panel.outline = {panel.outline!r} says how large the mesh is ({list(repeats)} cover it)"
             raise source.refusal(("knit", "repeats"), list(file.knit.repeats), allowed)
         knit = replace(knit, repeats=repeats)
-    numerics = PRESETS[file.solver.preset]
+    numerics = PRESETS[file.solver.preset].driven_by(file.solver.drive)
     return Scene(
         name=file.name or path.stem,
         path=path,
@@ -191,14 +191,9 @@ def _solver(
     source: Source, table: SolverTable, numerics: Preset, nodes_per_loop: int, hook: Hook | None = None
 ) -> Solver:
     given = table.model_dump()
-    ramp = "ramp_" if given["drive"] == "ramp" else ""
-    for key, name in (
-        ("precision", f"{ramp}precision"),
-        ("axial_softening", f"{ramp}axial_softening"),
-        ("residual_tolerance", "residual_tolerance"),
-    ):
+    for key in ("precision", "axial_softening", "residual_tolerance"):
         if given[key] is None:
-            given[key] = getattr(numerics, name)
+            given[key] = getattr(numerics, key)
     if hook is not None or (table.precision is None and nodes_per_loop > SINGLE_NODES):
         given["precision"] = "double"
     if given["precision"] == "single" and given["residual_tolerance"] < SINGLE_TOLERANCE:

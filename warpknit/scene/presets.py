@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -10,6 +10,7 @@ class Preset:
     """Values for the keys that a scene leaves out."""
 
     nodes_per_loop: int  # model.nodes_per_loop
+    ramp_nodes_per_loop: int  # the same in a ramp, whose segments keep the length of their chords and not of their arcs
     axial_softening: float  # solver.axial_softening: EA is divided by it in the dynamics
     ramp_axial_softening: float  # the same in a ramp, where nothing takes its error out again
     precision: str  # solver.precision: single | double
@@ -17,6 +18,17 @@ class Preset:
     residual_tolerance: float  # solver.residual_tolerance
     error_percent: float  # measured, see below
     node_steps: float  # of a repeat of the double atlas mesh and a load level, measured
+
+    def driven_by(self, drive: str) -> Preset:
+        """The preset with the values that `drive` (relax | ramp) takes."""
+        if drive == "relax":
+            return self
+        return replace(
+            self,
+            nodes_per_loop=self.ramp_nodes_per_loop,
+            axial_softening=self.ramp_axial_softening,
+            precision=self.ramp_precision,
+        )
 
 
 # `error_percent` is the largest error in active share, tension, sum of contact forces and largest stress over the 12 loads of one
@@ -26,6 +38,7 @@ class Preset:
 PRESETS = {
     "draft": Preset(
         nodes_per_loop=12,
+        ramp_nodes_per_loop=16,
         axial_softening=1000.0,
         ramp_axial_softening=100.0,
         precision="single",
@@ -36,6 +49,7 @@ PRESETS = {
     ),
     "standard": Preset(
         nodes_per_loop=16,
+        ramp_nodes_per_loop=28,
         axial_softening=1000.0,
         ramp_axial_softening=30.0,
         precision="single",
@@ -46,6 +60,7 @@ PRESETS = {
     ),
     "reference": Preset(
         nodes_per_loop=48,
+        ramp_nodes_per_loop=72,
         axial_softening=200.0,
         ramp_axial_softening=1.0,
         precision="double",

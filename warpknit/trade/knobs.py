@@ -52,14 +52,15 @@ def reference_points(finest: Sequence[int]) -> list[Point]:
     return [Point("reference", "", (("model.nodes_per_loop", n), *fixed, softening)) for n in finest]
 
 
-def preset_points() -> list[Point]:
+def preset_points(base: Model) -> list[Point]:
     """The presets, whatever the scene says itself of what they stand for."""
+    drive = base.scene.solver.drive
     return [
         Point("preset", name, (
             ("model.nodes_per_loop", preset.nodes_per_loop), ("solver.axial_softening", preset.axial_softening),
             ("solver.residual_tolerance", preset.residual_tolerance),
         ), preset=name)
-        for name, preset in PRESETS.items()
+        for name, preset in ((name, preset.driven_by(drive)) for name, preset in PRESETS.items())
     ]  # fmt: skip
 
 

@@ -155,6 +155,7 @@ def _small(scene: Scene) -> Scene:
         return small
     repeats = (1, 1)
     if scene.model.boundary == "gripped":
-        repeats = tuple(min(PATCH, n) for n in scene.knit.repeats)
+        columns, rows = scene.knit.repeats
+        repeats = min(PATCH, columns), min(PATCH, rows)
     stages = tuple(replace(stage, pull=(), temperature_gradient=(0.0, 0.0)) for stage in scene.stages)
     return replace(small, knit=replace(scene.knit, repeats=repeats), panel=PanelOptions(), stages=stages)

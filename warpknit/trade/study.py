@@ -124,7 +124,7 @@ class _Study:
     # --- points ---
 
     def _points(self) -> list[Point]:
-        points = [*knobs.reference_points(self.finest), *knobs.preset_points(), *knobs.points_alone(self.base)]
+        points = [*knobs.reference_points(self.finest), *knobs.preset_points(self.base), *knobs.points_alone(self.base)]
         points += self._points_of_ramp()
         points += knobs.points_together(self.base, self.finest[0])
         return points
