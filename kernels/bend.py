@@ -2,8 +2,21 @@
 
     theta = angle from the edge before to the edge after       E = EI/l (theta - theta0)^2 / 2
 
-with l the rest length that belongs to the node. The moment g = EI/l (theta - theta0) acts on the direction of both
-edges: the gradient of E by an edge e with unit normal nu and length |e| is (g - g_next)/|e| nu.
+with l the length of wire that belongs to the node. The moment m = EI/l (theta - theta0) acts on the direction of both
+edges: the gradient of E by an edge e with unit normal nu and length |e| is (m - m_next)/|e| nu.
+
+Turns at points see curvature to second order of the spacing h only: of a smooth curve theta/h = kappa + h^2/12 kappa'', and
+E is the trapezoidal rule for the integral of EI kappa^2/2. What both miss is, to fourth order, the energy of the slope
+of the moment along each segment (of natural length L),
+
+    E_slope = L (m_next - m)^2/(12 EI)
+
+which adds to the moment at a node   EI/l [L_before (m - m_before) - L (m_next - m)]/(6 EI).
+
+Behind a free end the moment is 0; a segment that a clamp holds rigid has none.
+
+Source: a beam loaded at its nodes has moments linear between them, so its compliance is the integral of products of linear
+functions, l (1 + delta^2/6) where turns at points alone give l; E_slope is the first term of the inverse.
 """
 
 from typing import Any
@@ -30,6 +43,19 @@ def elastic_turning(turning: Any, plastic: Any, back: Any, most: Any, kept: Any)
     if most > type(turning)(0.0) and over > type(turning)(0.0):
         trial = trial - wp.sign(beyond) * over * (type(turning)(1.0) - kept)
     return trial
+
+
+SLOPE_SHARE = 1.0 / 6.0  # of what the slope of the moment adds
+BEND_EIGENVALUE = 16.0 * (1.0 + 4.0 * SLOPE_SHARE)  # largest of an even straight chain, in EI/h^3: every other node displaced
+
+
+@wp.func
+def slope_moment(
+    before: Any, here: Any, after: Any, length_before: Any, length_after: Any, stiffness: Any, slope_factor: Any
+):
+    """What the slopes of the moment along both segments at a node add to its moment [N m]; a length of 0 for a segment that
+    is not between two hinges. stiffness: EI/l [N m] at the rest length; slope_factor: SLOPE_SHARE/EI [1/(N m2)]."""
+    return slope_factor * stiffness * (length_before * (here - before) - length_after * (after - here))
 
 
 # A segment is an arc: of length L and curvature k, its chord is shorter by (k L)^2/24 of it, with the mean of k^2 at its ends.

@@ -57,7 +57,8 @@ FORCE_SQUARE = wp.constant(40)  # [N2]
 DISSIPATED = wp.constant(41)  # [J] taken out by mass-proportional damping
 RAMP_SHARE = wp.constant(42)  # how far the clamps have gone on the way that the ramp takes them, 0 .. 1
 MULTIPLIER_RATE = wp.constant(43)  # [-] share of what is missing that an update of the multipliers takes (multipliers.py)
-CONTROL_COUNT = 44
+SLOPE_FACTOR = wp.constant(44)  # [1/(N m2)] SLOPE_SHARE/EI (bend.py)
+CONTROL_COUNT = 45
 
 STATUS_RUNNING = wp.constant(wp.float64(0.0))
 STATUS_STALE = wp.constant(wp.float64(1.0))

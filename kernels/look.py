@@ -12,9 +12,9 @@ from typing import Any
 
 import warp as wp
 
-from .bend import elastic_turning
+from .bend import elastic_turning, slope_moment
 from .clamp import hinge_at_clamp, length_at_clamp
-from .control import BOW_MOMENT, LENGTH_FACTOR
+from .control import BOW_MOMENT, LENGTH_FACTOR, SLOPE_FACTOR
 from .wires import node_at
 
 PAIR_BLOCK = 64
@@ -42,6 +42,44 @@ PAIR_COLUMNS = 7
 def pull_of(tension: Any, natural: Any, local: int, count: int, gripped: int, wire: int, wire_clamp: wp.array2d(dtype=Any)):
     """Tension times natural length of a segment [N m]."""
     return tension * length_at_clamp(natural, local, count, gripped, wire, wire_clamp)
+
+
+@wp.func
+def bend_at(
+    # which node, counted beyond the ends of its wire, and its table entry
+    node: int,
+    entry: int,
+    # its wire
+    first: int,
+    count: int,
+    closed: int,
+    gripped: int,
+    wire: int,
+    wire_clamp: wp.array2d(dtype=Any),
+    # rest data and state
+    length_factor: Any,
+    rest_angle: wp.array(dtype=Any),
+    hinge_stiffness: wp.array(dtype=Any),
+    turning: wp.array(dtype=Any),
+    yield_moment: Any,
+    kept_stiffness: Any,
+    plastic_turn: wp.array(dtype=Any),
+    back_turn: wp.array(dtype=Any),
+):
+    """Stiffness at the rest length and moment of the turn at a node [N m]; 0 where an open wire has no hinge."""
+    local = node - first
+    stiffness = type(length_factor)(0.0)
+    moment = type(length_factor)(0.0)
+    if closed != 0 or (local > 0 and local < count - 1):
+        i = node_at(node, first, count, closed)
+        _, share = hinge_at_clamp(rest_angle[entry], local, count, gripped, wire, wire_clamp)
+        stiffness = share * hinge_stiffness[entry]
+        elastic = turning[i]
+        if yield_moment > type(length_factor)(0.0):
+            yield_turn = yield_moment * length_factor / stiffness
+            elastic = elastic_turning(elastic, plastic_turn[i], back_turn[i], yield_turn, kept_stiffness)
+        moment = stiffness * elastic / length_factor
+    return stiffness, moment
 
 
 @wp.kernel
@@ -101,36 +139,51 @@ def sum_wires(
     xy = wp.float64(0.0)
     yx = wp.float64(0.0)
     yy = wp.float64(0.0)
-    # moment at the node reached and pull of the segment before it
+    slope_factor = type(unit)(control[SLOPE_FACTOR])
+    # moment at the node before the one reached, moments of the turns there and one on, and pull of the segment between them
     moment = zero
     before = node_at(begin - 1, first, count, closed)
     t = block_table[block]
+    _, bend_before = bend_at(
+        begin - 1, t - 1, first, count, closed, gripped, wire, wire_clamp, length_factor, rest_angle, hinge_stiffness, turning,
+        yield_moment, kept_stiffness, plastic_turn, back_turn,
+    )  # fmt: skip
+    stiffness, bend = bend_at(
+        begin, t, first, count, closed, gripped, wire, wire_clamp, length_factor, rest_angle, hinge_stiffness, turning,
+        yield_moment, kept_stiffness, plastic_turn, back_turn,
+    )  # fmt: skip
+    length_before = length_at_clamp(rest_length[t - 1], begin - 1 - first, count, gripped, wire, wire_clamp)
     pull_before = pull_of(tension[before], rest_length[t - 1], before - first, count, gripped, wire, wire_clamp)
     for k in range(block_count[block] + 1):
         i = node_at(begin + k, first, count, closed)
-        beyond_end = closed == 0 and begin + k - first >= count
-        local = i - first
-        pull = pull_of(tension[i], rest_length[t + k], local, count, gripped, wire, wire_clamp)
-        natural_angle, share = hinge_at_clamp(rest_angle[t + k], local, count, gripped, wire, wire_clamp)
-        stiffness = share * hinge_stiffness[t + k] / length_factor
-        elastic = turning[i]
-        if yield_moment > zero:
-            elastic = elastic_turning(elastic, plastic_turn[i], back_turn[i], yield_moment / stiffness, kept_stiffness)
-        next_moment = stiffness * elastic
+        local = begin + k - first
+        pull = pull_of(tension[i], rest_length[t + k], i - first, count, gripped, wire, wire_clamp)
+        length = length_at_clamp(rest_length[t + k], local, count, gripped, wire, wire_clamp)
+        stiffness_after, bend_after = bend_at(
+            begin + k + 1, t + k + 1, first, count, closed, gripped, wire, wire_clamp, length_factor, rest_angle, hinge_stiffness,
+            turning, yield_moment, kept_stiffness, plastic_turn, back_turn,
+        )  # fmt: skip
+        next_moment = zero
         if closed != 0 or (local > 0 and local < count - 1):
+            natural_angle, _ = hinge_at_clamp(rest_angle[t + k], local, count, gripped, wire, wire_clamp)
+            first_length = length_before
+            last_length = length
+            if gripped != 0 and local == 1:
+                first_length = zero
+            if gripped != 0 and local == count - 2:
+                last_length = zero
+            next_moment = bend + slope_moment(bend_before, bend, bend_after, first_length, last_length, stiffness, slope_factor)
             next_moment += bow_moment * (turning[i] + natural_angle) * (pull_before + pull)
-        if beyond_end:
-            next_moment = zero
         if k > 0:
             # the segment between the node before and this one
             j = begin + k - 1
             ex = force_x[j]
             ey = force_y[j]
-            length = wp.sqrt(ex * ex + ey * ey)
+            chord = wp.sqrt(ex * ex + ey * ey)
             fx = zero
             fy = zero
-            if length > zero:
-                inverse = type(unit)(1.0) / length
+            if chord > zero:
+                inverse = type(unit)(1.0) / chord
                 shear = (moment - next_moment) * inverse
                 fx = (tension[j] * ex - shear * ey) * inverse
                 fy = (tension[j] * ey + shear * ex) * inverse
@@ -151,6 +204,10 @@ def sum_wires(
             tension_square += wp.float64(tension[j]) * wp.float64(tension[j])
             turning_square += wp.float64(turning[j]) * wp.float64(turning[j])
         moment = next_moment
+        bend_before = bend
+        bend = bend_after
+        stiffness = stiffness_after
+        length_before = length
         pull_before = pull
     partial[block, STRAIN_MAX] = wp.float64(strain_max)
     partial[block, ERROR_MAX] = error_max

@@ -3,8 +3,8 @@
     f_i = n_i - n_(i-1) + contact          n_j = T_j t_j + (g_j - g_(j+1)) / |e_j| nu_j
 
 with T_j the tension and t_j, nu_j the unit tangent and left normal of the segment from node j to node j + 1, and g_j the
-moment at node j with what the tension of its two arcs adds (see stretch.py and bend.py). `wires_by_block.py` does the same
-for the CPU, a block of nodes a thread; a test holds the two together.
+moment at node j with what the slope of the moment and the tension of its two arcs add (see stretch.py and bend.py).
+`wires_by_block.py` does the same for the CPU, a block of nodes a thread; a test holds the two together.
 
 Nodes of a wire are consecutive; block b holds nodes `block_first[b]` and on, and the threads of a block are consecutive
 too. Displacements are read from `*_in` and written to `*_out`, so that the neighbours of a node are never half updated.
@@ -14,7 +14,7 @@ from typing import Any
 
 import warp as wp
 
-from .bend import elastic_turning, turning_angle
+from .bend import elastic_turning, slope_moment, turning_angle
 from .clamp import edge_at_clamp, hinge_at_clamp, length_at_clamp
 from .control import (
     BOW_MOMENT,
@@ -22,6 +22,7 @@ from .control import (
     GRADIENT,
     LENGTH_FACTOR,
     LOOK_AHEAD,
+    SLOPE_FACTOR,
     STATUS,
     STATUS_RUNNING,
     STEP,
@@ -150,45 +151,65 @@ def step_wires_by_node(
     fyy = type(unit)(control[GRADIENT + 3])
     length_factor = type(unit)(control[LENGTH_FACTOR])
     bow_moment = type(unit)(control[BOW_MOMENT])
+    slope_factor = type(unit)(control[SLOPE_FACTOR])
     axial_stiffness = wire_axial[wire]
 
-    # edges and tensions of the four segments around the node: i-2, i-1, i, i+1
-    ex = wp.vector(zero, zero, zero, zero)
-    ey = wp.vector(zero, zero, zero, zero)
-    length = wp.vector(zero, zero, zero, zero)
-    for k in range(4):
-        j = node_at(i - 2 + k, first, count, closed)
-        j_next = node_at(i - 1 + k, first, count, closed)
-        t = table - 2 + k
+    # edges of the six segments around the node: i-3 to i+2
+    ex = wp.vector(zero, zero, zero, zero, zero, zero)
+    ey = wp.vector(zero, zero, zero, zero, zero, zero)
+    length = wp.vector(zero, zero, zero, zero, zero, zero)
+    for k in range(6):
+        j = node_at(i - 3 + k, first, count, closed)
+        j_next = node_at(i - 2 + k, first, count, closed)
+        t = table - 3 + k
         ex[k] = edge_component(fxx, fxy, rest_x[t], rest_y[t], ux_in[j_next], ux_in[j], unit)
         ey[k] = edge_component(fyx, fyy, rest_x[t], rest_y[t], uy_in[j_next], uy_in[j], unit)
-        edge_x, edge_y = edge_at_clamp(ex[k], ey[k], i - 2 + k - first, count, gripped, wire, wire_clamp)
+        edge_x, edge_y = edge_at_clamp(ex[k], ey[k], i - 3 + k - first, count, gripped, wire, wire_clamp)
         ex[k] = edge_x
         ey[k] = edge_y
         length[k] = wp.sqrt(ex[k] * ex[k] + ey[k] * ey[k])
-    # tensions of the segments there are, but those that a clamp holds rigid, times their natural length
+    # natural lengths and tensions of the segments i-2 to i+1, but of those that a clamp holds rigid, times their natural length
+    natural_length = wp.vector(zero, zero, zero, zero)
     pull = wp.vector(zero, zero, zero, zero)
     for k in range(4):
         local = i - 2 + k - first
+        natural_length[k] = length_at_clamp(rest_length[table - 2 + k], local, count, gripped, wire, wire_clamp)
         if closed != 0 or (local >= gripped and local < count - 1 - gripped):
-            natural = length_at_clamp(rest_length[table - 2 + k], local, count, gripped, wire, wire_clamp) * length_factor
+            natural = natural_length[k] * length_factor
             j = node_at(i - 2 + k, first, count, closed)
-            pull[k] = natural * axial_force(length[k], natural, axial_stiffness, tension_offset[j])
+            pull[k] = natural * axial_force(length[k + 1], natural, axial_stiffness, tension_offset[j])
+    # angles, stiffnesses at the rest length, and moments of the turns of the five nodes i-2 to i+2
+    angle = wp.vector(zero, zero, zero, zero, zero)
+    stiffness = wp.vector(zero, zero, zero, zero, zero)
+    bend = wp.vector(zero, zero, zero, zero, zero)
+    for k in range(5):
+        local = i - 2 + k - first
+        if closed != 0 or (local > 0 and local < count - 1):
+            t = table - 2 + k
+            angle[k] = turning_angle(ex[k], ey[k], ex[k + 1], ey[k + 1])
+            natural_angle, share = hinge_at_clamp(rest_angle[t], local, count, gripped, wire, wire_clamp)
+            turning = angle[k] - natural_angle
+            stiffness[k] = share * hinge_stiffness[t]
+            if yield_moment > zero:
+                j = node_at(i - 2 + k, first, count, closed)
+                yield_turn = yield_moment * length_factor / stiffness[k]
+                turning = elastic_turning(turning, plastic_turn[j], back_turn[j], yield_turn, kept_stiffness)
+            bend[k] = stiffness[k] * turning / length_factor
     # moments at the three nodes i-1, i, i+1
     moment = wp.vector(zero, zero, zero)
     for k in range(3):
         local = i - 1 + k - first
         if closed != 0 or (local > 0 and local < count - 1):
-            t = table - 1 + k
-            angle = turning_angle(ex[k], ey[k], ex[k + 1], ey[k + 1])
-            natural_angle, share = hinge_at_clamp(rest_angle[t], local, count, gripped, wire, wire_clamp)
-            turning = angle - natural_angle
-            stiffness = share * hinge_stiffness[t] / length_factor
-            if yield_moment > zero:
-                j = node_at(i - 1 + k, first, count, closed)
-                turning = elastic_turning(turning, plastic_turn[j], back_turn[j], yield_moment / stiffness, kept_stiffness)
-            moment[k] = stiffness * turning
-            moment[k] = moment[k] + bow_moment * angle * (pull[k] + pull[k + 1])
+            length_before = natural_length[k]
+            length_after = natural_length[k + 1]
+            if gripped != 0 and local == 1:
+                length_before = zero
+            if gripped != 0 and local == count - 2:
+                length_after = zero
+            moment[k] = bend[k + 1] + slope_moment(
+                bend[k], bend[k + 1], bend[k + 2], length_before, length_after, stiffness[k + 1], slope_factor
+            )
+            moment[k] = moment[k] + bow_moment * angle[k + 1] * (pull[k] + pull[k + 1])
     fx = zero
     fy = zero
     for k in range(2):
@@ -196,11 +217,10 @@ def step_wires_by_node(
         local = i - 1 + k - first
         if closed != 0 or (local >= 0 and local < count - 1):
             s = type(unit)(2 * k - 1)
-            inverse = type(unit)(1.0) / length[k + 1]
-            tx = ex[k + 1] * inverse
-            ty = ey[k + 1] * inverse
-            natural = length_at_clamp(rest_length[table - 1 + k], local, count, gripped, wire, wire_clamp) * length_factor
-            tension = pull[k + 1] / natural
+            inverse = type(unit)(1.0) / length[k + 2]
+            tx = ex[k + 2] * inverse
+            ty = ey[k + 2] * inverse
+            tension = pull[k + 1] / (natural_length[k + 1] * length_factor)
             shear = (moment[k] - moment[k + 1]) * inverse
             fx += s * (tension * tx - shear * ty)
             fy += s * (tension * ty + shear * tx)

@@ -16,6 +16,7 @@ from .control import (
     GRADIENT,
     LENGTH_FACTOR,
     LOOK_AHEAD,
+    SLOPE_FACTOR,
     STATUS,
     STATUS_RUNNING,
     STEP,
@@ -27,18 +28,18 @@ from .wires import rounding_phase
 BLOCK_SIZE = 128
 BLOCK_PAD = 32  # table entries behind a block that may be read
 
-# Local indices: node k is global node first - 2 + k, segment k joins nodes k and k + 1, angle k sits at node k between
+# Local indices: node k is global node first - HALO + k, segment k joins nodes k and k + 1, angle k sits at node k between
 # segments k - 1 and k.
 _BLOCK_STEP = r"""
     typedef decltype(unit) real;
     typedef COORDINATE coordinate;
     // loops run over whole vectors: PAD places behind the last node hold numbers that nothing uses
-    enum { LANES = 16, PAD = BLOCK_PAD, SPAN = BLOCK_SIZE + 4 + PAD };
+    enum { LANES = 16, PAD = BLOCK_PAD, HALO = 3, SPAN = BLOCK_SIZE + 2 * HALO + PAD };
     const int count = block_count;
-    const int nodes = count + 4, segments = count + 3;
+    const int nodes = count + 2 * HALO, segments = nodes - 1;
     const int whole = (segments + LANES) / LANES * LANES;
     const int lanes = (count + LANES - 1) / LANES * LANES;
-    const int offset_of_block = first - 2;
+    const int offset_of_block = first - HALO;
     const int wire_end = wire_first + wire_count;
     for (int q = pair_begin; q < pair_end; ++q) {
         // needed below, from far apart
@@ -50,14 +51,14 @@ _BLOCK_STEP = r"""
     }
     coordinate cx[SPAN], cy[SPAN];
     real shift[SPAN];
-    for (int k = 2; k < count + 2; ++k) {
+    for (int k = HALO; k < count + HALO; ++k) {
         cx[k] = ux_in.data[offset_of_block + k];
         cy[k] = uy_in.data[offset_of_block + k];
         shift[k] = tension_offset.data[offset_of_block + k];
     }
-    for (int q = 0; q < 4; ++q) {
-        // two nodes of the wire before the block and two behind it
-        const int k = q < 2 ? q : count + q;
+    for (int q = 0; q < 2 * HALO; ++q) {
+        // nodes of the wire before the block and behind it
+        const int k = q < HALO ? q : count + q;
         int i = offset_of_block + k;
         if (closed) {
             while (i < wire_first) i += wire_count;
@@ -74,17 +75,17 @@ _BLOCK_STEP = r"""
         cy[k] = cy[nodes - 1];
         shift[k] = real(0);
     }
-    const real* __restrict rx = rest_x.data + table - 2;
-    const real* __restrict ry = rest_y.data + table - 2;
-    const real* __restrict rl = rest_length.data + table - 2;
-    const real* __restrict ri = inverse_length.data + table - 2;
-    const real* __restrict ra = rest_angle.data + table - 2;
-    const real* __restrict rb = hinge_stiffness.data + table - 2;
-    const real* __restrict ri_m = inverse_mass.data + table - 2;
-    const real* __restrict rm = node_mass.data + table - 2;
+    const real* __restrict rx = rest_x.data + table - HALO;
+    const real* __restrict ry = rest_y.data + table - HALO;
+    const real* __restrict rl = rest_length.data + table - HALO;
+    const real* __restrict ri = inverse_length.data + table - HALO;
+    const real* __restrict ra = rest_angle.data + table - HALO;
+    const real* __restrict rb = hinge_stiffness.data + table - HALO;
+    const real* __restrict ri_m = inverse_mass.data + table - HALO;
+    const real* __restrict rm = node_mass.data + table - HALO;
 
     const real axial_by_factor = axial_stiffness * hinge_factor;
-    real tx[SPAN], ty[SPAN], il[SPAN], tension[SPAN], moment[SPAN], unbending[SPAN];
+    real tx[SPAN], ty[SPAN], il[SPAN], tension[SPAN], bend[SPAN], moment[SPAN], unbending[SPAN], share[SPAN], rise[SPAN];
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
@@ -122,7 +123,8 @@ _BLOCK_STEP = r"""
             }
         }
     }
-    tx[whole] = ty[whole] = tension[whole] = moment[0] = unbending[0] = real(0);
+    tx[whole] = ty[whole] = tension[whole] = bend[0] = moment[0] = unbending[0] = real(0);
+    share[0] = real(1);
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
@@ -146,7 +148,8 @@ _BLOCK_STEP = r"""
         }
         const real folded = x * series + middle * real(0.7853981633974483) + steep * real(1.5707963267948966);
         const real angle = real(2) * (sine < real(0) ? -folded : folded);
-        moment[j + 1] = hinge_factor * rb[j + 1] * (angle - ra[j + 1]);
+        bend[j + 1] = hinge_factor * rb[j + 1] * (angle - ra[j + 1]);
+        share[j + 1] = real(1);
         unbending[j + 1] = bow_moment * angle * (tension[j] * rl[j] + tension[j + 1] * rl[j + 1]);
     }
     }
@@ -158,16 +161,17 @@ _BLOCK_STEP = r"""
                 if (k < 1 || k >= segments) continue;
                 // segment from the clamp, and the one beyond the first free node
                 const int own = far ? end - 3 : begin + 1, other = far ? k - 1 : k;
-                const real angle = moment[k] / (hinge_factor * rb[k]) + ra[k];
+                const real angle = bend[k] / (hinge_factor * rb[k]) + ra[k];
                 const real pull = tension[own] * clamp[LENGTH] + (next ? tension[other] * rl[other] : real(0));
                 unbending[k] = bow_moment * angle * pull;
-                moment[k] = clamp[HINGE + next] * hinge_factor * rb[k] * (angle - clamp[ANGLE + next]);
+                share[k] = clamp[HINGE + next];
+                bend[k] = share[k] * hinge_factor * rb[k] * (angle - clamp[ANGLE + next]);
             }
         }
     }
     if (yield_moment > real(0)) {
         // see elastic_turning in bend.py
-        for (int j = 1; j <= count + 2; ++j) {
+        for (int j = 1; j < segments; ++j) {
             int i = offset_of_block + j;
             if (closed) {
                 while (i < wire_first) i += wire_count;
@@ -175,23 +179,45 @@ _BLOCK_STEP = r"""
             } else if (i < wire_first || i >= wire_end) {
                 continue;
             }
-            real share = real(1);
-            if (gripped) {
-                if (j == begin + 1 || j == begin + 2) share = clamps[HINGE + j - begin - 1];
-                if (j == end - 2 || j == end - 3) share = clamps[CLAMP_NUMBERS + HINGE + end - 2 - j];
-            }
-            const real stiffness = share * hinge_factor * rb[j];
-            const real trial = moment[j] / stiffness - plastic_turn.data[i], beyond = trial - back_turn.data[i];
+            const real stiffness = share[j] * hinge_factor * rb[j];
+            const real trial = bend[j] / stiffness - plastic_turn.data[i], beyond = trial - back_turn.data[i];
             const real over = (beyond < real(0) ? -beyond : beyond) - yield_moment / stiffness;
             const real off = over > real(0) ? over * (real(1) - kept_stiffness) : real(0);
-            moment[j] = stiffness * (trial - (beyond < real(0) ? -off : off));
+            bend[j] = stiffness * (trial - (beyond < real(0) ? -off : off));
         }
     }
     if (!closed) {
         // beyond the ends of an open wire there is nothing
-        for (int k = 0; k <= begin; ++k) { moment[k] = unbending[k] = real(0); }
+        for (int k = 0; k <= begin; ++k) { bend[k] = unbending[k] = share[k] = real(0); }
         for (int k = 0; k < begin; ++k) { tension[k] = real(0); }
-        for (int k = end - 1; k < segments; ++k) { tension[k] = moment[k] = unbending[k] = real(0); }
+        for (int k = end - 1; k <= segments; ++k) { tension[k] = bend[k] = unbending[k] = share[k] = real(0); }
+    }
+    // what the slope of the moment along the segments adds: see bend.py
+    {
+    #pragma clang fp reassociate(on) contract(fast)
+    #pragma clang loop vectorize(enable)
+    for (int k = 0; k < whole; ++k) {
+        rise[k] = rl[k] * (bend[k + 1] - bend[k]);
+    }
+    }
+    if (!closed) {
+        for (int k = 0; k < begin; ++k) { rise[k] = real(0); }
+        for (int k = end - 1; k < segments; ++k) { rise[k] = real(0); }
+    }
+    if (gripped) {
+        for (int far = 0; far < 2; ++far) {
+            const int rigid = far ? end - 2 : begin, k = far ? end - 3 : begin + 1;
+            if (rigid >= 0 && rigid < segments) rise[rigid] = real(0);
+            if (k >= 0 && k < segments) rise[k] = clamps[far * CLAMP_NUMBERS + LENGTH] * (bend[k + 1] - bend[k]);
+        }
+    }
+    rise[whole] = moment[0] = moment[whole] = real(0);
+    {
+    #pragma clang fp reassociate(on) contract(fast)
+    #pragma clang loop vectorize(enable)
+    for (int k = 0; k < whole; ++k) {
+        moment[k + 1] = bend[k + 1] + slope_factor * share[k + 1] * rb[k + 1] * (rise[k] - rise[k + 1]);
+    }
     }
     real nx[SPAN], ny[SPAN], fx[SPAN], fy[SPAN];
     {
@@ -204,15 +230,15 @@ _BLOCK_STEP = r"""
     }
     #pragma clang loop vectorize(enable)
     for (int j = 0; j < lanes; ++j) {
-        fx[j + 2] = nx[j + 2] - nx[j + 1];
-        fy[j + 2] = ny[j + 2] - ny[j + 1];
+        fx[j + HALO] = nx[j + HALO] - nx[j + HALO - 1];
+        fy[j + HALO] = ny[j + HALO] - ny[j + HALO - 1];
     }
     }
     for (int q = pair_begin; q < pair_end; ++q) {
         const int p = block_pair.data[q];
         if (pair_force.data[p] == real(0)) continue;
         const int reached = pair_node.data[p] - 1 - offset_of_block;
-        if (reached >= 2 && reached < count - 1) {
+        if (reached >= HALO && reached + 3 < count + HALO) {
             for (int c = 0; c < 4; ++c) {
                 fx[reached + c] += pair_nodal_x.data[4 * p + c];
                 fy[reached + c] += pair_nodal_y.data[4 * p + c];
@@ -226,7 +252,7 @@ _BLOCK_STEP = r"""
                 if (i >= wire_end) i -= wire_count;
             }
             const int k = i - offset_of_block;
-            if (k >= 2 && k < count + 2) {
+            if (k >= HALO && k < count + HALO) {
                 fx[k] += pair_nodal_x.data[4 * p + c];
                 fy[k] += pair_nodal_y.data[4 * p + c];
             }
@@ -248,7 +274,7 @@ _BLOCK_STEP = r"""
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    for (int k = 2; k < count + 2; ++k) {
+    for (int k = HALO; k < count + HALO; ++k) {
         const real im = ri_m[k] * mass_factor;
         const real px = speed_x[k], py = speed_y[k];
         const real f2 = fx[k] * fx[k] + fy[k] * fy[k];
@@ -272,11 +298,11 @@ _BLOCK_STEP = r"""
     }
     // largest squares, lane by lane: a plain maximum does not vectorise
     for (int l = 0; l < LANES; ++l) {
-        ff[count + 2 + l] = real(0);
-        qq[count + 2 + l] = real(0);
+        ff[count + HALO + l] = real(0);
+        qq[count + HALO + l] = real(0);
     }
     real strong[LANES] = {0}, fast[LANES] = {0};
-    for (int k = 2; k < count + 2; k += LANES) {
+    for (int k = HALO; k < count + HALO; k += LANES) {
         for (int l = 0; l < LANES; ++l) {
             strong[l] = ff[k + l] > strong[l] ? ff[k + l] : strong[l];
             fast[l] = qq[k + l] > fast[l] ? qq[k + l] : fast[l];
@@ -368,6 +394,7 @@ def block_step(
     length_factor: wp.float32,
     hinge_factor: wp.float32,
     bow_moment: wp.float32,
+    slope_factor: wp.float32,
     axial_stiffness: wp.float32,
     mass_factor: wp.float32,
     velocity_factor: wp.float32,
@@ -433,6 +460,7 @@ def block_step(
     length_factor: wp.float64,
     hinge_factor: wp.float64,
     bow_moment: wp.float64,
+    slope_factor: wp.float64,
     axial_stiffness: wp.float64,
     mass_factor: wp.float64,
     velocity_factor: wp.float64,
@@ -555,6 +583,7 @@ def step_wires_by_block(
         type(unit)(control[LENGTH_FACTOR]),
         type(unit)(wp.float64(1.0) / control[LENGTH_FACTOR]),
         type(unit)(control[BOW_MOMENT] * control[LENGTH_FACTOR]),
+        type(unit)(control[SLOPE_FACTOR]),
         wire_axial[wire],
         type(unit)(1.0) / wire_mass[wire],
         type(unit)(control[VELOCITY_FACTOR]),

@@ -37,12 +37,12 @@ LAYERS = (
     {"spatial"},
     {"export"},
     {"run", "plan"},
-    {"sweep"},
+    {"sweep", "trade"},
     {"design"},
     {"cli"},
     {"__main__"},
 )
-MAY_IMPORT_EXPORT = {"run.run", "run.spatial_run", "sweep.sweep", "cli", "design.report"}
+MAY_IMPORT_EXPORT = {"run.run", "run.spatial_run", "sweep.sweep", "trade.study", "cli", "design.report"}
 EXPORT_MAY_IMPORT = {"errors", "files", "frame", "knit", "export"}
 
 

@@ -34,9 +34,9 @@ def test_keys_are_those_scripts_rely_on():
 
 
 def test_counts_of_the_cell():
-    """One repeat of the double atlas: 2 threads, 8 loops of 24 nodes, 12 bodies with two pairs each."""
+    """One repeat of the double atlas: 2 threads, 8 loops of 16 nodes, 12 bodies with two pairs each."""
     planned = make_plan(load_scene(CELL), "cpu")
-    assert (planned.wires, planned.nodes, planned.bodies, planned.pairs) == (2, 8 * 24, 12, 24)
+    assert (planned.wires, planned.nodes, planned.bodies, planned.pairs) == (2, 8 * 16, 12, 24)
     assert planned.counted
 
 

@@ -60,7 +60,7 @@ def test_smaller_scene_keeps_the_parity_and_ends() -> None:
 
 def test_periodic_mesh_starts_at_its_answer() -> None:
     """Repeats of a periodic mesh are alike, so it begins where one repeat came to rest, and needs no more than the looks that
-    tell so: DRIFT_LOOKS + 1. The tensions of both may drift by the tolerance."""
+    tell so: `drift_looks` + 1. The tensions of both may drift by the tolerance."""
     model, state, simulation, steps = settled((3, 2), "periodic", False)
     cell = simulation.drive.smaller
     assert steps <= 10 * 50

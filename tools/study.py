@@ -84,15 +84,17 @@ def write_rows(path: Path, rows: Sequence[Any]) -> None:
     os.replace(aside, path)
 
 
-def read_rows(path: Path, kind: type[T]) -> list[T]:
-    """What `write_rows` wrote of dataclasses of a kind whose fields are numbers and words."""
-    kinds = {"int": int, "float": float, "str": str}
-    with open(path, newline="", encoding="utf-8") as file:
-        return [kind(**{f.name: kinds[str(f.type)](row[f.name]) for f in fields(kind)}) for row in csv.DictReader(file)]
-
-
 def _short(value: Any) -> Any:
     return f"{value:.5g}" if isinstance(value, float | np.floating) else value
+
+
+def read_rows(path: Path, kind: type[T]) -> list[T]:
+    """The rows of a CSV file that `write_rows` wrote of dataclasses of a kind, texts and numbers; none where there is no file."""
+    if not path.exists():
+        return []
+    kinds = {field.name: {"str": str, "int": int, "float": float}[str(field.type)] for field in fields(kind)}
+    with open(path, newline="", encoding="utf-8") as file:
+        return [kind(**{name: kinds[name](text or "nan") for name, text in line.items()}) for line in csv.DictReader(file)]
 
 
 def show_rows(rows: Sequence[Any]) -> None:

@@ -1,4 +1,4 @@
-"""The command line: `warpknit run`, `warpknit plan`, `warpknit map`, `warpknit report`, `warpknit export`.
+"""The command line: `warpknit run`, `warpknit plan`, `warpknit map`, `warpknit trade`, `warpknit report`, `warpknit export`.
 
 Whatever ends a command is turned into an exit status and a line in one place, `exit_status`.
 """
@@ -134,6 +134,16 @@ def _refuse_both(resume: bool, force: bool) -> None:
         raise click.UsageError("--resume goes on with what is in DIR, --force replaces it: give one of them.")
 
 
+def _refuse_error(percent: float, preset: str | None, scene: Scene) -> None:
+    """What --error cannot be given with."""
+    if preset is not None:
+        raise click.UsageError("--error and --preset: both given, allowed: one of them.")
+    if not 0.0 < percent <= 100.0:
+        raise click.UsageError(f"--error: given {percent:g}, allowed: a percentage above 0, up to 100.")
+    if scene.solver.drive != "relax":
+        raise click.UsageError(f"--error: given with solver.drive = {scene.solver.drive!r}, allowed with 'relax'.")
+
+
 def result_options(command: Any) -> Any:
     """The options that say where results go and what may stand there."""
     for option in (
@@ -149,6 +159,7 @@ def result_options(command: Any) -> Any:
 @main.command()
 @scene_options
 @result_options
+@click.option("--error", type=float, metavar="PERCENT", help="Take the cheapest settings that miss no more; estimate the error.")
 @click.pass_obj
 def run(
     ranks: Ranks,
@@ -156,6 +167,7 @@ def run(
     overrides: tuple[str, ...],
     preset: str | None,
     device: str | None,
+    error: float | None,
     out: str | None,
     resume: bool,
     force: bool,
@@ -173,9 +185,16 @@ def run(
     from warpknit.run.progress import progress_for
     from warpknit.run.run import run_scene
 
+    judge = None
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
+        if error is not None:
+            from warpknit.trade.estimate import settings_within
+
+            _refuse_error(error, preset, loaded)
+            found = ranks.from_first(lambda: settings_within(loaded, error))
+            loaded, judge = load_scene(scene, (*overrides, *found.overrides)), found.judge(loaded)
         result = run_scene(
-            loaded, out=directory, device=device, resume=resume, force=force, progress=progress, ranks=ranks
+            loaded, out=directory, device=device, resume=resume, force=force, progress=progress, ranks=ranks, judge=judge
         )
     if not ranks.is_first:
         return int(result.exit_code)
@@ -226,6 +245,46 @@ def contact_map(
     from warpknit.run.report import engineering, print_table
 
     print_table([*map_lines(result.summary, engineering), ("results in", str(directory))])
+    return FINISHED
+
+
+@main.command()
+@scene_options
+@result_options
+@click.option("--against", type=click.Choice(["planar", "spatial"]), help="Model of the reference.  [default: the scene's]")
+def trade(
+    scene: str,
+    overrides: tuple[str, ...],
+    preset: str | None,
+    device: str | None,
+    against: str | None,
+    out: str | None,
+    resume: bool,
+    force: bool,
+    quiet: bool,
+) -> int:
+    """Measure speed against accuracy on SCENE: run it at many settings, and leave errors and costs in DIR."""
+    _refuse_both(resume, force)
+    configure_logging(logging.WARNING if quiet else logging.INFO)
+    from warpknit.scene import load_scene
+
+    loaded = load_scene(scene, overrides, preset)
+    directory = Path(out) if out else Path("runs") / loaded.name
+
+    from warpknit.run.progress import progress_for
+    from warpknit.trade.study import run_trade, trade_lines
+
+    with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
+        result = run_trade(
+            lambda more, other: load_scene(scene, (*overrides, *more), other or preset),
+            out=directory, against=against, device=device, resume=resume, force=force, progress=progress,
+        )  # fmt: skip
+    if result.exit_code != FINISHED:
+        click.echo(f"warpknit: {result.message}", err=True)
+        return result.exit_code
+    from warpknit.run.report import print_table
+
+    print_table([*trade_lines(result.summary), ("results in", str(directory))])
     return FINISHED
 
 

@@ -32,6 +32,7 @@ from .model.model import (
 )
 from .model.numerics import Numbers, choose_numbers
 from .scene import Scene, Stage
+from .scene.presets import PRESETS
 from .solve.prolongation import smaller_scene
 from .solve.step import thread_count
 from .spatial.estimate import spatial_physics, spatial_steps, spatial_time
@@ -83,11 +84,12 @@ class Plan:
     relaxes: bool
     knit: str
     sweep: str
+    accuracy: str
 
     def as_dict(self) -> dict[str, Any]:
         """What `warpknit plan --json` prints."""
         kept = asdict(self)
-        for name in ("scene", "device", "available_bytes", "counted", "relaxes", "knit", "sweep"):
+        for name in ("scene", "device", "available_bytes", "counted", "relaxes", "knit", "sweep", "accuracy"):
             del kept[name]
         return kept | {"physics": list(self.physics)}
 
@@ -112,6 +114,7 @@ class Plan:
             *([("sweep", self.sweep)] if self.sweep else []),
             ("time", time),
             ("", f"both within a factor of {ESTIMATE_FACTOR}, where the mesh is like the ones they were measured on"),
+            ("accuracy", self.accuracy),
             ("physics", self.physics[0]),
             *(("", sentence) for sentence in self.physics[1:]),
         ]
@@ -147,6 +150,19 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         relaxes=scene.solver.drive == "relax",
         knit="" if cloth is None else _repeat(scene, cloth),
         sweep=_sweep(scene),
+        accuracy=_accuracy(scene),
+    )
+
+
+def _accuracy(scene: Scene) -> str:
+    """What is known of the error of the scene's settings."""
+    name = scene.preset_in_force
+    if name is None:
+        return "no preset has these settings; `run --error` takes some that it measures on this scene"
+    preset = PRESETS[name]
+    return (
+        f"{name}: within {preset.error_percent:g} % on a repeat of the double atlas mesh, for {preset.node_steps:.2g} node-steps"
+        " a load level; `run --error` measures it on this scene"
     )
 
 
@@ -230,7 +246,7 @@ def relax_steps(scene: Scene, table: Table) -> int:
     """Steps of a relaxation, from what the Atlas-Atlas mesh took.
 
     Steps go with n^NODES_POWER (n nodes a loop) where bending rules the fictitious masses; there are sqrt(s*/s) times as
-    many where the softened stretch rules them, s* = (2 h/d)^2 being the softening at which both are equal. A
+    many where the softened stretch rules them, s* = 0.6 (2 h/d)^2 being the softening at which both are equal. A
     tile takes the same number whatever its size, as the interior moves with its boundary. A large mesh starts from a smaller one.
     """
     solver = scene.solver
@@ -240,7 +256,7 @@ def relax_steps(scene: Scene, table: Table) -> int:
         states = sum(2.0 if _is_driven_by_tension(stage) else 1.0 for stage in scene.stages)
         return round(states * STEPS_FROM_SMALLER * scene.output.frames)
     n = scene.model.nodes_per_loop
-    balance = (2.0 * float(table.spacing.min()) / scene.wire.diameter) ** 2
+    balance = 0.6 * (2.0 * float(table.spacing.min()) / scene.wire.diameter) ** 2
     work = (n / MEASURED_NODES) ** NODES_POWER * math.sqrt(max(1.0, balance / solver.axial_softening))
     work *= (MEASURED_TOLERANCE / solver.residual_tolerance) ** TOLERANCE_POWER
     if scene.hook is not None:

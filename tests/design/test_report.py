@@ -49,6 +49,7 @@ def test_the_page_holds_all_it_shows(reports):
     page, _, _ = found["2 N/m"]
     sources = re.findall(r'(?:src|href)="([^"]*)"', page)
     assert len(sources) == 4 and all(source.startswith("data:image/png;base64,") for source in sources)
+    page = re.sub(r'"data:image/png;base64,[^"]*"', '""', page)  # which may spell any word
     assert "http" not in page and "@import" not in page and "<script" not in page and "url(" not in page
     for words in ("Active contacts", "Tension against strain", "Material card", "Openings", "resistance", "wire length a loop"):
         assert words in page

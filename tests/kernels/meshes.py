@@ -41,6 +41,7 @@ class Mesh:
 def _model(mesh: str, precision: str, device: str) -> Model:
     scene, overrides = MESHES[mesh]
     strains = ("load.strain_weft=0.1", "load.strain_warp=0.1", "output.frames=1", f"solver.precision='{precision}'")
+    strains = ("model.nodes_per_loop=24", *strains)
     return build_model(load_scene(SCENES / scene, [*overrides, *strains], preset="standard"), device)
 
 

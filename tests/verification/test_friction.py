@@ -31,7 +31,11 @@ CYCLE = {
 def pressed(friction: float, by_node: bool, repeats: list[int] | None = None, threads: int | None = None):
     """A periodic mesh whose bodies are pressed into one of their wires, which then stick, and are moved along it."""
     knit = {"repeats": repeats or [1, 1]}
-    model = build_model(make_scene({**CYCLE, "knit": knit, "contact": {"friction": friction}, "solver": {"precision": "double"}}))
+    options = {"boundary": "periodic", "nodes_per_loop": 24}
+    scene = make_scene(
+        {**CYCLE, "model": options, "knit": knit, "contact": {"friction": friction}, "solver": {"precision": "double"}}
+    )
+    model = build_model(scene)
     state = initial_state(model)
     panel = model.panel
     # from the nearest node of the first wire of each body towards the wire, by more than the clearance at rest

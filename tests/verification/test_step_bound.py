@@ -1,6 +1,6 @@
 """The bound on the highest frequency against closed forms and against the stiffness matrix itself.
 
-    straight wire of even nodes:  w^2 = 4 K/(h m), or 16 EI/(h^3 m) where that is more
+    straight wire of even nodes:  w^2 = 4 K/(h m), or 80/3 EI/(h^3 m) where that is more
     any mesh:                     largest eigenvalue of M^-1 K <= bound
 """
 
@@ -22,7 +22,7 @@ def test_bound_of_a_straight_wire_is_exact(softening: float) -> None:
     rig = Rig(table, panel_of_wires(table), axial_softening=softening)
     wire = rig.model.scene.wire
     mass = wire.linear_density * h
-    expected = max(4 * wire.axial_stiffness / softening / (h * mass), 16 * wire.bending_stiffness / (h**3 * mass))
+    expected = max(4 * wire.axial_stiffness / softening / (h * mass), 80 / 3 * wire.bending_stiffness / (h**3 * mass))
     assert 0.99 * expected < frequency_square(rig.reading(rig.rest)) <= expected * (1 + 1e-12)
 
 
@@ -40,7 +40,7 @@ def test_bound_is_just_above_the_largest_eigenvalue(bodies: int, softening: floa
     allowed = DEPTH / rig.model.contact_reach if bodies else 1e-6
     bound = frequency_square(reading)
     assert largest < bound * (1 + allowed)
-    assert bound < 1.2 * largest
+    assert bound < 1.25 * largest  # the slope of the moment counts for a mode that alternates, which contacts are not alone in
 
 
 def test_contacts_about_to_close_count_as_closed() -> None:

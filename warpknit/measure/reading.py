@@ -84,8 +84,15 @@ class Reading:
 
     @property
     def moment(self) -> np.ndarray:
-        """[node] [N m] bending moment."""
-        return self.model.bending_stiffness * self.curvature_change
+        """[node] [N m] bending moment: that of the turns, and what the slope of the moment adds (kernels/bend.py)."""
+        moment = self.moment_of_turns
+        slope_share = float(self.control[int(c.SLOPE_FACTOR)]) * self.model.bending_stiffness
+        return moment - slope_share * self._second_difference(moment) / self.hinge_length
+
+    @property
+    def moment_of_turns(self) -> np.ndarray:
+        """[node] [N m] EI times the elastic turning over the length that the hinge stands for."""
+        return self.model.bending_stiffness * self.elastic_turning / (self.hinge_length * self.length_factor)
 
     @property
     def bow_moment(self) -> np.ndarray:
@@ -102,8 +109,30 @@ class Reading:
 
     @property
     def curvature_change(self) -> np.ndarray:
-        """[node] [1/m] elastic change of curvature: the turning over the length that the hinge stands for."""
-        return self.elastic_turning / (self.hinge_length * self.length_factor)
+        """[node] [1/m] elastic change of curvature: the turning over the length that the hinge stands for, less what a turn at a
+        point misses of a smooth curve, h^2/12 of its second derivative (kernels/bend.py). At a clamp what is missed is of
+        first order, L/3 of the slope: the turn there stands for half a segment."""
+        curvature = self.elastic_turning / (self.hinge_length * self.length_factor)
+        missed = self._second_difference(curvature) / (12.0 * self.hinge_length)
+        for _, following, node in self._hinges_at_clamps:
+            if not following:
+                missed[node] *= 2.0
+        return curvature - missed
+
+    def _second_difference(self, values: np.ndarray) -> np.ndarray:
+        """[node] L (v_next - v) - L_before (v - v_before) of values at the hinges, [m] times their unit."""
+        panel = self.model.panel
+        last = panel.wire_first + panel.wire_count - 1
+        rise = np.roll(values, -1)
+        rise[last] = values[panel.wire_first]
+        np.subtract(rise, values, out=rise)
+        rise *= self.natural_length
+        rise[last] = np.where(panel.wire_closed, rise[last], 0.0)
+        if self.model.is_gripped:
+            rise[panel.wire_first] = rise[last - 1] = 0.0
+        before = np.roll(rise, 1)
+        before[panel.wire_first] = rise[last]
+        return np.subtract(rise, before, out=rise)
 
     @property
     def elastic_turning(self) -> np.ndarray:

@@ -376,7 +376,8 @@ def _clamps(
     edge = np.diff(np.concatenate([centre[:, :, None], node[:, :, 2:]], axis=2), axis=2) * inward[:, None, None]
     length = np.linalg.norm(edge, axis=3)
     turn = np.stack([_turn(tangent, edge[:, :, 0], inward), _turn(edge[:, :, 0], edge[:, :, 1], inward)], axis=2)
-    hinge = np.stack([0.5 * length[..., 0], 0.5 * (length[..., 0] + length[..., 1])], axis=2)
+    first_arc = np.abs(node_arc[..., 2] - arc)
+    hinge = np.stack([0.5 * first_arc, 0.5 * (first_arc + spacing[:, None])], axis=2)
     # table entries [wire, end, hinge] of the two nodes
     entry = np.mod(begin[:, None, None] + local[:, :, 1:3], table.nodes[thread][:, None, None])
     entry += table.start[thread][:, None, None]

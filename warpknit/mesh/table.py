@@ -42,7 +42,7 @@ class Table:
     rest_bow: np.ndarray  # [entry] [-] share by which the arc is longer, as the kernel sees it (kernels/bend.py)
     rest_turn: np.ndarray  # [entry] [rad] turning angle at the node as knitted
     rest_angle: np.ndarray  # [entry] [rad] natural turning angle: what is left of it when the wire is let free
-    hinge_length: np.ndarray  # [entry] [m] mean of the two chords at the node
+    hinge_length: np.ndarray  # [entry] [m] wire that the hinge at the node stands for
     node_length: np.ndarray  # [entry] [m] wire that the node stands for
     curve: np.ndarray  # [entry, CURVE_COEFFICIENTS] [-] see kernels/contact.py
     curve_error: float  # [m] largest distance of the fitted rest curve from the true one
@@ -94,7 +94,7 @@ def table_of_lines(lines: Sequence[Line], *, set_fraction: float, lead: int) -> 
         columns["bow"].append(BOW * (angle[:-1] ** 2 + angle[1:] ** 2))
         columns["turn"].append(angle[:-1])
         columns["ang"].append(angle[:-1] * set_fraction)
-        columns["hl"].append(0.5 * (chord[:-2] + chord[1:-1]))
+        columns["hl"].append(np.full(len(k) - 3, h))
         columns["nl"].append(np.full(len(k) - 3, h))
         coefficients, miss = _fit_rest_curve(centre_line, n, h)
         error = max(error, miss)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..kernels.bend import BOW
+from ..kernels.bend import BEND_EIGENVALUE, BOW
 from ..mesh.table import Table
 from ..scene import Scene
 
@@ -75,7 +75,7 @@ def choose_numbers(scene: Scene, table: Table, loop_length: float) -> Numbers:
     contact = 20 * bend if contact is None else contact
     share = BODY_MASS_SHARE if scene.contact.body_mass is None else scene.contact.body_mass
     body_mass = share * wire.linear_density * 0.5 * loop_length * scene.solver.mass_scaling
-    stiffness = max(4 * axial, 16 * bend)
+    stiffness = max(4 * axial, BEND_EIGENVALUE * bend)
     target = scene.solver.target_time_step
     if target is not None:
         mass = np.maximum(mass, (stiffness + 2 * contact) * (target / (2 * STEP_MARGIN)) ** 2)
@@ -83,7 +83,7 @@ def choose_numbers(scene: Scene, table: Table, loop_length: float) -> Numbers:
     added = float(mass.sum() / true_mass.sum() - 1.0)
     rates = {
         "stretch": 4 * axial / mass.min(),
-        "bending": 16 * bend / mass.min(),
+        "bending": BEND_EIGENVALUE * bend / mass.min(),
         "contact": max((stiffness + 2 * contact) / mass.min(), 4 * contact / body_mass),
     }
     limited_by = max(rates, key=lambda k: rates[k])
@@ -104,14 +104,14 @@ def unit_step_mass(
 ) -> np.ndarray:
     """Node mass [kg] that is stable at a step of 1 s, for a softened EA [N], EI [N m2], a penalty [N/m] and a spacing [m].
 
-    A chain's largest eigenvalue is a = 4 k (stretch) or b = 16 EI/h^3 (bend), the larger of the two where it is straight; a
+    A chain's largest eigenvalue is a = 4 k (stretch) or b = 80/3 EI/h^3 (bend), the larger of the two where it is straight; a
     turn theta [rad] couples them: (a + b)/2 + sqrt((a - b)^2/4 + a b sin^2 theta). The step is stable up to 4 m. CONTACT_SHARE
     leaves room for the pairs of neighbouring bodies that may push the same node; a tension T [N] stiffens sideways by 4 T/h, and
     unbends arcs (kernels/bend.py).
     """
     a = 4.0 * np.asarray(axial_stiffness) / spacing
     pull = np.maximum(tension, 0.0)
-    b = 16.0 * (bending_stiffness / spacing**3 + 4.0 * BOW * pull / spacing)
+    b = BEND_EIGENVALUE * bending_stiffness / spacing**3 + 64.0 * BOW * pull / spacing
     sine = np.sin(np.minimum(turning, 0.5 * np.pi))
     wire = 0.5 * (a + b) + np.sqrt(0.25 * (a - b) ** 2 + a * b * sine**2)
     return MASS_MARGIN * (0.25 * wire + pull / spacing + CONTACT_SHARE * contact_stiffness)

@@ -14,7 +14,7 @@ import warp as wp
 
 from ..kernels import contact_by_batch as b
 from ..kernels import control as c
-from ..kernels.bend import BOW
+from ..kernels.bend import BOW, SLOPE_SHARE
 from ..kernels.friction import LOOSE
 from .model import Model, body_blocks, contact_batches
 from .numerics import MASS_MARGIN
@@ -212,6 +212,7 @@ def initial_state(model: Model, replicas: int | None = None) -> State:
             c.TIME_STEP: model.time_step,
             c.DAMPING: 0.02 if relax else model.damping,
             c.BOW_MOMENT: 2.0 * BOW if relax and model.scene.solver.multipliers else 0.0,
+            c.SLOPE_FACTOR: SLOPE_SHARE / model.bending_stiffness,
             c.LOOK_AHEAD: LOOK_AHEAD if relax else 0.0,
             c.FORCE_FACTOR: model.time_step,
             c.VELOCITY_FACTOR: 1.0,

@@ -52,6 +52,8 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
             yield "  away from the grips", engineering(interior, "Pa")
     if (peak := value("wire", "stress_max_so_far_Pa")) is not None and stress is not None and peak > 1.001 * stress:
         yield "largest on the way", engineering(peak, "Pa")
+    if (error := value("quality", "estimated_error")) is not None:
+        yield "estimated error", f"{100 * error:.2g} %"
     if (steps := value("solver", "steps")) is not None:
         yield "time steps", f"{steps:,} of {value('model', 'nodes') or 0:,} nodes"
     if (wall := value("solver", "wall_s")) is not None:

@@ -12,7 +12,7 @@ import logging
 import math
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,7 +34,7 @@ from .panel_report import report_panel
 from .progress import Progress as Display
 from .run_directory import check_directory, clear, make_directory, read_summary
 from .spatial_run import SpatialRun
-from .summary import run_summary, stage_summary
+from .summary import Estimate, run_summary, stage_summary
 from .watch import Watch
 
 if TYPE_CHECKING:
@@ -45,6 +45,9 @@ _log = logging.getLogger(__name__)
 RECORD_MEMORY = 400  # bytes a node that writing a record takes: the frame and its tables
 PATIENCE = 30.0  # [s] that an earlier run may take to finish its last frame after it was killed
 COMPILING_S = 1.0  # kernels that took longer to be ready were compiled, not loaded
+
+
+Judge = Callable[[Record], Estimate]
 
 
 @dataclass(frozen=True)
@@ -65,8 +68,10 @@ def run_scene(
     force: bool = False,
     progress: Display | None = None,
     ranks: Ranks | None = None,
+    judge: Judge | None = None,
 ) -> Run:
     """Run `scene` into the directory `out`; several `ranks` that share it all call this, and the first one writes the results.
+    `judge` is asked for the errors of the last state of a run that came to its end.
 
     Raises `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. A divergence ends with
     exit_code 3, an interrupt with 130; what was finished by then is kept.
@@ -94,7 +99,7 @@ def run_scene(
         if not ranks.is_first:
             ending = Watch(simulation, out).run(lambda _record: None)
             return Run(ending.exit_code, {}, ending.message)
-        return _Recorder(model.whole, simulation, out, progress or Display(), compile_time, checkpoint, hold).run()
+        return _Recorder(model.whole, simulation, out, progress or Display(), compile_time, checkpoint, hold, judge).run()
 
 
 def _run_spatial(scene: Scene, out: Path, device: str, ranks: Ranks, display: Display) -> Run:
@@ -175,8 +180,10 @@ class _Recorder:
         compile_time: float,
         checkpoint: Checkpoint | None,
         hold: int | None,
+        judge: Judge | None,
     ) -> None:
         self.model = model
+        self.judge = judge
         self.scene = model.scene
         self.simulation = simulation
         self.out = out
@@ -210,7 +217,8 @@ class _Recorder:
                 raise
             code, message = ending.exit_code, ending.message
             unsteady = ending.reason == "steady" and not self.rows[-1].steady
-            summary = self._write_summary("finished" if unsteady else ending.reason, message)
+            estimate = self.judge(self.last) if self.judge is not None and code == 0 and hasattr(self, "last") else None
+            summary = self._write_summary("finished" if unsteady else ending.reason, message, estimate)
             self.frames.close(complete=code == 0)
         if self.scene.output.figures and self.rows:
             self._draw()
@@ -265,7 +273,7 @@ class _Recorder:
                 f"memory ran out: a record needs {needed / 2**20:,.0f} MiB, {available / 2**20:,.0f} MiB are available"
             )
 
-    def _write_summary(self, reason: str, message: str) -> dict[str, Any]:
+    def _write_summary(self, reason: str, message: str, estimate: Estimate | None = None) -> dict[str, Any]:
         stages = self.stages
         if reason in ("diverged", "interrupted") and self.rows and hasattr(self, "last"):
             unfinished = stage_summary(self.last, self.rows)
@@ -279,6 +287,7 @@ class _Recorder:
             compile_time=self.compile_time,
             steps=self.simulation.progress.steps,
             message=message,
+            estimate=estimate,
         )
         with write_aside(self.out / "summary.json") as file:
             json.dump(_finite(summary), file, indent=2, allow_nan=False)

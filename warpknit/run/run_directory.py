@@ -1,4 +1,4 @@
-"""The directory of a run or of a map: what may be written there, and what is ours to remove."""
+"""The directory of a run, of a map or of a trade: what may be written there, and what is ours to remove."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from ..errors import RunDirectoryError
 OURS = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda", "wires.topology.usdc",
         "wires.manifest.usda", "stages.json", "states", "frames", "figures", "checkpoint", "vtk", "tables", "panel",
         "map.csv", "map.json", "map_details.csv", "seeds",
+        "trade.csv", "trade_knobs.csv", "trade.json",
         "report.html", "material_card.csv", "material_card.json", "tension_strain.csv")  # fmt: skip
-SUMMARIES = {"summary.json": "run", "map.json": "map"}
+SUMMARIES = {"summary.json": "run", "map.json": "map", "trade.json": "trade"}
 
 
 def read_summary(out: Path, name: str) -> dict[str, Any] | None:

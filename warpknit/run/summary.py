@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
 from .. import __version__, measure
 from ..model.model import Model
+from ..scene.presets import PRESETS
 from ..solve.simulate import Record
 from .cautions import cautions
 from .history import HookRow, Row
@@ -193,6 +194,18 @@ def _driven_by_tension(model: Model, name: str) -> np.ndarray:
     return np.array([stage.strain_weft is None, stage.strain_warp is None])
 
 
+@dataclass(frozen=True)
+class Estimate:
+    """How far the last state of a run may be from the true one, by what it was estimated with."""
+
+    error: float | None  # the largest of the four below, all relative; None where none could be made
+    active_percent: float | None = None  # points of percent
+    tension: float | None = None
+    contact_force: float | None = None
+    stress: float | None = None
+    warning: str = ""
+
+
 def run_summary(
     model: Model,
     rows: list[Row],
@@ -203,19 +216,24 @@ def run_summary(
     compile_time: float,
     steps: int,
     message: str = "",
+    estimate: Estimate | None = None,
 ) -> dict[str, Any]:
     """The whole of summary.json; the last stage's values stand at the top."""
+    estimate = estimate or Estimate(None)
     scene, panel = model.scene, model.panel
     last = {key: value for key, value in stages[-1].items() if key != "name"} if stages else {}
     if "quality" in last:
-        last["quality"] = {**last["quality"], "estimated_error": None}
+        last["quality"] = {**last["quality"], "estimated_error": estimate.error, "estimated_errors": {
+            "active_percent": estimate.active_percent, "tension": estimate.tension,
+            "contact_force": estimate.contact_force, "stress": estimate.stress,
+        }}  # fmt: skip
     return {
         "scene": {"name": scene.name, "hash": scene.hash},
         "version": __version__,
         "device": model.device,
         "stop_reason": stop_reason,
         "message": message,
-        "warnings": warnings_of(model, rows, stages),
+        "warnings": [*warnings_of(model, rows, stages), *([estimate.warning] if estimate.warning else [])],
         "model": {
             "kind": scene.model.kind,
             "boundary": scene.model.boundary,
@@ -237,6 +255,7 @@ def run_summary(
             "mass_scaling": 1.0 + model.added_mass,
             "axial_softening": model.softening,
             "preset": scene.solver.preset,
+            "preset_error_percent": None if scene.preset_in_force is None else PRESETS[scene.preset_in_force].error_percent,
             "drive": scene.solver.drive,
         },
         **last,

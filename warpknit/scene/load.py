@@ -91,7 +91,7 @@ def make_scene(
             allowed = f"nothing where panel.outline = {panel.outline!r} says how large the mesh is ({list(repeats)} cover it)"
             raise source.refusal(("knit", "repeats"), list(file.knit.repeats), allowed)
         knit = replace(knit, repeats=repeats)
-    numerics = PRESETS[file.solver.preset]
+    numerics = PRESETS[file.solver.preset].driven_by(file.solver.drive)
     if file.model.kind == "spatial":
         numerics = replace(numerics, nodes_per_loop=numerics.spatial_nodes_per_loop, precision="double")
     if wires is not None:
@@ -210,14 +210,9 @@ def _solver(source: Source, file: SceneFile, numerics: Preset, slenderness: floa
     """The options of [solver]; `slenderness` is the diameter of the wire over the wale spacing."""
     table = file.solver
     given = table.model_dump()
-    ramp = "ramp_" if given["drive"] == "ramp" else ""
-    for key, name in (
-        ("precision", f"{ramp}precision"),
-        ("axial_softening", f"{ramp}axial_softening"),
-        ("residual_tolerance", "residual_tolerance"),
-    ):
+    for key in ("precision", "axial_softening", "residual_tolerance"):
         if given[key] is None:
-            given[key] = getattr(numerics, name)
+            given[key] = getattr(numerics, key)
     nodes = file.model.nodes_per_loop or numerics.nodes_per_loop
     coarse = nodes <= SINGLE_NODES and given["axial_softening"] * slenderness**2 >= SINGLE_SLENDERNESS
     if file.hook is not None or (table.precision is None and not coarse):

@@ -12,6 +12,7 @@ from typing import Annotated
 
 from warpknit.scene.hook import Hook
 from warpknit.scene.panel import PanelOptions
+from warpknit.scene.presets import preset_like
 from warpknit.scene.resolved import scene_hash
 from warpknit.scene.wire import Wire
 from warpknit.scene.wires import WireFile
@@ -188,6 +189,16 @@ class Scene:
     def has_moving_edge(self) -> bool:
         """Whether the edge of the mesh does more than follow the load as a whole."""
         return self.panel.cord is not None or any(stage.pull for stage in self.stages)
+
+    @property
+    def preset_in_force(self) -> str | None:
+        """The preset whose numerics a relaxation has, whatever `solver.preset` says; None where keys of its own change them."""
+        if self.solver.drive != "relax" or not self.solver.multipliers or self.hook is not None:
+            return None
+        solver = self.solver
+        return preset_like(
+            self.model.nodes_per_loop, solver.axial_softening, solver.precision, solver.residual_tolerance
+        )
 
     @property
     def depends_on_path(self) -> bool:

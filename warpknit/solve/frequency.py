@@ -10,17 +10,18 @@ For any positive numbers d (Collatz and Wielandt),
     w^2 <= max over e of (sum over f of |G_ef| d_f)/d_e
 
 Highest modes alternate from node to node, where the terms of a row all add up: with d the row sums themselves, the bound is
-within a few percent of w^2. On a straight wire of even nodes it is 4 K/(h m) or 16 EI/(h^3 m), as it should be.
+within a few percent of w^2. On a straight wire of even nodes it is 4 K/(h m) or 80/3 EI/(h^3 m), as it should be.
 
 | term | q | k |
 |---|---|---|
 | stretch of a segment | its length | K/L + abs(S)/h |
 | swing of a segment | its end across it | max(T, 0)/h + abs(S)/h |
-| bend at a node | turning angle | EI/l |
+| bend at a node | turning angle | EI/l (1 + sum over both segments of L (1/l + 1/l_neighbour)/6) |
 | contact, closed or about to close | gap | penalty |
 
 T is the tension, S the shear force of a segment of length h: what a turning segment feels of it is indefinite, and no more than
-S/h both along and across. Compression only lowers frequencies and is left out.
+S/h both along and across. Compression only lowers frequencies and is left out. The slope of the moment (kernels/bend.py) couples
+the bends of neighbours, q_a q_b, which is no more than (q_a^2 + q_b^2)/2: it is given to both.
 """
 
 from __future__ import annotations
@@ -93,11 +94,17 @@ def wire_terms(reading: Reading) -> Wires:
     stretch = np.repeat(reading.wire_axial, panel.wire_count) / (reading.natural_length * reading.length_factor) + shear
     swing = np.maximum(reading.tension, 0.0) * per_length + shear
     bend = model.bending_stiffness / (reading.hinge_length * reading.length_factor)
+    hinges = 1.0 / reading.hinge_length
     missing = last[~panel.wire_closed]  # segments behind the ends of open wires, and hinges there
     if model.is_gripped:
         missing = np.concatenate([missing, panel.wire_first, last - 1])  # and what is rigid inside the clamps
     stretch[missing] = swing[missing] = 0.0
-    bend[np.concatenate([panel.wire_first, last])[~np.tile(panel.wire_closed, 2)]] = 0.0
+    no_hinge = np.concatenate([panel.wire_first, last])[~np.tile(panel.wire_closed, 2)]
+    bend[no_hinge] = hinges[no_hinge] = 0.0
+    sloped = reading.natural_length * (hinges + hinges[after])
+    sloped[missing] = 0.0
+    slope_share = float(reading.control[int(c.SLOPE_FACTOR)]) * model.bending_stiffness
+    bend *= 1.0 + slope_share * (sloped + sloped[before])
     inverse_mass = model.rest.inverse_mass.numpy().astype(float)[reading.entry]
     inverse_mass[panel.held_node] = 0.0
     tangent = reading.edge * per_length[:, None]

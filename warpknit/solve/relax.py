@@ -34,7 +34,8 @@ PATIENCE = 1500  # looks without progress by a tenth after which a level counts 
 PATIENT_NODES = 100  # a loop, up to which that holds: periods of bending take steps with the square of the nodes
 PATH_STRAIN = 0.005  # between steady states on a path that the state depends on, at most
 UNLOADED = 1e-3  # of EI/W^2: forces that count as none in a mesh as knitted
-DRIFT_LOOKS = 4  # looks over which the tension must stand still
+DRIFT_LOOKS = (5, 40)  # looks over which the tension must stand still, least and most
+DRIFT_NODES = 24  # a loop, from which they grow with the square of the nodes, as periods of bending do
 TENSION_FLOOR = 1e-3  # of EI/C^3: what a change of tension is compared with where the mesh carries less
 NEARLY_STEADY = 10.0  # residual over the tolerance below which multipliers that do not converge tell of taut wires
 
@@ -260,13 +261,13 @@ class Relaxation(Drive):
         progress.tensions.clear()
 
     def _drift(self) -> float:
-        """How much the nominal tensions moved over DRIFT_LOOKS, over what the tolerance allows; 1 or more before that.
+        """How much the nominal tensions moved over the last `drift_looks`, over what the tolerance allows; 1 or more before that.
 
         A soft mode can be far from rest where forces are nearly balanced and slow; the tension tells.
         """
         tensions = self.progress.tensions
         tensions.append(self.look.take().stress.ravel().tolist())  # with what the multipliers have just changed
-        if len(tensions) <= DRIFT_LOOKS:
+        if len(tensions) <= drift_looks(self.scene.model.nodes_per_loop):
             return 1.0
         moved = np.abs(np.subtract(tensions[-1], tensions.pop(0))).max()
         scale = max(np.abs(tensions[-1]).max(), self.least_tension)
@@ -331,6 +332,12 @@ class Relaxation(Drive):
         if self.scene.solver.multipliers:
             left = max(left, self.multipliers.update(self._sums, nearly_steady=left < NEARLY_STEADY))
         return left
+
+
+def drift_looks(nodes_per_loop: int) -> int:
+    """Looks over which the tension of a level must stand still."""
+    least, most = DRIFT_LOOKS
+    return min(most, max(least, round(least * (nodes_per_loop / DRIFT_NODES) ** 2)))
 
 
 def patience_of(nodes_per_loop: int) -> int:

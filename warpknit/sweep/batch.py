@@ -22,7 +22,7 @@ from ..scene import Stage
 from ..solve.drive import CHECK_STEPS, Progress, Record
 from ..solve.look import Sums, first_blocks, sum_up
 from ..solve.multiplier_rules import MultiplierRules
-from ..solve.relax import DRIFT_LOOKS, NEARLY_STEADY, SOFTENING_LOOKS, WORSE, Relaxation, patience_of
+from ..solve.relax import NEARLY_STEADY, SOFTENING_LOOKS, WORSE, Relaxation, drift_looks, patience_of
 from ..solve.step import PROBING
 from .replicas import Replicas
 
@@ -60,7 +60,8 @@ class Batch:
         self._best = np.full(count, np.inf)  # what was left to do at best, in the level
         self._waited = np.zeros(count, dtype=int)  # looks since that came down by a tenth
         self._still = np.zeros(count, dtype=int)  # looks in a row nearly at rest
-        self._stress = np.zeros((DRIFT_LOOKS + 1, count, 2, 2))  # [N/m] at the last of them
+        self._drift_looks = drift_looks(model.scene.model.nodes_per_loop)
+        self._stress = np.zeros((self._drift_looks + 1, count, 2, 2))  # [N/m] at the last of them
         self._partial = [member.look.partial_sums()[:2] for member in self.members]
         self._moved = [member.slowest_mode.partial.numpy() for member in self.members]
         self._stiffer = [member.multipliers.axial.numpy() for member in self.members]
@@ -211,7 +212,7 @@ class Batch:
         return rules.left(sums, rows)
 
     def _drift(self, rows: np.ndarray) -> np.ndarray:
-        """How much nominal tensions moved over DRIFT_LOOKS, over what the tolerance allows; 1 or more before that (row,)."""
+        """How much nominal tensions moved over `drift_looks`, over what the tolerance allows; 1 or more before that (row,)."""
         if not len(rows):
             return np.zeros(0)
         self._replay("sums", rows)  # with what the multipliers have just changed
@@ -221,7 +222,7 @@ class Batch:
         moved = np.abs(self._stress[-1, rows] - self._stress[0, rows]).max(axis=(1, 2))
         scale = np.maximum(np.abs(self._stress[-1, rows]).max(axis=(1, 2)), self.members[0].least_tension)
         drift = moved / (self.model.scene.solver.residual_tolerance * scale)
-        return np.where(self._still[rows] > DRIFT_LOOKS, drift, 1.0)
+        return np.where(self._still[rows] > self._drift_looks, drift, 1.0)
 
     def _expect_progress(self, rows: np.ndarray, left: np.ndarray, failed: dict[int, Diverged]) -> None:
         better = (left < 0.9 * self._best[rows]) | (left > WORSE * self._best[rows])  # a snap begins anew

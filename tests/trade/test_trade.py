@@ -1,0 +1,185 @@
+"""warpknit trade: its points, its table, what it makes of them, and how it goes on after an interrupt."""
+
+import csv
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from warpknit.cli import main
+from warpknit.run.interrupts import Interrupted
+from warpknit.scene import load_scene
+from warpknit.scene.presets import PRESETS
+from warpknit.trade import knobs, pilot, study
+from warpknit.trade.convergence import LEAST_ORDER, extrapolate
+from warpknit.trade.front import pareto
+from warpknit.trade.point import Errors, Found, Scales, errors_of
+from warpknit.trade.study import run_trade
+from warpknit.trade.table import Row, read_rows
+
+CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell.toml"
+SMALL = ("load.strain_weft=0.12", "load.strain_warp=0.12", "output.frames=1")
+
+
+def test_extrapolation_finds_the_limit_of_a_power_law() -> None:
+    """f(n) = 3 + 5 n^-2.5 at n, n/r, n/r^2 gives p = 2.5 and f = 3, to round-off of differences of 5 n^-2.5."""
+    ratio = math.sqrt(2.0)
+    values = [3.0 + 5.0 * (40.0 / ratio**k) ** -2.5 for k in range(3)]
+    found = extrapolate(*values, ratio)
+    assert found.order == pytest.approx(2.5, rel=1e-9)
+    assert found.limit == pytest.approx(3.0, rel=1e-12)
+    assert found.error == pytest.approx(5.0 * 40.0**-2.5, rel=1e-9)
+
+
+def test_extrapolation_of_rough_values_errs_to_the_safe_side() -> None:
+    """Differences of unlike sign: first order, whose error is the difference over r - 1."""
+    found = extrapolate(1.0, 1.1, 1.0, 2.0)
+    assert found.order == LEAST_ORDER
+    assert found.error == pytest.approx(0.1)
+
+
+def test_front_keeps_what_nothing_beats() -> None:
+    points = [(1.0, 5.0), (2.0, 5.0), (3.0, 1.0), (2.5, 2.0), (4.0, 1.0), (0.5, 9.0)]
+    assert pareto(points) == [5, 0, 3, 2]
+
+
+def test_errors_are_points_of_percent_and_shares() -> None:
+    """By hand: tension misses 0.03 of the larger, 0.2; where the reference carries nothing the scales stand in."""
+    scales = Scales(force=1e-6, tension=1e-3, stress=1e6)
+    true = Found(66.0, 0.1, 0.2, 2e-3, 1e-4, 1e9)
+    errors = errors_of(Found(60.0, 0.13, 0.19, 1.9e-3, 1e-4, 1.1e9), true, scales)
+    assert errors == Errors(6.0, pytest.approx(0.15), pytest.approx(0.05), pytest.approx(0.1))
+    assert errors.largest_percent == pytest.approx(15.0)
+    slack = Found(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    assert errors_of(Found(0.0, 1e-5, 0.0, 1e-8, 0.0, 1e4), slack, scales) == Errors(
+        0.0, pytest.approx(0.01), pytest.approx(0.01), pytest.approx(0.01)
+    )
+
+
+# --- the study
+
+
+@pytest.fixture
+def few_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A coarse reference and a handful of points."""
+    monkeypatch.setattr(study, "FINEST", ((math.inf, 24),))
+    coarse = {name: replace(preset, nodes_per_loop=min(20, preset.nodes_per_loop)) for name, preset in PRESETS.items()}
+    monkeypatch.setattr(knobs, "PRESETS", coarse)
+    monkeypatch.setattr(study, "RAMP_NODES", 0)
+    monkeypatch.setattr(knobs, "NODES_TOGETHER", (10, 12))
+    monkeypatch.setattr(knobs, "TOLERANCES_TOGETHER", (0.01,))
+    monkeypatch.setattr(knobs, "SOFTENINGS_TOGETHER", (1000.0,))
+    for name, values in (("NODES", (10,)), ("TOLERANCES", (0.03,)), ("SOFTENINGS", (200.0,)), ("STIFFNESSES", (4.0,)),
+                         ("LEVELS", (2,))):  # fmt: skip
+        monkeypatch.setattr(knobs, name, values)
+
+
+def loader(more: knobs.Overrides, preset: str | None) -> object:
+    return load_scene(CELL, (*SMALL, *more), preset)
+
+
+def test_interrupted_study_goes_on_where_it_stopped(
+    tmp_path: Path, few_points: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The points of both parts are those of a study, each once; what was found before the interrupt stands as it was."""
+    run, taken = study.run_point, []
+
+    def three(load: object, **options: object) -> object:
+        if len(taken) == 3:
+            raise Interrupted
+        taken.append(load)
+        return run(load, **options)
+
+    monkeypatch.setattr(study, "run_point", three)
+    first = run_trade(loader, out=tmp_path / "t")
+    assert first.exit_code == 130
+    before = read_rows(tmp_path / "t" / "trade.csv")
+    assert len(before) == 3
+    monkeypatch.setattr(study, "run_point", run)
+    result = run_trade(loader, out=tmp_path / "t", resume=True)
+    assert result.exit_code == 0
+    rows = read_rows(tmp_path / "t" / "trade.csv")
+    assert [row.point for row in rows[:3]] == [row.point for row in before]
+    assert [row.outcome.wall_s for row in rows[:3]] == [row.outcome.wall_s for row in before]
+    names = [row.point for row in rows]
+    assert len(set(names)) == len(names)
+    assert (tmp_path / "t" / "figures" / "trade.png").stat().st_size > 10_000
+    _check_study(tmp_path / "t", rows, result.summary)
+
+
+def _check_study(out: Path, rows: list[Row], summary: dict) -> None:
+    with open(out / "trade.csv", newline="", encoding="utf-8") as file:
+        table = list(csv.DictReader(file))
+    needed = {"preset", "wall_s", "node_steps", "error_active_percent", "error_tension", "error_contact_force", "error_stress"}
+    assert needed <= set(table[0])
+    assert [line["preset"] for line in table if line["preset"]] == ["draft", "standard", "reference"]
+    assert float(table[0]["error_tension"]) == 0.0  # the reference itself
+    coarse = next(line for line in table if line["point"].endswith("model.nodes_per_loop=10") and line["knob"])
+    draft = next(line for line in table if line["preset"] == "draft")
+    assert float(coarse["error_stress"]) > float(draft["error_stress"])
+    assert {row["knob"] for row in summary["knobs"]} >= {"nodes_per_loop", "axial_softening", "precision", "multipliers"}
+    prices = [point["price"] for point in summary["front"]]
+    errors = [point["largest_error_percent"] for point in summary["front"]]
+    assert prices == sorted(prices) and errors == sorted(errors, reverse=True)
+
+
+def test_reference_that_is_refused_is_bad_input(tmp_path: Path) -> None:
+    """Nothing is written for it."""
+    arguments = ["trade", str(CELL), "--out", str(tmp_path / "t"), "--set", "model.nodes_per_loop=2"]
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 2
+    assert not (tmp_path / "t").exists()
+
+
+# --- the error of a run
+
+
+@pytest.fixture
+def quick_pilot(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A coarser mesh counts as true."""
+    monkeypatch.setattr(pilot, "FINE", {"periodic": 30})
+    monkeypatch.setattr(pilot, "LEVELS", 1)
+
+
+def test_setting_within_an_error_is_the_cheapest_that_meets_it(quick_pilot: None) -> None:
+    """Settings are tried from the coarsest on; a larger error never asks for more nodes."""
+    scene = load_scene(CELL, SMALL)
+    small = pilot.Pilot(scene)
+    loose, missed = pilot.choose_setting(small, 20.0)
+    tight, left = pilot.choose_setting(small, 2.0)
+    assert loose.nodes_per_loop == pilot.NODES[0]
+    assert loose.nodes_per_loop <= tight.nodes_per_loop
+    assert pilot.bound_percent(left) <= 2.0 and pilot.bound_percent(missed) <= 20.0
+
+
+def test_run_within_an_error_says_what_it_may_miss(tmp_path: Path, quick_pilot: None) -> None:
+    out = tmp_path / "r"
+    overrides = [item for value in SMALL for item in ("--set", value)]
+    arguments = ["run", str(CELL), "--error", "3", "--out", str(out), "--set", "output.usd=false", *overrides]
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 0, result.output
+    assert "estimated error" in result.output
+    quality = load_summary(out)["quality"]
+    assert 0.0 < quality["estimated_error"] <= 0.03
+    assert max(quality["estimated_errors"].values()) <= quality["estimated_error"]
+
+
+def load_summary(out: Path) -> dict:
+    return json.loads((out / "summary.json").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--error", "0"), "above 0"),
+        (("--error", "2", "--preset", "draft"), "one of them"),
+        (("--error", "2", "--set", "solver.drive=ramp"), "'relax'"),
+    ],
+)
+def test_error_is_refused_where_it_means_nothing(tmp_path: Path, options: tuple[str, ...], said: str) -> None:
+    result = CliRunner().invoke(main, ["run", str(CELL), "--out", str(tmp_path / "r"), *options])
+    assert result.exit_code == 2
+    assert said in result.output

@@ -1,0 +1,80 @@
+"""The picture of a trade: error against cost, one panel a quantity, what nothing beats marked."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, figure_of, save_figure
+
+__all__ = ["Mark", "trade_figure"]
+
+QUANTITIES = ("active contacts [points of %]", "tension [%]", "sum of contact forces [%]", "largest stress [%]")
+PERCENT = (1.0, 100.0, 100.0, 100.0)
+LEAST = 1e-3  # [%] smaller errors stand at the foot of the axis
+COLOURS = {"alone": GREY, "together": BLUE, "preset": ORANGE}
+SAID = {"alone": "one knob turned", "together": "several turned", "preset": "presets"}
+
+
+@dataclass(frozen=True)
+class Mark:
+    """One point: its cost, its errors in the order of QUANTITIES, and what it is."""
+
+    price: float  # node-steps
+    errors: tuple[float, ...]
+    group: str  # alone | together | preset
+    label: str  # of a preset
+
+
+def trade_figure(
+    path: str | os.PathLike[str], marks: Sequence[Mark], own: tuple[float, ...], *, title: str
+) -> Path:
+    """Draw error over cost, both logarithmic; `own`: errors of the reference itself, below which nothing can be told."""
+    figure = figure_of(10.0, 8.0)
+    axes = figure.subplots(2, 2, sharex=True).ravel()
+    for number, (place, quantity) in enumerate(zip(axes, QUANTITIES, strict=True)):
+        _panel(place, marks, number, PERCENT[number] * own[number])
+        place.set_title(quantity, fontsize="medium")
+        place.set_ylabel("error [%]" if number else "error [points of %], none at the foot")
+    for place in axes[2:]:
+        place.set_xlabel("node-steps (those in double precision 1.8 times)")
+    handles: list[Any] = [
+        Line2D([], [], marker="o", linestyle="none", color=COLOURS[group], label=SAID[group]) for group in COLOURS
+    ]
+    handles.append(Line2D([], [], color=GREEN, marker="o", markerfacecolor="none", label="Pareto front: nothing beats it"))
+    handles.append(Line2D([], [], color=GREY, linestyle=":", label="error of the reference itself"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize="small")
+    figure.suptitle(f"{title}: error against cost", fontsize="medium")
+    return save_figure(figure, path)
+
+
+def _panel(place: Axes, marks: Sequence[Mark], number: int, own: float) -> None:
+    percent = [max(LEAST, PERCENT[number] * mark.errors[number]) for mark in marks]
+    for group, colour in COLOURS.items():
+        chosen = [k for k, mark in enumerate(marks) if mark.group == group]
+        size = 60 if group == "preset" else 14
+        prices, errors = [marks[k].price for k in chosen], [percent[k] for k in chosen]
+        place.scatter(prices, errors, s=size, color=colour, zorder=3 if group == "preset" else 2, linewidths=0)
+        if group == "preset":
+            for k in chosen:
+                below = k == chosen[0]  # neighbours' labels stand on either side of them
+                place.annotate(marks[k].label, (marks[k].price, percent[k]), xytext=(-6, -11) if below else (5, 5),
+                               ha="right" if below else "left", textcoords="offset points", fontsize="small",
+                               color=colour)  # fmt: skip
+    front: list[int] = []
+    for k in sorted(range(len(marks)), key=lambda k: (marks[k].price, percent[k])):
+        if not front or percent[k] < percent[front[-1]]:
+            front.append(k)
+    place.plot([marks[k].price for k in front], [percent[k] for k in front], color=GREEN, marker="o", markerfacecolor="none",
+               markersize=7, linewidth=1.2, zorder=4)  # fmt: skip
+    if own > LEAST:
+        place.axhline(own, color=GREY, linestyle=":", linewidth=1.0)
+    place.set_xscale("log")
+    place.set_yscale("log")
+    place.grid(which="major", color="#E0E0E0", linewidth=0.6)

@@ -1,0 +1,15 @@
+"""Which points nothing beats: the Pareto front of error against cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
+    """Indices of the (cost, error) points that no other one beats in one without losing in the other, by rising cost."""
+    order = sorted(range(len(points)), key=lambda k: points[k])
+    front: list[int] = []
+    for k in order:
+        if not front or points[k][1] < points[front[-1]][1]:
+            front.append(k)
+    return front

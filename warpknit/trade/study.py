@@ -1,0 +1,291 @@
+"""All points of a trade into a directory: what `warpknit trade` leaves there, how it is interrupted, resumed and refused.
+
+DIR holds trade.csv, trade_knobs.csv (what each knob buys alone), trade.json, scene.toml (resolved) and figures/trade.png.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ..device import find_device
+from ..errors import Diverged, InputError, RunDirectoryError
+from ..files import write_aside, write_table
+from ..model.model import Model, build_model
+from ..model.numerics import slowest_rate
+from ..run.interrupts import Interrupted, Interrupts
+from ..run.progress import Progress as Display
+from ..run.run_directory import check_directory, clear, make_directory, read_summary
+from ..scene import Scene, resolved_toml
+from . import knobs
+from .convergence import extrapolate
+from .front import pareto
+from .knobs import Overrides, Point
+from .point import Found, errors_of, run_point, scales_of
+from .table import Row, read_rows, write_rows
+
+_log = logging.getLogger(__name__)
+
+Loader = Callable[[Overrides, str | None], Scene]
+
+RATIO = math.sqrt(2.0)  # of the nodes of one reference to the next
+FINEST = ((2_000, 96), (math.inf, 54))  # nodes a loop of the reference, up to so many nodes of the scene
+DEAREST = 4.0  # times what the reference cost, that a point may
+RAMP_NODES = 2_000  # of a mesh, up to which ramps in real time are tried: they take a hundred times the steps
+
+
+@dataclass(frozen=True)
+class TradeResult:
+    """How a trade ended."""
+
+    exit_code: int
+    summary: dict[str, Any]
+    message: str = ""
+
+
+def run_trade(
+    load: Loader,
+    *,
+    out: Path,
+    against: str | None = None,
+    device: str | None = None,
+    resume: bool = False,
+    force: bool = False,
+    progress: Display | None = None,
+) -> TradeResult:
+    """Measure speed against accuracy of a scene into the directory `out`.
+
+    `load` returns the scene with more overrides and a preset; `against` is the `model.kind` of the reference. Raises
+    `SceneError`, `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written, and `Diverged` where
+    the reference does. An interrupt ends with exit_code 130 and keeps the finished points.
+    """
+    scene = load((), None)
+    of_reference: Overrides = (("model.kind", against),) if against else ()
+    load(of_reference, None)  # refused before anything is written
+    finished = read_summary(out, "trade.json")
+    if resume and finished is not None:
+        if finished.get("scene", {}).get("hash") != scene.hash:
+            raise RunDirectoryError(f"{out}: holds the trade of another scene; --force replaces it, --out names another")
+        return TradeResult(0, finished)
+    begun = (out / "trade.csv").exists()
+    check_directory(out, unfinished="trade" if begun else None, resume=resume, force=force)
+    resolved = resolved_toml(scene)
+    if resume and begun and (out / "scene.toml").read_text(encoding="utf-8") != resolved:
+        raise RunDirectoryError(f"{out}: holds the trade of another scene; --force replaces it, --out names another")
+    name = find_device(device)
+    base = build_model(scene, name)
+    if not (resume and begun):
+        clear(out)
+    make_directory(out)
+    with write_aside(out / "scene.toml") as file:
+        file.write(resolved)
+    return _Study(load, base, of_reference, name, out, progress or Display()).run()
+
+
+class _Study:
+    """Runs the points that are left and writes what they found."""
+
+    def __init__(
+        self, load: Loader, base: Model, of_reference: Overrides, device: str, out: Path, display: Display
+    ) -> None:
+        self.load, self.base, self.device, self.out, self.display = load, base, device, out, display
+        self.of_reference = of_reference
+        self.scales = scales_of(base)
+        self.path = out / "trade.csv"
+        self.rows = read_rows(self.path)
+        finest = next(n for most, n in FINEST if base.panel.node_count <= most)
+        self.finest = [round(finest / RATIO**k) for k in range(3)]
+        self._interrupts = Interrupts()
+
+    def run(self) -> TradeResult:
+        reason, code, message = "finished", 0, ""
+        with self._interrupts.caught():
+            try:
+                points = self._points()
+                for number, point in enumerate(points, start=1):
+                    self._interrupts.check()
+                    self.display.stage(point.name, number=number, of=len(points))
+                    self._run(point)
+            except Interrupted:
+                reason, code, message = "interrupted", 130, f"interrupted; --resume goes on from {self.out}"
+        summary = self._summary(reason)
+        with write_aside(self.out / "trade.json") as file:
+            json.dump(summary, file, indent=2, allow_nan=False)
+        if code == 0:
+            write_table(self.out / "trade_knobs.csv", _columns(summary["knobs"]))
+            self._draw()
+        return TradeResult(code, summary, message)
+
+    # --- points ---
+
+    def _points(self) -> list[Point]:
+        points = [*knobs.reference_points(self.finest), *knobs.preset_points(self.base), *knobs.points_alone(self.base)]
+        points += self._points_of_ramp()
+        points += knobs.points_together(self.base, self.finest[0])
+        return points
+
+    def _points_of_ramp(self) -> Iterator[Point]:
+        if self.base.panel.node_count > RAMP_NODES:
+            _log.info("no ramps: a mesh of more than %d nodes", RAMP_NODES)
+            return
+        try:
+            model = build_model(self.load((("solver.drive", "ramp"),), None))
+        except InputError as error:
+            _log.info("no ramps: %s", error)
+            return
+        rate = slowest_rate(model.scene, self._loop_length(model))
+        yield from knobs.points_of_ramp(self.base, 2.0 * math.pi / rate, model.time_step)
+
+    @staticmethod
+    def _loop_length(model: Model) -> float:
+        """Wire of a loop [m], as the model has it: the nodes of a loop are evenly spaced."""
+        return float(model.table.spacing.mean()) * model.scene.model.nodes_per_loop
+
+    def _run(self, point: Point) -> None:
+        if any(row.point == point.name for row in self.rows):
+            return
+        is_reference = point.group == "reference"
+        overrides = point.overrides + (self.of_reference if is_reference else ())
+        if is_reference:
+            self.load(overrides, point.preset)  # refused: the study cannot be
+        reference = next((row for row in self.rows if row.group == "reference"), None)
+        most = math.inf if reference is None else DEAREST * reference.outcome.node_steps
+        outcome = run_point(
+            lambda: self.load(overrides, point.preset),
+            device=self.device,
+            most_node_steps=most,
+            watch=lambda progress: self._interrupts.check(),
+        )
+        if is_reference and outcome.found is None:
+            raise Diverged(f"the reference of {self.finest[0]} nodes a loop: {outcome.message}")
+        self.rows.append(Row(point.name, point.group, point.knob, outcome))
+        self._account()
+        write_rows(self.path, self.rows)
+
+    def _account(self) -> None:
+        """Fill in errors against the finest reference."""
+        truth = self.rows[0].outcome.found
+        assert truth is not None
+        for row in self.rows:
+            if row.outcome.found is not None:
+                row.errors = errors_of(row.outcome.found, truth, self.scales)
+
+    # --- results ---
+
+    def _summary(self, reason: str) -> dict[str, Any]:
+        from .. import __version__
+
+        if self.rows:
+            self._account()
+        counted = [row for row in self.rows if row.errors is not None and row.group != "reference"]
+        numbers = [(row.price, row.errors.largest_percent) for row in counted if row.errors is not None]
+        return {
+            "scene": {"name": self.base.scene.name, "hash": self.base.scene.hash},
+            "version": __version__,
+            "stop_reason": reason,
+            "points": len(self.rows),
+            "without_result": sum(row.outcome.found is None for row in self.rows),
+            "reference": self._reference(),
+            "front": [_brief(counted[k]) for k in pareto(numbers)],
+            "presets": [_brief(row) for row in self.rows if row.group == "preset"],
+            "knobs": knob_table(self.rows),
+        }
+
+    def _reference(self) -> dict[str, Any]:
+        """What the reference found, and its own error by extrapolation from three numbers of nodes."""
+        rows = [row for row in self.rows if row.group == "reference"]
+        if len(rows) < len(self.finest):
+            return {}
+        found = [row.outcome.found for row in rows]
+        first, second, third = (asdict(one) for one in found if one is not None)
+        nodes = [float(str(row.outcome.settings["nodes_per_loop"])) for row in rows]
+        limits = {name: extrapolate(first[name], second[name], third[name], RATIO) for name in first}
+        extrapolated = Found(**{name: limit.limit for name, limit in limits.items()})
+        assert found[0] is not None
+        return {
+            "nodes_per_loop": nodes,
+            "found": first,
+            "order": {name: limit.order for name, limit in limits.items()},
+            "own_error": asdict(errors_of(found[0], extrapolated, self.scales)),
+            "node_steps": rows[0].outcome.node_steps,
+        }
+
+    def _draw(self) -> None:
+        from ..export.trade_figure import Mark, trade_figure
+
+        marks = [
+            Mark(row.price, tuple(asdict(row.errors).values()), row.group, row.preset)
+            for row in self.rows
+            if row.errors is not None and row.group != "reference"
+        ]
+        own = self._reference()["own_error"]
+        trade_figure(self.out / "figures" / "trade.png", marks, tuple(own.values()), title=self.base.scene.name)
+
+
+def _brief(row: Row) -> dict[str, Any]:
+    """A point in short."""
+    outcome = row.outcome
+    return {
+        "point": row.point,
+        "node_steps": outcome.node_steps,
+        "price": row.price,
+        "cpu_s": outcome.cpu_s,
+        "largest_error_percent": row.errors.largest_percent if row.errors else None,
+        "errors": asdict(row.errors) if row.errors else None,
+    }
+
+
+def knob_table(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """What each knob buys alone: cost over that of the scene as it is, and errors, value by value."""
+    base = next((row for row in rows if row.knob == knobs.BASE), None)
+    if base is None:
+        return []
+    found = []
+    for row in rows:
+        if row.group != "alone":
+            continue
+        value = row.point.removeprefix(f"alone: {base.point.removeprefix('alone: ')}").strip()
+        errors = asdict(row.errors) if row.errors else dict.fromkeys(("active_percent", "tension", "contact_force", "stress"))
+        found.append({
+            "knob": row.knob,
+            "value": value,
+            "stop_reason": row.outcome.stop_reason,
+            "node_steps_over_base": row.outcome.node_steps / base.outcome.node_steps,
+            "cpu_over_base": row.outcome.cpu_s / base.outcome.cpu_s if base.outcome.cpu_s else None,
+            **{f"error_{name}": error for name, error in errors.items()},
+            "largest_error_percent": row.errors.largest_percent if row.errors else None,
+        })  # fmt: skip
+    return found
+
+
+def _columns(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The same as columns, for a CSV file."""
+    return {name: ["" if row[name] is None else row[name] for row in rows] for name in rows[0]}
+
+
+def trade_lines(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """What trade.json says, as pairs of a heading and a text."""
+    yield "points", f"{summary['points']}, {summary['without_result']} of them without a result"
+    own = summary["reference"].get("own_error")
+    if own:
+        worst = max(own["active_percent"], *(100.0 * own[name] for name in ("tension", "contact_force", "stress")))
+        yield "reference", f"{summary['reference']['nodes_per_loop'][0]:g} nodes a loop, itself within {worst:.2g} %"
+    for preset in summary["presets"]:
+        yield preset["point"].split()[1], _priced(preset)
+    for point in summary["front"]:
+        yield "front", f"{_priced(point)}: {point['point'].partition(': ')[2]}"
+    for knob in dict.fromkeys(row["knob"] for row in summary["knobs"]):
+        turned = [row for row in summary["knobs"] if row["knob"] == knob and row["largest_error_percent"] is not None]
+        for row in turned:
+            yield knob, f"{row['value'] or 'as it is'}: {row['node_steps_over_base']:.2g} x, {row['largest_error_percent']:.2g} %"
+    yield "stopped", summary["stop_reason"]
+
+
+def _priced(point: dict[str, Any]) -> str:
+    error = point["largest_error_percent"]
+    return f"{point['price']:.2g} node-steps, " + ("no result" if error is None else f"{error:.2g} %")
