@@ -23,7 +23,7 @@ from warpknit.solve.simulate import Progress, Simulation
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"
 TOLERANCE = 3e-3  # of the standard preset: what a tension may still drift
-LOADED = ("solver.preset=draft", "load.strain_weft=0.1", "load.strain_warp=0.1", "output.frames=1")
+LOADED = ("solver.preset=draft", "model.nodes_per_loop=16", "load.strain_weft=0.1", "load.strain_warp=0.1", "output.frames=1")
 
 
 def panel(repeats: list[int], boundary: str = "gripped") -> Model:
