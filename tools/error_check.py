@@ -20,7 +20,8 @@ from warpknit.trade.estimate import estimate_of, settings_within
 from warpknit.trade.pilot import kind_of
 from warpknit.trade.point import errors_of, found_at, scales_of
 
-TRUE_NODES = {"periodic": 96, "gripped": 54, "hook": 192}
+GRIPPED_ERROR = 5.0  # [%] asked of a patch: for less it takes about the nodes that count as true
+TRUE_NODES = {"periodic": 96, "gripped": 40, "hook": 192}
 
 
 def both(weft: float, warp: float) -> tuple[str, str]:
@@ -94,9 +95,10 @@ def main() -> None:
     path = options.folder / "error_check.csv"
     rows = read_rows(path, Row)
     for name in list(SCENES)[:2] if options.quick else SCENES:
-        if any(row.scene == name and row.asked == options.error for row in rows):
+        asked = max(options.error, GRIPPED_ERROR) if name.startswith("patch") else options.error
+        if any(row.scene == name and row.asked == asked for row in rows):
             continue
-        rows.append(checked(name, options.error, options.quick))
+        rows.append(checked(name, asked, options.quick))
         write_rows(path, rows)
     show_rows(rows)
     print(f"the true error is under the estimate in {sum(row.is_under for row in rows)} of {len(rows)}")

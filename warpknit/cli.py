@@ -140,6 +140,8 @@ def _refuse_error(percent: float, preset: str | None, scene: Scene) -> None:
         raise click.UsageError("--error and --preset: both given, allowed: one of them.")
     if not 0.0 < percent <= 100.0:
         raise click.UsageError(f"--error: given {percent:g}, allowed: a percentage above 0, up to 100.")
+    if scene.model.kind != "planar":
+        raise click.UsageError(f"--error: given with model.kind = {scene.model.kind!r}, allowed with 'planar'.")
     if scene.solver.drive != "relax":
         raise click.UsageError(f"--error: given with solver.drive = {scene.solver.drive!r}, allowed with 'relax'.")
 

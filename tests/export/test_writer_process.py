@@ -218,7 +218,7 @@ def test_full_disk_in_the_writer_is_exit_4(tmp_path: Path) -> None:
     if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=300k", "tmpfs", str(disk)], check=False).returncode:
         pytest.skip("may not mount a small disk")
     try:
-        run = start(disk / "run", "--set", "output.frames=40")
+        run = start(disk / "run", "--set", "output.frames=40", "--set", "model.nodes_per_loop=16")
         assert run.wait() == 4
         assert run.stderr is not None
         error = run.stderr.read()

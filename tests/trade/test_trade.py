@@ -177,6 +177,7 @@ def load_summary(out: Path) -> dict:
         (("--error", "0"), "above 0"),
         (("--error", "2", "--preset", "draft"), "one of them"),
         (("--error", "2", "--set", "solver.drive=ramp"), "'relax'"),
+        (("--error", "2", "--set", "model.kind=spatial", "--set", "solver.precision=double"), "'planar'"),
     ],
 )
 def test_error_is_refused_where_it_means_nothing(tmp_path: Path, options: tuple[str, ...], said: str) -> None:

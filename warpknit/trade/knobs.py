@@ -45,9 +45,9 @@ class Point:
         return f"{self.group}: {' '.join(part for part in (self.preset or '', settings) if part)}"
 
 
-def reference_points(finest: Sequence[int]) -> list[Point]:
+def reference_points(finest: Sequence[int], tolerance: float) -> list[Point]:
     """The runs that others are held against: double precision, to the tightest tolerance, the first one the finest."""
-    fixed = (("solver.precision", "double"), ("solver.residual_tolerance", 1e-4), ("solver.drive", "relax"))
+    fixed = (("solver.precision", "double"), ("solver.residual_tolerance", tolerance), ("solver.drive", "relax"))
     softening = ("solver.axial_softening", PRESETS["reference"].axial_softening)
     return [Point("reference", "", (("model.nodes_per_loop", n), *fixed, softening)) for n in finest]
 

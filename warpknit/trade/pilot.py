@@ -14,7 +14,6 @@ from functools import cached_property
 from ..errors import Diverged
 from ..model.model import build_model
 from ..scene import PanelOptions, Scene
-from ..solve.drive import Progress
 from .point import Errors, Found, Outcome, Scales, errors_of, run_point, scales_of
 
 PATCH = 2  # repeats a side of the gripped pilot
@@ -69,7 +68,7 @@ def with_setting(scene: Scene, setting: Setting) -> Scene:
 class Pilot:
     """The small mesh of a scene."""
 
-    def __init__(self, scene: Scene, watch: Callable[[Progress], None] = lambda _progress: None) -> None:
+    def __init__(self, scene: Scene, watch: Callable[[object], None] = lambda _progress: None) -> None:
         self.scene = scene
         self.kind = kind_of(scene)
         self.small = _small(scene)

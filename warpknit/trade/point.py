@@ -17,6 +17,9 @@ from ..model.state import initial_state
 from ..scene import Scene
 from ..solve.drive import Drive
 from ..solve.simulate import Progress, Record, Simulation
+from ..spatial.mesh import SpatialMesh, build_mesh
+from ..spatial.reading import SpatialReading
+from ..spatial.relax import SpatialRelaxation
 
 FORCE_FLOOR = 1e-3  # of EI/W^2 a pair: what contact forces are compared with where contacts carry less
 TENSION_FLOOR = 1e-3  # of EI/C^3: the same of tensions
@@ -53,7 +56,11 @@ class TooDear(Exception):
 
 
 def run_point(
-    load: Callable[[], Scene], *, device: str = "cpu", most_node_steps: float = math.inf, watch: Callable[[Progress], None]
+    load: Callable[[], Scene],
+    *,
+    device: str = "cpu",
+    most_node_steps: float = math.inf,
+    watch: Callable[[Progress | SpatialRelaxation], None],
 ) -> Outcome:
     """Run the scene that `load` returns; `watch` may raise to stop it.
 
@@ -62,6 +69,8 @@ def run_point(
     settings: dict[str, object] = {}
     try:
         scene = load()
+        if scene.model.kind == "spatial":
+            return _run_spatial_point(build_mesh(scene, device), most_node_steps, watch)
         model = build_model(scene, device)
     except InputError as error:
         return Outcome(settings, None, "refused", str(error))
@@ -99,6 +108,53 @@ def run_point(
     )
 
 
+def _run_spatial_point(mesh: SpatialMesh, most_node_steps: float, watch: Callable[[SpatialRelaxation], None]) -> Outcome:
+    """The same of a mesh in space."""
+    nodes = mesh.rods.node_count
+
+    def look(relaxation: SpatialRelaxation) -> None:
+        watch(relaxation)
+        if relaxation.steps * nodes > most_node_steps:
+            raise TooDear
+
+    relaxation = SpatialRelaxation(mesh, look)
+    relaxation.warm_up()
+    wall, cpu = time.perf_counter(), time.process_time()
+    found: Found | None = None
+    reason, message = "steady", ""
+    try:
+        for record in relaxation.run():
+            found = spatial_found(record.reading)
+    except TooDear:
+        reason, message, found = "too dear", f"stopped after {most_node_steps:.2g} node-steps", None
+    except Diverged as error:
+        reason, message, found = "diverged", str(error), None
+    return Outcome(
+        settings=settings_of_scene(mesh.scene) | {"contact_stiffness_N_per_m": mesh.contact_stiffness},
+        found=found,
+        stop_reason=reason,
+        message=message,
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+        steps=relaxation.steps,
+        node_steps=relaxation.steps * nodes,
+    )
+
+
+def spatial_found(reading: SpatialReading) -> Found:
+    """What a reading in space says of the mesh; each site has two pairs of equal force."""
+    weft, warp = reading.mesh_tension
+    active = reading.site_active
+    return Found(
+        active_percent=100.0 * float(active.mean()) if len(active) else 0.0,
+        tension_weft_N_per_m=weft,
+        tension_warp_N_per_m=warp,
+        contact_force_sum_N=2.0 * float(reading.site_force.sum()),
+        contact_force_max_N=float(reading.site_force.max(initial=0.0)),
+        stress_max_Pa=float(reading.stress.max()),
+    )
+
+
 def node_steps(drive: Drive) -> int:
     """Steps times nodes of a mesh, and of the smaller meshes beside it."""
     drives, found = [drive], []
@@ -112,8 +168,19 @@ def node_steps(drive: Drive) -> int:
 
 def settings_of(model: Model) -> dict[str, object]:
     """The knobs of a model as they stand, whichever were turned."""
-    scene, solver = model.scene, model.scene.solver
-    ramp = solver.drive == "ramp"
+    ramp = model.scene.solver.drive == "ramp"
+    return settings_of_scene(model.scene) | {
+        "contact_stiffness_N_per_m": model.contact_stiffness,
+        "mass_scaling": 1.0 + model.added_mass if ramp else None,
+        "loading_time_s": model.loading_time if ramp else None,
+        "damping_per_s": model.damping if ramp else None,
+        "body_mass_kg": model.body_mass if ramp else None,
+    }
+
+
+def settings_of_scene(scene: Scene) -> dict[str, object]:
+    """Those of them that a scene says."""
+    solver = scene.solver
     return {
         "kind": scene.model.kind,
         "boundary": scene.model.boundary,
@@ -123,15 +190,10 @@ def settings_of(model: Model) -> dict[str, object]:
         "drive": solver.drive,
         "precision": solver.precision,
         "axial_softening": solver.axial_softening,
-        "contact_stiffness_N_per_m": model.contact_stiffness,
         "residual_tolerance": solver.residual_tolerance,
         "multipliers": solver.multipliers,
         "levels": scene.output.frames,
-        "mass_scaling": 1.0 + model.added_mass if ramp else None,
         "target_time_step_s": solver.target_time_step,
-        "loading_time_s": model.loading_time if ramp else None,
-        "damping_per_s": model.damping if ramp else None,
-        "body_mass_kg": model.body_mass if ramp else None,
     }
 
 

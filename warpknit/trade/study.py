@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ..device import find_device
-from ..errors import Diverged, InputError, RunDirectoryError
+from ..errors import Diverged, InputError, ModelError, RunDirectoryError
 from ..files import write_aside, write_table
 from ..model.model import Model, build_model
 from ..model.numerics import slowest_rate
@@ -35,6 +35,8 @@ Loader = Callable[[Overrides, str | None], Scene]
 
 RATIO = math.sqrt(2.0)  # of the nodes of one reference to the next
 FINEST = ((2_000, 96), (math.inf, 54))  # nodes a loop of the reference, up to so many nodes of the scene
+TOLERANCE = 1e-4  # of the reference
+SPATIAL = (34, 1e-3)  # nodes a loop and tolerance of a reference in space, which takes a hundred times as long
 DEAREST = 4.0  # times what the reference cost, that a point may
 RAMP_NODES = 2_000  # of a mesh, up to which ramps in real time are tried: they take a hundred times the steps
 
@@ -65,6 +67,9 @@ def run_trade(
     the reference does. An interrupt ends with exit_code 130 and keeps the finished points.
     """
     scene = load((), None)
+    if scene.model.kind != "planar":
+        allowed = "'planar', and --against spatial for a reference in space"
+        raise ModelError(f"model.kind: given {scene.model.kind!r}, allowed for a trade: {allowed}")
     of_reference: Overrides = (("model.kind", against),) if against else ()
     load(of_reference, None)  # refused before anything is written
     finished = read_summary(out, "trade.json")
@@ -98,7 +103,8 @@ class _Study:
         self.scales = scales_of(base)
         self.path = out / "trade.csv"
         self.rows = read_rows(self.path)
-        finest = next(n for most, n in FINEST if base.panel.node_count <= most)
+        self.in_space = ("model.kind", "spatial") in of_reference
+        finest = SPATIAL[0] if self.in_space else next(n for most, n in FINEST if base.panel.node_count <= most)
         self.finest = [round(finest / RATIO**k) for k in range(3)]
         self._interrupts = Interrupts()
 
@@ -124,7 +130,8 @@ class _Study:
     # --- points ---
 
     def _points(self) -> list[Point]:
-        points = [*knobs.reference_points(self.finest), *knobs.preset_points(self.base), *knobs.points_alone(self.base)]
+        points = knobs.reference_points(self.finest, SPATIAL[1] if self.in_space else TOLERANCE)
+        points += [*knobs.preset_points(self.base), *knobs.points_alone(self.base)]
         points += self._points_of_ramp()
         points += knobs.points_together(self.base, self.finest[0])
         return points
