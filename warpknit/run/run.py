@@ -84,6 +84,8 @@ def run_scene(
     if device is None:
         _log.info("running on %s", name if ranks.count == 1 else f"{ranks.count} ranks, this one on {name}")
     if scene.model.kind == "spatial":
+        if resume:
+            _log.info("the spatial model has no checkpoint: starting over")
         return _run_spatial(scene, out, name, ranks, progress or Display())
     checkpoint = None
     if resume and ranks.from_first(lambda: has_checkpoint(out)):

@@ -67,7 +67,7 @@ class RodState:
         host = self.control.numpy()
         for index, value in values.items():
             host[int(index)] = value
-        if not self.control.device.is_cpu:
+        if not wp.get_device(self.control.device).is_cpu:
             self.control.assign(host)
 
     def read_control(self) -> np.ndarray:

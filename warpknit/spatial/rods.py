@@ -11,6 +11,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..kernels.rod_step import HELD_NODE, HELD_TURN
+
 
 @dataclass(frozen=True)
 class Section:
@@ -115,10 +117,8 @@ class Rods:
         """[wire] [m] natural length, all round where it is closed."""
         return np.add.reduceat(np.where(self.following >= 0, self.natural_length, 0.0), self.wire_first)
 
-    def holding(self, nodes: Sequence[int] = (), sections: Sequence[int] = ()) -> Rods:
+    def holding(self, nodes: np.ndarray | Sequence[int] = (), sections: np.ndarray | Sequence[int] = ()) -> Rods:
         """The same with nodes held in place and sections of segments held against turning."""
-        from ..kernels.rod_step import HELD_NODE, HELD_TURN
-
         held = self.held.copy()
         held[list(nodes)] |= int(HELD_NODE)
         held[list(sections)] |= int(HELD_TURN)

@@ -48,9 +48,10 @@ def place_wires(cloth: Cloth, table: Table, panel: Panel) -> SpatialWires:
         origin = np.repeat(panel.block_origin, panel.block_count, axis=0)
         position = np.stack([table.x[entry] + origin[:, 0], table.y[entry] + origin[:, 1], table.z[entry]], axis=1)
         none = np.zeros(0, dtype=np.int64)
-        points = tuple(np.split(position, panel.wire_first[1:]))
-        return SpatialWires(points, np.array([*panel.size, 0.0]), none, np.zeros((0, 2)), none, wire, seed, low, high)
-    points, starts, shares = [], [], []
+        split = tuple(np.split(position, panel.wire_first[1:]))
+        return SpatialWires(split, np.array([*panel.size, 0.0]), none, np.zeros((0, 2)), none, wire, seed, low, high)
+    points: list[np.ndarray] = []
+    starts, shares = [], []
     for w in range(len(panel.wire_first)):
         along, place, share = _clamped_wire(cloth, table, panel, w)
         points.append(along)
