@@ -120,7 +120,8 @@ def near_contacts(reading: Reading, approach: float) -> Contacts:
     near = closed | ((approach > 0.0) & (np.where(asleep > 0.0, asleep, reading.pair_gap) < approach))
     pair = np.nonzero(near)[0]
     first, count = (of_wire[panel.pair_wire[pair], None] for of_wire in (panel.wire_first, panel.wire_count))
-    node = first + np.mod(reading.pair_node[pair, None] + np.arange(-1, 3) - first, count)
+    begin = panel.pair_seed[pair, None] + reading.pair_slide[pair, None]  # also of pairs that were never in touch
+    node = first + np.mod(begin + np.arange(-1, 3) - first, count)
     push = np.zeros((len(pair), 4, 2))
     push[closed[pair]] = reading.pair_nodal[closed] / reading.pair_force[closed, None, None]
     there = np.nonzero(~closed[pair])[0]
