@@ -46,6 +46,8 @@ class Rest:
         rods, state = stepper.rods, stepper.state
         self.has_segment = rods.following >= 0
         self.free = (rods.held & int(HELD_NODE)) == 0
+        # a segment both of whose nodes are held does not move, whatever its tension
+        self.stretches = self.has_segment & (self.free | self.free[rods.following])
         self.turning_free = ((rods.held & int(HELD_TURN)) == 0) & self.has_segment
         self.stretch = rods.section.axial_stiffness / softening
         state.stretch_stiffness.fill_(self.stretch)
@@ -133,7 +135,8 @@ class Rest:
 
     def stretch_error(self) -> float:
         """Largest difference between strain and T/EA: what the softening still does."""
-        return float(np.abs(self.arc_strain() - self.tension() / self.stepper.rods.section.axial_stiffness).max(initial=0.0))
+        error = self.arc_strain() - self.tension() / self.stepper.rods.section.axial_stiffness
+        return float(np.abs(error[self.stretches]).max(initial=0.0))
 
     def look(self) -> None:
         """Take in the state: renew damping and multipliers."""
@@ -142,7 +145,7 @@ class Rest:
         if self.softening != 1.0:
             error = self.arc_strain() - self.tension() / stepper.rods.section.axial_stiffness
             offset = state.tension_offset.numpy() + MULTIPLIER_RATE * self.stretch * error
-            state.tension_offset.assign(np.where(self.has_segment, offset, 0.0))
+            state.tension_offset.assign(np.where(self.stretches, offset, 0.0))
         mass = np.concatenate([np.repeat(state.node_mass.numpy()[self.free], 3), state.spin_inertia.numpy()[self.turning_free]])
         moved = np.concatenate([state.displacement.numpy()[self.free].ravel(), state.angle.numpy()[self.turning_free]])
         pushed = np.concatenate([self.out_of_balance().ravel(), self.untwisted()]) / mass
