@@ -130,6 +130,7 @@ class Ramp(Drive):
 
     def _renew_step(self, looks: int = 1) -> float:
         """The time step that the present tension and contact allow until so many looks on."""
+        self.stepper.evaluate_contact()  # what the contacts push with is not in a checkpoint
         step = stable_step(self.model, self.state, CHECK_STEPS * looks)
         self.state.write_control({c.TIME_STEP: step})
         return step
