@@ -76,6 +76,7 @@ class Progress:
     time: float = 0.0  # [s] of the stage, in a ramp
     work: float = 0.0  # [J] in a ramp
     compliance: list[float] = field(default_factory=list)  # [m/N] strain by tension, of a ramp driven by tension
+    strain_move: list[float] = field(default_factory=list)  # at its last look
     followed: list[float] = field(default_factory=list)  # strains and tensions [N/m] at its last look
     stress: list[float] = field(default_factory=list)  # [N/m] nominal stress at the last look, in a ramp
 

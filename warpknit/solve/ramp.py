@@ -14,7 +14,9 @@ from .drive import CHECK_STEPS, Drive, LoadPoint, Record
 from .neighbours import RAMP_SHARE
 from .timestep import stable_step
 
-TENSION_GAIN = 0.03  # of the strain that would carry the wanted tension, a look
+TENSION_RATE = 60.0  # of the strain that would carry the wanted tension, a loading time
+MOST_GAIN = 0.1  # of it a look
+MOMENTUM_RATE = 100.0  # a loading time, at which strains slow down: both ways together a mesh may be far softer than each
 TENSION_TOLERANCE = 5e-3  # of the wanted tension, in a steady state
 MOST_STRAIN = 0.5  # a loading time
 COMPLIANCE_RANGE = 1e-4  # of that of a loose mesh: the least that is reckoned with
@@ -42,6 +44,7 @@ class Ramp(Drive):
             if not driven.any():
                 self._set_ramp(self.target(stage, 1.0), math.ceil(loading_time / self._renew_step()))
             progress.compliance = [1.0 / measure.tension_scale(self.model)] * 2
+            progress.strain_move = []
             self.neighbours.expect(RAMP_SHARE * self.neighbours.margin)
             progress.settling = True
         recorded = progress.level - unloaded
@@ -83,7 +86,7 @@ class Ramp(Drive):
     def _follow_tension(self, stage: Stage, driven: np.ndarray, step: float) -> None:
         """Aim at the strains of the next look: the boundary gives way as the wanted tension is more than the mesh carries.
 
-        The strain moves by TENSION_GAIN of what the compliance seen so far asks for, and by MOST_STRAIN a loading time at most,
+        The strain moves at TENSION_RATE of what the compliance seen so far asks for, and by MOST_STRAIN a loading time at most,
         so that a loose mesh is not pulled tight at a blow.
         """
         progress, loading_time = self.progress, self.model.loading_time
@@ -99,7 +102,11 @@ class Ramp(Drive):
         share = min(1.0, (progress.time + CHECK_STEPS * step) / loading_time)
         miss = self._wanted_tension(stage, share) - tension
         most = MOST_STRAIN * CHECK_STEPS * step / loading_time
-        move = np.clip(TENSION_GAIN * np.array(progress.compliance) * miss, -most, most)
+        gain = min(MOST_GAIN, TENSION_RATE * CHECK_STEPS * step / loading_time)
+        kept = max(0.0, 1.0 - MOMENTUM_RATE * CHECK_STEPS * step / loading_time)
+        before = np.array(progress.strain_move or [0.0, 0.0])
+        move = np.clip(gain * np.array(progress.compliance) * miss + kept * before, -most, most)
+        progress.strain_move = move.tolist()
         target = self.target(stage, _smooth(share))
         gradient = target.gradient.copy()
         gradient[np.diag_indices(2)] = np.where(driven, 1.0 + strain + move, np.diag(gradient))
