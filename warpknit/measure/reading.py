@@ -114,6 +114,9 @@ class Reading:
         first order, L/3 of the slope: the turn there stands for half a segment."""
         curvature = self.elastic_turning / (self.hinge_length * self.length_factor)
         missed = self._second_difference(curvature) / (12.0 * self.hinge_length)
+        panel = self.model.panel
+        for end in (panel.wire_first, panel.wire_first + panel.wire_count - 1):  # nothing bends at a free end
+            missed[end] = np.where(panel.wire_closed, missed[end], 0.0)
         for _, following, node in self._hinges_at_clamps:
             if not following:
                 missed[node] *= 2.0
