@@ -34,8 +34,8 @@ def test_stretch_counts_on_either_side_of_a_node() -> None:
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_bending_stresses_the_outermost_fibre(side: float) -> None:
     """A straight wire on an arc of radius R, its chords as long as its segments h: sigma = E (d/2) theta/h with
-    theta = 2 asin(h/(2 R)), at all nodes but the ends, where nothing bends, and those next to them, which see its moment drop to 0:
-    by h^2/12 of the second difference there, 1/12."""
+    theta = 2 asin(h/(2 R)). At the ends nothing bends, and the nodes next to them see the curvature drop to 0 there: by 1/12 of
+    its second difference."""
     table = table_of_wires([straight(SEGMENTS + 1, SPACING)])
     rig = Rig(table, panel_of_wires(table))
     radius = 1e-3
