@@ -38,6 +38,7 @@ from warpknit.solve.timestep import stable_step
 RESULTS = Path(__file__).parent / "results"
 LOOKS = 50  # parts of a run
 AVERAGE = 10  # readings of a part, spread over it
+PENALTY = 1e3  # [N/m] of the contacts of a ramp
 SPEED = 1e-4  # wire diameters a step, of the shaken mesh
 
 
@@ -65,8 +66,8 @@ def mesh(drive: str, precision: str, strain: float) -> tuple[Model, State]:
     load = {"strain_weft": strain, "strain_warp": strain}
     if drive != "relax":
         table = {
-            "knit": {"repeats": [1, 1]}, "model": {"boundary": "periodic"}, "output": {"frames": 4}, "solver": solver,
-            "contact": {}, "load": load,
+            "model": {"boundary": "periodic", "nodes_per_loop": 24}, "output": {"frames": 4}, "solver": solver,
+            "contact": {"stiffness": PENALTY}, "load": load,
         }  # fmt: skip
         return as_ramp(table, 100.0, {"mass_scaling": 1.0, "body_mass": 0.5})
     model = build_model(scene_of("atlas_cell.toml", load=load, solver=solver, output={"frames": 4}))

@@ -289,6 +289,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rows = read_rows(given.out / "step_bound.csv", Row) if given.first else []
     for number in range(given.first, given.first + given.scenes):
         rows += measured(number, given.seed)
+        write_rows(given.out / "step_bound.csv", rows)
         for row in rows[-2:]:
             print(
                 f"{row.scene:4d} {row.drive:5s} {row.pattern:18s} {row.boundary:9s} {row.nodes_per_loop:3d} nodes, softened"
@@ -304,7 +305,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
               f" above 1: {np.count_nonzero(ratio > 1)} of {len(ratio)}; median without margin {bound:.3f}")  # fmt: skip
         for begin, number in zip(edges, count, strict=False):
             print(f"  {begin:.2f} {'#' * int(number)} {number}")
-    write_rows(given.out / "step_bound.csv", rows)
     draw(rows, given.picture)
     return 0
 
