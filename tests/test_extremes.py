@@ -18,7 +18,8 @@ from hypothesis import strategies as st
 
 from warpknit.errors import WarpknitError
 from warpknit.knit.chain import KnitError
-from warpknit.run.run import Run, run_scene
+from warpknit.run.run import run_scene
+from warpknit.run.run_directory import Ending
 from warpknit.scene import make_scene
 
 Table = dict[str, dict[str, Any]]
@@ -31,7 +32,7 @@ BASE: Table = {
 SOFT, STIFF = 10e9, 600e9  # [Pa] metals lie between
 
 
-def run_of(table: Table) -> Run:
+def run_of(table: Table) -> Ending:
     """Run a scene as the command line would."""
     with tempfile.TemporaryDirectory() as folder:
         return run_scene(make_scene(table), out=Path(folder) / "run")

@@ -13,7 +13,6 @@ import math
 import shutil
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +31,7 @@ from .checkpoint import Checkpoint, has_checkpoint
 from .history import Row, account_sliding, account_work, read_history, row_of, write_history
 from .panel_report import report_panel
 from .progress import Progress as Display
-from .run_directory import check_directory, clear, make_directory, read_summary
+from .run_directory import Ending, check_directory, clear, finished_before, make_directory
 from .spatial_run import SpatialRun
 from .summary import Estimate, run_summary, stage_summary
 from .watch import Watch
@@ -50,15 +49,6 @@ COMPILING_S = 1.0  # kernels that took longer to be ready were compiled, not loa
 Judge = Callable[[Record], Estimate]
 
 
-@dataclass(frozen=True)
-class Run:
-    """How a run ended."""
-
-    exit_code: int
-    summary: dict[str, Any]
-    message: str = ""
-
-
 def run_scene(
     scene: Scene,
     *,
@@ -69,7 +59,7 @@ def run_scene(
     progress: Display | None = None,
     ranks: Ranks | None = None,
     judge: Judge | None = None,
-) -> Run:
+) -> Ending:
     """Run `scene` into the directory `out`; several `ranks` that share it all call this, and the first one writes the results.
     `judge` is asked for the errors of the last state of a run that came to its end.
 
@@ -100,11 +90,11 @@ def run_scene(
             ranks.from_first(lambda: clear(out))
         if not ranks.is_first:
             ending = Watch(simulation, out).run(lambda _record: None)
-            return Run(ending.exit_code, {}, ending.message)
+            return Ending(ending.exit_code, {}, ending.message)
         return _Recorder(model.whole, simulation, out, progress or Display(), compile_time, checkpoint, hold, judge).run()
 
 
-def _run_spatial(scene: Scene, out: Path, device: str, ranks: Ranks, display: Display) -> Run:
+def _run_spatial(scene: Scene, out: Path, device: str, ranks: Ranks, display: Display) -> Ending:
     """Run the spatial model of a scene, which one process has to itself."""
     if ranks.count > 1:
         raise ModelError(f"model.kind: given 'spatial', which {ranks.count} ranks cannot share: run without mpirun")
@@ -112,7 +102,7 @@ def _run_spatial(scene: Scene, out: Path, device: str, ranks: Ranks, display: Di
     with _held(out) as hold:
         clear(out)
         frames = _open_frames(scene, mesh.layout(), out, resume=False, hold=hold)
-        return Run(*SpatialRun(mesh, out, display, frames).run())
+        return Ending(*SpatialRun(mesh, out, display, frames).run())
 
 
 def _open_frames(scene: Scene, layout: WireLayout, out: Path, *, resume: bool, hold: int | None) -> FrameWriter:
@@ -132,13 +122,10 @@ def _open_frames(scene: Scene, layout: WireLayout, out: Path, *, resume: bool, h
     return frame_writer(out, layout, stage if scene.output.usd else None, resume=resume, hold=hold)
 
 
-def _finished_run(scene: Scene, out: Path, resume: bool, force: bool) -> Run | None:
+def _finished_run(scene: Scene, out: Path, resume: bool, force: bool) -> Ending | None:
     """The run that `out` holds where there is nothing left to resume. Raises `RunDirectoryError` where `out` cannot be used."""
-    finished = read_summary(out, "summary.json")
-    if finished is not None and resume:
-        if finished.get("scene", {}).get("hash") != scene.hash:
-            raise RunDirectoryError(f"{out}: holds the finished run of another scene; --force replaces it, --out names another")
-        return Run(0, finished)
+    if resume and (finished := finished_before(out, "summary.json", scene.hash)) is not None:
+        return finished
     check_directory(out, unfinished="run" if has_checkpoint(out) else None, resume=resume, force=force)
     return None
 
@@ -209,7 +196,7 @@ class _Recorder:
             model.layout().save(out / "layout.npz")
         self.frames = _open_frames(model.scene, model.layout(), out, resume=checkpoint is not None, hold=hold)
 
-    def run(self) -> Run:
+    def run(self) -> Ending:
         with self.frames:
             try:
                 ending = self.watch.run(self._keep)
@@ -230,7 +217,7 @@ class _Recorder:
             export_run(self.out, "vtk")
         if code == 0:
             shutil.rmtree(self.out / "checkpoint", ignore_errors=True)
-        return Run(code, summary, message)
+        return Ending(code, summary, message)
 
     # --- records ---
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..errors import RunDirectoryError
+from ..files import write_aside
 
 OURS = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda", "wires.topology.usdc",
         "wires.manifest.usda", "stages.json", "states", "frames", "figures", "checkpoint", "vtk", "tables", "panel",
@@ -24,6 +26,52 @@ def read_summary(out: Path, name: str) -> dict[str, Any] | None:
     except (OSError, ValueError):
         return None
     return summary if isinstance(summary, dict) and summary.get("stop_reason") in ("steady", "finished") else None
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a run, a map or a trade ended."""
+
+    exit_code: int
+    summary: dict[str, Any]
+    message: str = ""
+
+
+def finished_before(out: Path, name: str, scene_hash: str) -> Ending | None:
+    """What ended in `out`, by its summary `name`; None where nothing did.
+
+    Raises RunDirectoryError where that was another scene.
+    """
+    summary = read_summary(out, name)
+    if summary is None:
+        return None
+    if summary.get("scene", {}).get("hash") != scene_hash:
+        kind = SUMMARIES[name]
+        raise RunDirectoryError(f"{out}: holds the finished {kind} of another scene; --force replaces it, --out names another")
+    return Ending(0, summary)
+
+
+def goes_on(out: Path, table: str, kind: str, resolved: str, *, resume: bool, force: bool) -> bool:
+    """Whether the map or trade (`kind`) of the scene `resolved` that `out` holds by its `table` is to be gone on with.
+
+    Raises RunDirectoryError where `out` cannot be used.
+    """
+    begun = (out / table).exists()
+    check_directory(out, unfinished=kind if begun else None, resume=resume, force=force)
+    if not (resume and begun):
+        return False
+    if (out / "scene.toml").read_text(encoding="utf-8") != resolved:
+        raise RunDirectoryError(f"{out}: holds the {kind} of another scene; --force replaces it, --out names another directory")
+    return True
+
+
+def open_directory(out: Path, resolved: str, *, keep: bool) -> None:
+    """Make `out` with the scene `resolved`, without what an earlier run left unless that is to be kept."""
+    if not keep:
+        clear(out)
+    make_directory(out)
+    with write_aside(out / "scene.toml") as file:
+        file.write(resolved)
 
 
 def check_directory(out: Path, *, unfinished: str | None, resume: bool, force: bool) -> None:

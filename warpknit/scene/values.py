@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import BeforeValidator
 from pydantic_core import PydanticCustomError
 
 from warpknit.scene.presets import PRESETS
 from warpknit.scene.units import DIMENSIONS, QuantityError, si
+
+T = TypeVar("T")
 
 
 def refused(allowed: str, **context: Any) -> PydanticCustomError:
@@ -95,6 +98,16 @@ class Integer(Check):
         return value
 
 
+def both(pair: Check, each: Callable[[Any], T], value: Any) -> tuple[T, T]:
+    """The two values of a pair, each checked by itself; what is wrong with one is said of the pair."""
+    if not isinstance(value, (list, tuple)) or len(value) != 2:
+        raise refused(pair.allowed)
+    try:
+        return each(value[0]), each(value[1])
+    except PydanticCustomError as error:
+        raise refused(pair.allowed) from error
+
+
 @dataclass(frozen=True)
 class IntegerPair(Check):
     """Two whole numbers, one for weft and one for warp."""
@@ -106,12 +119,7 @@ class IntegerPair(Check):
         return f"two whole numbers from {self.each.least} to {self.each.most}, such as [7, 6]"
 
     def __call__(self, value: Any) -> tuple[int, int]:
-        if not isinstance(value, (list, tuple)) or len(value) != 2:
-            raise refused(self.allowed)
-        try:
-            return self.each(value[0]), self.each(value[1])
-        except PydanticCustomError as error:
-            raise refused(self.allowed) from error
+        return both(self, self.each, value)
 
 
 @dataclass(frozen=True)
@@ -126,12 +134,7 @@ class Pair(Check):
         return f"a pair, each {self.each.allowed.partition(', such')[0]}, such as [{kind.example}, {kind.example}]"
 
     def __call__(self, value: Any) -> tuple[float, float]:
-        if not isinstance(value, (list, tuple)) or len(value) != 2:
-            raise refused(self.allowed)
-        try:
-            return self.each(value[0]), self.each(value[1])
-        except PydanticCustomError as error:
-            raise refused(self.allowed) from error
+        return both(self, self.each, value)
 
 
 @dataclass(frozen=True)

@@ -10,18 +10,18 @@ import json
 import logging
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from .. import measure
 from ..device import find_device
-from ..errors import MemoryNeeded, ModelError, RunDirectoryError, SceneError
+from ..errors import MemoryNeeded, ModelError, SceneError
 from ..files import write_aside
 from ..model.model import Model, available_memory, build_model, required_memory
 from ..run.interrupts import Interrupted, Interrupts
 from ..run.progress import Progress as Display
-from ..run.run_directory import check_directory, clear, make_directory, read_summary
+from ..run.run_directory import Ending, finished_before, goes_on, open_directory
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.messages import scene_error
 from ..solve.prolongation import smaller_scene
@@ -42,15 +42,6 @@ FIGURES = (
 SEED_FIGURES = (("contact_spread_map", "active_percent_deviation", "spread of the active contacts", "points of %", 1.0),)
 
 
-@dataclass(frozen=True)
-class MapResult:
-    """How a map ended."""
-
-    exit_code: int
-    summary: dict[str, Any]
-    message: str = ""
-
-
 def run_map(
     scene: Scene,
     *,
@@ -59,32 +50,22 @@ def run_map(
     resume: bool = False,
     force: bool = False,
     progress: Display | None = None,
-) -> MapResult:
+) -> Ending:
     """Run the sweep of `scene` into the directory `out`.
 
     Raises `SceneError`, `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. Strains at
     which the mesh does not come to rest have no values; an interrupt ends with exit_code 130 and keeps the finished cells.
     """
     sweep = _checked(scene, device)
-    finished = read_summary(out, "map.json")
-    if resume and finished is not None:
-        if finished.get("scene", {}).get("hash") != scene.hash:
-            raise RunDirectoryError(f"{out}: holds the finished map of another scene; --force replaces it, --out names another")
-        return MapResult(0, finished)
-    begun = (out / "map.csv").exists()
-    check_directory(out, unfinished="map" if begun else None, resume=resume, force=force)
+    if resume and (finished := finished_before(out, "map.json", scene.hash)) is not None:
+        return finished
     resolved = resolved_toml(scene)
-    if resume and begun and (out / "scene.toml").read_text(encoding="utf-8") != resolved:
-        raise RunDirectoryError(f"{out}: holds the map of another scene; --force replaces it, --out names another directory")
+    keep = goes_on(out, "map.csv", "map", resolved, resume=resume, force=force)
     # what cannot be built is refused before anything is removed
     seeds = [replace(scene, knit=replace(scene.knit, seed=scene.knit.seed + number)) for number in range(sweep.seeds)]
     models = [build_model(one) for one in seeds]
     _refuse_too_many(models[0], sweep)
-    if not (resume and begun):
-        clear(out)
-    make_directory(out)
-    with write_aside(out / "scene.toml") as file:
-        file.write(resolved)
+    open_directory(out, resolved, keep=keep)
     return _Mapper(models, sweep, out, progress or Display()).run()
 
 
@@ -135,7 +116,7 @@ class _Mapper:
         self._interrupts = Interrupts()
         self._begin = self._saved = time.perf_counter()
 
-    def run(self) -> MapResult:
+    def run(self) -> Ending:
         reason, code, message = "finished", 0, ""
         with self._interrupts.caught():
             try:
@@ -153,7 +134,7 @@ class _Mapper:
             json.dump(summary, file, indent=2, allow_nan=False)
         if self.scene.output.figures and self.rows:
             self._draw(summary)
-        return MapResult(code, summary, message)
+        return Ending(code, summary, message)
 
     @property
     def rows(self) -> list[MapRow]:

@@ -9,18 +9,18 @@ import json
 import logging
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from ..device import find_device
-from ..errors import Diverged, InputError, ModelError, RunDirectoryError
+from ..errors import Diverged, InputError, ModelError
 from ..files import write_aside, write_table
 from ..model.model import Model, build_model
 from ..model.numerics import slowest_rate
 from ..run.interrupts import Interrupted, Interrupts
 from ..run.progress import Progress as Display
-from ..run.run_directory import check_directory, clear, make_directory, read_summary
+from ..run.run_directory import Ending, finished_before, goes_on, open_directory
 from ..scene import Scene, resolved_toml
 from . import knobs
 from .convergence import extrapolate
@@ -41,15 +41,6 @@ DEAREST = 4.0  # times what the reference cost, that a point may
 RAMP_NODES = 2_000  # of a mesh, up to which ramps in real time are tried: they take a hundred times the steps
 
 
-@dataclass(frozen=True)
-class TradeResult:
-    """How a trade ended."""
-
-    exit_code: int
-    summary: dict[str, Any]
-    message: str = ""
-
-
 def run_trade(
     load: Loader,
     *,
@@ -59,7 +50,7 @@ def run_trade(
     resume: bool = False,
     force: bool = False,
     progress: Display | None = None,
-) -> TradeResult:
+) -> Ending:
     """Measure speed against accuracy of a scene into the directory `out`.
 
     `load` returns the scene with more overrides and a preset; `against` is the `model.kind` of the reference. Raises
@@ -72,23 +63,13 @@ def run_trade(
         raise ModelError(f"model.kind: given {scene.model.kind!r}, allowed for a trade: {allowed}")
     of_reference: Overrides = (("model.kind", against),) if against else ()
     load(of_reference, None)  # refused before anything is written
-    finished = read_summary(out, "trade.json")
-    if resume and finished is not None:
-        if finished.get("scene", {}).get("hash") != scene.hash:
-            raise RunDirectoryError(f"{out}: holds the trade of another scene; --force replaces it, --out names another")
-        return TradeResult(0, finished)
-    begun = (out / "trade.csv").exists()
-    check_directory(out, unfinished="trade" if begun else None, resume=resume, force=force)
+    if resume and (finished := finished_before(out, "trade.json", scene.hash)) is not None:
+        return finished
     resolved = resolved_toml(scene)
-    if resume and begun and (out / "scene.toml").read_text(encoding="utf-8") != resolved:
-        raise RunDirectoryError(f"{out}: holds the trade of another scene; --force replaces it, --out names another")
+    keep = goes_on(out, "trade.csv", "trade", resolved, resume=resume, force=force)
     name = find_device(device)
     base = build_model(scene, name)
-    if not (resume and begun):
-        clear(out)
-    make_directory(out)
-    with write_aside(out / "scene.toml") as file:
-        file.write(resolved)
+    open_directory(out, resolved, keep=keep)
     return _Study(load, base, of_reference, name, out, progress or Display()).run()
 
 
@@ -108,7 +89,7 @@ class _Study:
         self.finest = [round(finest / RATIO**k) for k in range(3)]
         self._interrupts = Interrupts()
 
-    def run(self) -> TradeResult:
+    def run(self) -> Ending:
         reason, code, message = "finished", 0, ""
         with self._interrupts.caught():
             try:
@@ -125,7 +106,7 @@ class _Study:
         if code == 0:
             write_table(self.out / "trade_knobs.csv", _columns(summary["knobs"]))
             self._draw()
-        return TradeResult(code, summary, message)
+        return Ending(code, summary, message)
 
     # --- points ---
 
