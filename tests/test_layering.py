@@ -39,6 +39,7 @@ LAYERS = (
     {"run", "plan"},
     {"sweep", "trade"},
     {"design"},
+    {"program"},
     {"cli"},
     {"__main__"},
 )

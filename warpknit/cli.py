@@ -1,99 +1,32 @@
 """The command line: `warpknit run`, `warpknit plan`, `warpknit map`, `warpknit trade`, `warpknit report`, `warpknit export`.
 
-Whatever ends a command is turned into an exit status and a line in one place, `exit_status`.
+program.py turns whatever ends a command into an exit status and a line.
 """
 
 from __future__ import annotations
 
-import errno
 import json
 import logging
 import os
-import shutil
-import sys
-import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from warpknit.errors import ModelError, WarpknitError
-from warpknit.ranks.launch import join_ranks, started_as
-from warpknit.ranks.ranks import One, Ranks
+from warpknit.errors import ModelError
+from warpknit.program import FINISHED, INTERRUPTED, Program, configure_logging
+from warpknit.ranks.ranks import Ranks
 
 if TYPE_CHECKING:
     from warpknit.plan import Plan
+    from warpknit.run.run_directory import Ending
     from warpknit.scene import Scene
     from warpknit.wires.report import WireReport
 
 # NumPy's threads are worth nothing here: they would take memory and go on spinning on the cores that the steps need
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
-FINISHED, FAULT, BAD_INPUT, OUT_OF_RESOURCES, INTERRUPTED = 0, 1, 2, 4, 130
-UNUSABLE_PATH = (errno.EACCES, errno.EPERM, errno.EROFS, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG)
-
-
-def exit_status(error: BaseException) -> tuple[int, str] | None:
-    """The exit status that an exception stands for, and the line to print; None for a fault of the program."""
-    match error:
-        case WarpknitError():
-            return error.exit_code, str(error)
-        case click.UsageError():
-            return BAD_INPUT, f"{error.format_message()} See 'warpknit --help'."
-        case click.ClickException():
-            return BAD_INPUT, error.format_message()
-        case KeyboardInterrupt() | click.Abort():
-            return INTERRUPTED, "interrupted"
-        case MemoryError():
-            return OUT_OF_RESOURCES, f"memory ran out: {error or 'more was needed than is available'}"
-        case RuntimeError() if str(error).startswith("Failed to allocate"):  # Warp's arrays
-            return OUT_OF_RESOURCES, f"memory ran out: {error}"
-        case OSError() if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            return OUT_OF_RESOURCES, f"disk ran out: {_free(error.filename)}"
-        case OSError() if error.errno in UNUSABLE_PATH and error.filename is not None:
-            return BAD_INPUT, f"{error.filename}: given {(error.strerror or '').lower()}, allowed: a path to write to"
-        case _:
-            return None
-
-
-def _free(path: str | None) -> str:
-    """What is left on the disk of a path that could not be written."""
-    for folder in Path(path).parents if path else ():
-        if folder.is_dir():
-            return f"{path} needs more than the {shutil.disk_usage(folder).free / 1024:,.0f} KiB that are left"
-    return "no space left on the device"
-
-
-class Program(click.Group):
-    """A group of commands that ends with the exit statuses of this program and one line for an error.
-
-    Where several ranks were started, all end with the same status and one of them says why.
-    """
-
-    def main(self, *args: Any, **options: Any) -> NoReturn:
-        options["standalone_mode"] = False
-        ranks: Ranks = One()
-        line = ""
-        try:
-            ranks = options["obj"] = join_ranks()
-            status = super().main(*args, **options) or FINISHED
-        except BaseException as error:
-            known = exit_status(error)
-            if known is None:
-                if ranks.count == 1:
-                    raise
-                known = FAULT, traceback.format_exc()
-            status, line = known
-            if status != FAULT:
-                line = f"warpknit: {' '.join(line.splitlines())}"
-        status, speaks = ranks.leave(status)
-        if line and speaks and (ranks.count > 1 or not started_as()):
-            click.echo(line, err=True)
-        ranks.end_all(status)
-        sys.exit(status)
-
 
 @click.group(cls=Program, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="warpknit", message="%(prog)s %(version)s")
@@ -158,6 +91,23 @@ def result_options(command: Any) -> Any:
     return command
 
 
+def open_scene(
+    scene: str, overrides: tuple[str, ...], preset: str | None, out: str | None, *, quiet: bool
+) -> tuple[Scene, Path]:
+    """The scene of a command and where its results go, with the log set up."""
+    configure_logging(logging.WARNING if quiet else logging.INFO)
+    from warpknit.scene import load_scene
+
+    loaded = load_scene(scene, overrides, preset)
+    return loaded, Path(out) if out else Path("runs") / loaded.name
+
+
+def unfinished(result: Ending, if_interrupted: str = "") -> int:
+    """Say why a command did not finish, and how to go on; its exit status."""
+    click.echo(f"warpknit: {result.message}{if_interrupted if result.exit_code == INTERRUPTED else ''}", err=True)
+    return int(result.exit_code)
+
+
 @main.command()
 @scene_options
 @result_options
@@ -178,11 +128,7 @@ def run(
     """Run SCENE and leave its results in DIR."""
     _refuse_both(resume, force)
     quiet = quiet or not ranks.is_first
-    configure_logging(logging.WARNING if quiet else logging.INFO)
-    from warpknit.scene import load_scene
-
-    loaded = load_scene(scene, overrides, preset)
-    directory = Path(out) if out else Path("runs") / loaded.name
+    loaded, directory = open_scene(scene, overrides, preset, out, quiet=quiet)
 
     from warpknit.run.progress import progress_for
     from warpknit.run.run import run_scene
@@ -190,6 +136,7 @@ def run(
     judge = None
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         if error is not None:
+            from warpknit.scene import load_scene
             from warpknit.trade.estimate import settings_within
 
             _refuse_error(error, preset, loaded)
@@ -201,8 +148,7 @@ def run(
     if not ranks.is_first:
         return int(result.exit_code)
     if result.exit_code != FINISHED:
-        click.echo(f"warpknit: {result.message}", err=True)
-        return int(result.exit_code)
+        return unfinished(result)
     from warpknit.run.report import print_summary
 
     print_summary(result.summary, directory)
@@ -226,11 +172,7 @@ def contact_map(
 ) -> int:
     """Run the strains of SCENE's [sweep] and leave the contact map in DIR."""
     _refuse_both(resume, force)
-    configure_logging(logging.WARNING if quiet else logging.INFO)
-    from warpknit.scene import load_scene
-
-    loaded = load_scene(scene, overrides, preset)
-    directory = Path(out) if out else Path("runs") / loaded.name
+    loaded, directory = open_scene(scene, overrides, preset, out, quiet=quiet)
 
     from warpknit.run.progress import progress_for
     from warpknit.sweep.sweep import map_lines, run_map
@@ -241,9 +183,7 @@ def contact_map(
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         result = run_map(loaded, out=directory, device=device, resume=resume, force=force, progress=progress)
     if result.exit_code != FINISHED:
-        goes_on = ", --resume goes on from there" if result.exit_code == INTERRUPTED else ""
-        click.echo(f"warpknit: {result.message}{goes_on}", err=True)
-        return result.exit_code
+        return unfinished(result, ", --resume goes on from there")
     from warpknit.run.report import engineering, print_table
 
     print_table([*map_lines(result.summary, engineering), ("results in", str(directory))])
@@ -267,13 +207,10 @@ def trade(
 ) -> int:
     """Measure speed against accuracy on SCENE: run it at many settings, and leave errors and costs in DIR."""
     _refuse_both(resume, force)
-    configure_logging(logging.WARNING if quiet else logging.INFO)
-    from warpknit.scene import load_scene
-
-    loaded = load_scene(scene, overrides, preset)
-    directory = Path(out) if out else Path("runs") / loaded.name
+    loaded, directory = open_scene(scene, overrides, preset, out, quiet=quiet)
 
     from warpknit.run.progress import progress_for
+    from warpknit.scene import load_scene
     from warpknit.trade.study import run_trade, trade_lines
 
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
@@ -282,8 +219,7 @@ def trade(
             out=directory, against=against, device=device, resume=resume, force=force, progress=progress,
         )  # fmt: skip
     if result.exit_code != FINISHED:
-        click.echo(f"warpknit: {result.message}", err=True)
-        return result.exit_code
+        return unfinished(result)
     from warpknit.run.report import print_table
 
     print_table([*trade_lines(result.summary), ("results in", str(directory))])
@@ -318,7 +254,6 @@ def report(
 
     A map of the same scene that DIR holds is used.
     """
-    configure_logging(logging.WARNING if quiet else logging.INFO)
     if fit_loop_length and fit_curve:
         raise click.UsageError("--fit-curve: given beside --fit-loop-length, allowed: one of them.")
     asked = positive_quantity("--tension", tension, "tension")
@@ -327,10 +262,9 @@ def report(
     mass = positive_quantity("--areal-mass", areal_mass, "areal_mass")
     from warpknit.design.inputs import Known, with_known
     from warpknit.design.report import make_report, report_scene
-    from warpknit.scene import load_scene
 
-    loaded = report_scene(load_scene(scene, overrides, preset))
-    directory = Path(out) if out else Path("runs") / loaded.name
+    loaded, directory = open_scene(scene, overrides, preset, out, quiet=quiet)
+    loaded = report_scene(loaded)
 
     from warpknit.run.progress import progress_for
     from warpknit.sweep.contact_map import read_map
@@ -343,9 +277,7 @@ def report(
         loaded = fitted.scene
         result = run_map(loaded, out=directory, device=device, resume=not force, force=force, progress=progress)
         if result.exit_code != FINISHED:
-            goes_on = ", and the same command goes on from there" if result.exit_code == INTERRUPTED else ""
-            click.echo(f"warpknit: {result.message}{goes_on}", err=True)
-            return result.exit_code
+            return unfinished(result, ", and the same command goes on from there")
         rows = read_map(directory / "map.csv", directory / "map_details.csv")
         found = make_report(loaded, rows, directory, tension=asked, notes=fitted.notes, progress=progress)
     from warpknit.run.report import engineering, print_table
@@ -423,17 +355,3 @@ def naming_the_file(scene: Scene) -> Iterator[None]:
         raise scene_error(scene.path, error.key, shown(error.given), error.allowed) from error
     except ModelError as error:
         raise type(error)(f"{scene.path}: {error}") from error
-
-
-class StderrHandler(logging.Handler):
-    """Writes to whatever `sys.stderr` is at the time: lines go above a progress bar, and into captured output."""
-
-    def emit(self, record: logging.LogRecord) -> None:
-        sys.stderr.write(f"{self.format(record)}\n")
-
-
-def configure_logging(level: int) -> None:
-    """Log lines of this package go to stderr as they are."""
-    log = logging.getLogger("warpknit")
-    log.handlers[:] = [StderrHandler()]
-    log.setLevel(level)

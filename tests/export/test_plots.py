@@ -10,7 +10,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from warpknit.export import plots
+from warpknit.export import curves_figure, mesh_figure
 from warpknit.frame import Frame, WireLayout
 
 
@@ -53,7 +53,7 @@ def test_mesh_figure(
     tmp_path: Path, layout: WireLayout, make_frame: Callable[..., Frame], yield_stress: float | None
 ) -> None:
     frame = replace(make_frame(4, shear=0.05), temperature=83.15)
-    path = plots.mesh_figure(layout, frame, tmp_path / "mesh.png", yield_stress=yield_stress, tension=(2.0, 2.2))
+    path = mesh_figure.mesh_figure(layout, frame, tmp_path / "mesh.png", yield_stress=yield_stress, tension=(2.0, 2.2))
     image = check_image(path)[..., :3]
     is_cyan = np.all(np.abs(image - (0.0, 0xCF / 255, 1.0)) < 0.02, axis=-1)
     assert is_cyan.any() == (yield_stress == 3e8)  # the largest stress is 400 MPa
@@ -62,22 +62,22 @@ def test_mesh_figure(
 def test_mesh_figure_without_bodies(tmp_path: Path, layout: WireLayout, make_frame: Callable[..., Frame]) -> None:
     bare = replace(layout, body_wires=np.empty((0, 2)), rhombus_bodies=np.empty(0))
     empty = {"body_position": np.empty((0, 3)), "pair_force": np.empty(0), "pair_active": np.empty(0, bool)}
-    check_image(plots.mesh_figure(bare, replace(make_frame(0, strain=0.0), **empty), tmp_path / "mesh.png"))
+    check_image(mesh_figure.mesh_figure(bare, replace(make_frame(0, strain=0.0), **empty), tmp_path / "mesh.png"))
 
 
 def test_big_mesh_is_drawn_as_a_map(
     tmp_path: Path, layout: WireLayout, make_frame: Callable[..., Frame], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(plots, "SEGMENTS_DRAWN", 100)
-    image = check_image(plots.mesh_figure(layout, make_frame(4), tmp_path / "map.png", yield_stress=1e9))
+    monkeypatch.setattr(mesh_figure, "SEGMENTS_DRAWN", 100)
+    image = check_image(mesh_figure.mesh_figure(layout, make_frame(4), tmp_path / "map.png", yield_stress=1e9))
     assert image.shape[1] > image.shape[0]  # two panels
 
 
 def test_cells_hold_every_point() -> None:
     """Each point lies in the cell that its coordinates name: column floor(x / width), row floor(y / height)."""
     position = np.array([[0.0, 0.0], [0.9, 0.1], [3.9, 1.9], [4.0, 2.0], [1.1, 1.1]])
-    assert plots._cell_of(position, np.zeros(2), np.array([4.0, 2.0]), (2, 4)).tolist() == [0, 0, 7, 7, 5]
-    assert plots._cells(np.array([4.0, 2.0]), 8.0, 100) == (2, 4)
+    assert mesh_figure._cell_of(position, np.zeros(2), np.array([4.0, 2.0]), (2, 4)).tolist() == [0, 0, 7, 7, 5]
+    assert mesh_figure._cells(np.array([4.0, 2.0]), 8.0, 100) == (2, 4)
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ def test_cells_hold_every_point() -> None:
     ids=["equal", "two strains", "stages", "one record", "no strain"],
 )
 def test_curves_figure(tmp_path: Path, rows: list[dict[str, object]]) -> None:
-    check_image(plots.curves_figure(rows, tmp_path / "curves.png"))
+    check_image(curves_figure.curves_figure(rows, tmp_path / "curves.png"))
 
 
 def test_curves_figure_reads_the_file(tmp_path: Path) -> None:
@@ -95,8 +95,8 @@ def test_curves_figure_reads_the_file(tmp_path: Path) -> None:
         writer.writeheader()
         writer.writerows(history(4))
     (tmp_path / "given").mkdir()
-    plots.curves_figure(tmp_path / "history.csv", tmp_path / "curves.png")
-    plots.curves_figure(history(4), tmp_path / "given" / "curves.png")
+    curves_figure.curves_figure(tmp_path / "history.csv", tmp_path / "curves.png")
+    curves_figure.curves_figure(history(4), tmp_path / "given" / "curves.png")
     first, second = (
         matplotlib.image.imread(path) for path in (tmp_path / "curves.png", tmp_path / "given" / "curves.png")
     )
@@ -107,12 +107,12 @@ def test_unrecorded_columns_are_said(tmp_path: Path) -> None:
     rows = [
         {"index": index, "strain_weft": 0.01 * index, "strain_warp": 0.0, "residual": math.nan} for index in range(3)
     ]
-    check_image(plots.curves_figure(rows, tmp_path / "curves.png"))
+    check_image(curves_figure.curves_figure(rows, tmp_path / "curves.png"))
 
 
 def test_empty_history_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no row"):
-        plots.curves_figure([], tmp_path / "curves.png")
+        curves_figure.curves_figure([], tmp_path / "curves.png")
 
 
 @pytest.mark.parametrize(
@@ -128,6 +128,6 @@ def test_empty_history_is_refused(tmp_path: Path) -> None:
 )
 def test_abscissa_is_what_varies(rows: list[dict[str, object]], label: str) -> None:
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0] if name != "stage"}
-    stages = plots._stages([str(row["stage"]) for row in rows])
-    values, given = plots._abscissa(columns, stages, len(rows))
+    stages = curves_figure._stages([str(row["stage"]) for row in rows])
+    values, given = curves_figure._abscissa(columns, stages, len(rows))
     assert given == label and np.all(np.diff(values) > 0.0)

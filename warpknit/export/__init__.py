@@ -130,7 +130,8 @@ def _export_tables(record: _Record) -> list[Path]:
 
 def _export_figures(record: _Record) -> list[Path]:
     """The mesh at the end, and at the end of each stage where there are several; the curves."""
-    from warpknit.export.plots import curves_figure, mesh_figure
+    from warpknit.export.curves_figure import curves_figure
+    from warpknit.export.mesh_figure import mesh_figure
 
     history = record.history()
     if "displacement_m" in history[0]:

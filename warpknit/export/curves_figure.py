@@ -1,0 +1,172 @@
+"""Active contacts, tension, energies and residual of a run against its load."""
+
+import csv
+import math
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, figure_of, save_figure
+
+__all__ = ["curves_figure"]
+
+DECADES_DRAWN = 1e-9  # of a logarithmic axis: a kinetic energy that has died away does not flatten the others
+STAGE_STYLES: tuple[tuple[str | tuple[int, tuple[float, ...]], str], ...] = (
+    ("-", "o"),
+    ((0, (5, 1.5)), "s"),
+    ((0, (1.2, 1.2)), "^"),
+    ((0, (5, 1.5, 1, 1.5)), "D"),
+    ((0, (8, 3)), "v"),
+    ((0, (3, 1, 1, 1, 1, 1)), "P"),
+)
+
+
+def curves_figure(history: Iterable[Mapping[str, Any]] | str | os.PathLike[str], path: str | os.PathLike[str]) -> Path:
+    """Draw active contacts, tension, energies and residual of a run, from the rows of history.csv or from the file."""
+    rows = _rows(history)
+    names = {name for row in rows for name in row}
+    columns = {name: np.array([_number(row.get(name)) for row in rows]) for name in names}
+
+    def column(name: str) -> NDArray[Any]:
+        return columns.get(name, np.full(len(rows), np.nan))
+
+    stages = _stages([str(row.get("stage", "")) for row in rows])
+    abscissa, abscissa_label = _abscissa(columns, stages, len(rows))
+
+    figure = figure_of(10.5, 7.6)
+    panels = figure.subplots(2, 2, sharex=True).ravel()
+    panel_curves: tuple[tuple[str, bool, tuple[tuple[str, str, NDArray[Any]], ...]], ...] = (
+        ("active contacts [% of pairs]", False, (("", GREEN, column("active_percent")),)),
+        (
+            "boundary tension [N/m]",
+            False,
+            (("weft", BLUE, column("tension_weft_N_per_m")), ("warp", ORANGE, column("tension_warp_N_per_m"))),
+        ),
+        (
+            "energy [µJ]",
+            True,
+            tuple(
+                (name, colour, 1e6 * column(f"energy_{name}_J"))
+                for name, colour in (("bend", BLUE), ("stretch", ORANGE), ("contact", GREEN), ("kinetic", PURPLE))
+            ),
+        ),
+        ("residual, relative to mean boundary force", True, (("", GREY, column("residual")),)),
+    )
+    for axes, (label, is_logarithmic, curves) in zip(panels, panel_curves, strict=True):
+        _draw_curves(axes, abscissa, stages, curves, is_logarithmic)
+        axes.set_ylabel(label)
+    panels[0].set_ylim(-3.0, 103.0)
+    if not any(np.any(values < 0.0) for _, _, values in panel_curves[1][2]):
+        panels[1].set_ylim(bottom=0.0)
+    for axes in panels[2:]:
+        axes.set_xlabel(abscissa_label)
+    if len(stages) > 1:
+        handles = []
+        for number, (name, _) in enumerate(stages):
+            style, marker = STAGE_STYLES[number % len(STAGE_STYLES)]
+            face = GREY if number % 2 == 0 else "white"
+            look: dict[str, Any] = {"linestyle": style, "marker": marker, "markersize": 4.5, "markerfacecolor": face}
+            handles.append(Line2D([], [], color=GREY, label=name, **look))
+        columns_shown = min(len(handles), 6)
+        figure.legend(handles=handles, title="stage", loc="outside upper center", ncols=columns_shown, frameon=False)
+    return save_figure(figure, path)
+
+
+def _draw_curves(
+    axes: Axes,
+    abscissa: NDArray[Any],
+    stages: Sequence[tuple[str, slice]],
+    curves: Sequence[tuple[str, str, NDArray[Any]]],
+    is_logarithmic: bool,
+) -> None:
+    """One line a quantity and stage: the colour tells the quantity, the dashes and marks tell the stage."""
+    handles = []
+    for label, colour, values in curves:
+        shown = np.isfinite(values) & ((values > 0.0) if is_logarithmic else True)
+        if not shown.any():
+            continue
+        values = np.where(shown, values, np.nan)
+        for number, (_, rows) in enumerate(stages):
+            style, marker = STAGE_STYLES[number % len(STAGE_STYLES)]
+            look: dict[str, Any] = {"color": colour, "linestyle": style, "marker": marker, "markersize": 4.0}
+            face = colour if number % 2 == 0 else "white"
+            axes.plot(abscissa[rows], values[rows], linewidth=1.6, markerfacecolor=face, **look)
+        if label:
+            handles.append(Line2D([], [], color=colour, linewidth=2.5, label=label))
+    if not axes.lines:
+        axes.text(0.5, 0.5, "not recorded", transform=axes.transAxes, ha="center", va="center", color=GREY)
+    elif is_logarithmic:
+        axes.set_yscale("log")
+        low, high = axes.get_ylim()
+        axes.set_ylim(bottom=max(low, DECADES_DRAWN * high))
+    if handles:
+        axes.legend(handles=handles, frameon=True, framealpha=0.8, edgecolor="none", loc="best")
+    axes.grid(color="#DDDDDD", linewidth=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _abscissa(
+    columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[str, slice]], count: int
+) -> tuple[NDArray[Any], str]:
+    """What varies in a run: strain if it does in each stage, else the way along the stages.
+
+    In a single stage without strain: shear, temperature, the load factor, or the number of the record.
+    """
+    held = [
+        all(float(np.ptp(columns[name][rows])) < 1e-9 for name in ("strain_weft", "strain_warp") if name in columns)
+        for _, rows in stages
+    ]
+    if len(stages) > 1 and any(held) and "load_factor" in columns:
+        stage = np.searchsorted([rows.stop for _, rows in stages], np.arange(count), side="right")
+        return stage + columns["load_factor"], "stage and its load factor"
+    spread = {name: float(np.ptp(values)) if np.isfinite(values).all() else 0.0 for name, values in columns.items()}
+    weft, warp = columns.get("strain_weft"), columns.get("strain_warp")
+    weft_spread, warp_spread = spread.get("strain_weft", 0.0), spread.get("strain_warp", 0.0)
+    if weft is not None and warp is not None and (count == 1 or max(weft_spread, warp_spread) > 1e-9):
+        if np.allclose(weft, warp, rtol=0.0, atol=1e-9):
+            return 100.0 * weft, "strain, weft and warp [%]"
+        name = "weft" if weft_spread >= warp_spread else "warp"
+        other = "warp" if name == "weft" else "weft"
+        label = f"{name} strain [%]"
+        values = 100.0 * columns[f"strain_{other}"]
+        value_range = f"{values.min():.3g} to {values.max():.3g}" if np.ptp(values) > 1e-7 else f"{values[0]:.3g}"
+        label += f", {other} {value_range} %"
+        return 100.0 * columns[f"strain_{name}"], label
+    if spread.get("shear", 0.0) > 1e-9:
+        return 100.0 * columns["shear"], "shear [%]"
+    if spread.get("temperature_K", 0.0) > 1e-6:
+        return columns["temperature_K"] - 273.15, "temperature [°C]"
+    if spread.get("load_factor", 0.0) > 0.0:
+        return columns["load_factor"], "load factor"
+    return np.arange(count, dtype=float), "record"
+
+
+def _stages(names: Sequence[str]) -> list[tuple[str, slice]]:
+    """Runs of rows of one stage, each beginning with the last row of the stage before: the curve is unbroken."""
+    first = [0, *(row for row in range(1, len(names)) if names[row] != names[row - 1])]
+    end = [*first[1:], len(names)]
+    return [(names[a] or "load", slice(max(a - 1, 0), b)) for a, b in zip(first, end, strict=True)]
+
+
+def _rows(history: Iterable[Mapping[str, Any]] | str | os.PathLike[str]) -> list[Mapping[str, Any]]:
+    if isinstance(history, str | os.PathLike):
+        with open(history, newline="", encoding="utf-8") as file:
+            rows: list[Mapping[str, Any]] = list(csv.DictReader(file))
+    else:
+        rows = list(history)
+    if not rows:
+        raise ValueError("history: no row to draw")
+    return rows
+
+
+def _number(value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return math.nan

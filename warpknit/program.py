@@ -1,0 +1,94 @@
+"""How the program ends: every exception as an exit status and one line, on all ranks, and its log."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import shutil
+import sys
+import traceback
+from pathlib import Path
+from typing import Any, NoReturn
+
+import click
+
+from warpknit.errors import WarpknitError
+from warpknit.ranks.launch import join_ranks, started_as
+from warpknit.ranks.ranks import One, Ranks
+
+FINISHED, FAULT, BAD_INPUT, OUT_OF_RESOURCES, INTERRUPTED = 0, 1, 2, 4, 130
+UNUSABLE_PATH = (errno.EACCES, errno.EPERM, errno.EROFS, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG)
+
+
+def exit_status(error: BaseException) -> tuple[int, str] | None:
+    """The exit status that an exception stands for, and the line to print; None for a fault of the program."""
+    match error:
+        case WarpknitError():
+            return error.exit_code, str(error)
+        case click.UsageError():
+            return BAD_INPUT, f"{error.format_message()} See 'warpknit --help'."
+        case click.ClickException():
+            return BAD_INPUT, error.format_message()
+        case KeyboardInterrupt() | click.Abort():
+            return INTERRUPTED, "interrupted"
+        case MemoryError():
+            return OUT_OF_RESOURCES, f"memory ran out: {error or 'more was needed than is available'}"
+        case RuntimeError() if str(error).startswith("Failed to allocate"):  # Warp's arrays
+            return OUT_OF_RESOURCES, f"memory ran out: {error}"
+        case OSError() if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            return OUT_OF_RESOURCES, f"disk ran out: {_free(error.filename)}"
+        case OSError() if error.errno in UNUSABLE_PATH and error.filename is not None:
+            return BAD_INPUT, f"{error.filename}: given {(error.strerror or '').lower()}, allowed: a path to write to"
+        case _:
+            return None
+
+
+def _free(path: str | None) -> str:
+    """What is left on the disk of a path that could not be written."""
+    for folder in Path(path).parents if path else ():
+        if folder.is_dir():
+            return f"{path} needs more than the {shutil.disk_usage(folder).free / 1024:,.0f} KiB that are left"
+    return "no space left on the device"
+
+
+class Program(click.Group):
+    """A group of commands that ends with the exit statuses of this program and one line for an error.
+
+    Where several ranks were started, all end with the same status and one of them says why.
+    """
+
+    def main(self, *args: Any, **options: Any) -> NoReturn:
+        options["standalone_mode"] = False
+        ranks: Ranks = One()
+        line = ""
+        try:
+            ranks = options["obj"] = join_ranks()
+            status = super().main(*args, **options) or FINISHED
+        except BaseException as error:
+            known = exit_status(error)
+            if known is None:
+                if ranks.count == 1:
+                    raise
+                known = FAULT, traceback.format_exc()
+            status, line = known
+            if status != FAULT:
+                line = f"warpknit: {' '.join(line.splitlines())}"
+        status, speaks = ranks.leave(status)
+        if line and speaks and (ranks.count > 1 or not started_as()):
+            click.echo(line, err=True)
+        ranks.end_all(status)
+        sys.exit(status)
+
+
+class StderrHandler(logging.Handler):
+    """Writes to whatever `sys.stderr` is at the time: lines go above a progress bar, and into captured output."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        sys.stderr.write(f"{self.format(record)}\n")
+
+
+def configure_logging(level: int) -> None:
+    """Log lines of this package go to stderr as they are."""
+    log = logging.getLogger("warpknit")
+    log.handlers[:] = [StderrHandler()]
+    log.setLevel(level)
