@@ -172,7 +172,7 @@ def masses_and_times(masses: Sequence[float], times: Sequence[str]) -> list[Row]
 
 
 def draw(path: Path, rows: list[Row]) -> None:
-    figure, panels = new_figure(13.0, 4.0, 1, 3)
+    figure, panels = new_figure(15.0, 4.0, 1, 4)
     for colour, strain in zip(COLOURS, STRAINS, strict=False):
         of_size = [r for r in rows if r.varied.startswith("panel") and math.isclose(r.strain, strain, abs_tol=1e-6)]
         *panel, endless = of_size
@@ -191,14 +191,15 @@ def draw(path: Path, rows: list[Row]) -> None:
     for axes in panels[0, :2]:
         axes.set_xticks([3, 5, 9, 19, 27], ["3", "5", "9", "19", "27"], minor=False)
         axes.minorticks_off()
-    for colour, name in ((COLOURS[2], "body mass"), (COLOURS[3], "loading time")):
+    way = "largest error of forces on the way [%]"
+    for axes, name, xlabel in (
+        (panels[0, 2], "body mass", "body mass over half a loop [-]"),
+        (panels[0, 3], "loading time", "loading time [ms]"),
+    ):
         of_kind = [r for r in rows if r.varied == name]
         value = [float(r.value.removesuffix(" ms")) for r in of_kind]
-        unit = "over half a loop" if name == "body mass" else "[ms]"
-        error = [100 * r.force_error_on_the_way for r in of_kind]
-        panels[0, 2].plot(value, error, color=colour, marker="o", markersize=4, label=f"{name} {unit}")
-    panels[0, 2].set(xlabel="body mass [-], loading time [ms]", ylabel="largest error of forces on the way [%]", xscale="log",
-                     yscale="log")  # fmt: skip
+        axes.plot(value, [100 * r.force_error_on_the_way for r in of_kind], color=COLOURS[2], marker="o", markersize=4)
+        axes.set(xlabel=xlabel, ylabel=way, xscale="log", yscale="log", ylim=(0.3, 200.0))
     tidy(panels)
     figure.savefig(path)
 

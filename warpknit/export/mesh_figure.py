@@ -85,7 +85,7 @@ def _draw_neighbours(axes: Axes, lines: NDArray[Any], period: NDArray[Any]) -> N
     """Draw the eight tiles around a periodic one, pale; the columns of `period` (2, 2) [mm] lead to the next tile."""
     steps = [np.array(step) for step in np.ndindex(3, 3) if step != (1, 1)]
     copies = np.concatenate([lines + period @ (step - 1) for step in steps])
-    axes.add_collection(LineCollection(copies, colors="#D8D8D8", linewidths=0.9, zorder=0.5))
+    axes.add_collection(LineCollection(list(copies), colors="#D8D8D8", linewidths=0.9, zorder=0.5))
 
 
 def _mesh_map(
@@ -106,9 +106,7 @@ def _mesh_map(
     stress = np.full(math.prod(shape), np.nan)
     np.fmax.at(stress, _cell_of(position, low, size, shape), 1e-6 * np.abs(frame.node_stress)[layout.curve_node])
     colours, scale = _stress_colours(stress, yield_stress)
-    image = left.imshow(
-        stress.reshape(shape), origin="lower", extent=extent, cmap=colours, norm=scale, interpolation="nearest"
-    )
+    image = left.imshow(stress.reshape(shape), origin="lower", extent=extent, cmap=colours, norm=scale, interpolation="nearest")
     _stress_bar(figure, left, image, yield_stress, "highest wire stress in each cell [MPa]")
 
     body = 1e3 * np.asarray(frame.body_position)[:, :2]
@@ -145,9 +143,7 @@ def _cells(size: NDArray[Any], count: float, most: int) -> tuple[int, int]:
     return max(1, round(size[1] / edge)), max(1, round(size[0] / edge))
 
 
-def _cells_of_repeats(
-    repeats: NDArray[Any], size: NDArray[Any], count: float, most: int
-) -> tuple[tuple[int, int], NDArray[Any]]:
+def _cells_of_repeats(repeats: NDArray[Any], size: NDArray[Any], count: float, most: int) -> tuple[tuple[int, int], NDArray[Any]]:
     """Rows and columns of a grid of whole repeats of the knit, and the size that it covers: cells that cut repeats in
     two would show a pattern that the mesh does not have. About `count` square cells where there is no knit."""
     if not repeats.all():

@@ -49,7 +49,7 @@ class RestArrays:
     hinge_stiffness: wp.array  # [N m] EI over the length that belongs to the node
     inverse_mass: wp.array  # [1/kg]
     node_mass: wp.array  # [kg]
-    curve: wp.array2d  # [entry, CURVE_COEFFICIENTS] [-]
+    curve: wp.array  # [entry, CURVE_COEFFICIENTS] [-]
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class MeshArrays:
     wire_first: wp.array
     wire_count: wp.array
     wire_closed: wp.array
-    wire_clamp: wp.array2d  # [wire, 2 CLAMP_NUMBERS]
+    wire_clamp: wp.array  # [wire, 2 CLAMP_NUMBERS]
     pair_wire: wp.array
     pair_seed: wp.array
     pair_table: wp.array
@@ -103,9 +103,7 @@ def precision_of(name: str, displacement_range: float) -> Precision:
     return Precision("single", wp.float32, wp.int32, 2.0 ** math.ceil(math.log2(displacement_range / 2**31)))
 
 
-def upload_rest(
-    table: Table, precision: Precision, numbers: Numbers, bending_stiffness: float, device: str
-) -> RestArrays:
+def upload_rest(table: Table, precision: Precision, numbers: Numbers, bending_stiffness: float, device: str) -> RestArrays:
     """The rest data of a table with the masses of the run; `bending_stiffness` [N m2]."""
 
     def real(a: np.ndarray) -> wp.array:

@@ -132,7 +132,7 @@ class State:
         host = self.control.numpy()
         for index, value in values.items():
             host[..., int(index)] = value
-        if not self.control.device.is_cpu:
+        if str(self.control.device) != "cpu":  # there `host` is the array itself
             self.control.assign(host)
 
 

@@ -39,7 +39,7 @@ def write_checkpoint(directory: Path, simulation: Simulation, scene_hash: str, w
         _write(directory / FILE, about, kept)
 
 
-def _write(path: Path, about: dict[str, Any], kept: dict[str, np.ndarray]) -> None:
+def _write(path: Path, about: dict[str, Any], kept: dict[str, Any]) -> None:
     with write_aside(path, "wb") as file:
         np.savez(file, about=np.array(json.dumps(about)), **kept)
 

@@ -51,6 +51,16 @@ class Record:
 
 
 @dataclass
+class LoadStart:
+    """The load at the start of a stage; no gradient before it has begun."""
+
+    gradient: list[float] = field(default_factory=list)  # (4,) [-]
+    tension: list[float] = field(default_factory=list)  # (weft, warp) [N/m]
+    temperature: float = 0.0  # [K]
+    levels: float = 0.0  # of the way from there, gone by the smallest mesh of a large one
+
+
+@dataclass
 class Progress:
     """Where a run is: for whoever watches it, and for a checkpoint. Plain numbers."""
 
@@ -67,7 +77,7 @@ class Progress:
     least_imbalance: float = 1e30  # after any correction of the mesh as a membrane, in the level
     in_vain: int = 0  # corrections since that came down
     trust: float = 1.0  # share of the last correction that was taken; 0 where they are given up
-    start: dict[str, list[float] | float] = field(default_factory=dict)  # load at the start of the stage
+    start: LoadStart = field(default_factory=LoadStart)  # of the stage
     best: float = 1e30  # of what is left to do, in the level
     waited: int = 0  # looks since that came down by a tenth
     imbalance: float = 1e30  # of the mesh as a membrane, over what counts as steady; large meshes only
@@ -85,7 +95,7 @@ class Progress:
 
     @classmethod
     def from_dict(cls, values: dict) -> Progress:
-        return cls(**{**values, "search": TensionSearch(**values["search"])})
+        return cls(**{**values, "search": TensionSearch(**values["search"]), "start": LoadStart(**values["start"])})
 
 
 @dataclass(frozen=True)
@@ -163,21 +173,17 @@ class Drive(ABC):
 
     # --- loads ---
 
-    def load_now(self) -> dict[str, list[float] | float]:
+    def load_now(self) -> LoadStart:
         index = self.progress.stage_index
         before = self.scene.stages[index - 1].temperature if index else self.scene.wire.reference_temperature
         gradient = self.state.gradient
         tension = measure.true_stress(self.look.take().stress, gradient)
-        return {
-            "gradient": gradient.ravel().tolist(),
-            "tension": np.diag(tension).tolist(),
-            "temperature": before,
-        }
+        return LoadStart(gradient.ravel().tolist(), np.diag(tension).tolist(), before)
 
     def target(self, stage: Stage, factor: float) -> LoadPoint:
         """Load of a stage at a load factor; a direction driven by tension keeps the strain it has."""
         start = self.progress.start
-        first = np.array(start["gradient"]).reshape(2, 2)
+        first = np.array(start.gradient).reshape(2, 2)
         now = self.state.gradient
         target = first.copy()
         wire, frame = self.scene.wire, self.scene.model.frame_expansion
@@ -186,7 +192,7 @@ class Drive(ABC):
             end = (1.0 + strain) * warmed if strain is not None else None
             target[axis, axis] = now[axis, axis] if end is None else (1 - factor) * first[axis, axis] + factor * end
         target[0, 1] = (1 - factor) * first[0, 1] + factor * stage.shear * warmed
-        before = float(start["temperature"])
+        before = start.temperature
         warmer = np.array(self._stage_before.temperature_gradient if self._stage_before else (0.0, 0.0))
         warmer = (1 - factor) * warmer + factor * np.array(stage.temperature_gradient)
         stations = None
@@ -202,7 +208,7 @@ class Drive(ABC):
 
     def record(self, stage: Stage, factor: float, steady: bool, work: float | None = None) -> Record:
         progress = self.progress
-        before = float(progress.start["temperature"])
+        before = progress.start.temperature
         reading = measure.read(self.model, self.state)
         record = Record(
             index=progress.records,

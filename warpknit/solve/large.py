@@ -16,7 +16,7 @@ from ..measure.edge_work import EdgeWork
 from ..mesh.rim import build_rim
 from ..model.model import Model
 from ..model.state import State
-from .drive import LoadPoint, Progress
+from .drive import LoadPoint, LoadStart, Progress
 from .membrane import Correction, Membrane
 from .prolongation import Prolongation
 from .relax import LEVEL_RAMP_STEPS, Relaxation, WantedTension
@@ -124,22 +124,19 @@ class LargeRelaxation(Relaxation):
     def _follow_path(self, smallest: Relaxation, target: LoadPoint) -> None:
         """Take the smallest mesh to a load by levels near each other: which state a mesh finds may depend on the way there."""
         progress = smallest.progress
-        if not progress.start:
+        if not progress.start.gradient:
             warmed = (float(smallest.state.read_control()[int(c.LENGTH_FACTOR)]) - 1.0) / max(self.scene.wire.expansion, 1e-12)
-            progress.start = {
-                "gradient": smallest.state.gradient.ravel().tolist(),
-                "temperature": self.scene.wire.reference_temperature + warmed,
-                "levels": 0.0,
-            }
-        gradient = np.array(progress.start["gradient"]).reshape(2, 2)
-        temperature = float(progress.start["temperature"])
+            temperature = self.scene.wire.reference_temperature + warmed
+            progress.start = LoadStart(smallest.state.gradient.ravel().tolist(), temperature=temperature)
+        start = progress.start
+        gradient, temperature = np.array(start.gradient).reshape(2, 2), start.temperature
         levels = max(1, math.ceil(float(np.abs(target.gradient - gradient).max()) / FOLLOWED_STRAIN - 1e-9))
-        while float(progress.start["levels"]) < levels:
-            share = (float(progress.start["levels"]) + 1.0) / levels
+        while start.levels < levels:
+            share = (start.levels + 1.0) / levels
             there = gradient + share * (target.gradient - gradient)
             smallest.bring_to_rest(LoadPoint(there, temperature + share * (target.temperature - temperature)), None)
-            progress.start["levels"] = float(progress.start["levels"]) + 1.0
-        progress.start = {}
+            start.levels += 1.0
+        progress.start = LoadStart()
 
     def _start_level(self, target: LoadPoint) -> None:
         if self.prolongation is None:
@@ -238,7 +235,6 @@ class LargeRelaxation(Relaxation):
         change = correction - last
         share = -self.progress.trust * float(last @ change) / max(float(change @ change), 1e-300)
         return float(np.clip(share, *TRUST))
-
 
 
 def _under(prefix: str, kept: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

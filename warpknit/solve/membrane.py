@@ -63,7 +63,7 @@ class Membrane:
         count = int(np.prod(cells + 1))
         self._force = wp.zeros((count, 2), dtype=wp.float64, device=model.device)
         self._displacement = wp.zeros((count, 2), dtype=wp.float64, device=model.device)
-        self._body_clasp = wp.array(model.panel.body_clasp, dtype=wp.int32, device=model.device)
+        self._body_clasp: wp.array = wp.array(model.panel.body_clasp, dtype=wp.int32, device=model.device)
         self._filled = self._filled_share()
         self._tie_grid()
 

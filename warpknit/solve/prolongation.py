@@ -31,6 +31,12 @@ FADED = 1.5  # loops of wire from a clamp over which the change of endless cloth
 WORTH = 1.5  # ratio from which a smaller mesh pays
 
 
+def _smaller_side(repeats: int) -> int:
+    """Of the same parity, so that the middle of the mesh is cut alike."""
+    fewer = -(-repeats // RATIO)
+    return min(repeats, max(LEAST + repeats % 2, fewer + (fewer - repeats) % 2))
+
+
 def smaller_scene(scene: Scene) -> Scene | None:
     """The scene of the smaller mesh, or None where the mesh is small enough."""
     repeats = scene.knit.repeats
@@ -41,8 +47,7 @@ def smaller_scene(scene: Scene) -> Scene | None:
     elif scene.panel.outline != "rectangle":
         return one_repeat(scene)
     else:
-        # the parity is kept: the middle of the mesh is cut alike
-        smaller = tuple(min(n, max(LEAST + n % 2, -(-n // RATIO) + (-(-n // RATIO) - n) % 2)) for n in repeats)
+        smaller = _smaller_side(repeats[0]), _smaller_side(repeats[1])
         if repeats[0] * repeats[1] < WORTH * smaller[0] * smaller[1]:
             return None
     if smaller == repeats:
@@ -82,6 +87,7 @@ class Prolongation:
     def _places(self) -> None:
         """Tables of where things stand on the small mesh."""
         large, small = self.large.panel, self.small.whole.panel
+        assert self.large.cloth is not None
         repeat = self._repeat = np.array(self.large.cloth.size)
         nodes, start = self.large.table.nodes, self.large.table.start
         periodic = small.boundary == "periodic"
@@ -126,7 +132,8 @@ class Prolongation:
         self._body_from_end = index(from_end.reshape(-1, 2).min(axis=1)[self.large.bodies])
         body_place = np.rint(large.body_origin / repeat)
         self._body_place = [index(large.body_clasp), index(body_place[:, 0]), index(body_place[:, 1])]
-        self._node_at, self._body_at = (wp.array(t, dtype=wp.int32, device=device) for t in (node_table, body_table))
+        self._node_at: wp.array = index(node_table)
+        self._body_at: wp.array = index(body_table)
 
     def carry(self, response: Response) -> None:
         """Add what changed on the small mesh to the large one; stiffnesses and masses follow those of the small mesh.
@@ -137,7 +144,7 @@ class Prolongation:
         self._follow_stiffness()
         values = carried_values(self.small, self.small_state)
         real, device = large.precision.real, large.device
-        change = {
+        change: dict[str, wp.array] = {
             name: wp.array(values[name] - self._last[name], dtype=real, device=device) for name in values
         }
         self._last = values

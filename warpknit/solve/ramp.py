@@ -79,7 +79,7 @@ class Ramp(Drive):
 
     def _wanted_tension(self, stage: Stage, share: float) -> np.ndarray:
         """Tensions (weft, warp) [N/m] that the boundary is to carry, where it is driven by them."""
-        start = np.array(self.progress.start["tension"])
+        start = np.array(self.progress.start.tension)
         end = np.array([stage.tension_weft or 0.0, stage.tension_warp or 0.0])
         return start + _smooth(share) * (end - start)
 
@@ -122,9 +122,7 @@ class Ramp(Drive):
         return bool(np.all(~driven | (np.abs(tension - wanted) <= near)))
 
     def _is_steady(self, control: np.ndarray) -> bool:
-        self.progress.residual = float(
-            self.steadiness.measure(control, self.look.take(), self.state.wire_axial.numpy())
-        )
+        self.progress.residual = float(self.steadiness.measure(control, self.look.take(), self.state.wire_axial.numpy()))
         return self.progress.residual < self.scene.solver.residual_tolerance
 
     def _step(self) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -99,7 +100,7 @@ class Relaxation(Drive):
         levels = self.scene.output.frames
         unloaded = progress.stage_index == 0
         driven = np.array([stage.strain_weft is None, stage.strain_warp is None])
-        tension_start = np.array(progress.start["tension"])
+        tension_start = np.array(progress.start.tension)
         tension_end = np.array([stage.tension_weft or 0.0, stage.tension_warp or 0.0])
         while progress.level < levels + unloaded:
             factor = (progress.level + (not unloaded)) / levels
@@ -163,7 +164,7 @@ class Relaxation(Drive):
         self._pressed = int(sums.closed)
         least = UNLOADED * measure.force_scale(self.model)
         bend = self.model.bending_stiffness / float(self.model.table.hinge_length.min()) ** 2
-        return sums.closed == 0 and sums.tension_largest < least and sums.turning_largest * bend < least
+        return bool(sums.closed == 0 and sums.tension_largest < least and sums.turning_largest * bend < least)
 
     def rest_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Nominal stress (2, 2) [N/m] of the mesh at rest under a load, and the values that describe the state."""
@@ -209,7 +210,7 @@ class Relaxation(Drive):
             furthest = np.inf  # a wire that stays is carried along by the frame (hook.py), and must be put back all the way
         s = self.state
         for value, last in zip(self._level_values(), self._last, strict=True):
-            numbers = [wp.float64(ratio), wp.float64(furthest)]
+            numbers: list[Any] = [wp.float64(ratio), wp.float64(furthest)]
             kernel = extrapolate_held_bodies
             if value is s.body_ux or value is s.body_uy:
                 numbers.append(s.pair_force)

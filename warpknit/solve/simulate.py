@@ -10,7 +10,7 @@ from ..model.model import Model, build_model, estimated_nodes
 from ..model.state import State, initial_state
 from ..ranks.ranks import One, Ranks
 from ..scene import Scene
-from .drive import Drive, Progress, Record
+from .drive import Drive, LoadStart, Progress, Record
 from .large import LargeRelaxation
 from .prolongation import one_repeat, smaller_scene
 from .ramp import Ramp
@@ -100,8 +100,8 @@ class Simulation:
         while progress.stage_index < len(stages):
             stage = stages[progress.stage_index]
             progress.stage = stage.name
-            if not progress.start:
+            if not progress.start.gradient:
                 progress.start = self.drive.load_now()
             yield from self.drive.stage(stage)
             progress.stage_index += 1
-            progress.level, progress.start, progress.time = 0, {}, 0.0
+            progress.level, progress.start, progress.time = 0, LoadStart(), 0.0

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import TypeAlias
@@ -62,7 +62,7 @@ class Stepper:
             [partial(_launch_all, self._commands(self._contact_work(parity, part))) for part in range(self.threads)]
             for parity in (0, 1)
         ]
-        self._graphs: dict[tuple[int, int], wp.Graph] = {}
+        self._graphs: dict[tuple[int, int], list[wp.Graph]] = {}
         self._helpers = ThreadPoolExecutor(self.threads - 1, "step") if self.threads > 1 else None
 
     @property
@@ -82,7 +82,7 @@ class Stepper:
         """Have every thread replay its part of so many steps."""
         self.together([partial(wp.capture_launch, graph) for graph in self._graphs_of(parity, steps)])
 
-    def together(self, parts: list[Callable[[], object]]) -> None:
+    def together(self, parts: Sequence[Callable[[], object]]) -> None:
         """Call one part in each thread at a time, and return when all are done."""
         waiting = [self._helpers.submit(part) for part in parts[1:]] if self._helpers is not None else []
         parts[0]()
@@ -96,7 +96,7 @@ class Stepper:
     def _graphs_of(self, parity: int, steps: int) -> list[wp.Graph]:
         """A graph for each thread: so many steps from `parity`."""
         if (parity, steps) not in self._graphs:
-            graphs = []
+            graphs: list[wp.Graph] = []
             for launches in self._launches:
                 with wp.ScopedCapture(device=self.model.device) as capture:
                     for k in range(steps):
