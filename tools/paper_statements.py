@@ -25,7 +25,7 @@ from study import new_figure, run, scene_of, show_rows, write_rows
 
 from warpknit import measure
 from warpknit.device import start_warp
-from warpknit.errors import SceneError
+from warpknit.errors import Diverged, SceneError
 from warpknit.model.model import build_model
 from warpknit.scene import Scene
 
@@ -99,20 +99,23 @@ class SweepRow:
 
 
 def contact_maps(file: str, *overrides: str, strains: np.ndarray = STRAINS) -> tuple[ContactMap, ContactMap]:
-    """Maps of all contacts and of the central rhombus. Raises SceneError where loops of such proportions make no knit, and
-    Diverged."""
+    """Maps of all contacts and of the central rhombus, nan where the mesh does not come to rest, which is said. Raises SceneError
+    where loops of such proportions make no knit."""
     n = len(strains)
-    found = np.zeros((4, n, n))
+    found = np.full((4, n, n), np.nan)
     frames = {"frames": n - 1}
     for column, warp in enumerate(strains):
         load = {"strain_weft": 0.0, "strain_warp": float(warp)}
         stage = [{"name": "weft", "strain_weft": float(strains[-1])}]
         scene = scene_of(file, "solver.preset=draft", *overrides, load=load, path=stage, output=frames)
-        for record in run(scene):
-            r = record.reading
-            row = int(np.argmin(np.abs(strains - (r.gradient[0, 0] - 1.0))))
-            rhombus = measure.contacts(r, r.model.panel.rhombus_bodies)
-            found[:, row, column] = (measure.contacts(r).active_percent, rhombus.active_percent, *measure.mesh_tension(r))
+        try:
+            for record in run(scene):
+                r = record.reading
+                row = int(np.argmin(np.abs(strains - (r.gradient[0, 0] - 1.0))))
+                rhombus = measure.contacts(r, r.model.panel.rhombus_bodies)
+                found[:, row, column] = (measure.contacts(r).active_percent, rhombus.active_percent, *measure.mesh_tension(r))
+        except Diverged as error:
+            print(f"{' '.join(overrides)}, {100 * warp:.0f} % warp: left out from here on: {error}", file=sys.stderr)
     share, rhombus_share, weft, warp_tension = found
     return ContactMap(strains, share, weft, warp_tension), ContactMap(strains, rhombus_share, weft, warp_tension)
 
@@ -138,10 +141,10 @@ def sweep_row(geometry: str, bodies: int, m: ContactMap) -> SweepRow:
         k = int(reached[0])
         half_at = float(np.interp(SIGNIFICANT, diagonal[k - 1 : k + 1], m.strains[k - 1 : k + 1]))
     more_weft = np.tril(np.ones_like(m.share, dtype=bool), -1)
-    weft_half, warp_half = float(np.mean(m.share[more_weft])), float(np.mean(m.share.T[more_weft]))
+    weft_half, warp_half = float(np.nanmean(m.share[more_weft])), float(np.nanmean(m.share.T[more_weft]))
     bases = [e for e in m.strains if e > 0.0999]
-    loss_weft = float(np.mean([m.at(m.share, e, e) - m.at(m.share, e - DROP, e) for e in bases]))
-    loss_warp = float(np.mean([m.at(m.share, e, e) - m.at(m.share, e, e - DROP) for e in bases]))
+    loss_weft = float(np.nanmean([m.at(m.share, e, e) - m.at(m.share, e - DROP, e) for e in bases]))
+    loss_warp = float(np.nanmean([m.at(m.share, e, e) - m.at(m.share, e, e - DROP) for e in bases]))
     share_4, share_10 = m.at(m.share, 0.04, 0.04), m.at(m.share, 0.1, 0.1)
     alone = max(m.at(m.warp, 0.0, 0.1), SLACK) / max(m.at(m.weft, 0.1, 0.0), SLACK)
     stiff_10, stiff_16 = tangent_ratio(m, 0.1), tangent_ratio(m, 0.16)
@@ -224,7 +227,8 @@ def scattered(count: int, seed: int = 0) -> list[list[str]]:
 
 
 def mean_map(maps: list[ContactMap]) -> ContactMap:
-    return ContactMap(maps[0].strains, *(np.mean([getattr(m, name) for m in maps], axis=0) for name in ("share", "weft", "warp")))
+    means = (np.nanmean([getattr(m, name) for m in maps], axis=0) for name in ("share", "weft", "warp"))
+    return ContactMap(maps[0].strains, *means)
 
 
 @cache
