@@ -229,7 +229,7 @@ def draw(path: Path, done: dict[str, list[Finished]]) -> None:
     panels[1, 2].plot(mass, at_rest, color="black", marker="x", markersize=5, label="force once it rests")
     panels[1, 2].set(xlabel="mass of the body over half a wire [-]")
     for axes in panels[1]:
-        axes.set(xscale="log", yscale="log", ylabel="largest error on the way: force [-], place [d]", ylim=(3e-3, 20.0))
+        axes.set(xscale="log", yscale="log", ylabel="largest error on the way: force [-], place [d]", ylim=(1e-4, 20.0))
         axes.axhline(0.01, color="#999999", linewidth=0.8, linestyle=":")
     for axes in panels.ravel():
         axes.grid(color="#DDDDDD", linewidth=0.6)

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
+from warpknit.scene.digest import digest
 from warpknit.scene.hook import Hook
 from warpknit.scene.panel import PanelOptions
 from warpknit.scene.presets import preset_like
-from warpknit.scene.resolved import scene_hash
 from warpknit.scene.wire import Wire
 from warpknit.scene.wires import WireFile
 
@@ -208,4 +208,4 @@ class Scene:
     @property
     def hash(self) -> str:
         """SHA-256 of the resolved values, in hex. The name and how the file is written do not enter."""
-        return scene_hash(self)
+        return digest(self, without="name")

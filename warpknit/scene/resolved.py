@@ -1,23 +1,13 @@
-"""A scene written back: every value resolved, as TOML for people and as a hash for programs."""
+"""A scene written back: every value resolved, as TOML."""
 
 from __future__ import annotations
 
-import hashlib
-import json
 import typing
 from dataclasses import fields, is_dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
+from warpknit.scene.objects import Scene
 from warpknit.scene.units import si_text
-
-if TYPE_CHECKING:
-    from warpknit.scene.objects import Scene
-
-
-def scene_hash(scene: Scene) -> str:
-    """SHA-256 of the resolved values, in hex. The name and how the file is written do not enter."""
-    table = {key: value for key, value in _plain(scene).items() if key != "name"}
-    return hashlib.sha256(json.dumps(table, sort_keys=True, allow_nan=False).encode()).hexdigest()
 
 
 def resolved_toml(scene: Scene) -> str:
@@ -68,12 +58,3 @@ def _unit(hint: Any) -> str | None:
     if typing.get_origin(hint) is Annotated:
         return str(hint.__metadata__[0])
     return next((unit for part in typing.get_args(hint) if (unit := _unit(part))), None)
-
-
-def _plain(value: Any) -> Any:
-    """A frozen object as nested dicts and lists."""
-    if is_dataclass(value):
-        return {entry.name: _plain(getattr(value, entry.name)) for entry in fields(value) if entry.compare}
-    if isinstance(value, tuple):
-        return [_plain(entry) for entry in value]
-    return value
