@@ -14,7 +14,7 @@ import pytest
 from heat_study import Heated, heated
 from paper_statements import ContactMap, contact_maps, heat_shares, statements, sweep_row
 from path_study import Overload, cycle, overload
-from rhombus_study import Row, both_ways, curve_at_rest, nodes, rows_of, sizes
+from rhombus_study import Row, both_ways, curve_of, nodes, rows_of, sizes
 from study import run_model, scene_of
 
 from warpknit.model.model import build_model
@@ -109,7 +109,7 @@ def test_a_ramp_ends_at_rest_whatever_the_body_mass() -> None:
     """In real time, loading in 10 ms: the mass of the bodies has no part in a state at rest. Tolerance: the residual's."""
     nodes = "model.nodes_per_loop=24"
     kept = [DRAFT, nodes, "solver.precision=double", "solver.drive=ramp", 'solver.loading_time="10 ms"']
-    curve = curve_at_rest(DRAFT, nodes, "solver.precision=double", "solver.axial_softening=100", "solver.multipliers=false")
+    curve = curve_of(DRAFT, nodes, "solver.precision=double", "solver.axial_softening=100", "solver.multipliers=false")
     ends = [rows_of("", "", both_ways(CELL, 0.14, 10, *kept, f"contact.body_mass={m}"), (0.14,), curve)[-1] for m in (0.1, 1.0)]
     assert ends[0].force_mean_N == pytest.approx(ends[1].force_mean_N, rel=0.01)
     assert 16 * ends[0].force_mean_N == pytest.approx(curve.at(0.14), rel=0.02)
