@@ -2,8 +2,9 @@
 
 A thread steps BODY_BLOCK consecutive bodies and leaves one row of partial sums; its loop is C++, which the CPU compiler
 vectorises. `pair_body_x, _y` are the forces [N] of pairs 2b and 2b + 1 on body b. The update is that of control.py. Where
-masses are fictitious, a body that no wire touches stays where it was let go (`rest_when_free`): a flight would be as
-fictitious, and could carry it out of its lens.
+masses are fictitious, a body that no wire touches soon comes to rest (`slow_when_free`): a flight would be as fictitious, and
+could carry it out of its lens. It is not stopped dead: between two wires that move on, it would be hit by them, let go and
+stopped again, a rattling that feeds on their motion and keeps them from coming to rest.
 """
 
 from typing import Any
@@ -23,7 +24,7 @@ from .control import (
 from .wires import rounding_phase
 
 BODY_BLOCK = 32
-
+FREE_FLIGHT = 0.9  # of its speed that a free body keeps a step: it flies nine steps far in all
 
 _STEP = r"""
     typedef decltype(unit) real;
@@ -45,8 +46,8 @@ _STEP = r"""
         const real first = force[2 * i], second = force[2 * i + 1];
         const real fx = (first != zero ? on_x[2 * i] : zero) + (second != zero ? on_x[2 * i + 1] : zero);
         const real fy = (first != zero ? on_y[2 * i] : zero) + (second != zero ? on_y[2 * i + 1] : zero);
-        const bool rests = rest_when_free && first == zero && second == zero;
-        const real px = rests ? zero : speed_x[i], py = rests ? zero : speed_y[i];
+        const real kept = slow_when_free && first == zero && second == zero ? real(FREE_FLIGHT) : real(1);
+        const real px = kept * speed_x[i], py = kept * speed_y[i];
         real qx = velocity_factor * px + force_factor * fx;
         real qy = velocity_factor * py + force_factor * fy;
         // what dies out stops before its square is a denormal number, which is slow
@@ -83,6 +84,7 @@ _STEP = r"""
 def _snippet(coordinate: str, count: str, shift: str) -> str:
     return (
         _STEP.replace("BODY_BLOCK", str(BODY_BLOCK))
+        .replace("FREE_FLIGHT", str(FREE_FLIGHT))
         .replace("COORDINATE", coordinate)
         .replace("COUNT", count)
         .replace("SHIFT", shift)
@@ -95,7 +97,7 @@ def step_block_of_bodies(
     block: wp.int32,
     begin: wp.int32,
     end: wp.int32,
-    rest_when_free: wp.int32,
+    slow_when_free: wp.int32,
     # what steers the step
     unit: wp.float32,
     inverse_mass: wp.float32,
@@ -124,7 +126,7 @@ def step_block_of_bodies(  # noqa: F811  (an overload)
     block: wp.int32,
     begin: wp.int32,
     end: wp.int32,
-    rest_when_free: wp.int32,
+    slow_when_free: wp.int32,
     # what steers the step
     unit: wp.float64,
     inverse_mass: wp.float64,
@@ -154,7 +156,7 @@ def step_bodies(
     unit: Any,
     body_block: int,
     first_block: int,
-    rest_when_free: int,
+    slow_when_free: int,
     # contact
     pair_force: wp.array(dtype=Any),
     pair_body_x: wp.array(dtype=Any),
@@ -175,7 +177,7 @@ def step_bodies(
         block,
         block * body_block,
         wp.min((block + 1) * body_block, ux.shape[0]),
-        rest_when_free,
+        slow_when_free,
         unit,
         inverse_mass,
         type(unit)(control[VELOCITY_FACTOR]),

@@ -42,7 +42,7 @@ def step_replicas(
     # how
     unit: Any,
     gripped: int,
-    rest_when_free: int,
+    slow_when_free: int,
     batches: int,
     body_block: int,
     body_blocks: int,
@@ -248,7 +248,7 @@ def step_replicas(
                 block,
                 block * body_block,
                 wp.min((block + 1) * body_block, body_ux.shape[1]),
-                rest_when_free,
+                slow_when_free,
                 unit,
                 body_inverse_mass,
                 velocity_factor,

@@ -18,6 +18,7 @@ from verification.wires import (
 )
 
 from warpknit.kernels import control as c
+from warpknit.kernels.bodies import FREE_FLIGHT
 from warpknit.model.state import LOOK_AHEAD
 
 SEGMENTS = 40
@@ -28,15 +29,14 @@ BELOW, ABOVE = (0, SEGMENTS // 2, 1), (1, SEGMENTS // 2, -1)  # pairs of a body 
 
 
 def body_between(
-    distance: float, offset: float = 0.0, held: bool = True, device: str = "cpu", softening: float = 1.0
+    distance: float, offset: float = 0.0, held: bool = True, device: str = "cpu", softening: float = 1.0, drive: str = "ramp"
 ) -> Rig:
     """Two straight wires, `distance` apart, and a body over the middle node of the lower, `offset` above the middle."""
     table = table_of_wires([straight(SEGMENTS + 1, SPACING), straight(SEGMENTS + 1, SPACING, distance)])
     body = np.array([[SEGMENTS // 2 * SPACING, distance / 2 + offset]])
     nodes = range(2 * (SEGMENTS + 1)) if held else ()
-    rig = Rig(
-        table, panel_of_wires(table, held=nodes, bodies=body, pairs=[BELOW, ABOVE]), device, axial_softening=softening
-    )
+    panel = panel_of_wires(table, held=nodes, bodies=body, pairs=[BELOW, ABOVE])
+    rig = Rig(table, panel, device, axial_softening=softening, drive=drive)
     rig.forces()
     return rig
 
@@ -82,6 +82,22 @@ def test_squeezed_body_swings_as_its_step_says(look_ahead: float, device: str) -
     rig.step(steps)
     expected = np.linalg.matrix_power(step_matrix(0.5, look_ahead), steps) @ [swing, 0.0]
     assert rig.position()[-1, 1] - 0.525 * DIAMETER == pytest.approx(expected[0], abs=100 * EPSILON * 1e-3)
+
+
+@pytest.mark.parametrize("drive", ["relax", "ramp"])
+def test_body_that_is_let_go_does_not_fly_far(drive: str, device: str) -> None:
+    """In a relaxation it keeps the share r of its speed v a step, and so comes v r/(1 - r) far; in a ramp it flies on, v n.
+
+    Round-off of positions of 1 mm.
+    """
+    speed, steps = 0.01 * DIAMETER, 400
+    rig = body_between(100 * DIAMETER, device=device, drive=drive)
+    start = rig.position()[-1]
+    rig.set_time_step(1.0)
+    rig.set_velocity(np.concatenate([np.zeros((rig.nodes, 2)), [[speed, 0.0]]]))
+    rig.step(steps)
+    far = speed * (FREE_FLIGHT / (1 - FREE_FLIGHT) if drive == "relax" else steps)
+    assert rig.position()[-1] - start == pytest.approx([far, 0.0], abs=100 * EPSILON * 1e-3)
 
 
 def test_body_squeezed_by_pinned_wires_bends_them() -> None:

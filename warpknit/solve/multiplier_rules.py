@@ -22,7 +22,9 @@ PENETRATION_LIMIT = 0.004  # wire diameters that a closed pair may overlap in a 
 PENETRATION_STIFFEN = 0.05  # wire diameters at which the contact penalty is doubled
 SOFTENING_STRAIN = 0.02  # softened axial strain at which a wire's softening is halved
 TAUT_FACTOR = 4.0
-TAUT_PATIENCE = 6  # updates in a row without convergence before a wire counts as taut
+TAUT_PROGRESS = 0.8  # of what a wire misses, down to which it must come lest it counts as taut,
+TAUT_PATIENCE = 6  # in so many updates,
+TAUT_NODES = 24  # up to so many nodes a loop; above, they grow with the square of the nodes, as periods of bending do
 TAUT_LENGTH = 8.0  # loops: a longer wire always has slack
 MASS_HEADROOM = 1.1  # a renewed mass over the least that is stable
 AXIAL_ERROR = 2e-5  # strain by which a softened segment may miss its true stretch in a steady state
@@ -45,8 +47,9 @@ class MultiplierRules:
         self._sunk = np.zeros(lead)
         self._sinking = np.zeros(lead, dtype=int)  # updates in a row with bodies sunk in
         self._stretched = np.zeros(wires, dtype=int)  # updates in a row
-        self._unsettled = np.zeros(wires, dtype=int)  # updates in a row without convergence
-        self._imposed = np.zeros(wires)  # strain missing in the mean, at the last update
+        self._unsettled = np.zeros(wires, dtype=int)  # updates in a row without progress
+        self._imposed = np.zeros(wires)  # strain missing in the mean, as of the last progress
+        self._taut_patience = TAUT_PATIENCE * max(1.0, (model.scene.model.nodes_per_loop / TAUT_NODES) ** 2)
         self._short = (model.panel.wire_count < TAUT_LENGTH * model.scene.model.nodes_per_loop) & ~model.panel.wire_closed
 
     def memory(self) -> dict[str, np.ndarray]:
@@ -80,13 +83,14 @@ class MultiplierRules:
         """
         imposed = sums.error_mean
         stretched = np.where(sums.strain_max > SOFTENING_STRAIN, self._stretched[rows] + 1, 0)
-        stuck = self._short & (imposed > AXIAL_ERROR) & (imposed > 0.8 * self._imposed[rows])
-        unsettled = np.where(stuck & np.asarray(nearly_steady)[..., None], self._unsettled[rows] + 1, 0)
+        misses = self._short & (imposed > AXIAL_ERROR) & np.asarray(nearly_steady)[..., None]
+        stuck = misses & (imposed > TAUT_PROGRESS * self._imposed[rows])
+        unsettled = np.where(stuck, self._unsettled[rows] + 1, 0)
         factor = np.where(stretched >= PATIENCE, 2.0, 1.0)
-        factor = np.where(unsettled >= TAUT_PATIENCE, TAUT_FACTOR, factor)
+        factor = np.where(unsettled >= self._taut_patience, TAUT_FACTOR, factor)
         self._stretched[rows] = np.where(factor > 1.0, 0, stretched)
         self._unsettled[rows] = np.where(factor > 1.0, 0, unsettled)
-        self._imposed[rows] = imposed
+        self._imposed[rows] = np.where(stuck, self._imposed[rows], imposed)
         return np.minimum(factor * axial, self.model.axial_stiffness)
 
     def stiffened(self, penalty: np.ndarray, sums: Sums, rows: Rows = ...) -> np.ndarray:
