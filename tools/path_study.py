@@ -2,7 +2,7 @@
 
     python tools/path_study.py DIR [--quick]
 
-Hysteresis: scenes/friction_cycle.toml, 0 -> 16 % -> 0 -> 16 % both ways in steps of 0.125 %, by the friction coefficient.
+Hysteresis: scenes/friction_cycle.toml, 0 -> 16 % -> 0 -> 16 % both ways in steps of 0.03 %, by the friction coefficient.
 Overload:
 scenes/overload.toml, 0 -> overload -> 0 both ways, a mesh as knitted each time, for 30 um tungsten and molybdenum wire that
 yields at the limit in warpknit/materials.py, and for molybdenum as if it never yielded. Prints tables and leaves
@@ -30,7 +30,7 @@ WIRES = (("tungsten", True), ("molybdenum", True), ("molybdenum", False))
 SERVICE = 0.1  # strain both ways at which the mesh is used
 STEP = 0.01  # of strain between recorded states
 YIELDING = ("solver.preset=standard", "model.nodes_per_loop=24")  # which nodes yield asks for more of them
-FINE = "output.frames=128"  # 0.125 % of strain between the states of a cycle with friction
+FINE = "output.frames=512"  # 0.03 % of strain between the states of a cycle with friction, from where on they stay alike
 
 
 @dataclass(frozen=True)
