@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from .contact import CLOSEST_POINT_ITERATIONS, CURVE_COEFFICIENTS
+from .contact import CLOSEST_POINT_DOUBLE, CLOSEST_POINT_ITERATIONS, CLOSEST_POINT_SINGLE, CURVE_COEFFICIENTS
 from .control import CONTACT_STIFFNESS, GRADIENT, LENGTH_FACTOR, STATUS, STATUS_RUNNING, TRAVEL
 
 PAIR_BATCH = wp.constant(16)  # pairs
@@ -24,6 +24,7 @@ _BATCH = r"""
     enum { LANES = PAIR_BATCH, AHEAD = 2, ITERATIONS = CLOSEST_POINT_ITERATIONS };
     const real zero = 0, one = 1, half = 0.5, two = 2, three = 3, four = 4, six = 6;
     const real open_square = real(9) * reach_at_rest * reach_at_rest;
+    const real tolerance = sizeof(real) == 8 ? CLOSEST_POINT_DOUBLE : CLOSEST_POINT_SINGLE;
     const int begin = LANES * batch;
     const int count = pairs - begin < LANES ? pairs - begin : LANES;
     int awake[LANES], any = 0;
@@ -187,7 +188,7 @@ _BATCH = r"""
             const real there = down ? move[l] + one : (up ? move[l] - one : move[l]);
             const real target = there < zero ? zero : (there > one ? one : there);
             const real change = target - u[l];
-            const int done = !down & !up & (change < real(1e-5)) & (change > real(-1e-5));
+            const int done = !down & !up & (change < tolerance) & (change > -tolerance);
             const int wants = searching[l] & !done;
             next_u[l] = wants ? target : next_u[l];
             next_slide[l] = wants ? slide[l] - down + up : next_slide[l];
@@ -268,6 +269,8 @@ UNCACHED = -(2**30)  # in cached_slide: nothing is kept yet
 
 _SNIPPET = (
     _BATCH.replace("CLOSEST_POINT_ITERATIONS", str(CLOSEST_POINT_ITERATIONS))
+    .replace("CLOSEST_POINT_DOUBLE", repr(float(CLOSEST_POINT_DOUBLE)))
+    .replace("CLOSEST_POINT_SINGLE", repr(float(CLOSEST_POINT_SINGLE)))
     .replace("CURVE_COEFFICIENTS", str(CURVE_COEFFICIENTS))
     .replace("CACHED_NODES", str(CACHED_NODES))
     .replace("CACHED_NUMBERS", str(CACHED_NUMBERS))

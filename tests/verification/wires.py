@@ -13,7 +13,7 @@ import numpy as np
 from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.kernels.clamp import CLAMP_NUMBERS
-from warpknit.kernels.contact import CURVE_COEFFICIENTS
+from warpknit.kernels.contact import CLOSEST_POINT_DOUBLE, CURVE_COEFFICIENTS
 from warpknit.kernels.wires_by_block import BLOCK_SIZE
 from warpknit.measure.reading import node_entries
 from warpknit.mesh.panel import END_NODES, Panel
@@ -24,7 +24,7 @@ from warpknit.scene import Scene, make_scene
 from warpknit.solve.step import ForceProbe, Stepper
 
 LEAD = BLOCK_SIZE + 40
-CLOSEST_POINT_TOLERANCE = 1e-5  # segments between contact point and closest point (kernels/contact.py)
+CLOSEST_POINT_TOLERANCE = float(CLOSEST_POINT_DOUBLE)  # segments between contact point and closest point
 EPSILON = float(np.finfo(np.float64).eps)
 DIAMETER = 15e-6  # [m] of every wire here
 
