@@ -11,13 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..kernels.bend import BEND_EIGENVALUE, BOW
+from ..kernels.friction import TANGENTIAL
 from ..mesh.table import Table
 from ..scene import Scene
 
 CONTACT_TO_AXIAL = 0.25  # contact stiffness over the softened axial stiffness of a segment, where the scene gives none
 MASS_MARGIN = 1.5  # fictitious masses over the least that is stable at unit step, in relax
 LOADING_PERIODS = 10.0  # slowest periods over which a stage of a ramp loads, where the scene gives no time
-CONTACT_SHARE = 1.6  # contact stiffness that a node's fictitious mass leaves room for, in penalties
+CONTACT_SHARE = 1.0  # of the penalty that a fictitious mass leaves room for: half of what two pairs at one node push with
 HOOK_CONTACT = 100.0  # the same of two hooked wires in relax, over EI/R^3: stiff against the wires, and yet the mass that a body
 # needs for it leaves a body that only a soft spring holds quick enough
 TURN_ALLOWANCE = 0.3  # [rad] by which load may sharpen a turn
@@ -67,8 +68,9 @@ def choose_numbers(scene: Scene, table: Table, loop_length: float) -> Numbers:
     if scene.solver.drive == "relax":
         contact = CONTACT_TO_AXIAL * max(axial, 4 * bend) if contact is None else contact
         node = unit_step_mass(
-            wire.axial_stiffness / softening, wire.bending_stiffness, contact, h, sharpest_turn(table)
-        )
+            wire.axial_stiffness / softening, wire.bending_stiffness, contact, h, sharpest_turn(table),
+            contact_along=contact_along(scene),
+        )  # fmt: skip
         return Numbers(softening, contact, node, MASS_MARGIN * contact, 0.0, 1.0, "unit step")
     true_mass = wire.linear_density * table.node_length
     mass = true_mass * scene.solver.mass_scaling
@@ -101,20 +103,29 @@ def unit_step_mass(
     spacing: float,
     turning: np.ndarray | float = 0.0,
     tension: np.ndarray | float = 0.0,
+    contact_along: float = 0.0,
 ) -> np.ndarray:
     """Node mass [kg] that is stable at a step of 1 s, for a softened EA [N], EI [N m2], a penalty [N/m] and a spacing [m].
 
-    A chain's largest eigenvalue is a = 4 k (stretch) or b = 80/3 EI/h^3 (bend), the larger of the two where it is straight; a
-    turn theta [rad] couples them: (a + b)/2 + sqrt((a - b)^2/4 + a b sin^2 theta). The step is stable up to 4 m. CONTACT_SHARE
-    leaves room for the pairs of neighbouring bodies that may push the same node; a tension T [N] stiffens sideways by 4 T/h, and
-    unbends arcs (kernels/bend.py).
+    Along the wire the largest eigenvalue is a = 4 k (stretch), across it b = 80/3 EI/h^3 (bend) and what a contact and a
+    tension T [N] add: 4 T/h sideways, and what unbends arcs (kernels/bend.py). CONTACT_SHARE leaves room for the pairs of
+    neighbouring bodies that may push the same node; `contact_along` times that acts along the wire. Where the wire is straight
+    the larger of the two rules; a turn theta [rad] couples them: (a + b)/2 + sqrt((a - b)^2/4 + a b sin^2 theta). The step is
+    stable up to 4 m.
     """
-    a = 4.0 * np.asarray(axial_stiffness) / spacing
     pull = np.maximum(tension, 0.0)
-    b = BEND_EIGENVALUE * bending_stiffness / spacing**3 + 64.0 * BOW * pull / spacing
+    contact = 4.0 * CONTACT_SHARE * np.asarray(contact_stiffness)
+    a = 4.0 * np.asarray(axial_stiffness) / spacing + contact_along * contact
+    b = BEND_EIGENVALUE * bending_stiffness / spacing**3 + (64.0 * BOW + 4.0) * pull / spacing + contact
     sine = np.sin(np.minimum(turning, 0.5 * np.pi))
-    wire = 0.5 * (a + b) + np.sqrt(0.25 * (a - b) ** 2 + a * b * sine**2)
-    return MASS_MARGIN * (0.25 * wire + pull / spacing + CONTACT_SHARE * contact_stiffness)
+    return MASS_MARGIN * 0.25 * (0.5 * (a + b) + np.sqrt(0.25 * (a - b) ** 2 + a * b * sine**2))
+
+
+def contact_along(scene: Scene) -> float:
+    """How stiff a contact is along the wire, over its penalty: friction sticks, and what carries a hook may hold any way."""
+    if scene.hook is not None:
+        return 1.0
+    return float(TANGENTIAL) if scene.contact.friction > 0.0 else 0.0
 
 
 def sharpest_turn(table: Table) -> np.ndarray:

@@ -11,7 +11,7 @@ from types import EllipsisType
 import numpy as np
 
 from ..model.model import Model
-from ..model.numerics import TURN_ALLOWANCE, unit_step_mass
+from ..model.numerics import TURN_ALLOWANCE, contact_along, unit_step_mass
 from .look import Sums
 
 PATIENCE = 4  # updates in a row that a limit must be passed, without coming down by itself, before numbers are renewed
@@ -27,6 +27,7 @@ TAUT_PATIENCE = 6  # in so many updates,
 TAUT_NODES = 24  # up to so many nodes a loop; above, they grow with the square of the nodes, as periods of bending do
 TAUT_LENGTH = 8.0  # loops: a longer wire always has slack
 MASS_HEADROOM = 1.1  # a renewed mass over the least that is stable
+TURNS = (TURN_ALLOWANCE, 0.5 * np.pi)  # [rad] the least and the most that the masses of the rest table are made for
 AXIAL_ERROR = 2e-5  # strain by which a softened segment may miss its true stretch in a steady state
 
 Rows = np.ndarray | EllipsisType
@@ -40,7 +41,11 @@ class MultiplierRules:
         lead = () if replicas is None else (replicas,)
         wires = (*lead, len(model.panel.wire_first))
         softened, h = model.axial_stiffness / model.softening, float(model.table.spacing.min())
-        self._mass_at_start = unit_step_mass(softened, model.bending_stiffness, model.contact_stiffness, h)
+        self._along = contact_along(model.scene)
+        self._masses_at_start = [
+            unit_step_mass(softened, model.bending_stiffness, model.contact_stiffness, h, turn, contact_along=self._along)
+            for turn in TURNS
+        ]
         self.rate = np.full(lead, RATE)
         self._best = np.full(lead, np.inf)
         self._waited = np.zeros(lead, dtype=int)  # updates without progress
@@ -120,7 +125,10 @@ class MultiplierRules:
         """Masses (..., wire) over those of the rest table, raised where `mass` no longer suffices for a step."""
         model = self.model
         h, stiffness = float(model.table.spacing.min()), model.bending_stiffness
-        bent = np.where(sums.turning_max > TURN_ALLOWANCE, 0.5 * np.pi, 0.0)
-        needed = unit_step_mass(axial, stiffness, np.asarray(penalty)[..., None], h, bent, sums.tension_max) / self._mass_at_start
+        stiffnesses = axial, stiffness, np.asarray(penalty)[..., None], h
+        slight, sharp = (unit_step_mass(*stiffnesses, turn, sums.tension_max, self._along) for turn in TURNS)
+        slight_at_start, sharp_at_start = self._masses_at_start
+        bent = sums.turning_max > TURN_ALLOWANCE  # perhaps where the wire was straight
+        needed = np.maximum(slight / slight_at_start, sharp / np.where(bent, slight_at_start, sharp_at_start))
         # the rest table's masses have a margin for a load like that of the start
         return np.where(needed > mass * MASS_HEADROOM, needed * MASS_HEADROOM, mass)
