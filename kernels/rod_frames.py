@@ -53,9 +53,12 @@ def follow_rods(
     # out
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
+    # out: zero, for contact to add to
+    contact_couple: wp.array(dtype=wp.vec3d),
 ):
     """One thread a node and the segment behind it. `rest_edge` reaches over the border of a periodic tile."""
     i = wp.tid()
+    contact_couple[i] = wp.vec3d()
     position[i] = carried(rest_position[i], control) + displacement[i]
     j = following[i]
     if j < 0:

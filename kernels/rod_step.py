@@ -1,7 +1,9 @@
 """The update of rods: stretch, what bending and twist pull with, contact and loads are summed, then nodes move and sections spin.
 
-    n_j = T_j t_j + (gradient of bending and twist by edge j)       f_i = n_i - n_(i-1) + contact + load
-    torque of segment j = - gradient by its angle + contact + load
+    n_j = T_j t_j + (gradient of bending and twist by edge j) + t_j x c_j/|e_j|       f_i = n_i - n_(i-1) + contact + load
+    torque of segment j = - gradient by its angle + t_j . c_j + load
+
+c_j is the couple of contact on the section of the segment, which turns with it.
 
 Nodes and spins follow the two-term update of control.py.
 """
@@ -25,9 +27,12 @@ def segment_pull(
     tangent: wp.array(dtype=wp.vec3d),
     pull_before: wp.array(dtype=wp.vec3d),
     pull_after: wp.array(dtype=wp.vec3d),
+    contact_couple: wp.array(dtype=wp.vec3d),
+    length: wp.array(dtype=wp.float64),
 ) -> wp.vec3d:
     """[N] gradient of the energy by the edge from node `segment` to node `end`."""
-    return tension * tangent[segment] + pull_after[segment] + pull_before[end]
+    t = tangent[segment]
+    return tension * t + pull_after[segment] + pull_before[end] + wp.cross(t, contact_couple[segment]) / length[segment]
 
 
 @wp.kernel
@@ -52,9 +57,9 @@ def step_rods(
     pull_after: wp.array(dtype=wp.vec3d),
     torque_before: wp.array(dtype=wp.float64),
     torque_after: wp.array(dtype=wp.float64),
+    contact_couple: wp.array(dtype=wp.vec3d),
     # in: what contact adds; out: zero, for the next step
     contact_force: wp.array(dtype=wp.vec3d),
-    contact_torque: wp.array(dtype=wp.float64),
     # state in and out
     displacement: wp.array(dtype=wp.vec3d),
     velocity: wp.array(dtype=wp.vec3d),
@@ -69,19 +74,18 @@ def step_rods(
     """One thread a node. `force` [N] and `torque` [N m] are the sums without holding, for who asks for reactions."""
     i = wp.tid()
     f = contact_force[i] + load_force[i]
-    about = contact_torque[i] + load_torque[i]
+    about = load_torque[i]
     contact_force[i] = wp.vec3d()
-    contact_torque[i] = wp.float64(0.0)
     factor = control[LENGTH_FACTOR]
     j = following[i]
     if j >= 0:
         tension = axial_force(length[i], natural_length[i] * factor, stretch_stiffness[i], tension_offset[i])
-        f += segment_pull(i, j, tension, tangent, pull_before, pull_after)
-        about -= torque_after[i] + torque_before[j]
+        f += segment_pull(i, j, tension, tangent, pull_before, pull_after, contact_couple, length)
+        about += wp.dot(contact_couple[i], tangent[i]) - torque_after[i] - torque_before[j]
     h = previous[i]
     if h >= 0:
         tension = axial_force(length[h], natural_length[h] * factor, stretch_stiffness[h], tension_offset[h])
-        f -= segment_pull(h, i, tension, tangent, pull_before, pull_after)
+        f -= segment_pull(h, i, tension, tangent, pull_before, pull_after, contact_couple, length)
     force[i] = f
     torque[i] = about
     if control[STATUS] != STATUS_RUNNING:

@@ -12,7 +12,6 @@ from .control import GRADIENT
 from .rod_frames import carried
 from .wire_curve import closest_on_chords, row, sag, stencil
 
-MOST_SAG = wp.constant(wp.float64(0.3))  # of a segment: more than its curve ever leaves its chord by, 4/27 at either end
 ELSEWHERE = wp.constant(wp.float64(1.0e30))  # [m] distance along a wire of what is on no common wire
 
 
@@ -89,6 +88,7 @@ def find_segment_pairs(
     margin: wp.float64,
     expected: wp.float64,
     apart: wp.float64,
+    most_sag: wp.float64,
     tile: wp.vec3d,
     is_filling: int,
     # wires
@@ -97,6 +97,7 @@ def find_segment_pairs(
     node_wire: wp.array(dtype=wp.int32),
     node_arc: wp.array(dtype=wp.float64),
     node_radius: wp.array(dtype=wp.float64),
+    rest_bulge: wp.array(dtype=wp.float64),
     wire_closed: wp.array(dtype=wp.int32),
     wire_length: wp.array(dtype=wp.float64),
     wire_period: wp.array(dtype=wp.vec3d),
@@ -117,7 +118,7 @@ def find_segment_pairs(
     pair_wake: wp.array(dtype=wp.float64),
 ):
     """One thread a segment. Pairs are segments whose surfaces may come nearer than `margin` [m], and of one wire farther along
-    it than `apart` radii.
+    it than `apart` radii. No curve leaves its chord by more than `most_sag` of its segment.
 
     `pair_shift` [m] at rest moves the second segment next to the first; `pair_way` [m] is along_wire; `pair_wake` [m] is the
     travel since this search at which the pair may touch, the load bringing it nearer by `expected` [m].
@@ -131,7 +132,7 @@ def find_segment_pairs(
     p = stencil(i, previous, following, position, length, tangent)
     p1 = row(p, 1)
     p2 = row(p, 2)
-    bulge = sag(p)
+    bulge = sag(p, rest_bulge[i])
     half = wp.float64(0.5)
     middle = half * (p1 + p2)
     query = wp.hash_grid_query(grid, place[i], hash_radius)
@@ -142,25 +143,23 @@ def find_segment_pairs(
         q1 = position[j]
         q2 = q1 + length[j] * tangent[j]
         rest_way = uncarried(middle - half * (q1 + q2), control)
-        shift = wp.vec3d(
-            whole_tiles(rest_way[0], tile[0]), whole_tiles(rest_way[1], tile[1]), whole_tiles(rest_way[2], tile[2])
-        )
+        shift = wp.vec3d(whole_tiles(rest_way[0], tile[0]), whole_tiles(rest_way[1], tile[1]), whole_tiles(rest_way[2], tile[2]))
         moved = carried(shift, control)
         q1 = q1 + moved
         q2 = q2 + moved
         touch = node_radius[i] + node_radius[j]
         reach = touch + margin
         longest = half * (length[i] + length[j]) + reach + bulge
-        if wp.length(middle - half * (q1 + q2)) > longest + MOST_SAG * length[j]:
+        if wp.length(middle - half * (q1 + q2)) > longest + most_sag * length[j]:
             continue
         way = along_wire(i, j, shift, node_wire, node_arc, wire_closed, wire_length, wire_period)
         if way != ELSEWHERE and wp.abs(way) + wp.max(length[i], length[j]) < apart * node_radius[i]:
             continue
         near = closest_on_chords(p1, p2, q1, q2)
         gap = wp.length(p1 + near[0] * (p2 - p1) - q1 - near[1] * (q2 - q1)) - bulge
-        if gap > reach + MOST_SAG * length[j]:
+        if gap > reach + most_sag * length[j]:
             continue
-        gap -= sag(stencil(j, previous, following, position, length, tangent))
+        gap -= sag(stencil(j, previous, following, position, length, tangent), rest_bulge[j])
         if gap > reach:
             continue
         if is_filling != 0:
@@ -191,12 +190,14 @@ def keep_slips(
     # out
     pair_slip: wp.array(dtype=wp.vec3d),
 ):
-    """What sticks to what is remembered from one search to the next; one thread a pair."""
+    """What sticks to what is remembered from one search to the next; one thread a pair, which has two."""
     k = wp.tid()
-    pair_slip[k] = wp.vec3d()
+    pair_slip[2 * k] = wp.vec3d()
+    pair_slip[2 * k + 1] = wp.vec3d()
     if k >= pair_count[0]:
         return
     i = pair_first[k]
     for old in range(old_start[i], old_start[i] + old_count[i]):
         if old_second[old] == pair_second[k] and wp.length(old_shift[old] - pair_shift[k]) == wp.float64(0.0):
-            pair_slip[k] = old_slip[old]
+            pair_slip[2 * k] = old_slip[2 * old]
+            pair_slip[2 * k + 1] = old_slip[2 * old + 1]

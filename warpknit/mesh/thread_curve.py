@@ -28,6 +28,10 @@ class ThreadCurve:
         """Points (m, 3) [m] at arc lengths (m,) [m]."""
         return self._spline(np.mod(s, self.length)) + s[:, None] * self._climb
 
+    def slope(self, s: np.ndarray) -> np.ndarray:
+        """Derivatives (m, 3) [-] of the points by arc length (m,) [m]."""
+        return self._spline(np.mod(s, self.length), 1) + self._climb
+
     @cached_property
     def _x(self) -> PPoly:
         return PPoly(self._spline.c[..., 0], self._spline.x)

@@ -10,15 +10,17 @@ import warp as wp
 from ..errors import ModelError, OutOfResources
 from ..kernels import control as c
 from ..kernels.wire_contact import find_wire_contacts
-from ..kernels.wire_pairs import MOST_SAG, find_segment_pairs, keep_slips, place_segments_in_hash
+from ..kernels.wire_pairs import find_segment_pairs, keep_slips, place_segments_in_hash
 from ..model.model import available_memory
+from .rest_curve import RestCurve, catmull_rom
 from .rod_step import RodStepper
 
 APART = 4.0  # radii along a wire below which its segments do not touch each other: bent back onto itself it takes pi
 REACH = 1.3  # distances of touching wires up to which a pair is measured to the end
 MARGIN = 0.5  # of a segment: how much nearer things may come before the next search
+MOST_SAG = 0.3  # of a segment: more than Catmull-Rom's curve ever leaves its chord by, 4/27 at either end
 STICK_SHARE = 0.5  # tangential over normal stiffness
-PAIR_BYTES = 8 * (2 * 3 + 1 + 3 * 2 + 1 + 3 + 2 + 3) + 4 * 2  # of one pair, kept twice while a list is renewed
+PAIR_BYTES = 8 * (3 + 2 + 2 * (3 * 3 + 2 + 2)) + 4 * 2  # of one pair, kept twice while a list is renewed
 ROOM = 1.3  # pairs that a list has room for, over those that it holds
 FREE_CELLS = (64, 64, 8)  # of the hash along x, y and z where the world has no tiles
 
@@ -48,10 +50,12 @@ class _List:
         self.start, self.count = make(wp.int32, nodes), make(wp.int32, nodes)
         self.total = make(wp.int32, 1)
         self.first, self.second = make(wp.int32), make(wp.int32)
-        self.shift, self.slip = make(wp.vec3d), make(wp.vec3d)
+        self.shift = make(wp.vec3d)
         self.way, self.wake = make(wp.float64), make(wp.float64)
-        self.overlap, self.force = make(wp.float64), make(wp.float64)
-        self.friction, self.normal, self.place = make(wp.vec3d), make(wp.vec3d), make(wp.vec2d)
+        # a pair may touch in two points
+        self.slip, self.friction, self.normal = (make(wp.vec3d, 2 * room) for _ in range(3))
+        self.overlap, self.force = make(wp.float64, 2 * room), make(wp.float64, 2 * room)
+        self.place = make(wp.vec2d, 2 * room)
 
 
 class WireContact:
@@ -62,9 +66,15 @@ class WireContact:
     """
 
     def __init__(
-        self, stepper: RodStepper, stiffness: float, *, friction: float = 0.0, damping: float = 0.0
+        self,
+        stepper: RodStepper,
+        stiffness: float,
+        *,
+        friction: float = 0.0,
+        damping: float = 0.0,
+        curve: RestCurve | None = None,
     ) -> None:
-        """stiffness [N/m] penalty; damping [N s/m] of a contact along its normal."""
+        """stiffness [N/m] penalty; damping [N s/m] of a contact along its normal; curve: Catmull-Rom's where left out."""
         self.stepper = stepper
         self.friction, self.damping = friction, damping
         rods, device = stepper.rods, stepper.device
@@ -73,7 +83,9 @@ class WireContact:
         self.searches = 0
         self._expected = 0.0  # [m] by which the load brings things nearer beside their own travel
         longest = 1.2 * float(segments.max())  # with room for what load stretches
-        self._radius = longest * (1.0 + 2.0 * float(MOST_SAG)) + 2.0 * float(rods.wire_radius.max()) + self.margin
+        rest = catmull_rom(rods) if curve is None else curve
+        self._most_sag = MOST_SAG + float((rest.bulge / rods.natural_length).max())
+        self._radius = longest * (1.0 + 2.0 * self._most_sag) + 2.0 * float(rods.wire_radius.max()) + self.margin
         cells = np.where(rods.tile > 0, np.floor(rods.tile / self._radius), FREE_CELLS).astype(int)
         if np.any(cells < 3):
             raise ModelError(
@@ -86,6 +98,9 @@ class WireContact:
         self._node_wire: wp.array = wp.array(rods.wire_of, dtype=wp.int32, device=device)
         self._node_arc: wp.array = wp.array(rods.arc, dtype=wp.float64, device=device)
         self._node_radius: wp.array = wp.array(rods.wire_radius[rods.wire_of], dtype=wp.float64, device=device)
+        self._rest_slope: wp.array = wp.array(rest.slope, dtype=wp.vec2d, device=device)
+        self._rest_bump: wp.array = wp.array(rest.bump, dtype=wp.vec4d, device=device)
+        self._rest_bulge: wp.array = wp.array(rest.bulge, dtype=wp.float64, device=device)
         self._wire_closed: wp.array = wp.array(rods.wire_closed, dtype=wp.int32, device=device)
         self._wire_length: wp.array = wp.array(rods.wire_length, dtype=wp.float64, device=device)
         self._wire_period: wp.array = wp.array(rods.wire_period, dtype=wp.vec3d, device=device)
@@ -110,15 +125,16 @@ class WireContact:
         return [
             (
                 find_wire_contacts,
-                pairs.room,
+                2 * pairs.room,
                 [
                     pairs.total, pairs.first, pairs.second, pairs.shift, pairs.way, pairs.wake,
-                    arrays.previous, arrays.following, arrays.natural_length, self._node_radius, state.control,
+                    arrays.previous, arrays.following, arrays.natural_length, self._node_radius,
+                    self._rest_slope, self._rest_bump, self._rest_bulge, state.control,
                     wp.float64(APART), wp.float64(REACH), wp.float64(self.damping), wp.float64(self.friction),
                     wp.float64(STICK_SHARE),
-                    state.position, state.length, state.tangent, state.velocity, state.spin,
+                    state.position, state.length, state.tangent, state.director, state.velocity, state.spin,
                     pairs.slip, pairs.overlap, pairs.force, pairs.friction, pairs.normal, pairs.place,
-                    state.contact_force, state.contact_torque, self.deepest,
+                    state.contact_force, state.contact_couple, self.deepest,
                 ],
             )
         ]  # fmt: skip
@@ -184,8 +200,8 @@ class WireContact:
             dim=rods.node_count,
             inputs=[
                 wp.uint64(self._grid.id), radius, wp.float64(self.margin), wp.float64(self._expected), wp.float64(APART),
-                wp.vec3d(*rods.tile), int(filling),
-                arrays.previous, arrays.following, self._node_wire, self._node_arc, self._node_radius,
+                wp.float64(self._most_sag), wp.vec3d(*rods.tile), int(filling),
+                arrays.previous, arrays.following, self._node_wire, self._node_arc, self._node_radius, self._rest_bulge,
                 self._wire_closed, self._wire_length, self._wire_period, state.control,
                 self._hash_place, state.position, state.length, state.tangent,
                 pairs.start, pairs.count, pairs.first, pairs.second, pairs.shift, pairs.way, pairs.wake,
@@ -216,9 +232,10 @@ class WireContact:
 
     def near(self, distance: float | None = None) -> TouchingPairs:
         """Contacts of the state last evaluated: those that carry a force, or all whose surfaces are within `distance` [m]."""
-        pairs, count = self._list, self.pair_count
+        pairs, count = self._list, 2 * self.pair_count
         force, overlap = pairs.force.numpy()[:count], pairs.overlap.numpy()[:count]
         kept = force > 0.0 if distance is None else overlap > -distance
         which = np.flatnonzero(kept)
-        names = ("first", "second", "place", "shift", "force", "friction", "normal", "overlap")
-        return TouchingPairs(**{name: getattr(pairs, name).numpy()[:count][which].copy() for name in names})
+        of_pair = {name: getattr(pairs, name).numpy()[which // 2] for name in ("first", "second", "shift")}
+        names = ("place", "force", "friction", "normal", "overlap")
+        return TouchingPairs(**of_pair, **{name: getattr(pairs, name).numpy()[which] for name in names})

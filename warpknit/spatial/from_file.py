@@ -54,6 +54,7 @@ def _clamped(wires: Wires, first: np.ndarray, count: np.ndarray) -> SpatialWires
     return SpatialWires(
         points=wires.points,
         tile=np.zeros(3) if wires.period is None else np.array([*wires.period, 0.0]),
+        line=None,
         held_node=held.ravel(),
         held_lever=(places - middle).reshape(-1, 2),
         held_section=held[:, [0, 2]].ravel(),

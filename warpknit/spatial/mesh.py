@@ -19,11 +19,12 @@ from ..scene.messages import scene_error
 from ..scene.wire import Wire
 from ..wires.read import rest_wires
 from .from_file import mesh_of_wires
+from .rest_curve import RestCurve, catmull_rom, fit_rest_curve
 from .rods import Rods, Section, rods_of
 from .wires import SpatialWires, place_wires
 
 LEAST_SPACING = 0.5  # thicknesses of the wire between the nodes of wires from a file
-CONTACT_TO_BENDING = 0.25  # contact penalty over 4 EI/h^3 or, softened, EA/h, the larger, where the scene gives none
+CONTACT_TO_BENDING = 1.0  # contact penalty over 4 EI/h^3 or, softened, EA/h, the larger, where the scene gives none
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class SpatialMesh:
     panel: Panel
     wires: SpatialWires
     rods: Rods
+    curve: RestCurve  # of the wires between their nodes
     softening: float  # EA over the axial stiffness of the dynamics
     contact_stiffness: float  # [N/m]
     loop_length: float  # [m]
@@ -56,7 +58,7 @@ class SpatialMesh:
     @property
     def curve_error(self) -> float:
         """[m] of the rest curve between the nodes."""
-        return 0.0 if self.table is None else self.table.curve_error
+        return self.curve.miss
 
     @property
     def pair_count(self) -> int:
@@ -155,6 +157,7 @@ def _mesh(
         panel=panel,
         wires=wires,
         rods=rods,
+        curve=catmull_rom(rods) if wires.line is None else fit_rest_curve(rods, wires.line),
         softening=softening,
         contact_stiffness=CONTACT_TO_BENDING * stiffest if given is None else given,
         loop_length=loop_length,

@@ -58,8 +58,8 @@ class SpatialRelaxation:
         self.mesh, self.scene, self.watch = mesh, mesh.scene, watch
         self.sites = Sites(mesh.wires, mesh.rods)
         self.stepper = RodStepper(mesh.rods, mesh.device)
-        self.contact = WireContact(self.stepper, mesh.contact_stiffness, friction=self.scene.contact.friction)
-        self.rest = Rest(self.stepper, softening=mesh.softening, contact_stiffness=mesh.contact_stiffness)
+        self.contact = WireContact(self.stepper, mesh.contact_stiffness, friction=self.scene.contact.friction, curve=mesh.curve)
+        self.rest = Rest(self.stepper, softening=mesh.softening, contact_stiffness=mesh.contact_stiffness, curve=mesh.curve)
         mass = float(self.stepper.state.node_mass.numpy().max())
         spacing = self.rest.spacing
         wave = 2.0 * math.pi / (SLOWEST_WAVE * mesh.loop_length)

@@ -23,6 +23,7 @@ from ..errors import Diverged
 from ..kernels import control as c
 from ..kernels.bend import BOW
 from ..kernels.rod_step import HELD_NODE, HELD_TURN
+from .rest_curve import RestCurve
 from .rod_step import RodStepper
 from .step_bound import LOOK_AHEAD, unit_step_masses
 
@@ -37,11 +38,19 @@ TINY = 1e-300
 class Rest:
     """Steps rods until they are at rest."""
 
-    def __init__(self, stepper: RodStepper, *, softening: float = 1.0, contact_stiffness: float = 0.0) -> None:
-        """`softening`: true axial stiffness over that of the dynamics."""
+    def __init__(
+        self,
+        stepper: RodStepper,
+        *,
+        softening: float = 1.0,
+        contact_stiffness: float = 0.0,
+        curve: RestCurve | None = None,
+    ) -> None:
+        """`softening`: true axial stiffness over that of the dynamics; `curve` on which wires touch, Catmull-Rom's where left
+        out."""
         self.stepper = stepper
         self.softening = softening
-        self.contact_stiffness = contact_stiffness
+        self.contact_stiffness, self.curve = contact_stiffness, curve
         self.slowest = 0.0  # [1/s] no less damping than this
         rods, state = stepper.rods, stepper.state
         self.has_segment = rods.following >= 0
@@ -71,6 +80,7 @@ class Rest:
             turning=self.turning(),
             tension=float(np.max(self.tension(), initial=0.0)),
             contact_stiffness=self.contact_stiffness,
+            curve=self.curve,
         )
         state.node_mass.assign(mass)
         state.spin_inertia.assign(inertia)

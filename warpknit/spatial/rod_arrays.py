@@ -55,7 +55,7 @@ class RodState:
     torque_before: wp.array  # [N m]
     torque_after: wp.array  # [N m]
     contact_force: wp.array  # vec3d [N]
-    contact_torque: wp.array  # [N m]
+    contact_couple: wp.array  # vec3d [N m] on the section of a segment
     force: wp.array  # vec3d [N]
     torque: wp.array  # [N m]
     control: wp.array  # [CONTROL_COUNT], see kernels/control.py
@@ -138,7 +138,7 @@ def rest_state(rods: Rods, device: str) -> RodState:
         torque_before=reals(),
         torque_after=reals(),
         contact_force=vectors(),
-        contact_torque=reals(),
+        contact_couple=vectors(),
         force=vectors(),
         torque=reals(),
         control=wp.zeros(c.CONTROL_COUNT, dtype=wp.float64, device=device),
@@ -163,7 +163,7 @@ def rest_state(rods: Rods, device: str) -> RodState:
 def follow_arguments(arrays: RodArrays, state: RodState) -> list:
     return [
         arrays.following, arrays.rest_position, arrays.rest_edge, state.control, state.displacement,
-        state.turn, state.tangent, state.director, state.position, state.length,
+        state.turn, state.tangent, state.director, state.position, state.length, state.contact_couple,
     ]  # fmt: skip
 
 
@@ -183,6 +183,6 @@ def step_arguments(arrays: RodArrays, state: RodState) -> list:
         state.node_mass, state.spin_inertia, state.stretch_stiffness, state.load_force, state.load_torque, state.control,
         state.tension_offset, state.length, state.tangent,
         state.pull_before, state.pull_after, state.torque_before, state.torque_after,
-        state.contact_force, state.contact_torque, state.displacement, state.velocity, state.spin,
+        state.contact_couple, state.contact_force, state.displacement, state.velocity, state.spin,
         state.angle, state.turn, state.force, state.torque, state.partial,
     ]  # fmt: skip

@@ -37,7 +37,7 @@ class Contact(Protocol):
         """Which arrays `launches` uses; launches are recorded once a version."""
 
     def launches(self) -> Sequence[tuple[wp.Kernel, int, list]]:
-        """Kernels with threads and arguments that add to contact_force and contact_torque."""
+        """Kernels with threads and arguments that add to contact_force and contact_couple."""
 
 
 class RodStepper:
@@ -127,7 +127,9 @@ class RodStepper:
         factor = float(state.read_control()[int(c.LENGTH_FACTOR)])
         strain = state.length.numpy() / (rods.natural_length * factor) - 1.0
         tension = state.tension_offset.numpy() + state.stretch_stiffness.numpy() * strain
-        pull = tension[:, None] * state.tangent.numpy() + state.pull_after.numpy() + state.pull_before.numpy()[rods.following]
+        tangent, length = state.tangent.numpy(), state.length.numpy()[:, None]
+        pull = tension[:, None] * tangent + state.pull_after.numpy() + state.pull_before.numpy()[rods.following]
+        pull = pull + np.cross(tangent, state.contact_couple.numpy()) / length
         return np.where((rods.following >= 0)[:, None], pull, 0.0)
 
     def energy(self) -> float:

@@ -6,9 +6,10 @@ A straight uniform chain of segments h with node mass m and spin inertia I has t
 
 of stretch, bending and twist. A turn p [rad] at the nodes couples them; it adds p^2 EI/(h I) to twist, as a turned section bends
 against its natural curvature, and p^2 GJ/(2 h^3 m) to bending, as a node that moves across turns the frames. Tension adds
-4 T/(h m), contact of a penalty k at most 4 k/m: the curve of a wire puts it on four nodes whose shares squared sum up to less
-than one, on either wire, and two contacts at once may push the same nodes. Two coupled ones w1, w2 make
-(w1 + w2)/2 + sqrt((w1 - w2)^2/4 + w1 w2 sin^2 p).
+4 T/(h m), contact of a penalty k at most 4 k/m: the curve of a wire puts it on four nodes whose shares squared sum up to one
+at most, on either wire, and two contacts at once may push the same nodes. Where a wire's curve has its shape at rest
+(rest_curve.py), its sections carry parts c of it: the shares may then be more, and 4 k c^2/I adds to twist. Two coupled ones
+w1, w2 make (w1 + w2)/2 + sqrt((w1 - w2)^2/4 + w1 w2 sin^2 p).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..kernels.rod_step import HELD_NODE
+from .rest_curve import RestCurve
 from .rods import Rods
 
 MASS_MARGIN = 1.5  # fictitious masses over the least that is stable at unit step without a look-ahead
@@ -53,13 +55,14 @@ def largest_rates(
     turning: np.ndarray | float = 0.0,
     tension: float = 0.0,
     contact_stiffness: float = 0.0,
+    curve: RestCurve | None = None,
 ) -> Rates:
     """Bounds on the squared frequencies of rods.
 
     node_mass [node] [kg], spin_inertia [node] [kg m2]; stretch_stiffness [N]: EA where left out; turning [node] [rad], the
-    angle at the nodes; tension [N], the largest; contact_stiffness [N/m].
+    angle at the nodes; tension [N], the largest; contact_stiffness [N/m]; curve of the wires, Catmull-Rom's where left out.
     """
-    k = _stiffnesses(rods, stretch_stiffness, turning, tension, contact_stiffness)
+    k = _stiffnesses(rods, stretch_stiffness, turning, tension, contact_stiffness, curve)
     a, b, t = k.stretch / node_mass, k.bending / node_mass, k.twist / spin_inertia
     both = _coupled(_coupled(a, b, k.coupling), t, k.coupling) + k.beside / node_mass
     free = (rods.held & int(HELD_NODE)) == 0
@@ -78,13 +81,14 @@ def unit_step_masses(
     turning: np.ndarray | float = 0.0,
     tension: float = 0.0,
     contact_stiffness: float = 0.0,
+    curve: RestCurve | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Node masses [node] [kg] and spin inertias [node] [kg m2] that are stable at a step of 1 s, with a look-ahead of LOOK_AHEAD.
 
     A quarter of the largest stiffness is the mass that is just stable; turning [node] [rad] is the angle at each node.
     """
     turning = np.minimum(np.asarray(turning) + TURN_ALLOWANCE, STEEPEST)
-    k = _stiffnesses(rods, stretch_stiffness, turning, tension, contact_stiffness)
+    k = _stiffnesses(rods, stretch_stiffness, turning, tension, contact_stiffness, curve)
     moved = _coupled(k.stretch, k.bending, k.coupling) + k.beside
     return MASS_MARGIN / 4.0 * moved, MASS_MARGIN / 4.0 / TWIST_SHARE * k.twist
 
@@ -107,6 +111,7 @@ def _stiffnesses(
     turning: np.ndarray | float,
     tension: float,
     contact_stiffness: float,
+    curve: RestCurve | None,
 ) -> _Stiffnesses:
     section = rods.section
     own = np.where(rods.following >= 0, rods.natural_length, np.inf)
@@ -114,13 +119,14 @@ def _stiffnesses(
     turn = np.minimum(np.broadcast_to(turning, h.shape), STEEPEST)
     axial = section.axial_stiffness if stretch_stiffness is None else stretch_stiffness
     bending = 16 * section.bending_stiffness + 0.5 * turn**2 * section.twist_stiffness
-    contact = np.full(h.shape, 4.0 * contact_stiffness)
+    share, lever = (1.0, 0.0) if curve is None else (curve.share, curve.lever)
+    contact = np.full(h.shape, 4.0 * contact_stiffness * share)
     # an end has half a node's mass, and one segment and one turn pull at it
     half = np.where((rods.following < 0) | (rods.previous < 0), 0.5, 1.0)
     return _Stiffnesses(
         stretch=half * 4 * axial / h,
         bending=half * bending / h**3,
-        twist=(4 * section.twist_stiffness + turn**2 * section.bending_stiffness) / h,
+        twist=(4 * section.twist_stiffness + turn**2 * section.bending_stiffness) / h + 4 * contact_stiffness * lever**2,
         contact=contact,
         beside=half * 4 * max(tension, 0.0) / h + contact,
         coupling=np.sin(turn) ** 2,

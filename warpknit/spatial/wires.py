@@ -15,6 +15,7 @@ from ..knit.cloth import Cloth
 from ..mesh.panel import Panel
 from ..mesh.table import Table
 from ..mesh.thread_curve import ThreadCurve
+from .rest_curve import FIT_PLACES, CentreLine
 
 FEWEST = 3  # segments between two clamps
 SEARCHED = 3.0  # node spacings from the panel's first node, on which a clamp is looked for
@@ -29,6 +30,7 @@ class SpatialWires:
 
     points: tuple[np.ndarray, ...]  # for each wire (n, 3) [m]
     tile: np.ndarray  # (3,) [m] periods of the world; 0: none
+    line: CentreLine | None  # the true centre lines; None: nothing but the points is known
     held_node: np.ndarray  # [held] nodes, counted over all wires
     held_lever: np.ndarray  # (held, 2) [m] at rest, from the clamp that holds the node
     held_section: np.ndarray  # [held segment] nodes that they begin at
@@ -49,12 +51,15 @@ def place_wires(cloth: Cloth, table: Table, panel: Panel) -> SpatialWires:
         position = np.stack([table.x[entry] + origin[:, 0], table.y[entry] + origin[:, 1], table.z[entry]], axis=1)
         none = np.zeros(0, dtype=np.int64)
         split = tuple(np.split(position, panel.wire_first[1:]))
-        return SpatialWires(split, np.array([*panel.size, 0.0]), none, np.zeros((0, 2)), none, wire, seed, low, high)
+        line = _line_of_panel(cloth, table, panel)
+        return SpatialWires(split, np.array([*panel.size, 0.0]), line, none, np.zeros((0, 2)), none, wire, seed, low, high)
     points: list[np.ndarray] = []
+    lines: list[CentreLine] = []
     starts, shares = [], []
     for w in range(len(panel.wire_first)):
-        along, place, share = _clamped_wire(cloth, table, panel, w)
+        along, line, place, share = _clamped_wire(cloth, table, panel, w)
         points.append(along)
+        lines.append(line)
         starts.append(place)
         shares.append(share)
     start, share = np.array(starts)[wire], np.array(shares)[wire]
@@ -66,6 +71,7 @@ def place_wires(cloth: Cloth, table: Table, panel: Panel) -> SpatialWires:
     return SpatialWires(
         points=tuple(points),
         tile=np.zeros(3),
+        line=CentreLine(np.concatenate([one.slope for one in lines]), np.concatenate([one.between for one in lines])),
         held_node=held.ravel(),
         held_lever=lever.reshape(-1, 2),
         held_section=held[:, [0, 2]].ravel(),
@@ -76,9 +82,28 @@ def place_wires(cloth: Cloth, table: Table, panel: Panel) -> SpatialWires:
     )
 
 
-def _clamped_wire(cloth: Cloth, table: Table, panel: Panel, wire: int) -> tuple[np.ndarray, float, float]:
-    """Points (n, 3) [m] of a wire between its clamps, the place on it of the panel's first node, and how many of its segments are
-    one of the panel's."""
+def _line_along(curve: ThreadCurve, arcs: np.ndarray, step: float) -> CentreLine:
+    """The centre line at nodes at these arc lengths [m] and on the segments of `step` [m] behind them."""
+    places = curve((arcs[:, None] + FIT_PLACES * step).ravel()).reshape(len(arcs), len(FIT_PLACES), 3)
+    return CentreLine(curve.slope(arcs), places - curve(arcs)[:, None])
+
+
+def _line_of_panel(cloth: Cloth, table: Table, panel: Panel) -> CentreLine:
+    """The centre line of the wires of a periodic panel."""
+    thread = np.repeat(panel.wire_thread, panel.wire_count)
+    line = CentreLine(np.zeros((panel.node_count, 3)), np.zeros((panel.node_count, len(FIT_PLACES), 3)))
+    for t, start in enumerate(table.start):
+        nodes = np.flatnonzero(thread == t)
+        found = _line_along(
+            ThreadCurve(cloth.threads[t], cloth.size[1]), (panel.node_entry[nodes] - start) * table.spacing[t], table.spacing[t]
+        )
+        line.slope[nodes], line.between[nodes] = found.slope, found.between
+    return line
+
+
+def _clamped_wire(cloth: Cloth, table: Table, panel: Panel, wire: int) -> tuple[np.ndarray, CentreLine, float, float]:
+    """Points (n, 3) [m] of a wire between its clamps, its centre line, the place on it of the panel's first node, and how many of
+    its segments are one of the panel's."""
     thread = int(panel.wire_thread[wire])
     curve, spacing = ThreadCurve(cloth.threads[thread], cloth.size[1]), float(table.spacing[thread])
     block = int(np.searchsorted(panel.block_first, panel.wire_first[wire]))
@@ -96,5 +121,5 @@ def _clamped_wire(cloth: Cloth, table: Table, panel: Panel, wire: int) -> tuple[
     begin, length = float(found.x), float(panel.wire_length[wire])
     segments = max(FEWEST, round(length / spacing))
     step = length / segments
-    points = curve(begin + (np.arange(segments + 2) - 0.5) * step) + origin
-    return points, (arc - begin) / step + 0.5, spacing / step
+    arcs = begin + (np.arange(segments + 2) - 0.5) * step
+    return curve(arcs) + origin, _line_along(curve, arcs, step), (arc - begin) / step + 0.5, spacing / step

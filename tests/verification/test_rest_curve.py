@@ -1,0 +1,142 @@
+"""The curve on which wires touch: where it is at rest, its forces, and two contacts of one pair of segments."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from verification.rods import SECTION, Pose
+
+from warpknit.kernels import control as c
+from warpknit.spatial.contact import TouchingPairs, WireContact
+from warpknit.spatial.rest_curve import FIT_PLACES, CentreLine, fit_rest_curve
+from warpknit.spatial.rods import Rods, rods_of
+
+STIFFNESS = 100.0  # [N/m]
+
+
+def looped(s: np.ndarray) -> np.ndarray:
+    """A wire that turns sharply, in the plane and out of it, after every few of its nodes."""
+    return np.stack([s + 1.5 * np.sin(0.9 * s), 2.0 * np.cos(0.7 * s), 0.8 * np.sin(1.1 * s)], axis=-1)
+
+
+def across(s: np.ndarray) -> np.ndarray:
+    """Another that passes over the middle of the first, a little nearer than wires of diameter 1 are thick."""
+    return np.stack([8.7 + 0.5 * np.sin(0.8 * s) - 0.5, s - 8.3 + 0.4 * np.cos(s), 1.65 + 0.1 * s * np.sin(s)], axis=-1)
+
+
+def line_of(*curves: np.ndarray, nodes: int, step: float) -> tuple[Rods, CentreLine]:
+    """Rods along curves, with nodes at multiples of `step`, and their true centre lines."""
+    s = np.arange(nodes) * step
+    slope = np.concatenate([(f(s + 1e-5) - f(s - 1e-5)) / 2e-5 for f in curves])
+    between = np.concatenate([f(s[:, None] + FIT_PLACES * step) - f(s)[:, None] for f in curves])
+    return rods_of(SECTION, [f(s) for f in curves]), CentreLine(slope, between)
+
+
+def hooked(angle: float, bow: float, gap: float) -> tuple[Rods, CentreLine]:
+    """Two wires that hook each other as in a knit: side by side at the distance `gap`, bowed towards each other's ends with the
+    curvature `bow`, and crossing over and under with the slopes +- `angle`; one segment of length 3 in the middle of each."""
+
+    def wire(side: float) -> Callable[[np.ndarray], np.ndarray]:
+        def at(s: np.ndarray) -> np.ndarray:
+            x = s - 7.5
+            return np.stack([x, side * 0.5 * (gap - bow * x**2), side * np.tan(angle) * x], axis=-1)
+
+        return at
+
+    return line_of(wire(-1.0), wire(1.0), nodes=6, step=3.0)
+
+
+def contact_of(rods: Rods, line: CentreLine | None) -> tuple[Pose, WireContact]:
+    pose = Pose(rods)
+    contact = WireContact(pose.stepper, STIFFNESS, curve=None if line is None else fit_rest_curve(rods, line))
+    contact.search()
+    pose.stepper.evaluate()
+    return pose, contact
+
+
+def test_the_curve_is_the_centre_line_at_rest() -> None:
+    """The distance that contact sees between two wires is that of their true centre lines, within what the fit says it misses,
+    and the error goes down with the sixth power of the spacing; through the nodes alone it is off by far more."""
+    true = min(
+        float(minimize(lambda u: np.linalg.norm(looped(u[:1])[0] - across(u[1:])[0]), [s, t]).fun)
+        for s in np.arange(4, 14, 1.0)
+        for t in np.arange(4, 12, 1.0)
+    )
+    errors = []
+    for step, nodes in ((1.3, 14), (0.65, 28)):
+        rods, line = line_of(looped, across, nodes=nodes, step=step)
+        nearest = [1.0 - contact_of(rods, given)[1].near(0.5).overlap.max() for given in (line, None)]
+        errors.append(abs(nearest[0] - true))
+        assert errors[-1] < fit_rest_curve(rods, line).miss
+        assert errors[-1] < abs(nearest[1] - true) / 20
+    assert errors[1] < errors[0] / 2**4
+
+
+def test_contact_on_the_curve_is_the_gradient_of_its_energy() -> None:
+    """Forces on nodes and torques on sections of a bent and twisted pose, by central differences of k o^2/2."""
+    rods, line = line_of(looped, across, nodes=14, step=1.3)
+    pose, contact = contact_of(replace(rods, thicker=np.array([0.6, 0.6])), line)
+    rng = np.random.default_rng(5)
+    pose.bend_by(0.02 * rng.normal(size=(28, 3)), np.where(pose.has_segment, 0.2 * rng.normal(size=28), 0.0))
+
+    def contact_energy(move: np.ndarray, turn: np.ndarray) -> float:
+        pose.at(move, turn)
+        return float(0.5 * STIFFNESS * np.sum(contact.near().overlap ** 2))
+
+    still, none = np.zeros((28, 3)), np.zeros(28)
+    pushed, turned = pose.at(still, none)[1:]
+    touching = contact.near()
+    assert len(touching.force) >= 1
+    assert touching.force.max() > 0.05 * STIFFNESS
+    pose.stepper.state.write_control({c.CONTACT_STIFFNESS: 0.0})
+    free, free_turned = pose.at(still, none)[1:]
+    pose.stepper.state.write_control({c.CONTACT_STIFFNESS: STIFFNESS})
+    wanted = pose.join(pushed - free, turned - free_turned)
+    step, found = 1e-5, np.zeros(pose.unknowns())
+    for k in range(len(found)):
+        way = np.zeros(len(found))
+        way[k] = step
+        found[k] = -(contact_energy(*pose.split(way)) - contact_energy(*pose.split(-way))) / (2 * step)
+    assert np.abs(wanted[-26:]).max() > 1e-3 * np.abs(wanted).max()  # sections feel it
+    assert np.abs(wanted - found).max() < 1e-6 * np.abs(wanted).max()
+
+
+def touch(angle: float, bow: float, gap: float) -> TouchingPairs:
+    """Contacts of two wires of diameter 1 that hook each other."""
+    return contact_of(*hooked(angle, bow, gap))[1].near()
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
+def test_wires_that_hook_at_a_small_angle_touch_twice_within_a_segment(share: float) -> None:
+    """The distance of y = +-(gap - bow x^2)/2, z = +-tan(angle) x is least at two places, where gap - bow x^2 =
+    2 tan(angle)^2/bow, while that is less than the gap."""
+    bow, overlap = 0.8, 0.02
+    level = share * 0.9
+    tangent = np.sqrt(0.5 * bow * level)
+    beside = ((1.0 - overlap) ** 2 - level**2) / (4 * tangent**2)  # x^2 at which they are that near
+    found = touch(float(np.arctan(tangent)), bow, level + bow * beside)
+    assert len(found.force) == 2
+    assert found.overlap == pytest.approx(np.full(2, overlap), rel=1e-6)
+    assert (3.0 * found.place[:, 0] - 1.5) ** 2 == pytest.approx(np.full(2, beside), rel=1e-4)
+    assert found.normal[0, 2] == pytest.approx(-found.normal[1, 2])
+
+
+def test_two_contacts_become_one_without_a_jump() -> None:
+    """As the angle grows the two closest points run together, with the root of what is left of it, and the force of both goes
+    over into that of one: steps of the angle a hundred times smaller make those of the force ten times smaller."""
+    bow, gap = 0.8, 0.98
+    last = np.sqrt(0.5 * bow * gap)  # tangent of the angle from which on they touch at one place
+    jumps = []
+    for width in (0.1, 0.001):
+        pushes, count = [], []
+        for share in np.linspace(1.0 - width, 1.0 + 0.2 * width, 31):
+            found = touch(float(np.arctan(share * last)), bow, gap)
+            pushes.append(float(np.linalg.norm((found.force[:, None] * found.normal).sum(axis=0))))
+            count.append(len(found.force))
+        assert count[0] == 2
+        assert count[-1] == 1
+        assert pushes[-1] == pytest.approx(STIFFNESS * (1.0 - gap), rel=1e-6)
+        jumps.append(np.abs(np.diff(pushes)).max())
+    assert jumps[1] < 0.2 * jumps[0]

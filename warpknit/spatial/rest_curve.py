@@ -1,0 +1,107 @@
+"""What the curve between the nodes needs to be the true centre line of the wire at rest (kernels/wire_curve.py).
+
+Slopes at the nodes are made to point along the centre line, and what is then missed between two nodes is fitted across their
+chord, by s^2 (1 - s)^2 (B0 + s B1). Ends of open wires keep straight ends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss
+
+from .rods import Rods
+
+FIT_PLACES = 0.5 * (leggauss(12)[0] + 1.0)  # on a segment, 0 .. 1, at which the centre line is given
+
+
+@dataclass(frozen=True)
+class CentreLine:
+    """The true centre line of the wires at rest, given at their nodes and between them."""
+
+    slope: np.ndarray  # (node, 3) of any length, along the line
+    between: np.ndarray  # (node, place, 3) [m] at FIT_PLACES of the segment behind a node, beside that node
+
+
+@dataclass(frozen=True)
+class RestCurve:
+    """Arrays [node], those of segments too."""
+
+    slope: np.ndarray  # (node, 2) [m] of the mean section at a node
+    bump: np.ndarray  # (node, 4) [m] of the section of a segment: two of s^2 (1 - s)^2, two of s^3 (1 - s)^2
+    bulge: np.ndarray  # [m] the most that both add to the curve of a segment
+    miss: float  # [m] largest distance across it of the curve from the centre line
+    share: float = 1.0  # most that the squared shares of a force on the curve sum up to, couples on sections taken as forces
+    lever: float = 0.0  # [m] the most that one section carries of the curve
+
+
+def catmull_rom(rods: Rods) -> RestCurve:
+    """The curve that knows nothing but the nodes."""
+    none = np.zeros(rods.node_count)
+    return RestCurve(
+        slope=np.zeros((rods.node_count, 2)),
+        bump=np.zeros((rods.node_count, 4)),
+        bulge=none,
+        miss=0.0,
+    )
+
+
+def fit_rest_curve(rods: Rods, line: CentreLine) -> RestCurve:
+    """The curve that is the centre line at rest, as nearly as it can."""
+    before, after, edge = rods.previous, rods.following, rods.rest_edge
+    has_segment, is_inside = after >= 0, (after >= 0) & (before >= 0)
+    length = np.linalg.norm(edge, axis=1)
+    section = np.stack([rods.director, np.cross(edge / length[:, None], rods.director)], axis=2)  # (node, 3, 2)
+    mean = np.where(is_inside[:, None], 0.5 * (edge[before] + edge), edge)
+    slope, rise = _slopes(0.5 * (section[before] + section), mean, line.slope, is_inside)
+    one, two = (mean + rise)[:, None], (mean + rise)[after][:, None]
+    s = FIT_PLACES[:, None]
+    h10, h01, h11 = s * (1 - s) ** 2, s * s * (3 - 2 * s), s * s * (s - 1)
+    along = (1 - s) * (1 - 3 * s) * one + 6 * s * (1 - s) * edge[:, None] + s * (3 * s - 2) * two
+    along /= np.linalg.norm(along, axis=2, keepdims=True)
+    missed = _across(line.between - (h10 * one + h01 * edge[:, None] + h11 * two), along)
+    missed[~has_segment] = 0.0
+    basis = (s * (1 - s)) ** 2 * np.hstack([np.ones_like(s), s])  # (place, power)
+    moves = np.einsum("nac,sp->nspca", section, basis).reshape(*missed.shape[:2], 4, 3)
+    system = np.swapaxes(_across(moves, along[:, :, None]), 2, 3).reshape(rods.node_count, -1, 4)
+    bump = (np.linalg.pinv(system) @ missed.reshape(rods.node_count, -1, 1))[..., 0]
+    left = missed.reshape(rods.node_count, -1) - np.einsum("nkc,nc->nk", system, bump)
+    own = np.einsum("nspa,np->nsa", moves, bump)
+    carried = h10 * rise[:, None] + h11 * rise[after][:, None] + own
+    share, lever = _shares(slope, own, length, before, after)
+    return RestCurve(
+        slope=slope,
+        bump=bump,
+        bulge=np.where(has_segment, np.linalg.norm(carried, axis=2).max(axis=1), 0.0),
+        miss=float(np.linalg.norm(left.reshape(missed.shape), axis=2).max()),
+        share=share,
+        lever=lever,
+    )
+
+
+def _slopes(frame: np.ndarray, mean: np.ndarray, wanted: np.ndarray, is_inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What frames (node, 3, 2) at the nodes have to add to mean slopes (node, 3) for them to point along those wanted: in the
+    frame, (node, 2) [m], and in space (node, 3). Nothing at the ends of wires."""
+    unit = wanted / np.linalg.norm(wanted, axis=1, keepdims=True)
+    system = np.concatenate([frame, -unit[:, :, None]], axis=2)
+    system[~is_inside] = np.eye(3)
+    slope = np.where(is_inside[:, None], np.linalg.solve(system, -mean[:, :, None])[:, :2, 0], 0.0)
+    return slope, np.einsum("nac,nc->na", frame, slope)
+
+
+def _across(vector: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """The part of vectors (..., 3) across unit vectors."""
+    return vector - np.sum(vector * along, axis=-1, keepdims=True) * along
+
+
+def _shares(slope: np.ndarray, own: np.ndarray, length: np.ndarray, before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
+    """`share` and `lever` of a RestCurve; own (node, place, 3) [m] is what bumps add to the curve."""
+    s = FIT_PLACES
+    h10, h01, h11 = s * (1 - s) ** 2, s * s * (3 - 2 * s), s * s * (1 - s)  # h11 without its sign
+    half = 0.5 * np.linalg.norm(slope, axis=1)
+    first, last = h10 * half[:, None], h11 * half[after][:, None]  # of the section before and of the one behind
+    middle = first + last + np.linalg.norm(own, axis=2)
+    a, b, c = first / length[before][:, None], middle / length[:, None], last / length[after][:, None]
+    total = (0.5 * h10 + a) ** 2 + (1 - h01 + 0.5 * h11 + a + b) ** 2 + (h01 + 0.5 * h10 + b + c) ** 2 + (0.5 * h11 + c) ** 2
+    return max(1.0, float(total.max())), float(max(first.max(), middle.max(), last.max()))
