@@ -47,8 +47,8 @@ def test_wires_that_overlap_as_knitted_are_pushed_apart() -> None:
 
 
 def test_cell_in_space_is_near_the_planar_one() -> None:
-    """At 10 % both ways the contacts that carry are the same, and tension is within what the planar model leaves out. In space two
-    more touch, with less than a hundredth of the largest force.
+    """At 10 % both ways the contacts that carry are the same, and tension is within what the planar model leaves out. In space
+    more touch, with less than a fiftieth of the largest force.
 
     It takes wires for crossing in one plane with a body of d/4 between them, closed at 1.25 d; in space they close at d, over
     and under each other. On the contact curve 0.25 d of gap are worth 4.6 % a 0.05 d in contact force near 10 %
