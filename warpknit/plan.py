@@ -335,6 +335,8 @@ def _solving_of(scene: Scene, mesh: MeshSize) -> Iterator[str]:
         yield f"thermal strain: {names}, against {wire.reference_temperature:.5g} K where it is zero"
     if scene.hook is None and any(stage.shear for stage in scene.stages):
         yield "shear: a stage asks for it"
+    if any(stage.clamp_rotation for stage in scene.stages):
+        yield "turned clamps: a stage asks for it, load.clamp_rotation"
     if any(_is_driven_by_tension(stage) for stage in scene.stages):
         yield "tension search: a direction is given by tension, so strains are tried until the steady mesh carries it"
     if scene.contact.friction:

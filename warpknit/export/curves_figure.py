@@ -140,6 +140,8 @@ def _abscissa(
         return 100.0 * columns[f"strain_{name}"], label
     if spread.get("shear", 0.0) > 1e-9:
         return 100.0 * columns["shear"], "shear [%]"
+    if spread.get("clamp_rotation", 0.0) > 1e-9:
+        return np.degrees(columns["clamp_rotation"]), "rotation of the clamps [deg]"
     if spread.get("temperature_K", 0.0) > 1e-6:
         return columns["temperature_K"] - 273.15, "temperature [°C]"
     if spread.get("load_factor", 0.0) > 0.0:

@@ -1,12 +1,14 @@
 """Measures: pure functions of a model and a reading of its state."""
 
-from .reading import Reading, read
+from .reading import Reading, clamp_rotation, read, rotation, stretch
 from .whole import (
     Contacts,
     Energies,
     active_threshold,
     areal_mass,
     axial_strain,
+    boundary_stress,
+    clamp_couple,
     contact_stress,
     contacts,
     edge_force,
@@ -44,6 +46,9 @@ __all__ = [
     "active_threshold",
     "areal_mass",
     "axial_strain",
+    "boundary_stress",
+    "clamp_couple",
+    "clamp_rotation",
     "contact_stress",
     "contacts",
     "edge_force",
@@ -66,8 +71,10 @@ __all__ = [
     "positions",
     "read",
     "residual",
+    "rotation",
     "section",
     "stress_extremes",
+    "stretch",
     "tension_scale",
     "thermal_force",
     "true_stress",

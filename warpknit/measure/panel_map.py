@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import whole
-from .reading import Reading
+from .reading import Reading, rotation
 
 LEAST_SHARE = 0.5  # of a tile inside the outline, for a value to be given
 NODES_AT_ONCE = 1_000_000
@@ -110,8 +110,9 @@ def panel_map(r: Reading) -> PanelMap:
     moved = np.full((len(cloth.clasps), shape[0] * shape[1], 2), np.nan)
     moved[panel.body_clasp, body_tile] = r.body_u
     moved[:, ~known.ravel()] = np.nan
-    gradient = r.gradient + _slopes(moved.reshape(-1, *shape, 2), tile)
-    nominal = shown(virial) / (np.maximum(share, LEAST_SHARE) * np.prod(tile))[..., None, None]
+    turned = rotation(r.clamp_rotation)
+    gradient = turned @ (r.gradient + _slopes(moved.reshape(-1, *shape, 2), tile))
+    nominal = turned @ (shown(virial) / (np.maximum(share, LEAST_SHARE) * np.prod(tile))[..., None, None])
     tension = np.einsum("xyab,xycb->xyac", nominal, gradient) / np.linalg.det(gradient)[..., None, None]
     with np.errstate(invalid="ignore", divide="ignore"):
         percent = shown(100.0 * active / pairs)

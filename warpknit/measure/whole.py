@@ -15,7 +15,7 @@ from ..kernels import control as c
 from ..kernels.friction import LOOSE, TANGENTIAL
 from ..model.model import Model
 from ..scene import Wire
-from .reading import Reading
+from .reading import Reading, rotation
 
 INTERIOR = 0.25  # of the mesh's width and height from each edge
 
@@ -172,9 +172,23 @@ def warmth_force(r: Reading) -> np.ndarray:
     return np.stack([np.add.reduceat(pull, panel.wire_first), np.add.reduceat(pull * local, panel.wire_first)], axis=1)
 
 
+def boundary_stress(r: Reading) -> np.ndarray:
+    """Nominal stress (2, 2) [N/m] in the frame in which the boundary is strained by `Reading.stretch`."""
+    return rotation(r.clamp_rotation) @ nominal_stress(r)
+
+
+def clamp_couple(r: Reading) -> float:
+    """[N/m] moment that turns the clamps counter-clockwise, over the area at rest: derivative of the energy by their rotation.
+
+    F = R^T U, so the derivative of F by the angle is F turned by a right angle clockwise.
+    """
+    clockwise = np.array([[0.0, 1.0], [-1.0, 0.0]])
+    return float(np.sum(nominal_stress(r) * (clockwise @ r.gradient)))
+
+
 def mesh_tension(r: Reading) -> tuple[float, float]:
-    """Tension in weft and warp [N/m], force per current width: diagonal of P F^T / det F."""
-    cauchy = true_stress(nominal_stress(r), r.gradient)
+    """Tension in weft and warp [N/m], force per current width: diagonal of P F^T / det F, in the frame of the boundary."""
+    cauchy = true_stress(boundary_stress(r), r.stretch)
     return float(cauchy[0, 0]), float(cauchy[1, 1])
 
 
@@ -349,8 +363,9 @@ def positions(r: Reading) -> tuple[np.ndarray, np.ndarray]:
     origin = np.repeat(panel.block_origin, panel.block_count, axis=0)
     rest = np.stack([table.x[r.entry], table.y[r.entry]], axis=1) + origin
     corner = rest.min(axis=0) if panel.boundary == "periodic" else panel.clamp_position.min(axis=0)
-    node = np.einsum("ia,ba->ib", rest - corner, r.gradient) + r.u
-    body = np.einsum("ia,ba->ib", panel.body_rest + panel.body_origin - corner, r.gradient) + r.body_u
+    turned = rotation(r.clamp_rotation)
+    node = np.einsum("ia,ba->ib", rest - corner, r.stretch) + r.u @ turned.T
+    body = np.einsum("ia,ba->ib", panel.body_rest + panel.body_origin - corner, r.stretch) + r.body_u @ turned.T
     height = table.z[r.entry]
     seed_height = height[r.model.panel.pair_seed].reshape(-1, 2).mean(axis=1)
     return np.column_stack([node, height]), np.column_stack([body, seed_height])
@@ -359,7 +374,7 @@ def positions(r: Reading) -> tuple[np.ndarray, np.ndarray]:
 def frame(r: Reading, *, index: int, stage: str, load_factor: float, temperature: float) -> Frame:
     """The recorded state for the exports."""
     node, body = positions(r)
-    f = r.gradient
+    f = r.stretch
     return Frame(
         index=index,
         stage=stage,

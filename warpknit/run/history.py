@@ -28,6 +28,7 @@ class Row:
     strain_weft: float
     strain_warp: float
     shear: float
+    clamp_rotation: float  # [rad]
     temperature_K: float
     active_pairs: int
     active_percent: float
@@ -50,6 +51,7 @@ class Row:
     nominal_weft_N_per_m: float  # work-conjugate of strain_weft, per rest width
     nominal_shear_N_per_m: float
     nominal_warp_N_per_m: float
+    clamp_couple_N_per_m: float  # work-conjugate of clamp_rotation, per rest area
     length_factor: float  # 1 + alpha (T - T0)
     thermal_force_J: float  # work-conjugate of length_factor
 
@@ -116,12 +118,12 @@ def account_sliding(rows: Sequence[Row]) -> None:
 
 def _mesh_row(record: Record) -> Row:
     r = record.reading
-    f = r.gradient
+    f = r.stretch
     energy = measure.energies(r)
     contact = measure.contacts(r)
     rhombus = measure.contacts(r, r.model.panel.rhombus_bodies)
     tension = measure.mesh_tension(r)
-    nominal = measure.nominal_stress(r)
+    nominal = measure.boundary_stress(r)
     return Row(
         index=record.index,
         stage=record.stage,
@@ -129,6 +131,7 @@ def _mesh_row(record: Record) -> Row:
         strain_weft=float(f[0, 0] - 1.0),
         strain_warp=float(f[1, 1] - 1.0),
         shear=float(f[0, 1]),
+        clamp_rotation=r.clamp_rotation,
         temperature_K=record.temperature,
         active_pairs=contact.active,
         active_percent=contact.active_percent,
@@ -151,6 +154,7 @@ def _mesh_row(record: Record) -> Row:
         nominal_weft_N_per_m=float(nominal[0, 0]),
         nominal_shear_N_per_m=float(nominal[0, 1]),
         nominal_warp_N_per_m=float(nominal[1, 1]),
+        clamp_couple_N_per_m=measure.clamp_couple(r),
         length_factor=r.length_factor,
         thermal_force_J=measure.thermal_force(r),
     )
@@ -173,8 +177,8 @@ def account_work(rows: list[Row], model: Model) -> None:
             end += 1
         part = rows[begin : end + 1]  # the last row of the stage before starts this one
         force = np.array([[area * r.nominal_weft_N_per_m, area * r.nominal_shear_N_per_m, area * r.nominal_warp_N_per_m,
-                           r.thermal_force_J] for r in part])  # fmt: skip
-        place = np.array([[r.strain_weft, r.shear, r.strain_warp, r.length_factor] for r in part])
+                           area * r.clamp_couple_N_per_m, r.thermal_force_J] for r in part])  # fmt: skip
+        place = np.array([[r.strain_weft, r.shear, r.strain_warp, r.clamp_rotation, r.length_factor] for r in part])
         path = np.arange(len(part), dtype=float)
         if len(part) > 3:
             speed = CubicSpline(path, place).derivative()

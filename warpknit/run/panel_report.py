@@ -84,13 +84,13 @@ def report_panel(record: Record) -> PanelReport | None:
     rim = build_rim(model.panel, model.scene)
     stations = record.stations if len(record.stations) else np.zeros((len(rim.arc), 2))
     if rim.is_free:
-        tension = rim.cord_forces(reading.gradient, stations)[1]
+        tension = rim.cord_forces(reading.stretch, stations)[1]
         numbers |= {"cord_tension_max_N": float(tension.max()), "cord_tension_min_N": float(tension.min())}
         inward = np.hypot(stations[:, 0], stations[:, 1])
         numbers["cord_displacement_max_m"] = float(inward.max())
     if options.focal_length is not None:
         middle = model.panel.low + 0.5 * model.panel.size
-        surface = find_surface(found, rim, reading.gradient, stations, middle, options.focal_length)
+        surface = find_surface(found, rim, reading.stretch, stations, middle, options.focal_length)
         numbers["surface"] = {
             "focal_length_m": options.focal_length,
             "rms_deviation_m": surface.rms_deviation,
@@ -98,6 +98,6 @@ def report_panel(record: Record) -> PanelReport | None:
             "pillowing_m": surface.pillowing,
             "slope_max": float(np.hypot(*surface.point.T).max() / (2.0 * options.focal_length)),
         }
-    at = (rim.place - model.panel.low - 0.5 * model.panel.size) @ reading.gradient.T + stations
+    at = (rim.place - model.panel.low - 0.5 * model.panel.size) @ reading.stretch.T + stations
     edge = {"x_m": at[:, 0], "y_m": at[:, 1], "held": rim.given.astype(int)}
-    return PanelReport(found, surface, edge, reading.gradient, numbers)
+    return PanelReport(found, surface, edge, reading.stretch, numbers)

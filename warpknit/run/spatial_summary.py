@@ -26,6 +26,7 @@ def row_of(record: SpatialRecord) -> Row:
         strain_weft=float(f[0, 0] - 1.0),
         strain_warp=float(f[1, 1] - 1.0),
         shear=float(f[0, 1]),
+        clamp_rotation=0.0,
         temperature_K=record.temperature,
         active_pairs=2 * int(active.sum()),
         active_percent=_percent(active),
@@ -48,6 +49,7 @@ def row_of(record: SpatialRecord) -> Row:
         nominal_weft_N_per_m=float(nominal[0, 0]),
         nominal_shear_N_per_m=float(nominal[0, 1]),
         nominal_warp_N_per_m=float(nominal[1, 1]),
+        clamp_couple_N_per_m=0.0,
         length_factor=r.length_factor,
         thermal_force_J=r.thermal_force,
     )

@@ -32,7 +32,7 @@ def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None 
     largest, high, above = measure.stress_extremes(r)
     tension = measure.mesh_tension(r)
     plastic = measure.plastic_extremes(r)
-    f = r.gradient
+    f = r.stretch
     return _hook_part(rows[-1]) | {
         "name": record.stage,
         "quality": {
@@ -77,6 +77,7 @@ def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None 
             "strain_weft": float(f[0, 0] - 1.0),
             "strain_warp": float(f[1, 1] - 1.0),
             "shear": float(f[0, 1]),
+            "clamp_rotation_rad": r.clamp_rotation,
             "temperature_K": record.temperature,
             "areal_mass_kg_per_m2": measure.areal_mass(r),
         },

@@ -63,6 +63,7 @@ from warpknit.scene.values import (
     TileSize,
     Time,
     Tolerance,
+    Turn,
     Vector,
     WireRepeats,
     proportion,
@@ -261,6 +262,7 @@ class StageTable(Table):
     tension_warp: Tension | None = None
     displacement: SignedLength | None = None
     shear: Shear | None = None
+    clamp_rotation: Turn | None = None
     temperature: Temperature | None = None
     temperature_gradient: TemperatureGradient | None = None
     pull: list[PullTable] | None = None

@@ -105,6 +105,7 @@ class Stage:
     strain_warp: float | None
     tension_warp: Annotated[float, "N/m"] | None
     shear: float
+    clamp_rotation: Annotated[float, "rad"]  # counter-clockwise, of each clamp where it is
     temperature: Annotated[float, "K"]  # in the middle of the panel
     temperature_gradient: tuple[float, float]  # [K/m] along weft and warp
     pull: tuple[Pull, ...]

@@ -43,6 +43,8 @@ def mesh_stages(source: Source, file: SceneFile, wire: Wire, knit: Knit, panel: 
                 _check_pull(source, file, (*location, "pull", index), pull, outline)
         load |= given
         _check_warmth(source, location, load, outline)
+        if load["clamp_rotation"] and load["pull"]:
+            raise source.refusal((*location, "clamp_rotation"), load["clamp_rotation"], "nothing together with a pull")
         for side in ("weft", "warp"):
             if by_path and load[f"tension_{side}"] is not None:
                 allowed = "strains with friction or yield: a search for tension would be part of the path"
@@ -52,7 +54,7 @@ def mesh_stages(source: Source, file: SceneFile, wire: Wire, knit: Knit, panel: 
 
 def _check_uneven(source: Source, file: SceneFile, location: tuple[int | str, ...], given: dict[str, Any]) -> None:
     """Refuse what differs from place to place where nothing can follow it."""
-    for key in ("temperature_gradient", "pull"):
+    for key in ("temperature_gradient", "pull", "clamp_rotation"):
         value = given.get(key)
         if not value or value == (0.0, 0.0):
             continue
@@ -60,6 +62,8 @@ def _check_uneven(source: Source, file: SceneFile, location: tuple[int | str, ..
             raise source.refusal((*location, key), value, "nothing with model.boundary = 'periodic', which has no edge")
         if file.solver.drive == "ramp":
             raise source.refusal((*location, key), value, "nothing with solver.drive = 'ramp'")
+        if key == "clamp_rotation" and file.panel.cord is not None:
+            raise source.refusal((*location, key), value, "nothing with panel.cord, which clamps hang on")
         if key == "temperature_gradient" and not file.solver.multipliers:
             raise source.refusal((*location, key), value, "nothing with solver.multipliers = false, which bring it in")
 
@@ -108,6 +112,7 @@ def _unloaded(wire: Wire) -> dict[str, Any]:
         **_direction("weft", 0.0, None),
         **_direction("warp", 0.0, None),
         "shear": 0.0,
+        "clamp_rotation": 0.0,
         "temperature": wire.reference_temperature,
         "temperature_gradient": (0.0, 0.0),
         "pull": (),

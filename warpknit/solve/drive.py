@@ -176,15 +176,16 @@ class Drive(ABC):
     def load_now(self) -> LoadStart:
         index = self.progress.stage_index
         before = self.scene.stages[index - 1].temperature if index else self.scene.wire.reference_temperature
-        gradient = self.state.gradient
-        tension = measure.true_stress(self.look.take().stress, gradient)
+        gradient, stress = self.state.gradient, self.look.take().stress
+        turned = measure.rotation(measure.clamp_rotation(gradient))
+        tension = measure.true_stress(turned @ stress, turned @ gradient)
         return LoadStart(gradient.ravel().tolist(), np.diag(tension).tolist(), before)
 
     def target(self, stage: Stage, factor: float) -> LoadPoint:
         """Load of a stage at a load factor; a direction driven by tension keeps the strain it has."""
         start = self.progress.start
-        first = np.array(start.gradient).reshape(2, 2)
-        now = self.state.gradient
+        began, now = np.array(start.gradient).reshape(2, 2), self.state.gradient
+        turn, first, now = measure.clamp_rotation(began), measure.stretch(began), measure.stretch(now)
         target = first.copy()
         wire, frame = self.scene.wire, self.scene.model.frame_expansion
         warmed = 1.0 + frame * (stage.temperature - wire.reference_temperature)
@@ -192,6 +193,8 @@ class Drive(ABC):
             end = (1.0 + strain) * warmed if strain is not None else None
             target[axis, axis] = now[axis, axis] if end is None else (1 - factor) * first[axis, axis] + factor * end
         target[0, 1] = (1 - factor) * first[0, 1] + factor * stage.shear * warmed
+        turn += factor * (stage.clamp_rotation - turn)
+        target = measure.rotation(-turn) @ target
         before = start.temperature
         warmer = np.array(self._stage_before.temperature_gradient if self._stage_before else (0.0, 0.0))
         warmer = (1 - factor) * warmer + factor * np.array(stage.temperature_gradient)

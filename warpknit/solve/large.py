@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from .. import measure
 from ..kernels import control as c
 from ..measure.edge_work import EdgeWork
 from ..mesh.rim import build_rim
@@ -119,7 +120,7 @@ class LargeRelaxation(Relaxation):
             smaller.bring_to_rest(target, wanted)
         if wanted is None:
             return target
-        return target.strained(wanted.gradient(target.gradient, np.diag(smaller.state.gradient) - 1.0))
+        return target.strained(wanted.gradient(target.gradient, np.diag(measure.stretch(smaller.state.gradient)) - 1.0))
 
     def _follow_path(self, smallest: Relaxation, target: LoadPoint) -> None:
         """Take the smallest mesh to a load by levels near each other: which state a mesh finds may depend on the way there."""

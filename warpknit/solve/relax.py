@@ -50,9 +50,9 @@ class WantedTension:
 
     def gradient(self, gradient: np.ndarray, strain: np.ndarray) -> np.ndarray:
         """The deformation gradient with `strain` in the driven directions."""
-        there = gradient.copy()
-        there[np.diag_indices(2)] = np.where(self.driven, 1.0 + strain, np.diag(gradient))
-        return there
+        there = measure.stretch(gradient)
+        there[np.diag_indices(2)] = np.where(self.driven, 1.0 + strain, np.diag(there))
+        return measure.rotation(measure.clamp_rotation(gradient)).T @ there
 
 
 class Relaxation(Drive):
@@ -176,7 +176,7 @@ class Relaxation(Drive):
         scale = measure.tension_scale(self.model)
         while True:
             reading = measure.read(self.model, self.state)
-            strain = np.diag(reading.gradient) - 1.0
+            strain = np.diag(reading.stretch) - 1.0
             tension = self._mesh_tension(reading)
             following = self.progress.search.next_strain(strain, tension, wanted.tension, wanted.driven, scale)
             if following is None:

@@ -84,6 +84,7 @@ def _checked(scene: Scene, device: str | None) -> Sweep:
         ("contact.friction", scene.contact.friction > 0.0),
         ("wire.plastic", scene.wire.plastic),
         ("load.pull", len(load.pull)),
+        ("load.clamp_rotation", load.clamp_rotation != 0.0),
         ("load.temperature_gradient", any(load.temperature_gradient)),
         ("panel.grip_pitch", scene.panel.grip_pitch is not None),
     ):
