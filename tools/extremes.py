@@ -268,6 +268,11 @@ def matrix() -> list[Case]:
         one, other = (scene(model=model, knit=knit, load={"shear": shear}) for shear in (0.2, -0.2))
         said = (STRESS,) if boundary == "gripped" else ()
         add(Case("held ends", f"shear of 0.2, {boundary}", one, other, allowed=0.05, warned=said))
+    load = {**tenth["load"], "clamp_rotation": math.radians(10.0)}
+    one, other = scene(knit=knit, **held, load=load), scene(knit=knit, **fine, load=load)
+    add(Case("held ends", "each turned by 10 degrees, at 10 %", one, other, allowed=0.1, warned=(STRESS,)))
+    one, other = (scene(knit=knit, **held, load={**load, "clamp_rotation": math.radians(turn)}) for turn in (60.0, -60.0))
+    add(Case("held ends", "each turned by 60 degrees, at 10 %", one, other, allowed=0.02, warned=(STRESS,)))
     add(Case("held ends", "a tile turned by 30 degrees", {}, allowed=0.01, run=lambda: rotated(math.radians(30.0))))
     return cases
 
