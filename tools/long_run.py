@@ -1,6 +1,6 @@
 """Long runs stay right: the cell at rest and at load over ten million steps.
 
-    python tools/long_run.py [--steps N] [--out DIR]
+    python tools/long_run.py [--steps N] [--only DRIVE] [--out DIR]
 
 One repeat of the double atlas mesh, periodic, as knitted and at 14 % both ways. Three ways to step it on:
 
@@ -10,7 +10,8 @@ One repeat of the double atlas mesh, periodic, as knitted and at 14 % both ways.
     relax   fictitious masses, as a relaxation steps it: it rests, and has to stay where it is
 
 Prints how far energy, the largest axial strain, tension and active contacts, averaged over fiftieths of the steps, come from
-those of the first, and leaves long_run.csv in DIR.
+those of the first, and leaves long_run.csv in DIR, and those averages in long_run_course.csv. --only runs one drive and keeps the
+rows of the others.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 from step_bound import as_ramp
-from study import advance, scene_of, write_rows
+from study import advance, read_rows, scene_of, write_rows
 
 from warpknit import measure
 from warpknit.kernels import control as c
@@ -36,8 +37,10 @@ from warpknit.solve.step import Stepper
 from warpknit.solve.timestep import stable_step
 
 RESULTS = Path(__file__).parent / "results"
+RUNS = (("shaken", "double"), ("ramp", "double"), ("relax", "single"), ("relax", "double"))
+STRAINS = (0.0, 0.14)
 LOOKS = 50  # parts of a run
-AVERAGE = 10  # readings of a part, spread over it
+AVERAGE = 200  # readings of a part, spread over it
 PENALTY = 1e3  # [N/m] of the contacts of a ramp
 SPEED = 1e-4  # wire diameters a step, of the shaken mesh
 
@@ -52,12 +55,27 @@ class Row:
     steps: int
     time_step_s: float
     us_a_step: float
-    energy_change: float  # of the shaken mesh over what it has, else over EI/W a loop
+    energy_change: float  # of the shaken mesh over what the shaking put in, else over EI/W a loop
     strain_change: float  # of the largest axial strain
     tension_change: float  # over EI/C^3
     active_first: int
     active_least: int
     active_most: int
+
+
+@dataclass(frozen=True)
+class Part:
+    """A row of long_run_course.csv: averages over a fiftieth of the steps."""
+
+    drive: str
+    precision: str
+    strain: float
+    steps: int  # at its end
+    energy: float  # over EI/W a loop, or over what the shaking put in and from what the mesh has at rest
+    axial_strain: float  # the largest
+    tension_weft: float  # T C^3/EI
+    tension_warp: float
+    active: float
 
 
 def mesh(drive: str, precision: str, strain: float) -> tuple[Model, State]:
@@ -85,17 +103,21 @@ def shake(model: Model, state: State, step: float) -> None:
         array.assign(speed * random.standard_normal(array.shape[0]))
 
 
-def measured(drive: str, precision: str, strain: float, steps: int) -> Row:
+def measured(drive: str, precision: str, strain: float, steps: int) -> tuple[Row, list[Part]]:
     """Step one mesh on and on."""
     model, state = mesh(drive, precision, strain)
     neighbours, stepper = NeighbourSearch(model, state), Stepper(model, state, threads=1)
     neighbours.search()
     step = float(state.read_control()[int(c.TIME_STEP)])
+    at_rest = stored(measure.read(model, state))
+    scale = measure.energy_scale(model)
     if drive != "relax":
         step = stable_step(model, state, 0)
         shake(model, state, step)
         damping = 0.0 if drive == "shaken" else model.damping
         state.write_control({c.TIME_STEP: step, c.DAMPING: damping, c.VELOCITY_FACTOR: 1.0, c.FORCE_FACTOR: step})
+    if drive == "shaken":
+        scale = kinetic(model, state, measure.read(model, state), speeds_of(state))
     looks, started = [], time.perf_counter()
     parts = int(LOOKS * AVERAGE)
     for look in range(parts):
@@ -104,18 +126,20 @@ def measured(drive: str, precision: str, strain: float, steps: int) -> Row:
         reading, speeds = measure.read(model, state), speeds_of(state)
         advance(stepper, neighbours, 1)
         stretch = float(np.max(np.abs(measure.axial_strain(reading))))
-        energy = stored(reading) + kinetic(model, state, reading, speeds)
+        energy = stored(reading) + kinetic(model, state, reading, speeds) - at_rest * (drive == "shaken")
         looks.append([energy, stretch, *measure.mesh_tension(reading), measure.contacts(reading).active])
     seconds = time.perf_counter() - started
     values = np.array(looks)
     means = values.reshape(LOOKS, AVERAGE, -1).mean(axis=1)
     changes = np.max(np.abs(means - means[0]), axis=0)
-    scale = means[0, 0] if drive == "shaken" else measure.energy_scale(model)
-    return Row(
+    unit = measure.tension_scale(model)
+    row = Row(
         drive, precision, strain, steps, step, 1e6 * seconds / steps, float(changes[0] / scale),
-        float(changes[1]), float(changes[2:4].max() / measure.tension_scale(model)),
+        float(changes[1]), float(changes[2:4].max() / unit),
         int(values[0, 4]), int(values[:, 4].min()), int(values[:, 4].max()),
     )  # fmt: skip
+    over = np.array([scale, 1.0, unit, unit, 1.0])
+    return row, [Part(drive, precision, strain, steps * (k + 1) // LOOKS, *(mean / over)) for k, mean in enumerate(means)]
 
 
 def stored(reading: measure.Reading) -> float:
@@ -143,14 +167,20 @@ def kinetic(model: Model, state: State, reading: measure.Reading, before: np.nda
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--steps", type=int, default=10_000_000)
+    parser.add_argument("--only", choices=sorted({drive for drive, _ in RUNS}), help="rows of the other drives are kept")
     parser.add_argument("--out", type=Path, default=RESULTS)
     given = parser.parse_args(arguments)
-    rows = []
-    for drive, precision in (("shaken", "double"), ("ramp", "double"), ("relax", "single"), ("relax", "double")):
-        for strain in (0.0, 0.14):
-            rows.append(measured(drive, precision, strain, given.steps))
-            print(rows[-1], flush=True)
-    write_rows(given.out / "long_run.csv", rows)
+    table, course = given.out / "long_run.csv", given.out / "long_run_course.csv"
+    rows = [row for row in read_rows(table, Row) if given.only and row.drive != given.only]
+    parts = [part for part in read_rows(course, Part) if given.only and part.drive != given.only]
+    for drive, precision in RUNS:
+        for strain in STRAINS:
+            if given.only in (None, drive):
+                row, of_row = measured(drive, precision, strain, given.steps)
+                rows, parts = [*rows, row], [*parts, *of_row]
+                print(row, flush=True)
+                write_rows(table, rows)
+                write_rows(course, parts)
     return 0
 
 
