@@ -22,8 +22,8 @@ TOLERANCE = 1e-3  # residual of what is brought to rest
 def test_undamped_motion_keeps_its_energy() -> None:
     """m v(n - 1/2) v(n + 1/2)/2 and what is stored, the cell at 14 % being shaken by noise for 200,000 steps.
 
-    Where motion is not linear the sum swings by what central differences leave out, evenly around what they keep; so the mean of the
-    first fifth and that of the last one are apart by no more than five standard errors. With contact points found to
+    Where motion is not linear the sum swings by what central differences leave out, evenly around what they keep; so the mean
+    of the first fifth and that of the last one are apart by no more than five standard errors. With contact points found to
     1e-5 of a segment, which trail behind their bodies, the energy of the noise grew by half in this time.
     """
     model, state = mesh("shaken", "double", 0.14)
