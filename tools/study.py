@@ -120,6 +120,7 @@ def tidy(panels: np.ndarray, legend: bool = True) -> None:
     axes: Axes
     for axes in panels.ravel():
         axes.grid(color="#DDDDDD", linewidth=0.6)
+        axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
         if legend and axes.get_legend_handles_labels()[0]:
             axes.legend(frameon=False, fontsize=8)
