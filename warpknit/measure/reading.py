@@ -118,7 +118,14 @@ class Reading:
         """[node] [N m] bending moment: that of the turns, and what the slope of the moment adds (kernels/bend.py)."""
         moment = self.moment_of_turns
         slope_share = float(self.control[int(c.SLOPE_FACTOR)]) * self.model.bending_stiffness
-        return moment - slope_share * self._second_difference(moment) / self.hinge_length
+        return self._none_at_free_ends(moment - slope_share * self._second_difference(moment) / self.hinge_length)
+
+    def _none_at_free_ends(self, moment: np.ndarray) -> np.ndarray:
+        """The same array, without what stands at the ends of open wires."""
+        panel = self.model.panel
+        for end in (panel.wire_first, panel.wire_first + panel.wire_count - 1):
+            moment[end] = np.where(panel.wire_closed, moment[end], 0.0)
+        return moment
 
     @property
     def moment_of_turns(self) -> np.ndarray:
@@ -134,24 +141,7 @@ class Reading:
         last = panel.wire_first + panel.wire_count - 1
         before[panel.wire_first] = pull[last]
         moment = float(self.control[int(c.BOW_MOMENT)]) * (self.turning + self.natural_angle) * (pull + before)
-        for end in (panel.wire_first, last):
-            moment[end] = np.where(panel.wire_closed, moment[end], 0.0)
-        return moment
-
-    @property
-    def curvature_change(self) -> np.ndarray:
-        """[node] [1/m] elastic change of curvature: the turning over the length that the hinge stands for, less what a turn at a
-        point misses of a smooth curve, h^2/12 of its second derivative (kernels/bend.py). At a clamp what is missed is of
-        first order, L/3 of the slope: the turn there stands for half a segment."""
-        curvature = self.elastic_turning / (self.hinge_length * self.length_factor)
-        missed = self._second_difference(curvature) / (12.0 * self.hinge_length)
-        panel = self.model.panel
-        for end in (panel.wire_first, panel.wire_first + panel.wire_count - 1):  # nothing bends at a free end
-            missed[end] = np.where(panel.wire_closed, missed[end], 0.0)
-        for _, following, node in self._hinges_at_clamps:
-            if not following:
-                missed[node] *= 2.0
-        return curvature - missed
+        return self._none_at_free_ends(moment)
 
     def _second_difference(self, values: np.ndarray) -> np.ndarray:
         """[node] L (v_next - v) - L_before (v - v_before) of values at the hinges, [m] times their unit."""
@@ -223,6 +213,20 @@ class Reading:
             return []
         first, last = self.model.panel.wire_first, self.model.panel.wire_first + self.model.panel.wire_count - 1
         return [(0, 0, first + 1), (0, 1, first + 2), (1, 0, last - 1), (1, 1, last - 2)]
+
+
+def pair_levers(r: Reading, pairs: np.ndarray) -> np.ndarray:
+    """(pair, 4, 2) [m] rest position of the body of each of `pairs` less those of the four nodes that it acts on."""
+    model = r.model
+    table, panel = model.table, model.panel
+    body = np.repeat(panel.body_rest, 2, axis=0)[pairs] - panel.pair_shift[pairs]
+    entry = (panel.pair_table[pairs] + r.pair_slide[pairs])[:, None] + np.arange(-1, 3)
+    return body[:, None, :] - np.stack([table.x[entry], table.y[entry]], axis=2)
+
+
+def pair_distances(r: Reading, pairs: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """(pair, 4, 2) [m] position of the body of each of `pairs` less those of the four `nodes` (pair, 4) that it acts on."""
+    return pair_levers(r, pairs) @ r.gradient.T + r.body_u[pairs // 2][:, None, :] - r.u[nodes]
 
 
 def node_entries(model: Model) -> np.ndarray:

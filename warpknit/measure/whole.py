@@ -15,7 +15,8 @@ from ..kernels import control as c
 from ..kernels.friction import LOOSE, TANGENTIAL
 from ..model.model import Model
 from ..scene import Wire
-from .reading import Reading, rotation
+from .bending import BendingMoments, bending_moments
+from .reading import Reading, pair_levers, rotation
 
 INTERIOR = 0.25  # of the mesh's width and height from each edge
 
@@ -115,15 +116,6 @@ def nominal_stress(r: Reading) -> np.ndarray:
     if len(panel.held_node):
         sum_ += np.einsum("ia,ib->ab", held_forces(r), panel.held_lever)
     return sum_ / panel.area
-
-
-def pair_levers(r: Reading, pairs: np.ndarray) -> np.ndarray:
-    """(pair, 4, 2) [m] rest position of the body of each of `pairs` less those of the four nodes that it acts on."""
-    model = r.model
-    table, panel = model.table, model.panel
-    body = np.repeat(panel.body_rest, 2, axis=0)[pairs] - panel.pair_shift[pairs]
-    entry = (panel.pair_table[pairs] + r.pair_slide[pairs])[:, None] + np.arange(-1, 3)
-    return body[:, None, :] - np.stack([table.x[entry], table.y[entry]], axis=2)
 
 
 def held_forces(r: Reading) -> np.ndarray:
@@ -288,44 +280,40 @@ def section(wire: Wire) -> tuple[float, float]:
 
 
 def wire_stress(r: Reading) -> np.ndarray:
-    """[node] [Pa] E (d/2) |kappa - kappa0| + N/A, with the larger tension of the two segments at the node."""
-    radius, per_tension = section(r.model.scene.wire)
-    wire = r.model.scene.wire
-    change = np.abs(r.curvature_change)
+    """[node] [Pa] E (d/2) |M|/EI + |N| E/EA, with the larger tension of the two segments at the node."""
+    return _node_stress(r, bending_moments(r))
+
+
+def _node_stress(r: Reading, moments: BendingMoments) -> np.ndarray:
     before = np.roll(r.tension, 1)
     panel = r.model.panel
     last = panel.wire_first + panel.wire_count - 1
     before[panel.wire_first] = np.where(panel.wire_closed, r.tension[last], r.tension[panel.wire_first])
     axial = np.where(np.abs(r.tension) > np.abs(before), r.tension, before)
-    return wire.youngs_modulus * radius * change + np.abs(axial) * per_tension
+    return _stress(r, moments.node, axial)
 
 
 def contact_stress(r: Reading) -> np.ndarray:
-    """[touching pair] [Pa] stress of the wire under a body: the curvature between two nodes peaks there.
+    """[touching pair] [Pa] stress of the wire under a body, where bending peaks between two nodes."""
+    return _contact_stress(r, bending_moments(r))
 
-    kappa - kappa0 interpolated to the contact point, plus side F h u (1 - u)/EI from the point load.
-    """
-    model, wire = r.model, r.model.scene.wire
+
+def _contact_stress(r: Reading, moments: BendingMoments) -> np.ndarray:
+    return _stress(r, moments.contact, r.tension[r.pair_node[r.pair_force > 0]])
+
+
+def _stress(r: Reading, moment: np.ndarray, tension: np.ndarray) -> np.ndarray:
+    """[Pa] in the outermost fibre."""
+    wire = r.model.scene.wire
     radius, per_tension = section(wire)
-    touching = np.nonzero(r.pair_force > 0)[0]
-    node = r.pair_node[touching]
-    w = model.panel.pair_wire[touching]
-    following = node + 1
-    end = model.panel.wire_first[w] + model.panel.wire_count[w]
-    following = np.where(following == end, model.panel.wire_first[w], following)
-    change = r.curvature_change
-    u = r.pair_u[touching]
-    h = np.hypot(r.edge[node, 0], r.edge[node, 1])
-    kappa = (1 - u) * change[node] + u * change[following]
-    kappa += model.panel.pair_side[touching] * r.pair_force[touching] * h * u * (1 - u) / model.bending_stiffness
-    return wire.youngs_modulus * radius * np.abs(kappa) + np.abs(r.tension[node]) * per_tension
+    return wire.youngs_modulus * radius / r.model.bending_stiffness * np.abs(moment) + np.abs(tension) * per_tension
 
 
 def stress_extremes(r: Reading) -> tuple[float, float, float]:
     """Largest stress and 99th percentile [Pa], and the share of the wire above the yield stress."""
-    stress = wire_stress(r)
-    peak = contact_stress(r)
-    largest = max(float(stress.max()), float(peak.max()) if len(peak) else 0.0)
+    moments = bending_moments(r)
+    stress, peak = _node_stress(r, moments), _contact_stress(r, moments)
+    largest = max(float(stress.max()), float(peak.max(initial=0.0)))
     above = float(np.mean(stress > r.model.scene.wire.yield_stress))
     return largest, float(np.percentile(stress, 99)), above
 

@@ -14,6 +14,7 @@ Overrides = tuple[tuple[str, object], ...]
 
 BASE = "base"  # the knob of the point at which nothing is turned
 NODES = (8, 10, 12, 14, 16, 18, 20, 24, 30, 40, 54)
+HOOK_NODES = (64, 96, 128)  # beside these, segments of a hooked wire
 TOLERANCES = (0.1, 0.03, 0.01, 0.003, 0.001)
 SOFTENINGS = (16.0, 64.0, 200.0, 400.0, 700.0, 1000.0, 2000.0)
 STIFFNESSES = (0.25, 4.0, 16.0)  # times what the model chooses
@@ -79,7 +80,7 @@ def points_alone(base: Model) -> Iterator[Point]:
 
 
 def _relaxed_knobs(base: Model) -> Iterator[tuple[str, str, Sequence[object]]]:
-    yield "nodes_per_loop", "model.nodes_per_loop", NODES
+    yield "nodes_per_loop", "model.nodes_per_loop", NODES + (HOOK_NODES if base.scene.hook is not None else ())
     yield "axial_softening", "solver.axial_softening", SOFTENINGS
     yield "residual_tolerance", "solver.residual_tolerance", TOLERANCES
     yield "contact_stiffness", "contact.stiffness", [factor * base.contact_stiffness for factor in STIFFNESSES]

@@ -9,7 +9,7 @@ import json
 import logging
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +35,7 @@ Loader = Callable[[Overrides, str | None], Scene]
 
 RATIO = math.sqrt(2.0)  # of the nodes of one reference to the next
 FINEST = ((2_000, 96), (math.inf, 54))  # nodes a loop of the reference, up to so many nodes of the scene
+HOOK_FINEST = 192  # segments a wire of the same, where two wires are hooked
 TOLERANCE = 1e-4  # of the reference
 SPATIAL = (34, 1e-3)  # nodes a loop and tolerance of a reference in space, which takes a hundred times as long
 DEAREST = 4.0  # times what the reference cost, that a point may
@@ -85,7 +86,11 @@ class _Study:
         self.path = out / "trade.csv"
         self.rows = read_rows(self.path)
         self.in_space = ("model.kind", "spatial") in of_reference
-        finest = SPATIAL[0] if self.in_space else next(n for most, n in FINEST if base.panel.node_count <= most)
+        finest = next(n for most, n in FINEST if base.panel.node_count <= most)
+        if base.scene.hook is not None:
+            finest = HOOK_FINEST
+        if self.in_space:
+            finest = SPATIAL[0]
         self.finest = [round(finest / RATIO**k) for k in range(3)]
         self._interrupts = Interrupts()
 
@@ -156,12 +161,14 @@ class _Study:
         write_rows(self.path, self.rows)
 
     def _account(self) -> None:
-        """Fill in errors against the finest reference."""
+        """Fill in errors against the finest reference; sums over a mesh are compared by the repeat."""
         truth = self.rows[0].outcome.found
         assert truth is not None
         for row in self.rows:
-            if row.outcome.found is not None:
-                row.errors = errors_of(row.outcome.found, truth, self.scales)
+            found = row.outcome.found
+            if found is not None:
+                sum_ = found.contact_force_sum_N * _repeats(self.rows[0]) / _repeats(row)
+                row.errors = errors_of(replace(found, contact_force_sum_N=sum_), truth, self.scales)
 
     # --- results ---
 
@@ -213,6 +220,11 @@ class _Study:
         ]
         own = self._reference()["own_error"]
         trade_figure(self.out / "figures" / "trade.png", marks, tuple(own.values()), title=self.base.scene.name)
+
+
+def _repeats(row: Row) -> int:
+    """Repeats of the mesh of a point."""
+    return math.prod(int(part) for part in str(row.outcome.settings["repeats"]).split("x"))
 
 
 def _brief(row: Row) -> dict[str, Any]:
