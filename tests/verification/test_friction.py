@@ -9,6 +9,7 @@ import warp as wp
 from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.kernels.friction import LOOSE, TANGENTIAL
+from warpknit.measure.bending import normal_forces
 from warpknit.model.model import build_model
 from warpknit.model.state import initial_state
 from warpknit.scene import make_scene
@@ -87,6 +88,10 @@ def test_a_stuck_contact_is_drawn_back_and_slips_at_mu_times_the_force(by_node: 
         assert along < spacing
         drawn = np.sum(body * tangent[closed], axis=1)
         assert np.all(drawn < 0.0)
+        # and the measure of bending takes friction off again
+        pair = np.nonzero(state.pair_force.numpy() > 0)[0]
+        normal = normal_forces(measure.read(model, state), pair).sum(axis=1)
+        assert np.hypot(*normal.T) == pytest.approx(state.pair_force.numpy()[pair], rel=1e-9)
 
 
 def test_friction_acts_at_the_contact_point_of_the_chord() -> None:

@@ -18,6 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..kernels import control as c
+from ..kernels.friction import LOOSE, TANGENTIAL
 from .reading import Reading, pair_distances
 
 
@@ -40,7 +42,7 @@ def bending_moments(r: Reading) -> BendingMoments:
     local = r.pair_node[pair][:, None] + np.arange(-1, 3) - first[:, None]
     local = np.where(closed[:, None], local % count[:, None], np.clip(local, 0, count[:, None] - 1))
     nodes = first[:, None] + local  # (pair, 4)
-    force = r.pair_nodal[pair]  # (pair, 4, 2)
+    force = normal_forces(r, pair)
     node, after = nodes[:, 1], nodes[:, 2]
     # everything from the contact point: p = c - n (gap + reach), n from the wire to the body
     normal = -force.sum(axis=1)
@@ -62,6 +64,27 @@ def bending_moments(r: Reading) -> BendingMoments:
     np.add.at(moment, node, under - cross(begin, pulled) - here)
     np.add.at(moment, after, under - cross(end, pulled - force.sum(axis=1)) - there)
     return BendingMoments(moment, under)
+
+
+def normal_forces(r: Reading, pair: np.ndarray) -> np.ndarray:
+    """(pair, 4, 2) [N] forces of contacts on their nodes without friction, which acts at the two nodes beside the contact point
+    (kernels/friction.py): the body feels N n + T t of both together, t being n turned by -90 degrees times the side."""
+    force = r.pair_nodal[pair]
+    if not len(r.pair_stuck):
+        return force
+    pulled = np.zeros(len(pair))
+    sticks = r.pair_stuck[pair] != float(LOOSE)
+    at = pair[sticks]
+    panel, most = r.model.panel, r.model.scene.contact.friction * r.pair_force[at]
+    moved = (r.pair_slide + r.pair_u - r.pair_stuck)[at] * r.model.table.rest_length[panel.pair_table[at]]
+    stiffness = float(TANGENTIAL) * r.control[int(c.CONTACT_STIFFNESS)]
+    pulled[sticks] = panel.pair_side[at] * np.clip(-stiffness * moved, -most, most)
+    both, pushed = -force.sum(axis=1), r.pair_force[pair]
+    normal = np.stack([pushed * both[:, 0] - pulled * both[:, 1], pulled * both[:, 0] + pushed * both[:, 1]], axis=1)
+    normal /= (pushed**2 + pulled**2)[:, None]
+    drag = pulled[:, None] * np.stack([normal[:, 1], -normal[:, 0]], axis=1)
+    share = np.stack([0.0 * pulled, 1.0 - r.pair_u[pair], r.pair_u[pair], 0.0 * pulled], axis=1)
+    return force + share[:, :, None] * drag[:, None, :]
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
