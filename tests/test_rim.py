@@ -218,7 +218,8 @@ def test_pulls_move_what_is_near_them() -> None:
 
 @pytest.mark.parametrize("repeats", [[8, 8], pytest.param([16, 16], marks=pytest.mark.slow)])
 def test_a_pulled_edge_costs_few_steps_and_ends_where_more_care_ends(repeats: list[int]) -> None:
-    """The membrane is only a start: the state is that of a run with many small levels, by a hundredth of the tension, the tolerance of the first."""
+    """The membrane is only a start: the state is that of a run with many small levels and a tenth of the tolerance, by a
+    hundredth of the tension, which is the tolerance."""
     width, by = 2.5e-3 * repeats[0], 0.05e-3 * repeats[0]
     pull = [{"at": [1.7e-3 * repeats[0], 0.0], "by": [by, 0.0], "width": width}]
     tensions, steps = [], []
