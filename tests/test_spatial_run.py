@@ -34,11 +34,6 @@ def test_what_only_the_planar_model_does_is_refused(override: str, line: str) ->
     assert "\n" not in str(error.value)
 
 
-def test_hooks_are_refused() -> None:
-    with pytest.raises(SceneError, match=r"hook: .*allowed: \[knit\] with model.kind = 'spatial'"):
-        load_scene(SCENES / "hook_free_body.toml", ["model.kind=spatial"])
-
-
 def test_maps_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     with pytest.raises(SystemExit) as end:
         main(["map", str(SCENES / "contact_map.toml"), "--set", "model.kind=spatial", "--out", str(tmp_path / "m"), "--quiet"])

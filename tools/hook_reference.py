@@ -44,6 +44,7 @@ class Contact:
     left: np.ndarray  # (n, 2) [m] centre lines
     right: np.ndarray
     residual: float  # largest relative residual that solve_bvp reports
+    curvature: float = np.nan  # [1/m] of the left wire less that of the right one at the contact
 
 
 @dataclass(frozen=True)
@@ -223,6 +224,7 @@ class _Unit:
         return Contact(
             displacement * hook.radius, force * self.force_unit, arc_left * hook.radius, arc_right * hook.radius,
             pull_right * self.force_unit, hook.radius * left, hook.radius * right, float(solution.rms_residuals.max()),
+            float(self.curvature[0] + y[3, -1] - self.curvature[1] - y[11, -1]) / hook.radius,
         )  # fmt: skip
 
 

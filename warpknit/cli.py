@@ -319,10 +319,9 @@ def plan(scene: str, overrides: tuple[str, ...], preset: str | None, device: str
     planned: Plan | WireReport
     with naming_the_file(loaded):
         if loaded.wires is not None:
-            from warpknit.model.model import yarn_thickness
             from warpknit.wires.report import wire_report
 
-            planned = wire_report(loaded, yarn_thickness(loaded))
+            planned = wire_report(loaded, loaded.wire.thickness)
         else:
             from warpknit.plan import make_plan
 

@@ -35,7 +35,7 @@ from .scene import Scene, Stage
 from .scene.presets import PRESETS
 from .solve.prolongation import smaller_scene
 from .solve.step import thread_count
-from .spatial.estimate import spatial_physics, spatial_steps, spatial_time
+from .spatial.estimate import HOOK_ENDS, spatial_physics, spatial_steps, spatial_time
 
 COUNTED_NODES = 2_000_000  # meshes up to here are laid out to be counted: a second or two
 PROGRAM_MEMORY = 430 * 2**20  # [bytes] of a run of few nodes, its libraries included
@@ -302,7 +302,7 @@ def physics_of(scene: Scene, mesh: MeshSize) -> Iterator[str]:
     yield f"bending: wires resist a change of curvature, EI = {wire.bending_stiffness:.3g} N m2"
     if scene.hook is not None:
         yield f"contact: one place, carried by contact.treatment = {scene.contact.treatment!r}"
-        yield "ends: the lower ones are clamped; the upper ones keep their direction, slide up and down, the right one is driven"
+        yield HOOK_ENDS
         yield from _solving_of(scene, mesh)
         return
     if mesh.bodies:

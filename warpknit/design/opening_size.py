@@ -13,7 +13,6 @@ from scipy import ndimage
 
 from .. import measure
 from ..measure.reading import Reading
-from ..model.model import yarn_thickness
 
 POINTS_ACROSS = 5  # grid points on a wire thickness
 MOST_POINTS = 6_000_000  # of the grid over nine tiles: a large repeat of thin wire is looked at more coarsely
@@ -41,7 +40,7 @@ def openings(r: Reading) -> list[Opening]:
     period = r.gradient @ [0.0, layout.period[1]]
     wires = [node[first : first + count] for first, count in zip(starts, counts, strict=True)]
     ends = np.concatenate([np.append(wire[1:], wire[:1] + period, axis=0) for wire in wires])
-    return openings_between(node, ends, r.gradient @ np.diag(layout.period), yarn_thickness(r.model.scene))
+    return openings_between(node, ends, r.gradient @ np.diag(layout.period), r.model.scene.wire.thickness)
 
 
 def openings_between(begins: np.ndarray, ends: np.ndarray, periods: np.ndarray, thickness: float) -> list[Opening]:

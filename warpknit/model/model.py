@@ -165,8 +165,7 @@ def knit_scene(scene: Scene) -> Cloth:
     needed, available = required_memory(scene, nodes), available_memory()
     if needed > available or nodes > np.iinfo(np.int32).max:
         raise MemoryNeeded(
-            f"{_size_of(scene)}: {nodes:.3g} nodes need {needed / 2**30:.3g} GiB,"
-            f" available {available / 2**30:.3g} GiB"
+            f"{_size_of(scene)}: {nodes:.3g} nodes need {needed / 2**30:.3g} GiB, available {available / 2**30:.3g} GiB"
         )
     return cloth
 
@@ -245,7 +244,7 @@ def _edge_travel(scene: Scene) -> float:
 def _build_hook(scene: Scene, hook: Hook, device: str) -> Model:
     """The model of two hooked wires; a loop is one of them."""
     set_fraction = scene.wire.set_fraction
-    treatment = choose_treatment(scene, yarn_thickness(scene))
+    treatment = choose_treatment(scene, scene.wire.thickness)
     table = hook_table(hook, segments=scene.model.nodes_per_loop, set_fraction=set_fraction)
     panel = hook_panel(
         hook,
@@ -284,7 +283,7 @@ def assemble_model(
     panel = panel if strip is None else strip.panel
     precision = precision_of(scene.solver.precision, displacement_range)
     numbers = choose_numbers(scene, table, loop_length)
-    treatment = choose_treatment(scene, yarn_thickness(scene), numbers.contact_stiffness)
+    treatment = choose_treatment(scene, scene.wire.thickness, numbers.contact_stiffness)
     return Model(
         scene=scene,
         cloth=cloth,
@@ -308,13 +307,6 @@ def assemble_model(
         ranks=ranks,
         strip=strip,
     )
-
-
-def yarn_thickness(scene: Scene) -> float:
-    """Thickness of the yarn where it touches [m]: one wire with its plating, several side by side in the plane of the
-    mesh count as a round bundle of the same section."""
-    plating = 0.0 if scene.wire.plating is None else scene.wire.plating.thickness
-    return (scene.wire.diameter + 2 * plating) * math.sqrt(scene.wire.ends)
 
 
 def block_threads(model: Model) -> int:

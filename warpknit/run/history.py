@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from .. import measure
 from ..files import write_aside
-from ..measure.hook_contact import hook_contact
+from ..measure.hook_contact import HookContact, hook_contact
 from ..model.model import Model
 from ..solve.simulate import Record
 
@@ -88,7 +88,11 @@ def row_of(record: Record) -> Row:
     row = _mesh_row(record)
     if record.reading.model.scene.hook is None:
         return row
-    hook = hook_contact(record.reading)
+    return hook_row(row, hook_contact(record.reading))
+
+
+def hook_row(row: Row, hook: HookContact) -> HookRow:
+    """The row of two hooked wires, before `account_sliding`."""
     return HookRow(
         **asdict(row),
         displacement_m=hook.displacement,

@@ -15,7 +15,7 @@ from ..files import write_aside
 from ..scene import resolved_toml
 from ..spatial.mesh import SpatialMesh
 from ..spatial.relax import SpatialRecord, SpatialRelaxation
-from .history import Row, account_work, write_history
+from .history import HookRow, Row, account_sliding, account_work, write_history
 from .interrupts import Interrupted, Interrupts
 from .progress import Progress as Display
 from .spatial_summary import row_of, spatial_summary, stage_summary
@@ -76,13 +76,16 @@ class SpatialRun:
 
     def _keep(self, record: SpatialRecord) -> None:
         """Write one record: its state, its USD frame, its row; then the stage's summary where the stage ends."""
-        self.frames.add_frame(
-            record.reading.frame(
-                index=record.index, stage=record.stage, load_factor=record.load_factor, temperature=record.temperature
-            )
+        row = row_of(record)
+        frame = record.reading.frame(
+            index=record.index, stage=record.stage, load_factor=record.load_factor, temperature=record.temperature
         )
-        self.rows.append(row_of(record))
+        if isinstance(row, HookRow):
+            frame.body_position[0, :2] = row.body_x_m, row.body_y_m  # where the wires press, once they do
+        self.frames.add_frame(frame)
+        self.rows.append(row)
         account_work(self.rows, self.mesh)  # type: ignore[arg-type]
+        account_sliding(self.rows)
         write_history(self.out / "history.csv", self.rows)
         self.last = record
         if record.load_factor == 1.0:

@@ -6,15 +6,22 @@ from typing import Any
 
 import numpy as np
 
+from ..spatial.hook_contact import hook_contact
 from ..spatial.mesh import SpatialMesh
 from ..spatial.reading import SpatialReading
 from ..spatial.relax import SpatialRecord
-from .history import Row
-from .summary import energy_balance, energy_balance_of_stored, kinetic_to_internal, run_summary
+from .history import Row, hook_row
+from .summary import energy_balance, energy_balance_of_stored, hook_part, kinetic_to_internal, run_summary
 
 
 def row_of(record: SpatialRecord) -> Row:
-    """What history.csv keeps of a record; `work_J` is filled in by `account_work`."""
+    """What history.csv keeps of a record; `work_J` is filled in by `account_work`, and the way of a hook's contact by
+    `account_sliding`."""
+    row = _mesh_row(record)
+    return row if record.reading.mesh.scene.hook is None else hook_row(row, hook_contact(record.reading))
+
+
+def _mesh_row(record: SpatialRecord) -> Row:
     r = record.reading
     f, nominal = r.gradient, r.nominal_stress
     weft, warp = r.mesh_tension
@@ -66,7 +73,7 @@ def stage_summary(record: SpatialRecord, rows: list[Row]) -> dict[str, Any]:
     force = r.site_force[r.site_active]
     length = float(mesh.rods.wire_length.sum())
     balance = energy_balance(rows, mesh)  # type: ignore[arg-type]
-    return {
+    return hook_part(rows[-1]) | {
         "name": record.stage,
         "quality": {
             "kinetic_to_internal": kinetic_to_internal(rows, mesh),  # type: ignore[arg-type]

@@ -18,6 +18,10 @@ from .report import engineering
 STORED_FLOOR = 1e-5  # of EI/W a loop: less counts as no stored energy
 STEEP = 0.3  # slope from which its square is no longer small
 LEVELS_FOLLOWED = 4  # of a stage: with fewer the work along them is too rough to tell of a snap
+COMPRESSED = {
+    "planar": "the mesh is compressed: a real one would wrinkle out of its plane, which this planar model cannot show",
+    "spatial": "the mesh is compressed: a real one would wrinkle over many repeats, for which this one is too small",
+}
 STRAIN_JUMP = 0.06  # between two recorded states of a relaxation: worth a warning
 
 
@@ -33,7 +37,7 @@ def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None 
     tension = measure.mesh_tension(r)
     plastic = measure.plastic_extremes(r)
     f = r.stretch
-    return _hook_part(rows[-1]) | {
+    return hook_part(rows[-1]) | {
         "name": record.stage,
         "quality": {
             "kinetic_to_internal": kinetic_to_internal(rows, model),
@@ -84,7 +88,7 @@ def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None 
     } | ({} if panel is None else {"panel": panel})
 
 
-def _hook_part(row: Row) -> dict[str, Any]:
+def hook_part(row: Row) -> dict[str, Any]:
     """What the last row says of two hooked wires, by the names of its columns; nothing of a mesh."""
     if not isinstance(row, HookRow):
         return {}
@@ -138,7 +142,7 @@ def warnings_of(model: Model, rows: list[Row], stages: list[dict[str, Any]]) -> 
             f" {engineering(wire.yield_stress, 'Pa')}: it {'keeps' if wire.plastic else 'would keep'} a set; {law}"
         )
     if any(row.strain_weft < -0.005 or row.strain_warp < -0.005 for row in rows):
-        found.append("the mesh is compressed: a real one would wrinkle out of its plane, which this planar model cannot show")
+        found.append(COMPRESSED[model.scene.model.kind])
     found += cautions(model, rows)
     left_out = max((stage["quality"]["membrane_left_out"] for stage in stages), default=0.0)
     if left_out > 0.0:

@@ -195,6 +195,7 @@ class HookTable(Table):
     radius: Length = 1e-3
     length: Length | None = None  # a third of a circle
     overlap: Length | None = None  # a fifth of the radius
+    crossing_distance: Length | None = None  # in space: 1.3 thicknesses of the wire
 
 
 class WiresTable(Table):

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 SHORTEST = 0.5  # radii of wire
 LEAST_OVERLAP = 1.5  # diameters of the wire
 LEAST_RADIUS = 4.0  # diameters of the wire
+CROSSING = 1.3  # thicknesses of the wire by which hooked wires pass each other at rest, as in a knit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +26,7 @@ class Hook:
     radius: Annotated[float, "m"]
     length: Annotated[float, "m"]  # of each wire
     overlap: Annotated[float, "m"]  # by which each reaches through the other at rest
+    crossing_distance: Annotated[float, "m"] | None  # of centre lines where they cross at rest; None: in one plane
 
     @property
     def height(self) -> float:
@@ -61,7 +63,22 @@ def hook_of(source: Source, file: SceneFile, wire: Wire) -> Hook | None:
         raise source.refusal(("sweep",), {}, "no [sweep] with [hook]: it has no strains")
     if file.panel != PanelTable():
         raise source.refusal(("panel",), {}, "no [panel] with [hook]: its ends are where its wires end")
-    return Hook(radius=table.radius, length=length, overlap=overlap)
+    crossing = _crossing_distance(source, file, wire, overlap)
+    return Hook(radius=table.radius, length=length, overlap=overlap, crossing_distance=crossing)
+
+
+def _crossing_distance(source: Source, file: SceneFile, wire: Wire, overlap: float) -> float | None:
+    """[m] with its default, None in the plane."""
+    given, key = file.hook.crossing_distance if file.hook else None, ("hook", "crossing_distance")
+    if file.model.kind != "spatial":
+        if given is not None:
+            raise source.refusal(key, given, "left out with model.kind = 'planar', where both wires lie in one plane")
+        return None
+    distance = CROSSING * wire.thickness if given is None else given
+    if not wire.thickness <= distance <= overlap:
+        allowed = f"the thickness of the wire to hook.overlap, {wire.thickness:g} to {overlap:g} m"
+        raise source.refusal(key, distance, allowed)
+    return distance
 
 
 def contact_values(source: Source, file: SceneFile, wire: Wire) -> dict[str, Any]:

@@ -13,7 +13,12 @@ def refuse_unsupported(source: Source, file: SceneFile) -> None:
     if file.model.kind != "spatial":
         return
     for location, given, supported, allowed in (
-        (("hook",), "a hook", file.hook is None, f"[knit] {WITH}"),
+        (
+            ("contact", "treatment"),
+            file.contact.treatment,
+            file.contact.treatment == "free-body",
+            f"left out {WITH}, whose wires touch each other themselves",
+        ),
         (("panel", "outline"), file.panel.outline, file.panel.outline == "rectangle", f"'rectangle' {WITH}"),
         (("panel", "grip_pitch"), file.panel.grip_pitch, file.panel.grip_pitch is None, f"left out {WITH}"),
         (("panel", "focal_length"), file.panel.focal_length, file.panel.focal_length is None, f"left out {WITH}"),

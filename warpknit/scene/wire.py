@@ -44,6 +44,13 @@ class Wire:
         return self.diameter / 2
 
     @property
+    def thickness(self) -> float:
+        """Thickness of the yarn where it touches [m]: one wire with its plating, several side by side in the plane of the mesh
+        count as a round bundle of the same section."""
+        plating = 0.0 if self.plating is None else self.plating.thickness
+        return (self.diameter + 2 * plating) * math.sqrt(self.ends)
+
+    @property
     def axial_stiffness(self) -> float:
         """EA of the yarn [N]."""
         return self._over_section("youngs_modulus", lambda r: math.pi * r**2)

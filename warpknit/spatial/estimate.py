@@ -18,6 +18,8 @@ MEASURED_TOLERANCE, TOLERANCE_POWER = 1e-2, 1 / 3
 STEP_TIME = 40e-6  # [s] of a step on the CPU, however few nodes
 NODE_STEPS_PER_S = 4e6  # beyond that, with contact, on one core
 
+HOOK_ENDS = "ends: the lower ones are clamped; the upper ones keep their direction, slide up and down, the right one is driven"
+
 
 def spatial_steps(scene: Scene) -> int:
     """Steps of a relaxation in space."""
@@ -41,7 +43,18 @@ def spatial_physics(scene: Scene, sites: int) -> Iterator[str]:
     yield f"stretching: wires carry tension, EA = {wire.axial_stiffness:.3g} N"
     yield f"bending: wires resist a change of curvature in space, EI = {wire.bending_stiffness:.3g} N m2"
     yield f"twist: wires resist being twisted, GJ = {wire.twist_stiffness:.3g} N m2"
+    softer = (
+        "softening: wires stretch more easily in the dynamics; running multipliers take that out again, solver.axial_softening"
+    )
+    if scene.hook is not None:
+        yield "contact: round wires touch each other anywhere; two wires hook once, over and under each other"
+        yield softer
+        yield HOOK_ENDS
+        return
     yield f"contact: round wires touch each other anywhere; the knit hooks them in {sites:,} places, which shares are counted by"
-    yield "softening: wires stretch more easily in the dynamics; running multipliers take that out again, solver.axial_softening"
-    yield "periodic boundary: one tile of an endless mesh, model.boundary = 'periodic'"
+    yield softer
+    if scene.model.boundary == "periodic":
+        yield "periodic boundary: one tile of an endless mesh, model.boundary = 'periodic'"
+    else:
+        yield "grips: every cut wire end is held in position and direction, model.boundary = 'gripped'"
     yield "affine carry: the interior moves with the boundary, so that only what differs from it has to be solved"

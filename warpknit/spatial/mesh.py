@@ -9,16 +9,18 @@ import numpy as np
 from ..errors import MemoryNeeded
 from ..frame import WireLayout
 from ..knit.cloth import Cloth
+from ..mesh.hook import hook_panel, hook_table
 from ..mesh.panel import Panel
 from ..mesh.table import Table
 from ..model.device_arrays import Precision, precision_of
-from ..model.model import available_memory, knit_scene, lay_out, required_memory, yarn_thickness
+from ..model.model import available_memory, knit_scene, lay_out, required_memory
 from ..ranks.ranks import One, Ranks
 from ..scene import Scene
 from ..scene.messages import scene_error
 from ..scene.wire import Wire
 from ..wires.read import rest_wires
 from .from_file import mesh_of_wires
+from .hook import hook_wires
 from .rest_curve import RestCurve, catmull_rom, fit_rest_curve
 from .rods import Rods, Section, rods_of
 from .wires import SpatialWires, place_wires
@@ -93,21 +95,21 @@ class SpatialMesh:
         )
 
 
-def wire_section(wire: Wire, thickness: float) -> Section:
-    """The section of a yarn that is `thickness` [m] thick where it touches."""
+def wire_section(wire: Wire) -> Section:
+    """The section of a yarn."""
     return Section(
         axial_stiffness=wire.axial_stiffness,
         bending_stiffness=wire.bending_stiffness,
         twist_stiffness=wire.twist_stiffness,
         linear_density=wire.linear_density,
-        rotary_inertia=wire.linear_density * thickness**2 / 8,
-        thickness=thickness,
+        rotary_inertia=wire.linear_density * wire.thickness**2 / 8,
+        thickness=wire.thickness,
     )
 
 
 def build_mesh(scene: Scene, device: str = "cpu") -> SpatialMesh:
     """The mesh of a scene as rods. Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`."""
-    section = wire_section(scene.wire, yarn_thickness(scene))
+    section = wire_section(scene.wire)
     if scene.wires is not None:
         _refuse_fine_nodes(scene, section.thickness)
         found = rest_wires(scene)
@@ -118,6 +120,14 @@ def build_mesh(scene: Scene, device: str = "cpu") -> SpatialMesh:
         panel, wires, rods = mesh_of_wires(section, found)
         spacing = float(rods.natural_length[rods.following >= 0].min())
         return _mesh(scene, None, None, panel, wires, rods, spacing, scene.wires.loop_length, device)
+    if scene.hook is not None:
+        segments, set_fraction = scene.model.nodes_per_loop, scene.wire.set_fraction
+        table = hook_table(scene.hook, segments=segments, set_fraction=set_fraction)
+        panel = hook_panel(scene.hook, table, set_fraction=set_fraction)
+        wires = hook_wires(scene.hook, panel, segments)
+        rods = rods_of(section, wires.points).holding(wires.held_node, wires.held_section)
+        length = scene.hook.length
+        return _mesh(scene, None, table, panel, wires, rods, length / segments, length, device)
     cloth = knit_scene(scene)
     table, panel, loop_length = lay_out(scene, cloth)
     wires = place_wires(cloth, table, panel)

@@ -16,6 +16,7 @@ import numpy as np
 from ..errors import Diverged
 from ..kernels import control as c
 from ..scene import Stage
+from .clamps import MovingClamps
 from .contact import WireContact
 from .mesh import SpatialMesh
 from .reading import SpatialReading, read
@@ -59,7 +60,14 @@ class SpatialRelaxation:
         self.sites = Sites(mesh.wires, mesh.rods)
         self.stepper = RodStepper(mesh.rods, mesh.device)
         self.contact = WireContact(self.stepper, mesh.contact_stiffness, friction=self.scene.contact.friction, curve=mesh.curve)
-        self.rest = Rest(self.stepper, softening=mesh.softening, contact_stiffness=mesh.contact_stiffness, curve=mesh.curve)
+        self.clamps = self._moving_clamps()
+        self.rest = Rest(
+            self.stepper,
+            softening=mesh.softening,
+            contact_stiffness=mesh.contact_stiffness,
+            curve=mesh.curve,
+            clamps=self.clamps,
+        )
         mass = float(self.stepper.state.node_mass.numpy().max())
         spacing = self.rest.spacing
         wave = 2.0 * math.pi / (SLOWEST_WAVE * mesh.loop_length)
@@ -68,6 +76,14 @@ class SpatialRelaxation:
         self.stage, self.stage_index, self.level, self.steps, self.records = "", 0, 0, 0, 0
         self.load_factor = self.residual = 0.0
         self._before: tuple[np.ndarray, np.ndarray] | None = None  # gradient and displacement of the level before
+
+    def _moving_clamps(self) -> MovingClamps | None:
+        """Clamps that have to be moved step by step: those of a hook, some of which slide."""
+        wires = self.mesh.wires
+        if wires.sliding_clamp is None:
+            return None
+        node, lever = wires.held_node.reshape(-1, 2), wires.held_lever.reshape(-1, 2, 2)
+        return MovingClamps(self.stepper, node, lever, wires.sliding_clamp)
 
     def warm_up(self) -> None:
         """Have the kernels compiled, and find what is near what."""
@@ -163,7 +179,8 @@ class SpatialRelaxation:
             most = 0.2 * self.mesh.rods.section.thickness
             displacement = displacement + move * min(1.0, most / max(furthest, 1e-300))
         self._before = (before, kept)
-        displacement[self.mesh.wires.held_node, :2] = self.mesh.held_shift(gradient)
+        if self.clamps is None:
+            displacement[self.mesh.wires.held_node, :2] = self.mesh.held_shift(gradient)
         state.displacement.assign(displacement)
         self.rest.begin()
         self.contact.expect(float(np.abs(gradient - before).max()))

@@ -23,6 +23,7 @@ from ..errors import Diverged
 from ..kernels import control as c
 from ..kernels.bend import BOW
 from ..kernels.rod_step import HELD_NODE, HELD_TURN
+from .clamps import MovingClamps
 from .rest_curve import RestCurve
 from .rod_step import RodStepper
 from .step_bound import LOOK_AHEAD, unit_step_masses
@@ -45,10 +46,12 @@ class Rest:
         softening: float = 1.0,
         contact_stiffness: float = 0.0,
         curve: RestCurve | None = None,
+        clamps: MovingClamps | None = None,
     ) -> None:
-        """`softening`: true axial stiffness over that of the dynamics; `curve` on which wires touch, Catmull-Rom's where left
-        out."""
+        """`softening`: true axial stiffness over that of the dynamics; `curve` on which wires touch, Catmull-Rom's where left out;
+        `clamps`: those that move, of the same stepper."""
         self.stepper = stepper
+        self.clamps = clamps
         self.softening = softening
         self.contact_stiffness, self.curve = contact_stiffness, curve
         self.slowest = 0.0  # [1/s] no less damping than this
@@ -131,8 +134,9 @@ class Rest:
         return np.where(self.has_segment, carried, 0.0)
 
     def out_of_balance(self) -> np.ndarray:
-        """(free node, 3) [N] of the state last evaluated."""
-        return self.stepper.state.force.numpy()[self.free]
+        """(free node, 3) [N] of the state last evaluated, and of clamps that slide."""
+        free = self.stepper.state.force.numpy()[self.free]
+        return free if self.clamps is None else np.concatenate([free, self.clamps.force])
 
     def untwisted(self) -> np.ndarray:
         """[free segment] [N m] torque out of balance, of the state last evaluated."""
@@ -156,8 +160,12 @@ class Rest:
             error = self.arc_strain() - self.tension() / stepper.rods.section.axial_stiffness
             offset = state.tension_offset.numpy() + MULTIPLIER_RATE * self.stretch * error
             state.tension_offset.assign(np.where(self.stretches, offset, 0.0))
-        mass = np.concatenate([np.repeat(state.node_mass.numpy()[self.free], 3), state.spin_inertia.numpy()[self.turning_free]])
-        moved = np.concatenate([state.displacement.numpy()[self.free].ravel(), state.angle.numpy()[self.turning_free]])
+        mass, moved = state.node_mass.numpy()[self.free], state.displacement.numpy()[self.free]
+        if self.clamps is not None:
+            mass = np.concatenate([mass, self.clamps.mass])
+            moved = np.concatenate([moved, self.clamps.place[:, None] * [0.0, 1.0, 0.0]])
+        mass = np.concatenate([np.repeat(mass, 3), state.spin_inertia.numpy()[self.turning_free]])
+        moved = np.concatenate([moved.ravel(), state.angle.numpy()[self.turning_free]])
         pushed = np.concatenate([self.out_of_balance().ravel(), self.untwisted()]) / mass
         if self._last is not None:
             du, da = moved - self._last[0], pushed - self._last[1]
@@ -173,6 +181,8 @@ class Rest:
         state = self.stepper.state
         state.velocity.zero_()
         state.spin.zero_()
+        if self.clamps is not None:
+            self.clamps.stop()
         self._last = None
 
     def settle(

@@ -4,6 +4,7 @@
     bend_rods      bending and twist at the nodes
     contact        forces between wires, where there is a contact
     step_rods      stretch, sums, and the update
+    clamps         those that move with the load or slide, where there are any
     update_control the numbers of the next step
 
 The launches of many steps are recorded once and replayed as graphs, without Python in between.
@@ -40,8 +41,15 @@ class Contact(Protocol):
         """Kernels with threads and arguments that add to contact_force and contact_couple."""
 
 
+class Clamps(Protocol):
+    """What moves held nodes."""
+
+    def launches(self) -> Sequence[tuple[wp.Kernel, int, list]]:
+        """Kernels with threads and arguments that move held nodes, behind the step."""
+
+
 class RodStepper:
-    """Takes steps of rods; `contact` adds the forces between wires."""
+    """Takes steps of rods; `contact` adds the forces between wires, `clamps` move held nodes."""
 
     def __init__(self, rods: Rods, device: str = "cpu") -> None:
         self.rods = rods
@@ -49,6 +57,7 @@ class RodStepper:
         self.arrays: RodArrays = upload_rods(rods, device)
         self.state: RodState = rest_state(rods, device)
         self.contact: Contact | None = None
+        self.clamps: Clamps | None = None
         self._graphs: dict[tuple[int, int], wp.Graph] = {}
 
     def launches(self) -> list[tuple[wp.Kernel, int, list]]:
@@ -59,6 +68,7 @@ class RodStepper:
             (bend_rods, nodes, bend_arguments(self.rods, arrays, state)),
             *(self.contact.launches() if self.contact is not None else ()),
             (step_rods, nodes, step_arguments(arrays, state)),
+            *(self.clamps.launches() if self.clamps is not None else ()),
         ]
 
     def step(self, count: int) -> None:

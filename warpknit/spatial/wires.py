@@ -7,6 +7,7 @@ middle of the wire's first and last segment, whose two nodes it holds, with thei
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -19,6 +20,16 @@ from .rest_curve import FIT_PLACES, CentreLine
 
 FEWEST = 3  # segments between two clamps
 SEARCHED = 3.0  # node spacings from the panel's first node, on which a clamp is looked for
+
+
+class Curve(Protocol):
+    """A centre line by its arc length [m]."""
+
+    def __call__(self, s: np.ndarray) -> np.ndarray:
+        """Points (m, 3) [m]."""
+
+    def slope(self, s: np.ndarray) -> np.ndarray:
+        """(m, 3) of any length, along the line."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +49,7 @@ class SpatialWires:
     site_seed: np.ndarray  # place nearest to the body at rest
     site_low: np.ndarray  # reach before it, negative
     site_high: np.ndarray  # and behind
+    sliding_clamp: np.ndarray | None = None  # clamps, two held nodes each, that are free along the warp; None: all are fixed
 
 
 def place_wires(cloth: Cloth, table: Table, panel: Panel) -> SpatialWires:
@@ -82,7 +94,7 @@ def place_wires(cloth: Cloth, table: Table, panel: Panel) -> SpatialWires:
     )
 
 
-def _line_along(curve: ThreadCurve, arcs: np.ndarray, step: float) -> CentreLine:
+def line_along(curve: Curve, arcs: np.ndarray, step: float) -> CentreLine:
     """The centre line at nodes at these arc lengths [m] and on the segments of `step` [m] behind them."""
     places = curve((arcs[:, None] + FIT_PLACES * step).ravel()).reshape(len(arcs), len(FIT_PLACES), 3)
     return CentreLine(curve.slope(arcs), places - curve(arcs)[:, None])
@@ -94,7 +106,7 @@ def _line_of_panel(cloth: Cloth, table: Table, panel: Panel) -> CentreLine:
     line = CentreLine(np.zeros((panel.node_count, 3)), np.zeros((panel.node_count, len(FIT_PLACES), 3)))
     for t, start in enumerate(table.start):
         nodes = np.flatnonzero(thread == t)
-        found = _line_along(
+        found = line_along(
             ThreadCurve(cloth.threads[t], cloth.size[1]), (panel.node_entry[nodes] - start) * table.spacing[t], table.spacing[t]
         )
         line.slope[nodes], line.between[nodes] = found.slope, found.between
@@ -122,4 +134,4 @@ def _clamped_wire(cloth: Cloth, table: Table, panel: Panel, wire: int) -> tuple[
     segments = max(FEWEST, round(length / spacing))
     step = length / segments
     arcs = begin + (np.arange(segments + 2) - 0.5) * step
-    return curve(arcs) + origin, _line_along(curve, arcs, step), (arc - begin) / step + 0.5, spacing / step
+    return curve(arcs) + origin, line_along(curve, arcs, step), (arc - begin) / step + 0.5, spacing / step

@@ -1,0 +1,58 @@
+"""Clamps that move step by step with the load, some of which slide along the warp: those of two hooked wires."""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+
+from ..kernels.rod_clamps import move_clamps
+from .rod_step import RodStepper
+
+
+class MovingClamps:
+    """Clamps of a stepper, two held nodes each. Sets itself as the stepper's clamps."""
+
+    def __init__(self, stepper: RodStepper, node: np.ndarray, lever: np.ndarray, sliding: np.ndarray) -> None:
+        """node (clamp, 2); lever (clamp, 2, 2) [m] at rest, from the clamp; sliding: numbers of those that do."""
+        device = stepper.device
+        self.stepper = stepper
+        self.count, self.sliding = len(node), sliding
+        self.sliding_node = node[sliding]
+        slides = np.zeros(self.count, dtype=np.int32)
+        slides[sliding] = 1
+        self._node: wp.array = wp.array(node, dtype=wp.int32, device=device)
+        self._lever: wp.array = wp.array(lever, dtype=wp.vec2d, device=device)
+        self._slides: wp.array = wp.array(slides, dtype=wp.int32, device=device)
+        self.velocity = wp.zeros(self.count, dtype=wp.float64, device=device)  # [m/s] along the warp
+        stepper.clamps = self
+
+    def launches(self) -> list[tuple[wp.Kernel, int, list]]:
+        """Kernel, threads and arguments that move the clamps, behind the step of the rods."""
+        state = self.stepper.state
+        arguments = [
+            self._node, self._lever, self._slides, state.node_mass, state.control, state.force, self.velocity,
+            state.displacement, state.partial,
+        ]  # fmt: skip
+        return [(move_clamps, self.count, arguments)]
+
+    # --- of the sliding ones, in the state last evaluated
+
+    @property
+    def mass(self) -> np.ndarray:
+        """[sliding clamp] [kg] of both nodes."""
+        return self.stepper.state.node_mass.numpy()[self.sliding_node].sum(axis=1)
+
+    @property
+    def place(self) -> np.ndarray:
+        """[sliding clamp] [m] how far it has slid from where the load carries its first node."""
+        return self.stepper.state.displacement.numpy()[self.sliding_node[:, 0], 1].copy()
+
+    @property
+    def force(self) -> np.ndarray:
+        """(sliding clamp, 3) [N] out of balance: along the warp."""
+        force = self.stepper.state.force.numpy()[self.sliding_node].sum(axis=1)
+        return force * np.array([0.0, 1.0, 0.0])
+
+    def stop(self) -> None:
+        """Stop all motion."""
+        self.velocity.zero_()

@@ -1,0 +1,74 @@
+"""Two hooked wires in space: the arcs of a hook (mesh/hook.py), each turned out of the plane so that they pass over and under.
+
+In the plane both arcs lie in one plane and cross twice. Here each is the same arc in a plane of its own, turned by an angle
+about the axis across the hook's middle, the left one one way and the right one the other: at the lower crossing the left wire
+lies over the right one by `hook.crossing_distance`, at the upper one under it by as much. That is how two wires hook: with the
+same sign at both crossings they would slip past each other.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..mesh.hook import LEFT, LEFT_TOP, RIGHT, RIGHT_TOP, Arc
+from ..mesh.panel import Panel
+from ..scene import Hook
+from .rest_curve import CentreLine
+from .wires import SpatialWires, line_along
+
+BETWEEN = 0.5  # of a segment, from the plane's nodes, one of which stands at the clamp, to those here: a clamp is in their middle
+
+
+def tilt(hook: Hook) -> float:
+    """[rad] by which each arc is turned out of the plane. Raises no error: `hook.crossing_distance` is small against the lens."""
+    assert hook.crossing_distance is not None
+    half = hook.radius * math.sin(math.acos(1.0 - 0.5 * hook.overlap / hook.radius))
+    return math.asin(0.5 * hook.crossing_distance / half)
+
+
+class TiltedArc:
+    """The centre line of a wire by its arc length s [m] from the lower clamp."""
+
+    def __init__(self, hook: Hook, wire: int, angle: float) -> None:
+        """angle [rad] by which the upper end is turned up out of the plane."""
+        self._arc, self._half, self._middle = Arc(hook, wire), 0.5 * hook.length, 0.5 * hook.height
+        self._bulge, self._radius = self._arc.bulge, hook.radius
+        self._up = np.array([math.cos(angle), math.sin(angle)])
+
+    def __call__(self, s: np.ndarray) -> np.ndarray:
+        """Points (m, 3) [m]."""
+        place = self._arc(s)
+        tilted = self._up * (place[:, 1:2] - self._middle)
+        return np.column_stack([place[:, 0], self._middle + tilted[:, 0], tilted[:, 1]])
+
+    def slope(self, s: np.ndarray) -> np.ndarray:
+        """Unit vectors (m, 3) along it."""
+        t = (np.asarray(s) - self._half) / self._radius
+        return np.column_stack([-self._bulge * np.sin(t), np.cos(t)[:, None] * self._up])
+
+
+def hook_wires(hook: Hook, panel: Panel, segments: int) -> SpatialWires:
+    """Both wires at `segments` even segments between their clamps, which stand in the middle of a further one each."""
+    step = hook.length / segments
+    along = (np.arange(segments + 2) - 0.5) * step
+    arcs = (TiltedArc(hook, LEFT, -tilt(hook)), TiltedArc(hook, RIGHT, tilt(hook)))
+    lines = [line_along(arc, along, step) for arc in arcs]
+    count = segments + 2
+    held = np.array([[0, 1, count - 2, count - 1], [count, count + 1, 2 * count - 2, 2 * count - 1]])
+    points = tuple(arc(along) for arc in arcs)
+    lever = np.concatenate(points)[held.ravel(), :2] - np.repeat(panel.clamp_position, 2, axis=0)
+    return SpatialWires(
+        points=points,
+        tile=np.zeros(3),
+        line=CentreLine(np.concatenate([one.slope for one in lines]), np.concatenate([one.between for one in lines])),
+        held_node=held.ravel(),
+        held_lever=lever,
+        held_section=held[:, [0, 2]].ravel(),
+        site_wire=np.array([[LEFT, RIGHT]]),
+        site_seed=(panel.pair_seed - panel.wire_first[panel.pair_wire] - BETWEEN)[None],
+        site_low=panel.pair_low[None].astype(float),
+        site_high=panel.pair_high[None].astype(float),
+        sliding_clamp=np.array([LEFT_TOP, RIGHT_TOP]),
+    )

@@ -1,0 +1,47 @@
+"""What is measured of two hooked wires in space, in the words of measure/hook_contact.py.
+
+The wires wind round each other and press where they do, in two or three places whose forces have opposite parts out of the
+plane. What one wire has of the other is their sum; its place along a wire is the mean of theirs, each counted by what it gives
+to that sum in the plane.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..measure.hook_contact import HookContact
+from ..mesh.hook import LEFT, RIGHT, RIGHT_TOP
+from .hook import BETWEEN
+from .reading import SpatialReading
+
+
+def hook_contact(r: SpatialReading) -> HookContact:
+    """The contact of a hook's reading; where the wires do not touch, its places are those of the middle of the lens at rest."""
+    mesh, t = r.mesh, r.touching
+    hook, rods = mesh.scene.hook, mesh.rods
+    assert hook is not None
+    step = hook.length / mesh.scene.model.nodes_per_loop
+    push = t.force[:, None] * t.normal + t.friction  # on the left wire, whose nodes come first
+    total = push.sum(axis=0)
+    force = float(np.linalg.norm(total))
+    arc = {wire: float(mesh.wires.site_seed[0, wire] + BETWEEN) * step for wire in (LEFT, RIGHT)}
+    body = np.array([0.0, 0.5 * hook.height])
+    if force > 0.0:
+        share = (push[:, :2] @ total[:2]).clip(0.0)
+        share = share / share.sum()
+        for wire, nodes, place in ((LEFT, t.first, t.place[:, 0]), (RIGHT, t.second, t.place[:, 1])):
+            arc[wire] = float(share @ (nodes - rods.wire_first[wire] + place - BETWEEN)) * step
+        touched = r.position[t.first] + t.place[:, :1] * (r.position[t.first + 1] - r.position[t.first])
+        body = share @ (touched - 0.5 * rods.section.thickness * t.normal)[:, :2]
+    held = mesh.wires.held_node.reshape(-1, 2)[RIGHT_TOP]
+    return HookContact(
+        displacement=float(r.gradient[0, 1]) * hook.height,
+        drive_force=-float(r.force[held, 0].sum()),
+        force_left=force,
+        force_right=force,
+        arc_left=arc[LEFT],
+        arc_right=arc[RIGHT],
+        ground_force=0.0,
+        body=body,
+        threshold=r.threshold,
+    )
