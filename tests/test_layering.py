@@ -43,7 +43,7 @@ LAYERS = (
     {"cli"},
     {"__main__"},
 )
-MAY_IMPORT_EXPORT = {"run.run", "run.spatial_run", "sweep.sweep", "trade.study", "cli", "design.report"}
+MAY_IMPORT_EXPORT = {"run.recorder", "sweep.sweep", "trade.study", "cli", "design.report"}
 EXPORT_MAY_IMPORT = {"errors", "files", "frame", "knit", "export"}
 
 

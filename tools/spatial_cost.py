@@ -62,8 +62,9 @@ def main(arguments: list[str]) -> int:
         taken = best(lambda graph=capture.graph: wp.capture_launch(graph), STEPS)
         print(f"  {kernel.key:20s} {1e6 * taken:7.1f} us")
     search = best(contact.search, 1)
-    share = contact.searches / max(relaxation.steps, 1)
-    print(f"a search {1e6 * search:.0f} us, {contact.searches} in {relaxation.steps} steps: {1e6 * search * share:.2f} us a step")
+    share = contact.searches / max(relaxation.progress.steps, 1)
+    steps = relaxation.progress.steps
+    print(f"a search {1e6 * search:.0f} us, {contact.searches} in {steps} steps: {1e6 * search * share:.2f} us a step")
     stepper.contact = None
     stepper.step(1)
     free = best(lambda: stepper.step(STEPS), STEPS)

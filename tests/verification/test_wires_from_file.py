@@ -9,7 +9,8 @@ from warpknit.errors import ModelError, SceneError
 from warpknit.scene import Scene, load_scene
 from warpknit.scene.load import make_scene
 from warpknit.spatial.mesh import build_mesh
-from warpknit.spatial.relax import AXIAL_ERROR, SpatialRelaxation
+from warpknit.spatial.relax import SpatialRelaxation
+from warpknit.spatial.steadiness import AXIAL_ERROR
 
 KNIT = Path(__file__).parents[2] / "scenes" / "wires" / "plain_knit_spatial.toml"
 DIAMETER, PERIOD = 1e-4, 2e-3  # [m]

@@ -16,6 +16,7 @@ from ..files import write_aside
 from ..measure.hook_contact import HookContact, hook_contact
 from ..model.model import Model
 from ..solve.simulate import Record
+from ..spatial.mesh import SpatialMesh
 
 
 @dataclass
@@ -164,7 +165,7 @@ def _mesh_row(record: Record) -> Row:
     )
 
 
-def account_work(rows: list[Row], model: Model) -> None:
+def account_work(rows: list[Row], model: Model | SpatialMesh) -> None:
     """Fill in the work of a relaxation: the work along the steady states, by a cubic spline through each stage's rows.
 
     W = integral of A0 P : dF + (thermal force) d(length factor). The states are steady, so this is the work of a load put on

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ..errors import Diverged
 from ..solve.simulate import Progress, Record, Simulation
+from ..spatial.relax import SpatialRecord, SpatialRelaxation
 from .checkpoint import write_checkpoint
 from .interrupts import Interrupted, Interrupts
 
@@ -32,7 +33,7 @@ class Watch:
 
     def __init__(
         self,
-        simulation: Simulation,
+        simulation: Simulation | SpatialRelaxation,
         out: Path,
         *,
         wall_before: float = 0.0,
@@ -54,7 +55,7 @@ class Watch:
         """[s] the run has taken so far."""
         return self._wall_before + time.perf_counter() - self.begin
 
-    def run(self, keep: Callable[[Record], None]) -> Ending:
+    def run(self, keep: Callable[[Record | SpatialRecord], None]) -> Ending:
         """Run to the end; `keep` gets every record."""
         with self.interrupts.caught():
             try:

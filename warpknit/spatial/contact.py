@@ -22,6 +22,8 @@ MOST_SAG = 0.3  # of a segment: more than Catmull-Rom's curve ever leaves its ch
 STICK_SHARE = 0.5  # tangential over normal stiffness
 PAIR_BYTES = 8 * (3 + 2 + 2 * (3 * 3 + 2 + 2)) + 4 * 2  # of one pair, kept twice while a list is renewed
 ROOM = 1.3  # pairs that a list has room for, over those that it holds
+KEPT_OF_PAIRS = ("first", "second", "shift", "slip", "way", "wake")
+KEPT_OF_NODES = ("start", "count")
 FREE_CELLS = (64, 64, 8)  # of the hash along x, y and z where the world has no tiles
 
 
@@ -182,6 +184,29 @@ class WireContact:
         self.searches += 1
         budget = max(0.5 * (self.margin - self._expected), 0.05 * self.margin)
         state.write_control({c.TRAVEL: 0.0, c.TRAVEL_LIMIT: budget, c.STATUS: 0.0})
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """What a checkpoint needs: the list of pairs, as it was when it was found, with what sticks."""
+        pairs, count = self._list, self.pair_count
+        kept = {f"pairs_{name}": getattr(pairs, name).numpy()[:count].copy() for name in KEPT_OF_PAIRS}
+        kept |= {f"pairs_{name}": getattr(pairs, name).numpy().copy() for name in KEPT_OF_NODES}
+        return kept | {"contact": np.array([self._expected, self.searches, self.deepest.numpy()[0]])}
+
+    def recall(self, kept: dict[str, np.ndarray]) -> None:
+        """Put back what `memory` returned."""
+        total = len(kept["pairs_first"])
+        pairs = _List(max(self._room(total), 1), self.stepper.rods.node_count, self.stepper.device, self._list.number + 2)
+        for name in KEPT_OF_PAIRS:
+            array = getattr(pairs, name)
+            filled = array.numpy().copy()
+            filled[:total] = kept[f"pairs_{name}"]
+            array.assign(filled)
+        for name in KEPT_OF_NODES:
+            getattr(pairs, name).assign(kept[f"pairs_{name}"])
+        pairs.total.fill_(total)
+        self._list = pairs
+        self._expected, self.searches = float(kept["contact"][0]), int(kept["contact"][1])
+        self.deepest.fill_(float(kept["contact"][2]))
 
     def _room(self, total: int) -> int:
         room = round(ROOM * total)

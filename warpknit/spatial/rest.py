@@ -185,6 +185,20 @@ class Rest:
             self.clamps.stop()
         self._last = None
 
+    def memory(self) -> dict[str, np.ndarray]:
+        """What a checkpoint needs beside the state of the rods."""
+        kept = {"speed_limit": np.array(self.speed_limit)}
+        if self._last is not None:
+            kept |= {"rest_moved": self._last[0], "rest_pushed": self._last[1]}
+        return kept if self.clamps is None else kept | {"clamp_velocity": self.clamps.velocity.numpy().copy()}
+
+    def recall(self, kept: dict[str, np.ndarray]) -> None:
+        """Put back what `memory` returned."""
+        self.speed_limit = float(kept["speed_limit"])
+        self._last = (kept["rest_moved"], kept["rest_pushed"]) if "rest_moved" in kept else None
+        if self.clamps is not None:
+            self.clamps.velocity.assign(kept["clamp_velocity"])
+
     def settle(
         self,
         tolerance: float,

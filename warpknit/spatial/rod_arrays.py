@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import warp as wp
@@ -61,6 +61,15 @@ class RodState:
     control: wp.array  # [CONTROL_COUNT], see kernels/control.py
     partial: wp.array  # [block, PARTIAL_COUNT]
     no_bodies: wp.array  # the rows that a planar model has beside `partial`
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Copies of all arrays on the host, by name."""
+        return {field.name: getattr(self, field.name).numpy().copy() for field in fields(self)}
+
+    def restore(self, arrays: dict[str, np.ndarray]) -> None:
+        """Put back what `arrays` returned."""
+        for name, value in arrays.items():
+            getattr(self, name).assign(value)
 
     def write_control(self, values: dict[int, float]) -> None:
         """Set entries of the control array."""

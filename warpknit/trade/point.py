@@ -60,7 +60,7 @@ def run_point(
     *,
     device: str = "cpu",
     most_node_steps: float = math.inf,
-    watch: Callable[[Progress | SpatialRelaxation], None],
+    watch: Callable[[Progress], None],
 ) -> Outcome:
     """Run the scene that `load` returns; `watch` may raise to stop it.
 
@@ -108,13 +108,13 @@ def run_point(
     )
 
 
-def _run_spatial_point(mesh: SpatialMesh, most_node_steps: float, watch: Callable[[SpatialRelaxation], None]) -> Outcome:
+def _run_spatial_point(mesh: SpatialMesh, most_node_steps: float, watch: Callable[[Progress], None]) -> Outcome:
     """The same of a mesh in space."""
     nodes = mesh.rods.node_count
 
-    def look(relaxation: SpatialRelaxation) -> None:
-        watch(relaxation)
-        if relaxation.steps * nodes > most_node_steps:
+    def look(progress: Progress) -> None:
+        watch(progress)
+        if progress.steps * nodes > most_node_steps:
             raise TooDear
 
     relaxation = SpatialRelaxation(mesh, look)
@@ -136,8 +136,8 @@ def _run_spatial_point(mesh: SpatialMesh, most_node_steps: float, watch: Callabl
         message=message,
         wall_s=time.perf_counter() - wall,
         cpu_s=time.process_time() - cpu,
-        steps=relaxation.steps,
-        node_steps=relaxation.steps * nodes,
+        steps=relaxation.progress.steps,
+        node_steps=relaxation.progress.steps * nodes,
     )
 
 
