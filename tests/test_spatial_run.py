@@ -10,7 +10,12 @@ from warpknit.cli import main
 from warpknit.errors import SceneError
 from warpknit.frame import Frame, WireLayout
 from warpknit.run.run import run_scene
+from warpknit.run.watch import Watch
 from warpknit.scene import load_scene
+from warpknit.solve.tension import TOLERANCE
+from warpknit.spatial.mesh import build_mesh
+from warpknit.spatial.relax import SpatialRelaxation
+from warpknit.spatial.steadiness import tension_scale
 
 SCENES = Path(__file__).parent.parent / "scenes"
 CELL = SCENES / "atlas_cell_spatial.toml"
@@ -24,7 +29,6 @@ QUICK = ("model.nodes_per_loop=24", "solver.preset=draft", "output.frames=1", "l
         ("solver.drive=ramp", "solver.drive: given 'ramp', allowed: 'relax'"),
         ("solver.precision=single", "solver.precision: given 'single', allowed: 'double'"),
         ("wire.plastic=true", "wire.plastic: given true, allowed: false"),
-        ('load.tension_weft="2 N/m"', "load.tension_weft: given '2 N/m', allowed: strain_weft"),
     ],
 )
 def test_what_only_the_planar_model_does_is_refused(override: str, line: str) -> None:
@@ -83,6 +87,50 @@ def test_states_are_in_space_and_whole(finished: Path) -> None:
     assert np.abs(last.node_position[:, 2] - first.node_position[:, 2]).max() > 1e-9
     assert last.strain_weft == pytest.approx(0.01)
     assert (finished / "scene.usda").exists() and (finished / "figures" / "mesh.png").exists()
+
+
+def test_tension_is_found_and_let_go_again() -> None:
+    """Warp by tension, there and back to none, weft held: to the 0.2 % that the search allows, or 1e-2 of that of EI/C^3."""
+    path = ["load.strain_weft=0.0", "load.tension_warp='3 mN/m'", "path=[{tension_warp='1 mN/m', strain_weft=0.005}]"]
+    coarse = [o for o in QUICK if not o.startswith("load")]
+    relaxation = SpatialRelaxation(build_mesh(load_scene(CELL, [*coarse, *path])))
+    _, loaded, unloaded = relaxation.run()
+    for record, warp, weft in ((loaded, 3e-3, 0.0), (unloaded, 1e-3, 0.005)):
+        least = 1e-2 * TOLERANCE * tension_scale(relaxation.mesh)
+        assert record.reading.mesh_tension[1] == pytest.approx(warp, rel=TOLERANCE, abs=least)
+        assert record.reading.gradient[0, 0] == 1.0 + weft
+    assert loaded.reading.gradient[1, 1] > unloaded.reading.gradient[1, 1] > 1.0
+
+
+HOOK = ("model.nodes_per_loop=16", "hook.overlap='60 um'", "solver.residual_tolerance=2e-2", "output.frames=2")
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_interrupt_and_resume_give_the_same_bits(tmp_path: Path, friction: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Clamps that slide, contacts that stick, a list of pairs in use and a stage that returns: all goes on as if nothing had
+    been."""
+    load = ("load.displacement='100 um'", "path=[{displacement='90 um'}]", f"contact.friction={friction}")
+    scene = load_scene(SCENES / "hook_spatial.toml", [*HOOK, *load])
+    assert run_scene(scene, out=tmp_path / "whole", device="cpu").exit_code == 0
+    original, looks = Watch._look, 0
+
+    def interrupt_thrice(self: object, progress: object) -> None:
+        nonlocal looks
+        looks += 1
+        if looks in (7, 121, 331):
+            self.interrupts.ask()
+        original(self, progress)
+
+    monkeypatch.setattr(Watch, "_look", interrupt_thrice)
+    codes = [run_scene(scene, out=tmp_path / "parts", device="cpu", resume=resume).exit_code for resume in (False, True, True)]
+    assert codes == [130, 130, 130]
+    assert run_scene(scene, out=tmp_path / "parts", device="cpu", resume=True).exit_code == 0
+    assert not (tmp_path / "parts" / "checkpoint").exists()
+    assert (tmp_path / "whole" / "history.csv").read_text() == (tmp_path / "parts" / "history.csv").read_text()
+    for k in range(5):
+        a, b = (np.load(tmp_path / part / "states" / f"state_{k:06d}.npz") for part in ("whole", "parts"))
+        assert all(np.array_equal(a[key], b[key]) for key in a.files)
+    assert json.loads((tmp_path / "parts" / "summary.json").read_text())["hook"]["force_left_N"] > 0.0
 
 
 def test_a_finished_run_is_not_replaced_unasked(finished: Path) -> None:

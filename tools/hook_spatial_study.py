@@ -39,7 +39,7 @@ from warpknit.spatial.relax import SpatialRelaxation
 
 SCENE = Path(__file__).parent.parent / "scenes" / "hook_spatial.toml"
 FRICTION = (0.0, 0.2, 0.4)
-THICKNESS = (0.5, 0.25, 0.1)  # of the wire's
+THICKNESS = (0.5, 0.25)  # of the wire's
 TWIST = (0.01, 10.0)  # of the wire's GJ
 WIDEST = 8.0  # diameters: spans that are tried
 NARROWEST = 0.3
@@ -214,7 +214,7 @@ def draw(path: Path, rows: list[Row]) -> None:
     curve(panels[0], "lens law", "plane, span of the lens law", color="black", **CROSSES)
     curve(panels[0], "reference 1.25 d", "plane, span 1.25 d", color=COLOURS[3])
     curve(panels[0], "reference 1 d", "plane, span 1 d", color=COLOURS[3], linestyle="--")
-    for thickness, colour in zip((1.0, *THICKNESS), COLOURS, strict=True):
+    for thickness, colour in zip((1.0, *THICKNESS), COLOURS, strict=False):
         curve(panels[1], "spatial", f"touching at {thickness:g} d", thickness=thickness, color=colour, marker="o")
         curve(panels[1], "reference 1.25 d", "_", thickness=thickness, color=colour, linestyle=":")
         curve(panels[1], "lens law", "_", thickness=thickness, color=colour, **CROSSES)

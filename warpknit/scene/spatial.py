@@ -36,7 +36,3 @@ def refuse_unsupported(source: Source, file: SceneFile) -> None:
             raise source.refusal((*place, "temperature_gradient"), list(stage.temperature_gradient), f"left out {WITH}")
         if stage.clamp_rotation:
             raise source.refusal((*place, "clamp_rotation"), stage.clamp_rotation, f"left out {WITH}")
-        for direction in ("weft", "warp"):
-            tension = getattr(stage, f"tension_{direction}")
-            if tension is not None:
-                raise source.refusal((*place, f"tension_{direction}"), tension, f"strain_{direction} {WITH}")

@@ -15,6 +15,7 @@ from .relax import PATH_STRAIN
 STEPS_A_LEVEL = 12_900.0
 MEASURED_NODES, NODES_POWER = 64, 1.8
 MEASURED_TOLERANCE, TOLERANCE_POWER = 1e-2, 1 / 3
+TENSION_STATES = 6  # times the steps of a level that goes by strain: 4 to 9 at 20 mN/m both ways
 STEP_TIME = 40e-6  # [s] of a step on the CPU, however few nodes
 NODE_STEPS_PER_S = 4e6  # beyond that, with contact, on one core
 
@@ -25,9 +26,10 @@ def spatial_steps(scene: Scene) -> int:
     """Steps of a relaxation in space."""
     work = (scene.model.nodes_per_loop / MEASURED_NODES) ** NODES_POWER
     work *= (MEASURED_TOLERANCE / scene.solver.residual_tolerance) ** TOLERANCE_POWER
-    levels = len(scene.stages) * scene.output.frames
+    driven = sum(stage.strain_weft is None or stage.strain_warp is None for stage in scene.stages)
+    levels = (len(scene.stages) + (TENSION_STATES - 1) * driven) * scene.output.frames
     if scene.contact.friction:
-        strains = [abs(s or 0.0) for stage in scene.stages for s in (stage.strain_weft, stage.strain_warp)]
+        strains = [abs(s or 0.0) for stage in scene.stages for s in (stage.strain_weft, stage.strain_warp, stage.shear)]
         levels = max(levels, math.ceil(sum(strains) / PATH_STRAIN))
     return round(levels * STEPS_A_LEVEL * work)
 

@@ -330,7 +330,7 @@ class SpatialRelaxation:
         return record
 
     def _refuse_divergence(self, may_overlap: bool) -> None:
-        deepest = self.contact.take_deepest() / self.mesh.rods.section.thickness
+        deepest = self.contact.take_deepest() / (2.0 * float(self.mesh.rods.wire_radius.min()))
         control = self.state.read_control()
         strain = f"weft strain {control[int(c.GRADIENT)] - 1:.3g}, warp strain {control[int(c.GRADIENT) + 3] - 1:.3g}"
         where = f"stage {self.progress.stage!r}, {strain}"
