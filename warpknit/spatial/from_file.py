@@ -10,6 +10,8 @@ import numpy as np
 from ..errors import ModelError
 from ..kernels.clamp import CLAMP_NUMBERS
 from ..mesh.panel import Panel
+from ..model.model import SLIDE_ALLOWANCE
+from ..wires.hooks import Hooks, find_hooks
 from ..wires.wires import Wires
 from .rods import Rods, Section, rods_of
 from .wires import SpatialWires
@@ -17,15 +19,16 @@ from .wires import SpatialWires
 FEWEST = 5  # nodes of an open wire, of which the clamps hold four
 # what a panel of wires from a file has none of
 NO_NUMBERS = (
-    "block_first", "block_count", "block_table", "block_wire", "body_clasp", "pair_wire", "pair_seed", "pair_table", "pair_low",
-    "pair_high", "pair_side", "held_node", "held_clamp", "rhombus_bodies",
+    "block_first", "block_count", "block_table", "block_wire", "body_clasp", "pair_seed", "pair_table", "pair_low", "pair_high",
+    "pair_side", "held_node", "held_clamp", "rhombus_bodies",
 )  # fmt: skip
-NO_PLACES = ("block_origin", "body_rest", "body_origin", "pair_shift", "held_lever")
+NO_PLACES = ("block_origin", "pair_shift", "held_lever")
 
 
-def mesh_of_wires(section: Section, wires: Wires) -> tuple[Panel, SpatialWires, Rods]:
-    """The wires as a panel, which knows no places where they hook each other; what holds their ends; and the rods, free of stress
-    where the file has them but for the lengths free of stress that it may give. Raises `ModelError`."""
+def mesh_of_wires(section: Section, wires: Wires, loop_length: float) -> tuple[Panel, SpatialWires, Rods]:
+    """The wires as a panel, a body standing for each place where they hook each other; what holds their ends; and the rods, free
+    of stress where the file has them but for the lengths free of stress that it may give. `loop_length` [m] is about the wire of
+    a loop. Raises `ModelError`."""
     count = np.array([len(points) for points in wires.points], dtype=np.int32)
     first = np.concatenate([[0], np.cumsum(count)[:-1]]).astype(np.int32)
     is_open = np.array([kind == "open" for kind in wires.kinds])
@@ -35,22 +38,25 @@ def mesh_of_wires(section: Section, wires: Wires) -> tuple[Panel, SpatialWires, 
         raise ModelError(f"wires.node_spacing: wire {number + 1} gets {count[number]} nodes, allowed: {allowed}")
     if wires.period is None and not is_open.any():
         raise ModelError("wires: given rings only, allowed: wires with ends to hold, or that repeat (wires.period)")
-    placed = _clamped(wires, first[is_open], count[is_open])
+    hooks = find_hooks(wires, loop_length)
+    placed = _placed(wires, hooks, SLIDE_ALLOWANCE * loop_length, first[is_open], count[is_open])
     rods = rods_of(section, wires.points, [None if end else wires.closing(w) for w, end in enumerate(is_open)], tile=placed.tile)
     if wires.rest_lengths is not None:
         own = rods.natural_length.copy()
         own[rods.following >= 0] = np.concatenate(wires.rest_lengths)
         rods = replace(rods, natural_length=own)
     rods = rods.holding(placed.held_node.tolist(), placed.held_section.tolist())
-    return _panel(wires, placed, first, count, section.thickness), placed, rods
+    return _panel(wires, hooks, placed, first, count, section.thickness), placed, rods
 
 
-def _clamped(wires: Wires, first: np.ndarray, count: np.ndarray) -> SpatialWires:
-    """What holds open wires with these first nodes and numbers of nodes: clamps in the middles of their end segments."""
+def _placed(wires: Wires, hooks: Hooks, slack: float, first: np.ndarray, count: np.ndarray) -> SpatialWires:
+    """What holds open wires with these first nodes and numbers of nodes, clamps in the middles of their end segments; and the
+    sites of the hooks, from `slack` [m] before their lens to as much behind it."""
     held = np.stack([first, first + 1, first + count - 2, first + count - 1], axis=1).astype(np.int64)
     places = np.concatenate(wires.points)[held][..., :2]
     middle = np.repeat(places.reshape(-1, 2, 2, 2).mean(axis=2), 2, axis=1)
-    none = np.zeros((0, 2), dtype=np.int64)
+    low, high, seed = (_node_places(wires, hooks.wire, arc) for arc in (hooks.low, hooks.high, 0.5 * (hooks.low + hooks.high)))
+    spare = slack / (wires.lengths / wires.segment_counts)[hooks.wire]
     return SpatialWires(
         points=wires.points,
         tile=np.zeros(3) if wires.period is None else np.array([*wires.period, 0.0]),
@@ -58,14 +64,31 @@ def _clamped(wires: Wires, first: np.ndarray, count: np.ndarray) -> SpatialWires
         held_node=held.ravel(),
         held_lever=(places - middle).reshape(-1, 2),
         held_section=held[:, [0, 2]].ravel(),
-        site_wire=none,
-        site_seed=none,
-        site_low=none,
-        site_high=none,
+        site_wire=hooks.wire,
+        site_seed=_in_first_round(wires, hooks.wire, seed),
+        site_low=low - seed - spare,
+        site_high=high - seed + spare,
     )
 
 
-def _panel(wires: Wires, placed: SpatialWires, first: np.ndarray, count: np.ndarray, thickness: float) -> Panel:
+def _node_places(wires: Wires, wire: np.ndarray, arc: np.ndarray) -> np.ndarray:
+    """(hook, 2) numbers of nodes along wires at arcs (hook, 2) [m]; beyond their ends they go on."""
+    places = np.empty(arc.shape)
+    for w in np.unique(wire):
+        begin, end = wires.ends(w)
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(end - begin, axis=1))])
+        here = arc[wire == w]
+        rounds = np.zeros(here.shape) if wires.kinds[w] == "open" else np.floor(here / along[-1])
+        places[wire == w] = np.interp(here - rounds * along[-1], along, np.arange(len(along))) + rounds * len(begin)
+    return places
+
+
+def _in_first_round(wires: Wires, wire: np.ndarray, place: np.ndarray) -> np.ndarray:
+    closed = np.array([kind != "open" for kind in wires.kinds])[wire]
+    return np.where(closed, np.mod(place, wires.segment_counts[wire]), place)
+
+
+def _panel(wires: Wires, hooks: Hooks, placed: SpatialWires, first: np.ndarray, count: np.ndarray, thickness: float) -> Panel:
     points = np.concatenate(wires.points)[:, :2]
     none: dict[str, Any] = dict.fromkeys(NO_NUMBERS, np.zeros(0, dtype=np.int32)) | dict.fromkeys(NO_PLACES, np.zeros((0, 2)))
     return Panel(
@@ -80,5 +103,8 @@ def _panel(wires: Wires, placed: SpatialWires, first: np.ndarray, count: np.ndar
         wire_length=wires.lengths,
         clamp_position=(points[placed.held_node] - placed.held_lever)[::2],
         wire_clamp=np.zeros((len(count), 2, int(CLAMP_NUMBERS))),
+        body_rest=hooks.position,
+        body_origin=np.zeros((len(hooks), 2)),
+        pair_wire=hooks.wire.ravel().astype(np.int32),
         **none,
     )

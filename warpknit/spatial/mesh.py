@@ -33,7 +33,7 @@ CONTACT_TO_BENDING = 1.0  # contact penalty over 4 EI/h^3 or, softened, EA/h, th
 class SpatialMesh:
     """A mesh ready to be stepped as rods. `panel` says which wires there are and where they are knitted to hook each other.
 
-    Wires from a file have no cloth and no table, and their panel no places where they hook each other.
+    Wires from a file have no cloth and no table.
     """
 
     scene: Scene
@@ -117,7 +117,7 @@ def build_mesh(scene: Scene, device: str = "cpu") -> SpatialMesh:
         if needed > available:
             size = f"{found.node_count:,} nodes need {needed / 2**30:.3g} GiB, available {available / 2**30:.3g} GiB"
             raise MemoryNeeded(f"wires.node_spacing = {scene.wires.node_spacing:g} m: {size}")
-        panel, wires, rods = mesh_of_wires(section, found)
+        panel, wires, rods = mesh_of_wires(section, found, scene.wires.loop_length)
         spacing = float(rods.natural_length[rods.following >= 0].min())
         return _mesh(scene, None, None, panel, wires, rods, spacing, scene.wires.loop_length, device)
     if scene.hook is not None:

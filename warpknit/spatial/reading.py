@@ -61,8 +61,8 @@ class SpatialReading:
         return max(self.mesh.scene.contact.threshold, LEAST_FORCE * self.force_scale)
 
     @cached_property
-    def touching_site(self) -> np.ndarray:
-        """[contact] of those that carry a force."""
+    def touching_site(self) -> tuple[np.ndarray, np.ndarray]:
+        """[contact] of those that carry a force, and which side of the site their first wire is."""
         return self.sites.of(self.touching.first, self.touching.second)
 
     @cached_property
@@ -70,10 +70,9 @@ class SpatialReading:
         """[site] [N] with which its two wires push each other: the size of the sum of their contacts there."""
         total = np.zeros((self.sites.count, 3))
         t = self.touching
-        here = self.touching_site != NOWHERE
-        site = self.touching_site[here]
-        sign = np.where(self.mesh.rods.wire_of[t.first[here]] == self.mesh.panel.pair_wire[2 * site], 1.0, -1.0)
-        np.add.at(total, site, sign[:, None] * (t.force[:, None] * t.normal + t.friction)[here])
+        site, sign = self.touching_site
+        here = site != NOWHERE
+        np.add.at(total, site[here], (sign[:, None] * (t.force[:, None] * t.normal + t.friction))[here])
         return np.linalg.norm(total, axis=1)
 
     @cached_property
@@ -85,14 +84,14 @@ class SpatialReading:
     def site_near(self) -> np.ndarray:
         """[site] its wires are closer than NEAR: the paper's measure."""
         found = np.zeros(self.sites.count, dtype=bool)
-        site = self.sites.of(self.near.first, self.near.second)
+        site, _ = self.sites.of(self.near.first, self.near.second)
         found[site[site != NOWHERE]] = True
         return found
 
     @property
     def elsewhere(self) -> np.ndarray:
         """[contact] [N] forces of active contacts that belong to no site."""
-        force = self.touching.force[self.touching_site == NOWHERE]
+        force = self.touching.force[self.touching_site[0] == NOWHERE]
         return force[force > self.threshold]
 
     @cached_property

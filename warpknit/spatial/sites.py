@@ -26,11 +26,12 @@ class Sites:
         self._round = np.where(rods.wire_closed, rods.wire_count, 0)[self._wire]
         self._node_wire, self._first = rods.wire_of, rods.wire_first
 
-    def of(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        """[contact] the site of contacts between segments that begin at these nodes, NOWHERE for one elsewhere."""
-        found = np.full(len(first), NOWHERE)
+    def of(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """[contact] the site of contacts between segments that begin at these nodes, NOWHERE for one elsewhere; and +1 where the
+        first node is on the first wire of the site, -1 where it is on the second."""
+        found, sign = np.full(len(first), NOWHERE), np.ones(len(first))
         least = np.full(len(first), np.inf)
-        for nodes in (np.stack([first, second], axis=1), np.stack([second, first], axis=1)):
+        for side, nodes in ((1.0, np.stack([first, second], axis=1)), (-1.0, np.stack([second, first], axis=1))):
             wires = self._node_wire[nodes]
             for k in range(len(nodes)):
                 fits = np.flatnonzero((self._wire == wires[k]).all(axis=1))
@@ -42,5 +43,5 @@ class Sites:
                 span = (self._high[fits] - low + 1.0).clip(1.0)
                 off = np.where(inside, np.abs(way / span).sum(axis=1), np.inf)
                 if len(off) and off.min() < least[k]:
-                    least[k], found[k] = off.min(), fits[np.argmin(off)]
-        return found
+                    least[k], found[k], sign[k] = off.min(), fits[np.argmin(off)], side
+        return found, sign

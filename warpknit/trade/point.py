@@ -17,6 +17,7 @@ from ..model.state import initial_state
 from ..scene import Scene
 from ..solve.drive import Drive
 from ..solve.simulate import Progress, Record, Simulation
+from ..spatial.hook_contact import hook_contact as spatial_hook_contact
 from ..spatial.mesh import SpatialMesh, build_mesh
 from ..spatial.reading import SpatialReading
 from ..spatial.relax import SpatialRelaxation
@@ -144,6 +145,8 @@ def _run_spatial_point(mesh: SpatialMesh, most_node_steps: float, watch: Callabl
 def spatial_found(reading: SpatialReading) -> Found:
     """What a reading in space says of the mesh; each site has two pairs of equal force."""
     weft, warp = reading.mesh_tension
+    if reading.mesh.scene.hook is not None:
+        weft, warp = abs(spatial_hook_contact(reading).drive_force), 0.0
     active = reading.site_active
     return Found(
         active_percent=100.0 * float(active.mean()) if len(active) else 0.0,

@@ -38,6 +38,7 @@ FINEST = ((2_000, 96), (math.inf, 54))  # nodes a loop of the reference, up to s
 HOOK_FINEST = 192  # segments a wire of the same, where two wires are hooked
 TOLERANCE = 1e-4  # of the reference
 SPATIAL = (34, 1e-3)  # nodes a loop and tolerance of a reference in space, which takes a hundred times as long
+SPATIAL_HOOK = 68  # segments a wire of the same of a hook, whose lens is a tenth of a wire long
 DEAREST = 4.0  # times what the reference cost, that a point may
 RAMP_NODES = 2_000  # of a mesh, up to which ramps in real time are tried: they take a hundred times the steps
 
@@ -87,10 +88,11 @@ class _Study:
         self.rows = read_rows(self.path)
         self.in_space = ("model.kind", "spatial") in of_reference
         finest = next(n for most, n in FINEST if base.panel.node_count <= most)
-        if base.scene.hook is not None:
-            finest = HOOK_FINEST
+        hook = base.scene.hook is not None
         if self.in_space:
-            finest = SPATIAL[0]
+            finest = SPATIAL_HOOK if hook else SPATIAL[0]
+        elif hook:
+            finest = HOOK_FINEST
         self.finest = [round(finest / RATIO**k) for k in range(3)]
         self._interrupts = Interrupts()
 

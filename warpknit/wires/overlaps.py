@@ -47,7 +47,7 @@ class Overlaps:
 
 
 @dataclass(frozen=True)
-class _Segments:
+class Segments:
     """The segments of all wires, each moved into the first repeat."""
 
     begin: np.ndarray  # (segment, 3) [m]
@@ -59,7 +59,7 @@ class _Segments:
 
 
 @dataclass(frozen=True)
-class _Images:
+class Images:
     """Segments with their images in the repeats around the first."""
 
     owner: np.ndarray  # (image,) the segment
@@ -69,12 +69,12 @@ class _Images:
 
 def find_overlaps(wires: Wires, thickness: float) -> Overlaps:
     """The overlaps of wires of `thickness` [m]."""
-    segments = _segments(wires)
+    segments = segments_of(wires)
     radius = REACH * thickness + float(segments.length.max())
     crowded = Overlaps(thickness, None, None, None, 0, crowded=True)
     if wires.period is not None and math.prod(2.0 * np.ceil(radius / wires.period) + 1.0) > MOST_IMAGES:
         return crowded
-    images = _with_images(segments, wires.period, radius)
+    images = images_of(segments, wires.period, radius)
     tree = cKDTree(images.middle)
     own = np.flatnonzero(~images.offset.any(axis=1))
     candidates = cKDTree(images.middle[own]).count_neighbors(tree, radius)
@@ -101,7 +101,7 @@ class _Nearest:
     wires = (0, 0)
     arcs = (0.0, 0.0)  # [m]
 
-    def take(self, segments: _Segments, wires: Wires, pairs: np.ndarray, between: np.ndarray, thickness: float) -> np.ndarray:
+    def take(self, segments: Segments, wires: Wires, pairs: np.ndarray, between: np.ndarray, thickness: float) -> np.ndarray:
         """Look at pairs (pair, 4): two segments, and the repeat that the second lies in; `between` them lies so much wire
         (pair,) [m]. Returns those nearer than `thickness`."""
         a, b = pairs[:, 0], pairs[:, 1]
@@ -125,9 +125,9 @@ class _Nearest:
 
 
 def _pairs(
-    segments: _Segments,
+    segments: Segments,
     wires: Wires,
-    images: _Images,
+    images: Images,
     tree: cKDTree,
     own: np.ndarray,
     radius: float,
@@ -164,7 +164,7 @@ def segment_distances(
     return np.linalg.norm(gap, axis=1), s, t
 
 
-def _segments(wires: Wires) -> _Segments:
+def segments_of(wires: Wires) -> Segments:
     begins, ends, numbers, arcs = [], [], [], []
     for number in range(len(wires.points)):
         begin, end = wires.ends(number)
@@ -180,15 +180,15 @@ def _segments(wires: Wires) -> _Segments:
         shift = np.concatenate([moved * wires.period, np.zeros((len(begin), 1))], axis=1)
         begin, end = begin + shift, end + shift
     length = np.linalg.norm(end - begin, axis=1)
-    return _Segments(begin, end, np.concatenate(numbers), np.concatenate(arcs), length, moved.astype(np.int64))
+    return Segments(begin, end, np.concatenate(numbers), np.concatenate(arcs), length, moved.astype(np.int64))
 
 
-def _with_images(segments: _Segments, period: np.ndarray | None, radius: float) -> _Images:
+def images_of(segments: Segments, period: np.ndarray | None, radius: float) -> Images:
     """The segments, and their images within `radius` [m] around the first repeat."""
     middle = 0.5 * (segments.begin + segments.end)
     number = np.arange(len(middle))
     if period is None:
-        return _Images(number, np.zeros((len(middle), 2), dtype=np.int64), middle)
+        return Images(number, np.zeros((len(middle), 2), dtype=np.int64), middle)
     owners, offsets, middles = [], [], []
     count_x, count_y = np.ceil(radius / period).astype(int)
     for i in range(-count_x, count_x + 1):
@@ -198,10 +198,10 @@ def _with_images(segments: _Segments, period: np.ndarray | None, radius: float) 
             owners.append(number[near])
             offsets.append(np.broadcast_to([i, j], (int(near.sum()), 2)))
             middles.append(place[near])
-    return _Images(np.concatenate(owners), np.concatenate(offsets), np.concatenate(middles))
+    return Images(np.concatenate(owners), np.concatenate(offsets), np.concatenate(middles))
 
 
-def _wire_between(segments: _Segments, wires: Wires, a: np.ndarray, b: np.ndarray, repeat: np.ndarray) -> np.ndarray:
+def _wire_between(segments: Segments, wires: Wires, a: np.ndarray, b: np.ndarray, repeat: np.ndarray) -> np.ndarray:
     """(pair,) [m] of wire between two segments, the second in the repeat `repeat` (pair, 2); infinite between two wires."""
     wire = segments.wire[a]
     round_length = wires.lengths[wire]
@@ -219,7 +219,7 @@ def _wire_between(segments: _Segments, wires: Wires, a: np.ndarray, b: np.ndarra
     return np.where(is_one, np.maximum(away - segments.length[a] - segments.length[b], 0.0), np.inf)
 
 
-def _place_count(segments: _Segments, wires: Wires, pairs: np.ndarray) -> int:
+def _place_count(segments: Segments, wires: Wires, pairs: np.ndarray) -> int:
     """How many places overlapping pairs of segments (pair, 4) make: pairs next to each other on both wires are one.
 
     A pair has several names, all given to it: the two segments of one wire either way round, and on a wire that goes on, those

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from warpknit.scene import Scene
+from warpknit.wires.hooks import Hooks, find_hooks
 from warpknit.wires.overlaps import Overlaps, find_overlaps
 from warpknit.wires.read import rest_wires
 from warpknit.wires.wires import Wires
@@ -24,6 +25,7 @@ class WireReport:
     file: str
     wires: Wires
     overlaps: Overlaps
+    hooks: Hooks
 
     @property
     def warnings(self) -> list[str]:
@@ -51,6 +53,7 @@ class WireReport:
             "file_thickness_m": None if wires.radius is None else 2.0 * wires.radius,
             "thickness_m": overlaps.thickness,
             "closest_m": overlaps.closest,
+            "hooks": None if self.hooks.crowded else len(self.hooks),
             "overlaps": None if overlaps.crowded else overlaps.places,
             "warnings": self.warnings,
         }
@@ -69,6 +72,7 @@ class WireReport:
         ]
         if wires.period is not None:
             rows.append(("repeat", " x ".join(map(_millimetres, wires.period))))
+        rows.append(("hooks", self.hooks.line()))
         rows.append(("contact", self.overlaps.line()))
         rows += [("warning", text) for text in self.warnings]
         return [f"{heading:<11}{text}" for heading, text in rows]
@@ -81,8 +85,9 @@ class WireReport:
 def wire_report(scene: Scene, thickness: float) -> WireReport:
     """Reads the wires of a scene and looks where they, of `thickness` [m], overlap. Raises `SceneError`."""
     wires = rest_wires(scene)
-    file = "" if scene.wires is None else scene.wires.path.name
-    return WireReport(scene.name, scene.model.kind, file, wires, find_overlaps(wires, thickness))
+    assert scene.wires is not None
+    hooks = find_hooks(wires, scene.wires.loop_length)
+    return WireReport(scene.name, scene.model.kind, scene.wires.path.name, wires, find_overlaps(wires, thickness), hooks)
 
 
 def _millimetres(length: float) -> str:

@@ -1,0 +1,199 @@
+"""Where wires hook each other, as the clasps of a knit are found (knit/clasps.py): by their crossings in plan view.
+
+Two crossings of the same two wires, next to each other along both, bound a lens. The wires hook in it where the sign alternates:
+one lies over the other at one corner and under it at the other. Wires that repeat go on: what hooks a copy of itself, or of
+another, hooks it once a repeat. Nested lenses count one by one, as those of a knit with `model.merge_lenses = false`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from warpknit.wires.overlaps import MOST_IMAGES, images_of, segments_of
+from warpknit.wires.wires import Wires
+
+LONGEST = 0.5  # of the wire of a loop: arcs of a lens at most
+MOST_PAIRS = 50_000_000  # of segments near each other in plan view
+SAME = 1e-6  # segments: crossings no farther apart are one that two segments have found
+
+
+@dataclass(frozen=True)
+class Hooks:
+    """Places where two wires hook each other; [hook]."""
+
+    wire: np.ndarray  # (hook, 2) from 0
+    low: np.ndarray  # (hook, 2) [m] where the lens begins along either wire; of a wire that goes on it may be beyond its end
+    high: np.ndarray  # (hook, 2) [m]
+    position: np.ndarray  # (hook, 2) [m] its middle in plan view
+    crowded: bool = False  # so much lies on top of each other that it was not looked at
+
+    def __len__(self) -> int:
+        return len(self.wire)
+
+    def line(self) -> str:
+        """The same in words."""
+        if self.crowded:
+            return "not looked for: too much crosses in plan view"
+        return f"{len(self):,} places where two wires hook each other"
+
+
+@dataclass(frozen=True)
+class _Crossings:
+    """[crossing], each once, and of a wire that crosses itself or a copy of it once from either side."""
+
+    number: np.ndarray  # what is the same from both sides has one number
+    wire: np.ndarray  # (crossing, 2)
+    arc: np.ndarray  # (crossing, 2) [m]
+    repeat: np.ndarray  # (crossing, 2) of the second wire seen from the first, as they are drawn
+    over: np.ndarray  # +1 where the first wire is above
+    turn: np.ndarray  # sign of (direction of first) x (direction of second)
+
+
+@dataclass(frozen=True)
+class _Lens:
+    wire: tuple[int, int]
+    repeat: tuple[int, int]
+    low: np.ndarray  # (2,) [m]
+    high: np.ndarray
+
+    @property
+    def size(self) -> float:
+        return float(np.sum(self.high - self.low))
+
+
+def find_hooks(wires: Wires, loop_length: float) -> Hooks:
+    """The hooks of wires with about so much wire [m] in a loop; each place once."""
+    crossings = _crossings(wires)
+    lenses = [] if crossings is None else _lenses(wires, crossings, LONGEST * loop_length)
+    return Hooks(
+        wire=np.array([lens.wire for lens in lenses], dtype=np.int64).reshape(-1, 2),
+        low=np.array([lens.low for lens in lenses]).reshape(-1, 2),
+        high=np.array([lens.high for lens in lenses]).reshape(-1, 2),
+        position=np.array([_middle(wires, lens) for lens in lenses]).reshape(-1, 2),
+        crowded=crossings is None,
+    )
+
+
+def _middle(wires: Wires, lens: _Lens) -> np.ndarray:
+    """(2,) [m] in plan view, half way between the middles of its two arcs."""
+    first, second = (_place(wires, w, s) for w, s in zip(lens.wire, 0.5 * (lens.low + lens.high), strict=True))
+    return 0.5 * (first + second + (0.0 if wires.period is None else np.array(lens.repeat) * wires.period))
+
+
+def _place(wires: Wires, wire: int, arc: float) -> np.ndarray:
+    """(2,) [m] in plan view, `arc` along a wire, beyond its ends where it goes on."""
+    begin, end = wires.ends(wire)
+    rounds = 0.0 if wires.kinds[wire] == "open" else np.floor(arc / wires.lengths[wire])
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(end - begin, axis=1))])
+    points = np.concatenate([begin, end[-1:]])
+    s = arc - rounds * wires.lengths[wire]
+    return np.array([np.interp(s, along, points[:, k]) for k in (0, 1)]) + rounds * wires.closing(wire)[:2]
+
+
+def _crossings(wires: Wires) -> _Crossings | None:
+    """All crossings of the wires in plan view, with their copies too; None where there is too much to look at."""
+    flat = replace(wires, points=tuple(points * [1.0, 1.0, 0.0] for points in wires.points))
+    segments, plan = segments_of(wires), segments_of(flat)
+    longest = float(plan.length.max())
+    if wires.period is not None and math.prod(2.0 * np.ceil(longest / wires.period) + 1.0) > MOST_IMAGES:
+        return None
+    images = images_of(plan, wires.period, longest)
+    own = np.flatnonzero(~images.offset.any(axis=1))
+    all_of_them, own_ones = cKDTree(images.middle), cKDTree(images.middle[own])
+    if own_ones.count_neighbors(all_of_them, longest) > MOST_PAIRS:
+        return None
+    near = own_ones.sparse_distance_matrix(all_of_them, longest, output_type="ndarray")
+    a, image = images.owner[own[near["i"]]], near["j"]
+    b, offset = images.owner[image], images.offset[image]
+    later = (offset[:, 0] > 0) | ((offset[:, 0] == 0) & (offset[:, 1] > 0))
+    beside = (segments.wire[a] == segments.wire[b]) & (np.abs(a - b) <= 1) & ~offset.any(axis=1)
+    kept = ((a < b) | ((a == b) & later)) & ~beside
+    a, b, offset = a[kept], b[kept], offset[kept]
+    shift = np.zeros((len(a), 3))
+    if wires.period is not None:
+        shift[:, :2] = offset * wires.period
+    u, v = segments.end[a] - segments.begin[a], segments.end[b] - segments.begin[b]
+    between = segments.begin[b] + shift - segments.begin[a]
+    across = _cross(u, v)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t, s = _cross(between, v) / across, _cross(between, u) / across
+    hit = (t >= -SAME) & (t < 1.0 - SAME) & (s >= -SAME) & (s < 1.0 - SAME)
+    a, b, t, s, u, v, between, across, offset = (x[hit] for x in (a, b, t, s, u, v, between, across, offset))
+    wire = np.stack([segments.wire[a], segments.wire[b]], axis=1)
+    arc = np.stack([segments.arc[a] + t * segments.length[a], segments.arc[b] + s * segments.length[b]], axis=1)
+    repeat = offset + segments.moved[b] - segments.moved[a]
+    over = np.where(t * u[:, 2] >= between[:, 2] + s * v[:, 2], 1, -1)
+    turn = np.sign(across).astype(int)
+    flip = np.concatenate([wire[:, 0] > wire[:, 1], np.ones(np.count_nonzero(wire[:, 0] == wire[:, 1]), dtype=bool)])
+    again = np.concatenate([np.arange(len(wire)), np.flatnonzero(wire[:, 0] == wire[:, 1])])
+    wire, arc, repeat, over, turn = wire[again], arc[again], repeat[again], over[again], turn[again]
+    wire[flip], arc[flip] = wire[flip, ::-1], arc[flip, ::-1]
+    repeat[flip], over[flip], turn[flip] = -repeat[flip], -over[flip], -turn[flip]
+    return _Crossings(again, wire, arc, repeat, over, turn)
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+
+
+def _lenses(wires: Wires, c: _Crossings, longest: float) -> list[_Lens]:
+    """Hooked lenses; those that share a corner: the one with the shorter arcs."""
+    found: list[tuple[float, int, int, _Lens]] = []
+    for pair in np.unique(c.wire, axis=0):
+        images = _Images(wires, c, pair, longest)
+        for p in np.flatnonzero((c.wire == pair).all(axis=1)).tolist():
+            number, arcs = images.beside(p)
+            inside = (arcs[:, 0] > c.arc[p, 0]) & (np.abs(arcs[:, 1] - c.arc[p, 1]) <= longest)
+            for k in np.flatnonzero(inside & (c.over[number] == -c.over[p]) & (c.turn[number] == -c.turn[p])):
+                low, high = np.minimum(c.arc[p], arcs[k]), np.maximum(c.arc[p], arcs[k])
+                if not ((arcs > low) & (arcs < high)).all(axis=1).any():
+                    lens = _Lens((int(pair[0]), int(pair[1])), (int(c.repeat[p, 0]), int(c.repeat[p, 1])), low, high)
+                    found.append((lens.size, int(c.number[p]), int(c.number[number[k]]), lens))
+    taken: set[int] = set()
+    kept = []
+    for _, p, q, lens in sorted(found, key=lambda entry: entry[0]):
+        if taken.isdisjoint((p, q)):
+            taken.update((p, q))
+            kept.append(lens)
+    return kept
+
+
+class _Images:
+    """The crossings of two wires, and those that come by again further along the first one."""
+
+    def __init__(self, wires: Wires, c: _Crossings, pair: np.ndarray, longest: float) -> None:
+        self.crossings, self.longest = c, longest
+        first, second = (int(w) for w in pair)
+        self._shift, self._length = wires.shifts[second], float(wires.lengths[second])
+        self._rounds = _rounds(wires, second, longest)
+        member = np.flatnonzero((c.wire == pair).all(axis=1))
+        rounds = np.repeat(_rounds(wires, first, longest), len(member))
+        number = np.tile(member, len(rounds) // len(member))
+        arc = c.arc[number, 0] + rounds * wires.lengths[first]
+        order = np.argsort(arc, kind="stable")
+        self._number, self._first = number[order], arc[order]
+        self._repeat = (c.repeat[number] + rounds[:, None] * wires.shifts[first])[order]
+
+    def beside(self, p: int) -> tuple[np.ndarray, np.ndarray]:
+        """Crossings of the very two wires that cross at p, near it on the first: their numbers, and their arcs (k, 2) [m] counted
+        from where those of p are."""
+        c = self.crossings
+        here = slice(*np.searchsorted(self._first, [c.arc[p, 0] - self.longest, c.arc[p, 0] + self.longest]).tolist())
+        away = self._repeat[here] - c.repeat[p]
+        numbers, arcs = [], []
+        for n in self._rounds:
+            same = (away == n * self._shift).all(axis=1)
+            number = self._number[here][same]
+            numbers.append(number)
+            arcs.append(np.stack([self._first[here][same], c.arc[number, 1] + n * self._length], axis=1))
+        return np.concatenate(numbers), np.concatenate(arcs)
+
+
+def _rounds(wires: Wires, wire: int, longest: float) -> np.ndarray:
+    """By which a wire is looked at again; none where it is open."""
+    most = 0 if wires.kinds[wire] == "open" else 1 + int(longest // wires.lengths[wire])
+    return np.arange(-most, most + 1)
