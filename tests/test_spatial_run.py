@@ -114,17 +114,20 @@ def test_interrupt_and_resume_give_the_same_bits(tmp_path: Path, friction: float
     assert run_scene(scene, out=tmp_path / "whole", device="cpu").exit_code == 0
     original, looks = Watch._look, 0
 
-    def interrupt_thrice(self: object, progress: object) -> None:
+    def interrupt_now_and_then(self: object, progress: object) -> None:
         nonlocal looks
         looks += 1
-        if looks in (7, 121, 331):
+        if looks % 89 == 7:
             self.interrupts.ask()
         original(self, progress)
 
-    monkeypatch.setattr(Watch, "_look", interrupt_thrice)
-    codes = [run_scene(scene, out=tmp_path / "parts", device="cpu", resume=resume).exit_code for resume in (False, True, True)]
-    assert codes == [130, 130, 130]
-    assert run_scene(scene, out=tmp_path / "parts", device="cpu", resume=True).exit_code == 0
+    monkeypatch.setattr(Watch, "_look", interrupt_now_and_then)
+    code = run_scene(scene, out=tmp_path / "parts", device="cpu").exit_code
+    interruptions = 0
+    while code == 130:
+        interruptions += 1
+        code = run_scene(scene, out=tmp_path / "parts", device="cpu", resume=True).exit_code
+    assert code == 0 and interruptions > 2
     assert not (tmp_path / "parts" / "checkpoint").exists()
     assert (tmp_path / "whole" / "history.csv").read_text() == (tmp_path / "parts" / "history.csv").read_text()
     for k in range(5):

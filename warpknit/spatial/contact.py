@@ -22,7 +22,7 @@ MOST_SAG = 0.3  # of a segment: more than Catmull-Rom's curve ever leaves its ch
 STICK_SHARE = 0.5  # tangential over normal stiffness
 PAIR_BYTES = 8 * (3 + 2 + 2 * (3 * 3 + 2 + 2)) + 4 * 2  # of one pair, kept twice while a list is renewed
 ROOM = 1.3  # pairs that a list has room for, over those that it holds
-KEPT_OF_PAIRS = ("first", "second", "shift", "slip", "way", "wake")
+KEPT_OF_PAIRS = ("first", "second", "shift", "way", "wake")
 KEPT_OF_NODES = ("start", "count")
 FREE_CELLS = (64, 64, 8)  # of the hash along x, y and z where the world has no tiles
 
@@ -189,6 +189,7 @@ class WireContact:
         """What a checkpoint needs: the list of pairs, as it was when it was found, with what sticks."""
         pairs, count = self._list, self.pair_count
         kept = {f"pairs_{name}": getattr(pairs, name).numpy()[:count].copy() for name in KEPT_OF_PAIRS}
+        kept["pairs_slip"] = pairs.slip.numpy()[: 2 * count].copy()
         kept |= {f"pairs_{name}": getattr(pairs, name).numpy().copy() for name in KEPT_OF_NODES}
         return kept | {"contact": np.array([self._expected, self.searches, self.deepest.numpy()[0]])}
 
@@ -196,10 +197,10 @@ class WireContact:
         """Put back what `memory` returned."""
         total = len(kept["pairs_first"])
         pairs = _List(max(self._room(total), 1), self.stepper.rods.node_count, self.stepper.device, self._list.number + 2)
-        for name in KEPT_OF_PAIRS:
-            array = getattr(pairs, name)
+        for name in (*KEPT_OF_PAIRS, "slip"):
+            array, values = getattr(pairs, name), kept[f"pairs_{name}"]
             filled = array.numpy().copy()
-            filled[:total] = kept[f"pairs_{name}"]
+            filled[: len(values)] = values
             array.assign(filled)
         for name in KEPT_OF_NODES:
             getattr(pairs, name).assign(kept[f"pairs_{name}"])

@@ -48,8 +48,8 @@ class Rest:
         curve: RestCurve | None = None,
         clamps: MovingClamps | None = None,
     ) -> None:
-        """`softening`: true axial stiffness over that of the dynamics; `curve` on which wires touch, Catmull-Rom's where left out;
-        `clamps`: those that move, of the same stepper."""
+        """`softening`: true axial stiffness over that of the dynamics; `curve` on which wires touch, Catmull-Rom's where left
+        out; `clamps`: those that move, of the same stepper."""
         self.stepper = stepper
         self.clamps = clamps
         self.softening = softening
