@@ -1,6 +1,7 @@
 """Runs of the spatial model: what it refuses, and what it leaves."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,8 @@ from warpknit.cli import main
 from warpknit.errors import SceneError
 from warpknit.frame import Frame, WireLayout
 from warpknit.run.run import run_scene
+from warpknit.run.spatial_summary import row_of
+from warpknit.run.summary import warnings_of
 from warpknit.run.watch import Watch
 from warpknit.scene import load_scene
 from warpknit.solve.tension import TOLERANCE
@@ -87,6 +90,21 @@ def test_states_are_in_space_and_whole(finished: Path) -> None:
     assert np.abs(last.node_position[:, 2] - first.node_position[:, 2]).max() > 1e-9
     assert last.strain_weft == pytest.approx(0.01)
     assert (finished / "scene.usda").exists() and (finished / "figures" / "mesh.png").exists()
+
+
+def test_a_compressed_mesh_is_not_warned_of_the_plane() -> None:
+    """What wrinkles is said to be too small here, and not to be planar."""
+    relaxation = SpatialRelaxation(build_mesh(load_scene(CELL, QUICK)))
+    row = replace(row_of(next(relaxation.run())), strain_weft=-0.02)
+    [warning] = [line for line in warnings_of(relaxation.mesh, [row], []) if "compressed" in line]
+    assert "planar" not in warning
+
+
+def test_an_error_is_not_promised_of_wires_from_a_file(capsys: pytest.CaptureFixture) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["run", str(SCENES / "wires" / "plain_knit_cell.toml"), "--error", "2", "--quiet"])
+    assert end.value.code == 2
+    assert "--error: given with wires.file = 'plain_knit.pyp'" in capsys.readouterr().err
 
 
 def test_tension_is_found_and_let_go_again() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from verification.rods import SECTION
 
+from warpknit.errors import OutOfResources
 from warpknit.kernels import control as c
 from warpknit.spatial.contact import STICK_SHARE, WireContact
 from warpknit.spatial.rest import Rest
@@ -132,6 +133,17 @@ def test_every_contact_is_found() -> None:
                 # neighbours on one wire do not count; those who do are all far along it, in this tangle
                 if i < j and wire[i] != wire[j]:
                     assert (int(i), int(j), a, b) in found
+
+
+def test_a_list_that_memory_has_no_room_for_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The list is counted first and never overflows: it grows, or says what it needs (exit status 4)."""
+    contact = WireContact(RodStepper(tangle(3, 12, 60)), STIFFNESS)
+    monkeypatch.setattr("warpknit.spatial.contact.available_memory", lambda: 1000)
+    with pytest.raises(OutOfResources, match="pairs of segments near each other need"):
+        contact.search()
+    monkeypatch.undo()
+    contact.search()
+    assert contact.pair_count > 1000
 
 
 def test_a_wire_of_short_segments_does_not_push_itself_apart() -> None:

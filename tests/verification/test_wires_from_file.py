@@ -78,6 +78,14 @@ def test_wires_that_overlap_are_pushed_apart_and_said(tmp_path):
     assert gap >= DIAMETER * (1.0 - 1e-3)
 
 
+@pytest.mark.parametrize("height", [0.0, 1e-5])
+def test_wires_that_pass_through_each_other_are_refused(tmp_path, height):
+    """Which of them lies over the other is not for round-off to say."""
+    relaxation = SpatialRelaxation(build_mesh(crossing(tmp_path, height * DIAMETER)))
+    with pytest.raises(ModelError, match=r"wires 1 and 2 pass through each other near x = 0.001 m, y = 0.0005 m"):
+        relaxation.warm_up()
+
+
 def test_a_knit_from_a_file_stores_the_work_done_on_it():
     """Plain knit drawn by 2 % in weft; energy over work within a per cent, the spline of the work through three states
     being exact for a quadratic energy, which it nearly is."""

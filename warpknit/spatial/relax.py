@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import Diverged
+from ..errors import Diverged, ModelError
 from ..kernels import control as c
 from ..scene import Stage
 from ..solve.drive import LoadStart, Progress
@@ -34,7 +34,7 @@ MASS_LOOKS = 20  # looks between renewals of the fictitious masses
 LEVEL_STEPS = 500_000  # of a level after which it counts as never steady, where the scene gives no max_steps
 SLOWEST_WAVE = 3.0  # loops of wire: bending waves longer than this are left overdamped
 DEEPEST = 0.5  # of the thickness: an overlap from which wires may pass through each other
-CLOSEST = 1e-3  # of the thickness: a smaller overlap as knitted is none
+CLOSEST = 1e-3  # of the thickness: a smaller overlap as knitted is none, and a smaller distance of centre lines
 RAMP_STEPS = 500  # steps over which the load of a level comes on
 PATH_STRAIN = 0.005  # between steady states where friction makes the state depend on the path, at most
 FARTHEST = 0.2  # of the thickness: by how much the state is moved ahead
@@ -101,10 +101,25 @@ class SpatialRelaxation:
         return MovingClamps(self.stepper, node, lever, wires.sliding_clamp)
 
     def warm_up(self) -> None:
-        """Have the kernels compiled, and find what is near what."""
+        """Have the kernels compiled, and find what is near what. Raises `ModelError` where wires pass through each other."""
         self.contact.search()
         self.stepper.step(0)
         self.stepper.evaluate()
+        self._refuse_wires_in_one_place()
+
+    def _refuse_wires_in_one_place(self) -> None:
+        """Centre lines that meet do not say which wire is to lie over the other."""
+        near, rods = self.contact.near(), self.mesh.rods
+        touch = rods.wire_radius[rods.wire_of[near.first]] + rods.wire_radius[rods.wire_of[near.second]]
+        if not len(touch) or (apart := 1.0 - near.overlap / touch).min() >= CLOSEST:
+            return
+        worst = int(apart.argmin())
+        first, second = (int(rods.wire_of[nodes[worst]]) for nodes in (near.first, near.second))
+        x, y, _ = rods.position[near.first[worst]]
+        raise ModelError(
+            f"wires {first + 1} and {second + 1} pass through each other near x = {x:.4g} m, y = {y:.4g} m: their centre lines"
+            " meet, so that neither lies over the other; allowed: some distance, however small against the thickness"
+        )
 
     def memory(self) -> dict[str, np.ndarray]:
         """What a checkpoint needs beside the state and the progress."""
