@@ -109,7 +109,7 @@ class SpatialRelaxation:
 
     def _refuse_wires_in_one_place(self) -> None:
         """Centre lines that meet do not say which wire is to lie over the other."""
-        near, rods = self.contact.near(), self.mesh.rods
+        near, rods = self.contact.near(0.0), self.mesh.rods
         touch = rods.wire_radius[rods.wire_of[near.first]] + rods.wire_radius[rods.wire_of[near.second]]
         if not len(touch) or (apart := 1.0 - near.overlap / touch).min() >= CLOSEST:
             return
