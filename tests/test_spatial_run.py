@@ -12,7 +12,7 @@ from warpknit.errors import SceneError
 from warpknit.frame import Frame, WireLayout
 from warpknit.run.run import run_scene
 from warpknit.run.spatial_summary import row_of
-from warpknit.run.summary import warnings_of
+from warpknit.run.warnings_of import warnings_of
 from warpknit.run.watch import Watch
 from warpknit.scene import load_scene
 from warpknit.solve.tension import TOLERANCE

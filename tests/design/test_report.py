@@ -131,6 +131,17 @@ def test_strains_of_a_tension_on_a_bilinear_map():
     assert equal_tension(rows, 1e9).elastic == pytest.approx(4.0, rel=1e-3)
 
 
+@pytest.mark.parametrize("tension", [1.3, 1.5, 1.7])
+def test_strains_of_a_tension_beside_an_unknown_state(tension):
+    """Weft tension 10 x, warp tension 20 y, unknown at (0.2, 0.1): T both ways at (T/10, T/20), which is on this side of the line
+    between the neighbours of the unknown corner, (0.1, 0.1) and (0.2, 0.05), up to T = 1.5; beyond it nothing is known."""
+    places = [(x, y) for x in (0.0, 0.1, 0.2) for y in (0.0, 0.05, 0.1)]
+    rows = [row(x, y, (10 * x, 20 * y) if (x, y) != (0.2, 0.1) else (None, None)) for x, y in places]
+    expected = (tension / 10, tension / 20) if tension <= 1.5 else None
+    found = strains_at_tension(rows, tension)
+    assert found == (pytest.approx(expected, abs=1e-7) if expected else None)
+
+
 def test_a_mesh_that_is_always_stiffer_one_way_carries_no_tension_alike():
     rows = [row(x, y, (1.0 + x, 2.0 + y)) for x in (0.0, 0.1) for y in (0.0, 0.1)]
     assert equal_tension(rows, 1e9).largest == 0.0

@@ -19,7 +19,7 @@ from study import run_model, scene_of
 
 from warpknit.model.model import build_model
 from warpknit.run.history import row_of
-from warpknit.run.summary import warnings_of
+from warpknit.run.warnings_of import warnings_of
 from warpknit.solve.relax import PATIENCE, PATIENT_NODES, patience_of
 
 DRAFT = "solver.preset=draft"

@@ -19,7 +19,8 @@ SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf
 REFINED = 16  # times the strains of a map a side, where equal tensions are looked for
 FINER = 9  # strains a side at which a map is looked at more closely
 SIDES = ("weft", "warp")
-INSIDE = 1e-6  # of a tension: how well the bilinear map must meet it
+INSIDE = 1e-6  # of a tension: how well the bilinear map must meet it; of a step of the map: how far outside one a place may be
+ROOM = 0.1  # of a step around it, where it is looked for: next to a bound the search hardly converges
 
 
 def strains_at_tension(rows: Sequence[MapRow], tension: float) -> tuple[float, float] | None:
@@ -31,20 +32,27 @@ def strains_at_tension(rows: Sequence[MapRow], tension: float) -> tuple[float, f
 
 
 def strains_on_grid(weft: Sequence[float], warp: Sequence[float], both: np.ndarray, tension: float) -> tuple[float, float] | None:
-    """The same of tensions (direction, warp, weft) [N/m] on a grid of strains, nan where they are unknown."""
+    """The same of tensions (direction, warp, weft) [N/m] on a grid of strains, nan where they are unknown; between three known
+    corners they are linear."""
     found = []
     for j, i in np.ndindex(len(warp) - 1, len(weft) - 1):
         corners = both[:, j : j + 2, i : i + 2] / tension - 1.0  # (direction, warp, weft)
+        unknown = np.argwhere(np.isnan(corners).any(axis=0))
+        if len(unknown) == 1:
+            b, a = unknown[0]
+            corners[:, b, a] = corners[:, b, 1 - a] + corners[:, 1 - b, a] - corners[:, 1 - b, 1 - a]
         if not np.all((corners.min(axis=(1, 2)) <= 0.0) & (corners.max(axis=(1, 2)) >= 0.0)):
-            continue  # also where a corner is unknown
+            continue  # also where more corners are unknown
 
         def missed(place: np.ndarray, corners: np.ndarray = corners) -> np.ndarray:
             x, y = place
             return np.einsum("dji,j,i->d", corners, [1.0 - y, y], [1.0 - x, x])
 
-        met = least_squares(missed, [0.5, 0.5], bounds=([0.0, 0.0], [1.0, 1.0]))
-        if np.abs(met.fun).max() < INSIDE:
-            x, y = met.x
+        met = least_squares(missed, [0.5, 0.5], bounds=([-ROOM, -ROOM], [1.0 + ROOM, 1.0 + ROOM]))
+        x, y = met.x
+        if np.abs(met.fun).max() < INSIDE and np.all(np.abs(met.x - 0.5) < 0.5 + INSIDE):
+            if len(unknown) == 1 and abs(x - a) + abs(y - b) < 1.0:
+                continue  # nearer to the unknown corner than the line between its neighbours
             found.append((weft[i] + x * (weft[i + 1] - weft[i]), warp[j] + y * (warp[j + 1] - warp[j])))
     return min(found, key=sum, default=None)
 

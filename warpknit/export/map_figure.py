@@ -110,7 +110,7 @@ def _draw_marks(axes: Axes, x: NDArray[Any], y: NDArray[Any], marks: Marks) -> l
     if marks.optimum is not None:
         style: dict[str, Any] = {"marker": "*", "markersize": 15, "markeredgecolor": "black", "linestyle": "none"}
         place = 100.0 * marks.optimum[0], 100.0 * marks.optimum[1]
-        axes.plot(*place, color=OPTIMUM_COLOUR, zorder=5, **style)
+        axes.plot(*place, color=OPTIMUM_COLOUR, zorder=5, clip_on=False, **style)
         handles.append(Line2D([], [], color=OPTIMUM_COLOUR, label=f"optimum, {place[0]:g} % / {place[1]:g} %", **style))
     for (label, strains), marker in zip(marks.places, cycle(PLACE_MARKERS), strict=False):
         style = {"marker": marker, "markersize": 9, "markeredgecolor": "black", "linestyle": "none", "color": PLACE_COLOUR}

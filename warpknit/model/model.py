@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 import psutil
 
+from ..device import start_warp
 from ..errors import MemoryNeeded, ModelError
 from ..frame import WireLayout
 from ..kernels.bodies import BODY_BLOCK
@@ -222,6 +223,7 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
 
     Raises `ModelError`, `MemoryNeeded`, `KnitError`.
     """
+    start_warp()
     if scene.hook is not None:
         if ranks is not None and ranks.count > 1:
             raise ModelError(f"hook: two wires are not shared by {ranks.count} ranks: run without mpirun")

@@ -6,12 +6,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import click
+
 PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n"))
 
 
 def engineering(value: float, unit: str) -> str:
     """`value` with three digits and a prefix: 1.48e8, "Pa" as 148 MPa."""
-    size = abs(value)
+    size = abs(float(f"{value:.3g}"))  # so that 999.8 of one prefix are 1 of the next
     scale, prefix = next(((scale, prefix) for scale, prefix in PREFIXES if size >= scale), (1.0, ""))
     return f"{value / scale:.3g} {prefix}{unit}"
 
@@ -43,12 +45,17 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
     if hook is None and (tension := value("mesh", "tension_weft_N_per_m")) is not None:
         warp = value("mesh", "tension_warp_N_per_m") or 0.0
         yield "tension, weft / warp", f"{engineering(tension, 'N/m')} / {engineering(warp, 'N/m')}"
+        medians = [value("panel", f"tension_median_{side}_N_per_m") for side in ("weft", "warp")]
+        if None not in medians:
+            yield "  median of the panel", " / ".join(engineering(median, "N/m") for median in medians)
     if hook is None and (force := value("contacts", "force_max_N")) is not None:
         yield "largest contact force", engineering(force, "N")
     if (stress := value("wire", "stress_max_Pa")) is not None:
         limit = value("wire", "yield_stress_Pa")
         yield "largest stress", engineering(stress, "Pa") + (f", {stress / limit:.0%} of the elastic limit" if limit else "")
-        if (interior := value("wire", "stress_interior_max_Pa")) is not None and interior < 0.95 * stress:
+        has_grips = hook is not None or value("model", "boundary") == "gripped"
+        interior = value("wire", "stress_interior_max_Pa") if has_grips else None
+        if interior is not None and interior < 0.95 * stress:
             yield "  away from the grips", engineering(interior, "Pa")
     if (peak := value("wire", "stress_max_so_far_Pa")) is not None and stress is not None and peak > 1.001 * stress:
         yield "largest on the way", engineering(peak, "Pa")
@@ -91,9 +98,15 @@ def print_table(rows: Iterable[tuple[str, str]]) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    console, lines = Console(highlight=False, markup=False), list(rows)
+    if not console.is_terminal:
+        width = max((len(heading) for heading, _text in lines), default=0)
+        for heading, text in lines:
+            click.echo(f"{heading:{width}}  {text}")
+        return
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(no_wrap=True)
     table.add_column(overflow="fold")
-    for heading, text in rows:
+    for heading, text in lines:
         table.add_row(heading, text, style="yellow" if heading == "warning" else None)
-    Console(highlight=False, markup=False).print(table)
+    console.print(table)

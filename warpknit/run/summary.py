@@ -11,18 +11,10 @@ from .. import __version__, measure
 from ..model.model import Model
 from ..scene.presets import PRESETS
 from ..solve.simulate import Record
-from .cautions import cautions
 from .history import HookRow, Row
-from .report import engineering
+from .warnings_of import warnings_of
 
 STORED_FLOOR = 1e-5  # of EI/W a loop: less counts as no stored energy
-STEEP = 0.3  # slope from which its square is no longer small
-LEVELS_FOLLOWED = 4  # of a stage: with fewer the work along them is too rough to tell of a snap
-COMPRESSED = {
-    "planar": "the mesh is compressed: a real one would wrinkle out of its plane, which this planar model cannot show",
-    "spatial": "the mesh is compressed: a real one would wrinkle over many repeats, for which this one is too small",
-}
-STRAIN_JUMP = 0.06  # between two recorded states of a relaxation: worth a warning
 
 
 def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None = None) -> dict[str, Any]:
@@ -121,82 +113,6 @@ def _missing_work(rows: list[Row], model: Model) -> float:
     last = rows[-1]
     kinetic = last.energy_kinetic_J if model.scene.solver.drive == "ramp" else 0.0
     return last.work_J - last.stored - last.dissipated_J - kinetic
-
-
-def warnings_of(model: Model, rows: list[Row], stages: list[dict[str, Any]]) -> list[str]:
-    """What the user should know about this result."""
-    wire = model.scene.wire
-    found = list(model.panel.notes)
-    largest = max((row.stress_max_Pa for row in rows), default=0.0)
-    interior = max((stage["wire"]["stress_interior_max_Pa"] for stage in stages), default=largest)
-    where = f" (away from the grips {engineering(interior, 'Pa')})" if interior < 0.95 * largest else ""
-    law = "the result has it yield in bending and never break" if wire.plastic else "the result is elastic"
-    if largest > wire.tensile_strength:
-        found.append(
-            f"a wire is stressed to {engineering(largest, 'Pa')}{where}, beyond its strength of"
-            f" {engineering(wire.tensile_strength, 'Pa')}: it would break; {law}"
-        )
-    elif largest > wire.yield_stress:
-        found.append(
-            f"a wire is stressed to {engineering(largest, 'Pa')}{where}, beyond its elastic limit of"
-            f" {engineering(wire.yield_stress, 'Pa')}: it {'keeps' if wire.plastic else 'would keep'} a set; {law}"
-        )
-    if any(row.strain_weft < -0.005 or row.strain_warp < -0.005 for row in rows):
-        found.append(COMPRESSED[model.scene.model.kind])
-    found += cautions(model, rows)
-    left_out = max((stage["quality"]["membrane_left_out"] for stage in stages), default=0.0)
-    if left_out > 0.0:
-        found.append(
-            f"the mesh is slack or uneven: over many repeats its stress may be {left_out:.1%} of the tension out of balance"
-        )
-    steep = max((stage.get("panel", {}).get("surface", {}).get("slope_max", 0.0) for stage in stages), default=0.0)
-    if steep > STEEP:
-        found.append(
-            f"the paraboloid is as steep as {steep:.2g} at the edge of the panel: its shape is worked out for small slopes"
-        )
-    ends = max((stage["contacts"]["at_reach_end"] for stage in stages), default=0)
-    if ends:
-        found.append(f"{ends} active contacts have slid as far along their wire as the model follows: never trust their forces")
-    if rows and rows[0].active_pairs:
-        found.append(
-            f"as knitted {rows[0].active_pairs} pairs press already, with {rows[0].tension_weft_N_per_m:.2g} N/m in weft and"
-            f" {rows[0].tension_warp_N_per_m:.2g} N/m in warp at no strain: the yarn is thicker than the loops leave room for"
-        )
-    if isinstance(rows[-1] if rows else None, HookRow):
-        found += _lost_contact([row for row in rows if isinstance(row, HookRow)])
-    for a, b in zip(rows, rows[1:], strict=False):
-        by_tension = _driven_by_tension(model, b.stage)
-        jump = float(np.max(np.abs([b.strain_weft - a.strain_weft, b.strain_warp - a.strain_warp]) * by_tension))
-        if jump > STRAIN_JUMP and model.scene.solver.drive == "relax":
-            found.append(
-                f"the mesh jumps by {jump:.1%} strain between loads {a.load_factor:.3g} and {b.load_factor:.3g} of stage"
-                f" {b.stage!r}: slack was taken up, or more than one state carries such a load and which is found depends on"
-                " the way there"
-            )
-            break
-    followed = model.scene.output.frames >= LEVELS_FOLLOWED or model.scene.solver.drive == "ramp"
-    if stages and followed and abs(stages[-1]["quality"]["energy_balance_of_stored"]) > 0.05:
-        found.append(
-            f"work and stored energy differ by {stages[-1]['quality']['energy_balance_of_stored']:.0%} of the most that was"
-            " stored: the mesh snapped between recorded states, or output.frames is too small to follow it"
-        )
-    return found
-
-
-def _lost_contact(rows: list[HookRow]) -> list[str]:
-    """Whether two hooked wires have come apart."""
-    force = [min(row.force_left_N, row.force_right_N) for row in rows]
-    most = int(np.argmax(force))
-    if force[-1] > 0.0 or force[most] == 0.0:
-        return []
-    where = f"the wires have lost each other after {engineering(rows[most].displacement_m, 'm')}"
-    return [f"{where}, where they pressed with {engineering(force[most], 'N')}: the contact has slid off its target"]
-
-
-def _driven_by_tension(model: Model, name: str) -> np.ndarray:
-    """(2,) whether a stage drives weft and warp by tension: only then is a jump of strain the mesh's own."""
-    stage = next(stage for stage in model.scene.stages if stage.name == name)
-    return np.array([stage.strain_weft is None, stage.strain_warp is None])
 
 
 @dataclass(frozen=True)
