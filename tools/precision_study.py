@@ -23,8 +23,10 @@ import numpy as np
 from study import scene_of, show_rows, write_rows
 
 from warpknit import measure
+from warpknit.kernels import control as c
 from warpknit.model.model import Model, build_model
 from warpknit.model.state import State, initial_state
+from warpknit.solve.neighbours import NeighbourSearch
 from warpknit.solve.simulate import Simulation
 from warpknit.solve.step import Stepper
 
@@ -89,14 +91,18 @@ def find(name: str, precision: str, tolerance: float) -> Found:
 def speeds(meshes: Sequence[Found]) -> list[float]:
     """Node-steps a second of each, which take turns."""
     steppers = [Stepper(mesh.model, mesh.state, threads=1) for mesh in meshes]
+    searches = [NeighbourSearch(mesh.model, mesh.state) for mesh in meshes]
     best = [np.inf] * len(meshes)
-    for stepper in steppers:
-        stepper.step(STEPS)
-    for _ in range(ROUNDS):
-        for k, stepper in enumerate(steppers):
+    for turn in range(ROUNDS + 1):
+        for k, (stepper, neighbours) in enumerate(zip(steppers, searches, strict=True)):
+            neighbours.search()
             start = time.perf_counter()
             stepper.step(STEPS)
-            best[k] = min(best[k], time.perf_counter() - start)
+            seconds = time.perf_counter() - start
+            if meshes[k].state.read_control()[int(c.STATUS)]:
+                raise SystemExit("a mesh at rest moved too far to be followed")  # steps then do nothing
+            if turn:  # the first launch of all compiles
+                best[k] = min(best[k], seconds)
     return [mesh.model.panel.node_count * STEPS / seconds for mesh, seconds in zip(meshes, best, strict=True)]
 
 
