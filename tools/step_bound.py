@@ -265,7 +265,7 @@ def measured(number: int, seed: int) -> list[Row]:
 def draw(rows: Sequence[Row], path: Path) -> None:
     """The histogram."""
     figure, panels = new_figure(9.0, 3.4, 1, 2)
-    edges = np.linspace(0.3, 1.05, 51)
+    edges = np.linspace(0.2, 1.05, 52)
     titles = {"ramp": "ramp", "relax": "relaxation"}
     for axes, (drive, title), colour in zip(panels[0], titles.items(), COLOURS, strict=False):
         ratio = np.array([row.ratio for row in rows if row.drive == drive])
