@@ -92,6 +92,27 @@ def test_contact_with_friction_has_no_net_force_and_moment() -> None:
     assert np.abs(moment).max() < 1e4 * ROUND_OFF * touch.force[0]
 
 
+def test_what_sticks_is_remembered_over_searches() -> None:
+    """A contact that has stuck half way to its limit pulls back as before, whatever else has come into the list since: to the
+    bit, as nothing has moved."""
+    far = line([0, 60, 0], [2, 0, 0], 6)
+    stepper, contact = touching([line([0, 0, 0], [2, 0, 0], 6), line([4.3, -4.2, 0.9], [0, 2, 0], 6), far], friction=0.5)
+    state = stepper.state
+    state.velocity.assign(np.where(np.arange(18)[:, None] // 6 == 1, [1.0, 0.0, 0.0], 0.0))
+    stepper.set_time_step(0.02)
+    stepper.step(1)
+    stepper.evaluate()
+    before = contact.near()
+    assert 0.0 < np.linalg.norm(before.friction) < 0.5 * before.force[0]
+    moved = state.displacement.numpy().copy()
+    for where in ([0.0, -60.0, 2.1], [0.0, 0.0, 0.0]):  # the third wire comes near, and goes again
+        state.displacement.assign(moved + np.where(np.arange(18)[:, None] // 6 == 2, where, 0.0))
+        contact.search()
+        stepper.evaluate()
+        after = contact.near()
+        assert np.array_equal(after.friction, before.friction) and np.array_equal(after.force, before.force)
+
+
 def tangle(seed: int, wires: int, nodes: int) -> Rods:
     """Wavy wires without order in a tile that repeats in x and y, each going on into the next tile up."""
     rng = np.random.default_rng(seed)
