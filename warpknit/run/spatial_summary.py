@@ -113,6 +113,7 @@ def stage_summary(record: SpatialRecord, rows: list[Row]) -> dict[str, Any]:
             "strain_weft": float(f[0, 0] - 1.0),
             "strain_warp": float(f[1, 1] - 1.0),
             "shear": float(f[0, 1]),
+            "clamp_rotation_rad": 0.0,
             "temperature_K": record.temperature,
             "areal_mass_kg_per_m2": length * wire.linear_density / (panel.area * float(np.linalg.det(f))),
             "thickness_m": float(np.ptp(r.position[:, 2])) + mesh.rods.section.thickness,
