@@ -15,7 +15,7 @@ import math
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from pathlib import Path
 
@@ -189,6 +189,12 @@ def study(overrides: Sequence[str]) -> list[Row]:
     return rows
 
 
+def _without_nan(row: Row) -> Row:
+    """The same with None where a kind has no such number, which leaves its cell empty."""
+    none = [f.name for f in fields(row) if isinstance(value := getattr(row, f.name), float) and math.isnan(value)]
+    return replace(row, **dict.fromkeys(none))
+
+
 def show(r: Row) -> None:
     what = f"{r.kind:16s} mu {r.friction:3.1f} d x {r.thickness:4.2f} GJ x {r.twist:5.2f}"
     place = f"{1e3 * r.arc_left_m:7.4f} {1e3 * r.arc_right_m:7.4f} mm"
@@ -238,7 +244,7 @@ def main() -> int:
     arguments = parser.parse_args()
     start_warp()
     rows = study([f"output.frames={arguments.levels}", f"model.nodes_per_loop={arguments.nodes}"])
-    write_rows(arguments.directory / "hook_spatial.csv", rows)
+    write_rows(arguments.directory / "hook_spatial.csv", [_without_nan(row) for row in rows])
     draw(arguments.directory / "hook_spatial.png", rows)
     print(f"results in {arguments.directory}")
     return 0

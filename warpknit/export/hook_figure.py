@@ -77,7 +77,7 @@ def _draw_hook(axes: Axes, layout: WireLayout, frames: Sequence[Frame]) -> None:
         ("lower ends, clamped", "black", "s"),
         ("left upper end, slides up and down", BLUE, "^"),
         ("right upper end, driven sideways", ORANGE, ">"),
-        ("contact body", GREEN, "o"),
+        ("contact", GREEN, "o"),
     )
     handles = [Line2D([], [], color=colour, marker=marker, linestyle="none", label=name) for name, colour, marker in kinds]
     axes.legend(handles=handles, frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, fontsize=9)
