@@ -188,17 +188,17 @@ def find_wire_contacts(
     contact_couple: wp.array(dtype=wp.vec3d),
     deepest: wp.array(dtype=wp.float64),
 ):
-    """Two threads a pair, for two contacts at most. `stick_share` is k_t/k. A pair that does not count, or whose curves are
+    """One thread a pair, which has two contacts at most. `stick_share` is k_t/k. A pair that does not count, or whose curves are
     farther apart than `reach` times the distance at which they touch, has the overlap -ELSEWHERE.
     """
-    k = wp.tid()
-    pair = k / 2
+    pair = wp.tid()
     if pair >= pair_count[0]:
         return
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
-    pair_force[k] = zero
-    pair_overlap[k] = -ELSEWHERE
+    for k in range(2 * pair, 2 * pair + 2):
+        pair_force[k] = zero
+        pair_overlap[k] = -ELSEWHERE
     if control[TRAVEL] < pair_wake[pair]:
         return
     i = pair_first[pair]
@@ -216,85 +216,85 @@ def find_wire_contacts(
     shape_q = rest_shape(j, previous, following, rest_slope, rest_bump, tangent, director)
     curve_p = curve_through(p, shape_p)
     curve_q = curve_through(q, shape_q)
-    places = closest_places(curve_p, curve_q, start, touch)
-    is_second = k > 2 * pair
+    places = closest_places(curve_p, curve_q, start, touch, reach * touch)
     is_single = places[2] < zero
-    if is_single and is_second:
-        return
-    near = wp.where(is_second, wp.vec2d(places[2], places[3]), wp.vec2d(places[0], places[1]))
-    s = near[0]
-    t = near[1]
     way = pair_way[pair]
     is_same = way != ELSEWHERE
-    if is_same and wp.abs(way + t * natural_length[j] - s * natural_length[i]) < apart * node_radius[i]:
-        return
-    r = point_at(curve_p, s) - point_at(curve_q, t)
-    distance = wp.length(r)
-    dp = slope_at(curve_p, s)
-    dq = slope_at(curve_q, t)
-    share = one
-    if not is_single:
-        between = wp.length(point_at(curve_p, places[0]) - point_at(curve_p, places[2]))
-        share = wp.float64(0.5) + wp.min(wp.float64(0.5), between / (TWO_APART * touch))
     has_more_p = following[following[i]] >= 0
     has_more_q = following[following[j]] >= 0
-    s_goes_on = is_kept_at_end(s, wp.dot(r, dp)) and ((s <= zero and previous[i] >= 0) or (s >= one and has_more_p))
-    t_goes_on = is_kept_at_end(t, -wp.dot(r, dq)) and ((t <= zero and previous[j] >= 0) or (t >= one and has_more_q))
-    if s_goes_on and t_goes_on:
-        return
-    if s_goes_on or t_goes_on:
-        sine = wp.length(wp.cross(dp, dq)) / (wp.length(dp) * wp.length(dq))
-        part = sine * wp.max(wp.max(length[i], length[j]) / touch, one)
-        share *= wp.clamp((POINT_PART - part) / (POINT_PART - LINE_PART), zero, one)
-        if share == zero:
-            return
-    elif (s >= one and has_more_p) or (t >= one and has_more_q):
-        return
-    overlap = touch - distance
-    pair_overlap[k] = overlap
-    pair_place[k] = near
-    n = r / distance
-    pair_normal[k] = n
-    slip = wp.vec3d()
-    if overlap <= zero:
+    velocity_p = node_velocities(i, previous, following, velocity)
+    velocity_q = node_velocities(j, previous, following, velocity)
+    for k in range(2 * pair, 2 * pair + wp.where(is_single, 1, 2)):
+        is_second = k > 2 * pair
+        near = wp.where(is_second, wp.vec2d(places[2], places[3]), wp.vec2d(places[0], places[1]))
+        s = near[0]
+        t = near[1]
+        if is_same and wp.abs(way + t * natural_length[j] - s * natural_length[i]) < apart * node_radius[i]:
+            continue
+        r = point_at(curve_p, s) - point_at(curve_q, t)
+        distance = wp.length(r)
+        dp = slope_at(curve_p, s)
+        dq = slope_at(curve_q, t)
+        share = wp.float64(1.0)
+        if not is_single:
+            between = wp.length(point_at(curve_p, places[0]) - point_at(curve_p, places[2]))
+            share = wp.float64(0.5) + wp.min(wp.float64(0.5), between / (TWO_APART * touch))
+        s_goes_on = is_kept_at_end(s, wp.dot(r, dp)) and ((s <= zero and previous[i] >= 0) or (s >= one and has_more_p))
+        t_goes_on = is_kept_at_end(t, -wp.dot(r, dq)) and ((t <= zero and previous[j] >= 0) or (t >= one and has_more_q))
+        if s_goes_on and t_goes_on:
+            continue
+        if s_goes_on or t_goes_on:
+            sine = wp.length(wp.cross(dp, dq)) / (wp.length(dp) * wp.length(dq))
+            part = sine * wp.max(wp.max(length[i], length[j]) / touch, one)
+            share = share * wp.clamp((POINT_PART - part) / (POINT_PART - LINE_PART), zero, one)
+            if share == zero:
+                continue
+        elif (s >= one and has_more_p) or (t >= one and has_more_q):
+            continue
+        overlap = touch - distance
+        pair_overlap[k] = overlap
+        pair_place[k] = near
+        n = r / distance
+        pair_normal[k] = n
+        slip = wp.vec3d()
+        if overlap <= zero:
+            pair_slip[k] = slip
+            continue
+        wp.atomic_max(deepest, 0, overlap)
+        w = shares(s)
+        v = shares(t)
+        levers_p = carried_by_sections(shape_p, s)
+        levers_q = carried_by_sections(shape_q, t)
+        apart_speed = point_velocity(i, w, velocity_p, levers_p, previous, following, length, tangent, spin)
+        apart_speed -= point_velocity(j, v, velocity_q, levers_q, previous, following, length, tangent, spin)
+        stiffness = control[CONTACT_STIFFNESS]
+        normal_force = share * wp.max(zero, stiffness * overlap - damping * wp.dot(apart_speed, n))
+        drag = wp.vec3d()
+        couple_p = wp.vec3d()
+        couple_q = wp.vec3d()
+        if friction > zero:
+            lever_p = -(node_radius[i] / touch) * r
+            lever_q = (node_radius[j] / touch) * r
+            rate_p = section_rate(i, row(velocity_p, 2) - row(velocity_p, 1), length, tangent, spin)
+            rate_q = section_rate(j, row(velocity_q, 2) - row(velocity_q, 1), length, tangent, spin)
+            over = apart_speed + wp.cross(rate_p, lever_p) - wp.cross(rate_q, lever_q)
+            over = over - wp.dot(over, n) * n
+            slip = pair_slip[k] - wp.dot(pair_slip[k], n) * n
+            if control[STATUS] == STATUS_RUNNING:
+                slip = slip + control[TIME_STEP] * over
+            drag = -(stick_share * stiffness * share) * slip
+            limit = friction * normal_force
+            size = wp.length(drag)
+            if size > limit:
+                slip = slip * (limit / size)
+                drag = drag * (limit / size)
+            couple_p = wp.cross(lever_p, drag)
+            couple_q = wp.cross(lever_q, -drag)
         pair_slip[k] = slip
-        return
-    wp.atomic_max(deepest, 0, overlap)
-    w = shares(s)
-    v = shares(t)
-    levers_p = carried_by_sections(shape_p, s)
-    levers_q = carried_by_sections(shape_q, t)
-    a = node_velocities(i, previous, following, velocity)
-    b = node_velocities(j, previous, following, velocity)
-    apart_speed = point_velocity(i, w, a, levers_p, previous, following, length, tangent, spin)
-    apart_speed -= point_velocity(j, v, b, levers_q, previous, following, length, tangent, spin)
-    stiffness = control[CONTACT_STIFFNESS]
-    normal_force = share * wp.max(zero, stiffness * overlap - damping * wp.dot(apart_speed, n))
-    drag = wp.vec3d()
-    couple_p = wp.vec3d()
-    couple_q = wp.vec3d()
-    if friction > zero:
-        lever_p = -(node_radius[i] / touch) * r
-        lever_q = (node_radius[j] / touch) * r
-        over = apart_speed + wp.cross(section_rate(i, row(a, 2) - row(a, 1), length, tangent, spin), lever_p)
-        over = over - wp.cross(section_rate(j, row(b, 2) - row(b, 1), length, tangent, spin), lever_q)
-        over = over - wp.dot(over, n) * n
-        slip = pair_slip[k] - wp.dot(pair_slip[k], n) * n
-        if control[STATUS] == STATUS_RUNNING:
-            slip = slip + control[TIME_STEP] * over
-        drag = -(stick_share * stiffness * share) * slip
-        limit = friction * normal_force
-        size = wp.length(drag)
-        if size > limit:
-            slip = slip * (limit / size)
-            drag = drag * (limit / size)
-        couple_p = wp.cross(lever_p, drag)
-        couple_q = wp.cross(lever_q, -drag)
-    pair_slip[k] = slip
-    if is_single:
-        pair_slip[k + 1] = slip  # where one contact parts into two, both stick as it did
-    pair_force[k] = normal_force
-    pair_friction[k] = drag
-    push = normal_force * n + drag
-    add_to_wire(i, w, push, levers_p, couple_p, previous, following, contact_force, contact_couple)
-    add_to_wire(j, v, -push, levers_q, couple_q, previous, following, contact_force, contact_couple)
+        if is_single:
+            pair_slip[k + 1] = slip  # where one contact parts into two, both stick as it did
+        pair_force[k] = normal_force
+        pair_friction[k] = drag
+        push = normal_force * n + drag
+        add_to_wire(i, w, push, levers_p, couple_p, previous, following, contact_force, contact_couple)
+        add_to_wire(j, v, -push, levers_q, couple_q, previous, following, contact_force, contact_couple)

@@ -332,9 +332,9 @@ def beside_end(p: Powers, q: Powers, end: wp.float64) -> wp.vec2d:
 
 
 @wp.func
-def closest_places(p: Powers, q: Powers, start: wp.vec2d, touch: wp.float64) -> wp.vec4d:
+def closest_places(p: Powers, q: Powers, start: wp.vec2d, touch: wp.float64, reach: wp.float64) -> wp.vec4d:
     """Places (s, t) of the closest points of two curves, and of those of a second minimum of their distance between the ends of
-    both, by rising s; a second s below 0 where there is none.
+    both, by rising s; a second s below 0 where there is none, or the first is farther than `reach` [m].
 
     Wires that hook each other at a small angle touch on either side of where they cross, nearer to each other than a segment
     is long. Between two minima the distance rises by LEAST_BARRIER of `touch` [m] or more.
@@ -343,9 +343,12 @@ def closest_places(p: Powers, q: Powers, start: wp.vec2d, touch: wp.float64) -> 
     one = wp.float64(1.0)
     half = wp.float64(0.5)
     found = closest_on_curves(p, q, start)
+    on_saddle = is_between(found) and is_saddle(p, q, found)
+    if not on_saddle and wp.length(point_at(p, found[0]) - point_at(q, found[1])) > reach:
+        return wp.vec4d(found[0], found[1], -one, zero)
     far = wp.where(found[0] > half, zero, one)
     other = closest_on_curves(p, q, beside_end(p, q, far))
-    if is_between(found) and is_saddle(p, q, found):
+    if on_saddle:
         found = closest_on_curves(p, q, beside_end(p, q, one - far))
     single = wp.vec4d(found[0], found[1], -one, zero)
     if not is_between(other):

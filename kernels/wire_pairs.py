@@ -155,6 +155,8 @@ def find_segment_pairs(
         way = along_wire(i, j, shift, node_wire, node_arc, wire_closed, wire_length, wire_period)
         if way != ELSEWHERE and wp.abs(way) + wp.max(length[i], length[j]) < apart * node_radius[i]:
             continue
+        if (following[i] == j and way > wp.float64(0.0) and way != ELSEWHERE) or (following[j] == i and way < wp.float64(0.0)):
+            continue  # they meet in a node and could touch beside it only where the wire is bent back onto itself there
         near = closest_on_chords(p1, p2, q1, q2)
         gap = wp.length(p1 + near[0] * (p2 - p1) - q1 - near[1] * (q2 - q1)) - bulge
         if gap > reach + most_sag * length[j]:

@@ -22,7 +22,7 @@ from warpknit.model.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.mesh import build_mesh
-from warpknit.spatial.relax import SpatialRelaxation
+from warpknit.spatial.relax import SpatialRecord, SpatialRelaxation
 
 SCENES = Path(__file__).parent.parent / "scenes"
 THIN_BODY = "1 nm"  # closes where wires are a diameter apart
@@ -64,21 +64,26 @@ def planar_rows(name: str, scene: str, overrides: list[str]) -> Iterator[Row]:
 
 
 def spatial_rows(scene: str, overrides: list[str]) -> Iterator[Row]:
-    mesh = build_mesh(load_scene(scene, [*overrides, "model.kind=spatial"]))
+    relaxation = SpatialRelaxation(build_mesh(load_scene(scene, [*overrides, "model.kind=spatial"])))
     begin = time.perf_counter()
-    for record in SpatialRelaxation(mesh).run():
-        r = record.reading
-        yield Row(
-            "spatial",
-            float(r.gradient[0, 0] - 1.0),
-            *r.mesh_tension,
-            100.0 * float(r.site_active.mean()),
-            float(r.site_force.sum()),
-            float(r.site_force.max(initial=0.0)),
-            float(r.stress.max()),
-            float(record.steps) * mesh.rods.node_count,
-            time.perf_counter() - begin,
-        )
+    for record in relaxation.run():
+        yield record_row("spatial", relaxation, record, time.perf_counter() - begin)
+
+
+def record_row(name: str, relaxation: SpatialRelaxation, record: SpatialRecord, wall: float = float("nan")) -> Row:
+    """The row of a record in space."""
+    r = record.reading
+    return Row(
+        name,
+        float(r.gradient[0, 0] - 1.0),
+        *r.mesh_tension,
+        100.0 * float(r.site_active.mean()),
+        float(r.site_force.sum()),
+        float(r.site_force.max(initial=0.0)),
+        float(r.stress.max()),
+        float(record.steps) * relaxation.mesh.rods.node_count,
+        wall,
+    )
 
 
 def main(arguments: list[str]) -> int:

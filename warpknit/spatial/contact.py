@@ -127,7 +127,7 @@ class WireContact:
         return [
             (
                 find_wire_contacts,
-                2 * pairs.room,
+                pairs.room,
                 [
                     pairs.total, pairs.first, pairs.second, pairs.shift, pairs.way, pairs.wake,
                     arrays.previous, arrays.following, arrays.natural_length, self._node_radius,

@@ -131,7 +131,7 @@ def build_mesh(scene: Scene, device: str = "cpu") -> SpatialMesh:
     cloth = knit_scene(scene)
     table, panel, loop_length = lay_out(scene, cloth)
     wires = place_wires(cloth, table, panel)
-    rods = _rods_of_wires(section, panel, wires)
+    rods = rods_of_wires(section, panel, wires)
     return _mesh(scene, cloth, table, panel, wires, rods, float(table.spacing.min()), loop_length, device)
 
 
@@ -177,7 +177,7 @@ def _mesh(
     )
 
 
-def _rods_of_wires(section: Section, panel: Panel, wires: SpatialWires) -> Rods:
+def rods_of_wires(section: Section, panel: Panel, wires: SpatialWires) -> Rods:
     """The wires of a panel at rest."""
     closed = panel.boundary == "periodic"
     up = np.array([0.0, panel.size[1], 0.0])
