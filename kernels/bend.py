@@ -64,6 +64,7 @@ BOW = wp.constant(1.0 / 48.0)
 
 
 @wp.func
-def bow(angle: Any, angle_after: Any):
-    """Share by which the arc of a segment is longer than its chord, from the turning angles [rad] at its two nodes."""
-    return type(angle)(BOW) * (angle * angle + angle_after * angle_after)
+def bow(angle: Any, angle_after: Any, weight: Any, weight_after: Any):
+    """Share by which the arc of a segment is longer than its chord, from the turning angles [rad] at its two nodes and how often
+    their squares count: once, where both stand for a length like the segment's (see clamp.py)."""
+    return type(angle)(BOW) * (weight * angle * angle + weight_after * angle_after * angle_after)

@@ -21,7 +21,12 @@ HINGE = wp.constant(7)  # stiffness of the hinge at the clamp over that of the t
 NEXT_HINGE = wp.constant(8)  # the same at the first free node
 BOW_CHANGE = wp.constant(9)  # what to add to the rest bow of the segment at the clamp (bend.py)
 NEXT_BOW_CHANGE = wp.constant(10)  # the same of the next segment
-CLAMP_NUMBERS = 11
+# A hinge next to a clamp stands for another length l than a segment has: the square of its angle counts (L/l)^2 times in the bow
+# of a segment of length L (bend.py), this much more than once:
+BOW_WEIGHT = wp.constant(11)  # the hinge at the clamp in the segment at the clamp
+NEXT_BOW_WEIGHT = wp.constant(12)  # the hinge at the first free node in the segment at the clamp
+BEYOND_BOW_WEIGHT = wp.constant(13)  # and in the next segment
+CLAMP_NUMBERS = 14
 
 
 @wp.func
@@ -72,3 +77,22 @@ def bow_at_clamp(bow: Any, segment: int, count: int, gripped: int, wire: int, wi
         if segment == count - 3 or segment == count - 4:
             bow = bow + wire_clamp[wire, CLAMP_NUMBERS + BOW_CHANGE + count - 3 - segment]
     return bow
+
+
+@wp.func
+def bow_weights_at_clamp(like: Any, local: int, count: int, gripped: int, wire: int, wire_clamp: wp.array2d(dtype=Any)):
+    """How often the square of the angle at a node counts in the bows of the segments before and after it."""
+    before = type(like)(1.0)
+    after = type(like)(1.0)
+    if gripped != 0:
+        if local == 1:
+            after = after + wire_clamp[wire, BOW_WEIGHT]
+        if local == 2:
+            before = before + wire_clamp[wire, NEXT_BOW_WEIGHT]
+            after = after + wire_clamp[wire, BEYOND_BOW_WEIGHT]
+        if local == count - 2:
+            before = before + wire_clamp[wire, CLAMP_NUMBERS + BOW_WEIGHT]
+        if local == count - 3:
+            after = after + wire_clamp[wire, CLAMP_NUMBERS + NEXT_BOW_WEIGHT]
+            before = before + wire_clamp[wire, CLAMP_NUMBERS + BEYOND_BOW_WEIGHT]
+    return before, after

@@ -8,7 +8,7 @@ from typing import Any
 import warp as wp
 
 from .bend import bow, turning_angle
-from .clamp import bow_at_clamp, edge_at_clamp, hinge_at_clamp, length_at_clamp
+from .clamp import bow_at_clamp, bow_weights_at_clamp, edge_at_clamp, hinge_at_clamp, length_at_clamp
 from .control import GRADIENT, LENGTH_FACTOR
 from .stretch import axial_force, edge_component
 from .wires import node_at
@@ -103,7 +103,10 @@ def evaluate_wires(
             ay = edge_component(fyx, fyy, rest_x[t + 1], rest_y[t + 1], uy[beyond], uy[after], unit)
             ax, ay = edge_at_clamp(ax, ay, local + 1, count, gripped, wire, wire_clamp)
             angle_after = turning_angle(ex, ey, ax, ay)
+        _, weight = bow_weights_at_clamp(length, local, count, gripped, wire, wire_clamp)
+        weight_after, _ = bow_weights_at_clamp(length, local + 1, count, gripped, wire, wire_clamp)
         natural_bow = bow_at_clamp(rest_bow[t], local, count, gripped, wire, wire_clamp)
         # the step itself knows the mean temperature only: multipliers bring in the rest
         warmth = type(unit)(wire_warmth[wire][0] + wire_warmth[wire][1] * wp.float64(local))
-        strain[i] = ((length - natural) / natural - warmth) / (type(unit)(1.0) + warmth) + bow(angle, angle_after) - natural_bow
+        longer = bow(angle, angle_after, weight, weight_after) - natural_bow
+        strain[i] = ((length - natural) / natural - warmth) / (type(unit)(1.0) + warmth) + longer

@@ -13,7 +13,7 @@ from typing import Any
 import warp as wp
 
 from .bend import elastic_turning, slope_moment
-from .clamp import hinge_at_clamp, length_at_clamp
+from .clamp import bow_weights_at_clamp, hinge_at_clamp, length_at_clamp
 from .control import BOW_MOMENT, LENGTH_FACTOR, SLOPE_FACTOR
 from .wires import node_at
 
@@ -173,7 +173,8 @@ def sum_wires(
             if gripped != 0 and local == count - 2:
                 last_length = zero
             next_moment = bend + slope_moment(bend_before, bend, bend_after, first_length, last_length, stiffness, slope_factor)
-            next_moment += bow_moment * (turning[i] + natural_angle) * (pull_before + pull)
+            before_weight, after_weight = bow_weights_at_clamp(zero, local, count, gripped, wire, wire_clamp)
+            next_moment += bow_moment * (turning[i] + natural_angle) * (before_weight * pull_before + after_weight * pull)
         if k > 0:
             # the segment between the node before and this one
             j = begin + k - 1

@@ -15,7 +15,7 @@ from typing import Any
 import warp as wp
 
 from .bend import elastic_turning, slope_moment, turning_angle
-from .clamp import edge_at_clamp, hinge_at_clamp, length_at_clamp
+from .clamp import bow_weights_at_clamp, edge_at_clamp, hinge_at_clamp, length_at_clamp
 from .control import (
     BOW_MOMENT,
     FORCE_FACTOR,
@@ -209,7 +209,8 @@ def step_wires_by_node(
             moment[k] = bend[k + 1] + slope_moment(
                 bend[k], bend[k + 1], bend[k + 2], length_before, length_after, stiffness[k + 1], slope_factor
             )
-            moment[k] = moment[k] + bow_moment * angle[k + 1] * (pull[k] + pull[k + 1])
+            before, after = bow_weights_at_clamp(unit, local, count, gripped, wire, wire_clamp)
+            moment[k] = moment[k] + bow_moment * angle[k + 1] * (before * pull[k] + after * pull[k + 1])
     fx = zero
     fy = zero
     for k in range(2):

@@ -102,7 +102,8 @@ _BLOCK_STEP = r"""
     }
     const int begin = wire_first - offset_of_block, end = wire_end - offset_of_block;
     // the numbers of a clamp: see clamp.py
-    enum { LEVER_X, LEVER_Y, TANGENT_X, TANGENT_Y, LENGTH, ANGLE, NEXT_ANGLE, HINGE, NEXT_HINGE, CLAMP_NUMBERS = 11 };
+    enum { LEVER_X, LEVER_Y, TANGENT_X, TANGENT_Y, LENGTH, ANGLE, NEXT_ANGLE, HINGE, NEXT_HINGE };
+    enum { BOW_WEIGHT = 11, NEXT_BOW_WEIGHT, BEYOND_BOW_WEIGHT, CLAMP_NUMBERS };
     const real* __restrict clamps = wire_clamp.data + 2 * CLAMP_NUMBERS * wire;
     if (gripped) {
         for (int far = 0; far < 2; ++far) {
@@ -162,8 +163,9 @@ _BLOCK_STEP = r"""
                 // segment from the clamp, and the one beyond the first free node
                 const int own = far ? end - 3 : begin + 1, other = far ? k - 1 : k;
                 const real angle = bend[k] / (hinge_factor * rb[k]) + ra[k];
-                const real pull = tension[own] * clamp[LENGTH] + (next ? tension[other] * rl[other] : real(0));
-                unbending[k] = bow_moment * angle * pull;
+                const real counts_own = real(1) + clamp[BOW_WEIGHT + next], counts_other = real(1) + clamp[BEYOND_BOW_WEIGHT];
+                const real pull = counts_own * tension[own] * clamp[LENGTH];
+                unbending[k] = bow_moment * angle * (pull + (next ? counts_other * tension[other] * rl[other] : real(0)));
                 share[k] = clamp[HINGE + next];
                 bend[k] = share[k] * hinge_factor * rb[k] * (angle - clamp[ANGLE + next]);
             }

@@ -140,6 +140,12 @@ class Reading:
         before = np.roll(pull, 1)
         last = panel.wire_first + panel.wire_count - 1
         before[panel.wire_first] = pull[last]
+        for far, following, node in self._hinges_at_clamps:
+            numbers = panel.wire_clamp[:, far]
+            own, other = (pull, before) if far == following else (before, pull)
+            own[node] *= 1.0 + numbers[:, clamp.BOW_WEIGHT + following]
+            if following:
+                other[node] *= 1.0 + numbers[:, clamp.BEYOND_BOW_WEIGHT]
         moment = float(self.control[int(c.BOW_MOMENT)]) * (self.turning + self.natural_angle) * (pull + before)
         return self._none_at_free_ends(moment)
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernels import clamp
-from ..kernels.bend import BOW
 from ..kernels.wires_by_block import BLOCK_PAD, BLOCK_SIZE
 from ..scene import Hook
 from .panel import END_NODES, Panel
@@ -144,5 +143,5 @@ def _clamp_numbers(hook: Hook, table: Table, spacing: float, set_fraction: float
             of[clamp.LENGTH] = table.rest_length[entry]
             of[[clamp.ANGLE, clamp.NEXT_ANGLE]] = set_fraction * turn, set_fraction * 2.0 * turn
             of[[clamp.HINGE, clamp.NEXT_HINGE]] = 2.0, 1.0
-            of[clamp.BOW_CHANGE] = BOW * (turn**2 - (2.0 * turn) ** 2)
+            of[clamp.BOW_WEIGHT] = 3.0
     return numbers

@@ -389,9 +389,12 @@ def _clamps(
     numbers[..., clamp.LENGTH] = length[..., 0]
     numbers[..., [clamp.ANGLE, clamp.NEXT_ANGLE]] = set_fraction * turn
     numbers[..., [clamp.HINGE, clamp.NEXT_HINGE]] = table.hinge_length[entry] / hinge
-    change = BOW * (turn**2 - in_table**2)
-    numbers[..., clamp.BOW_CHANGE] = change.sum(axis=2)
-    numbers[..., clamp.NEXT_BOW_CHANGE] = change[..., 1]
+    own = (length[..., :1] / hinge) ** 2
+    beyond = (length[..., 1] / hinge[..., 1]) ** 2
+    numbers[..., [clamp.BOW_WEIGHT, clamp.NEXT_BOW_WEIGHT]] = own - 1.0
+    numbers[..., clamp.BEYOND_BOW_WEIGHT] = beyond - 1.0
+    numbers[..., clamp.BOW_CHANGE] = BOW * (own * turn**2 - in_table**2).sum(axis=2)
+    numbers[..., clamp.NEXT_BOW_CHANGE] = BOW * (beyond * turn[..., 1] ** 2 - in_table[..., 1] ** 2)
     held = (first[:, None, None] + np.sort(local[:, :, :2], axis=2)).reshape(-1)
     held_place = np.where((inward < 0)[:, None, None], node[:, :, 1::-1], node[:, :, :2])
     return _Grips(
