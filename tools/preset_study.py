@@ -4,7 +4,8 @@
 
 Each scene is run at each setting, tiles in five levels, patches in one, hooks in their own, and held against TRUE_NODES in double
 precision to a tolerance of 1e-4 (1e-3 of patches and with friction). Leaves presets.csv in DIR, a row a scene and setting, and
-prints the worst and the median error of each setting; goes on with the scenes that are missing in DIR. Kept: tools/results/presets.csv.
+prints the worst and the median error of each setting; goes on with the scenes that are missing in DIR.
+Kept: tools/results/presets.csv.
 """
 
 from __future__ import annotations
