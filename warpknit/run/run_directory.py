@@ -47,7 +47,10 @@ def finished_before(out: Path, name: str, scene_hash: str) -> Ending | None:
         return None
     if summary.get("scene", {}).get("hash") != scene_hash:
         kind = SUMMARIES[name]
-        raise RunDirectoryError(f"{out}: holds the finished {kind} of another scene; --force replaces it, --out names another")
+        raise RunDirectoryError(
+            f"{out}: holds the finished {kind} of another scene, or of this one with other --set, --preset or --error;"
+            " --force replaces it, --out names another directory"
+        )
     return Ending(0, summary)
 
 
@@ -98,7 +101,7 @@ def make_directory(out: Path) -> None:
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise RunDirectoryError(f"--out {out}: given {(error.strerror or 'unusable').lower()}, allowed: a directory") from error
+        raise RunDirectoryError(f"--out {out}: cannot be made here: {(error.strerror or 'unusable').lower()}") from error
 
 
 def clear(out: Path) -> None:
