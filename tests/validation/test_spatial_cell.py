@@ -140,9 +140,11 @@ def test_contacts_are_where_the_knit_hooks_its_wires() -> None:
 def test_rhombus_of_a_patch_is_that_of_the_cell() -> None:
     """Two repeats a side, gripped, at 14 %: the central rhombus has the share of the cell at the same strain, as in the plane.
 
-    Contacts of less than 10 uN, where those that hook carry a hundred, come and go with the grips.
+    Contacts of less than 10 uN, where those that hook carry a hundred, come and go with the grips. At 40 nodes a loop the cell
+    does not come to rest at that load.
     """
-    load = ("output.frames=4", "load.strain_weft=0.14", "load.strain_warp=0.14", "contact.threshold='10 uN'")
+    strain = ("load.strain_weft=0.14", "load.strain_warp=0.14")
+    load = ("model.nodes_per_loop=56", "output.frames=4", "contact.threshold='10 uN'", *strain)
     relaxation = patch("knit.repeats=[2,2]", *load)
     *_, last = relaxation.run()
     rhombus = last.reading.site_active[relaxation.mesh.panel.rhombus_bodies]
