@@ -77,5 +77,5 @@ def _panel(place: Axes, marks: Sequence[Mark], number: int, own: float) -> None:
         place.axhline(own, color=GREY, linestyle=":", linewidth=1.0)
     place.set_xscale("log")
     place.set_yscale("log")
-    place.margins(y=0.12)  # labels below the lowest mark stay inside
+    place.margins(0.12)  # labels of the outermost marks stay inside
     place.grid(which="major", color="#E0E0E0", linewidth=0.6)

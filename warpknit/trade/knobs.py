@@ -120,5 +120,5 @@ def points_together(base: Model, finest: int) -> Iterator[Point]:
         if n < finest:
             yield Point("together", "", (
                 ("model.nodes_per_loop", n), ("solver.residual_tolerance", tolerance), ("solver.axial_softening", softening),
-                ("solver.precision", "single"),
+                ("solver.precision", "single" if base.scene.hook is None else "double"),
             ))  # fmt: skip
