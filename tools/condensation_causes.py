@@ -79,7 +79,7 @@ def with_high_crossings(mesh: SpatialMesh) -> SpatialMesh:
 def lens_of(relaxation: SpatialRelaxation, reading: SpatialReading, site: int) -> Clasp:
     """The lens in which the wires of a site touch: how wide it is, and what the slopes and curvatures in it ask for."""
     touching, d = reading.touching, relaxation.mesh.rods.section.thickness
-    here = np.flatnonzero(reading.touching_site == site)
+    here = np.flatnonzero(reading.touching_site[0] == site)
     k = here[np.argmax(touching.force[here])]
     shift = touching.shift[k].copy()
     shift[:2] = reading.gradient @ shift[:2]
