@@ -160,9 +160,10 @@ def _accuracy(scene: Scene) -> str:
     if name is None:
         return "no preset has these settings; `run --error` takes some that it measures on this scene"
     preset = PRESETS[name]
+    grips = ", more where short wires between grips carry it" if scene.model.boundary == "gripped" and scene.hook is None else ""
     return (
-        f"{name}: within {preset.error_percent:g} % on a repeat of the double atlas mesh, for {preset.node_steps:.2g} node-steps"
-        " a load level; `run --error` measures it on this scene"
+        f"{name}: within {preset.error_percent:g} % on a repeat of the double atlas mesh{grips}, for {preset.node_steps:.2g}"
+        " node-steps a load level; `run --error` measures it on this scene"
     )
 
 
