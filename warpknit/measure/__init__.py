@@ -1,5 +1,6 @@
 """Measures: pure functions of a model and a reading of its state."""
 
+from .friction import friction_energy
 from .reading import Reading, clamp_rotation, read, rotation, stretch
 from .whole import (
     Contacts,
@@ -16,7 +17,6 @@ from .whole import (
     energy_scale,
     force_scale,
     frame,
-    friction_energy,
     hardened_energy,
     held_forces,
     interior_stress,

@@ -18,8 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..kernels import control as c
-from ..kernels.friction import LOOSE, TANGENTIAL
+from .friction import friction_pull
 from .reading import Reading, pair_distances
 
 
@@ -72,13 +71,7 @@ def normal_forces(r: Reading, pair: np.ndarray) -> np.ndarray:
     force = r.pair_nodal[pair]
     if not len(r.pair_stuck):
         return force
-    pulled = np.zeros(len(pair))
-    sticks = r.pair_stuck[pair] != float(LOOSE)
-    at = pair[sticks]
-    panel, most = r.model.panel, r.model.scene.contact.friction * r.pair_force[at]
-    moved = (r.pair_slide + r.pair_u - r.pair_stuck)[at] * r.model.table.rest_length[panel.pair_table[at]]
-    stiffness = float(TANGENTIAL) * r.control[int(c.CONTACT_STIFFNESS)]
-    pulled[sticks] = panel.pair_side[at] * np.clip(-stiffness * moved, -most, most)
+    pulled = r.model.panel.pair_side[pair] * friction_pull(r)[pair]
     both, pushed = -force.sum(axis=1), r.pair_force[pair]
     normal = np.stack([pushed * both[:, 0] - pulled * both[:, 1], pulled * both[:, 0] + pushed * both[:, 1]], axis=1)
     normal /= (pushed**2 + pulled**2)[:, None]

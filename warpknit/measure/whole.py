@@ -12,10 +12,10 @@ import numpy as np
 
 from ..frame import Frame
 from ..kernels import control as c
-from ..kernels.friction import LOOSE, TANGENTIAL
 from ..model.model import Model
 from ..scene import Wire
 from .bending import BendingMoments, bending_moments
+from .friction import friction_energy
 from .reading import Reading, pair_levers, rotation
 
 INTERIOR = 0.25  # of the mesh's width and height from each edge
@@ -60,17 +60,6 @@ def _stretch_stiffness(r: Reading) -> np.ndarray | float:
     if solver.multipliers and solver.drive == "relax":
         return r.model.axial_stiffness
     return np.repeat(r.wire_axial, r.model.panel.wire_count)
-
-
-def friction_energy(r: Reading) -> float:
-    """[J] of the springs by which contacts stick to their wires: F_t^2/(2 k_t) each (kernels/friction.py)."""
-    if not len(r.pair_stuck):
-        return 0.0
-    stiffness = float(TANGENTIAL) * r.control[int(c.CONTACT_STIFFNESS)]
-    sticks = (r.pair_stuck != float(LOOSE)) & (r.pair_force > 0)
-    moved = (r.pair_slide + r.pair_u - r.pair_stuck)[sticks] * r.model.table.rest_length[r.model.panel.pair_table[sticks]]
-    drawn = np.minimum(stiffness * np.abs(moved), r.model.scene.contact.friction * r.pair_force[sticks])
-    return float(np.sum(0.5 * drawn**2) / stiffness)
 
 
 def hardened_energy(r: Reading) -> float:
