@@ -186,9 +186,9 @@ def contact_map(
         result = run_map(loaded, out=directory, device=device, resume=resume, force=force, progress=progress)
     if result.exit_code != FINISHED:
         return unfinished(result, ", --resume goes on from there")
-    from warpknit.run.report import engineering, print_table
+    from warpknit.run.report import print_table
 
-    print_table([*map_lines(result.summary, engineering), ("results in", str(directory))])
+    print_table([*map_lines(result.summary), ("results in", str(directory))])
     return FINISHED
 
 
@@ -282,10 +282,10 @@ def report(
             return unfinished(result, ", and the same command goes on from there")
         rows = read_map(directory / "map.csv", directory / "map_details.csv")
         found = make_report(loaded, rows, directory, tension=asked, notes=fitted.notes, progress=progress)
-    from warpknit.run.report import engineering, print_table
+    from warpknit.run.report import print_table
 
     lines = [("mesh", note) for note in fitted.notes]
-    lines += [*map_lines(result.summary, engineering), ("material card", found.where)]
+    lines += [*map_lines(result.summary), ("material card", found.where)]
     lines += [*(("warning", warning) for warning in found.warnings), ("page", str(directory / "report.html"))]
     print_table(lines)
     return FINISHED

@@ -31,11 +31,12 @@ from .model.model import (
     required_memory,
 )
 from .model.numerics import Numbers, choose_numbers
-from .scene import Scene, Stage
+from .scene import Scene
 from .scene.presets import PRESETS
 from .solve.prolongation import smaller_scene
 from .solve.step import thread_count
 from .spatial.estimate import HOOK_ENDS, spatial_physics, spatial_steps, spatial_time
+from .text import duration, memory, rounded
 
 COUNTED_NODES = 2_000_000  # meshes up to here are laid out to be counted: a second or two
 PROGRAM_MEMORY = 430 * 2**20  # [bytes] of a run of few nodes, its libraries included
@@ -108,7 +109,7 @@ class Plan:
             ("knit", self.knit) if self.knit else ("hook", "two wires, hooked once"),
             ("mesh", f"{about}{self.nodes:,} nodes on {self.wires:,} wires"),
             ("contact", f"{about}{self.bodies:,} bodies, {self.pairs:,} pairs"),
-            ("memory", f"{size(self.memory_bytes)} of {size(self.available_bytes)} available"),
+            ("memory", f"{memory(self.memory_bytes)} of {memory(self.available_bytes)} available"),
             ("time step", step),
             ("steps", f"about {rounded(self.steps):,}"),
             *([("sweep", self.sweep)] if self.sweep else []),
@@ -254,7 +255,7 @@ def relax_steps(scene: Scene, table: Table) -> int:
     if smaller_scene(scene) is not None:
         if scene.panel.outline != "rectangle":
             return round(STEPS_FROM_REPEAT * len(scene.stages) * scene.output.frames)
-        states = sum(2.0 if _is_driven_by_tension(stage) else 1.0 for stage in scene.stages)
+        states = sum(2.0 if any(stage.by_tension) else 1.0 for stage in scene.stages)
         return round(states * STEPS_FROM_SMALLER * scene.output.frames)
     n = scene.model.nodes_per_loop
     balance = 0.6 * (2.0 * float(table.spacing.min()) / scene.wire.diameter) ** 2
@@ -266,7 +267,7 @@ def relax_steps(scene: Scene, table: Table) -> int:
         work *= GRIPPED
     total = 0.0
     for stage in scene.stages:
-        states = TENSION_STATES if _is_driven_by_tension(stage) else 1.0
+        states = TENSION_STATES if any(stage.by_tension) else 1.0
         steps = states * work * (STEPS_TO_LOAD + STEPS_PER_LEVEL * scene.output.frames)
         if solver.max_steps is not None:
             steps = min(steps, states * scene.output.frames * solver.max_steps)
@@ -276,7 +277,7 @@ def relax_steps(scene: Scene, table: Table) -> int:
 
 def ramp_steps(scene: Scene, mesh: MeshSize) -> int:
     """Steps of a ramp: the loading time of each stage over the step at its start, and a little more as that shrinks."""
-    stages = sum(RAMP_BY_TENSION if _is_driven_by_tension(stage) else 1.0 for stage in scene.stages)
+    stages = sum(RAMP_BY_TENSION if any(stage.by_tension) else 1.0 for stage in scene.stages)
     return max(1, round(RAMP_SHARE * stages * mesh.loading_time / mesh.time_step))
 
 
@@ -338,7 +339,7 @@ def _solving_of(scene: Scene, mesh: MeshSize) -> Iterator[str]:
         yield "shear: a stage asks for it"
     if any(stage.clamp_rotation for stage in scene.stages):
         yield "turned clamps: a stage asks for it, load.clamp_rotation"
-    if any(_is_driven_by_tension(stage) for stage in scene.stages):
+    if any(any(stage.by_tension) for stage in scene.stages):
         yield "tension search: a direction is given by tension, so strains are tried until the steady mesh carries it"
     if scene.contact.friction:
         yield f"friction: bodies stick to their wires up to {scene.contact.friction:g} times the contact force, contact.friction"
@@ -382,28 +383,3 @@ def _panel_physics(scene: Scene) -> Iterator[str]:
         yield "gradient of temperature: each wire is as long as it is warm where it lies, load.temperature_gradient"
     if panel.focal_length is not None:
         yield f"surface: the shape that the tension gives a panel held on a paraboloid of f = {panel.focal_length:.3g} m"
-
-
-def _is_driven_by_tension(stage: Stage) -> bool:
-    return stage.tension_weft is not None or stage.tension_warp is not None
-
-
-# --- numbers as text --------------------------------------------------------------------------------------------------
-
-
-def size(count: int) -> str:
-    """Bytes with a binary prefix."""
-    return f"{count / 2**30:.3g} GiB" if count >= 2**30 else f"{count / 2**20:.0f} MiB"
-
-
-def duration(seconds: float) -> str:
-    """Two digits of a time, in the unit that suits it."""
-    for unit, length in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
-        if seconds >= 2 * length:
-            return f"{seconds / length:.2g} {unit}"
-    return f"{seconds:.2g} s"
-
-
-def rounded(count: int) -> int:
-    """Two digits of a count."""
-    return int(float(f"{count:.2g}"))

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ..files import write_aside, write_table
-from ..run.report import engineering
 from ..scene import Scene
+from ..text import engineering
 from .card import AGREEMENT, MaterialCard
 
 AXES = {"1": "weft (x)", "2": "warp (y)", "3": "shear, engineering shear strain 2 E12"}

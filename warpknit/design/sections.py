@@ -9,9 +9,9 @@ import numpy as np
 from scipy.constants import speed_of_light
 
 from ..knit.cloth import Cloth
-from ..run.report import engineering
 from ..scene import Scene
 from ..sweep.contact_map import Optimum
+from ..text import engineering
 from .card import AGREEMENT, MaterialCard
 from .card_files import DEFINITION, card_values, card_warnings
 from .curves import CurvePoint

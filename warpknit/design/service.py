@@ -11,8 +11,8 @@ from scipy.optimize import least_squares
 from .. import measure
 from ..errors import Diverged
 from ..model.model import Model
-from ..run.report import engineering
 from ..sweep.contact_map import MapRow, grid
+from ..text import engineering
 from .states import states_at
 
 SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf. Ser. 402, 66)

@@ -8,14 +8,7 @@ from typing import Any
 
 import click
 
-PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n"))
-
-
-def engineering(value: float, unit: str) -> str:
-    """`value` with three digits and a prefix: 1.48e8, "Pa" as 148 MPa."""
-    size = abs(float(f"{value:.3g}"))  # so that 999.8 of one prefix are 1 of the next
-    scale, prefix = next(((scale, prefix) for scale, prefix in PREFIXES if size >= scale), (1.0, ""))
-    return f"{value / scale:.3g} {prefix}{unit}"
+from ..text import engineering
 
 
 def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[str, str]]:

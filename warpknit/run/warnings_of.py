@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from ..model.model import Model
+from ..text import engineering
 from .cautions import cautions
 from .history import HookRow, Row
-from .report import engineering
 
 STEEP = 0.3  # slope from which its square is no longer small
 LEVELS_FOLLOWED = 4  # of a stage: with fewer the work along them is too rough to tell of a snap
@@ -138,4 +138,4 @@ def _snapped(model: Model, stages: Stages) -> Iterator[str]:
 def _driven_by_tension(model: Model, name: str) -> np.ndarray:
     """(2,) whether a stage drives weft and warp by tension: what they are strained by is the mesh's own then."""
     stage = next(stage for stage in model.scene.stages if stage.name == name)
-    return np.array([stage.strain_weft is None, stage.strain_warp is None])
+    return np.array(stage.by_tension)

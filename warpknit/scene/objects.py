@@ -111,6 +111,11 @@ class Stage:
     pull: tuple[Pull, ...]
     displacement: Annotated[float, "m"] | None = None  # of the driven end of a hook
 
+    @property
+    def by_tension(self) -> tuple[bool, bool]:
+        """Whether weft and warp are driven by tension."""
+        return self.strain_weft is None, self.strain_warp is None
+
 
 @dataclass(frozen=True, kw_only=True)
 class Contact:

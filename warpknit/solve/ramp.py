@@ -39,7 +39,7 @@ class Ramp(Drive):
         unloaded = progress.stage_index == 0
         if progress.level == 0 and unloaded:
             yield self.record(stage, 0.0, steady=True, work=progress.work)
-        driven = np.array([stage.strain_weft is None, stage.strain_warp is None])
+        driven = np.array(stage.by_tension)
         if not progress.settling:
             if not driven.any():
                 self._set_ramp(self.target(stage, 1.0), math.ceil(loading_time / self._renew_step()))

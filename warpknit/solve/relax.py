@@ -99,7 +99,7 @@ class Relaxation(Drive):
         progress = self.progress
         levels = self.scene.output.frames
         unloaded = progress.stage_index == 0
-        driven = np.array([stage.strain_weft is None, stage.strain_warp is None])
+        driven = np.array(stage.by_tension)
         tension_start = np.array(progress.start.tension)
         tension_end = np.array([stage.tension_weft or 0.0, stage.tension_warp or 0.0])
         while progress.level < levels + unloaded:

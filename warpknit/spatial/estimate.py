@@ -26,7 +26,7 @@ def spatial_steps(scene: Scene) -> int:
     """Steps of a relaxation in space."""
     work = (scene.model.nodes_per_loop / MEASURED_NODES) ** NODES_POWER
     work *= (MEASURED_TOLERANCE / scene.solver.residual_tolerance) ** TOLERANCE_POWER
-    driven = sum(stage.strain_weft is None or stage.strain_warp is None for stage in scene.stages)
+    driven = sum(any(stage.by_tension) for stage in scene.stages)
     levels = (len(scene.stages) + (TENSION_STATES - 1) * driven) * scene.output.frames
     if scene.contact.friction:
         strains = [abs(s or 0.0) for stage in scene.stages for s in (stage.strain_weft, stage.strain_warp, stage.shear)]

@@ -187,14 +187,9 @@ class SpatialRelaxation:
         weft, warp = stage.strain_weft or 0.0, stage.strain_warp or 0.0
         end = warmed * np.array([[1.0 + weft, stage.shear], [0.0, 1.0 + warp]])
         target = start + factor * (end - start)
-        driven = self._driven(stage)
+        driven = np.array(stage.by_tension)
         target[np.diag_indices(2)] = np.where(driven, np.diag(self.state.gradient), np.diag(target))
         return target
-
-    @staticmethod
-    def _driven(stage: Stage) -> np.ndarray:
-        """(2,) whether weft and warp go by tension."""
-        return np.array([stage.strain_weft is None, stage.strain_warp is None])
 
     def _temperature(self, stage: Stage) -> float:
         """[K] at the load factor."""
@@ -231,7 +226,7 @@ class SpatialRelaxation:
         if not self.progress.settling:
             self._begin_level(self._gradient(stage, self.progress.load_factor), self._temperature(stage))
         self._settle()
-        if self._driven(stage).any():
+        if np.array(stage.by_tension).any():
             self._find_tension(stage)
         self.progress.settling = False
 
@@ -271,7 +266,7 @@ class SpatialRelaxation:
 
     def _find_tension(self, stage: Stage) -> None:
         """Try strains until the steady state carries the tensions wanted."""
-        progress, driven, scale = self.progress, self._driven(stage), tension_scale(self.mesh)
+        progress, driven, scale = self.progress, np.array(stage.by_tension), tension_scale(self.mesh)
         start = np.array(progress.start.tension)
         wanted = start + progress.load_factor * (np.array([stage.tension_weft or 0.0, stage.tension_warp or 0.0]) - start)
         while True:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import logging
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from ..run.run_directory import Ending, finished_before, goes_on, open_directory
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.messages import scene_error
 from ..solve.prolongation import smaller_scene
+from ..text import engineering
 from .batch import Batch, Outcome
 from .contact_map import STEADY, Cell, Detail, MapRow, find_optimum, grid, mean_map, read_map, write_map
 
@@ -273,8 +274,8 @@ def _row(outcome: Outcome, strains: tuple[float, float]) -> MapRow:
     return MapRow(cell, detail)
 
 
-def map_lines(summary: dict[str, Any], shown: Callable[[float, str], str]) -> Iterable[tuple[str, str]]:
-    """What map.json says, as pairs of a heading and a text; `shown`: a number with its unit."""
+def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
+    """What map.json says, as pairs of a heading and a text."""
     cells, solver, optimum = summary["cells"], summary["solver"], summary["optimum"]
     meshes = "" if summary["seeds"] == 1 else f", {summary['seeds']} meshes each"
     yield "pairs of strains", f"{cells['steady']} of {cells['wanted']} at rest{meshes}"
@@ -283,14 +284,14 @@ def map_lines(summary: dict[str, Any], shown: Callable[[float, str], str]) -> It
     yield "wall time", f"{solver['wall_s']:.3g} s"
     limit = summary["wire"]["yield_stress_Pa"]
     if optimum is None:
-        yield "optimum", f"none: no tensile load with an active contact keeps the wires below {shown(limit, 'Pa')}"
+        yield "optimum", f"none: no tensile load with an active contact keeps the wires below {engineering(limit, 'Pa')}"
     else:
         yield "optimum strain, weft / warp", f"{optimum['strain_weft']:.2%} / {optimum['strain_warp']:.2%}"
-        tensions = (shown(optimum[f"tension_{side}_N_per_m"], "N/m") for side in ("weft", "warp"))
+        tensions = (engineering(optimum[f"tension_{side}_N_per_m"], "N/m") for side in ("weft", "warp"))
         yield "  tension, weft / warp", " / ".join(tensions)
         yield "  active contacts", f"{optimum['active_percent']:.3g} %"
         margin = f"margin {optimum['stress_margin']:.0%} of the elastic limit"
-        yield "  largest stress", f"{shown(optimum['stress_max_Pa'], 'Pa')}, {margin}"
+        yield "  largest stress", f"{engineering(optimum['stress_max_Pa'], 'Pa')}, {margin}"
     yield "stopped", summary["stop_reason"]
     for warning in summary["warnings"]:
         yield "warning", warning

@@ -1,0 +1,30 @@
+"""Numbers as people read them."""
+
+from __future__ import annotations
+
+PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n"))
+
+
+def engineering(value: float, unit: str) -> str:
+    """`value` with three digits and a prefix: 1.48e8, "Pa" as 148 MPa."""
+    size = abs(float(f"{value:.3g}"))  # so that 999.8 of one prefix are 1 of the next
+    scale, prefix = next(((scale, prefix) for scale, prefix in PREFIXES if size >= scale), (1.0, ""))
+    return f"{value / scale:.3g} {prefix}{unit}"
+
+
+def memory(count: int) -> str:
+    """Bytes with a binary prefix."""
+    return f"{count / 2**30:.3g} GiB" if count >= 2**30 else f"{count / 2**20:.0f} MiB"
+
+
+def duration(seconds: float) -> str:
+    """Two digits of a time, in the unit that suits it."""
+    for unit, length in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * length:
+            return f"{seconds / length:.2g} {unit}"
+    return f"{seconds:.2g} s"
+
+
+def rounded(count: int) -> int:
+    """Two digits of a count."""
+    return int(float(f"{count:.2g}"))
