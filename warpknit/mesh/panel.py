@@ -13,19 +13,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..errors import ModelError
-from ..kernels import clamp
-from ..kernels.bend import BOW
 from ..kernels.wires_by_block import BLOCK_PAD, BLOCK_SIZE
 from ..knit.cloth import Cloth
 from ..scene.outline import Outline
-from .cut import cut_cloth
+from .grips import clamps, no_clamps
+from .strands import Strands, closed_strands, cut_strands
 from .table import Table
-from .thread_curve import ThreadCurve
 
 END_NODES = 1  # segments at the end of a wire that a contact point may not come to: its curve needs a node beyond
 SHORTEST = 5  # segments of a cut wire: with less, the two clamps would share a hinge
-NEAREST = 0.75  # node spacings from a clamp to the first free node, at least: nearer ones would need smaller steps
-TANGENT_SHARE = 1e-3  # of a node spacing, either side of a clamp: where its direction is taken from
 GRIP_CLEARANCE = 0.05  # loops of wire that a lens must keep from a grip, or its clasp is left out
 
 
@@ -88,79 +84,6 @@ class Panel:
 
 
 @dataclass(frozen=True)
-class _Strands:
-    """Copies of the threads and which stretch of them is which wire.
-
-    A strand is thread t in column c of repeats; its nodes are counted by K = row * nodes[t] + k with k in one period.
-    """
-
-    columns: np.ndarray  # [column] columns of repeats that are kept
-    rows: np.ndarray  # [row]
-    closed: bool
-    thread: np.ndarray  # [wire]
-    column: np.ndarray  # [wire]
-    begin: np.ndarray  # [wire] K of its first node
-    count: np.ndarray  # [wire] nodes
-    arc_begin: np.ndarray  # [wire] [m] where the wire begins and ends on its strand
-    arc_end: np.ndarray  # [wire] [m]
-
-    def wire(self, thread: np.ndarray, column: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """Wire (...) that holds the stretch from arc `low` to `high` [m] of strands (thread, column), -1 where none does."""
-        if self.closed:
-            return np.mod(column, len(self.columns)) * (self.thread.max() + 1) + thread
-        # wires and stretches on one line: strand after strand, farther apart than any strand is long
-        apart = 4.0 * max(np.abs(self.arc_begin).max(), np.abs(self.arc_end).max(), np.abs(low).max(), np.abs(high).max())
-        first = self.columns[0]
-        span = len(self.columns) + 4 * (1 + np.abs(column).max())
-
-        def place(t: np.ndarray, c: np.ndarray) -> np.ndarray:
-            return (t * span + c - first) * apart
-
-        starts = place(self.thread, self.column) + self.arc_begin
-        here = place(thread, column)
-        found = np.searchsorted(starts, here + low, side="right") - 1
-        ends = place(self.thread, self.column) + self.arc_end
-        return np.where((found >= 0) & (here + high <= ends[found]), found, -1)
-
-
-def _closed_strands(cloth: Cloth, table: Table, repeats: tuple[int, int]) -> _Strands:
-    threads = len(table.nodes)
-    columns = np.arange(repeats[0])
-    thread = np.tile(np.arange(threads), repeats[0])
-    length = np.array([t.length for t in cloth.threads])[thread]
-    return _Strands(
-        columns=columns,
-        rows=np.arange(repeats[1]),
-        closed=True,
-        thread=thread,
-        column=np.repeat(columns, threads),
-        begin=np.zeros(len(thread), dtype=np.int64),
-        count=table.nodes[thread] * repeats[1],
-        arc_begin=np.zeros(len(thread)),
-        arc_end=length * repeats[1],
-    )
-
-
-def _cut_strands(cloth: Cloth, table: Table, outline: Outline) -> _Strands:
-    """Wires inside the outline: at either end two held nodes, the inner one next to the clamp, before or behind it."""
-    cut = cut_cloth(cloth, outline)
-    spacing = table.spacing[cut.thread]
-    begin = np.ceil(cut.begin / spacing + NEAREST).astype(np.int64) - 2
-    last = np.floor(cut.end / spacing - NEAREST).astype(np.int64) + 2
-    return _Strands(
-        columns=cut.columns,
-        rows=cut.rows,
-        closed=False,
-        thread=cut.thread,
-        column=cut.column,
-        begin=begin,
-        count=last - begin + 1,
-        arc_begin=cut.begin,
-        arc_end=cut.end,
-    )
-
-
-@dataclass(frozen=True)
 class _Bodies:
     """Bodies that are kept, with their pairs; arrays over [body] or [body, 2]."""
 
@@ -175,7 +98,7 @@ class _Bodies:
     strand_column: np.ndarray  # [body, 2]
 
 
-def _place_bodies(cloth: Cloth, table: Table, strands: _Strands, slack: float, clearance: float) -> _Bodies:
+def _place_bodies(cloth: Cloth, table: Table, strands: Strands, slack: float, clearance: float) -> _Bodies:
     """All copies of the clasps whose lens lies whole on wires that are there, `clearance` [m] of wire from any grip.
 
     `slack` [m] is how far a contact may slide beyond its lens along the wire.
@@ -243,13 +166,13 @@ def build_panel(
     notes: list[str] = []
     if outline is None:
         low, middle = np.zeros(2), 0.5 * size
-        strands = _closed_strands(cloth, table, repeats)
+        strands = closed_strands(cloth, table, repeats)
     else:
         # an opening sits in the middle, so that its rhombus is as far from the grips as it can be
         middle = np.zeros(2) if cloth.rhombus is None else np.array(cloth.rhombus.centre)
         outline = outline.shifted(middle)
         low, size = outline.low, outline.size
-        strands = _cut_strands(cloth, table, outline)
+        strands = cut_strands(cloth, table, outline)
     if not len(strands.thread):
         raise ModelError("panel.size: no wire runs through the outline: use a larger one")
     bodies = _place_bodies(cloth, table, strands, slack, GRIP_CLEARANCE * cloth.stitch_length)
@@ -292,9 +215,9 @@ def build_panel(
         ],
         axis=2,
     )
-    grips = _no_clamps(len(used))
+    grips = no_clamps(len(used))
     if not strands.closed:
-        grips = _clamps(cloth, table, strands, used, first, set_fraction)
+        grips = clamps(cloth, table, strands, used, first, set_fraction)
     return Panel(
         size=size,
         low=low,
@@ -336,83 +259,8 @@ def _as32(a: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(a, dtype=np.int32)
 
 
-@dataclass(frozen=True)
-class _Grips:
-    """Two clamps a wire and what they hold."""
-
-    node: np.ndarray  # [held]
-    lever: np.ndarray  # [held, 2] [m]
-    position: np.ndarray  # [clamp, 2] [m]
-    numbers: np.ndarray  # [wire, 2, CLAMP_NUMBERS]
-
-
-def _no_clamps(wires: int) -> _Grips:
-    return _Grips(np.zeros(0, int), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((wires, 2, clamp.CLAMP_NUMBERS)))
-
-
-def _clamps(
-    cloth: Cloth, table: Table, strands: _Strands, used: np.ndarray, first: np.ndarray, set_fraction: float
-) -> _Grips:
-    """The clamps of the wires that are kept; see kernels/clamp.py for their numbers."""
-    thread, begin, count = strands.thread[used], strands.begin[used], strands.count[used]
-    spacing = table.spacing[thread]
-    arc = np.stack([strands.arc_begin[used], strands.arc_end[used]], axis=1)
-    # the clamp, points a little before and behind it, and the five nodes at its end of the wire, the outermost first
-    inward = np.array([1, -1])
-    local = np.stack([np.zeros_like(count), count - 1], axis=1)[:, :, None] + inward[:, None] * np.arange(5)
-    node_arc = (begin[:, None, None] + local) * spacing[:, None, None]
-    apart = TANGENT_SHARE * spacing[:, None]
-    at = np.concatenate([np.stack([arc, arc - apart, arc + apart], axis=2), node_arc], axis=2)
-    place = np.zeros((*at.shape, 2))
-    for t, line in enumerate(cloth.threads):
-        here = thread == t
-        place[here] = ThreadCurve(line, cloth.size[1])(at[here].ravel())[:, :2].reshape(*at[here].shape, 2)
-    place[..., 0] += (strands.column[used] * cloth.size[0])[:, None, None]
-    centre, node = place[:, :, 0], place[:, :, 3:]
-    tangent = place[:, :, 2] - place[:, :, 1]
-    tangent /= np.linalg.norm(tangent, axis=2)[:, :, None]
-
-    # edges from the clamp inwards, and turned so that they run along the wire at both ends
-    edge = np.diff(np.concatenate([centre[:, :, None], node[:, :, 2:]], axis=2), axis=2) * inward[:, None, None]
-    length = np.linalg.norm(edge, axis=3)
-    turn = np.stack([_turn(tangent, edge[:, :, 0], inward), _turn(edge[:, :, 0], edge[:, :, 1], inward)], axis=2)
-    first_arc = np.abs(node_arc[..., 2] - arc)
-    hinge = np.stack([0.5 * first_arc, 0.5 * (first_arc + spacing[:, None])], axis=2)
-    # table entries [wire, end, hinge] of the two nodes
-    entry = np.mod(begin[:, None, None] + local[:, :, 1:3], table.nodes[thread][:, None, None])
-    entry += table.start[thread][:, None, None]
-    in_table = table.rest_turn[entry]
-    numbers = np.zeros((len(used), 2, clamp.CLAMP_NUMBERS))
-    lever = centre - node[:, :, 1]
-    numbers[..., [clamp.LEVER_X, clamp.LEVER_Y]] = -lever * inward[:, None]
-    numbers[..., [clamp.TANGENT_X, clamp.TANGENT_Y]] = tangent
-    numbers[..., clamp.LENGTH] = length[..., 0]
-    numbers[..., [clamp.ANGLE, clamp.NEXT_ANGLE]] = set_fraction * turn
-    numbers[..., [clamp.HINGE, clamp.NEXT_HINGE]] = table.hinge_length[entry] / hinge
-    own = (length[..., :1] / hinge) ** 2
-    beyond = (length[..., 1] / hinge[..., 1]) ** 2
-    numbers[..., [clamp.BOW_WEIGHT, clamp.NEXT_BOW_WEIGHT]] = own - 1.0
-    numbers[..., clamp.BEYOND_BOW_WEIGHT] = beyond - 1.0
-    numbers[..., clamp.BOW_CHANGE] = BOW * (own * turn**2 - in_table**2).sum(axis=2)
-    numbers[..., clamp.NEXT_BOW_CHANGE] = BOW * (beyond * turn[..., 1] ** 2 - in_table[..., 1] ** 2)
-    held = (first[:, None, None] + np.sort(local[:, :, :2], axis=2)).reshape(-1)
-    held_place = np.where((inward < 0)[:, None, None], node[:, :, 1::-1], node[:, :, :2])
-    return _Grips(
-        node=held,
-        lever=(held_place - centre[:, :, None]).reshape(-1, 2),
-        position=centre.reshape(-1, 2),
-        numbers=numbers,
-    )
-
-
-def _turn(a: np.ndarray, b: np.ndarray, inward: np.ndarray) -> np.ndarray:
-    """Turning angle [wire, end] [rad] from edge a to b (wire, end, 2) at the near end; from b to a at the far one."""
-    cross = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return np.arctan2(inward * cross, np.sum(a * b, axis=-1))
-
-
 def _central_rhombus(
-    cloth: Cloth, bodies: _Bodies, strands: _Strands, middle: np.ndarray, repeat: np.ndarray
+    cloth: Cloth, bodies: _Bodies, strands: Strands, middle: np.ndarray, repeat: np.ndarray
 ) -> np.ndarray:
     """Bodies (k,) round the complete opening whose centre is nearest to `middle` (2,) [m]; empty where none is complete."""
     if cloth.rhombus is None:
