@@ -67,8 +67,8 @@ def without_twist(mesh: SpatialMesh) -> SpatialMesh:
     return replace(mesh, rods=replace(mesh.rods, section=section))
 
 
-def with_high_crossings(mesh: SpatialMesh) -> SpatialMesh:
-    up, wires = np.array([1.0, 1.0, HIGH]), mesh.wires
+def with_high_crossings(mesh: SpatialMesh, height: float = HIGH) -> SpatialMesh:
+    up, wires = np.array([1.0, 1.0, height]), mesh.wires
     assert wires.line is not None
     line = CentreLine(wires.line.slope * up, wires.line.between * up)
     wires = replace(wires, points=tuple(points * up for points in wires.points), line=line)

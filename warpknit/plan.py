@@ -31,6 +31,7 @@ from .model.model import (
     required_memory,
 )
 from .model.numerics import Numbers, choose_numbers
+from .run.plane_limits import tight_loops
 from .scene import Scene
 from .scene.presets import PRESETS
 from .solve.prolongation import smaller_scene
@@ -146,13 +147,19 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         limited_by=mesh.limited_by,
         steps=steps,
         wall_s=time if name == "cpu" else None,
-        physics=tuple(physics_of(scene, mesh)),
+        physics=(*physics_of(scene, mesh), *_left_out(scene, cloth)),
         counted=counted,
         relaxes=scene.solver.drive == "relax",
         knit="" if cloth is None else _repeat(scene, cloth),
         sweep=_sweep(scene),
         accuracy=_accuracy(scene),
     )
+
+
+def _left_out(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
+    """What a planar run of this knit would not show."""
+    if cloth is not None and scene.model.kind == "planar":
+        yield from tight_loops(scene, cloth)
 
 
 def _accuracy(scene: Scene) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..measure.sliding import wires_slid
 from ..spatial.hook_contact import hook_contact
 from ..spatial.mesh import SpatialMesh
 from ..spatial.reading import SpatialReading
@@ -106,6 +107,7 @@ def stage_summary(record: SpatialRecord, rows: list[Row]) -> dict[str, Any]:
             "plastic_fraction": 0.0,
             "plastic_strain_max": 0.0,
             "axial_strain_max": float(np.abs(r.tension).max()) / mesh.rods.section.axial_stiffness,
+            "slid_max_m": wires_slid(r.moved, mesh.rods.wire_first) if panel.boundary == "periodic" else 0.0,
         },
         "mesh": {
             "tension_weft_N_per_m": weft,

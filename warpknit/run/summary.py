@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .. import __version__, measure
+from ..measure.sliding import wires_slid
 from ..model.model import Model
 from ..scene.presets import PRESETS
 from ..solve.simulate import Record
@@ -66,6 +67,7 @@ def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None 
             "plastic_fraction": plastic[0],
             "plastic_strain_max": plastic[1],
             "axial_strain_max": float(np.max(np.abs(measure.axial_strain(r)))),
+            "slid_max_m": wires_slid(r.u, model.panel.wire_first) if model.panel.boundary == "periodic" else 0.0,
         },
         "mesh": {
             "tension_weft_N_per_m": tension[0],

@@ -11,6 +11,7 @@ from ..model.model import Model
 from ..text import engineering
 from .cautions import cautions
 from .history import HookRow, Row
+from .plane_limits import slid_wires, tight_loops
 
 STEEP = 0.3  # slope from which its square is no longer small
 LEVELS_FOLLOWED = 4  # of a stage: with fewer the work along them is too rough to tell of a snap
@@ -33,6 +34,7 @@ def warnings_of(model: Model, rows: Sequence[Row], stages: Stages) -> list[str]:
         *_overstressed(model, rows, stages),
         *_compressed(model, rows),
         *cautions(model, list(rows)),
+        *_beyond_the_plane(model, stages),
         *_unevenly_pulled(model, stages),
         *_out_of_reach(stages),
         *_pressed_as_knitted(rows),
@@ -63,6 +65,13 @@ def _compressed(model: Model, rows: Sequence[Row]) -> Iterator[str]:
         if np.any(imposed & (np.array([row.strain_weft, row.strain_warp]) < SHORTER)):
             yield COMPRESSED[model.scene.model.kind]
             return
+
+
+def _beyond_the_plane(model: Model, stages: Stages) -> Iterator[str]:
+    """Whether wires in space may hook far sooner."""
+    if model.scene.model.kind == "planar" and model.cloth is not None:
+        yield from tight_loops(model.scene, model.cloth)
+        yield from slid_wires(model.scene, stages)
 
 
 def _unevenly_pulled(model: Model, stages: Stages) -> Iterator[str]:

@@ -168,6 +168,11 @@ class SpatialReading:
         return float(0.5 * np.sum(self.touching.force**2) / self.control[int(c.CONTACT_STIFFNESS)])
 
     @property
+    def moved(self) -> np.ndarray:
+        """(node, 2) [m] in the plane, from where the boundary carries the node by itself."""
+        return self.position[:, :2] - self.mesh.rods.position[:, :2] @ self.gradient.T
+
+    @property
     def kinetic_energy(self) -> float:
         """[J] of the last step."""
         return 0.5 * float(self.control[int(c.KINETIC_TWICE)])
@@ -202,8 +207,7 @@ class SpatialReading:
         rest = self.mesh.rods.position[:, :2] if panel.boundary == "periodic" else panel.clamp_position
         corner = np.append(f @ rest.min(axis=0), 0.0)
         position = self.position - corner
-        carried = self.mesh.rods.position[:, :2] @ f.T
-        moved = (self.position[:, :2] - carried)[self.mesh.site_node].mean(axis=1)
+        moved = self.moved[self.mesh.site_node].mean(axis=1)
         body = (panel.body_rest + panel.body_origin) @ f.T - corner[:2] + moved
         height = position[self.mesh.site_node, 2].mean(axis=1)
         return Frame(

@@ -1,0 +1,55 @@
+"""How wide the lens of a clasp is where its wires first touch in space.
+
+A planar model lets two hooked wires come together until their lens is as wide as its bodies say. In space they pass over each
+other at one end of the lens and under at the other, and touch there first: the nearer the heights change, and the shorter the
+lens is against the wire, the wider it still is. Here one wire is moved towards the other as both are knitted, without bending.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .clasps import Arm, Clasp
+from .cloth import Cloth
+
+PARTS = 4  # of the diameter, between the points that are compared
+
+
+def lens_widths(cloth: Cloth, diameter: float) -> NDArray[np.float64]:
+    """(clasp, 2) [m] plan distance of the two wires of each clasp as knitted, and where wires of a diameter [m] first touch;
+    one diameter, where they would slide past each other."""
+    return np.array([_widths(cloth, clasp, diameter) for clasp in cloth.clasps]).reshape(-1, 2)
+
+
+def way_left(cloth: Cloth, diameter: float, closing: float) -> float:
+    """The least share, over all clasps, of the way to a lens of the width `closing` [m] that wires in space have gone where they
+    first touch: 1 where none touch before."""
+    width, touching = lens_widths(cloth, diameter).T
+    early = (touching > closing) & (width > touching)
+    return float(np.min((width - touching)[early] / (width - closing)[early], initial=1.0))
+
+
+def _widths(cloth: Cloth, clasp: Clasp, diameter: float) -> tuple[float, float]:
+    one, two = (_points(cloth, arm, diameter) for arm in clasp.arms)
+    nearest = [points[np.argmin(np.hypot(*(points[:, :2] - clasp.position).T))] for points in (one, two)]
+    way = (nearest[0] - nearest[1]) * [1.0, 1.0, 0.0]
+    width = float(np.linalg.norm(way))
+    if width <= diameter:
+        return width, diameter
+    # moved by t along the way, a point of the second wire is within a diameter of one of the first where |along - t| < root
+    apart = one[:, None, :] - two[None, :, :]
+    along = apart @ (way / width)
+    root = np.sqrt((diameter**2 - np.sum(apart**2, axis=2) + along**2).clip(0.0))
+    ahead = (root > 0.0) & (along > 0.0)
+    moved = np.min((along - root)[ahead].clip(0.0), initial=width - diameter)
+    return width, width - float(moved)
+
+
+def _points(cloth: Cloth, arm: Arm, diameter: float) -> NDArray[np.float64]:
+    """(k, 3) [m] of the wire of an arm along its lens."""
+    points = cloth.threads[arm.thread].stretch(arm.arc_low, arm.arc_high, cloth.size[1])
+    points = points + [arm.column * cloth.size[0], 0.0, 0.0]
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    even = np.linspace(0.0, length[-1], 2 + int(PARTS * length[-1] / diameter))
+    return np.stack([np.interp(even, length, points[:, k]) for k in range(3)], axis=1)
