@@ -20,8 +20,8 @@ def tight_loops(scene: Scene, cloth: Cloth) -> Iterator[str]:
     share = way_left(cloth, wire.thickness, wire.thickness + 2.0 * scene.model.body_radius)
     if share < EARLY:
         yield (
-            f"tight loops: moved together as knitted, wires touch in space after {share:.0%} of the way that they have to go in the"
-            f" plane, so they hook sooner and carry more; {INSTEAD}"
+            f"tight loops: moved together as knitted, wires touch in space after {share:.0%} of the way that they have to go in"
+            f" the plane, so they hook sooner and carry more; {INSTEAD}"
         )
 
 
