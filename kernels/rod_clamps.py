@@ -1,7 +1,8 @@
 """Clamps that move while a load comes on, and clamps that slide, of rods.
 
 A clamp holds two nodes and keeps their direction. One at rest position c moves as F c, so that a node of it at rest position X
-has the displacement (I - F)(X - c) from where the load carries X. Where a clamp slides along the warp, one rigid body of both
+has the displacement (f - F)(X - c) from where the load carries X, f being the length factor of the wires. Where a clamp slides
+along the warp, one rigid body of both
 nodes has the sum of their masses and feels the sum of their forces there,
 
     v' = a v + b (f_1 + f_2)/(m_1 + m_2)        u' = u + dt (v' + g (v' - v))
@@ -11,7 +12,7 @@ with the factors of control.py. What it takes up is not out of balance; across, 
 
 import warp as wp
 
-from .control import FORCE_FACTOR, GRADIENT, LOOK_AHEAD, STATUS, STATUS_RUNNING, TIME_STEP, VELOCITY_FACTOR
+from .control import FORCE_FACTOR, GRADIENT, LENGTH_FACTOR, LOOK_AHEAD, STATUS, STATUS_RUNNING, TIME_STEP, VELOCITY_FACTOR
 from .rod_step import NODE_BLOCK
 
 
@@ -36,7 +37,7 @@ def move_clamps(
     s = wp.tid()
     if control[STATUS] != STATUS_RUNNING:
         return
-    one = wp.float64(1.0)
+    grown = control[LENGTH_FACTOR]
     dt = control[TIME_STEP]
     a = clamp_node[s, 0]
     b = clamp_node[s, 1]
@@ -60,8 +61,8 @@ def move_clamps(
         i = clamp_node[s, k]
         lever = clamp_lever[s, k]
         was = displacement[i]
-        x = (one - control[GRADIENT]) * lever[0] - control[GRADIENT + 1] * lever[1]
-        y = (one - control[GRADIENT + 3]) * lever[1] - control[GRADIENT + 2] * lever[0]
+        x = (grown - control[GRADIENT]) * lever[0] - control[GRADIENT + 1] * lever[1]
+        y = (grown - control[GRADIENT + 3]) * lever[1] - control[GRADIENT + 2] * lever[0]
         if clamp_slides[s] != 0:
             y = was[1] + slide
         displacement[i] = wp.vec3d(x, y, was[2])

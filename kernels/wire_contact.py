@@ -1,7 +1,7 @@
 """Contact of round wires: penalty with damping, and Coulomb friction with a memory of where a contact sticks.
 
 At the closest points p and q of two curves (wire_curve.py), with n from q to p, the wires overlap by o = r_p + r_q - |p - q|,
-r their radii, and
+r their radii, which grow with temperature as the wires do, and
 
     N = max(0, k o + c do/dt)                     pushes p along n and q back
     z' = z + dt v_t    T = - k_t z    |T| <= mu N   friction, where z is cut back when it would exceed its limit
@@ -19,7 +19,7 @@ together to be one, they share its force.
 
 import warp as wp
 
-from .control import CONTACT_STIFFNESS, STATUS, STATUS_RUNNING, TIME_STEP, TRAVEL
+from .control import CONTACT_STIFFNESS, LENGTH_FACTOR, STATUS, STATUS_RUNNING, TIME_STEP, TRAVEL
 from .rod_frames import carried
 from .wire_curve import (
     Nodes,
@@ -207,13 +207,14 @@ def find_wire_contacts(
     q = stencil(j, previous, following, position, length, tangent)
     moved = carried(pair_shift[pair], control)
     q = q + wp.matrix_from_rows(moved, moved, moved, moved)
-    touch = node_radius[i] + node_radius[j]
+    grown = control[LENGTH_FACTOR]
+    touch = grown * (node_radius[i] + node_radius[j])
     start = closest_on_chords(row(p, 1), row(p, 2), row(q, 1), row(q, 2))
     chords = row(p, 1) + start[0] * (row(p, 2) - row(p, 1)) - row(q, 1) - start[1] * (row(q, 2) - row(q, 1))
-    if wp.length(chords) > reach * touch + sag(p, rest_bulge[i]) + sag(q, rest_bulge[j]):
+    if wp.length(chords) > reach * touch + sag(p, grown * rest_bulge[i]) + sag(q, grown * rest_bulge[j]):
         return
-    shape_p = rest_shape(i, previous, following, rest_slope, rest_bump, tangent, director)
-    shape_q = rest_shape(j, previous, following, rest_slope, rest_bump, tangent, director)
+    shape_p = grown * rest_shape(i, previous, following, rest_slope, rest_bump, tangent, director)
+    shape_q = grown * rest_shape(j, previous, following, rest_slope, rest_bump, tangent, director)
     curve_p = curve_through(p, shape_p)
     curve_q = curve_through(q, shape_q)
     places = closest_places(curve_p, curve_q, start, touch, reach * touch)
@@ -273,8 +274,8 @@ def find_wire_contacts(
         couple_p = wp.vec3d()
         couple_q = wp.vec3d()
         if friction > zero:
-            lever_p = -(node_radius[i] / touch) * r
-            lever_q = (node_radius[j] / touch) * r
+            lever_p = -(grown * node_radius[i] / touch) * r
+            lever_q = (grown * node_radius[j] / touch) * r
             rate_p = section_rate(i, row(velocity_p, 2) - row(velocity_p, 1), length, tangent, spin)
             rate_q = section_rate(j, row(velocity_q, 2) - row(velocity_q, 1), length, tangent, spin)
             over = apart_speed + wp.cross(rate_p, lever_p) - wp.cross(rate_q, lever_q)

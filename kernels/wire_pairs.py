@@ -8,7 +8,7 @@ not push themselves apart. The list is counted before it is filled, and so never
 
 import warp as wp
 
-from .control import GRADIENT
+from .control import GRADIENT, LENGTH_FACTOR
 from .rod_frames import carried
 from .wire_curve import closest_on_chords, row, sag, stencil
 
@@ -132,7 +132,8 @@ def find_segment_pairs(
     p = stencil(i, previous, following, position, length, tangent)
     p1 = row(p, 1)
     p2 = row(p, 2)
-    bulge = sag(p, rest_bulge[i])
+    grown = control[LENGTH_FACTOR]
+    bulge = sag(p, grown * rest_bulge[i])
     half = wp.float64(0.5)
     middle = half * (p1 + p2)
     query = wp.hash_grid_query(grid, place[i], hash_radius)
@@ -147,7 +148,7 @@ def find_segment_pairs(
         moved = carried(shift, control)
         q1 = q1 + moved
         q2 = q2 + moved
-        touch = node_radius[i] + node_radius[j]
+        touch = grown * (node_radius[i] + node_radius[j])
         reach = touch + margin
         longest = half * (length[i] + length[j]) + reach + bulge
         if wp.length(middle - half * (q1 + q2)) > longest + most_sag * length[j]:
@@ -161,7 +162,7 @@ def find_segment_pairs(
         gap = wp.length(p1 + near[0] * (p2 - p1) - q1 - near[1] * (q2 - q1)) - bulge
         if gap > reach + most_sag * length[j]:
             continue
-        gap -= sag(stencil(j, previous, following, position, length, tangent), rest_bulge[j])
+        gap -= sag(stencil(j, previous, following, position, length, tangent), grown * rest_bulge[j])
         if gap > reach:
             continue
         if is_filling != 0:

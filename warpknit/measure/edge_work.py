@@ -7,9 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import whole
-from .reading import Reading
-
 
 class EdgeWork:
     """Keeps the account over the records of a run."""
@@ -18,13 +15,13 @@ class EdgeWork:
         self._work = 0.0
         self._last: list[np.ndarray] = []  # forces [N], displacements [m], warmth forces [J], warmth
 
-    def account(self, reading: Reading) -> float:
-        """[J] since the first record, this one included."""
-        now = [whole.edge_force(reading), reading.clamp_shift, whole.warmth_force(reading), reading.warmth]
+    def account(self, *pushed: tuple[np.ndarray, np.ndarray]) -> float:
+        """[J] since the first record, this one included: by forces and what they move, such as [N] and [m], of equal shapes."""
+        now = [values for pair in pushed for values in pair]
         if self._last:
-            for force, place in ((0, 1), (2, 3)):
+            for force in range(0, len(now), 2):
                 mean = 0.5 * (now[force] + self._last[force])
-                self._work += float(np.sum(mean * (now[place] - self._last[place])))
+                self._work += float(np.sum(mean * (now[force + 1] - self._last[force + 1])))
         self._last = now
         return self._work
 
@@ -35,4 +32,4 @@ class EdgeWork:
     def recall(self, kept: dict[str, np.ndarray]) -> None:
         """Put back what `memory` returned."""
         self._work = float(kept["edge_work"])
-        self._last = [kept[f"edge_work_{k}"] for k in range(4) if f"edge_work_{k}" in kept]
+        self._last = [kept[f"edge_work_{k}"] for k in range(len(kept)) if f"edge_work_{k}" in kept]

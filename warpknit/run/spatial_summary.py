@@ -48,7 +48,7 @@ def _mesh_row(record: SpatialRecord) -> Row:
         energy_contact_J=r.contact_energy,
         energy_kinetic_J=r.kinetic_energy,
         work_J=0.0,
-        edge_work_J=0.0,
+        edge_work_J=record.edge_work,
         dissipated_J=0.0,
         residual=r.residual,
         penetration=r.penetration,

@@ -32,7 +32,5 @@ def refuse_unsupported(source: Source, file: SceneFile) -> None:
     for place, stage in ((("load",), file.load), *((("path", k), stage) for k, stage in enumerate(file.path))):
         if stage.pull:
             raise source.refusal((*place, "pull"), "a pull", f"left out {WITH}")
-        if stage.temperature_gradient is not None and any(stage.temperature_gradient):
-            raise source.refusal((*place, "temperature_gradient"), list(stage.temperature_gradient), f"left out {WITH}")
         if stage.clamp_rotation:
             raise source.refusal((*place, "clamp_rotation"), stage.clamp_rotation, f"left out {WITH}")

@@ -224,13 +224,20 @@ class Drive(ABC):
             work=work,
             dissipated=self.dissipated,
             left_out=self.left_out,
-            edge_work=self.edge_work.account(reading) if self.edge_work is not None else 0.0,
+            edge_work=self._account_edge(reading),
             stations=self.stations,
             reading=reading,
         )
         progress.records += 1
         progress.level += 1
         return record
+
+    def _account_edge(self, reading: measure.Reading) -> float:
+        """[J] put in so far by what differs from place to place."""
+        if self.edge_work is None:
+            return 0.0
+        clamps = measure.edge_force(reading), reading.clamp_shift
+        return self.edge_work.account(clamps, (measure.warmth_force(reading), reading.warmth))
 
     def _set_ramp(self, target: LoadPoint, steps: int) -> None:
         """Aim at a load; with no steps it is there at once."""

@@ -74,10 +74,10 @@ class SpatialMesh:
         place = np.rint(self.wires.site_seed).astype(np.int64)
         return self.rods.wire_first[wire] + np.clip(place, 0, self.rods.wire_count[wire] - 1)
 
-    def held_shift(self, gradient: np.ndarray) -> np.ndarray:
+    def held_shift(self, gradient: np.ndarray, length_factor: float = 1.0) -> np.ndarray:
         """(held, 2) [m] displacement of held nodes from the affinely carried place: their clamp is carried, they keep its
-        direction."""
-        return self.wires.held_lever @ (np.eye(2) - gradient).T
+        direction, and their distance from it grows as the wire does."""
+        return self.wires.held_lever @ (length_factor * np.eye(2) - gradient).T
 
     def layout(self) -> WireLayout:
         """How the wires are laid out, for the exports; a place where wires hook each other stands for a body."""

@@ -17,6 +17,7 @@ from ..measure.whole import INTERIOR
 from .contact import TouchingPairs, WireContact
 from .mesh import SpatialMesh
 from .rest import Rest
+from .rest_curve import offsets_at
 from .sites import NOWHERE, Sites
 
 NEAR = 1.25  # thicknesses: the distance of centre lines at which the paper takes a contact for active
@@ -38,6 +39,8 @@ class SpatialReading:
     force: np.ndarray  # (node, 3) [N] out of balance
     stretch_energy: float  # [J] with true stiffness
     bend_energy: float  # [J] bending and twist
+    contact_growth: float  # [J] derivative of the energy of contact by the length factor: wires grow thicker, and what is curved
+    warmth: np.ndarray  # [node] excess of the length factor of the segments over that of the middle, relative
     touching: TouchingPairs  # contacts with a force
     near: TouchingPairs  # contacts closer than NEAR
 
@@ -135,7 +138,15 @@ class SpatialReading:
         """[J] derivative of the energy by the length factor of the wires."""
         rods, ea = self.mesh.rods, self.mesh.rods.section.axial_stiffness
         pull = np.where(rods.following >= 0, rods.natural_length * (self.tension + 0.5 * self.tension**2 / ea), 0.0)
-        return float(-pull.sum() - self.bend_energy / self.length_factor)
+        held = self.mesh.wires.held_node
+        clamped = float(np.sum(self.force[held, :2] * self.mesh.wires.held_lever))
+        return float(-pull.sum() - self.bend_energy / self.length_factor) + self.contact_growth - clamped
+
+    @property
+    def warmth_force(self) -> np.ndarray:
+        """[node] [J] derivative of the energy by the warmth of the segments."""
+        rods = self.mesh.rods
+        return np.where(rods.following >= 0, -self.tension * rods.natural_length * self.length_factor, 0.0)
 
     @property
     def stress(self) -> np.ndarray:
@@ -239,6 +250,7 @@ def read(mesh: SpatialMesh, sites: Sites, rest: Rest, contact: WireContact) -> S
     twisted = share * (state.twist.numpy() - stepper.arrays.natural_twist.numpy())
     tension = rest.tension()
     length = np.where(rods.following >= 0, rods.natural_length * factor, 0.0)
+    touching = contact.near()
     hinge = section.bending_stiffness * np.sum(bent**2, axis=1) + section.twist_stiffness * twisted**2
     return SpatialReading(
         mesh=mesh,
@@ -250,8 +262,22 @@ def read(mesh: SpatialMesh, sites: Sites, rest: Rest, contact: WireContact) -> S
         twist_change=twisted,
         segment_force=stepper.segment_forces(),
         force=state.force.numpy().copy(),
-        stretch_energy=float(np.sum(0.5 * tension**2 * length / section.axial_stiffness)),
+        stretch_energy=float(np.sum((0.5 * tension**2 * length / section.axial_stiffness)[rest.stretches])),
         bend_energy=float(np.sum(0.5 * hinge * rods.node_length * factor)),
-        touching=contact.near(),
+        contact_growth=_contact_growth(mesh, touching, state.tangent.numpy(), state.director.numpy()),
+        warmth=rest.warmth,
+        touching=touching,
         near=contact.near((NEAR - 1.0) * section.thickness),
     )
+
+
+def _contact_growth(mesh: SpatialMesh, t: TouchingPairs, tangent: np.ndarray, director: np.ndarray) -> float:
+    """[J] N (r_p + r_q - n . (a_p - a_q)) over all contacts, a being what sections carry of the curve there as knitted."""
+    if not len(t.force):
+        return 0.0
+    rods = mesh.rods
+    own, other = (
+        offsets_at(rods, mesh.curve, tangent, director, node, t.place[:, k]) for k, node in enumerate((t.first, t.second))
+    )
+    thick = rods.wire_radius[rods.wire_of[t.first]] + rods.wire_radius[rods.wire_of[t.second]]
+    return float(np.sum(t.force * (thick - np.sum(t.normal * (own - other), axis=1))))

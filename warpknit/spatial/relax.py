@@ -17,6 +17,7 @@ import numpy as np
 
 from ..errors import Diverged, ModelError
 from ..kernels import control as c
+from ..measure.edge_work import EdgeWork
 from ..scene import Stage
 from ..solve.drive import LoadStart, Progress
 from ..solve.tension import MOST_STATES
@@ -29,6 +30,7 @@ from .rod_arrays import RodState
 from .rod_step import RodStepper
 from .sites import Sites
 from .steadiness import AXIAL_ERROR, Steadiness, tension_scale
+from .warmth import segment_warmth
 
 MASS_LOOKS = 20  # looks between renewals of the fictitious masses
 LEVEL_STEPS = 500_000  # of a level after which it counts as never steady, where the scene gives no max_steps
@@ -49,6 +51,7 @@ class SpatialRecord:
     load_factor: float
     temperature: float  # [K]
     steps: int
+    edge_work: float  # [J] put in by what differs from place to place: uneven warmth
     reading: SpatialReading
 
 
@@ -80,6 +83,7 @@ class SpatialRelaxation:
         wave = 2.0 * math.pi / (SLOWEST_WAVE * mesh.loop_length)
         self.rest.slowest = 2.0 * math.sqrt(mesh.bending_stiffness * wave**4 * self.rest.spacing / mass)
         self.steadiness = Steadiness(mesh, self.rest, self.contact)
+        self.edge_work = EdgeWork()
         self.notes: list[str] = []  # what the user should know
         self._before: tuple[np.ndarray, np.ndarray] | None = None  # gradient and displacement of the level before
 
@@ -123,7 +127,7 @@ class SpatialRelaxation:
 
     def memory(self) -> dict[str, np.ndarray]:
         """What a checkpoint needs beside the state and the progress."""
-        kept = {"notes": np.array(json.dumps(self.notes))} | self.contact.memory() | self.rest.memory()
+        kept = {"notes": np.array(json.dumps(self.notes))} | self.contact.memory() | self.rest.memory() | self.edge_work.memory()
         if self._before is not None:
             kept |= {"gradient_before": self._before[0], "displacement_before": self._before[1]}
         return kept
@@ -133,6 +137,7 @@ class SpatialRelaxation:
         self.notes = json.loads(str(kept["notes"]))
         self.contact.recall(kept)
         self.rest.recall(kept)
+        self.edge_work.recall(kept)
         if "gradient_before" in kept:
             self._before = kept["gradient_before"].copy(), kept["displacement_before"].copy()
 
@@ -196,6 +201,13 @@ class SpatialRelaxation:
         before = self.progress.start.temperature
         return before + self.progress.load_factor * (stage.temperature - before)
 
+    def _warmth(self, stage: Stage) -> np.ndarray:
+        """[node] of the segments at the load factor (Rest.warm)."""
+        index, factor = self.progress.stage_index, self.progress.load_factor
+        before = np.array(self.scene.stages[index - 1].temperature_gradient if index else (0.0, 0.0))
+        slope = before + factor * (np.array(stage.temperature_gradient) - before)
+        return segment_warmth(self.mesh, self._temperature(stage), slope)
+
     def _parts(self, begin: np.ndarray, end: np.ndarray) -> int:
         """Steady states on the way from one level to the next."""
         if self.scene.contact.friction == 0.0:
@@ -224,13 +236,13 @@ class SpatialRelaxation:
     def _bring_to_rest(self, stage: Stage) -> None:
         """Go to the load of `progress`, or on with one that was begun, to the strains that carry the tensions wanted."""
         if not self.progress.settling:
-            self._begin_level(self._gradient(stage, self.progress.load_factor), self._temperature(stage))
+            self._begin_level(stage, self._gradient(stage, self.progress.load_factor))
         self._settle()
         if np.array(stage.by_tension).any():
             self._find_tension(stage)
         self.progress.settling = False
 
-    def _begin_level(self, gradient: np.ndarray, temperature: float) -> None:
+    def _begin_level(self, stage: Stage, gradient: np.ndarray) -> None:
         """Put a load on, and move the mesh to where the last two levels point."""
         before = self.state.gradient
         displacement = self.state.displacement.numpy().copy()
@@ -246,19 +258,20 @@ class SpatialRelaxation:
             displacement = displacement + move * min(1.0, most / max(furthest, 1e-300))
         self._before = (before, kept)
         self.progress.search.begin_level()
-        self._set_load(gradient, temperature, displacement)
+        self._set_load(stage, gradient, displacement)
 
-    def _set_load(self, gradient: np.ndarray, temperature: float, displacement: np.ndarray) -> None:
+    def _set_load(self, stage: Stage, gradient: np.ndarray, displacement: np.ndarray) -> None:
         """Have a load come on, from displacements (node, 3) [m]."""
         wire = self.scene.wire
-        factor = 1.0 + wire.expansion * (temperature - wire.reference_temperature)
+        factor = 1.0 + wire.expansion * (self._temperature(stage) - wire.reference_temperature)
+        self.rest.warm(self._warmth(stage))
         before = self.state.gradient
         now = self.state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 5].tolist()
         then = [*gradient.ravel().tolist(), factor]
         ramp = {int(c.FROM) + k: now[k] for k in range(5)} | {int(c.TO) + k: then[k] for k in range(5)}
         self.state.write_control(ramp | {int(c.RAMP_STEP): 0.0, int(c.RAMP_STEPS): float(RAMP_STEPS)})
         if self.clamps is None:
-            displacement[self.mesh.wires.held_node, :2] = self.mesh.held_shift(gradient)
+            displacement[self.mesh.wires.held_node, :2] = self.mesh.held_shift(gradient, factor)
         self.state.displacement.assign(displacement)
         self.rest.begin()
         self.contact.expect(float(np.abs(gradient - before).max()))
@@ -284,7 +297,7 @@ class SpatialRelaxation:
                 )
             gradient = reading.gradient.copy()
             gradient[np.diag_indices(2)] = np.where(driven, 1.0 + following, np.diag(gradient))
-            self._set_load(gradient, self._temperature(stage), self.state.displacement.numpy().copy())
+            self._set_load(stage, gradient, self.state.displacement.numpy().copy())
             self._settle()
 
     # --- to rest
@@ -327,13 +340,15 @@ class SpatialRelaxation:
     def _record(self, stage: Stage, factor: float) -> SpatialRecord:
         progress = self.progress
         progress.load_factor = factor
+        reading = self._reading()
         record = SpatialRecord(
             index=progress.records,
             stage=stage.name,
             load_factor=factor,
             temperature=self._temperature(stage),
             steps=progress.steps,
-            reading=self._reading(),
+            edge_work=self.edge_work.account((reading.warmth_force, reading.warmth)),
+            reading=reading,
         )
         progress.records += 1
         progress.level += 1

@@ -9,7 +9,8 @@ Segments may be softer than they are in truth: a running multiplier moves toward
 
     T = offset + K (|e|/L - 1)        offset -> offset + RATE K (strain of the arc - T/EA)
 
-What is to have the strain T/EA is the arc of a segment and not its chord (kernels/rod_bend.py).
+What is to have the strain T/EA is the arc of a segment and not its chord (kernels/rod_bend.py), over its natural length where it
+is (`warm`).
 """
 
 from __future__ import annotations
@@ -66,6 +67,8 @@ class Rest:
         stepper.set_time_step(1.0, FIRST_DAMPING, LOOK_AHEAD)
         stepper.evaluate()
         self.keeps_arcs = softening != 1.0
+        self.warmth = np.zeros(rods.node_count)  # [node] of the segments, see `warm`
+        self._has_multipliers = softening != 1.0
         self._bow_at_rest = self._bow() if self.keeps_arcs else np.zeros(rods.node_count)
         state.write_control({c.BOW_MOMENT: 2.0 * float(BOW) if self.keeps_arcs else 0.0})
         self.spacing = spacing = float(rods.natural_length[self.has_segment].min())
@@ -73,6 +76,12 @@ class Rest:
         state.write_control({c.DRIVE: 0.0, c.STEP_LIMIT: spacing})
         self.take_masses()
         self._last: tuple[np.ndarray, np.ndarray] | None = None
+
+    def warm(self, warmth: np.ndarray) -> None:
+        """Have the natural lengths of the segments exceed those of the length factor by `warmth` [node], relative. The running
+        multipliers bring that into their tensions."""
+        self.warmth = warmth
+        self._has_multipliers |= bool(warmth.any())
 
     def take_masses(self) -> None:
         """Renew the fictitious masses for the turns and tensions as they are; speeds stay."""
@@ -149,16 +158,19 @@ class Rest:
 
     def stretch_error(self) -> float:
         """Largest difference between strain and T/EA: what the softening still does."""
-        error = self.arc_strain() - self.tension() / self.stepper.rods.section.axial_stiffness
-        return float(np.abs(error[self.stretches]).max(initial=0.0))
+        return float(np.abs(self._overstretched()[self.stretches]).max(initial=0.0))
+
+    def _overstretched(self) -> np.ndarray:
+        """[node] strain of the segments, less T/EA."""
+        strain = (self.arc_strain() - self.warmth) / (1.0 + self.warmth)
+        return strain - self.tension() / self.stepper.rods.section.axial_stiffness
 
     def look(self) -> None:
         """Take in the state: renew damping and multipliers."""
         stepper, state = self.stepper, self.stepper.state
         stepper.evaluate()
-        if self.softening != 1.0:
-            error = self.arc_strain() - self.tension() / stepper.rods.section.axial_stiffness
-            offset = state.tension_offset.numpy() + MULTIPLIER_RATE * self.stretch * error
+        if self._has_multipliers:
+            offset = state.tension_offset.numpy() + MULTIPLIER_RATE * self.stretch * self._overstretched()
             state.tension_offset.assign(np.where(self.stretches, offset, 0.0))
         mass, moved = state.node_mass.numpy()[self.free], state.displacement.numpy()[self.free]
         if self.clamps is not None:
@@ -187,7 +199,7 @@ class Rest:
 
     def memory(self) -> dict[str, np.ndarray]:
         """What a checkpoint needs beside the state of the rods."""
-        kept = {"speed_limit": np.array(self.speed_limit)}
+        kept = {"speed_limit": np.array(self.speed_limit), "warmth": self.warmth}
         if self._last is not None:
             kept |= {"rest_moved": self._last[0], "rest_pushed": self._last[1]}
         return kept if self.clamps is None else kept | {"clamp_velocity": self.clamps.velocity.numpy().copy()}
@@ -195,6 +207,7 @@ class Rest:
     def recall(self, kept: dict[str, np.ndarray]) -> None:
         """Put back what `memory` returned."""
         self.speed_limit = float(kept["speed_limit"])
+        self.warm(kept["warmth"])
         self._last = (kept["rest_moved"], kept["rest_pushed"]) if "rest_moved" in kept else None
         if self.clamps is not None:
             self.clamps.velocity.assign(kept["clamp_velocity"])

@@ -47,6 +47,26 @@ def catmull_rom(rods: Rods) -> RestCurve:
     )
 
 
+def offsets_at(
+    rods: Rods, curve: RestCurve, tangent: np.ndarray, director: np.ndarray, node: np.ndarray, place: np.ndarray
+) -> np.ndarray:
+    """(contact, 3) [m] what sections carry of the curve at places 0 .. 1 on the segments behind nodes, sections standing as
+    tangent and director (node, 3) have them."""
+    before, after = rods.previous[node], rods.following[node]
+    has_before, has_more = (before >= 0)[:, None], (rods.following[after] >= 0)[:, None]
+
+    def across(section: np.ndarray, one: np.ndarray) -> np.ndarray:
+        d1 = director[section]
+        return one[:, :1] * d1 + one[:, 1:] * np.cross(tangent[section], d1)
+
+    first, second, bump = 0.5 * curve.slope[node], 0.5 * curve.slope[after], curve.bump[node]
+    begin = across(node, first) + np.where(has_before, across(before, first), 0.0)
+    end = across(node, second) + np.where(has_more, across(after, second), 0.0)
+    s = place[:, None]
+    own = across(node, bump[:, :2]) + s * across(node, bump[:, 2:])
+    return s * (1 - s) ** 2 * begin + s * s * (s - 1) * end + (s * (1 - s)) ** 2 * own
+
+
 def fit_rest_curve(rods: Rods, line: CentreLine) -> RestCurve:
     """The curve that is the centre line at rest, as nearly as it can."""
     before, after, edge = rods.previous, rods.following, rods.rest_edge

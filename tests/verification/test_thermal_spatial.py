@@ -1,0 +1,143 @@
+"""Heat in space: uniform, by the length factor of the wires, and uneven, by lengths of their own.
+
+    straight wire between two grips, segments with warmth w:    T = EA (1/mean(1 + w) - 1)
+    everything f times as large, wires heated by as much:       overlaps f times as large, bending forces 1/f^2
+    any state:                                                  the thermal force is the derivative of the energy by f
+"""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from verification.rods import SECTION
+
+from warpknit.kernels import control as c
+from warpknit.run.run import run_scene
+from warpknit.scene import load_scene
+from warpknit.spatial.mesh import build_mesh
+from warpknit.spatial.reading import read
+from warpknit.spatial.relax import SpatialRelaxation
+from warpknit.spatial.rest import Rest
+from warpknit.spatial.rod_step import RodStepper
+from warpknit.spatial.rods import rods_of
+
+SCENES = Path(__file__).parents[2] / "scenes"
+CELL = SCENES / "atlas_cell_spatial.toml"
+DRAFT = ("solver.preset=draft", "model.nodes_per_loop=40", "solver.residual_tolerance=0.02", "output.frames=1")
+
+
+@pytest.mark.parametrize("softening", [1.0, 4.0])
+def test_a_wire_that_is_cold_at_one_end_pulls_as_its_mean(softening: float) -> None:
+    """The multipliers bring the lengths in to 1e-9, of a wire that is softened and of one that is not."""
+    count = 12
+    points = np.stack([np.arange(count, dtype=float), np.zeros(count), np.zeros(count)], axis=1)
+    rods = rods_of(SECTION, [points]).holding([0, 1, count - 2, count - 1], [0, count - 2])
+    rest = Rest(RodStepper(rods), softening=softening)
+    warmth = -1e-3 * np.linspace(0.0, 1.0, count)
+    rest.warm(warmth)
+    rest.settle(1e-6 * SECTION.axial_stiffness, strain_tolerance=1e-9)
+    between = slice(1, count - 2)
+    wanted = SECTION.axial_stiffness * (1.0 / np.mean(1.0 + warmth[between]) - 1.0)
+    assert rest.tension()[between] == pytest.approx(wanted, rel=1e-4, abs=0)
+
+
+def pressed() -> SpatialRelaxation:
+    """A patch whose wires are so thick that they press, strained affinely and flattened: not at rest."""
+    relaxation = SpatialRelaxation(
+        build_mesh(
+            load_scene(
+                CELL,
+                [
+                    *DRAFT, "model.boundary=gripped", "knit.repeats=[1,2]", "wire.diameter='30 um'", "solver.axial_softening=1",
+                ],
+            )
+        )
+    )  # fmt: skip
+    mesh, stepper = relaxation.mesh, relaxation.stepper
+    gradient = np.diag([1.15, 1.1])
+    place = np.zeros((mesh.rods.node_count, 3))
+    place[:, 2] = -0.5 * mesh.rods.position[:, 2]
+    place[mesh.wires.held_node, :2] = mesh.held_shift(gradient)
+    stepper.state.displacement.assign(place)
+    stepper.state.write_control({int(c.GRADIENT) + k: float(v) for k, v in enumerate(gradient.ravel())})
+    relaxation.contact.search()
+    stepper.evaluate()
+    return relaxation
+
+
+def test_thermal_force_is_the_derivative_of_the_energy() -> None:
+    """By the length factor: stretch, bending, twist, what clamps hold, and contact of wires that grow thicker on curves that
+    grow. Differences are of a hundredth of the least overlap over the thickness: contact of overlap o has the third derivative
+    E/o^3."""
+    relaxation = pressed()
+    stepper, contact, mesh = relaxation.stepper, relaxation.contact, relaxation.mesh
+    last = read(mesh, relaxation.sites, relaxation.rest, contact)
+    assert len(last.touching.force) > 4
+    step = 0.01 * float(last.touching.overlap.min()) / mesh.rods.section.thickness
+    place = stepper.state.displacement.numpy().copy()
+
+    def energies(factor: float) -> np.ndarray:
+        stepper.state.write_control({c.LENGTH_FACTOR: factor})
+        place[mesh.wires.held_node, :2] = mesh.held_shift(last.gradient, factor)
+        stepper.state.displacement.assign(place)
+        stepper.evaluate()
+        return np.array([stepper.energy(), 0.5 * mesh.contact_stiffness * float(np.sum(contact.near().overlap ** 2))])
+
+    slope = (energies(1.0 + step) - energies(1.0 - step)) / (2.0 * step)
+    assert last.contact_growth == pytest.approx(slope[1], rel=1e-3, abs=0)
+    assert last.thermal_force - last.contact_growth == pytest.approx(slope[0], rel=1e-3, abs=0)
+
+
+def test_what_grows_alike_touches_alike() -> None:
+    """Wires heated by f in a frame f times as large, all displacements too: the same picture, f times as large, to round-off."""
+    relaxation, by = pressed(), 1.02
+    state, contact = relaxation.state, relaxation.contact
+    before = contact.near()
+    place, gradient = state.displacement.numpy() * by, by * state.gradient
+    place[:, 2] += (by - 1.0) * relaxation.mesh.rods.position[:, 2]
+    state.displacement.assign(place)
+    state.write_control({int(c.GRADIENT) + k: float(v) for k, v in enumerate(gradient.ravel())} | {int(c.LENGTH_FACTOR): by})
+    contact.search()
+    relaxation.stepper.evaluate()
+    after = contact.near()
+    order = [np.lexsort((t.second, t.first)) for t in (before, after)]
+    assert len(before.force) > 4
+    assert after.overlap[order[1]] == pytest.approx(by * before.overlap[order[0]], rel=1e-6, abs=1e-12 * by)
+
+
+def test_cooling_in_a_rigid_frame_is_stretching() -> None:
+    """A tile at 9.5 % whose wires are f times as long is one at 1.095/f: bending rules, so its tension is 1/f^3 of that. Both
+    come to rest within their tolerance of 2 %, and the tension would be half as large without the heat."""
+    factor = 0.99
+    cold = (factor - 1.0) / 4.5e-5  # [K]
+    heat = ("wire.expansion='4.5e-5 /K'", f"load.temperature='{20.0 + cold} degC'")
+    heated = (*heat, "load.strain_weft=0.095", "load.strain_warp=0.095")
+    strained = tuple(f"load.strain_{side}={1.095 / factor - 1.0}" for side in ("weft", "warp"))
+    found = [
+        np.array([r.reading.mesh_tension for r in SpatialRelaxation(build_mesh(load_scene(CELL, [*DRAFT, *o]))).run()][-1])
+        for o in (heated, strained)
+    ]
+    assert found[0] * factor**3 == pytest.approx(found[1], rel=0.03, abs=0)
+
+
+def test_work_of_uneven_heat_is_on_the_books(tmp_path: Path) -> None:
+    """Energy balance of a patch that is strained, then warmed, one side more than the other: what heat puts in, by the length
+    factor and by the segments' own lengths, by the trapezoidal rule over three levels of forces that change by a third."""
+    scene = load_scene(
+        CELL,
+        [
+            *DRAFT, "model.boundary=gripped", "knit.repeats=[1,2]", "output.frames=3", "output.usd=false", "output.figures=false",
+            "load.strain_weft=0.02", "load.strain_warp=0.02", "wire.expansion='4.5e-5 /K'",
+            "path=[{temperature='60 degC', temperature_gradient=['-1e5 K/m', '2e4 K/m']}]",
+        ],
+    )  # fmt: skip
+    ending = run_scene(scene, out=tmp_path / "run", device="cpu")
+    assert abs(ending.summary["quality"]["energy_balance_of_stored"]) < 0.01
+    with open(tmp_path / "run" / "history.csv", newline="", encoding="utf-8") as file:
+        first, *_, last = [row for row in csv.DictReader(file) if row["load_factor"] == "1.0"]
+    stored = [sum(float(row[f"energy_{kind}_J"]) for kind in ("stretch", "bend", "contact")) for row in (first, last)]
+    assert abs(float(last["edge_work_J"])) > 0.05 * stored[1]
+    assert stored[1] < 0.8 * stored[0]
