@@ -163,8 +163,13 @@ def clamp_couple(r: Reading) -> float:
 
     F = R^T U, so the derivative of F by the angle is F turned by a right angle clockwise.
     """
+    return couple_of(nominal_stress(r), r.gradient)
+
+
+def couple_of(nominal: np.ndarray, gradient: np.ndarray) -> float:
+    """[N/m] the same of a nominal stress (2, 2) [N/m] at a deformation gradient (2, 2)."""
     clockwise = np.array([[0.0, 1.0], [-1.0, 0.0]])
-    return float(np.sum(nominal_stress(r) * (clockwise @ r.gradient)))
+    return float(np.sum(nominal * (clockwise @ gradient)))
 
 
 def mesh_tension(r: Reading) -> tuple[float, float]:

@@ -24,7 +24,7 @@ def row_of(record: SpatialRecord) -> Row:
 
 def _mesh_row(record: SpatialRecord) -> Row:
     r = record.reading
-    f, nominal = r.gradient, r.nominal_stress
+    f, nominal = r.stretch, r.boundary_stress
     weft, warp = r.mesh_tension
     active, rhombus = r.site_active, r.site_active[r.mesh.panel.rhombus_bodies]
     return Row(
@@ -34,7 +34,7 @@ def _mesh_row(record: SpatialRecord) -> Row:
         strain_weft=float(f[0, 0] - 1.0),
         strain_warp=float(f[1, 1] - 1.0),
         shear=float(f[0, 1]),
-        clamp_rotation=0.0,
+        clamp_rotation=r.clamp_rotation,
         temperature_K=record.temperature,
         active_pairs=2 * int(active.sum()),
         active_percent=_percent(active),
@@ -57,7 +57,7 @@ def _mesh_row(record: SpatialRecord) -> Row:
         nominal_weft_N_per_m=float(nominal[0, 0]),
         nominal_shear_N_per_m=float(nominal[0, 1]),
         nominal_warp_N_per_m=float(nominal[1, 1]),
-        clamp_couple_N_per_m=0.0,
+        clamp_couple_N_per_m=r.clamp_couple,
         length_factor=r.length_factor,
         thermal_force_J=r.thermal_force,
     )
@@ -68,7 +68,7 @@ def stage_summary(record: SpatialRecord, rows: list[Row]) -> dict[str, Any]:
     r = record.reading
     mesh, panel = r.mesh, r.mesh.panel
     wire = mesh.scene.wire
-    f = r.gradient
+    f = r.stretch
     weft, warp = r.mesh_tension
     stress = r.stress
     force = r.site_force[r.site_active]
@@ -115,7 +115,7 @@ def stage_summary(record: SpatialRecord, rows: list[Row]) -> dict[str, Any]:
             "strain_weft": float(f[0, 0] - 1.0),
             "strain_warp": float(f[1, 1] - 1.0),
             "shear": float(f[0, 1]),
-            "clamp_rotation_rad": 0.0,
+            "clamp_rotation_rad": r.clamp_rotation,
             "temperature_K": record.temperature,
             "areal_mass_kg_per_m2": length * wire.linear_density / (panel.area * float(np.linalg.det(f))),
             "thickness_m": float(np.ptp(r.position[:, 2])) + mesh.rods.section.thickness,

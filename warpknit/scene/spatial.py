@@ -32,5 +32,3 @@ def refuse_unsupported(source: Source, file: SceneFile) -> None:
     for place, stage in ((("load",), file.load), *((("path", k), stage) for k, stage in enumerate(file.path))):
         if stage.pull:
             raise source.refusal((*place, "pull"), "a pull", f"left out {WITH}")
-        if stage.clamp_rotation:
-            raise source.refusal((*place, "clamp_rotation"), stage.clamp_rotation, f"left out {WITH}")

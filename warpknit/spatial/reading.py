@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from .. import measure
 from ..frame import Frame
 from ..kernels import control as c
 from ..measure.whole import INTERIOR
@@ -46,8 +47,25 @@ class SpatialReading:
 
     @property
     def gradient(self) -> np.ndarray:
-        """(2, 2) deformation gradient of the boundary."""
+        """(2, 2) deformation gradient of the boundary, against which the clamps keep their direction."""
         return self.control[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2)
+
+    @property
+    def clamp_rotation(self) -> float:
+        """[rad] by which the clamps are turned against the boundary, as in the plane (measure/reading.py)."""
+        return measure.clamp_rotation(self.gradient)
+
+    @property
+    def stretch(self) -> np.ndarray:
+        """(2, 2) deformation gradient of the boundary but for the rotation of the clamps."""
+        return measure.stretch(self.gradient)
+
+    @cached_property
+    def place(self) -> np.ndarray:
+        """(node, 3) [m] positions, turned back to where the boundary is strained by `stretch`."""
+        turned = self.position.copy()
+        turned[:, :2] = turned[:, :2] @ measure.rotation(self.clamp_rotation).T
+        return turned
 
     @property
     def length_factor(self) -> float:
@@ -129,9 +147,19 @@ class SpatialReading:
 
     @property
     def mesh_tension(self) -> tuple[float, float]:
-        """Weft and warp [N/m], force per current width: diagonal of P F^T/det F."""
-        cauchy = self.nominal_stress @ self.gradient.T / np.linalg.det(self.gradient)
+        """Weft and warp [N/m], force per current width: diagonal of P F^T/det F, in the frame of the boundary."""
+        cauchy = measure.true_stress(self.boundary_stress, self.stretch)
         return float(cauchy[0, 0]), float(cauchy[1, 1])
+
+    @property
+    def boundary_stress(self) -> np.ndarray:
+        """(2, 2) [N/m] nominal stress in the frame in which the boundary is strained by `stretch`."""
+        return measure.rotation(self.clamp_rotation) @ self.nominal_stress
+
+    @property
+    def clamp_couple(self) -> float:
+        """[N/m] moment that turns the clamps counter-clockwise, over the area at rest."""
+        return measure.couple_of(self.nominal_stress, self.gradient)
 
     @property
     def thermal_force(self) -> float:
@@ -162,7 +190,7 @@ class SpatialReading:
         """[Pa] the largest stress farther than INTERIOR of the mesh's size from its edge."""
         if self.mesh.panel.boundary == "periodic":
             return float(self.stress.max())
-        place = self.position[:, :2]
+        place = self.place[:, :2]
         share = (place - place.min(axis=0)) / np.ptp(place, axis=0)
         inside = np.all((share > INTERIOR) & (share < 1.0 - INTERIOR), axis=1)
         return float(self.stress[inside].max(initial=0.0))
@@ -181,7 +209,7 @@ class SpatialReading:
     @property
     def moved(self) -> np.ndarray:
         """(node, 2) [m] in the plane, from where the boundary carries the node by itself."""
-        return self.position[:, :2] - self.mesh.rods.position[:, :2] @ self.gradient.T
+        return self.place[:, :2] - self.mesh.rods.position[:, :2] @ self.stretch.T
 
     @property
     def kinetic_energy(self) -> float:
@@ -214,10 +242,10 @@ class SpatialReading:
 
     def frame(self, *, index: int, stage: str, load_factor: float, temperature: float) -> Frame:
         """The recorded state for the exports. A site is shown where the knit has it, moved as the wires there have moved."""
-        panel, f = self.mesh.panel, self.gradient
+        panel, f = self.mesh.panel, self.stretch
         rest = self.mesh.rods.position[:, :2] if panel.boundary == "periodic" else panel.clamp_position
         corner = np.append(f @ rest.min(axis=0), 0.0)
-        position = self.position - corner
+        position = self.place - corner
         moved = self.moved[self.mesh.site_node].mean(axis=1)
         body = (panel.body_rest + panel.body_origin) @ f.T - corner[:2] + moved
         height = position[self.mesh.site_node, 2].mean(axis=1)

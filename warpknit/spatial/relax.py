@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .. import measure
 from ..errors import Diverged, ModelError
 from ..kernels import control as c
 from ..measure.edge_work import EdgeWork
@@ -188,13 +189,14 @@ class SpatialRelaxation:
         """(2, 2) of a stage at a load factor; a direction driven by tension keeps the strain it has."""
         wire, frame = self.scene.wire, self.scene.model.frame_expansion
         warmed = 1.0 + frame * (stage.temperature - wire.reference_temperature)
-        start = np.array(self.progress.start.gradient).reshape(2, 2)
+        began = np.array(self.progress.start.gradient).reshape(2, 2)
+        turn, start = measure.clamp_rotation(began), measure.stretch(began)
         weft, warp = stage.strain_weft or 0.0, stage.strain_warp or 0.0
         end = warmed * np.array([[1.0 + weft, stage.shear], [0.0, 1.0 + warp]])
         target = start + factor * (end - start)
         driven = np.array(stage.by_tension)
-        target[np.diag_indices(2)] = np.where(driven, np.diag(self.state.gradient), np.diag(target))
-        return target
+        target[np.diag_indices(2)] = np.where(driven, np.diag(measure.stretch(self.state.gradient)), np.diag(target))
+        return measure.rotation(-turn - factor * (stage.clamp_rotation - turn)) @ target
 
     def _temperature(self, stage: Stage) -> float:
         """[K] at the load factor."""
@@ -285,7 +287,7 @@ class SpatialRelaxation:
         while True:
             reading = self._reading()
             tension = np.array(reading.mesh_tension)
-            following = progress.search.next_strain(np.diag(reading.gradient) - 1.0, tension, wanted, driven, scale)
+            following = progress.search.next_strain(np.diag(reading.stretch) - 1.0, tension, wanted, driven, scale)
             if following is None:
                 return
             if progress.search.states > MOST_STATES:
@@ -295,8 +297,9 @@ class SpatialRelaxation:
                     f" {tension[1]:.3g} N/m): give smaller tensions, more output.frames, a smaller solver.residual_tolerance,"
                     " or strains"
                 )
-            gradient = reading.gradient.copy()
-            gradient[np.diag_indices(2)] = np.where(driven, 1.0 + following, np.diag(gradient))
+            stretch = reading.stretch
+            stretch[np.diag_indices(2)] = np.where(driven, 1.0 + following, np.diag(stretch))
+            gradient = measure.rotation(-reading.clamp_rotation) @ stretch
             self._set_load(stage, gradient, self.state.displacement.numpy().copy())
             self._settle()
 
@@ -324,7 +327,7 @@ class SpatialRelaxation:
             if left >= 1.0 or progress.looks * CHECK_STEPS <= RAMP_STEPS:
                 progress.tensions.clear()
             else:
-                progress.tensions.append(np.diag(self._reading().nominal_stress).tolist())
+                progress.tensions.append(np.diag(self._reading().boundary_stress).tolist())
                 if self.steadiness.still_to_come(progress.tensions) < 1.0:
                     return
             self.watch(progress)
