@@ -29,7 +29,6 @@ QUICK = ("model.nodes_per_loop=24", "solver.preset=draft", "output.frames=1", "l
     ("override", "line"),
     [
         ('load.pull=[{at=["1 mm", "0 mm"], by=["0 mm", "1 mm"], width="1 mm"}]', "load.pull: given "),
-        ("solver.drive=ramp", "solver.drive: given 'ramp', allowed: 'relax'"),
         ("solver.precision=single", "solver.precision: given 'single', allowed: 'double'"),
         ("wire.plastic=true", "wire.plastic: given true, allowed: false"),
     ],
@@ -39,6 +38,11 @@ def test_what_only_the_planar_model_does_is_refused(override: str, line: str) ->
         load_scene(CELL, [override])
     assert line in str(error.value) and str(error.value).endswith("with model.kind = 'spatial'")
     assert "\n" not in str(error.value)
+
+
+def test_a_ramp_in_space_goes_by_strain() -> None:
+    with pytest.raises(SceneError, match=r"load\.tension_warp: given '1 N/m', allowed: strains with solver\.drive = 'ramp'"):
+        load_scene(CELL, ["solver.drive=ramp", "load.tension_warp='1 N/m'"])
 
 
 def test_maps_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

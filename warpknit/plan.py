@@ -37,6 +37,8 @@ from .scene.presets import PRESETS
 from .solve.prolongation import smaller_scene
 from .solve.step import thread_count
 from .spatial.estimate import HOOK_ENDS, spatial_physics, spatial_steps, spatial_time
+from .spatial.mesh import build_mesh
+from .spatial.ramp_masses import ramp_numbers
 from .text import duration, memory, rounded
 
 COUNTED_NODES = 2_000_000  # meshes up to here are laid out to be counted: a second or two
@@ -132,7 +134,12 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
     steps = relax_steps(scene, mesh.table) if scene.solver.drive == "relax" else ramp_steps(scene, mesh)
     time = wall_time(scene, steps, mesh.nodes)
     if scene.model.kind == "spatial":
-        steps = spatial_steps(scene)
+        if scene.solver.drive == "ramp":
+            numbers = ramp_numbers(build_mesh(scene))
+            mesh = replace(
+                mesh, time_step=numbers.time_step, limited_by=numbers.rates.limited_by, loading_time=numbers.loading_time
+            )
+        steps = spatial_steps(scene) if scene.solver.drive == "relax" else ramp_steps(scene, mesh)
         time = spatial_time(steps, mesh.nodes)
     return Plan(
         scene=scene.name,

@@ -24,6 +24,7 @@ from ..ranks.ranks import One, Ranks
 from ..scene import Scene
 from ..solve.simulate import Record, Simulation
 from ..spatial.mesh import build_mesh
+from ..spatial.ramp import SpatialRamp
 from ..spatial.relax import SpatialRelaxation
 from .checkpoint import Checkpoint, has_checkpoint
 from .history import Row, row_of
@@ -97,7 +98,8 @@ def _simulation(
         return Simulation(model, initial_state(model), progress=progress)
     if ranks.count > 1:
         raise ModelError(f"model.kind: given 'spatial', which {ranks.count} ranks cannot share: run without mpirun")
-    return SpatialRelaxation(build_mesh(scene, device), progress=progress)
+    drive = SpatialRelaxation if scene.solver.drive == "relax" else SpatialRamp
+    return drive(build_mesh(scene, device), progress=progress)
 
 
 def _finished_run(scene: Scene, out: Path, resume: bool, force: bool) -> Ending | None:

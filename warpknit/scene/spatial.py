@@ -22,13 +22,16 @@ def refuse_unsupported(source: Source, file: SceneFile) -> None:
         (("panel", "outline"), file.panel.outline, file.panel.outline == "rectangle", f"'rectangle' {WITH}"),
         (("panel", "grip_pitch"), file.panel.grip_pitch, file.panel.grip_pitch is None, f"left out {WITH}"),
         (("panel", "focal_length"), file.panel.focal_length, file.panel.focal_length is None, f"left out {WITH}"),
-        (("solver", "drive"), file.solver.drive, file.solver.drive == "relax", f"'relax' {WITH}"),
         (("solver", "precision"), file.solver.precision, file.solver.precision != "single", f"'double' {WITH}"),
         (("solver", "multipliers"), file.solver.multipliers, file.solver.multipliers, f"true {WITH}"),
         (("wire", "plastic"), file.wire.plastic, not file.wire.plastic, f"false {WITH}"),
     ):
         if not supported:
             raise source.refusal(location, given, allowed)
+    by_ramp = file.solver.drive == "ramp"
     for place, stage in ((("load",), file.load), *((("path", k), stage) for k, stage in enumerate(file.path))):
+        for key in ("tension_weft", "tension_warp"):
+            if by_ramp and getattr(stage, key) is not None:
+                raise source.refusal((*place, key), getattr(stage, key), f"strains with solver.drive = 'ramp' {WITH}")
         if stage.pull:
             raise source.refusal((*place, "pull"), "a pull", f"left out {WITH}")

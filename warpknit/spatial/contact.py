@@ -146,6 +146,10 @@ class WireContact:
         self._expected = 2.0 * strain * self._radius
         self.search()
 
+    def strain_within(self, share: float) -> float:
+        """Strain by which the load brings things nearer by `share` of the margin of a search."""
+        return share * self.margin / (2.0 * self._radius)
+
     def search(self) -> None:
         """Renew the list of pairs, and start a new travel budget. Raises OutOfResources."""
         stepper, state, device = self.stepper, self.stepper.state, self.stepper.device

@@ -45,9 +45,10 @@ def spatial_physics(scene: Scene, sites: int) -> Iterator[str]:
     yield f"stretching: wires carry tension, EA = {wire.axial_stiffness:.3g} N"
     yield f"bending: wires resist a change of curvature in space, EI = {wire.bending_stiffness:.3g} N m2"
     yield f"twist: wires resist being twisted, GJ = {wire.twist_stiffness:.3g} N m2"
-    softer = (
-        "softening: wires stretch more easily in the dynamics; running multipliers take that out again, solver.axial_softening"
-    )
+    softer = "softening: wires stretch more easily in the dynamics"
+    if scene.solver.drive == "relax":
+        softer += "; running multipliers take that out again"
+    softer += ", solver.axial_softening"
     if scene.hook is not None:
         yield "contact: round wires touch each other anywhere; two wires hook once, over and under each other"
         yield softer

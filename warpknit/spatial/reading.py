@@ -33,12 +33,14 @@ class SpatialReading:
     sites: Sites
     control: np.ndarray
     position: np.ndarray  # (node, 3) [m]
-    tension: np.ndarray  # [N] of the segments
+    tension: np.ndarray  # [N] of the segments, 0 of those that a clamp holds rigid
+    clamp_pull: float  # [J] by those: tension times length as knitted, in the plane
     curvature_change: np.ndarray  # (node, 2) [1/m]
     twist_change: np.ndarray  # [1/m]
     segment_force: np.ndarray  # (node, 3) [N]
     force: np.ndarray  # (node, 3) [N] out of balance
-    stretch_energy: float  # [J] with true stiffness
+    stretch_stiffness: float  # [N] the true one, or what a ramp softens it to
+    stretch_energy: float  # [J] with that stiffness
     bend_energy: float  # [J] bending and twist
     contact_growth: float  # [J] derivative of the energy of contact by the length factor: wires grow thicker, and what is curved
     warmth: np.ndarray  # [node] excess of the length factor of the segments over that of the middle, relative
@@ -164,10 +166,10 @@ class SpatialReading:
     @property
     def thermal_force(self) -> float:
         """[J] derivative of the energy by the length factor of the wires."""
-        rods, ea = self.mesh.rods, self.mesh.rods.section.axial_stiffness
+        rods, ea = self.mesh.rods, self.stretch_stiffness
         pull = np.where(rods.following >= 0, rods.natural_length * (self.tension + 0.5 * self.tension**2 / ea), 0.0)
         held = self.mesh.wires.held_node
-        clamped = float(np.sum(self.force[held, :2] * self.mesh.wires.held_lever))
+        clamped = float(np.sum(self.force[held, :2] * self.mesh.wires.held_lever)) + self.clamp_pull
         return float(-pull.sum() - self.bend_energy / self.length_factor) + self.contact_growth - clamped
 
     @property
@@ -276,7 +278,8 @@ def read(mesh: SpatialMesh, sites: Sites, rest: Rest, contact: WireContact) -> S
     share = np.divide(1.0, rods.node_length * factor, out=np.zeros(rods.node_count), where=inside)
     bent = share[:, None] * (state.curvature.numpy() - stepper.arrays.natural_curvature.numpy())
     twisted = share * (state.twist.numpy() - stepper.arrays.natural_twist.numpy())
-    tension = rest.tension()
+    carried, tangent = rest.tension(), state.tangent.numpy()
+    tension = np.where(rest.stretches, carried, 0.0)
     length = np.where(rods.following >= 0, rods.natural_length * factor, 0.0)
     touching = contact.near()
     hinge = section.bending_stiffness * np.sum(bent**2, axis=1) + section.twist_stiffness * twisted**2
@@ -286,13 +289,15 @@ def read(mesh: SpatialMesh, sites: Sites, rest: Rest, contact: WireContact) -> S
         control=state.read_control().copy(),
         position=state.position.numpy().copy(),
         tension=tension,
+        clamp_pull=float(np.sum((carried - tension)[:, None] * tangent[:, :2] * rods.rest_edge[:, :2])),
         curvature_change=bent,
         twist_change=twisted,
         segment_force=stepper.segment_forces(),
         force=state.force.numpy().copy(),
-        stretch_energy=float(np.sum((0.5 * tension**2 * length / section.axial_stiffness)[rest.stretches])),
+        stretch_stiffness=rest.stored_stiffness,
+        stretch_energy=float(np.sum(0.5 * tension**2 * length / rest.stored_stiffness)),
         bend_energy=float(np.sum(0.5 * hinge * rods.node_length * factor)),
-        contact_growth=_contact_growth(mesh, touching, state.tangent.numpy(), state.director.numpy()),
+        contact_growth=_contact_growth(mesh, touching, tangent, state.director.numpy()),
         warmth=rest.warmth,
         touching=touching,
         near=contact.near((NEAR - 1.0) * section.thickness),

@@ -52,6 +52,9 @@ class SpatialRecord:
     load_factor: float
     temperature: float  # [K]
     steps: int
+    steady: bool
+    work: float  # [J] put in since the start, where the drive keeps account of it (ramp)
+    dissipated: float  # [J] taken out since the start
     edge_work: float  # [J] put in by what differs from place to place: uneven warmth
     reading: SpatialReading
 
@@ -73,13 +76,7 @@ class SpatialRelaxation:
         self.stepper = RodStepper(mesh.rods, mesh.device)
         self.contact = WireContact(self.stepper, mesh.contact_stiffness, friction=self.scene.contact.friction, curve=mesh.curve)
         self.clamps = self._moving_clamps()
-        self.rest = Rest(
-            self.stepper,
-            softening=mesh.softening,
-            contact_stiffness=mesh.contact_stiffness,
-            curve=mesh.curve,
-            clamps=self.clamps,
-        )
+        self.rest = self._rest()
         mass = float(self.stepper.state.node_mass.numpy().max())
         wave = 2.0 * math.pi / (SLOWEST_WAVE * mesh.loop_length)
         self.rest.slowest = 2.0 * math.sqrt(mesh.bending_stiffness * wave**4 * self.rest.spacing / mass)
@@ -97,13 +94,24 @@ class SpatialRelaxation:
     def state(self) -> RodState:
         return self.stepper.state
 
+    def _rest(self, *, multipliers: bool = True) -> Rest:
+        mesh = self.mesh
+        return Rest(
+            self.stepper,
+            softening=mesh.softening,
+            contact_stiffness=mesh.contact_stiffness,
+            curve=mesh.curve,
+            clamps=self.clamps,
+            multipliers=multipliers,
+        )
+
     def _moving_clamps(self) -> MovingClamps | None:
         """Clamps that have to be moved step by step: those of a hook, some of which slide."""
+        return None if self.mesh.wires.sliding_clamp is None else self._clamps_that_move(self.mesh.wires.sliding_clamp)
+
+    def _clamps_that_move(self, sliding: np.ndarray) -> MovingClamps:
         wires = self.mesh.wires
-        if wires.sliding_clamp is None:
-            return None
-        node, lever = wires.held_node.reshape(-1, 2), wires.held_lever.reshape(-1, 2, 2)
-        return MovingClamps(self.stepper, node, lever, wires.sliding_clamp)
+        return MovingClamps(self.stepper, wires.held_node.reshape(-1, 2), wires.held_lever.reshape(-1, 2, 2), sliding)
 
     def warm_up(self) -> None:
         """Have the kernels compiled, and find what is near what. Raises `ModelError` where wires pass through each other."""
@@ -160,7 +168,7 @@ class SpatialRelaxation:
                 progress.start = self._load_now()
             yield from self._stage(stage)
             progress.stage_index += 1
-            progress.level, progress.start = 0, LoadStart()
+            progress.level, progress.start, progress.time = 0, LoadStart(), 0.0
 
     def _stage(self, stage: Stage) -> Iterator[SpatialRecord]:
         progress, levels = self.progress, self.scene.output.frames
@@ -268,16 +276,20 @@ class SpatialRelaxation:
         factor = 1.0 + wire.expansion * (self._temperature(stage) - wire.reference_temperature)
         self.rest.warm(self._warmth(stage))
         before = self.state.gradient
-        now = self.state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 5].tolist()
-        then = [*gradient.ravel().tolist(), factor]
-        ramp = {int(c.FROM) + k: now[k] for k in range(5)} | {int(c.TO) + k: then[k] for k in range(5)}
-        self.state.write_control(ramp | {int(c.RAMP_STEP): 0.0, int(c.RAMP_STEPS): float(RAMP_STEPS)})
+        self._bring_on(gradient, factor, RAMP_STEPS)
         if self.clamps is None:
             displacement[self.mesh.wires.held_node, :2] = self.mesh.held_shift(gradient, factor)
         self.state.displacement.assign(displacement)
         self.rest.begin()
         self.contact.expect(float(np.abs(gradient - before).max()))
         self._begin_settling()
+
+    def _bring_on(self, gradient: np.ndarray, length_factor: float, steps: int) -> None:
+        """Have gradient and length factor move to these over so many steps."""
+        now = self.state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 5].tolist()
+        then = [*gradient.ravel().tolist(), length_factor]
+        ramp = {int(c.FROM) + k: now[k] for k in range(5)} | {int(c.TO) + k: then[k] for k in range(5)}
+        self.state.write_control(ramp | {int(c.RAMP_STEP): 0.0, int(c.RAMP_STEPS): float(steps)})
 
     def _find_tension(self, stage: Stage) -> None:
         """Try strains until the steady state carries the tensions wanted."""
@@ -340,7 +352,7 @@ class SpatialRelaxation:
     def _reading(self) -> SpatialReading:
         return read(self.mesh, self.sites, self.rest, self.contact)
 
-    def _record(self, stage: Stage, factor: float) -> SpatialRecord:
+    def _record(self, stage: Stage, factor: float, *, steady: bool = True) -> SpatialRecord:
         progress = self.progress
         progress.load_factor = factor
         reading = self._reading()
@@ -350,6 +362,9 @@ class SpatialRelaxation:
             load_factor=factor,
             temperature=self._temperature(stage),
             steps=progress.steps,
+            steady=steady,
+            work=progress.work,
+            dissipated=float(self.state.read_control()[int(c.DISSIPATED)]) if self.scene.solver.drive == "ramp" else 0.0,
             edge_work=self.edge_work.account((reading.warmth_force, reading.warmth)),
             reading=reading,
         )

@@ -48,9 +48,10 @@ class Rest:
         contact_stiffness: float = 0.0,
         curve: RestCurve | None = None,
         clamps: MovingClamps | None = None,
+        multipliers: bool = True,
     ) -> None:
         """`softening`: true axial stiffness over that of the dynamics; `curve` on which wires touch, Catmull-Rom's where left
-        out; `clamps`: those that move, of the same stepper."""
+        out; `clamps`: those that move, of the same stepper; `multipliers`: whether they take the softening out again."""
         self.stepper = stepper
         self.clamps = clamps
         self.softening = softening
@@ -66,9 +67,10 @@ class Rest:
         state.stretch_stiffness.fill_(self.stretch)
         stepper.set_time_step(1.0, FIRST_DAMPING, LOOK_AHEAD)
         stepper.evaluate()
-        self.keeps_arcs = softening != 1.0
+        self.keeps_arcs = multipliers and softening != 1.0
         self.warmth = np.zeros(rods.node_count)  # [node] of the segments, see `warm`
-        self._has_multipliers = softening != 1.0
+        self._has_multipliers = self.keeps_arcs
+        self.stored_stiffness = rods.section.axial_stiffness if multipliers else self.stretch  # [N] that stretch is stored with
         self._bow_at_rest = self._bow() if self.keeps_arcs else np.zeros(rods.node_count)
         state.write_control({c.BOW_MOMENT: 2.0 * float(BOW) if self.keeps_arcs else 0.0})
         self.spacing = spacing = float(rods.natural_length[self.has_segment].min())
@@ -112,11 +114,7 @@ class Rest:
 
     def turning(self) -> np.ndarray:
         """[node] [rad] the largest angle between segments at a node and its neighbours, of the state last evaluated."""
-        angle = np.linalg.norm(self.stepper.state.curvature.numpy(), axis=1)
-        rods = self.stepper.rods
-        after = np.where(rods.following >= 0, angle[rods.following], 0.0)
-        before = np.where(rods.previous >= 0, angle[rods.previous], 0.0)
-        return np.maximum(angle, np.maximum(after, before))
+        return self.stepper.rods.widest_turn(np.linalg.norm(self.stepper.state.curvature.numpy(), axis=1))
 
     def strain(self) -> np.ndarray:
         """[node] of the chords of the segments, of the state last evaluated."""

@@ -100,6 +100,20 @@ class Rods:
         return edge
 
     @property
+    def rest_turning(self) -> np.ndarray:
+        """[node] [rad] the angle between its two segments at rest, 0 at the ends of wires."""
+        edge = self.rest_edge
+        before = edge[self.previous]
+        angle = np.arctan2(np.linalg.norm(np.cross(before, edge), axis=1), np.sum(before * edge, axis=1))
+        return np.where((self.following >= 0) & (self.previous >= 0), angle, 0.0)
+
+    def widest_turn(self, angle: np.ndarray) -> np.ndarray:
+        """[node] the largest of the angles [node] at a node and its neighbours."""
+        after = np.where(self.following >= 0, angle[self.following], 0.0)
+        before = np.where(self.previous >= 0, angle[self.previous], 0.0)
+        return np.maximum(angle, np.maximum(after, before))
+
+    @property
     def node_length(self) -> np.ndarray:
         """[node] [m] of wire that belongs to a node: half of either segment."""
         own = np.where(self.following >= 0, self.natural_length, 0.0)

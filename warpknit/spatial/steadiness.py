@@ -34,6 +34,10 @@ class Steadiness:
 
     def left(self) -> float:
         """By what is out of balance, what moves, and what the softening still hides."""
+        return max(self.unrest() / self.tolerance, self.rest.stretch_error() / AXIAL_ERROR)
+
+    def unrest(self) -> float:
+        """The larger of what is out of balance and what moves, to be compared with the tolerance."""
         rest, state, scene = self.rest, self.rest.stepper.state, self.mesh.scene
         touching = self.contact.near().force
         bent = self.mesh.bending_stiffness / scene.knit.wale_spacing
@@ -43,7 +47,7 @@ class Steadiness:
         loops = self.mesh.rods.node_count / scene.model.nodes_per_loop
         kinetic = 0.5 * float(state.read_control()[int(c.KINETIC_TWICE)])
         motion = math.sqrt(kinetic / max(rest.stepper.energy(), ENERGY_FLOOR * bent * loops))
-        return max(balance / self.tolerance, motion / self.tolerance, rest.stretch_error() / AXIAL_ERROR)
+        return max(balance, motion)
 
     def still_to_come(self, tensions: list[list[float]]) -> float:
         """How much the tensions (weft, warp) [N/m] at the last looks will still move; infinite where there are too few.

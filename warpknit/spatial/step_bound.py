@@ -93,6 +93,23 @@ def unit_step_masses(
     return MASS_MARGIN / 4.0 * moved, MASS_MARGIN / 4.0 / TWIST_SHARE * k.twist
 
 
+def masses_for_step(
+    rods: Rods,
+    time_step: float,
+    *,
+    stretch_stiffness: float,
+    turning: np.ndarray | float = 0.0,
+    contact_stiffness: float = 0.0,
+    curve: RestCurve | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """The least node masses [node] [kg] and spin inertias [node] [kg m2] with which the bound of `largest_rates` allows this step
+    [s]. Twist has TWIST_SHARE of the rate of motion, which adds as much to the largest of both at most."""
+    k = _stiffnesses(rods, stretch_stiffness, turning, 0.0, contact_stiffness, curve)
+    moved = _coupled(k.stretch, k.bending, k.coupling) + k.beside
+    both = (1.0 + TWIST_SHARE) * (0.5 * time_step) ** 2
+    return both * moved, both / TWIST_SHARE * k.twist
+
+
 @dataclass(frozen=True)
 class _Stiffnesses:
     """[node] mass times squared frequency, as in the formulas on top."""

@@ -1,0 +1,111 @@
+"""Ramps in space, real time and real masses: what the boundary does is on the books, the end is the state at rest, and a run that
+was cut short goes on to the same bits.
+
+    work of the boundary and of heat = stored + kinetic energy + what the damping took, to the order of the step
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warpknit.run.run import run_scene
+from warpknit.run.watch import Watch
+from warpknit.scene import load_scene
+from warpknit.spatial.mesh import build_mesh
+from warpknit.spatial.ramp import SpatialRamp
+from warpknit.spatial.ramp_masses import ramp_numbers
+from warpknit.spatial.relax import SpatialRecord, SpatialRelaxation
+from warpknit.spatial.step_bound import TWIST_SHARE
+
+SCENES = Path(__file__).parents[2] / "scenes"
+CELL = SCENES / "atlas_cell_spatial.toml"
+RAMP = ("solver.preset=draft", "solver.drive=ramp", "output.usd=false", "output.figures=false")
+HEATED = ("wire.expansion='4.5e-5 /K'", "load.temperature='120 degC'", "load.shear=0.05", "load.strain_weft=0.03")
+GRIPPED = ("model.boundary=gripped", "knit.repeats=[1,2]", "model.nodes_per_loop=24", "solver.residual_tolerance=0.02")
+PATCH = (*RAMP, *HEATED, *GRIPPED)
+
+
+def missing(record: SpatialRecord) -> float:
+    """What is not on the books, over the work."""
+    r = record.reading
+    return (record.work - r.stored - r.kinetic_energy - record.dissipated) / record.work
+
+
+def test_a_patch_that_is_pulled_sheared_and_heated_keeps_its_books() -> None:
+    """Clamps that move, contacts that close, wires that grow: the leapfrog keeps energy to second order of the step, and the work
+    is by the trapezoidal rule over looks of 50 steps: 1e-3 of it."""
+    load = ("load.strain_warp=0.03", "solver.loading_time='1.5 ms'", "output.frames=4")
+    first, *records = SpatialRamp(build_mesh(load_scene(CELL, [*PATCH, *load]))).run()
+    assert first.work < 1e-30
+    assert len(records) == 4 and records[-1].steady
+    assert records[1].reading.kinetic_energy > 1e-3 * records[1].work  # it moves
+    assert records[-1].dissipated > 0.05 * records[-1].work
+    assert len(records[-1].reading.touching.force) > 2
+    assert max(abs(missing(record)) for record in records) < 1e-3
+
+
+@pytest.mark.slow
+def test_a_ramp_ends_where_a_relaxation_does() -> None:
+    """Within the tolerance of both, and what the softening s leaves of the bending of arcs, s (d/4R)^2, R about half a course."""
+    load = ("load.strain_weft=0.05", "load.strain_warp=0.05", "model.nodes_per_loop=40", "output.frames=1", RAMP[0])
+    ends = [
+        [*drive(build_mesh(load_scene(CELL, [*load, *more]))).run()][-1].reading
+        for drive, more in (
+            (SpatialRamp, ("solver.drive=ramp", "solver.loading_time='5 ms'", "solver.axial_softening=50")),
+            (SpatialRelaxation, ()),
+        )
+    ]
+    assert ends[0].mesh_tension == pytest.approx(ends[1].mesh_tension, rel=0.02, abs=0.02 * max(ends[1].mesh_tension))
+    assert ends[0].stored == pytest.approx(ends[1].stored, rel=0.01, abs=0)
+
+
+def test_masses_make_the_wanted_step_stable() -> None:
+    """The step is the one asked for or a little more, and twist never rules it."""
+    for wanted, scaling in ((2e-6, 1.0), (None, 1.0), (None, 1e4)):
+        options = [] if wanted is None else [f"solver.target_time_step={wanted}"]
+        numbers = ramp_numbers(build_mesh(load_scene(CELL, [*RAMP, *options, f"solver.mass_scaling={scaling}"])))
+        assert numbers.rates.twist <= 1.01 * TWIST_SHARE * numbers.rates.all
+        if wanted is None:
+            assert numbers.added_mass == pytest.approx(scaling - 1.0, rel=1e-9, abs=1e-12)
+        else:
+            assert wanted <= numbers.time_step < 1.3 * wanted
+            assert numbers.added_mass > 1.0
+
+
+def test_interrupt_and_resume_give_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A load that comes on, contact lists, work and damping: all goes on as if nothing had been."""
+    load = ("load.strain_warp=0.02", "solver.loading_time='0.1 ms'", "output.frames=2", "solver.damping='1e5 /s'")
+    scene = load_scene(CELL, [*PATCH, *load, "path=[{temperature='20 degC', shear=0}]"])
+    assert run_scene(scene, out=tmp_path / "whole", device="cpu").exit_code == 0
+    original, looks = Watch._look, 0
+
+    def interrupt_now_and_then(self: object, progress: object) -> None:
+        nonlocal looks
+        looks += 1
+        if looks % 23 == 7:
+            self.interrupts.ask()
+        original(self, progress)
+
+    monkeypatch.setattr(Watch, "_look", interrupt_now_and_then)
+    code = run_scene(scene, out=tmp_path / "parts", device="cpu").exit_code
+    interruptions = 0
+    while code == 130:
+        interruptions += 1
+        code = run_scene(scene, out=tmp_path / "parts", device="cpu", resume=True).exit_code
+    assert code == 0 and interruptions > 2
+    assert (tmp_path / "whole" / "history.csv").read_text() == (tmp_path / "parts" / "history.csv").read_text()
+    with open(tmp_path / "whole" / "history.csv", newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 5 and float(rows[-1]["dissipated_J"]) > 0.0
+    for k in range(5):
+        a, b = (np.load(tmp_path / part / "states" / f"state_{k:06d}.npz") for part in ("whole", "parts"))
+        assert all(np.array_equal(a[key], b[key]) for key in a.files)
+    summary = json.loads((tmp_path / "parts" / "summary.json").read_text())
+    assert summary["solver"]["drive"] == "ramp" and summary["solver"]["time_step_s"] < 1e-5
+    assert abs(summary["quality"]["energy_balance"]) < 0.01
+    assert any("kinetic energy reached" in line for line in summary["warnings"])

@@ -1,0 +1,78 @@
+"""The masses of a ramp in space, and what it starts with: step, loading time, damping.
+
+Masses are those of the wire times `mass_scaling`, or raised node by node until `target_time_step` is stable. A wire that
+spins about itself has so little inertia that twist would rule the step: sections are given as much as keeps twist at a quarter of
+the largest rate of motion. Waves of twist remain far faster than those of bending, which the load is slow against.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..kernels import control as c
+from ..model.numerics import LOADING_PERIODS, STEP_MARGIN, slowest_rate
+from .mesh import SpatialMesh
+from .rest import Rest
+from .step_bound import Rates, largest_rates, masses_for_step, stable_step
+
+
+@dataclass(frozen=True)
+class RampNumbers:
+    """What a ramp starts with."""
+
+    node_mass: np.ndarray  # [node] [kg]
+    spin_inertia: np.ndarray  # [node] [kg m2] of the segments
+    added_mass: float
+    time_step: float  # [s] of the unloaded mesh
+    rates: Rates
+    loading_time: float  # [s] of a stage
+    damping: float  # [1/s]
+
+
+def ramp_numbers(mesh: SpatialMesh) -> RampNumbers:
+    """The numbers for a mesh as knitted."""
+    scene, rods = mesh.scene, mesh.rods
+    solver = scene.solver
+    stiff = {
+        "stretch_stiffness": rods.section.axial_stiffness / mesh.softening,
+        "turning": rods.widest_turn(rods.rest_turning),
+        "contact_stiffness": mesh.contact_stiffness,
+        "curve": mesh.curve,
+    }
+    true_mass = rods.section.linear_density * rods.node_length
+    mass = true_mass * solver.mass_scaling
+    spin = rods.section.rotary_inertia * rods.natural_length * solver.mass_scaling
+    if solver.target_time_step is not None:
+        mass = np.maximum(mass, masses_for_step(rods, solver.target_time_step / STEP_MARGIN, **stiff)[0])
+    spinless = largest_rates(rods, mass, np.full(len(spin), np.inf), **stiff)
+    spin = np.maximum(spin, masses_for_step(rods, stable_step(spinless), **stiff)[1])
+    rates = largest_rates(rods, mass, spin, **stiff)
+    slowest = slowest_rate(scene, mesh.loop_length)
+    return RampNumbers(
+        node_mass=mass,
+        spin_inertia=spin,
+        added_mass=float(mass.sum() / true_mass.sum() - 1.0),
+        time_step=STEP_MARGIN * stable_step(rates),
+        rates=rates,
+        loading_time=solver.loading_time or LOADING_PERIODS * 2.0 * math.pi / slowest,
+        damping=slowest if solver.damping is None else solver.damping,
+    )
+
+
+def step_now(mesh: SpatialMesh, rest: Rest) -> float:
+    """[s] that turns and tensions allow as they are in the state last evaluated."""
+    state = rest.stepper.state
+    rates = largest_rates(
+        mesh.rods,
+        state.node_mass.numpy(),
+        state.spin_inertia.numpy(),
+        stretch_stiffness=rest.stretch,
+        turning=rest.turning(),
+        tension=float(np.max(rest.tension(), initial=0.0)),
+        contact_stiffness=float(state.read_control()[int(c.CONTACT_STIFFNESS)]),
+        curve=mesh.curve,
+    )
+    return STEP_MARGIN * stable_step(rates)
