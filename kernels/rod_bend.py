@@ -9,6 +9,14 @@ node,
     m  = angle from d1_before, transported to f, to d1_after        twist, integrated
     E  = B |a - A|^2/(2 l) + C (m - M)^2/(2 l)                      A, M: natural values
 
+Where the wire yields, p [rad] of the turn has stayed since the last state at rest, and the moment B e/l is that of
+
+    t = a - A - p      b = kept/(1 - kept) p      e = t - (1 - kept) max(0, 1 - y/|t - b|) (t - b)
+
+in place of a - A: a round section knows no direction, so it yields where the moment is y B/l away from its back moment, whichever
+way, and gives way the way it is pushed beyond (radial return; linear kinematic hardening, kept being the share of the stiffness
+that is left).
+
 A segment of length L between turns a and a' is an arc, longer than its chord by L (|a|^2 + |a'|^2)/48. Where the wire keeps the
 length of its arcs (BOW_MOMENT), its tension T adds the moment T L a/24 at either end (bend.py, in the plane).
 
@@ -55,6 +63,20 @@ def turning_slope(size: wp.float64) -> wp.float64:
     return (wp.float64(1.0) / (wp.float64(1.0) + wp.float64(0.25) * square) - turning_share(size)) / square
 
 
+@wp.func
+def elastic_turn(turn: wp.vec2d, plastic: wp.vec2d, most: wp.float64, kept: wp.float64) -> wp.vec2d:
+    """Part e [rad] of a turn a - A that is elastic; most [rad] is y, 0: it never yields."""
+    one = wp.float64(1.0)
+    trial = turn - plastic
+    if most <= wp.float64(0.0) or kept >= one:
+        return trial
+    beyond = trial - (kept / (one - kept)) * plastic
+    size = wp.length(beyond)
+    if size <= most:
+        return trial
+    return trial - ((one - kept) * (one - most / size)) * beyond
+
+
 @wp.kernel
 def bend_rods(
     # wires
@@ -66,6 +88,8 @@ def bend_rods(
     natural_twist: wp.array(dtype=wp.float64),
     bending_stiffness: wp.float64,
     twist_stiffness: wp.float64,
+    yield_curvature: wp.float64,
+    hardening: wp.float64,
     # what steers the step
     control: wp.array(dtype=wp.float64),
     # state in
@@ -74,6 +98,7 @@ def bend_rods(
     length: wp.array(dtype=wp.float64),
     tangent: wp.array(dtype=wp.vec3d),
     director: wp.array(dtype=wp.vec3d),
+    plastic_turn: wp.array(dtype=wp.vec2d),
     # out: turning vector and twist [rad], the gradient by the edges [N] and by the angles of both segments [N m]
     curvature: wp.array(dtype=wp.vec2d),
     twist: wp.array(dtype=wp.float64),
@@ -106,7 +131,8 @@ def bend_rods(
     twist[i] = m
     factor = control[LENGTH_FACTOR]
     natural = node_length[i] * factor
-    moment = (bending_stiffness / natural) * (turning - natural_curvature[i])
+    elastic = elastic_turn(turning - natural_curvature[i], plastic_turn[i], yield_curvature * natural, hardening)
+    moment = (bending_stiffness / natural) * elastic
     if control[BOW_MOMENT] > wp.float64(0.0):
         before = natural_length[a] * factor
         after = natural_length[i] * factor

@@ -30,7 +30,7 @@ QUICK = ("model.nodes_per_loop=24", "solver.preset=draft", "output.frames=1", "l
     [
         ('load.pull=[{at=["1 mm", "0 mm"], by=["0 mm", "1 mm"], width="1 mm"}]', "load.pull: given "),
         ("solver.precision=single", "solver.precision: given 'single', allowed: 'double'"),
-        ("wire.plastic=true", "wire.plastic: given true, allowed: false"),
+        ("panel.focal_length='1 m'", "panel.focal_length: given 1, allowed: left out"),
     ],
 )
 def test_what_only_the_planar_model_does_is_refused(override: str, line: str) -> None:

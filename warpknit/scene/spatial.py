@@ -24,7 +24,12 @@ def refuse_unsupported(source: Source, file: SceneFile) -> None:
         (("panel", "focal_length"), file.panel.focal_length, file.panel.focal_length is None, f"left out {WITH}"),
         (("solver", "precision"), file.solver.precision, file.solver.precision != "single", f"'double' {WITH}"),
         (("solver", "multipliers"), file.solver.multipliers, file.solver.multipliers, f"true {WITH}"),
-        (("wire", "plastic"), file.wire.plastic, not file.wire.plastic, f"false {WITH}"),
+        (
+            ("contact", "body_mass"),
+            file.contact.body_mass,
+            file.contact.body_mass is None,
+            f"left out {WITH}, whose wires touch each other themselves",
+        ),
     ):
         if not supported:
             raise source.refusal(location, given, allowed)

@@ -28,7 +28,7 @@ def spatial_steps(scene: Scene) -> int:
     work *= (MEASURED_TOLERANCE / scene.solver.residual_tolerance) ** TOLERANCE_POWER
     driven = sum(any(stage.by_tension) for stage in scene.stages)
     levels = (len(scene.stages) + (TENSION_STATES - 1) * driven) * scene.output.frames
-    if scene.contact.friction:
+    if scene.depends_on_path:
         strains = [abs(s or 0.0) for stage in scene.stages for s in (stage.strain_weft, stage.strain_warp, stage.shear)]
         levels = max(levels, math.ceil(sum(strains) / PATH_STRAIN))
     return round(levels * STEPS_A_LEVEL * work)

@@ -104,6 +104,8 @@ def wire_section(wire: Wire) -> Section:
         linear_density=wire.linear_density,
         rotary_inertia=wire.linear_density * wire.thickness**2 / 8,
         thickness=wire.thickness,
+        yield_curvature=wire.yield_curvature if wire.plastic else 0.0,
+        hardening=wire.hardening,
     )
 
 

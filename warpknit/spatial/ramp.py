@@ -68,6 +68,9 @@ class SpatialRamp(SpatialRelaxation, RampStage):
             self.progress.work = self._reading().stored  # of wires that are not free of stress as knitted, or overlap
         return self._record(stage, factor, steady=steady)
 
+    def _dissipated(self) -> float:
+        return float(self.state.read_control()[int(c.DISSIPATED)])
+
     # --- the load
 
     def _begin_stage(self, stage: Stage) -> None:

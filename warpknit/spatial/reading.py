@@ -35,13 +35,15 @@ class SpatialReading:
     position: np.ndarray  # (node, 3) [m]
     tension: np.ndarray  # [N] of the segments, 0 of those that a clamp holds rigid
     clamp_pull: float  # [J] by those: tension times length as knitted, in the plane
-    curvature_change: np.ndarray  # (node, 2) [1/m]
+    curvature_change: np.ndarray  # (node, 2) [1/m] that is elastic
+    plastic_curvature: np.ndarray  # (node, 2) [1/m] that stays
     twist_change: np.ndarray  # [1/m]
     segment_force: np.ndarray  # (node, 3) [N]
     force: np.ndarray  # (node, 3) [N] out of balance
     stretch_stiffness: float  # [N] the true one, or what a ramp softens it to
     stretch_energy: float  # [J] with that stiffness
-    bend_energy: float  # [J] bending and twist
+    bend_energy: float  # [J] bending and twist, elastic
+    hardened_energy: float  # [J] that wires have hardened by
     contact_growth: float  # [J] derivative of the energy of contact by the length factor: wires grow thicker, and what is curved
     warmth: np.ndarray  # [node] excess of the length factor of the segments over that of the middle, relative
     touching: TouchingPairs  # contacts with a force
@@ -188,6 +190,11 @@ class SpatialReading:
         return bending + np.maximum(own, before) * wire.youngs_modulus / wire.axial_stiffness
 
     @property
+    def plastic_strain(self) -> np.ndarray:
+        """[node] of the outermost fibre, that stays."""
+        return self.mesh.scene.wire.radius * np.linalg.norm(self.plastic_curvature, axis=1)
+
+    @property
     def interior_stress(self) -> float:
         """[Pa] the largest stress farther than INTERIOR of the mesh's size from its edge."""
         if self.mesh.panel.boundary == "periodic":
@@ -221,7 +228,7 @@ class SpatialReading:
     @property
     def stored(self) -> float:
         """[J]"""
-        return self.stretch_energy + self.bend_energy + self.contact_energy
+        return self.stretch_energy + self.bend_energy + self.hardened_energy + self.contact_energy
 
     @property
     def penetration(self) -> float:
@@ -276,7 +283,8 @@ def read(mesh: SpatialMesh, sites: Sites, rest: Rest, contact: WireContact) -> S
     factor = float(state.read_control()[int(c.LENGTH_FACTOR)])
     inside = (rods.following >= 0) & (rods.previous >= 0)
     share = np.divide(1.0, rods.node_length * factor, out=np.zeros(rods.node_count), where=inside)
-    bent = share[:, None] * (state.curvature.numpy() - stepper.arrays.natural_curvature.numpy())
+    yielding = stepper.yielding
+    bent = share[:, None] * yielding.elastic
     twisted = share * (state.twist.numpy() - stepper.arrays.natural_twist.numpy())
     carried, tangent = rest.tension(), state.tangent.numpy()
     tension = np.where(rest.stretches, carried, 0.0)
@@ -291,12 +299,14 @@ def read(mesh: SpatialMesh, sites: Sites, rest: Rest, contact: WireContact) -> S
         tension=tension,
         clamp_pull=float(np.sum((carried - tension)[:, None] * tangent[:, :2] * rods.rest_edge[:, :2])),
         curvature_change=bent,
+        plastic_curvature=share[:, None] * yielding.plastic,
         twist_change=twisted,
         segment_force=stepper.segment_forces(),
         force=state.force.numpy().copy(),
         stretch_stiffness=rest.stored_stiffness,
         stretch_energy=float(np.sum(0.5 * tension**2 * length / rest.stored_stiffness)),
         bend_energy=float(np.sum(0.5 * hinge * rods.node_length * factor)),
+        hardened_energy=yielding.hardened_energy,
         contact_growth=_contact_growth(mesh, touching, tangent, state.director.numpy()),
         warmth=rest.warmth,
         touching=touching,

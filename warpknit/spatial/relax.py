@@ -39,7 +39,7 @@ SLOWEST_WAVE = 3.0  # loops of wire: bending waves longer than this are left ove
 DEEPEST = 0.5  # of the thickness: an overlap from which wires may pass through each other
 CLOSEST = 1e-3  # of the thickness: a smaller overlap as knitted is none, and a smaller distance of centre lines
 RAMP_STEPS = 500  # steps over which the load of a level comes on
-PATH_STRAIN = 0.005  # between steady states where friction makes the state depend on the path, at most
+PATH_STRAIN = 0.005  # between steady states where friction or yield makes the state depend on the path, at most
 FARTHEST = 0.2  # of the thickness: by how much the state is moved ahead
 
 
@@ -137,6 +137,7 @@ class SpatialRelaxation:
     def memory(self) -> dict[str, np.ndarray]:
         """What a checkpoint needs beside the state and the progress."""
         kept = {"notes": np.array(json.dumps(self.notes))} | self.contact.memory() | self.rest.memory() | self.edge_work.memory()
+        kept |= self.stepper.yielding.memory()
         if self._before is not None:
             kept |= {"gradient_before": self._before[0], "displacement_before": self._before[1]}
         return kept
@@ -147,6 +148,7 @@ class SpatialRelaxation:
         self.contact.recall(kept)
         self.rest.recall(kept)
         self.edge_work.recall(kept)
+        self.stepper.yielding.recall(kept)
         if "gradient_before" in kept:
             self._before = kept["gradient_before"].copy(), kept["displacement_before"].copy()
 
@@ -182,6 +184,7 @@ class SpatialRelaxation:
             while progress.part < parts:
                 progress.load_factor = (level - 1 + (progress.part + 1) / parts) / levels
                 self._bring_to_rest(stage)
+                self.stepper.yielding.advance()
                 progress.part += 1
             progress.part = 0
             yield self._record(stage, progress.load_factor)
@@ -220,7 +223,7 @@ class SpatialRelaxation:
 
     def _parts(self, begin: np.ndarray, end: np.ndarray) -> int:
         """Steady states on the way from one level to the next."""
-        if self.scene.contact.friction == 0.0:
+        if not self.scene.depends_on_path:
             return 1
         return max(1, math.ceil(float(np.abs(end - begin).max()) / PATH_STRAIN - 1e-9))
 
@@ -241,6 +244,7 @@ class SpatialRelaxation:
                 return
             self._begin_settling()
         self._settle(may_overlap=True)
+        self.stepper.yielding.advance()
         progress.settling = False
 
     def _bring_to_rest(self, stage: Stage) -> None:
@@ -257,7 +261,7 @@ class SpatialRelaxation:
         before = self.state.gradient
         displacement = self.state.displacement.numpy().copy()
         kept = displacement.copy()
-        if self._before is not None and self.scene.contact.friction == 0.0:
+        if self._before is not None and not self.scene.depends_on_path:
             was, placed = self._before
             step, last = gradient - before, before - was
             size = float(np.sum(last * last))
@@ -364,13 +368,17 @@ class SpatialRelaxation:
             steps=progress.steps,
             steady=steady,
             work=progress.work,
-            dissipated=float(self.state.read_control()[int(c.DISSIPATED)]) if self.scene.solver.drive == "ramp" else 0.0,
+            dissipated=self._dissipated(),
             edge_work=self.edge_work.account((reading.warmth_force, reading.warmth)),
             reading=reading,
         )
         progress.records += 1
         progress.level += 1
         return record
+
+    def _dissipated(self) -> float:
+        """[J] taken out since the start, by yield."""
+        return self.stepper.yielding.dissipated
 
     def _refuse_divergence(self, may_overlap: bool) -> None:
         deepest = self.contact.take_deepest() / (2.0 * float(self.mesh.rods.wire_radius.min()))

@@ -50,6 +50,7 @@ class RodState:
     length: wp.array  # [m]
     curvature: wp.array  # vec2d [rad] turning vector at a node, in the directions of the section
     twist: wp.array  # [rad]
+    plastic_turn: wp.array  # vec2d [rad] of the turning vector, what stayed as of the last state at rest
     pull_before: wp.array  # vec3d [N]
     pull_after: wp.array  # vec3d [N]
     torque_before: wp.array  # [N m]
@@ -142,6 +143,7 @@ def rest_state(rods: Rods, device: str) -> RodState:
         length=reals(np.linalg.norm(edge, axis=1)),
         curvature=wp.zeros(nodes, dtype=wp.vec2d, device=device),
         twist=reals(),
+        plastic_turn=wp.zeros(nodes, dtype=wp.vec2d, device=device),
         pull_before=vectors(),
         pull_after=vectors(),
         torque_before=reals(),
@@ -180,8 +182,10 @@ def bend_arguments(rods: Rods, arrays: RodArrays, state: RodState) -> list:
     return [
         arrays.previous, arrays.following, arrays.natural_length, arrays.node_length,
         arrays.natural_curvature, arrays.natural_twist,
-        wp.float64(rods.section.bending_stiffness), wp.float64(rods.section.twist_stiffness), state.control,
-        state.stretch_stiffness, state.tension_offset, state.length, state.tangent, state.director, state.curvature, state.twist,
+        wp.float64(rods.section.bending_stiffness), wp.float64(rods.section.twist_stiffness),
+        wp.float64(rods.section.yield_curvature), wp.float64(rods.section.hardening), state.control,
+        state.stretch_stiffness, state.tension_offset, state.length, state.tangent, state.director, state.plastic_turn,
+        state.curvature, state.twist,
         state.pull_before, state.pull_after, state.torque_before, state.torque_after,
     ]  # fmt: skip
 

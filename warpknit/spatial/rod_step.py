@@ -25,6 +25,7 @@ from ..kernels.rod_frames import follow_rods
 from ..kernels.rod_step import step_rods
 from .rod_arrays import RodArrays, RodState, bend_arguments, follow_arguments, rest_state, step_arguments, upload_rods
 from .rods import Rods
+from .yielding import Yielding
 
 GRAPH_STEPS = (50, 10, 1)  # steps that are replayed at once
 FROZEN = 3.0  # a status with which a step finds forces and moves nothing
@@ -56,6 +57,7 @@ class RodStepper:
         self.device = device
         self.arrays: RodArrays = upload_rods(rods, device)
         self.state: RodState = rest_state(rods, device)
+        self.yielding = Yielding(rods, self.arrays, self.state)
         self.contact: Contact | None = None
         self.clamps: Clamps | None = None
         self._graphs: dict[tuple[int, int], wp.Graph] = {}
@@ -152,7 +154,6 @@ class RodStepper:
         strain = state.length.numpy() / natural - 1.0
         stretch = natural * (state.tension_offset.numpy() * strain + 0.5 * state.stretch_stiffness.numpy() * strain**2)
         share = np.divide(1.0, rods.node_length * factor, out=np.zeros(rods.node_count), where=is_inside)
-        bent = np.sum((state.curvature.numpy() - self.arrays.natural_curvature.numpy()) ** 2, axis=1)
         twisted = (state.twist.numpy() - self.arrays.natural_twist.numpy()) ** 2
-        hinge = 0.5 * share * (section.bending_stiffness * bent + section.twist_stiffness * twisted)
-        return float(stretch[has_segment].sum() + hinge[is_inside].sum())
+        twist = 0.5 * share * section.twist_stiffness * twisted
+        return float(stretch[has_segment].sum() + twist[is_inside].sum()) + self.yielding.potential()

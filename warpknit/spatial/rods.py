@@ -24,6 +24,8 @@ class Section:
     linear_density: float  # [kg/m]
     rotary_inertia: float  # [kg m] of a length about its axis
     thickness: float  # [m] diameter where it touches
+    yield_curvature: float = 0.0  # [1/m] change of curvature from which on it yields in bending; 0: never
+    hardening: float = 1.0  # bending stiffness beyond, over the elastic one
 
 
 def round_section(diameter: float, youngs_modulus: float, poissons_ratio: float, density: float) -> Section:

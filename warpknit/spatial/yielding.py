@@ -1,0 +1,93 @@
+"""Yield in bending of wires in space: what they keep as set, from one state at rest to the next.
+
+Backward Euler of the law of kernels/rod_bend.py. Twist and tension do not yield.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..kernels import control as c
+from .rod_arrays import RodArrays, RodState
+from .rods import Rods
+
+
+class Yielding:
+    """Of rods in the state last evaluated. Arrays run over the nodes; turns are in the directions of the sections and 0 where
+    there is no turn between two segments."""
+
+    def __init__(self, rods: Rods, arrays: RodArrays, state: RodState) -> None:
+        self.rods, self.arrays, self.state = rods, arrays, state
+        self._inside = (rods.following >= 0) & (rods.previous >= 0)
+        section = rods.section
+        self._kept = section.hardening
+        self.yields = section.yield_curvature > 0.0 and self._kept < 1.0
+        self.dissipated = 0.0  # [J]
+
+    @property
+    def length(self) -> np.ndarray:
+        """[node] [m] natural length of a turn as it is warm."""
+        return self.rods.node_length * float(self.state.read_control()[int(c.LENGTH_FACTOR)])
+
+    @property
+    def plastic(self) -> np.ndarray:
+        """(node, 2) [rad] that stays."""
+        return self.state.plastic_turn.numpy()
+
+    @property
+    def back(self) -> np.ndarray:
+        """(node, 2) [rad] elastic turn about which the wire yields, and the half of which times it is the energy of hardening."""
+        return self._kept / (1.0 - self._kept) * self.plastic if self.yields else np.zeros_like(self.plastic)
+
+    def _trial(self) -> np.ndarray:
+        turn = self.state.curvature.numpy() - self.arrays.natural_curvature.numpy() - self.plastic
+        return np.where(self._inside[:, None], turn, 0.0)
+
+    def _beyond(self) -> tuple[np.ndarray, np.ndarray]:
+        """(node, 2) by what the turns pass the yield surface, and [node] by how much they are off their back turns."""
+        beyond = self._trial() - self.back
+        size = np.linalg.norm(beyond, axis=1)
+        over = np.maximum(size - self.rods.section.yield_curvature * self.length, 0.0) * self.yields
+        return beyond * np.divide(over, size, out=np.zeros_like(size), where=size > 0.0)[:, None], size
+
+    @property
+    def elastic(self) -> np.ndarray:
+        """(node, 2) [rad] the moment is EI over the length times it."""
+        return self._trial() - (1.0 - self._kept) * self._beyond()[0] if self.yields else self._trial()
+
+    @property
+    def hardened_energy(self) -> float:
+        """[J] that hardening stores: H kappa_p^2/2 a length, H = EI kept/(1 - kept)."""
+        return self._energy(0.5 * np.sum(self.back * self.plastic, axis=1))
+
+    def potential(self) -> float:
+        """[J] of bending, the gradient of which the moments are: what the wires store, and would lose to yield."""
+        if not self.yields:
+            return self._energy(0.5 * np.sum(self._trial() ** 2, axis=1))
+        over, size = self._beyond()
+        passed = np.linalg.norm(over, axis=1)
+        limit = size - passed
+        bent = 0.5 * limit**2 + limit * passed + 0.5 * self._kept * passed**2
+        return self._energy(bent + np.sum(self.back * (self._trial() - self.back), axis=1))
+
+    def _energy(self, square: np.ndarray) -> float:
+        """EI/l times squares of turns [rad^2], summed."""
+        inside = self._inside
+        return float(np.sum(self.rods.section.bending_stiffness / self.length[inside] * square[inside]))
+
+    def advance(self) -> None:
+        """Take the state, which is at rest, as a step of the path: wires keep what they yielded by."""
+        if not self.yields:
+            return
+        change = (1.0 - self._kept) * self._beyond()[0]
+        section = self.rods.section
+        self.dissipated += section.bending_stiffness * section.yield_curvature * float(np.linalg.norm(change, axis=1).sum())
+        self.state.plastic_turn.assign(self.plastic + change)
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """What a checkpoint keeps beside the state of the rods."""
+        return {"yield_dissipated": np.array(self.dissipated)}
+
+    def recall(self, kept: dict[str, np.ndarray]) -> None:
+        """Put back what `memory` returned."""
+        self.dissipated = float(kept["yield_dissipated"])
