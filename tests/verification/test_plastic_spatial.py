@@ -136,8 +136,8 @@ def test_a_hook_that_yields_is_that_of_the_plane(tmp_path: Path) -> None:
     stay elastic, 2 to 3 %, loaded to three times the elastic limit and unloaded."""
     options = [
         "wire.plastic=true", "wire.yield_stress='150 MPa'", "wire.hardening=0.2", "load.displacement='0.6 mm'",
-        "path=[{displacement='0.4 mm'}]", "output.frames=4", "output.usd=false", "output.figures=false", "model.nodes_per_loop=24",
-        "solver.residual_tolerance=5e-3",
+        "path=[{displacement='0.4 mm'}]", "output.frames=4", "output.usd=false", "output.figures=false",
+        "model.nodes_per_loop=24", "solver.residual_tolerance=5e-3",
     ]  # fmt: skip
     force = []
     for kind in ("planar", "spatial"):
