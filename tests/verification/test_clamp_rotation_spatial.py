@@ -22,7 +22,7 @@ TURN = 0.1  # [rad]
 STRAIN = 0.02
 PATCH = (
     "model.boundary=gripped", "knit.repeats=[1,2]", "model.nodes_per_loop=40", "solver.preset=draft",
-    "solver.residual_tolerance=0.02", "output.frames=3", "output.usd=false", "output.figures=false",
+    "solver.residual_tolerance=0.02", "output.frames=2", "output.usd=false", "output.figures=false",
     f"load.strain_weft={STRAIN}", f"load.strain_warp={STRAIN}", f"load.clamp_rotation={TURN}",
 )  # fmt: skip
 
@@ -40,11 +40,11 @@ def rows_of(out: Path) -> list[dict[str, float]]:
 
 
 def test_the_couple_is_what_turning_the_clamps_takes(turned: Path) -> None:
-    """What is stored is the work of the boundary with that of the couple, which is most of it; by three levels from rest, along
+    """What is stored is the work of the boundary with that of the couple, which is most of it; by two levels from rest, along
     which forces grow about as the load."""
     rows = rows_of(turned)
     last = rows[-1]
-    assert [row["clamp_rotation"] for row in rows] == pytest.approx([0.0, TURN / 3, 2 * TURN / 3, TURN], abs=1e-12)
+    assert [row["clamp_rotation"] for row in rows] == pytest.approx([0.0, TURN / 2, TURN], abs=1e-12)
     area = np.prod(load_scene(CELL, PATCH).knit.size)
     couple, angle = (np.array([row[key] for row in rows]) for key in ("clamp_couple_N_per_m", "clamp_rotation"))
     stored = last["energy_stretch_J"] + last["energy_bend_J"] + last["energy_contact_J"]
@@ -57,7 +57,7 @@ def test_wires_leave_their_clamps_in_the_turned_direction(turned: Path) -> None:
     mesh = build_mesh(load_scene(CELL, PATCH))
     clamp = mesh.panel.clamp_position - mesh.panel.clamp_position.min(axis=0)
     wanted = np.repeat(clamp, 2, axis=0) * (1.0 + STRAIN) + mesh.wires.held_lever @ measure.rotation(TURN).T
-    place = Frame.load(turned / "states" / "state_000003.npz").node_position[:, :2]
+    place = Frame.load(turned / "states" / "state_000002.npz").node_position[:, :2]
     assert place[mesh.wires.held_node] == pytest.approx(wanted, rel=0, abs=1e-12)
 
 
