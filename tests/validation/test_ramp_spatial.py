@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from warpknit.errors import Diverged
 from warpknit.run.run import run_scene
 from warpknit.run.watch import Watch
 from warpknit.scene import load_scene
@@ -47,6 +48,13 @@ def test_a_patch_that_is_pulled_sheared_and_heated_keeps_its_books() -> None:
     assert records[-1].dissipated > 0.05 * records[-1].work
     assert len(records[-1].reading.touching.force) > 2
     assert max(abs(missing(record)) for record in records) < 1e-3
+
+
+def test_a_load_that_is_too_fast_says_which_key_makes_it_slower() -> None:
+    """Over in a microsecond: nodes move farther than half a wire in one step before any can pass another unseen."""
+    load = ("load.strain_weft=0.5", "load.strain_warp=0.5", "solver.loading_time='1 us'", "output.frames=1")
+    with pytest.raises(Diverged, match=r"raise solver\.loading_time"):
+        list(SpatialRamp(build_mesh(load_scene(CELL, [*RAMP, "model.nodes_per_loop=24", *load]))).run())
 
 
 @pytest.mark.slow

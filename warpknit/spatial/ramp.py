@@ -27,6 +27,8 @@ RESERVED = 0.25  # of the margin of a search, kept for what the load itself move
 class SpatialRamp(SpatialRelaxation, RampStage):
     """Runs the stages of a scene in real time; what it shares with a relaxation is its mesh, its contact and its records."""
 
+    slower = "solver.loading_time"
+
     def __init__(
         self,
         mesh: SpatialMesh,
@@ -41,7 +43,9 @@ class SpatialRamp(SpatialRelaxation, RampStage):
         self.state.node_mass.assign(numbers.node_mass)
         self.state.spin_inertia.assign(numbers.spin_inertia)
         self.stepper.set_time_step(numbers.time_step, numbers.damping)
-        self.state.write_control({c.DRIVE: 1.0, c.SPEED_LIMIT: np.inf})
+        # two wires that fly at each other come nearer by half their thickness a step at most: they meet before they have passed
+        farthest = 0.5 * float(mesh.rods.wire_radius.min())
+        self.state.write_control({c.DRIVE: 1.0, c.SPEED_LIMIT: np.inf, c.STEP_LIMIT: farthest})
         self._searched_at = np.eye(2)  # gradient at the search that room was last kept by
 
     def _rest(self, *, multipliers: bool = False) -> Rest:

@@ -62,6 +62,8 @@ class SpatialRecord:
 class SpatialRelaxation:
     """Runs the stages of a scene from where `progress` stands. `watch` is called at every look and may raise to stop the run."""
 
+    slower = "output.frames"  # the key that has the load come on more slowly
+
     def __init__(
         self,
         mesh: SpatialMesh,
@@ -391,11 +393,10 @@ class SpatialRelaxation:
             wire = int(self.mesh.rods.wire_of[node])
             raise Diverged(
                 f"diverged at step {self.progress.steps}: wire {wire}, node {node - int(self.mesh.rods.wire_first[wire])},"
-                f" {where};"
-                " likely the load comes on too fast for the stiffness there: raise output.frames"
+                f" {where}; likely the load comes on too fast for the stiffness there: raise {self.slower}"
             )
         if deepest > DEEPEST and not may_overlap:
             raise Diverged(
                 f"wires overlap by {deepest:.2g} of their thickness at step {self.progress.steps}, {where}: the contact"
-                " penalty does not hold them apart; raise output.frames or contact.stiffness"
+                f" penalty does not hold them apart; raise {self.slower} or contact.stiffness"
             )
