@@ -164,8 +164,8 @@ class WireContact:
         )
         self._grid.build(self._hash_place, 1.0)
         before, pairs = self._list, self._other
-        grown = max(float(state.read_control()[int(c.LENGTH_FACTOR)]), 1.0)
-        radius = grown * self._radius / min(narrowest, 1.0) / float(self._cell.min())
+        longer = max(float(state.read_control()[int(c.LENGTH_FACTOR)]), 1.0)
+        radius = longer * self._radius / min(narrowest, 1.0) / float(self._cell.min())
         self._find(pairs, radius, filling=False)
         wp.utils.array_scan(pairs.count, pairs.start, inclusive=False)
         total = int(pairs.start.numpy()[-1] + pairs.count.numpy()[-1])

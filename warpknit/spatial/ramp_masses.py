@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +37,7 @@ def ramp_numbers(mesh: SpatialMesh) -> RampNumbers:
     """The numbers for a mesh as knitted."""
     scene, rods = mesh.scene, mesh.rods
     solver = scene.solver
-    stiff = {
+    stiff: dict[str, Any] = {
         "stretch_stiffness": rods.section.axial_stiffness / mesh.softening,
         "turning": rods.widest_turn(rods.rest_turning),
         "contact_stiffness": mesh.contact_stiffness,
