@@ -15,7 +15,7 @@ With LOOK_AHEAD = g the stored u is the place a mesh at x will reach in g steps,
 moment later. A mode of frequency w then loses g (w dt)^2/2 of its amplitude a step on top of c dt/2: stiff modes die within
 tens of steps, slow ones feel nothing. The step is stable up to w dt = 2/sqrt(1 + 2 g). A ramp has g = 0.
 
-The boundary moves by the deformation gradient F, which follows a smooth ramp from FROM to TO over RAMP_STEPS steps.
+The boundary moves by the deformation gradient F, which follows a ramp from FROM to TO over RAMP_STEPS steps, smooth or even.
 A step after which something moved farther than STEP_LIMIT freezes the state (STATUS_DIVERGED), and so does a travel since
 the last neighbour search above TRAVEL_LIMIT (STATUS_STALE): later steps of the batch then change nothing.
 """
@@ -58,7 +58,8 @@ DISSIPATED = wp.constant(41)  # [J] taken out by mass-proportional damping
 RAMP_SHARE = wp.constant(42)  # how far the clamps have gone on the way that the ramp takes them, 0 .. 1
 MULTIPLIER_RATE = wp.constant(43)  # [-] share of what is missing that an update of the multipliers takes (multipliers.py)
 SLOPE_FACTOR = wp.constant(44)  # [1/(N m2)] SLOPE_SHARE/EI (bend.py)
-CONTROL_COUNT = 45
+EVEN_RAMP = wp.constant(45)  # 1: the load moves evenly from step to step, as a ramp is one look of a longer way
+CONTROL_COUNT = 46
 
 STATUS_RUNNING = wp.constant(wp.float64(0.0))
 STATUS_STALE = wp.constant(wp.float64(1.0))
@@ -78,7 +79,9 @@ def advance_load(control: wp.array(dtype=wp.float64)):
     """Move the deformation gradient and the length factor one step along the ramp."""
     if control[RAMP_STEP] < control[RAMP_STEPS]:
         control[RAMP_STEP] = control[RAMP_STEP] + wp.float64(1.0)
-        s = smooth_ramp(control[RAMP_STEP] / control[RAMP_STEPS])
+        s = control[RAMP_STEP] / control[RAMP_STEPS]
+        if control[EVEN_RAMP] == wp.float64(0.0):
+            s = smooth_ramp(s)
         control[RAMP_SHARE] = s
         for k in range(5):
             control[GRADIENT + k] = control[FROM + k] + s * (control[TO + k] - control[FROM + k])

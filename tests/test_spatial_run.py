@@ -40,11 +40,6 @@ def test_what_only_the_planar_model_does_is_refused(override: str, line: str) ->
     assert "\n" not in str(error.value)
 
 
-def test_a_ramp_in_space_goes_by_strain() -> None:
-    with pytest.raises(SceneError, match=r"load\.tension_warp: given '1 N/m', allowed: strains with solver\.drive = 'ramp'"):
-        load_scene(CELL, ["solver.drive=ramp", "load.tension_warp='1 N/m'"])
-
-
 def test_maps_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     with pytest.raises(SystemExit) as end:
         main(["map", str(SCENES / "contact_map.toml"), "--set", "model.kind=spatial", "--out", str(tmp_path / "m"), "--quiet"])

@@ -33,10 +33,6 @@ def refuse_unsupported(source: Source, file: SceneFile) -> None:
     ):
         if not supported:
             raise source.refusal(location, given, allowed)
-    by_ramp = file.solver.drive == "ramp"
     for place, stage in ((("load",), file.load), *((("path", k), stage) for k, stage in enumerate(file.path))):
-        for key in ("tension_weft", "tension_warp"):
-            if by_ramp and getattr(stage, key) is not None:
-                raise source.refusal((*place, key), getattr(stage, key), f"strains with solver.drive = 'ramp' {WITH}")
         if stage.pull:
             raise source.refusal((*place, "pull"), "a pull", f"left out {WITH}")

@@ -1,5 +1,13 @@
 """One stage of a ramp in real time, whatever model is stepped: the load comes on over the loading time, then the stage is held
 until it is steady.
+
+A direction driven by tension follows it in time: every look its strain v [1 a loading time] is set to move by what the tension
+missing now would stretch the mesh, with the compliance C seen so far, and gathers way,
+
+    v -> v + MOMENTUM_RATE d (TENSION_RATE C miss - v)        d: the look over the loading time
+
+which is a spring of TENSION_RATE MOMENTUM_RATE and a damper of MOMENTUM_RATE whatever the time step; no move is faster than
+MOST_STRAIN a loading time, so that a loose mesh is not pulled tight at a blow.
 """
 
 from __future__ import annotations
@@ -15,6 +23,11 @@ from ..kernels import control as c
 from ..scene import Stage
 from .drive import CHECK_STEPS, Progress
 
+TENSION_RATE = 60.0  # of the strain that would carry the wanted tension, a loading time
+MOMENTUM_RATE = 100.0  # a loading time, at which strains gather way: both ways together a mesh may be far softer than each
+TENSION_TOLERANCE = 5e-3  # of the wanted tension, in a steady state
+MOST_STRAIN = 0.5  # a loading time
+COMPLIANCE_RANGE = 1e-4  # of that of a loose mesh: the least that is reckoned with
 RENEWAL_LOOKS = 4  # looks between two renewals of the time step, at most
 RENEWALS = 150  # of the time step while a load comes on, at least
 HOLD_LIMIT = 5.0  # loading times that a ramp is held at the end before it stops without being steady
@@ -33,7 +46,12 @@ class RampStage(ABC):
         if progress.level == 0 and unloaded:
             yield self._keep(stage, 0.0, steady=True)
         if not progress.settling:
-            self._begin_stage(stage)
+            driven = any(stage.by_tension)
+            if not driven:
+                self._aim(stage, 1.0, None, math.ceil(self.loading_time / self._renew_step(1)), evenly=False)
+            progress.compliance = [1.0 / self._tension_scale()] * 2
+            progress.strain_move = []
+            self._begin_ramp()
             progress.settling = True
         recorded = progress.level - unloaded
         while True:
@@ -58,10 +76,6 @@ class RampStage(ABC):
         progress.settling, progress.load_factor = False, 1.0
         yield self._keep(stage, 1.0, steady=self._rests() and self._carries(stage))
 
-    def _loading_steps(self) -> int:
-        """Steps of the loading time, each as long as the first one."""
-        return math.ceil(self.loading_time / self._renew_step(1))
-
     def _step(self) -> float:
         """The time step [s], renewed every few looks: every one where the load comes on in few steps."""
         control = self._control()
@@ -71,16 +85,50 @@ class RampStage(ABC):
         return self._renew_step(int(looks))
 
     def _share(self, stage: Stage, control: np.ndarray) -> float:
-        """Of the loading time that has gone by, in steps."""
+        """Of the loading time that has gone by: in steps, where the load comes on in so many."""
+        if any(stage.by_tension):
+            return min(1.0, self.progress.time / self.loading_time)
         return min(1.0, float(control[int(c.RAMP_STEP)] / max(control[int(c.RAMP_STEPS)], 1.0)))
 
+    # --- directions driven by tension
+
+    def _wanted_tension(self, stage: Stage, share: float) -> np.ndarray:
+        """Tensions (weft, warp) [N/m] that the boundary is to carry, where it is driven by them."""
+        start = np.array(self.progress.start.tension)
+        end = np.array([stage.tension_weft or 0.0, stage.tension_warp or 0.0])
+        return start + smooth(share) * (end - start)
+
     def _follow(self, stage: Stage, step: float) -> None:
-        """Look where the load should go in the steps until the next look."""
-        return
+        """Aim at the strains of the next look: the boundary gives way as the wanted tension is more than the mesh carries."""
+        if not any(stage.by_tension):
+            return
+        progress, scale = self.progress, self._tension_scale()
+        strain, tension = self._carried()
+        if progress.followed:
+            moved, pulled = strain - np.array(progress.followed[:2]), tension - np.array(progress.followed[2:])
+            seen = np.divide(moved, pulled, out=np.zeros(2), where=moved * pulled > 0.0)
+            compliance = np.where(seen > 0.0, 0.9 * np.array(progress.compliance) + 0.1 * seen, progress.compliance)
+            progress.compliance = np.clip(compliance, COMPLIANCE_RANGE / scale, 1.0 / (0.02 * scale)).tolist()
+        progress.followed = [*strain.tolist(), *tension.tolist()]
+        look = CHECK_STEPS * step / self.loading_time
+        share = min(1.0, progress.time / self.loading_time + look)
+        miss = self._wanted_tension(stage, share) - tension
+        new = min(1.0, MOMENTUM_RATE * look)
+        before = np.array(progress.strain_move or [0.0, 0.0])
+        move = (1.0 - new) * before + new * TENSION_RATE * look * np.array(progress.compliance) * miss
+        move = np.clip(move, -MOST_STRAIN * look, MOST_STRAIN * look)
+        progress.strain_move = move.tolist()
+        self._aim(stage, smooth(share), strain + move, CHECK_STEPS, evenly=True)
 
     def _carries(self, stage: Stage) -> bool:
-        """Whether the boundary carries what it should at the end of the stage."""
-        return True
+        """Whether the boundary carries the tensions of the end of the stage, where it is driven by them."""
+        driven = np.array(stage.by_tension)
+        if not driven.any():
+            return True
+        _, tension = self._carried()
+        wanted = self._wanted_tension(stage, 1.0)
+        near = TENSION_TOLERANCE * np.maximum(np.abs(wanted), 0.01 * self._tension_scale())
+        return bool(np.all(~driven | (np.abs(tension - wanted) <= near)))
 
     # --- what a model has of its own
 
@@ -93,8 +141,21 @@ class RampStage(ABC):
         """Set and return the time step [s] that is stable for so many looks from the state as it is."""
 
     @abstractmethod
-    def _begin_stage(self, stage: Stage) -> None:
-        """Have the load of the stage begin to come on."""
+    def _tension_scale(self) -> float:
+        """EI/C^3 [N/m]."""
+
+    @abstractmethod
+    def _carried(self) -> tuple[np.ndarray, np.ndarray]:
+        """Strains and tensions [N/m] of the mesh, each (weft, warp)."""
+
+    @abstractmethod
+    def _aim(self, stage: Stage, factor: float, strain: np.ndarray | None, steps: int, *, evenly: bool) -> None:
+        """Have the load of the stage at a load factor come on over so many steps; a direction driven by tension goes to its
+        `strain` (2,)."""
+
+    @abstractmethod
+    def _begin_ramp(self) -> None:
+        """Get ready for a load that comes on."""
 
     @abstractmethod
     def _reserve_for_ramp(self, control: np.ndarray) -> None:

@@ -20,6 +20,7 @@ from .mesh import SpatialMesh
 from .ramp_masses import ramp_numbers, step_now
 from .relax import SpatialRecord, SpatialRelaxation
 from .rest import Rest
+from .steadiness import tension_scale
 
 RESERVED = 0.25  # of the margin of a search, kept for what the load itself moves until the next one
 
@@ -77,10 +78,16 @@ class SpatialRamp(SpatialRelaxation, RampStage):
 
     # --- the load
 
-    def _begin_stage(self, stage: Stage) -> None:
-        wire = self.scene.wire
-        growth = 1.0 + wire.expansion * (stage.temperature - wire.reference_temperature)
-        self._bring_on(self._gradient(stage, 1.0), growth, self._loading_steps())
+    def _aim(self, stage: Stage, factor: float, strain: np.ndarray | None, steps: int, *, evenly: bool) -> None:
+        wire, before = self.scene.wire, self.progress.start.temperature
+        gradient = self._gradient(stage, factor)
+        if strain is not None:
+            gradient[np.diag_indices(2)] = np.where(stage.by_tension, 1.0 + strain, np.diag(gradient))
+        temperature = before + factor * (stage.temperature - before)
+        self._bring_on(gradient, 1.0 + wire.expansion * (temperature - wire.reference_temperature), steps)
+        self.state.write_control({c.EVEN_RAMP: float(evenly)})
+
+    def _begin_ramp(self) -> None:
         self.contact.take_deepest()
         self._reserve(self.state.gradient)
 
@@ -101,6 +108,13 @@ class SpatialRamp(SpatialRelaxation, RampStage):
         if self.progress.stress:
             self.progress.work += work_between(self.progress.stress, now, self.mesh.panel.area)
         self.progress.stress = now
+
+    def _tension_scale(self) -> float:
+        return tension_scale(self.mesh)
+
+    def _carried(self) -> tuple[np.ndarray, np.ndarray]:
+        reading = self._reading()
+        return np.diag(reading.gradient) - 1.0, np.array(reading.mesh_tension)
 
     # --- steps
 
