@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from interrupted import assert_parts_are_the_whole
 
 from warpknit.cli import main
 from warpknit.errors import SceneError
@@ -13,7 +14,6 @@ from warpknit.frame import Frame, WireLayout
 from warpknit.run.run import run_scene
 from warpknit.run.spatial_summary import row_of
 from warpknit.run.warnings_of import warnings_of
-from warpknit.run.watch import Watch
 from warpknit.scene import load_scene
 from warpknit.solve.tension import TOLERANCE
 from warpknit.spatial.mesh import build_mesh
@@ -128,29 +128,8 @@ def test_interrupt_and_resume_give_the_same_bits(tmp_path: Path, path: tuple[str
     if nothing had been."""
     load = ("load.displacement='100 um'", "path=[{displacement='90 um'}]", *path)
     scene = load_scene(SCENES / "hook_spatial.toml", [*HOOK, *load])
-    assert run_scene(scene, out=tmp_path / "whole", device="cpu").exit_code == 0
-    original, looks = Watch._look, 0
-
-    def interrupt_now_and_then(self: object, progress: object) -> None:
-        nonlocal looks
-        looks += 1
-        if looks % 89 == 7:
-            self.interrupts.ask()
-        original(self, progress)
-
-    monkeypatch.setattr(Watch, "_look", interrupt_now_and_then)
-    code = run_scene(scene, out=tmp_path / "parts", device="cpu").exit_code
-    interruptions = 0
-    while code == 130:
-        interruptions += 1
-        code = run_scene(scene, out=tmp_path / "parts", device="cpu", resume=True).exit_code
-    assert code == 0 and interruptions > 2
-    assert not (tmp_path / "parts" / "checkpoint").exists()
-    assert (tmp_path / "whole" / "history.csv").read_text() == (tmp_path / "parts" / "history.csv").read_text()
-    for k in range(5):
-        a, b = (np.load(tmp_path / part / "states" / f"state_{k:06d}.npz") for part in ("whole", "parts"))
-        assert all(np.array_equal(a[key], b[key]) for key in a.files)
-    assert json.loads((tmp_path / "parts" / "summary.json").read_text())["hook"]["force_left_N"] > 0.0
+    parts = assert_parts_are_the_whole(scene, tmp_path, monkeypatch, every=89)
+    assert json.loads((parts / "summary.json").read_text())["hook"]["force_left_N"] > 0.0
 
 
 def test_a_finished_run_is_not_replaced_unasked(finished: Path) -> None:
