@@ -11,14 +11,11 @@ from __future__ import annotations
 
 import mmap
 import os
-import pickle
 import signal
-import subprocess
 import sys
 import tempfile
 from contextlib import suppress
 from dataclasses import fields
-from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -28,6 +25,7 @@ import numpy as np
 from warpknit.errors import OutOfResources
 from warpknit.export.frame_files import FrameFiles, FrameWriter, StageOptions
 from warpknit.frame import Frame, WireLayout
+from warpknit.processes import ending_of, sendable, start_process
 
 __all__ = ["PROCESS_NODES", "WriterProcess", "frame_writer", "main"]
 
@@ -64,14 +62,8 @@ class WriterProcess(FrameWriter):
         memory = _nameless_memory(size)
         try:
             self._memory = mmap.mmap(memory, size)
-            self._pipe, other = Pipe()
-            command = [sys.executable, "-m", __spec__.name, str(other.fileno()), str(memory)]
-            inherited = (other.fileno(), memory, *(() if hold is None else (hold,)))
-            environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-            with other:
-                self._process = subprocess.Popen(
-                    command, pass_fds=inherited, env=environment, stdin=subprocess.DEVNULL, start_new_session=True
-                )
+            kept = () if hold is None else (hold,)
+            self._process, self._pipe = start_process(__spec__.name, memory, keep=kept)
         except OSError as error:
             raise OutOfResources(f"memory ran out: the writer of frames did not start: {error.strerror}") from error
         finally:
@@ -139,10 +131,9 @@ class WriterProcess(FrameWriter):
         try:
             error = self._pipe.recv()
         except (EOFError, OSError):
-            status = self._process.wait()
-            how = f"was ended by signal {-status}" if status < 0 else f"ended with status {status}"
             raise OutOfResources(
-                f"memory ran out, or somebody ended it: the process that writes the frames {how};"
+                "memory ran out, or somebody ended it: the process that writes the frames"
+                f" {ending_of(self._process)};"
                 " finished frames are kept, --resume goes on"
             ) from None
         self._is_busy = False
@@ -187,7 +178,7 @@ def main(arguments: list[str]) -> None:
                     else:
                         files.close(complete=value)
             except Exception as error:
-                answer = _sendable(error)
+                answer = sendable(error)
             pipe.send(answer)
 
 
@@ -198,15 +189,6 @@ def _frame(values: dict[str, Any], memory: mmap.mmap) -> Frame:
             shape, kind, first = value
             values[name] = np.ndarray(shape, np.dtype(kind), buffer=memory, offset=first)
     return Frame(**values)
-
-
-def _sendable(error: Exception) -> Exception:
-    """The error itself where it can travel, with its errno and file name, else its text."""
-    try:
-        pickle.loads(pickle.dumps(error))
-    except Exception:
-        return RuntimeError(f"{type(error).__name__}: {error}")
-    return error
 
 
 if __name__ == "__main__":
