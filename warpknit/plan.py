@@ -36,7 +36,7 @@ from .scene import Scene
 from .scene.presets import PRESETS
 from .solve.prolongation import smaller_scene
 from .solve.step import thread_count
-from .spatial.estimate import HOOK_ENDS, spatial_physics, spatial_steps, spatial_time
+from .spatial.estimate import HOOK_ENDS, spatial_map_time, spatial_physics, spatial_steps, spatial_time
 from .spatial.mesh import build_mesh
 from .spatial.ramp_masses import ramp_numbers
 from .text import duration, memory, rounded
@@ -158,7 +158,7 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         counted=counted,
         relaxes=scene.solver.drive == "relax",
         knit="" if cloth is None else _repeat(scene, cloth),
-        sweep=_sweep(scene),
+        sweep=_sweep(scene, mesh.nodes),
         accuracy=_accuracy(scene),
     )
 
@@ -182,13 +182,14 @@ def _accuracy(scene: Scene) -> str:
     )
 
 
-def _sweep(scene: Scene) -> str:
+def _sweep(scene: Scene, nodes: int) -> str:
     """What `warpknit map` would run of the scene, in words; this plan is of one run of its load."""
     if scene.sweep is None:
         return ""
     pairs = len(set(scene.sweep.strain_weft)) * len(set(scene.sweep.strain_warp))
     meshes = f" of {scene.sweep.seeds} meshes" if scene.sweep.seeds > 1 else ""
-    return f"warpknit map brings {pairs:,} pairs of strains{meshes} to rest; the numbers here are for one run of [load]"
+    took = f" in about {duration(spatial_map_time(scene, nodes))}" if scene.model.kind == "spatial" else ""
+    return f"warpknit map brings {pairs:,} pairs of strains{meshes} to rest{took}; the numbers here are for one run of [load]"
 
 
 def _repeat(scene: Scene, cloth: Cloth) -> str:

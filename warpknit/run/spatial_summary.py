@@ -72,7 +72,6 @@ def stage_summary(record: SpatialRecord, rows: list[Row]) -> dict[str, Any]:
     weft, warp = r.mesh_tension
     stress = r.stress
     force = r.site_force[r.site_active]
-    length = float(mesh.rods.wire_length.sum())
     balance = energy_balance(rows, mesh)  # type: ignore[arg-type]
     return hook_part(rows[-1]) | {
         "name": record.stage,
@@ -117,7 +116,7 @@ def stage_summary(record: SpatialRecord, rows: list[Row]) -> dict[str, Any]:
             "shear": float(f[0, 1]),
             "clamp_rotation_rad": r.clamp_rotation,
             "temperature_K": record.temperature,
-            "areal_mass_kg_per_m2": length * wire.linear_density / (panel.area * float(np.linalg.det(f))),
+            "areal_mass_kg_per_m2": r.areal_mass,
             "thickness_m": float(np.ptp(r.position[:, 2])) + mesh.rods.section.thickness,
         },
     }

@@ -7,9 +7,12 @@ Measured on scenes/atlas_cell_spatial.toml, in four levels at a tolerance of 1e-
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator
+from dataclasses import replace
 
 from ..scene import Scene
+from ..solve.step import CORES
 from .relax import PATH_STRAIN
 
 STEPS_A_LEVEL = 12_900.0
@@ -37,6 +40,21 @@ def spatial_steps(scene: Scene) -> int:
 def spatial_time(steps: int, nodes: int) -> float:
     """Time [s] of so many steps on one core."""
     return steps * (STEP_TIME + nodes / NODE_STEPS_PER_S)
+
+
+def process_count(loads: int) -> int:
+    """Processes of one core each that share so many loads: WARPKNIT_THREADS, or one a core."""
+    given = os.environ.get("WARPKNIT_THREADS", "")
+    wanted = int(given) if given.isdecimal() else len(CORES)
+    return max(1, min(wanted, len(CORES), loads))
+
+
+def spatial_map_time(scene: Scene, nodes: int) -> float:
+    """Time [s] of the map of a scene with a sweep: its loads by strain, one after the other in `process_count` processes."""
+    assert scene.sweep is not None
+    loads = len(set(scene.sweep.strain_weft)) * len(set(scene.sweep.strain_warp))
+    one = replace(scene, stages=(replace(scene.stages[0], tension_weft=None, tension_warp=None),))
+    return scene.sweep.seeds * math.ceil(loads / process_count(loads)) * spatial_time(spatial_steps(one), nodes)
 
 
 def spatial_physics(scene: Scene, sites: int) -> Iterator[str]:

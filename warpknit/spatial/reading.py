@@ -166,6 +166,13 @@ class SpatialReading:
         return measure.couple_of(self.nominal_stress, self.gradient)
 
     @property
+    def areal_mass(self) -> float:
+        """[kg/m2] of the strained mesh."""
+        mesh = self.mesh
+        length = float(mesh.rods.wire_length.sum())
+        return length * mesh.scene.wire.linear_density / (mesh.panel.area * float(np.linalg.det(self.gradient)))
+
+    @property
     def thermal_force(self) -> float:
         """[J] derivative of the energy by the length factor of the wires."""
         rods, ea = self.mesh.rods, self.stretch_stiffness

@@ -9,7 +9,6 @@ their full load, and those that failed, are left alone.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -19,22 +18,13 @@ from ..errors import Diverged
 from ..kernels import control as c
 from ..model.model import Model
 from ..scene import Stage
-from ..solve.drive import CHECK_STEPS, Progress, Record
+from ..solve.drive import CHECK_STEPS, Progress
 from ..solve.look import Sums, first_blocks, sum_up
 from ..solve.multiplier_rules import MultiplierRules
 from ..solve.relax import NEARLY_STEADY, SOFTENING_LOOKS, WORSE, Relaxation, drift_looks, patience_of
 from ..solve.step import PROBING
+from .outcome import Outcome
 from .replicas import Replicas
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """How one replica ended: the record of its full load, or why there is none."""
-
-    index: int
-    steps: int
-    record: Record | None
-    error: Diverged | None
 
 
 class Batch:
@@ -125,7 +115,8 @@ class Batch:
 
     def _finished(self, row: int) -> Outcome:
         member = self.members[row]
-        return Outcome(row, member.progress.steps, member.record(self.stages[row], 1.0, steady=True), None)
+        record = member.record(self.stages[row], 1.0, steady=True)
+        return Outcome(row, member.progress.steps, record.reading, None)
 
     # --- steps ---
 

@@ -14,20 +14,21 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from .. import measure
 from ..device import find_device
 from ..errors import MemoryNeeded, ModelError, SceneError
 from ..files import write_aside
-from ..model.model import Model, available_memory, build_model, required_memory
+from ..model.model import available_memory, required_memory
 from ..run.interrupts import Interrupted, Interrupts
 from ..run.progress import Progress as Display
 from ..run.run_directory import Ending, finished_before, goes_on, open_directory
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.messages import scene_error
 from ..solve.prolongation import smaller_scene
-from ..text import engineering
-from .batch import Batch, Outcome
+from ..spatial.estimate import process_count, spatial_map_time
+from ..text import duration, engineering
 from .contact_map import STEADY, Cell, Detail, MapRow, find_optimum, grid, mean_map, read_map, write_map
+from .outcome import Outcome, measured
+from .states import Mesh, States, mesh_of, node_count, states_of
 
 _log = logging.getLogger(__name__)
 
@@ -64,10 +65,12 @@ def run_map(
     keep = goes_on(out, "map.csv", "map", resolved, resume=resume, force=force)
     # what cannot be built is refused before anything is removed
     seeds = [replace(scene, knit=replace(scene.knit, seed=scene.knit.seed + number)) for number in range(sweep.seeds)]
-    models = [build_model(one) for one in seeds]
-    _refuse_too_many(models[0], sweep)
+    meshes = [mesh_of(one) for one in seeds]
+    _refuse_too_many(meshes[0], sweep)
     open_directory(out, resolved, keep=keep)
-    return _Mapper(models, sweep, out, progress or Display()).run()
+    if scene.model.kind == "spatial":
+        _log.info("about %s for the whole map in space", duration(spatial_map_time(scene, node_count(meshes[0]))))
+    return _Mapper(meshes, sweep, out, progress or Display()).run()
 
 
 def _checked(scene: Scene, device: str | None) -> Sweep:
@@ -75,14 +78,12 @@ def _checked(scene: Scene, device: str | None) -> Sweep:
         raise scene_error(scene.path, "sweep", "nothing", "a table [sweep] with strain_weft and strain_warp, for `warpknit map`")
     if scene.solver.drive != "relax":
         raise SceneError(f"{scene.path}: solver.drive: given {scene.solver.drive!r}, allowed for a map: 'relax'")
-    if scene.model.kind != "planar":
-        raise SceneError(f"{scene.path}: model.kind: given {scene.model.kind!r}, allowed for a map: 'planar'")
     if device is not None and find_device(device) != "cpu":
         raise ModelError(f"--device: given {device}, allowed for a map: cpu (its meshes are small, and fit a CPU's caches)")
     load = scene.stages[0]
     for key, given in (
         ("hook", scene.hook is not None),
-        ("contact.friction", scene.contact.friction > 0.0),
+        ("contact.friction", scene.contact.friction > 0.0 and scene.model.kind == "planar"),
         ("wire.plastic", scene.wire.plastic),
         ("load.pull", len(load.pull)),
         ("load.clamp_rotation", load.clamp_rotation != 0.0),
@@ -96,22 +97,24 @@ def _checked(scene: Scene, device: str | None) -> Sweep:
     return scene.sweep
 
 
-def _refuse_too_many(model: Model, sweep: Sweep) -> None:
-    cells, nodes = len(set(sweep.strain_weft)) * len(set(sweep.strain_warp)), model.panel.node_count
-    needed, available = cells * required_memory(model.scene, nodes), available_memory()
+def _refuse_too_many(mesh: Mesh, sweep: Sweep) -> None:
+    """Refuse what does not fit: in the plane all loads of a seed are under way at once, in space one a core."""
+    loads, nodes = len(set(sweep.strain_weft)) * len(set(sweep.strain_warp)), node_count(mesh)
+    together = process_count(loads) if mesh.scene.model.kind == "spatial" else loads
+    needed, available = together * required_memory(mesh.scene, nodes), available_memory()
     if needed > available:
         raise MemoryNeeded(
-            f"sweep: {cells} meshes of {nodes:,} nodes need {needed / 2**30:.3g} GiB, available {available / 2**30:.3g} GiB"
+            f"sweep: {together} meshes of {nodes:,} nodes need {needed / 2**30:.3g} GiB, available {available / 2**30:.3g} GiB"
         )
 
 
 class _Mapper:
     """Runs the batches of a map, one a seed, and writes what they find."""
 
-    def __init__(self, models: Sequence[Model], sweep: Sweep, out: Path, display: Display) -> None:
-        """`models`: of each seed."""
-        self.models, self.scene, self.sweep, self.out, self.display = models, models[0].scene, sweep, out, display
-        self.nodes = models[0].panel.node_count
+    def __init__(self, meshes: Sequence[Mesh], sweep: Sweep, out: Path, display: Display) -> None:
+        """`meshes`: of each seed."""
+        self.meshes, self.scene, self.sweep, self.out, self.display = meshes, meshes[0].scene, sweep, out, display
+        self.nodes = node_count(meshes[0])
         self.strains = [(x, y) for y in sorted(set(sweep.strain_warp)) for x in sorted(set(sweep.strain_weft))]
         self.maps = [self._read(seed) for seed in range(sweep.seeds)]
         self.steps = 0
@@ -158,15 +161,15 @@ class _Mapper:
         ]
         steps_before = self.steps
 
-        def watch(batch: Batch) -> None:
+        def watch(states: States) -> None:
             self._interrupts.check()
-            self.steps = steps_before + batch.steps
+            self.steps = steps_before + states.steps
             rate = self.steps * self.nodes / (time.perf_counter() - self._begin)
-            self.display.update(done=batch.done, load_factor=batch.done, node_steps_per_s=rate)
+            self.display.update(done=states.done, load_factor=states.done, node_steps_per_s=rate)
             if time.perf_counter() - self._saved > SAVE_INTERVAL:
                 self._save()
 
-        for outcome in Batch(self.models[seed], stages, watch=watch).run():
+        for outcome in states_of(self.meshes[seed], stages, watch).run():
             done.append(_row(outcome, missing[outcome.index]))
 
     # --- files ---
@@ -213,7 +216,12 @@ class _Mapper:
             "path": f"each pair of strains by itself, proportionally from the mesh as knitted, {self.scene.output.frames} levels",
             "cells": {"wanted": len(self.strains), "done": len(rows), "steady": len(rows) - len(failed)},
             "seeds": self.sweep.seeds,
-            "model": {"boundary": self.scene.model.boundary, "nodes": self.nodes, "bodies": self.models[0].panel.body_count},
+            "model": {
+                "kind": self.scene.model.kind,
+                "boundary": self.scene.model.boundary,
+                "nodes": self.nodes,
+                "bodies": self.meshes[0].panel.body_count,
+            },
             "solver": {
                 "preset": self.scene.solver.preset,
                 "wall_s": wall,
@@ -251,22 +259,20 @@ class _Mapper:
 
 
 def _row(outcome: Outcome, strains: tuple[float, float]) -> MapRow:
-    """What is kept of a replica."""
-    if outcome.record is None:
+    """What is kept of a load."""
+    if outcome.reading is None:
         nothing = Cell(*strains, None, None, None, None, None, "diverged")
         return MapRow(nothing, Detail(*strains, None, None, None, None, None, None, 0, outcome.steps, str(outcome.error)))
-    r = outcome.record.reading
-    contacts, rhombus = measure.contacts(r), measure.contacts(r, r.model.panel.rhombus_bodies)
-    largest, _, above = measure.stress_extremes(r)
-    cell = Cell(*strains, contacts.active_percent, *measure.mesh_tension(r), largest, above, STEADY)
+    found = measured(outcome.reading)
+    cell = Cell(*strains, found.active_percent, *found.tension, found.stress_max, found.yield_fraction, STEADY)
     detail = Detail(
         *strains,
         active_percent_deviation=None,
-        active_bodies_percent=100.0 * contacts.active_bodies / max(1, contacts.bodies),
-        active_rhombus_percent=rhombus.active_percent if rhombus.pairs else None,
-        contact_force_max_N=float(r.pair_force.max(initial=0.0)),
-        stress_interior_max_Pa=measure.interior_stress(r),
-        residual=measure.residual(r),
+        active_bodies_percent=found.active_bodies_percent,
+        active_rhombus_percent=found.active_rhombus_percent,
+        contact_force_max_N=found.contact_force_max,
+        stress_interior_max_Pa=found.stress_interior_max,
+        residual=found.residual,
         seeds=1,
         steps=outcome.steps,
         message="",
