@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .. import measure
 from ..errors import Diverged
-from ..measure.reading import Reading
-from ..model.model import Model
+from ..sweep.outcome import AnyReading, measured
+from ..sweep.states import Mesh
 from .network import sheet_resistance
 from .states import states_at
 
@@ -32,7 +31,7 @@ class CurvePoint:
     sheet_resistance_warp_ohm: float | None
 
 
-def tension_strain(model: Model, weft: float, warp: float) -> list[CurvePoint]:
+def tension_strain(model: Mesh, weft: float, warp: float) -> list[CurvePoint]:
     """The curves of all LOADS up to the strains `weft` and `warp`; where both are strained, up to the smaller of them."""
     wanted = []
     for name, along_weft, along_warp in LOADS:
@@ -43,10 +42,8 @@ def tension_strain(model: Model, weft: float, warp: float) -> list[CurvePoint]:
     return [_point(*place, state) for place, state in zip(wanted, states, strict=True)]
 
 
-def _point(load: str, weft: float, warp: float, state: Reading | Diverged) -> CurvePoint:
+def _point(load: str, weft: float, warp: float, state: AnyReading | Diverged) -> CurvePoint:
     if isinstance(state, Diverged):
         return CurvePoint(load, weft, warp, None, None, None, None, None, None)
-    tension, contacts = measure.mesh_tension(state), measure.contacts(state)
-    return CurvePoint(
-        load, weft, warp, *tension, contacts.active_percent, measure.stress_extremes(state)[0], *sheet_resistance(state)
-    )
+    found = measured(state)
+    return CurvePoint(load, weft, warp, *found.tension, found.active_percent, found.stress_max, *sheet_resistance(state))

@@ -1,6 +1,6 @@
 """Sheet resistance of a mesh: its wires and their touching places as a network of resistors.
 
-A stretch of wire between two touching places is a resistor, a body both of whose pairs are active another: the
+A stretch of wire between two touching places is a resistor, a place where wires touch (touching.py) another: the
 constriction of the current at one round spot between two wires whose surface yields (Holm, Electric Contacts, 1967),
 
     R = (rho / 2) sqrt(pi H / F),      rho resistivity, H hardness, F force of the contact.
@@ -19,10 +19,10 @@ import scipy.sparse as sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from .. import measure
-from ..measure.reading import Reading
 from ..scene import Wire
 from ..scene.materials import MATERIALS, Material
+from ..sweep.outcome import AnyReading
+from .touching import Touching, touching_of
 
 SHORTEST = 1e-9  # of a wire: a stretch between two contacts at one place
 CONDUCTS = 1e-9  # of the better direction: a worse conductance is round-off
@@ -71,50 +71,37 @@ def wire_resistance(wire: Wire) -> float:
     return 1.0 / (wire.ends * (core + coat))
 
 
-def contact_resistances(r: Reading) -> np.ndarray:
-    """[Ohm] of each body both of whose pairs are active, under the mean of their forces."""
-    both = measure.pair_active(r).reshape(-1, 2).all(axis=1)
-    return holm_resistance(surface(r.model.scene.wire), r.pair_force.reshape(-1, 2)[both].mean(axis=1))
+def contact_resistances(r: AnyReading) -> np.ndarray:
+    """[Ohm] of each place where wires touch (touching.py)."""
+    return holm_resistance(surface(r.model.scene.wire), touching_of(r).force)
 
 
-def sheet_resistance(r: Reading) -> tuple[float | None, float | None]:
+def sheet_resistance(r: AnyReading) -> tuple[float | None, float | None]:
     """[Ohm] per square in weft and warp of a periodic mesh, no voltage being put across; None where it does not conduct."""
     area = r.model.panel.area * float(np.linalg.det(r.gradient))
-    conductance = np.diag(sheet_conductance(*_network(r), area))
-    least = CONDUCTS * conductance.max()
-    weft, warp = (1.0 / g if g > least else None for g in conductance.tolist())
+    ends, reach, conductance, count = _network(touching_of(r), r.model.scene.wire)
+    conducted = np.diag(sheet_conductance(ends, reach @ r.gradient.T, conductance, count, area))
+    least = CONDUCTS * conducted.max()
+    weft, warp = (1.0 / g if g > least else None for g in conducted.tolist())
     return weft, warp
 
 
-def _network(r: Reading) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """Ends, reach, conductance and number of points, for `sheet_conductance`. The points are those of active pairs, and one
-    of each wire that has none."""
-    model, panel, table = r.model, r.model.panel, r.model.table
-    per_length = wire_resistance(model.scene.wire)
-    pairs = np.flatnonzero(np.repeat(measure.pair_active(r).reshape(-1, 2).all(axis=1), 2))
-    u = r.pair_u[pairs, None]
-    knitted = np.stack([table.x, table.y], axis=1)
-    towards = np.stack([table.rest_x, table.rest_y], axis=1)
-    entry = panel.pair_table[pairs] + r.pair_slide[pairs]
-    at_body = knitted[entry] + u * towards[entry] + panel.pair_shift[pairs]  # [m] as knitted, in the repeat of the body
-    entry = r.entry[r.pair_node[pairs]]
-    origin = np.repeat(panel.block_origin, panel.block_count, axis=0)[r.pair_node[pairs]]
-    at_wire = knitted[entry] + u * towards[entry] + origin  # the same, in the repeat of the wire
-    ends, reach = [np.arange(len(pairs)).reshape(-1, 2)], [at_body[1::2] - at_body[::2]]
-    conductance = [1.0 / contact_resistances(r)]
-    count = len(pairs)
-    lengths = r.natural_length * r.length_factor
-    for wire, (first, nodes) in enumerate(zip(panel.wire_first, panel.wire_count, strict=True)):
-        along = np.concatenate([[0.0], np.cumsum(lengths[first : first + nodes])])
-        points = np.flatnonzero(panel.pair_wire[pairs] == wire)
-        node = r.pair_node[pairs[points]] - first
-        arc = along[node] + u[points, 0] * lengths[first + node]
+def _network(t: Touching, wire: Wire) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """Ends, reach as knitted, conductance and number of points, for `sheet_conductance`. The points are those where wires touch,
+    two at each place, and one of each wire that touches none."""
+    per_length = wire_resistance(wire)
+    count = 2 * len(t.force)
+    ends, reach = [np.arange(count).reshape(-1, 2)], [t.reach]
+    conductance = [1.0 / holm_resistance(surface(wire), t.force)]
+    for number, (length, period) in enumerate(zip(t.wire_length, t.wire_period, strict=True)):
+        points = np.flatnonzero(t.wire.ravel() == number)
+        arc = t.arc.ravel()[points]
         order = np.argsort(arc)
-        points, arc, place = points[order], arc[order], at_wire[points[order]]
+        points, arc, place = points[order], arc[order], t.rest.reshape(-1, 2)[points[order]]
         if not len(points):
             points, arc, place, count = np.array([count]), np.zeros(1), np.zeros((1, 2)), count + 1
         ends.append(np.stack([points, np.roll(points, -1)], axis=1))
-        reach.append(np.diff(np.concatenate([place, place[:1] + [0.0, panel.size[1]]]), axis=0))
-        stretches = np.diff(np.append(arc, arc[0] + along[-1]))
-        conductance.append(1.0 / (per_length * np.maximum(stretches, SHORTEST * along[-1])))
-    return np.concatenate(ends), np.concatenate(reach) @ r.gradient.T, np.concatenate(conductance), count
+        reach.append(np.diff(np.concatenate([place, place[:1] + period]), axis=0))
+        stretches = np.diff(np.append(arc, arc[0] + length))
+        conductance.append(1.0 / (per_length * np.maximum(stretches, SHORTEST * length)))
+    return np.concatenate(ends), np.concatenate(reach), np.concatenate(conductance), count

@@ -12,7 +12,8 @@ import numpy as np
 from scipy import ndimage
 
 from .. import measure
-from ..measure.reading import Reading
+from ..spatial.reading import SpatialReading
+from ..sweep.outcome import AnyReading
 
 POINTS_ACROSS = 5  # grid points on a wire thickness
 MOST_POINTS = 6_000_000  # of the grid over nine tiles: a large repeat of thin wire is looked at more coarsely
@@ -32,10 +33,10 @@ class Opening:
     height: float  # [m] along warp
 
 
-def openings(r: Reading) -> list[Opening]:
+def openings(r: AnyReading) -> list[Opening]:
     """The openings of one tile of a periodic mesh at rest, the largest first."""
     layout = r.model.layout()
-    node = measure.positions(r)[0][:, :2]
+    node = (r.position if isinstance(r, SpatialReading) else measure.positions(r)[0])[:, :2]
     starts, counts = layout.wire_start[:-1], np.diff(layout.wire_start)
     period = r.gradient @ [0.0, layout.period[1]]
     wires = [node[first : first + count] for first, count in zip(starts, counts, strict=True)]

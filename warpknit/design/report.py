@@ -13,11 +13,11 @@ import numpy as np
 
 from ..errors import Diverged, SceneError
 from ..files import write_aside, write_table
-from ..measure.reading import Reading
-from ..model.model import Model, build_model
 from ..run.progress import Progress
 from ..scene import Scene, Sweep
 from ..sweep.contact_map import MapRow, Optimum, find_optimum, grid
+from ..sweep.outcome import AnyReading
+from ..sweep.states import Mesh, mesh_of
 from .card import MaterialCard, find_card, find_card_at_tension
 from .card_files import card_warnings, write_card
 from .curves import CurvePoint, tension_strain
@@ -37,7 +37,7 @@ class Findings:
 
     scene: Scene
     notes: Sequence[str]  # on how the scene was fitted
-    model: Model
+    model: Mesh
     rows: Sequence[MapRow]
     optimum: Optimum | None
     asked: float | None  # [N/m] tension that the card was asked for
@@ -46,7 +46,7 @@ class Findings:
     curves: Sequence[CurvePoint]
     where: str  # what the card is for, in words; or why there is none
     card: MaterialCard | None
-    tensioned: Reading | None  # the mesh of the card
+    tensioned: AnyReading | None  # the mesh of the card
     knitted_openings: Sequence[Opening]
     tensioned_openings: Sequence[Opening]
 
@@ -57,10 +57,13 @@ class Findings:
 
 
 def report_scene(scene: Scene) -> Scene:
-    """`scene` with a sweep, if it has none. Raises SceneError for a mesh that is not endless."""
+    """`scene` with a sweep, if it has none. Raises SceneError for a mesh that is not endless, and for one with friction."""
     if scene.model.boundary != "periodic":
         allowed = "'periodic' for a report (a card is that of endless cloth)"
         raise SceneError(f"{scene.path}: model.boundary: given {scene.model.boundary!r}, allowed: {allowed}")
+    if scene.contact.friction > 0.0:
+        allowed = "0 for a report (a card is that of states that do not depend on the path)"
+        raise SceneError(f"{scene.path}: contact.friction: given {scene.contact.friction:g}, allowed: {allowed}")
     return replace(scene, sweep=scene.sweep or Sweep(DEFAULT_STRAINS, DEFAULT_STRAINS, 1))
 
 
@@ -80,7 +83,7 @@ def make_report(
     """
     show = progress or Progress()
     show.stage("tension-strain curves", number=1, of=3)
-    model = build_model(scene)
+    model = mesh_of(scene)
     curves = tension_strain(model, max(row.cell.strain_weft for row in rows), max(row.cell.strain_warp for row in rows))
     show.stage("material card", number=2, of=3)
     optimum = find_optimum(rows, scene.wire.yield_stress)
@@ -109,7 +112,7 @@ def make_report(
 
 def _card(
     scene: Scene, rows: Sequence[MapRow], optimum: Optimum | None, tension: float | None
-) -> tuple[MaterialCard | None, Reading | None, str]:
+) -> tuple[MaterialCard | None, AnyReading | None, str]:
     """The card, its mesh, and what it is for; or none, and why."""
     place = None if tension is None else strains_at_tension(rows, tension)
     if tension is not None and place is not None:
@@ -129,7 +132,7 @@ def _card(
     return None, None, f"no card for {text}: {why}"
 
 
-def _card_at(model: Model, rows: Sequence[MapRow], tension: float, start: tuple[float, float]) -> tuple[MaterialCard, Reading]:
+def _card_at(model: Mesh, rows: Sequence[MapRow], tension: float, start: tuple[float, float]) -> tuple[MaterialCard, AnyReading]:
     """The card at a tension from strains that the map gives; where contacts close between its points they may be far off."""
     try:
         return find_card_at_tension(model, tension, start)
@@ -153,11 +156,11 @@ def _write(found: Findings, out: Path) -> None:
 
 
 def _page(found: Findings, figures: dict[str, Path]) -> Page:
-    wire = found.scene.wire
+    wire, wires = found.scene.wire, ", its wires in space" if found.scene.model.kind == "spatial" else ""
     page = Page(f"{found.scene.name}: {wire.material} mesh, {1e6 * wire.diameter:g} um wire")
     page.text(
-        "Computed by warpknit for endless cloth, without friction, every state reached proportionally from the mesh as knitted."
-        " Weft is across the wales (axis 1, x), warp along them (axis 2, y). Tensions are forces per current width."
+        f"Computed by warpknit for endless cloth{wires}, without friction, every state reached proportionally from the mesh as"
+        " knitted. Weft is across the wales (axis 1, x), warp along them (axis 2, y). Tensions are forces per current width."
     )
     if found.asked is not None and strains_at_tension(found.rows, found.asked) is None:
         page.warning(

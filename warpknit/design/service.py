@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from .. import measure
 from ..errors import Diverged
-from ..model.model import Model
 from ..sweep.contact_map import MapRow, grid
+from ..sweep.outcome import measured
+from ..sweep.states import Mesh
 from ..text import engineering
 from .states import states_at
 
@@ -58,7 +58,7 @@ def strains_on_grid(weft: Sequence[float], warp: Sequence[float], both: np.ndarr
 
 
 def strains_seen_closely(
-    model: Model, rows: Sequence[MapRow], tension: float, about: tuple[float, float]
+    model: Mesh, rows: Sequence[MapRow], tension: float, about: tuple[float, float]
 ) -> tuple[float, float] | None:
     """The same from states of `model` on a finer grid, up to one step of the map away from the strains `about`."""
     axes = []
@@ -68,7 +68,7 @@ def strains_seen_closely(
         axes.append(np.linspace(max(strains[0], middle - step), min(strains[-1], middle + step), FINER))
     weft, warp = axes
     states = states_at(model, [np.diag([1.0 + x, 1.0 + y]) for y in warp for x in weft])
-    tensions = [(np.nan, np.nan) if isinstance(state, Diverged) else measure.mesh_tension(state) for state in states]
+    tensions = [(np.nan, np.nan) if isinstance(state, Diverged) else measured(state).tension for state in states]
     return strains_on_grid(weft.tolist(), warp.tolist(), np.array(tensions).T.reshape(2, FINER, FINER), tension)
 
 

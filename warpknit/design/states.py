@@ -1,4 +1,4 @@
-"""One repeat of endless cloth at rest at many deformation gradients, side by side."""
+"""One repeat of endless cloth at rest at many deformation gradients, in either model."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import Diverged
-from ..measure.reading import Reading
-from ..model.model import Model, build_model
 from ..scene import Scene
-from ..sweep.batch import Batch
+from ..sweep.outcome import AnyReading
+from ..sweep.states import Mesh, mesh_of, states_of
 
 # Residual, so that the differences between states hold three digits: the card's stiffness is nearly singular, and its inverse
 # loses one more. The contact point is found to 1e-5 of a segment, which leaves residuals of up to 1e-5.
@@ -19,16 +18,16 @@ DIFFERENCE_TOLERANCE = 2e-5
 ROUGH_TOLERANCE = 1e-4  # for a mesh that does not come to rest any better
 
 
-def exact_model(scene: Scene, tolerance: float = DIFFERENCE_TOLERANCE) -> Model:
-    """The model of `scene` in double precision and brought to rest so well that neighbouring states can be subtracted.
+def exact_model(scene: Scene, tolerance: float = DIFFERENCE_TOLERANCE) -> Mesh:
+    """The mesh of `scene` in double precision and brought to rest so well that neighbouring states can be subtracted.
 
     Raises `ModelError`, `KnitError`.
     """
     tolerance = min(scene.solver.residual_tolerance, tolerance)
-    return build_model(replace(scene, solver=replace(scene.solver, precision="double", residual_tolerance=tolerance)))
+    return mesh_of(replace(scene, solver=replace(scene.solver, precision="double", residual_tolerance=tolerance)))
 
 
-def states_at(model: Model, gradients: Sequence[np.ndarray]) -> list[Reading | Diverged]:
+def states_at(model: Mesh, gradients: Sequence[np.ndarray]) -> list[AnyReading | Diverged]:
     """The mesh at rest at each of the upper triangular deformation gradients (2, 2), or why it does not come to rest.
 
     Each is reached proportionally from the mesh as knitted, at the temperature of the scene's first stage.
@@ -40,10 +39,10 @@ def states_at(model: Model, gradients: Sequence[np.ndarray]) -> list[Reading | D
         )
         for f in gradients
     ]  # fmt: skip
-    found: dict[int, Reading | Diverged] = {}
-    for outcome in Batch(model, stages).run():
-        if outcome.record is not None:
-            found[outcome.index] = outcome.record.reading
+    found: dict[int, AnyReading | Diverged] = {}
+    for outcome in states_of(model, stages).run():
+        if outcome.reading is not None:
+            found[outcome.index] = outcome.reading
         elif outcome.error is not None:
             found[outcome.index] = outcome.error
     return [found[index] for index in range(len(stages))]

@@ -50,6 +50,11 @@ class SpatialReading:
     near: TouchingPairs  # contacts closer than NEAR
 
     @property
+    def model(self) -> SpatialMesh:
+        """What was read, by the name that a planar reading has for it."""
+        return self.mesh
+
+    @property
     def gradient(self) -> np.ndarray:
         """(2, 2) deformation gradient of the boundary, against which the clamps keep their direction."""
         return self.control[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2)
@@ -130,14 +135,14 @@ class SpatialReading:
         rods, t = self.mesh.rods, self.touching
         total = np.einsum("ia,ib->ab", self.segment_force[:, :2], rods.rest_edge[:, :2])
         if len(t.force):
-            lever = self._rest_place(t.first, t.place[:, 0]) - self._rest_place(t.second, t.place[:, 1]) - t.shift
+            lever = self.rest_place(t.first, t.place[:, 0]) - self.rest_place(t.second, t.place[:, 1]) - t.shift
             push = t.force[:, None] * t.normal + t.friction
             total = total - np.einsum("ia,ib->ab", push[:, :2], lever[:, :2])
         held = self.mesh.wires.held_node
         total = total + np.einsum("ia,ib->ab", self.force[held, :2], self.mesh.wires.held_lever)
         return total / self.mesh.panel.area
 
-    def _rest_place(self, node: np.ndarray, place: np.ndarray) -> np.ndarray:
+    def rest_place(self, node: np.ndarray, place: np.ndarray) -> np.ndarray:
         """(contact, 3) [m] at rest of a place on the segment behind a node, by the shares of kernels/wire_curve.py."""
         rods = self.mesh.rods
         edge = rods.rest_edge

@@ -1,0 +1,127 @@
+"""What a designer takes from a mesh in space: its network of resistors, its openings, its card."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from warpknit.cli import main
+from warpknit.design import curves
+from warpknit.design.card import find_card
+from warpknit.design.network import contact_resistances, sheet_conductance, sheet_resistance, wire_resistance
+from warpknit.design.opening_size import openings
+from warpknit.design.states import exact_model, states_at
+from warpknit.design.touching import touching_of
+from warpknit.scene import load_scene
+from warpknit.scene.materials import MATERIALS
+from warpknit.spatial.reading import SpatialReading
+from warpknit.sweep.states import mesh_of
+
+SCENES = Path(__file__).parents[2] / "scenes"
+STRAINS = (0.1, 0.1)
+
+
+def scene_of(kind: str, *settings: str):
+    return load_scene(SCENES / "contact_map.toml", [f"model.kind={kind}", "output.frames=1", *settings], "draft")
+
+
+@pytest.fixture(scope="module")
+def state() -> SpatialReading:
+    """The cell at 10 %, where contacts carry."""
+    (found,) = states_at(mesh_of(scene_of("spatial")), [np.diag(1.0 + np.array(STRAINS))])
+    assert isinstance(found, SpatialReading)
+    return found
+
+
+def every_segment(r: SpatialReading):
+    """The network from where everything stands: each segment between two nodes a resistor, cut where contacts touch it, and each
+    contact one between the two places on it. Ends, reach, conductance, number of points, area."""
+    rods, wire, touching = r.mesh.rods, r.mesh.scene.wire, r.touching
+    periods = r.gradient @ np.diag(r.mesh.panel.size)
+    place = [*r.position[:, :2]]
+    per_length = 4.0 * MATERIALS[wire.material].resistivity / (np.pi * wire.diameter**2)
+    ohms_along = per_length * rods.natural_length * r.length_factor
+    ends, reach, ohms, at = [], [], [], {}
+    for node, following in enumerate(rods.following):
+        last = rods.wire_first[rods.wire_of[node]] + rods.wire_count[rods.wire_of[node]] - 1
+        beyond = r.gradient @ rods.wire_period[rods.wire_of[node]][:2] if node == last else 0.0
+        way = place[following] + beyond - place[node]
+        stops = [
+            (touching.place[k, side], k, side)
+            for side, nodes in enumerate((touching.first, touching.second))
+            for k in np.flatnonzero((nodes == node) & (touching.force > r.threshold))
+        ]
+        here, before = node, 0.0
+        for share, contact, side in sorted(stops):
+            at[contact, side] = len(place)
+            place.append(place[node] + share * way)
+            ends.append((here, at[contact, side]))
+            reach.append((share - before) * way)
+            ohms.append((share - before) * ohms_along[node])
+            here, before = at[contact, side], share
+        ends.append((here, following))
+        reach.append((1.0 - before) * way)
+        ohms.append((1.0 - before) * ohms_along[node])
+    for contact in sorted({contact for contact, _ in at}):
+        one, other = at[contact, 0], at[contact, 1]
+        across = np.linalg.solve(periods, place[other] - place[one])
+        ends.append((one, other))
+        reach.append(periods @ (across - np.rint(across)))
+        ohms.append(0.5 * MATERIALS[wire.material].resistivity * np.sqrt(np.pi * wire.hardness / touching.force[contact]))
+    return np.array(ends), np.array(reach), 1.0 / np.array(ohms), len(place), abs(np.linalg.det(periods))
+
+
+def test_a_mesh_in_space_is_the_network_of_its_segments(state):
+    """Wires between contacts are their segments in series, each contact is Holm's constriction under its own force, and where
+    in a repeat a point stands does not matter."""
+    weft, warp = sheet_resistance(state)
+    assert len(contact_resistances(state)) > 8
+    assert (1.0 / weft, 1.0 / warp) == pytest.approx(np.diag(sheet_conductance(*every_segment(state))), rel=1e-9)
+
+
+def test_arcs_of_contacts_add_up_to_the_wire(state):
+    """Each wire is as long as its segments, all round, and contacts stand on it."""
+    t = touching_of(state)
+    assert t.wire_length == pytest.approx(state.mesh.rods.wire_length, rel=1e-9, abs=0)
+    assert np.all((t.arc >= 0.0) & (t.arc < t.wire_length[t.wire]))
+    assert wire_resistance(state.mesh.scene.wire) > 0.0
+
+
+def test_openings_are_those_of_the_planar_mesh_of_equal_strain(state):
+    """In plan view both models have the same wires, but for what contacts push them apart by, 0.1 d on either side, and two steps
+    of the grid of d/5. Drawn through as many nodes, as chords cut off the arcs."""
+    (planar,) = states_at(mesh_of(scene_of("planar", "model.nodes_per_loop=48")), [np.diag(1.0 + np.array(STRAINS))])
+    mine, other = (max(opening.circle for opening in openings(one)) for one in (state, planar))
+    assert mine == pytest.approx(other, abs=0.6 * state.mesh.scene.wire.thickness)
+
+
+def test_friction_is_refused(tmp_path):
+    command = ["report", str(SCENES / "contact_map.toml"), "--set", "model.kind=spatial", "--set", "contact.friction=0.2"]
+    done = CliRunner().invoke(main, [*command, "--out", str(tmp_path / "r")], prog_name="warpknit")
+    assert done.exit_code == 2 and "contact.friction" in done.stderr and len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.slow
+def test_the_card_in_space_is_symmetric_and_near_that_of_the_plane():
+    """S = dw/dE makes C symmetric, to 1e-3 with residuals of 2e-5 over strains of 1e-3. Tensions of the planar model are 6 % too
+    high at 12 % and 4 % at 16 % (docs/condensation.md); C, their slope, is no farther off, nor is shear, where heights count."""
+    cards = {kind: find_card(exact_model(scene_of(kind)), 0.16, 0.12)[0] for kind in ("planar", "spatial")}
+    mine, other = cards["spatial"], cards["planar"]
+    assert mine.asymmetry < 1e-3 and mine.step_difference < 5e-3 and mine.is_stable
+    assert mine.stiffness == pytest.approx(other.stiffness, abs=0.06 * other.stiffness.max())
+    assert mine.areal_mass == pytest.approx(other.areal_mass, rel=5e-3)
+
+
+@pytest.mark.slow
+def test_a_report_in_space_is_a_page_with_a_card(tmp_path, monkeypatch):
+    monkeypatch.setattr(curves, "POINTS", 2)
+    settings = ["model.kind=spatial", "output.frames=1", "sweep.strain_weft=[0.12, 0.16]", "sweep.strain_warp=[0.12, 0.16]"]
+    options = ["--quiet", "--preset", "draft", *(part for setting in settings for part in ("--set", setting))]
+    command = ["report", str(SCENES / "contact_map.toml"), *options, "--out", str(tmp_path / "r")]
+    done = CliRunner().invoke(main, command, prog_name="warpknit")
+    assert done.exit_code == 0, done.output
+    assert "its wires in space" in (tmp_path / "r" / "report.html").read_text(encoding="utf-8")
+    card = json.loads((tmp_path / "r" / "material_card.json").read_text(encoding="utf-8"))
+    assert card["quality"]["positive_definite"]
