@@ -40,14 +40,6 @@ def test_what_only_the_planar_model_does_is_refused(override: str, line: str) ->
     assert "\n" not in str(error.value)
 
 
-def test_maps_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    with pytest.raises(SystemExit) as end:
-        main(["map", str(SCENES / "contact_map.toml"), "--set", "model.kind=spatial", "--out", str(tmp_path / "m"), "--quiet"])
-    assert end.value.code == 2
-    assert "model.kind: given 'spatial', allowed for a map: 'planar'" in capsys.readouterr().err
-    assert not (tmp_path / "m").exists()
-
-
 def test_a_small_tile_with_long_segments_is_refused(tmp_path: Path) -> None:
     """A segment that would meet two copies of another cannot be run."""
     scene = load_scene(SCENES / "atlas_cell.toml", ["model.kind=spatial", "model.nodes_per_loop=8", "wire.diameter='200 um'"])

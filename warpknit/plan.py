@@ -312,6 +312,7 @@ def physics_of(scene: Scene, mesh: MeshSize) -> Iterator[str]:
     """What the scene switches on and why, a sentence each."""
     if scene.model.kind == "spatial":
         yield from spatial_physics(scene, mesh.bodies)
+        yield from _panel_physics(scene)
         yield from _solving_of(scene, replace(mesh, softening=1.0))
         return
     wire, solver = scene.wire, scene.solver

@@ -19,7 +19,6 @@ def refuse_unsupported(source: Source, file: SceneFile) -> None:
             file.contact.treatment == "free-body",
             f"left out {WITH}, whose wires touch each other themselves",
         ),
-        (("panel", "outline"), file.panel.outline, file.panel.outline == "rectangle", f"'rectangle' {WITH}"),
         (("panel", "grip_pitch"), file.panel.grip_pitch, file.panel.grip_pitch is None, f"left out {WITH}"),
         (("panel", "focal_length"), file.panel.focal_length, file.panel.focal_length is None, f"left out {WITH}"),
         (("solver", "precision"), file.solver.precision, file.solver.precision != "single", f"'double' {WITH}"),

@@ -1,0 +1,93 @@
+"""Meshes in space that are cut along other outlines than a rectangle: where their clamps stand, and what these carry."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warpknit import measure
+from warpknit.model.model import build_model
+from warpknit.model.state import initial_state
+from warpknit.scene import load_scene
+from warpknit.solve.simulate import Simulation
+from warpknit.spatial.mesh import build_mesh
+from warpknit.spatial.reading import SpatialReading
+from warpknit.spatial.relax import SpatialRelaxation
+
+SCENES = Path(__file__).parents[1] / "scenes"
+OUTLINES = {
+    "hexagon": ["panel.size=3 mm"],
+    "turned": ["panel.size=4 mm", "panel.rotation=0.3"],
+    "disc": ["panel.size=7 mm"],
+    "triangle": ["panel.size=9 mm"],
+    "polygon": ["panel.corners=[[0.0, 0.0], [9e-3, 0.0], [9e-3, 4e-3], [5e-3, 4e-3], [5e-3, 9e-3], [0.0, 9e-3]]"],
+}
+SMALL = ["model.boundary=gripped", "output.frames=1", "solver.residual_tolerance=0.01"]
+
+
+def scene_of(outline: str, *settings: str):
+    shape = "hexagon" if outline == "turned" else outline
+    keys = [*SMALL, f"panel.outline={shape}", *OUTLINES[outline], *settings]
+    return load_scene(SCENES / "atlas_cell_spatial.toml", keys, "draft")
+
+
+def at_rest(outline: str, *settings: str) -> SpatialReading:
+    relaxation = SpatialRelaxation(build_mesh(scene_of(outline, *settings)))
+    relaxation.warm_up()
+    *_, last = relaxation.run()
+    return last.reading
+
+
+@pytest.mark.parametrize("outline", OUTLINES)
+def test_clamps_stand_on_the_outline_in_the_middle_of_their_segments(outline):
+    """The middle of a chord is off its arc by h^2 kappa/8: by h/8 times the angle between segments, the sharpest of the mesh."""
+    mesh = build_mesh(scene_of(outline))
+    rods, panel = mesh.rods, mesh.panel
+    clamp = panel.clamp_position
+    assert clamp.shape == (2 * len(mesh.wires.points), 2)
+    _, away = panel.outline.nearest(clamp)
+    assert away.max() < 1e-6 * float(panel.size.max())
+    middle = rods.position[mesh.wires.held_node, :2].reshape(-1, 2, 2).mean(axis=1)
+    sharpest = 0.0
+    for points in mesh.wires.points:
+        along = np.diff(points, axis=0)
+        along /= np.linalg.norm(along, axis=1)[:, None]
+        sharpest = max(sharpest, float(np.arccos(np.sum(along[1:] * along[:-1], axis=1)).max()))
+    assert np.linalg.norm(middle - clamp, axis=1).max() < rods.natural_length.max() * sharpest / 8.0
+
+
+@pytest.fixture(scope="module")
+def pulled() -> SpatialReading:
+    return at_rest("hexagon", "load.strain_weft=0.02", "load.strain_warp=0.02", "model.nodes_per_loop=40")
+
+
+def test_grips_carry_what_the_mesh_does_and_nothing_else(pulled):
+    """Forces between wires and within them come in pairs, so that what the clamps feel is minus what is out of balance inside: at
+    most the sum of its sizes. And P A0 = - sum over clamps f (x) c - sum over free nodes f (x) X to round-off: the tension
+    by virtual work is that of the clamps but for what is out of balance."""
+    mesh, force = pulled.mesh, pulled.force
+    held = mesh.wires.held_node
+    free = np.setdiff1d(np.arange(mesh.rods.node_count), held)
+    of_clamp = force[held].reshape(-1, 2, 3).sum(axis=1)
+    carried = np.linalg.norm(of_clamp, axis=1)
+    left = np.linalg.norm(force[free], axis=1)
+    assert np.linalg.norm(of_clamp.sum(axis=0)) <= left.sum() < 0.01 * carried.sum()
+    by_clamps = -np.einsum("ia,ib->ab", of_clamp[:, :2], mesh.panel.clamp_position)
+    inside = np.einsum("ia,ib->ab", force[free, :2], mesh.rods.position[free, :2])
+    total = mesh.panel.area * pulled.nominal_stress
+    assert total == pytest.approx(by_clamps - inside, abs=1e-9 * np.abs(total).max())
+    assert np.abs(inside).max() < 0.01 * np.abs(total).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("outline", ["hexagon", "disc"])
+def test_a_panel_in_space_carries_what_the_planar_one_does(outline):
+    """Where contacts have closed the two models differ by 9 % in the tension that contacts bring (docs/condensation.md), of which
+    a small patch between grips has little; as many nodes a loop."""
+    load = ["load.strain_weft=0.1", "load.strain_warp=0.1"]
+    found = at_rest(outline, *load)
+    plane = ["model.kind=planar", "model.nodes_per_loop=48", "solver.precision=double", "solver.residual_tolerance=1e-3"]
+    model = build_model(scene_of(outline, *load, *plane))
+    *_, last = Simulation(model, initial_state(model)).run()
+    assert found.mesh_tension == pytest.approx(measure.mesh_tension(last.reading), rel=0.03)
+    assert found.interior_stress == pytest.approx(measure.interior_stress(last.reading), rel=0.06)
