@@ -28,7 +28,7 @@ QUICK = ("model.nodes_per_loop=24", "solver.preset=draft", "output.frames=1", "l
 @pytest.mark.parametrize(
     ("override", "line"),
     [
-        ('load.pull=[{at=["1 mm", "0 mm"], by=["0 mm", "1 mm"], width="1 mm"}]', "load.pull: given "),
+        ("panel.focal_length=1 m", "panel.focal_length: given "),
         ("solver.precision=single", "solver.precision: given 'single', allowed: 'double'"),
         ("contact.body_mass=0.1", "contact.body_mass: given 0.1, allowed: left out"),
     ],

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..measure.panel_map import PanelMap, has_map, panel_map
 from ..measure.surface import Surface, find_surface
-from ..mesh.rim import build_rim
+from ..mesh.rim import Rim, build_rim
 from ..solve.drive import Record
 
 
@@ -53,6 +53,18 @@ class PanelReport:
         return {"x_m": s.point[:, 0], "y_m": s.point[:, 1], "height_m": s.height, "deviation_m": s.deviation}
 
 
+def cord_numbers(rim: Rim, gradient: np.ndarray, stations: np.ndarray) -> dict[str, float]:
+    """What the summary says of the cords of an edge whose stations (station, 2) [m] are moved; nothing where there are none."""
+    if not rim.is_free:
+        return {}
+    tension = rim.cord_forces(gradient, stations)[1]
+    return {
+        "cord_tension_max_N": float(tension.max()),
+        "cord_tension_min_N": float(tension.min()),
+        "cord_displacement_max_m": float(np.hypot(stations[:, 0], stations[:, 1]).max()),
+    }
+
+
 def report_panel(record: Record) -> PanelReport | None:
     """The report of a gripped panel; None for a mesh that is none, or too small for a map."""
     reading = record.reading
@@ -83,11 +95,7 @@ def report_panel(record: Record) -> PanelReport | None:
     surface = None
     rim = build_rim(model.panel, model.scene)
     stations = record.stations if len(record.stations) else np.zeros((len(rim.arc), 2))
-    if rim.is_free:
-        tension = rim.cord_forces(reading.stretch, stations)[1]
-        numbers |= {"cord_tension_max_N": float(tension.max()), "cord_tension_min_N": float(tension.min())}
-        inward = np.hypot(stations[:, 0], stations[:, 1])
-        numbers["cord_displacement_max_m"] = float(inward.max())
+    numbers |= cord_numbers(rim, reading.stretch, stations)
     if options.focal_length is not None:
         middle = model.panel.low + 0.5 * model.panel.size
         surface = find_surface(found, rim, reading.stretch, stations, middle, options.focal_length)

@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 
 from ..measure.sliding import wires_slid
+from ..mesh.rim import build_rim
 from ..spatial.hook_contact import hook_contact
 from ..spatial.mesh import SpatialMesh
 from ..spatial.reading import SpatialReading
 from ..spatial.relax import SpatialRecord
 from .history import Row, hook_row
+from .panel_report import cord_numbers
 from .summary import energy_balance, energy_balance_of_stored, hook_part, kinetic_to_internal, run_summary
 
 
@@ -73,7 +75,7 @@ def stage_summary(record: SpatialRecord, rows: list[Row]) -> dict[str, Any]:
     stress = r.stress
     force = r.site_force[r.site_active]
     balance = energy_balance(rows, mesh)  # type: ignore[arg-type]
-    return hook_part(rows[-1]) | {
+    return hook_part(rows[-1]) | _panel_part(record) | {
         "name": record.stage,
         "quality": {
             "kinetic_to_internal": kinetic_to_internal(rows, mesh),  # type: ignore[arg-type]
@@ -120,6 +122,15 @@ def stage_summary(record: SpatialRecord, rows: list[Row]) -> dict[str, Any]:
             "thickness_m": float(np.ptp(r.position[:, 2])) + mesh.rods.section.thickness,
         },
     }
+
+
+def _panel_part(record: SpatialRecord) -> dict[str, Any]:
+    """The edge of a mesh that hangs on cords."""
+    mesh = record.reading.mesh
+    if mesh.scene.panel.cord is None:
+        return {}
+    cords = cord_numbers(build_rim(mesh.panel, mesh.scene), record.reading.gradient, record.stations)
+    return {"panel": {"outline": mesh.scene.panel.outline, "area_m2": mesh.panel.area} | cords}
 
 
 def spatial_summary(

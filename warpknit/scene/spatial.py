@@ -19,7 +19,6 @@ def refuse_unsupported(source: Source, file: SceneFile) -> None:
             file.contact.treatment == "free-body",
             f"left out {WITH}, whose wires touch each other themselves",
         ),
-        (("panel", "grip_pitch"), file.panel.grip_pitch, file.panel.grip_pitch is None, f"left out {WITH}"),
         (("panel", "focal_length"), file.panel.focal_length, file.panel.focal_length is None, f"left out {WITH}"),
         (("solver", "precision"), file.solver.precision, file.solver.precision != "single", f"'double' {WITH}"),
         (("solver", "multipliers"), file.solver.multipliers, file.solver.multipliers, f"true {WITH}"),
@@ -32,6 +31,10 @@ def refuse_unsupported(source: Source, file: SceneFile) -> None:
     ):
         if not supported:
             raise source.refusal(location, given, allowed)
-    for place, stage in ((("load",), file.load), *((("path", k), stage) for k, stage in enumerate(file.path))):
-        if stage.pull:
-            raise source.refusal((*place, "pull"), "a pull", f"left out {WITH}")
+    stages = [(("load",), file.load), *((("path", number), stage) for number, stage in enumerate(file.path))]
+    moves = file.panel.cord is not None or any(stage.pull for _, stage in stages)
+    if moves and file.solver.drive == "ramp":
+        raise source.refusal(("solver", "drive"), "ramp", f"'relax' with cords or pulls {WITH}")
+    for place, stage in stages:
+        if moves and stage.clamp_rotation:
+            raise source.refusal((*place, "clamp_rotation"), stage.clamp_rotation, f"0 with cords or pulls {WITH}")

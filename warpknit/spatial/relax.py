@@ -24,6 +24,7 @@ from ..solve.drive import LoadStart, Progress
 from ..solve.tension import MOST_STATES
 from .clamps import MovingClamps
 from .contact import WireContact
+from .edge import Edge
 from .mesh import SpatialMesh
 from .reading import SpatialReading, read
 from .rest import CHECK_STEPS, Rest
@@ -40,6 +41,8 @@ DEEPEST = 0.5  # of the thickness: an overlap from which wires may pass through 
 CLOSEST = 1e-3  # of the thickness: a smaller overlap as knitted is none, and a smaller distance of centre lines
 RAMP_STEPS = 500  # steps over which the load of a level comes on
 PATH_STRAIN = 0.005  # between steady states where friction or yield makes the state depend on the path, at most
+EDGE_LOOKS = 4  # looks between corrections of what hangs on cords
+EDGE_LEFT = 20.0  # of what counts as steady, below which they begin
 FARTHEST = 0.2  # of the thickness: by how much the state is moved ahead
 
 
@@ -57,6 +60,8 @@ class SpatialRecord:
     dissipated: float  # [J] taken out since the start
     edge_work: float  # [J] put in by what differs from place to place: uneven warmth
     reading: SpatialReading
+    edge_work: float  # [J] put in by pulls and cords at the edge
+    stations: np.ndarray  # (station, 2) [m] by which the edge is moved beside the load; none where it is not
 
 
 class SpatialRelaxation:
@@ -84,6 +89,7 @@ class SpatialRelaxation:
         self.rest.slowest = 2.0 * math.sqrt(mesh.bending_stiffness * wave**4 * self.rest.spacing / mass)
         self.steadiness = Steadiness(mesh, self.rest, self.contact)
         self.edge_work = EdgeWork()
+        self.edge = Edge(mesh) if self.scene.has_moving_edge else None
         self.notes: list[str] = []  # what the user should know
         self._before: tuple[np.ndarray, np.ndarray] | None = None  # gradient and displacement of the level before
 
@@ -140,6 +146,8 @@ class SpatialRelaxation:
         """What a checkpoint needs beside the state and the progress."""
         kept = {"notes": np.array(json.dumps(self.notes))} | self.contact.memory() | self.rest.memory() | self.edge_work.memory()
         kept |= self.stepper.yielding.memory()
+        if self.edge is not None:
+            kept |= self.edge.memory()
         if self._before is not None:
             kept |= {"gradient_before": self._before[0], "displacement_before": self._before[1]}
         return kept
@@ -151,6 +159,8 @@ class SpatialRelaxation:
         self.rest.recall(kept)
         self.edge_work.recall(kept)
         self.stepper.yielding.recall(kept)
+        if self.edge is not None:
+            self.edge.recall(kept)
         if "gradient_before" in kept:
             self._before = kept["gradient_before"].copy(), kept["displacement_before"].copy()
 
@@ -182,7 +192,8 @@ class SpatialRelaxation:
         unloaded = progress.stage_index == 0
         while progress.level < levels + unloaded:
             level = progress.level + (not unloaded)
-            parts = self._parts(self._gradient(stage, (level - 1) / levels), self._gradient(stage, level / levels))
+            ends = (level - 1) / levels, level / levels
+            parts = self._parts(*(self._gradient(stage, end) for end in ends), self._pulled_strain(*ends))
             while progress.part < parts:
                 progress.load_factor = (level - 1 + (progress.part + 1) / parts) / levels
                 self._bring_to_rest(stage)
@@ -223,11 +234,11 @@ class SpatialRelaxation:
         slope = before + factor * (np.array(stage.temperature_gradient) - before)
         return segment_warmth(self.mesh, self._temperature(stage), slope)
 
-    def _parts(self, begin: np.ndarray, end: np.ndarray) -> int:
-        """Steady states on the way from one level to the next."""
+    def _parts(self, begin: np.ndarray, end: np.ndarray, pulled: float) -> int:
+        """Steady states on the way from one level to the next, on which pulls strain the edge by so much."""
         if not self.scene.depends_on_path:
             return 1
-        return max(1, math.ceil(float(np.abs(end - begin).max()) / PATH_STRAIN - 1e-9))
+        return max(1, math.ceil(max(float(np.abs(end - begin).max()), pulled) / PATH_STRAIN - 1e-9))
 
     def _rest_as_knitted(self) -> None:
         """Bring the unloaded mesh to rest where wires overlap as knitted, or are not free of stress."""
@@ -284,7 +295,11 @@ class SpatialRelaxation:
         before = self.state.gradient
         self._bring_on(gradient, factor, RAMP_STEPS)
         if self.clamps is None:
-            displacement[self.mesh.wires.held_node, :2] = self.mesh.held_shift(gradient, factor)
+            held = self.mesh.wires.held_node
+            displacement[held, :2] = self.mesh.held_shift(gradient, factor)
+            if self.edge is not None:
+                self.edge.set_off(self._pulls(self.progress.load_factor))
+                displacement[held, :2] += self.edge.displacement(self.edge.moved)[held]
         self.state.displacement.assign(displacement)
         self.rest.begin()
         self.contact.expect(float(np.abs(gradient - before).max()))
@@ -296,6 +311,35 @@ class SpatialRelaxation:
         then = [*gradient.ravel().tolist(), length_factor]
         ramp = {int(c.FROM) + k: now[k] for k in range(5)} | {int(c.TO) + k: then[k] for k in range(5)}
         self.state.write_control(ramp | {int(c.RAMP_STEP): 0.0, int(c.RAMP_STEPS): float(steps)})
+
+    def _pulls(self, factor: float) -> np.ndarray:
+        """(station, 2) [m] by which stations of the edge are pulled at a load factor of the stage."""
+        assert self.edge is not None
+        index = self.progress.stage_index
+        before = self.scene.stages[index - 1].pull if index else ()
+        pulled = self.edge.rim.pulled
+        return (1.0 - factor) * pulled(before) + factor * pulled(self.scene.stages[index].pull)
+
+    def _pulled_strain(self, begin: float, end: float) -> float:
+        """By which pulls strain the edge between its stations from one load factor of the stage to another."""
+        return self.edge.strain(self._pulls(end) - self._pulls(begin)) if self.edge is not None else 0.0
+
+    def _move_edge(self, edge: Edge, left: float) -> None:
+        """Pull the edge on while the load comes on; what hangs on cords follows once the mesh itself is nearly at rest."""
+        looks = self.progress.looks
+        coming = looks * CHECK_STEPS <= RAMP_STEPS
+        if coming:
+            carried = edge.pull(looks * CHECK_STEPS / RAMP_STEPS)
+        elif edge.rim.is_free and looks % EDGE_LOOKS == 0 and left < EDGE_LEFT:
+            carried = edge.follow(self.state.gradient, self.state.force.numpy())
+        else:
+            return
+        if np.any(carried):
+            displacement = self.state.displacement.numpy().copy()
+            displacement[:, :2] += carried
+            self.state.displacement.assign(displacement)
+            self.contact.search()
+            self.rest.carried()
 
     def _find_tension(self, stage: Stage) -> None:
         """Try strains until the steady state carries the tensions wanted."""
@@ -341,6 +385,9 @@ class SpatialRelaxation:
             if progress.looks * CHECK_STEPS == RAMP_STEPS:
                 self.contact.expect(0.0)
             left = self.steadiness.left()
+            if self.edge is not None:
+                self._move_edge(self.edge, left)
+                left = max(left, self.edge.still_to_do(self.scene.solver.residual_tolerance))
             progress.residual = left * self.scene.solver.residual_tolerance
             if left >= 1.0 or progress.looks * CHECK_STEPS <= RAMP_STEPS:
                 progress.tensions.clear()
@@ -361,7 +408,10 @@ class SpatialRelaxation:
     def _record(self, stage: Stage, factor: float, *, steady: bool = True) -> SpatialRecord:
         progress = self.progress
         progress.load_factor = factor
-        reading = self._reading()
+        reading, edge = self._reading(), self.edge
+        pushed = [(reading.warmth_force, reading.warmth)]
+        if edge is not None:
+            pushed.append((edge.grip_forces(reading.force), edge.clamp_displacement))
         record = SpatialRecord(
             index=progress.records,
             stage=stage.name,
@@ -371,8 +421,9 @@ class SpatialRelaxation:
             steady=steady,
             work=progress.work,
             dissipated=self._dissipated(),
-            edge_work=self.edge_work.account((reading.warmth_force, reading.warmth)),
+            edge_work=self.edge_work.account(*pushed),
             reading=reading,
+            stations=edge.moved.copy() if edge is not None else np.zeros((0, 2)),
         )
         progress.records += 1
         progress.level += 1

@@ -195,6 +195,10 @@ class Rest:
             self.clamps.stop()
         self._last = None
 
+    def carried(self) -> None:
+        """The state has been moved by hand and goes on moving: what is to come is not compared with what was."""
+        self._last = None
+
     def memory(self) -> dict[str, np.ndarray]:
         """What a checkpoint needs beside the state of the rods."""
         kept = {"speed_limit": np.array(self.speed_limit), "warmth": self.warmth}
