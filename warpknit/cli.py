@@ -75,8 +75,8 @@ def _refuse_error(percent: float, preset: str | None, scene: Scene) -> None:
         raise click.UsageError(f"--error: given {percent:g}, allowed: a percentage above 0, up to 100.")
     if scene.wires is not None:
         raise click.UsageError(f"--error: given with wires.file = {scene.wires.path.name!r}, allowed with [knit] or [hook].")
-    if scene.model.kind != "planar":
-        raise click.UsageError(f"--error: given with model.kind = {scene.model.kind!r}, allowed with 'planar'.")
+    if scene.model.kind != "planar" and scene.hook is not None:
+        raise click.UsageError(f"--error: given with a hook and model.kind = {scene.model.kind!r}, allowed with 'planar'.")
     if scene.solver.drive != "relax":
         raise click.UsageError(f"--error: given with solver.drive = {scene.solver.drive!r}, allowed with 'relax'.")
 

@@ -25,7 +25,7 @@ from ..scene import Scene
 from ..solve.simulate import Record, Simulation
 from ..spatial.mesh import build_mesh
 from ..spatial.ramp import SpatialRamp
-from ..spatial.relax import SpatialRelaxation
+from ..spatial.relax import SpatialRecord, SpatialRelaxation
 from .checkpoint import Checkpoint, has_checkpoint
 from .history import Row, row_of
 from .panel_report import report_panel
@@ -42,7 +42,7 @@ PATIENCE = 30.0  # [s] that an earlier run may take to finish its last frame aft
 COMPILING_S = 1.0  # kernels that took longer to be ready were compiled, not loaded
 
 
-Judge = Callable[[Record], Estimate]
+Judge = Callable[[Record | SpatialRecord], Estimate]
 
 
 def run_scene(
@@ -84,7 +84,7 @@ def run_scene(
             return Ending(ending.exit_code, {}, ending.message)
         where = (out, progress or Display(), compile_time, checkpoint, hold)
         if isinstance(simulation, SpatialRelaxation):
-            return SpatialRecorder(simulation, *where).run()
+            return SpatialRecorder(simulation, *where, judge=judge).run()
         return _PlanarRecorder(simulation.model.whole, simulation, *where, judge=judge).run()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from ..frame import Frame, WireLayout
@@ -9,12 +10,17 @@ from ..spatial.relax import SpatialRecord, SpatialRelaxation
 from .history import HookRow, Row
 from .recorder import Recorder
 from .spatial_summary import row_of, spatial_summary, stage_summary
+from .summary import Estimate
 
 
 class SpatialRecorder(Recorder):
     """Of a mesh in space."""
 
     simulation: SpatialRelaxation
+
+    def __init__(self, simulation: SpatialRelaxation, *where: Any, judge: Callable[[SpatialRecord], Estimate] | None) -> None:
+        self.judge = judge
+        super().__init__(simulation, *where)
 
     @property
     def layout(self) -> WireLayout:
@@ -40,3 +46,6 @@ class SpatialRecorder(Recorder):
 
     def summary(self, stages: list[dict[str, Any]], **how: Any) -> dict[str, Any]:
         return spatial_summary(self.simulation.mesh, self.rows, stages, notes=self.simulation.notes, **how)
+
+    def estimate(self) -> Estimate | None:
+        return self.judge(self.last) if self.judge is not None and isinstance(self.last, SpatialRecord) else None

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..device import start_warp
 from ..errors import MemoryNeeded
 from ..frame import WireLayout
 from ..knit.cloth import Cloth
@@ -111,6 +112,7 @@ def wire_section(wire: Wire) -> Section:
 
 def build_mesh(scene: Scene, device: str = "cpu") -> SpatialMesh:
     """The mesh of a scene as rods. Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`."""
+    start_warp()
     section = wire_section(scene.wire)
     if scene.wires is not None:
         _refuse_fine_nodes(scene, section.thickness)

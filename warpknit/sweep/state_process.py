@@ -13,7 +13,6 @@ import time
 from contextlib import suppress
 from multiprocessing.connection import Connection
 
-from warpknit.device import start_warp
 from warpknit.processes import sendable
 from warpknit.spatial.mesh import build_mesh
 from warpknit.sweep.outcome import Outcome
@@ -32,7 +31,6 @@ def main(arguments: list[str]) -> None:
             pipe.send(way)
 
     with suppress(EOFError, BrokenPipeError, ConnectionResetError):
-        start_warp()
         mesh = build_mesh(pipe.recv())
         while True:
             index, stage = pipe.recv()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from ..device import start_warp
 from ..model.model import Model, build_model
 from ..scene import Scene, Stage
 from ..spatial.mesh import SpatialMesh, build_mesh
@@ -17,7 +16,6 @@ States = Batch | SpatialStates
 
 def mesh_of(scene: Scene) -> Mesh:
     """The mesh of a scene, on the CPU. Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`."""
-    start_warp()
     return build_mesh(scene) if scene.model.kind == "spatial" else build_model(scene)
 
 

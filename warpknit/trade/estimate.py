@@ -10,8 +10,9 @@ from ..errors import Diverged
 from ..run.summary import Estimate
 from ..scene import Scene
 from ..solve.drive import Record
+from ..spatial.relax import SpatialRecord
 from .pilot import Pilot, Setting, bound_percent, choose_setting, kind_of
-from .point import found_at
+from .point import found_at, spatial_found
 
 _log = logging.getLogger(__name__)
 
@@ -28,7 +29,7 @@ class Within:
         """Keys of the scene."""
         return self.setting.overrides
 
-    def judge(self, scene: Scene) -> Callable[[Record], Estimate]:
+    def judge(self, scene: Scene) -> Callable[[Record | SpatialRecord], Estimate]:
         """What estimates the error of a run of `scene` at these settings from its last record."""
         return lambda record: estimate_of(record, scene, self)
 
@@ -46,10 +47,11 @@ def settings_within(scene: Scene, percent: float) -> Within:
     return Within(percent, setting)
 
 
-def estimate_of(record: Record, scene: Scene, within: Within) -> Estimate:
+def estimate_of(record: Record | SpatialRecord, scene: Scene, within: Within) -> Estimate:
     """The estimated error of a run, all relative but the share, which is in points of percent."""
+    found = spatial_found(record.reading) if isinstance(record, SpatialRecord) else found_at(record)
     try:
-        errors = Pilot(scene).errors_of_run(found_at(record), within.setting)
+        errors = Pilot(scene).errors_of_run(found, within.setting)
     except Diverged as error:
         return Estimate(None, warning=f"the error was not estimated: {error}")
     if errors is None:

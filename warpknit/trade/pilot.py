@@ -22,6 +22,9 @@ FINE = {"periodic": 48, "gripped": 34, "hook": 128}  # nodes of the fine run, a 
 TOLERANCE = 1e-4  # of the fine run
 NODES = (10, 12, 14, 16, 18, 20, 24, 30, 40)  # a loop, of settings that are tried
 HOOK_NODES = (16, 24, 32, 48, 64, 96)  # a wire
+SPATIAL_FINE = {"periodic": 96, "gripped": 68}  # the same in space, with a tolerance of SPATIAL_TOLERANCE
+SPATIAL_TOLERANCE = 1e-3
+SPATIAL_NODES = (40, 48, 56, 64)
 SOFTENING = 1000.0
 SAFETY = 1.3  # what an estimate is multiplied by
 FLOOR_PERCENT = 0.2  # added to it: the error of the fine run, and what the tolerance leaves
@@ -51,6 +54,9 @@ def kind_of(scene: Scene) -> str:
 def settings_for(scene: Scene, percent: float) -> list[Setting]:
     """Settings to try, the cheapest first; the tolerance leaves a tenth of `percent` or less."""
     hook = scene.hook is not None
+    if scene.model.kind == "spatial":
+        tolerance = min(1e-2, max(2.0 * SPATIAL_TOLERANCE, percent / 1000.0))
+        return [Setting(n, SOFTENING, tolerance, "double") for n in SPATIAL_NODES]
     tolerance = min(1e-2, max(1e-4 if hook else 1e-3, percent / 1000.0))
     nodes = HOOK_NODES if hook else NODES
     softening = 64.0 if hook else SOFTENING
@@ -82,7 +88,10 @@ class Pilot:
     @cached_property
     def fine(self) -> Found:
         """What the small mesh carries with so many nodes that it counts as true. Raises `Diverged`."""
-        setting = Setting(FINE[self.kind], 64.0 if self.kind == "hook" else 300.0, TOLERANCE, "double")
+        if self.scene.model.kind == "spatial":
+            setting = Setting(SPATIAL_FINE[self.kind], SOFTENING, SPATIAL_TOLERANCE, "double")
+        else:
+            setting = Setting(FINE[self.kind], 64.0 if self.kind == "hook" else 300.0, TOLERANCE, "double")
         outcome = self._run(setting)
         if outcome.found is None:
             raise Diverged(f"the run of {setting.nodes_per_loop} nodes a loop that errors are estimated by: {outcome.message}")
