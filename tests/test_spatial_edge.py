@@ -24,8 +24,8 @@ def scene_of(*settings: str):
     return load_scene(SCENES / "atlas_cell_spatial.toml", settings, "draft")
 
 
-def pull(by: str) -> str:
-    return f'load.pull=[{{at=["3 mm", "0 mm"], by=["{by}", "0 mm"], width="3 mm"}}]'
+def pull(by: str, at: str = "3 mm") -> str:
+    return f'load.pull=[{{at=["{at}", "0 mm"], by=["{by}", "0 mm"], width="3 mm"}}]'
 
 
 def at_rest(*settings: str) -> tuple[SpatialRelaxation, SpatialRecord]:
@@ -92,7 +92,7 @@ def test_an_edge_is_taken_up_where_it_was_left():
 def test_a_pulled_panel_in_space_is_that_of_the_plane():
     """Both tensions and the work of the pull of 0.3 mm, with as many nodes a loop; contacts, which close sooner in space, carry
     little here."""
-    settings = [*HEXAGON, "panel.size=4 mm", "load.strain_weft=0.02", "load.strain_warp=0.02", pull("0.3 mm")]
+    settings = [*HEXAGON, "panel.size=4 mm", "load.strain_weft=0.02", "load.strain_warp=0.02", pull("0.3 mm", at="4 mm")]
     _, last = at_rest(*settings)
     plane = ["model.kind=planar", "model.nodes_per_loop=48", "solver.precision=double", "solver.residual_tolerance=1e-3"]
     model = build_model(scene_of(*settings, *plane))
