@@ -155,4 +155,4 @@ class _Worker:
             ) from None
         if isinstance(said, Exception):
             raise said
-        return said  # type: ignore[no-any-return]
+        return said
