@@ -192,8 +192,9 @@ class SpatialRelaxation:
         unloaded = progress.stage_index == 0
         while progress.level < levels + unloaded:
             level = progress.level + (not unloaded)
-            ends = (level - 1) / levels, level / levels
-            parts = self._parts(*(self._gradient(stage, end) for end in ends), self._pulled_strain(*ends))
+            begin, end = (level - 1) / levels, level / levels
+            pulled = self._pulled_strain(begin, end)
+            parts = self._parts(self._gradient(stage, begin), self._gradient(stage, end), pulled)
             while progress.part < parts:
                 progress.load_factor = (level - 1 + (progress.part + 1) / parts) / levels
                 self._bring_to_rest(stage)
