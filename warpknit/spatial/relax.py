@@ -58,9 +58,8 @@ class SpatialRecord:
     steady: bool
     work: float  # [J] put in since the start, where the drive keeps account of it (ramp)
     dissipated: float  # [J] taken out since the start
-    edge_work: float  # [J] put in by what differs from place to place: uneven warmth
+    edge_work: float  # [J] put in by what differs from place to place: uneven warmth, pulls and cords at the edge
     reading: SpatialReading
-    edge_work: float  # [J] put in by pulls and cords at the edge
     stations: np.ndarray  # (station, 2) [m] by which the edge is moved beside the load; none where it is not
 
 
