@@ -13,36 +13,49 @@ become forces and torques in rod_step.py.
 
 A contact belongs to the pair of segments between whose ends it stands. Where the closest point stands at a node and would go on
 beyond it, it counts only where the wires are nearly parallel and touch along a line: each node of either wire is then a contact,
-on whichever side of it the closest point of the next segment may be. Two segments may touch in two points; where these come
-together to be one, they share its force.
+on whichever side of it the closest point of the next segment may be.
+
+Two segments may touch in two points, a and b, with a saddle c of the distance between them (wire_closest.py). Their energy is
+
+    k (o_a^2 + o_b^2 - w o_c^2)/2        o being no less than zero, w = 1 - (1 - w_a) (1 - w_b)
+
+w_a is 1 where the saddle is within SADDLE_NEAR of a and falls to 0 at SADDLE_FAR, and so is w_b. For a closest point appears,
+or is gone, together with a saddle: there they cancel, and neither the energy nor its gradient jumps. So the saddle pulls as a
+contact would push. Farther off it does not count, as wires that touch along a line have a contact a segment; nor where a and b
+are within END_PART of the end of a segment, about to go over to the next one, which knows nothing of the saddle. Of friction each
+closest point has the share
+
+    1 - (o_c/o_a) w_a        w_a = (o_b - o_c)/(o_a + o_b - 2 o_c)
+
+which is none for one that appears, a half where one parts into two, and all once the wires are apart in between.
 """
 
 import warp as wp
 
-from .control import CONTACT_STIFFNESS, LENGTH_FACTOR, STATUS, STATUS_RUNNING, TIME_STEP, TRAVEL
+from .control import CONTACT_STIFFNESS, LENGTH_FACTOR, STATUS, STATUS_RUNNING, STEP, TIME_STEP
 from .rod_frames import carried
+from .wire_closest import NOT_NEAR, ONE_PLACE, is_kept_at_end
 from .wire_curve import (
     Nodes,
     carried_by_sections,
-    closest_on_chords,
-    closest_places,
     curve_through,
-    is_kept_at_end,
     mixed,
     point_at,
     rest_shape,
     row,
-    sag,
     shares,
     slope_at,
     stencil,
 )
 from .wire_pairs import ELSEWHERE
+from .wire_stick import stuck_slip
 
 # of the distance of touching wires: those that part by less within a segment, or within that distance if it is longer, touch
 LINE_PART = wp.constant(wp.float64(0.25))  # along a line, and those that part by more
 POINT_PART = wp.constant(wp.float64(0.35))  # in a point
-TWO_APART = wp.constant(wp.float64(0.5))  # of that distance, between two contacts of a pair from which on both count whole
+END_PART = wp.constant(wp.float64(0.05))  # of a segment
+SADDLE_NEAR = wp.constant(wp.float64(0.1))  # of a segment
+SADDLE_FAR = wp.constant(wp.float64(0.3))  # of a segment
 
 
 @wp.func
@@ -145,15 +158,58 @@ def point_velocity(
     return speed
 
 
+@wp.func
+def line_share(
+    dp: wp.vec3d, dq: wp.vec3d, length_p: wp.float64, length_q: wp.float64, touch: wp.float64
+) -> wp.float64:
+    """What a contact at an end counts that would go on beyond it: 1 where the wires touch along a line, 0 where in a point."""
+    sine = wp.length(wp.cross(dp, dq)) / (wp.length(dp) * wp.length(dq))
+    part = sine * wp.max(wp.max(length_p, length_q) / touch, wp.float64(1.0))
+    return wp.clamp((POINT_PART - part) / (POINT_PART - LINE_PART), wp.float64(0.0), wp.float64(1.0))
+
+
+@wp.func
+def inside_share(place: wp.vec2d) -> wp.float64:
+    """0 at the ends of either segment, 1 from END_PART off them."""
+    one = wp.float64(1.0)
+    s = wp.min(place[0], one - place[0])
+    t = wp.min(place[1], one - place[1])
+    return wp.clamp(wp.min(s, t) / END_PART, wp.float64(0.0), one)
+
+
+@wp.func
+def saddle_share(place: wp.vec2d, saddle: wp.vec2d) -> wp.float64:
+    """1 where a saddle is about to meet a closest point, 0 where it is far from it."""
+    apart = wp.max(wp.abs(place[0] - saddle[0]), wp.abs(place[1] - saddle[1]))
+    return wp.clamp((SADDLE_FAR - apart) / (SADDLE_FAR - SADDLE_NEAR), wp.float64(0.0), wp.float64(1.0))
+
+
+@wp.func
+def share_of_friction(own: wp.float64, other: wp.float64, saddle: wp.float64) -> wp.float64:
+    """What is left of a contact between two, by their overlaps and that of the saddle between them, none below zero."""
+    zero = wp.float64(0.0)
+    if saddle <= zero or own <= zero:
+        return wp.float64(1.0)
+    above = wp.max(own - saddle, zero)
+    beyond = wp.max(other - saddle, zero)
+    weight = wp.float64(0.5)
+    if above + beyond > zero:
+        weight = beyond / (above + beyond)
+    return wp.max(wp.float64(1.0) - weight * wp.min(saddle / own, wp.float64(1.0)), zero)
+
+
 @wp.kernel
-def find_wire_contacts(
+def push_wires_apart(
     # pairs
     pair_count: wp.array(dtype=wp.int32),
+    pair_start: wp.array(dtype=wp.int32),
+    pair_count_of: wp.array(dtype=wp.int32),
     pair_first: wp.array(dtype=wp.int32),
     pair_second: wp.array(dtype=wp.int32),
     pair_shift: wp.array(dtype=wp.vec3d),
     pair_way: wp.array(dtype=wp.float64),
-    pair_wake: wp.array(dtype=wp.float64),
+    pair_found: wp.array(dtype=wp.int32),
+    pair_place: wp.array(dtype=wp.vec2d),
     # wires
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
@@ -161,11 +217,9 @@ def find_wire_contacts(
     node_radius: wp.array(dtype=wp.float64),
     rest_slope: wp.array(dtype=wp.vec2d),
     rest_bump: wp.array(dtype=wp.vec4d),
-    rest_bulge: wp.array(dtype=wp.float64),
     # what steers the step
     control: wp.array(dtype=wp.float64),
     apart: wp.float64,
-    reach: wp.float64,
     damping: wp.float64,
     friction: wp.float64,
     stick_share: wp.float64,
@@ -176,31 +230,29 @@ def find_wire_contacts(
     director: wp.array(dtype=wp.vec3d),
     velocity: wp.array(dtype=wp.vec3d),
     spin: wp.array(dtype=wp.float64),
-    # in and out
-    pair_slip: wp.array(dtype=wp.vec3d),
-    # out: [m] overlap, [N] normal force and friction on the first wire, unit normal towards it, places on the segments
+    # in and out: what sticks, by whether the step is odd
+    stuck_step: wp.array2d(dtype=wp.int32),
+    stuck_place: wp.array2d(dtype=wp.vec2d),
+    stuck_by: wp.array2d(dtype=wp.vec3d),
+    # out: [m] overlap, [N] normal force and friction on the first wire, unit normal towards it
     pair_overlap: wp.array(dtype=wp.float64),
     pair_force: wp.array(dtype=wp.float64),
     pair_friction: wp.array(dtype=wp.vec3d),
     pair_normal: wp.array(dtype=wp.vec3d),
-    pair_place: wp.array(dtype=wp.vec2d),
     contact_force: wp.array(dtype=wp.vec3d),
     contact_couple: wp.array(dtype=wp.vec3d),
     deepest: wp.array(dtype=wp.float64),
 ):
-    """One thread a pair, which has two contacts at most. `stick_share` is k_t/k. A pair that does not count, or whose curves are
-    farther apart than `reach` times the distance at which they touch, has the overlap -ELSEWHERE.
-    """
+    """One thread a pair, at the places that `find_closest_places` found. `stick_share` is k_t/k. What does not count has the
+    overlap -ELSEWHERE."""
     pair = wp.tid()
     if pair >= pair_count[0]:
         return
+    found = pair_found[pair]
+    if found == NOT_NEAR:
+        return
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
-    for k in range(2 * pair, 2 * pair + 2):
-        pair_force[k] = zero
-        pair_overlap[k] = -ELSEWHERE
-    if control[TRAVEL] < pair_wake[pair]:
-        return
     i = pair_first[pair]
     j = pair_second[pair]
     p = stencil(i, previous, following, position, length, tangent)
@@ -209,91 +261,113 @@ def find_wire_contacts(
     q = q + wp.matrix_from_rows(moved, moved, moved, moved)
     grown = control[LENGTH_FACTOR]
     touch = grown * (node_radius[i] + node_radius[j])
-    start = closest_on_chords(row(p, 1), row(p, 2), row(q, 1), row(q, 2))
-    chords = row(p, 1) + start[0] * (row(p, 2) - row(p, 1)) - row(q, 1) - start[1] * (row(q, 2) - row(q, 1))
-    if wp.length(chords) > reach * touch + sag(p, grown * rest_bulge[i]) + sag(q, grown * rest_bulge[j]):
-        return
     shape_p = grown * rest_shape(i, previous, following, rest_slope, rest_bump, tangent, director)
     shape_q = grown * rest_shape(j, previous, following, rest_slope, rest_bump, tangent, director)
     curve_p = curve_through(p, shape_p)
     curve_q = curve_through(q, shape_q)
-    places = closest_places(curve_p, curve_q, start, touch, reach * touch)
-    is_single = places[2] < zero
     way = pair_way[pair]
     is_same = way != ELSEWHERE
+    is_running = control[STATUS] == STATUS_RUNNING
+    step = int(control[STEP])
     has_more_p = following[following[i]] >= 0
     has_more_q = following[following[j]] >= 0
-    velocity_p = node_velocities(i, previous, following, velocity)
-    velocity_q = node_velocities(j, previous, following, velocity)
-    for k in range(2 * pair, 2 * pair + wp.where(is_single, 1, 2)):
-        is_second = k > 2 * pair
-        near = wp.where(is_second, wp.vec2d(places[2], places[3]), wp.vec2d(places[0], places[1]))
+    last = wp.where(found == ONE_PLACE, 1, 3)
+    overlaps = wp.vec3d()
+    counted = wp.vec3d()  # shares that the places have; of the saddle, less than none
+    without_saddle = one
+    for a in range(3):
+        k = 3 * pair + a
+        pair_force[k] = zero
+        pair_overlap[k] = -ELSEWHERE
+        if a < last:
+            near = pair_place[k]
+            s = near[0]
+            t = near[1]
+            r = point_at(curve_p, s) - point_at(curve_q, t)
+            dp = slope_at(curve_p, s)
+            dq = slope_at(curve_q, t)
+            overlaps[a] = touch - wp.length(r)
+            share = one
+            inside = inside_share(near)
+            s_goes_on = is_kept_at_end(s, wp.dot(r, dp)) and ((s <= zero and previous[i] >= 0) or (s >= one and has_more_p))
+            t_goes_on = is_kept_at_end(t, -wp.dot(r, dq)) and ((t <= zero and previous[j] >= 0) or (t >= one and has_more_q))
+            if is_same and wp.abs(way + t * natural_length[j] - s * natural_length[i]) < apart * node_radius[i]:
+                share = zero
+                inside = zero
+            elif s_goes_on and t_goes_on:
+                share = zero
+            elif s_goes_on or t_goes_on:
+                share = line_share(dp, dq, length[i], length[j], touch)
+                inside = share
+            elif (s >= one and has_more_p) or (t >= one and has_more_q):
+                share = zero
+            elif a < 2 and inside < one:
+                inside = wp.max(inside, line_share(dp, dq, length[i], length[j], touch))
+            counted[a] = share
+            if a < 2 and found != ONE_PLACE:
+                without_saddle = without_saddle * (one - inside * saddle_share(near, pair_place[3 * pair + 2]))
+            elif a == 2:
+                counted[2] = (without_saddle - one) * share
+    for a in range(last):
+        share = counted[a]
+        if share == zero:
+            continue
+        k = 3 * pair + a
+        near = pair_place[k]
         s = near[0]
         t = near[1]
-        if is_same and wp.abs(way + t * natural_length[j] - s * natural_length[i]) < apart * node_radius[i]:
-            continue
         r = point_at(curve_p, s) - point_at(curve_q, t)
-        distance = wp.length(r)
-        dp = slope_at(curve_p, s)
-        dq = slope_at(curve_q, t)
-        share = wp.float64(1.0)
-        if not is_single:
-            between = wp.length(point_at(curve_p, places[0]) - point_at(curve_p, places[2]))
-            share = wp.float64(0.5) + wp.min(wp.float64(0.5), between / (TWO_APART * touch))
-        s_goes_on = is_kept_at_end(s, wp.dot(r, dp)) and ((s <= zero and previous[i] >= 0) or (s >= one and has_more_p))
-        t_goes_on = is_kept_at_end(t, -wp.dot(r, dq)) and ((t <= zero and previous[j] >= 0) or (t >= one and has_more_q))
-        if s_goes_on and t_goes_on:
-            continue
-        if s_goes_on or t_goes_on:
-            sine = wp.length(wp.cross(dp, dq)) / (wp.length(dp) * wp.length(dq))
-            part = sine * wp.max(wp.max(length[i], length[j]) / touch, one)
-            share = share * wp.clamp((POINT_PART - part) / (POINT_PART - LINE_PART), zero, one)
-            if share == zero:
-                continue
-        elif (s >= one and has_more_p) or (t >= one and has_more_q):
-            continue
-        overlap = touch - distance
+        overlap = overlaps[a]
         pair_overlap[k] = overlap
-        pair_place[k] = near
-        n = r / distance
+        n = r / (touch - overlap)
         pair_normal[k] = n
-        slip = wp.vec3d()
         if overlap <= zero:
-            pair_slip[k] = slip
             continue
-        wp.atomic_max(deepest, 0, overlap)
         w = shares(s)
         v = shares(t)
         levers_p = carried_by_sections(shape_p, s)
         levers_q = carried_by_sections(shape_q, t)
-        apart_speed = point_velocity(i, w, velocity_p, levers_p, previous, following, length, tangent, spin)
-        apart_speed -= point_velocity(j, v, velocity_q, levers_q, previous, following, length, tangent, spin)
         stiffness = control[CONTACT_STIFFNESS]
-        normal_force = share * wp.max(zero, stiffness * overlap - damping * wp.dot(apart_speed, n))
+        normal_force = share * stiffness * overlap
         drag = wp.vec3d()
         couple_p = wp.vec3d()
         couple_q = wp.vec3d()
-        if friction > zero:
-            lever_p = -(grown * node_radius[i] / touch) * r
-            lever_q = (grown * node_radius[j] / touch) * r
-            rate_p = section_rate(i, row(velocity_p, 2) - row(velocity_p, 1), length, tangent, spin)
-            rate_q = section_rate(j, row(velocity_q, 2) - row(velocity_q, 1), length, tangent, spin)
-            over = apart_speed + wp.cross(rate_p, lever_p) - wp.cross(rate_q, lever_q)
-            over = over - wp.dot(over, n) * n
-            slip = pair_slip[k] - wp.dot(pair_slip[k], n) * n
-            if control[STATUS] == STATUS_RUNNING:
-                slip = slip + control[TIME_STEP] * over
-            drag = -(stick_share * stiffness * share) * slip
-            limit = friction * normal_force
-            size = wp.length(drag)
-            if size > limit:
-                slip = slip * (limit / size)
-                drag = drag * (limit / size)
-            couple_p = wp.cross(lever_p, drag)
-            couple_q = wp.cross(lever_q, -drag)
-        pair_slip[k] = slip
-        if is_single:
-            pair_slip[k + 1] = slip  # where one contact parts into two, both stick as it did
+        if damping > zero or friction > zero:
+            velocity_p = node_velocities(i, previous, following, velocity)
+            velocity_q = node_velocities(j, previous, following, velocity)
+            apart_speed = point_velocity(i, w, velocity_p, levers_p, previous, following, length, tangent, spin)
+            apart_speed -= point_velocity(j, v, velocity_q, levers_q, previous, following, length, tangent, spin)
+            normal_force = share * wp.max(zero, stiffness * overlap - damping * wp.dot(apart_speed, n))
+            if friction > zero and a < 2:
+                lever_p = -(grown * node_radius[i] / touch) * r
+                lever_q = (grown * node_radius[j] / touch) * r
+                rate_p = section_rate(i, row(velocity_p, 2) - row(velocity_p, 1), length, tangent, spin)
+                rate_q = section_rate(j, row(velocity_q, 2) - row(velocity_q, 1), length, tangent, spin)
+                over = apart_speed + wp.cross(rate_p, lever_p) - wp.cross(rate_q, lever_q)
+                over = over - wp.dot(over, n) * n
+                slip = stuck_slip(pair, i, j, near, step, previous, following, pair_start, pair_count_of, pair_second,
+                                  stuck_step, stuck_place, stuck_by)  # fmt: skip
+                slip = slip - wp.dot(slip, n) * n
+                if is_running:
+                    slip = slip + control[TIME_STEP] * over
+                own = share
+                if found != ONE_PLACE:
+                    own = share * share_of_friction(overlap, overlaps[1 - a], -counted[2] * overlaps[2])
+                drag = -(stick_share * stiffness * own) * slip
+                limit = friction * own * normal_force / share
+                size = wp.length(drag)
+                if size > limit:
+                    slip = slip * (limit / size)
+                    drag = drag * (limit / size)
+                couple_p = wp.cross(lever_p, drag)
+                couple_q = wp.cross(lever_q, -drag)
+                if is_running:
+                    after = (step + 1) % 2
+                    stuck_step[after, 2 * pair + a] = step + 1
+                    stuck_place[after, 2 * pair + a] = near
+                    stuck_by[after, 2 * pair + a] = slip
+        if a < 2:
+            wp.atomic_max(deepest, 0, overlap)
         pair_force[k] = normal_force
         pair_friction[k] = drag
         push = normal_force * n + drag

@@ -1,4 +1,4 @@
-"""The smooth curve of a wire through its nodes, and the closest points of two such curves.
+"""The smooth curve of a wire through its nodes.
 
 On the segment from node 1 to node 2, with nodes 0 and 3 beside it and relative to node 1, for s in 0 .. 1
 
@@ -22,13 +22,10 @@ are kept, and both are minus the gradient of the energy. Where a wire ends, it g
 
 import warp as wp
 
-NEWTON_STEPS = 20
-NEWTON_ACCURACY = wp.constant(wp.float64(1.0e-12))  # of a segment
 PARALLEL = wp.constant(wp.float64(1.0e-8))  # squared sine below which two chords count as parallel
 MOST_SLOPE = wp.constant(wp.float64(2.0 / 27.0))  # largest s (1 - s)^2, times half: slopes are means of two edges
-LEAST_CURVATURE = wp.constant(wp.float64(1.0e-4))  # over the steeper one, that Newton's steps reckon with at least
-LONGEST_STEP = wp.constant(wp.float64(0.25))  # of a segment
-LEAST_BARRIER = wp.constant(wp.float64(1.0e-9))  # between two closest points, of the distance at which wires touch
+# by which two curves come nearer at most where every node moves by one: their chords by two, and either sag by 8 MOST_SLOPE
+CLOSING = wp.constant(wp.float64(2.0 + 32.0 / 27.0))
 
 Nodes = wp.types.matrix(shape=(4, 3), dtype=wp.float64)  # of a segment and beside it, as rows
 Powers = wp.types.matrix(shape=(6, 3), dtype=wp.float64)  # what a curve has of 1, s, s^2 .. s^5, as rows
@@ -242,123 +239,3 @@ def closest_on_chords(p1: wp.vec3d, p2: wp.vec3d, q1: wp.vec3d, q2: wp.vec3d) ->
         t = one
         s = wp.clamp((b - c) / a, zero, one)
     return wp.vec2d(s, t)
-
-
-@wp.func
-def is_kept_at_end(place: wp.float64, slope: wp.float64) -> bool:
-    """Whether a place in 0 .. 1 stands at an end that the distance, with this slope, would have it go beyond."""
-    return (place <= wp.float64(0.0) and slope > wp.float64(0.0)) or (place >= wp.float64(1.0) and slope < wp.float64(0.0))
-
-
-@wp.func
-def newton_step(gs: wp.float64, gt: wp.float64, ss: wp.float64, st: wp.float64, tt: wp.float64) -> wp.vec2d:
-    """Step of (s, t) down a function with gradient (gs, gt) and these second derivatives: Newton's, with the sizes of the two
-    curvatures in place of them, so that it leaves a saddle."""
-    half = wp.float64(0.5)
-    mean = half * (ss + tt)
-    lean = half * (ss - tt)
-    size = wp.sqrt(lean * lean + st * st)
-    axis = wp.vec2d(wp.float64(1.0), wp.float64(0.0))
-    if size > wp.float64(0.0):
-        axis = wp.normalize(wp.where(lean >= wp.float64(0.0), wp.vec2d(lean + size, st), wp.vec2d(st, size - lean)))
-    steep = mean + size
-    flat = wp.max(wp.abs(mean - size), LEAST_CURVATURE * steep)
-    along = (axis[0] * gs + axis[1] * gt) / steep
-    across_it = (axis[0] * gt - axis[1] * gs) / flat
-    step = wp.vec2d(across_it * axis[1] - along * axis[0], -along * axis[1] - across_it * axis[0])
-    return step * wp.min(wp.float64(1.0), LONGEST_STEP / wp.max(wp.abs(step[0]), wp.max(wp.abs(step[1]), LONGEST_STEP)))
-
-
-@wp.func
-def closest_on_curves(p: Powers, q: Powers, start: wp.vec2d) -> wp.vec2d:
-    """Places (s, t) in 0 .. 1 of the closest points of two curves near each other, by Newton's method from `start`."""
-    zero = wp.float64(0.0)
-    one = wp.float64(1.0)
-    s = start[0]
-    t = start[1]
-    for _step in range(NEWTON_STEPS):
-        r = point_at(p, s) - point_at(q, t)
-        dp = slope_at(p, s)
-        dq = slope_at(q, t)
-        gs = wp.dot(r, dp)
-        gt = -wp.dot(r, dq)
-        ss = wp.dot(dp, dp) + wp.dot(r, bend_at(p, s))
-        tt = wp.dot(dq, dq) - wp.dot(r, bend_at(q, t))
-        s_stays = is_kept_at_end(s, gs)
-        t_stays = is_kept_at_end(t, gt)
-        step = newton_step(gs, gt, ss, -wp.dot(dp, dq), tt)
-        if t_stays:
-            step = newton_step(gs, zero, ss, zero, wp.dot(dq, dq))
-        if s_stays:
-            step = newton_step(zero, gt, wp.dot(dp, dp), zero, tt)
-        if s_stays and t_stays:
-            break
-        before_s = s
-        before_t = t
-        s = wp.clamp(s + step[0], zero, one)
-        t = wp.clamp(t + step[1], zero, one)
-        if wp.abs(s - before_s) + wp.abs(t - before_t) < NEWTON_ACCURACY:
-            break
-    return wp.vec2d(s, t)
-
-
-@wp.func
-def is_between(place: wp.vec2d) -> bool:
-    """Whether both places stand between the ends of their segments."""
-    low = wp.min(place[0], place[1])
-    high = wp.max(place[0], place[1])
-    return low > wp.float64(0.0) and high < wp.float64(1.0)
-
-
-@wp.func
-def is_saddle(p: Powers, q: Powers, place: wp.vec2d) -> bool:
-    """Whether the distance of two curves falls on two sides of a place where it is level."""
-    r = point_at(p, place[0]) - point_at(q, place[1])
-    dp = slope_at(p, place[0])
-    dq = slope_at(q, place[1])
-    ss = wp.dot(dp, dp) + wp.dot(r, bend_at(p, place[0]))
-    tt = wp.dot(dq, dq) - wp.dot(r, bend_at(q, place[1]))
-    st = wp.dot(dp, dq)
-    return ss * tt < st * st
-
-
-@wp.func
-def beside_end(p: Powers, q: Powers, end: wp.float64) -> wp.vec2d:
-    """(s, t) of an end of one curve and of the place next to it on the chord of the other."""
-    q1 = point_at(q, wp.float64(0.0))
-    chord = point_at(q, wp.float64(1.0)) - q1
-    place = wp.dot(point_at(p, end) - q1, chord) / wp.dot(chord, chord)
-    return wp.vec2d(end, wp.clamp(place, wp.float64(0.0), wp.float64(1.0)))
-
-
-@wp.func
-def closest_places(p: Powers, q: Powers, start: wp.vec2d, touch: wp.float64, reach: wp.float64) -> wp.vec4d:
-    """Places (s, t) of the closest points of two curves, and of those of a second minimum of their distance between the ends of
-    both, by rising s; a second s below 0 where there is none, or the first is farther than `reach` [m].
-
-    Wires that hook each other at a small angle touch on either side of where they cross, nearer to each other than a segment
-    is long. Between two minima the distance rises by LEAST_BARRIER of `touch` [m] or more.
-    """
-    zero = wp.float64(0.0)
-    one = wp.float64(1.0)
-    half = wp.float64(0.5)
-    found = closest_on_curves(p, q, start)
-    on_saddle = is_between(found) and is_saddle(p, q, found)
-    if not on_saddle and wp.length(point_at(p, found[0]) - point_at(q, found[1])) > reach:
-        return wp.vec4d(found[0], found[1], -one, zero)
-    far = wp.where(found[0] > half, zero, one)
-    other = closest_on_curves(p, q, beside_end(p, q, far))
-    if on_saddle:
-        found = closest_on_curves(p, q, beside_end(p, q, one - far))
-    single = wp.vec4d(found[0], found[1], -one, zero)
-    if not is_between(other):
-        return single
-    near = wp.length(point_at(p, found[0]) - point_at(q, found[1]))
-    other_near = wp.length(point_at(p, other[0]) - point_at(q, other[1]))
-    middle = half * (found + other)
-    barrier = wp.length(point_at(p, middle[0]) - point_at(q, middle[1]))
-    if barrier < wp.max(near, other_near) + LEAST_BARRIER * touch:
-        return single
-    if other[0] < found[0]:
-        return wp.vec4d(other[0], other[1], found[0], found[1])
-    return wp.vec4d(found[0], found[1], other[0], other[1])

@@ -10,7 +10,7 @@ import warp as wp
 
 from .control import GRADIENT, LENGTH_FACTOR
 from .rod_frames import carried
-from .wire_curve import closest_on_chords, row, sag, stencil
+from .wire_curve import CLOSING, closest_on_chords, row, sag, stencil
 
 ELSEWHERE = wp.constant(wp.float64(1.0e30))  # [m] distance along a wire of what is on no common wire
 
@@ -171,36 +171,7 @@ def find_segment_pairs(
             pair_second[k] = j
             pair_shift[k] = shift
             pair_way[k] = way
-            pair_wake[k] = half * (gap - touch - expected)
+            pair_wake[k] = (gap - touch - expected) / CLOSING
         found += 1
     if is_filling == 0:
         count[i] = found
-
-
-@wp.kernel
-def keep_slips(
-    # in: the pairs before
-    old_start: wp.array(dtype=wp.int32),
-    old_count: wp.array(dtype=wp.int32),
-    old_second: wp.array(dtype=wp.int32),
-    old_shift: wp.array(dtype=wp.vec3d),
-    old_slip: wp.array(dtype=wp.vec3d),
-    # in: the pairs now
-    pair_count: wp.array(dtype=wp.int32),
-    pair_first: wp.array(dtype=wp.int32),
-    pair_second: wp.array(dtype=wp.int32),
-    pair_shift: wp.array(dtype=wp.vec3d),
-    # out
-    pair_slip: wp.array(dtype=wp.vec3d),
-):
-    """What sticks to what is remembered from one search to the next; one thread a pair, which has two."""
-    k = wp.tid()
-    pair_slip[2 * k] = wp.vec3d()
-    pair_slip[2 * k + 1] = wp.vec3d()
-    if k >= pair_count[0]:
-        return
-    i = pair_first[k]
-    for old in range(old_start[i], old_start[i] + old_count[i]):
-        if old_second[old] == pair_second[k] and wp.length(old_shift[old] - pair_shift[k]) == wp.float64(0.0):
-            pair_slip[2 * k] = old_slip[2 * old]
-            pair_slip[2 * k + 1] = old_slip[2 * old + 1]

@@ -34,14 +34,15 @@ def line_of(*curves: np.ndarray, nodes: int, step: float) -> tuple[Rods, CentreL
     return rods_of(SECTION, [f(s) for f in curves]), CentreLine(slope, between)
 
 
-def hooked(angle: float, bow: float, gap: float) -> tuple[Rods, CentreLine]:
+def hooked(angle: float, bow: float, gap: float, *, lean: float = 0.0, along: float = 0.0) -> tuple[Rods, CentreLine]:
     """Two wires that hook each other as in a knit: side by side at the distance `gap`, bowed towards each other's ends with the
-    curvature `bow`, and crossing over and under with the slopes +- `angle`; one segment of length 3 in the middle of each."""
+    curvature `bow`, and crossing over and under with the slopes +- `angle`, `along` from the middle of a segment of length 3 of
+    each. Where they `lean`, they are nearer to each other on one side of that than on the other."""
 
     def wire(side: float) -> Callable[[np.ndarray], np.ndarray]:
         def at(s: np.ndarray) -> np.ndarray:
-            x = s - 7.5
-            return np.stack([x, side * 0.5 * (gap - bow * x**2), side * np.tan(angle) * x], axis=-1)
+            x = s - 7.5 - along
+            return np.stack([x, side * 0.5 * (gap + lean * x - bow * x**2), side * np.tan(angle) * x], axis=-1)
 
         return at
 
@@ -74,22 +75,18 @@ def test_the_curve_is_the_centre_line_at_rest() -> None:
     assert errors[1] < errors[0] / 2**4
 
 
-def test_contact_on_the_curve_is_the_gradient_of_its_energy() -> None:
-    """Forces on nodes and torques on sections of a bent and twisted pose, by central differences of k o^2/2."""
-    rods, line = line_of(looped, across, nodes=14, step=1.3)
-    pose, contact = contact_of(replace(rods, thicker=np.array([0.6, 0.6])), line)
-    rng = np.random.default_rng(5)
-    pose.bend_by(0.02 * rng.normal(size=(28, 3)), np.where(pose.has_segment, 0.2 * rng.normal(size=28), 0.0))
+def gradient_error(pose: Pose, contact: WireContact) -> tuple[float, float]:
+    """Largest difference between the forces and torques of contact at a pose and central differences of its energy, over the
+    largest of them, and the largest torque over that."""
+    nodes, torques = pose.rods.node_count, int(pose.has_segment.sum())
 
     def contact_energy(move: np.ndarray, turn: np.ndarray) -> float:
         pose.at(move, turn)
-        return float(0.5 * STIFFNESS * np.sum(contact.near().overlap ** 2))
+        found = contact.near()
+        return float(0.5 * np.sum(found.force * found.overlap))
 
-    still, none = np.zeros((28, 3)), np.zeros(28)
+    still, none = np.zeros((nodes, 3)), np.zeros(nodes)
     pushed, turned = pose.at(still, none)[1:]
-    touching = contact.near()
-    assert len(touching.force) >= 1
-    assert touching.force.max() > 0.05 * STIFFNESS
     pose.stepper.state.write_control({c.CONTACT_STIFFNESS: 0.0})
     free, free_turned = pose.at(still, none)[1:]
     pose.stepper.state.write_control({c.CONTACT_STIFFNESS: STIFFNESS})
@@ -99,28 +96,57 @@ def test_contact_on_the_curve_is_the_gradient_of_its_energy() -> None:
         way = np.zeros(len(found))
         way[k] = step
         found[k] = -(contact_energy(*pose.split(way)) - contact_energy(*pose.split(-way))) / (2 * step)
-    assert np.abs(wanted[-26:]).max() > 1e-3 * np.abs(wanted).max()  # sections feel it
-    assert np.abs(wanted - found).max() < 1e-6 * np.abs(wanted).max()
+    size = np.abs(wanted).max()
+    return float(np.abs(wanted - found).max() / size), float(np.abs(wanted[-torques:]).max() / size)
 
 
-def touch(angle: float, bow: float, gap: float) -> TouchingPairs:
+def test_contact_on_the_curve_is_the_gradient_of_its_energy() -> None:
+    """Forces on nodes and torques on sections of a bent and twisted pose, by central differences of k o^2/2."""
+    rods, line = line_of(looped, across, nodes=14, step=1.3)
+    pose, contact = contact_of(replace(rods, thicker=np.array([0.6, 0.6])), line)
+    rng = np.random.default_rng(5)
+    pose.bend_by(0.02 * rng.normal(size=(28, 3)), np.where(pose.has_segment, 0.2 * rng.normal(size=28), 0.0))
+    pose.at(np.zeros((28, 3)), np.zeros(28))
+    assert contact.near().force.max() > 0.05 * STIFFNESS
+    error, torque = gradient_error(pose, contact)
+    assert error < 1e-6
+    assert torque > 1e-3  # sections feel it
+
+
+def test_two_contacts_and_the_saddle_between_them_are_the_gradient_of_their_energy() -> None:
+    """k (o_a^2 + o_b^2 - o_c^2)/2, shortly before they become one: the distance between them goes with the root of what is left,
+    which makes the differences ten times as wrong as those of one contact."""
+    pose, contact = contact_of(*hooked(float(np.arctan(0.99 * np.sqrt(0.4 * 0.9))), 0.8, 0.9))
+    assert (contact.near().force > 0.0).sum() == 2
+    assert (contact.near().force < 0.0).sum() == 1
+    assert gradient_error(pose, contact)[0] < 1e-5
+
+
+def touch(angle: float, bow: float, gap: float, **where: float) -> TouchingPairs:
     """Contacts of two wires of diameter 1 that hook each other."""
-    return contact_of(*hooked(angle, bow, gap))[1].near()
+    return contact_of(*hooked(angle, bow, gap, **where))[1].near()
 
 
-@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
-def test_wires_that_hook_at_a_small_angle_touch_twice_within_a_segment(share: float) -> None:
+@pytest.mark.parametrize(
+    ("share", "along"), [(0.3, 0.0), (0.6, 0.0), (0.9, 0.0), (0.6, -0.5), (0.6, 0.5), (0.9, -0.9), (0.9, 0.9)]
+)
+def test_wires_that_hook_at_a_small_angle_touch_twice_within_a_segment(share: float, along: float) -> None:
     """The distance of y = +-(gap - bow x^2)/2, z = +-tan(angle) x is least at two places, where gap - bow x^2 =
-    2 tan(angle)^2/bow, while that is less than the gap."""
+    2 tan(angle)^2/bow, while that is less than the gap: wherever on a segment both of them are."""
     bow, overlap = 0.8, 0.02
     level = share * 0.9
     tangent = np.sqrt(0.5 * bow * level)
     beside = ((1.0 - overlap) ** 2 - level**2) / (4 * tangent**2)  # x^2 at which they are that near
-    found = touch(float(np.arctan(tangent)), bow, level + bow * beside)
-    assert len(found.force) == 2
-    assert found.overlap == pytest.approx(np.full(2, overlap), rel=1e-6)
-    assert (3.0 * found.place[:, 0] - 1.5) ** 2 == pytest.approx(np.full(2, beside), rel=1e-4)
-    assert found.normal[0, 2] == pytest.approx(-found.normal[1, 2])
+    found = touch(float(np.arctan(tangent)), bow, level + bow * beside, along=along)
+    pushes = found.force > 0.0
+    assert pushes.sum() == 2
+    assert found.overlap[pushes] == pytest.approx(np.full(2, overlap), rel=1e-4)
+    assert (3.0 * found.place[pushes, 0] - 1.5 - along) ** 2 == pytest.approx(np.full(2, beside), rel=1e-3)
+
+
+def push(found: TouchingPairs) -> np.ndarray:
+    """(3,) what the first wire has of the second."""
+    return (found.force[:, None] * found.normal).sum(axis=0)
 
 
 def test_two_contacts_become_one_without_a_jump() -> None:
@@ -133,10 +159,33 @@ def test_two_contacts_become_one_without_a_jump() -> None:
         pushes, count = [], []
         for share in np.linspace(1.0 - width, 1.0 + 0.2 * width, 31):
             found = touch(float(np.arctan(share * last)), bow, gap)
-            pushes.append(float(np.linalg.norm((found.force[:, None] * found.normal).sum(axis=0))))
-            count.append(len(found.force))
+            pushes.append(float(np.linalg.norm(push(found))))
+            count.append(int((found.force > 0.0).sum()))
         assert count[0] == 2
         assert count[-1] == 1
         assert pushes[-1] == pytest.approx(STIFFNESS * (1.0 - gap), rel=1e-6)
         jumps.append(np.abs(np.diff(pushes)).max())
     assert jumps[1] < 0.2 * jumps[0]
+
+
+@pytest.mark.parametrize("along", [-0.5, 0.0, 0.5])
+def test_a_contact_goes_without_a_jump_while_another_stays(along: float) -> None:
+    """Of wires that lean, one closest point meets the saddle of the distance, away from the other point, and both are gone. There
+    the force on the wires changes with the root of the angle, and not by that of the contact: that a barrier of less than 1e-9
+    counts as none leaves a jump of the order of its third root."""
+    bow, gap, lean = 0.8, 0.9, 0.02
+
+    def at(share: float) -> TouchingPairs:
+        return touch(float(np.arctan(share * np.sqrt(0.5 * bow * gap))), bow, gap, lean=lean, along=along)
+
+    low, high = 0.8, 1.0
+    assert (at(low).force > 0.0).sum() == 2
+    assert (at(high).force > 0.0).sum() == 1
+    while high - low > 1e-9:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if (at(middle).force > 0.0).sum() == 2 else (low, middle)
+    before, after = at(low), at(high)
+    assert before.force.max() > 0.05 * STIFFNESS  # both of them are pressed together
+    assert np.sort(before.force)[1] > 0.05 * STIFFNESS
+    assert np.ptp(before.place[before.force > 0.0, 0]) > 0.1  # and stand apart
+    assert np.linalg.norm(push(before) - push(after)) < 5e-3 * np.sort(before.force)[1]

@@ -9,8 +9,11 @@ import warp as wp
 
 from ..errors import ModelError, OutOfResources
 from ..kernels import control as c
-from ..kernels.wire_contact import find_wire_contacts
-from ..kernels.wire_pairs import find_segment_pairs, keep_slips, place_segments_in_hash
+from ..kernels.wire_closest import NOT_NEAR, ONE_PLACE, PLACES, find_closest_places
+from ..kernels.wire_contact import push_wires_apart
+from ..kernels.wire_curve import CLOSING
+from ..kernels.wire_pairs import find_segment_pairs, place_segments_in_hash
+from ..kernels.wire_stick import keep_slips
 from ..model.model import available_memory
 from .rest_curve import RestCurve, catmull_rom
 from .rod_step import RodStepper
@@ -20,16 +23,21 @@ REACH = 1.3  # distances of touching wires up to which a pair is measured to the
 MARGIN = 0.5  # of a segment: how much nearer things may come before the next search
 MOST_SAG = 0.3  # of a segment: more than Catmull-Rom's curve ever leaves its chord by, 4/27 at either end
 STICK_SHARE = 0.5  # tangential over normal stiffness
-PAIR_BYTES = 8 * (3 + 2 + 2 * (3 * 3 + 2 + 2)) + 4 * 2  # of one pair, kept twice while a list is renewed
+# of one pair, kept twice while a list is renewed
+PAIR_BYTES = 8 * (3 + 3 + PLACES * (2 * 3 + 2 + 2) + 2 * 2 * (3 + 2)) + 4 * (3 + 2 * 2)
 ROOM = 1.3  # pairs that a list has room for, over those that it holds
-KEPT_OF_PAIRS = ("first", "second", "shift", "way", "wake")
+KEPT_OF_PAIRS = ("first", "second", "shift", "way", "wake", "renewal", "found")
+KEPT_OF_STUCK = ("stuck_step", "stuck_place", "slip")
 KEPT_OF_NODES = ("start", "count")
 FREE_CELLS = (64, 64, 8)  # of the hash along x, y and z where the world has no tiles
 
 
 @dataclass(frozen=True)
 class TouchingPairs:
-    """Contacts that carry a force; arrays [contact]. `first` and `second` are nodes that begin the segments."""
+    """Contacts that carry a force; arrays [contact]. `first` and `second` are nodes that begin the segments.
+
+    A saddle between two contacts of a pair is one of them, with a force below zero (kernels/wire_contact.py).
+    """
 
     first: np.ndarray
     second: np.ndarray
@@ -54,10 +62,14 @@ class _List:
         self.first, self.second = make(wp.int32), make(wp.int32)
         self.shift = make(wp.vec3d)
         self.way, self.wake = make(wp.float64), make(wp.float64)
-        # a pair may touch in two points
-        self.slip, self.friction, self.normal = (make(wp.vec3d, 2 * room) for _ in range(3))
-        self.overlap, self.force = make(wp.float64, 2 * room), make(wp.float64, 2 * room)
-        self.place = make(wp.vec2d, 2 * room)
+        self.renewal, self.found = make(wp.float64), make(wp.int32)
+        self.friction, self.normal = make(wp.vec3d, PLACES * room), make(wp.vec3d, PLACES * room)
+        self.overlap, self.force = make(wp.float64, PLACES * room), make(wp.float64, PLACES * room)
+        self.place = make(wp.vec2d, PLACES * room)
+        # a pair may touch in two points; what sticks, by whether the step is odd
+        self.stuck_step = wp.full((2, 2 * room), -1, dtype=wp.int32, device=device)
+        self.stuck_place = wp.zeros((2, 2 * room), dtype=wp.vec2d, device=device)
+        self.slip = wp.zeros((2, 2 * room), dtype=wp.vec3d, device=device)
 
 
 class WireContact:
@@ -126,19 +138,31 @@ class WireContact:
         arrays, state, pairs = self.stepper.arrays, self.stepper.state, self._list
         return [
             (
-                find_wire_contacts,
+                find_closest_places,
                 pairs.room,
                 [
-                    pairs.total, pairs.first, pairs.second, pairs.shift, pairs.way, pairs.wake,
+                    pairs.total, pairs.first, pairs.second, pairs.shift,
+                    arrays.previous, arrays.following, self._node_radius, self._rest_slope, self._rest_bump, self._rest_bulge,
+                    state.control, wp.float64(REACH),
+                    state.position, state.length, state.tangent, state.director,
+                    pairs.wake, pairs.renewal, pairs.found, pairs.place,
+                ],
+            ),
+            (
+                push_wires_apart,
+                pairs.room,
+                [
+                    pairs.total, pairs.start, pairs.count, pairs.first, pairs.second, pairs.shift, pairs.way,
+                    pairs.found, pairs.place,
                     arrays.previous, arrays.following, arrays.natural_length, self._node_radius,
-                    self._rest_slope, self._rest_bump, self._rest_bulge, state.control,
-                    wp.float64(APART), wp.float64(REACH), wp.float64(self.damping), wp.float64(self.friction),
-                    wp.float64(STICK_SHARE),
+                    self._rest_slope, self._rest_bump, state.control,
+                    wp.float64(APART), wp.float64(self.damping), wp.float64(self.friction), wp.float64(STICK_SHARE),
                     state.position, state.length, state.tangent, state.director, state.velocity, state.spin,
-                    pairs.slip, pairs.overlap, pairs.force, pairs.friction, pairs.normal, pairs.place,
+                    pairs.stuck_step, pairs.stuck_place, pairs.slip,
+                    pairs.overlap, pairs.force, pairs.friction, pairs.normal,
                     state.contact_force, state.contact_couple, self.deepest,
                 ],
-            )
+            ),
         ]  # fmt: skip
 
     def expect(self, strain: float) -> None:
@@ -180,21 +204,24 @@ class WireContact:
             keep_slips,
             dim=pairs.room,
             inputs=[
-                before.start, before.count, before.second, before.shift, before.slip,
-                pairs.total, pairs.first, pairs.second, pairs.shift, pairs.slip,
+                int(state.read_control()[int(c.STEP)]),
+                before.start, before.count, before.second, before.shift, before.stuck_step, before.stuck_place, before.slip,
+                pairs.total, pairs.first, pairs.second, pairs.shift, pairs.stuck_step, pairs.stuck_place, pairs.slip,
             ],
             device=device,
         )  # fmt: skip
+        pairs.found.fill_(int(NOT_NEAR))
         self._list, self._other = pairs, before
         self.searches += 1
-        budget = max(0.5 * (self.margin - self._expected), 0.05 * self.margin)
+        budget = max((self.margin - self._expected) / float(CLOSING), 0.025 * self.margin)
         state.write_control({c.TRAVEL: 0.0, c.TRAVEL_LIMIT: budget, c.STATUS: 0.0})
 
     def memory(self) -> dict[str, np.ndarray]:
         """What a checkpoint needs: the list of pairs, as it was when it was found, with what sticks."""
         pairs, count = self._list, self.pair_count
         kept = {f"pairs_{name}": getattr(pairs, name).numpy()[:count].copy() for name in KEPT_OF_PAIRS}
-        kept["pairs_slip"] = pairs.slip.numpy()[: 2 * count].copy()
+        kept["pairs_place"] = pairs.place.numpy()[: PLACES * count].copy()
+        kept |= {f"pairs_{name}": getattr(pairs, name).numpy()[:, : 2 * count].copy() for name in KEPT_OF_STUCK}
         kept |= {f"pairs_{name}": getattr(pairs, name).numpy().copy() for name in KEPT_OF_NODES}
         return kept | {"contact": np.array([self._expected, self.searches, self.deepest.numpy()[0]])}
 
@@ -202,10 +229,13 @@ class WireContact:
         """Put back what `memory` returned."""
         total = len(kept["pairs_first"])
         pairs = _List(max(self._room(total), 1), self.stepper.rods.node_count, self.stepper.device, self._list.number + 2)
-        for name in (*KEPT_OF_PAIRS, "slip"):
+        for name in (*KEPT_OF_PAIRS, "place", *KEPT_OF_STUCK):
             array, values = getattr(pairs, name), kept[f"pairs_{name}"]
             filled = array.numpy().copy()
-            filled[: len(values)] = values
+            if name in KEPT_OF_STUCK:
+                filled[:, : values.shape[1]] = values
+            else:
+                filled[: len(values)] = values
             array.assign(filled)
         for name in KEPT_OF_NODES:
             getattr(pairs, name).assign(kept[f"pairs_{name}"])
@@ -263,10 +293,12 @@ class WireContact:
 
     def near(self, distance: float | None = None) -> TouchingPairs:
         """Contacts of the state last evaluated: those that carry a force, or all whose surfaces are within `distance` [m]."""
-        pairs, count = self._list, 2 * self.pair_count
-        force, overlap = pairs.force.numpy()[:count], pairs.overlap.numpy()[:count]
-        kept = force > 0.0 if distance is None else overlap > -distance
-        which = np.flatnonzero(kept)
-        of_pair = {name: getattr(pairs, name).numpy()[which // 2] for name in ("first", "second", "shift")}
+        pairs, count = self._list, self.pair_count
+        found = pairs.found.numpy()[:count, None]
+        is_there = (found != int(NOT_NEAR)) & (np.arange(PLACES) < np.where(found == int(ONE_PLACE), 1, PLACES))
+        force, overlap = (values.numpy()[: PLACES * count] for values in (pairs.force, pairs.overlap))
+        kept = force != 0.0 if distance is None else overlap > -distance
+        which = np.flatnonzero(kept & is_there.ravel())
+        of_pair = {name: getattr(pairs, name).numpy()[which // PLACES] for name in ("first", "second", "shift")}
         names = ("place", "force", "friction", "normal", "overlap")
         return TouchingPairs(**of_pair, **{name: getattr(pairs, name).numpy()[which] for name in names})

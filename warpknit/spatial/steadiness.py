@@ -40,6 +40,7 @@ class Steadiness:
         """The larger of what is out of balance and what moves, to be compared with the tolerance."""
         rest, state, scene = self.rest, self.rest.stepper.state, self.mesh.scene
         touching = self.contact.near().force
+        touching = touching[touching > 0.0]
         bent = self.mesh.bending_stiffness / scene.knit.wale_spacing
         scale = max(float(touching.mean()) if len(touching) else 0.0, FORCE_FLOOR * bent / scene.knit.wale_spacing)
         force = np.linalg.norm(rest.out_of_balance(), axis=1)
