@@ -113,6 +113,33 @@ def test_what_sticks_is_remembered_over_searches() -> None:
         assert np.array_equal(after.friction, before.friction) and np.array_equal(after.force, before.force)
 
 
+def test_friction_is_steady_from_segment_to_segment() -> None:
+    """A wire too heavy to be slowed or to roll is drawn across another, over nodes of both: once the contact has given way by mu N/k_t, which
+    straight wires do in one piece, friction is mu N, against the way of the one over the other."""
+    friction, overlap, speed = 0.4, 0.02, np.array([1.0, 0.35, 0.0])
+    lower, upper = line([0, 0, 0], [2, 0, 0], 8), line([3.3, -5.2, 1 - overlap], [0.3, 1.7, 0], 8)
+    stepper, contact = touching([lower, upper], friction=friction)
+    state = stepper.state
+    state.node_mass.fill_(1e12)
+    state.spin_inertia.fill_(1e12)
+    state.velocity.assign(np.where(np.arange(16)[:, None] < 8, 0.0, speed))
+    stepper.set_time_step(0.01)
+    segments, pulls = set(), []
+    for _ in range(500):
+        contact.advance(1)
+        stepper.evaluate()
+        found = contact.near()
+        segments.add((int(found.first[0]), int(found.second[0])))
+        pulls.append(found.friction.sum(axis=0))
+    steady = np.array(pulls)[20:]
+    assert len(segments) >= 4
+    assert len({first for first, _ in segments}) >= 3
+    assert len({second for _, second in segments}) >= 2
+    assert overlap * friction / STICK_SHARE < 20 * 0.01
+    expected = friction * STIFFNESS * overlap * speed / np.linalg.norm(speed)
+    assert np.abs(steady - expected).max() < 1e-6 * np.linalg.norm(expected)
+
+
 def tangle(seed: int, wires: int, nodes: int) -> Rods:
     """Wavy wires without order in a tile that repeats in x and y, each going on into the next tile up."""
     rng = np.random.default_rng(seed)
