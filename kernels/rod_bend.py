@@ -55,12 +55,12 @@ def turning_share(size: wp.float64) -> wp.float64:
 
 
 @wp.func
-def turning_slope(size: wp.float64) -> wp.float64:
-    """Derivative of `turning_share`, over x."""
+def turning_slope(size: wp.float64, share: wp.float64) -> wp.float64:
+    """Derivative of `turning_share`, whose value is `share`, over x."""
     if size < SMALL:
         return -wp.float64(1.0 / 6.0)
     square = size * size
-    return (wp.float64(1.0) / (wp.float64(1.0) + wp.float64(0.25) * square) - turning_share(size)) / square
+    return (wp.float64(1.0) / (wp.float64(1.0) + wp.float64(0.25) * square) - share) / square
 
 
 @wp.func
@@ -126,7 +126,8 @@ def bend_rods(
     m = twist_between(one_before, one_after, e, f)
     k = wp.vec2d(k1, k2)
     size = wp.length(k)
-    turning = turning_share(size) * k
+    turning_part = turning_share(size)
+    turning = turning_part * k
     curvature[i] = turning
     twist[i] = m
     factor = control[LENGTH_FACTOR]
@@ -139,7 +140,7 @@ def bend_rods(
         pull = before * axial_force(length[a], before, stretch_stiffness[a], tension_offset[a])
         pull += after * axial_force(length[i], after, stretch_stiffness[i], tension_offset[i])
         moment += (control[BOW_MOMENT] * pull) * turning
-    couple_k = turning_share(size) * moment + (turning_slope(size) * wp.dot(k, moment)) * k
+    couple_k = turning_part * moment + (turning_slope(size, turning_part) * wp.dot(k, moment)) * k
     g1 = couple_k[0]
     g2 = couple_k[1]
     g = twist_stiffness / natural * (m - natural_twist[i])

@@ -37,7 +37,7 @@ SADDLE_STEPS = 40
 RENEWAL = wp.constant(wp.float64(0.01))  # of the distance of touching wires
 PLACES = 3  # of a pair: two minima and the saddle between them
 
-NOT_NEAR = wp.constant(0)  # what a pair was found to have
+NOT_NEAR = wp.constant(0)  # what a pair was found to have: below zero where it does not touch there
 ONE_PLACE = wp.constant(1)
 TWO_PLACES = wp.constant(2)
 
@@ -272,7 +272,7 @@ def find_closest_places(
     if is_followed:
         from_one = closest_on_curves(curve_p, curve_q, pair_place[k])
         from_other = from_one
-        if found == TWO_PLACES:
+        if wp.abs(found) == TWO_PLACES:
             from_other = closest_on_curves(curve_p, curve_q, pair_place[k + 1])
         one = wp.vec2d(from_one[0], from_one[1])
         other = wp.vec2d(from_other[0], from_other[1])
@@ -283,21 +283,23 @@ def find_closest_places(
         one = wp.vec2d(from_one[0], from_one[1])
         other = wp.vec2d(from_other[0], from_other[1])
         pair_renewal[pair] = travel + RENEWAL * touch
-    pair_found[pair] = ONE_PLACE
+    now = ONE_PLACE
+    nearest = distance_at(curve_p, curve_q, one)
     if wp.abs(one[0] - other[0]) + wp.abs(one[1] - other[1]) >= SAME_PLACE:
         saddle = saddle_of(curve_p, curve_q, one, other)
-        distance = distance_at(curve_p, curve_q, one)
         other_distance = distance_at(curve_p, curve_q, other)
         barrier = LEAST_BARRIER * touch
-        if distance_at(curve_p, curve_q, saddle) > wp.max(distance, other_distance) + barrier:
-            pair_found[pair] = TWO_PLACES
+        if distance_at(curve_p, curve_q, saddle) > wp.max(nearest, other_distance) + barrier:
+            now = TWO_PLACES
             pair_place[k + 2] = saddle
-        elif wp.abs(distance - other_distance) < barrier:  # along a line
+        elif wp.abs(nearest - other_distance) < barrier:  # along a line
             from_one = closest_on_curves(curve_p, curve_q, chords)
             one = wp.vec2d(from_one[0], from_one[1])
-        elif other_distance < distance:
+        elif other_distance < nearest:
             one = other
+        nearest = wp.min(nearest, other_distance)
     if wp.max(from_one[2], from_other[2]) >= NEWTON_ACCURACY:
         pair_renewal[pair] = -wp.float64(1.0)
     pair_place[k] = one
     pair_place[k + 1] = other
+    pair_found[pair] = wp.where(is_running and nearest >= touch, -now, now)

@@ -249,7 +249,7 @@ def push_wires_apart(
     if pair >= pair_count[0]:
         return
     found = pair_found[pair]
-    if found == NOT_NEAR:
+    if found <= NOT_NEAR:
         return
     zero = wp.float64(0.0)
     one = wp.float64(1.0)

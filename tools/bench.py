@@ -4,6 +4,7 @@
     python tools/bench.py --nodes 1e7 --contact --precision single
     python tools/bench.py --device cuda:0                    on a GPU, beside the copy bandwidth
     python tools/bench.py --usd --nodes 1e6                  what writing frames as USD costs, see bench_usd.py
+    python tools/bench.py --space --nodes 500 5000           steps in space, and what its parts take, see spatial_cost.py
 
 Each case is measured in `--rounds` turns, warpknit and the C loop one after the other, and the best turn of each counts; on
 a busy machine compare the ratio, not the speed. `--contact` steps the periodic mesh of scenes/atlas_cell.toml at 12 % with
@@ -228,6 +229,14 @@ def bench_usd(args: argparse.Namespace) -> None:
             print(json.dumps(found), flush=True)
 
 
+def bench_space(args: argparse.Namespace) -> None:
+    from spatial_cost import at_load, measure
+
+    one = at_load(64, 1, ["load.strain_weft=0.0", "load.strain_warp=0.0"]).mesh.rods.node_count
+    for nodes in args.nodes:
+        print(json.dumps(measure(repeats=max(1, round(math.sqrt(nodes / one))), rounds=args.rounds)), flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--nodes", type=float, nargs="+", default=[1e4, 1e5, 1e6])
@@ -238,13 +247,14 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=0.3, help="about how long a turn takes")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--usd", action="store_true", help="write frames, beside numpy.tofile and while stepping")
+    parser.add_argument("--space", action="store_true", help="cells of the spatial model at 10 %%")
     parser.add_argument("--frames", type=int, default=20, help="of --usd")
     parser.add_argument("--steps", type=int, default=400, help="of --usd, between two frames")
     parser.add_argument("--folder", type=Path, help="of --usd: where to write.  [default: the system's for temporary files]")
     args = parser.parse_args()
     args.device = find_device(args.device)
-    if args.usd:
-        bench_usd(args)
+    if args.usd or args.space:
+        (bench_usd if args.usd else bench_space)(args)
         return
     with tempfile.TemporaryDirectory() as folder:
         for nodes in args.nodes:

@@ -114,8 +114,8 @@ def test_what_sticks_is_remembered_over_searches() -> None:
 
 
 def test_friction_is_steady_from_segment_to_segment() -> None:
-    """A wire too heavy to be slowed or to roll is drawn across another, over nodes of both: once the contact has given way by mu N/k_t, which
-    straight wires do in one piece, friction is mu N, against the way of the one over the other."""
+    """A wire too heavy to be slowed or to roll is drawn across another, over nodes of both: once the contact has given way by
+    mu N/k_t, friction is mu N, along the way of the one over the other."""
     friction, overlap, speed = 0.4, 0.02, np.array([1.0, 0.35, 0.0])
     lower, upper = line([0, 0, 0], [2, 0, 0], 8), line([3.3, -5.2, 1 - overlap], [0.3, 1.7, 0], 8)
     stepper, contact = touching([lower, upper], friction=friction)

@@ -295,7 +295,7 @@ class WireContact:
         """Contacts of the state last evaluated: those that carry a force, or all whose surfaces are within `distance` [m]."""
         pairs, count = self._list, self.pair_count
         found = pairs.found.numpy()[:count, None]
-        is_there = (found != int(NOT_NEAR)) & (np.arange(PLACES) < np.where(found == int(ONE_PLACE), 1, PLACES))
+        is_there = (found > int(NOT_NEAR)) & (np.arange(PLACES) < np.where(found == int(ONE_PLACE), 1, PLACES))
         force, overlap = (values.numpy()[: PLACES * count] for values in (pairs.force, pairs.overlap))
         kept = force != 0.0 if distance is None else overlap > -distance
         which = np.flatnonzero(kept & is_there.ravel())
