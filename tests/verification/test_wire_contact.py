@@ -220,7 +220,8 @@ def energy_of(stepper: RodStepper, contact: WireContact) -> float:
     mass = state.node_mass.numpy()[:, None]
     before = state.velocity.numpy().copy()
     stepper.evaluate()
-    stored = stepper.energy() + 0.5 * STIFFNESS * float(np.sum(contact.near().overlap ** 2))
+    near = contact.near()
+    stored = stepper.energy() + 0.5 * STIFFNESS * float(np.sum(np.sign(near.force) * near.overlap**2))
     after = before + float(state.read_control()[int(c.TIME_STEP)]) * state.force.numpy() / mass
     return stored + 0.25 * float(np.sum(mass * (before**2 + after**2)))
 

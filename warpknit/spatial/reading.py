@@ -225,7 +225,7 @@ class SpatialReading:
     @property
     def contact_energy(self) -> float:
         """[J] of the penalty."""
-        return float(0.5 * np.sum(self.touching.force * np.abs(self.touching.force)) / self.control[int(c.CONTACT_STIFFNESS)])
+        return float(0.5 * np.sum(self.touching.force * self.touching.overlap))
 
     @property
     def moved(self) -> np.ndarray:
