@@ -138,8 +138,8 @@ def test_contacts_are_where_the_knit_hooks_its_wires() -> None:
 
 
 def test_coarse_cell_comes_to_rest_where_contacts_pass_over_nodes() -> None:
-    """At 14 % and 40 nodes a loop two contacts of a clasp stand in one segment, or on either side of a node: neither is lost on the
-    way, and the force at rest is that of 48 nodes within what the curve between the nodes misses, 1 % (docs/physics.md)."""
+    """At 14 % and 40 nodes a loop two contacts of a clasp stand in one segment, or on either side of a node: neither is lost on
+    the way, and the force at rest is that of 48 nodes within what the curve between the nodes misses, 1 % (docs/physics.md)."""
     options = ("load.strain_weft=0.14", "load.strain_warp=0.14", "output.frames=1", "solver.residual_tolerance=0.003")
     coarse, fine = (readings(*options, "solver.max_steps=20000", f"model.nodes_per_loop={n}")[-1] for n in (40, 48))
     assert coarse.site_force.sum() == pytest.approx(fine.site_force.sum(), rel=0.01)
