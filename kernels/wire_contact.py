@@ -37,6 +37,8 @@ from .rod_frames import carried
 from .wire_closest import NOT_NEAR, ONE_PLACE, is_kept_at_end
 from .wire_curve import (
     Nodes,
+    Powers,
+    bend_at,
     carried_by_sections,
     curve_through,
     mixed,
@@ -54,8 +56,7 @@ from .wire_stick import stuck_slip
 LINE_PART = wp.constant(wp.float64(0.25))  # along a line, and those that part by more
 POINT_PART = wp.constant(wp.float64(0.35))  # in a point
 END_PART = wp.constant(wp.float64(0.05))  # of a segment
-SADDLE_NEAR = wp.constant(wp.float64(0.1))  # of a segment
-SADDLE_FAR = wp.constant(wp.float64(0.3))  # of a segment
+SADDLE_FAR = wp.constant(wp.float64(0.5))  # of a segment
 
 
 @wp.func
@@ -160,10 +161,21 @@ def point_velocity(
 
 @wp.func
 def line_share(
-    dp: wp.vec3d, dq: wp.vec3d, length_p: wp.float64, length_q: wp.float64, touch: wp.float64
+    p: Powers, q: Powers, place: wp.vec2d, length_p: wp.float64, length_q: wp.float64, touch: wp.float64
 ) -> wp.float64:
-    """What a contact at an end counts that would go on beyond it: 1 where the wires touch along a line, 0 where in a point."""
-    sine = wp.length(wp.cross(dp, dq)) / (wp.length(dp) * wp.length(dq))
+    """What a contact at an end counts that would go on beyond it: 1 where the wires touch along a line, 0 where in a point.
+
+    By the second derivatives of the distance squared along both wires: of straight ones at an angle their determinant is its sine
+    squared, and of wires that are wound round each other it is none.
+    """
+    dp = slope_at(p, place[0])
+    dq = slope_at(q, place[1])
+    r = point_at(p, place[0]) - point_at(q, place[1])
+    pp = wp.dot(dp, dp)
+    qq = wp.dot(dq, dq)
+    pq = wp.dot(dp, dq)
+    determinant = (pp + wp.dot(r, bend_at(p, place[0]))) * (qq - wp.dot(r, bend_at(q, place[1]))) - pq * pq
+    sine = wp.sqrt(wp.max(determinant, wp.float64(0.0)) / (pp * qq))
     part = sine * wp.max(wp.max(length_p, length_q) / touch, wp.float64(1.0))
     return wp.clamp((POINT_PART - part) / (POINT_PART - LINE_PART), wp.float64(0.0), wp.float64(1.0))
 
@@ -180,8 +192,10 @@ def inside_share(place: wp.vec2d) -> wp.float64:
 @wp.func
 def saddle_share(place: wp.vec2d, saddle: wp.vec2d) -> wp.float64:
     """1 where a saddle is about to meet a closest point, 0 where it is far from it."""
-    apart = wp.max(wp.abs(place[0] - saddle[0]), wp.abs(place[1] - saddle[1]))
-    return wp.clamp((SADDLE_FAR - apart) / (SADDLE_FAR - SADDLE_NEAR), wp.float64(0.0), wp.float64(1.0))
+    apart = wp.max(wp.abs(place[0] - saddle[0]), wp.abs(place[1] - saddle[1])) / SADDLE_FAR
+    square = apart * apart
+    near = wp.max(wp.float64(1.0) - square * square, wp.float64(0.0))
+    return near * near
 
 
 @wp.func
@@ -297,12 +311,12 @@ def push_wires_apart(
             elif s_goes_on and t_goes_on:
                 share = zero
             elif s_goes_on or t_goes_on:
-                share = line_share(dp, dq, length[i], length[j], touch)
+                share = line_share(curve_p, curve_q, near, length[i], length[j], touch)
                 inside = share
             elif (s >= one and has_more_p) or (t >= one and has_more_q):
                 share = zero
             elif a < 2 and inside < one:
-                inside = wp.max(inside, line_share(dp, dq, length[i], length[j], touch))
+                inside = wp.max(inside, line_share(curve_p, curve_q, near, length[i], length[j], touch))
             counted[a] = share
             if a < 2 and found != ONE_PLACE:
                 without_saddle = without_saddle * (one - inside * saddle_share(near, pair_place[3 * pair + 2]))
