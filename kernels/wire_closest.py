@@ -29,6 +29,7 @@ from .wire_curve import (
 
 NEWTON_STEPS = 20
 NEWTON_ACCURACY = wp.constant(wp.float64(1.0e-8))  # of a segment: a step after which the next would be its square
+NEWTON_ROUND_OFF = wp.constant(wp.float64(1.0e-12))  # of a segment: a step that is not taken, so that a place found stays
 LEAST_CURVATURE = wp.constant(wp.float64(1.0e-4))  # over the steeper one, that Newton's steps reckon with at least
 LONGEST_STEP = wp.constant(wp.float64(0.25))  # of a segment
 SAME_PLACE = wp.constant(wp.float64(1.0e-6))  # of a segment, between places that are one
@@ -94,6 +95,9 @@ def closest_on_curves(p: Powers, q: Powers, start: wp.vec2d) -> wp.vec3d:
             step = newton_step(gs, zero, ss, zero, wp.dot(dq, dq))
         if s_stays:
             step = newton_step(zero, gt, wp.dot(dp, dp), zero, tt)
+        if wp.abs(step[0]) + wp.abs(step[1]) < NEWTON_ROUND_OFF:
+            way = zero
+            break
         before_s = s
         before_t = t
         s = wp.clamp(s + step[0], zero, one)
@@ -203,6 +207,12 @@ def saddle_of(p: Powers, q: Powers, one: wp.vec2d, other: wp.vec2d) -> wp.vec2d:
     return wp.vec2d(turned[1], turned[0])
 
 
+@wp.func
+def are_apart(one: wp.vec2d, other: wp.vec2d) -> bool:
+    """Whether two searches ended in different places."""
+    return wp.abs(one[0] - other[0]) + wp.abs(one[1] - other[1]) >= SAME_PLACE
+
+
 @wp.kernel
 def find_closest_places(
     # pairs
@@ -268,15 +278,17 @@ def find_closest_places(
     from_one = wp.vec3d()
     from_other = wp.vec3d()
     k = 3 * pair
-    is_followed = is_running and is_loaded and found != NOT_NEAR and travel <= pair_renewal[pair]
+    was_two = wp.abs(found) == TWO_PLACES
+    is_followed = found != NOT_NEAR and (was_two or (is_running and is_loaded and travel <= pair_renewal[pair]))
     if is_followed:
         from_one = closest_on_curves(curve_p, curve_q, pair_place[k])
         from_other = from_one
-        if wp.abs(found) == TWO_PLACES:
+        if was_two:
             from_other = closest_on_curves(curve_p, curve_q, pair_place[k + 1])
         one = wp.vec2d(from_one[0], from_one[1])
         other = wp.vec2d(from_other[0], from_other[1])
         is_followed = wp.max(from_one[2], from_other[2]) < NEWTON_ACCURACY and not is_saddle(curve_p, curve_q, one)
+        is_followed = is_followed and was_two == are_apart(one, other)
     if not is_followed:
         from_one = closest_on_curves(curve_p, curve_q, beside_end(curve_p, curve_q, wp.float64(0.0)))
         from_other = closest_on_curves(curve_p, curve_q, beside_end(curve_p, curve_q, wp.float64(1.0)))
@@ -285,7 +297,7 @@ def find_closest_places(
         pair_renewal[pair] = travel + RENEWAL * touch
     now = ONE_PLACE
     nearest = distance_at(curve_p, curve_q, one)
-    if wp.abs(one[0] - other[0]) + wp.abs(one[1] - other[1]) >= SAME_PLACE:
+    if are_apart(one, other):
         saddle = saddle_of(curve_p, curve_q, one, other)
         other_distance = distance_at(curve_p, curve_q, other)
         barrier = LEAST_BARRIER * touch
