@@ -12,17 +12,18 @@ force, moment and power are those of the two surfaces. The sections turn with th
 become forces and torques in rod_step.py.
 
 A contact belongs to the pair of segments between whose ends it stands. Where the closest point stands at a node and would go on
-beyond it, it counts only where the wires are nearly parallel and touch along a line: each node of either wire is then a contact,
-on whichever side of it the closest point of the next segment may be.
+beyond it, it counts only where the wires part slowly, as they do side by side or wound round each other, and touch along a line:
+each node of either wire is then a contact, on whichever side of it the closest point of the next segment may be.
 
 Two segments may touch in two points, a and b, with a saddle c of the distance between them (wire_closest.py). Their energy is
 
     k (o_a^2 + o_b^2 - w o_c^2)/2        o being no less than zero, w = 1 - (1 - w_a) (1 - w_b)
 
-w_a is 1 where the saddle is within SADDLE_NEAR of a and falls to 0 at SADDLE_FAR, and so is w_b. For a closest point appears,
-or is gone, together with a saddle: there they cancel, and neither the energy nor its gradient jumps. So the saddle pulls as a
-contact would push. Farther off it does not count, as wires that touch along a line have a contact a segment; nor where a and b
-are within END_PART of the end of a segment, about to go over to the next one, which knows nothing of the saddle. Of friction each
+w_a = (1 - (x/SADDLE_FAR)^4)^2, x being the distance from a to the saddle, and so is w_b. For a closest point appears, or is gone,
+together with a saddle: there they cancel, and neither the energy nor its gradient jumps. So the saddle pulls as a contact would
+push. Farther off it does not count, as wires that touch along a line have a contact a segment; nor where a and b are within
+END_PART of the end of a segment, about to go over to the next one, which knows nothing of the saddle. The gradient leaves out
+that of w, which is flat near either. Of friction each
 closest point has the share
 
     1 - (o_c/o_a) w_a        w_a = (o_b - o_c)/(o_a + o_b - 2 o_c)

@@ -140,6 +140,29 @@ def test_friction_is_steady_from_segment_to_segment() -> None:
     assert np.abs(steady - expected).max() < 1e-6 * np.linalg.norm(expected)
 
 
+@pytest.mark.parametrize("spacing", [1.0, 0.5])
+def test_two_plies_come_to_rest(spacing: float) -> None:
+    """Two wires wound round each other, pressed into each other by 0.02 d and held at their ends: they touch along a line though
+    they stand at an angle of 34 degrees to each other, so each segment has its contact, and what is out of balance falls below
+    a millionth of what they press with."""
+    pitch, turns, radius = 10.0, 3.0, 0.49
+    nodes = round(turns * np.hypot(2 * np.pi * radius, pitch) / spacing) + 1
+    angle = np.linspace(0.0, 2 * np.pi * turns, nodes)
+    wires = [np.stack([r * np.cos(angle), r * np.sin(angle), pitch * angle / (2 * np.pi)], axis=1) for r in (radius, -radius)]
+    ends = [0, 1, nodes - 2, nodes - 1]
+    rods = rods_of(SECTION, wires).holding([*ends, *(nodes + e for e in ends)], [0, nodes - 2, nodes, 2 * nodes - 2])
+    stiffness = 4 * SECTION.bending_stiffness / spacing**3
+    stepper = RodStepper(rods)
+    contact = WireContact(stepper, stiffness)
+    rest = Rest(stepper, softening=max(1.0, 4 * spacing**2), contact_stiffness=stiffness)
+    contact.search()
+    for _ in range(80):
+        contact.advance(50)
+        rest.look()
+    assert (contact.near().force > 0.0).sum() >= nodes - 1
+    assert rest.left() < 1e-6 * contact.near().force.sum()
+
+
 def tangle(seed: int, wires: int, nodes: int) -> Rods:
     """Wavy wires without order in a tile that repeats in x and y, each going on into the next tile up."""
     rng = np.random.default_rng(seed)
