@@ -230,9 +230,11 @@ def bench_usd(args: argparse.Namespace) -> None:
 
 
 def bench_space(args: argparse.Namespace) -> None:
-    from spatial_cost import at_load, measure
+    from spatial_cost import SCENE, measure
 
-    one = at_load(64, 1, ["load.strain_weft=0.0", "load.strain_warp=0.0"]).mesh.rods.node_count
+    from warpknit.spatial.mesh import build_mesh
+
+    one = build_mesh(load_scene(SCENE, ["model.nodes_per_loop=64"])).rods.node_count
     for nodes in args.nodes:
         print(json.dumps(measure(repeats=max(1, round(math.sqrt(nodes / one))), rounds=args.rounds)), flush=True)
 
