@@ -170,6 +170,10 @@ class WireContact:
         self._expected = 2.0 * strain * self._radius
         self.search()
 
+    def wake(self) -> None:
+        """Have all pairs looked at: those that went to sleep while no load came on did not reckon with one."""
+        self._list.wake.zero_()
+
     def strain_within(self, share: float) -> float:
         """Strain by which the load brings things nearer by `share` of the margin of a search."""
         return share * self.margin / (2.0 * self._radius)

@@ -311,6 +311,7 @@ class SpatialRelaxation:
         then = [*gradient.ravel().tolist(), length_factor]
         ramp = {int(c.FROM) + k: now[k] for k in range(5)} | {int(c.TO) + k: then[k] for k in range(5)}
         self.state.write_control(ramp | {int(c.RAMP_STEP): 0.0, int(c.RAMP_STEPS): float(steps)})
+        self.contact.wake()
 
     def _pulls(self, factor: float) -> np.ndarray:
         """(station, 2) [m] by which stations of the edge are pulled at a load factor of the stage."""
