@@ -105,7 +105,7 @@ def lens_of(relaxation: SpatialRelaxation, reading: SpatialReading, site: int) -
         strain=float(reading.gradient[0, 0] - 1.0),
         site=site,
         force=float(reading.site_force[site]),
-        contacts=len(here),
+        contacts=int((touching.force[here] > 0.0).sum()),
         width=float(np.abs(width[low : high + 1]).max() / d),
         q=q,
         law=0.5 * (q + 1.0 / q) if q < 1.0 else 1.0,

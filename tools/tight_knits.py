@@ -39,6 +39,7 @@ TO = {"tricot": 0.08, "single atlas": 0.10}
 PLANAR = ["model.kind=planar", "model.nodes_per_loop=24", "solver.precision=double"]
 # wires kept from sliding are not in balance as a whole, and beyond 6 % not within any tolerance
 HELD = ["solver.residual_tolerance=2e-2", "load.strain_weft=0.06", "load.strain_warp=0.06", "output.frames=3"]
+FAR = 1.0  # [m]
 CARRYING = {4, 10}  # clasps of a repeat of the tricot that carry in the plane
 
 
@@ -88,7 +89,7 @@ def spatial(knit: str, name: str, overrides: list[str], *, only: set[int] | None
 
 
 def searching_only(relaxation: SpatialRelaxation, mesh: SpatialMesh, clasps: set[int]) -> Callable[[], None]:
-    """A search for contacts after which those elsewhere than in these clasps of a repeat sleep for ever."""
+    """A search for contacts after which wires elsewhere than in these clasps of a repeat are far apart."""
     contact, search = relaxation.contact, relaxation.contact.search
     assert mesh.cloth is not None
     of_repeat = len(mesh.cloth.clasps)
@@ -97,9 +98,9 @@ def searching_only(relaxation: SpatialRelaxation, mesh: SpatialMesh, clasps: set
         search()
         pairs, count = contact._list, contact.pair_count
         site, _ = relaxation.sites.of(pairs.first.numpy()[:count], pairs.second.numpy()[:count])
-        wake = pairs.wake.numpy()
-        wake[:count][~np.isin(np.where(site >= 0, site % of_repeat, -1), list(clasps))] = np.inf
-        pairs.wake.assign(wake)
+        shift = pairs.shift.numpy()
+        shift[:count][~np.isin(np.where(site >= 0, site % of_repeat, -1), list(clasps))] = FAR
+        pairs.shift.assign(shift)
 
     return renew
 
