@@ -11,14 +11,18 @@ import pytest
 import warp as wp
 
 from warpknit import measure, plan
-from warpknit.errors import DeviceError, MemoryNeeded
+from warpknit.errors import DeviceError, InputError, MemoryNeeded
 from warpknit.knit.chain import KnitError
 from warpknit.model import model
 from warpknit.model.model import MEMORY_PER_NODE, build_model
 from warpknit.model.state import initial_state
 from warpknit.plan import ESTIMATE_FACTOR, make_plan
+from warpknit.run.run import run_scene
 from warpknit.scene import load_scene, make_scene
 from warpknit.solve.simulate import Simulation
+from warpknit.spatial.estimate import size_of_mesh, spatial_time
+from warpknit.spatial.mesh import build_mesh
+from warpknit.spatial.relax import SpatialRelaxation
 
 ROOT = Path(__file__).parent.parent
 CELL = ROOT / "scenes" / "atlas_cell.toml"
@@ -123,6 +127,62 @@ def test_steps_are_within_the_factor_that_is_promised(path, overrides, preset):
         pass
     planned = make_plan(scene, "cpu").steps
     assert 1 / ESTIMATE_FACTOR < simulation.progress.steps / planned < ESTIMATE_FACTOR
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides"),
+    [
+        ("atlas_cell_spatial.toml", ["solver.preset=draft", "output.frames=1", "load.strain_weft=0.05", "load.strain_warp=0.05"]),
+        ("hook_spatial.toml", ["output.frames=1", "load.displacement=0.05 mm"]),
+    ],
+)
+def test_steps_in_space_are_within_the_factor_that_is_promised(name, overrides):
+    scene = load_scene(ROOT / "scenes" / name, overrides)
+    relaxation = SpatialRelaxation(build_mesh(scene))
+    for _record in relaxation.run():
+        pass
+    planned = make_plan(scene, "cpu")
+    assert 1 / planned.factor < relaxation.progress.steps / planned.steps < planned.factor
+
+
+@pytest.mark.parametrize("bars", [None, '[{chain="1-0/1-2"}, {chain="1-2/1-0"}]'], ids=["open net", "tight tricot"])
+def test_time_in_space_goes_by_the_pairs_that_a_run_begins_with(bars):
+    """Up to those of curves whose chords pass farther from each other, which are not counted: by 4/27 of an edge at most."""
+    overrides = ["model.nodes_per_loop=48"] + ([f"knit.bars={bars}", "knit.repeats=[2, 1]"] if bars else [])
+    mesh = build_mesh(load_scene(ROOT / "scenes" / "atlas_cell_spatial.toml", overrides))
+    relaxation = SpatialRelaxation(mesh)
+    relaxation.contact.search()
+    planned = size_of_mesh(mesh)
+    assert 0.6 < planned.near / relaxation.contact.pair_count <= 1.0
+    fewer = replace(planned, near=0)
+    assert spatial_time(1000, planned) > spatial_time(1000, fewer)
+
+
+FLAT = "wire,x [mm],y [mm],z [mm]\n1,0,0,0\n1,3,3,0\n2,0,3,0\n2,3,0,0\n"  # two wires that meet
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides", "line"),
+    [
+        ("atlas_cell_spatial.toml", ["model.nodes_per_loop=12"], "so that no segment meets two copies of another"),
+        ("wires/plain_knit_cell.toml", ["wires.node_spacing=1e-6"], "half the thickness of the wire or more"),
+        ("wires/plain_knit_cell.toml", ["wires.node_spacing=0.3 mm"], "so that no segment meets two copies of another"),
+        ("wires/plain_knit_patch.toml", ["wires.node_spacing=0.02"], "of which its clamps hold four"),
+        (None, [], "their centre lines meet"),
+    ],
+)
+def test_a_plan_in_space_refuses_what_a_run_refuses(name, overrides, line, tmp_path):
+    """With the same line."""
+    if name is None:
+        (tmp_path / "flat.csv").write_text(FLAT)
+        scene = make_scene({"wires": {"file": "flat.csv"}, "wire": {"diameter": "0.1 mm"}}, path=tmp_path / "flat.toml")
+    else:
+        scene = load_scene(ROOT / "scenes" / name, overrides)
+    with pytest.raises(InputError, match=line) as planned:
+        make_plan(scene, "cpu")
+    with pytest.raises(InputError) as run:
+        run_scene(scene, out=tmp_path / "run", device="cpu")
+    assert str(planned.value) == str(run.value)
 
 
 @pytest.mark.parametrize(("precision", "share"), [("single", 0.45), ("double", 0.55)])

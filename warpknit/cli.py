@@ -20,10 +20,8 @@ from warpknit.program import FINISHED, INTERRUPTED, Program, configure_logging
 from warpknit.ranks.ranks import Ranks
 
 if TYPE_CHECKING:
-    from warpknit.plan import Plan
     from warpknit.run.run_directory import Ending
     from warpknit.scene import Scene
-    from warpknit.wires.report import WireReport
 
 # NumPy's threads are worth nothing here: they would take memory and go on spinning on the cores that the steps need
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -317,17 +315,10 @@ def plan(scene: str, overrides: tuple[str, ...], preset: str | None, device: str
     from warpknit.scene import load_scene
 
     loaded = load_scene(scene, overrides, preset)
+    from warpknit.plan import make_plan
 
-    planned: Plan | WireReport
     with naming_the_file(loaded):
-        if loaded.wires is not None:
-            from warpknit.wires.report import wire_report
-
-            planned = wire_report(loaded, loaded.wire.thickness)
-        else:
-            from warpknit.plan import make_plan
-
-            planned = make_plan(loaded, device)
+        planned = make_plan(loaded, device)
     click.echo(json.dumps(planned.as_dict(), allow_nan=False) if as_json else "\n".join(planned.lines()))
 
 

@@ -19,7 +19,7 @@ from .knit.chain import parse_chain
 from .knit.cloth import Cloth
 from .mesh.panel import table_lead
 from .mesh.rim import net_nodes
-from .mesh.table import Table, rest_table
+from .mesh.table import rest_table
 from .model.model import (
     SLIDE_ALLOWANCE,
     Model,
@@ -36,12 +36,28 @@ from .scene import Scene
 from .scene.presets import PRESETS
 from .solve.prolongation import smaller_scene
 from .solve.step import thread_count
-from .spatial.estimate import HOOK_ENDS, spatial_map_time, spatial_physics, spatial_steps, spatial_time
+from .spatial.estimate import (
+    HOOK_ENDS,
+    SLOW_LEVELS,
+    SPATIAL_FACTOR,
+    SpatialSize,
+    endless_size,
+    size_of_mesh,
+    spatial_accuracy,
+    spatial_map_time,
+    spatial_physics,
+    spatial_steps,
+    spatial_time,
+)
 from .spatial.mesh import build_mesh
 from .spatial.ramp_masses import ramp_numbers
+from .spatial.relax import CLOSEST, SpatialRelaxation
 from .text import duration, memory, rounded
+from .wires.report import WireReport, wire_report
 
 COUNTED_NODES = 2_000_000  # meshes up to here are laid out to be counted: a second or two
+COUNTED_IN_SPACE = 50_000  # the same in space, five seconds
+DOUBTFUL = 100.0  # times the distance at which centre lines meet: nearer than this a run is asked whether they do
 PROGRAM_MEMORY = 430 * 2**20  # [bytes] of a run of few nodes, its libraries included
 ESTIMATE_FACTOR = 3  # steps and time may be off by so much either way
 
@@ -89,13 +105,19 @@ class Plan:
     knit: str
     sweep: str
     accuracy: str
+    factor: float  # by which steps and time may be off
+    exception: str  # in words, what takes longer all the same
+    file: WireReport | None = None  # of wires from a file
 
     def as_dict(self) -> dict[str, Any]:
         """What `warpknit plan --json` prints."""
-        kept = asdict(self)
+        kept = asdict(replace(self, file=None))
         for name in ("scene", "device", "available_bytes", "counted", "relaxes", "knit", "sweep", "accuracy"):
             del kept[name]
-        return kept | {"physics": list(self.physics)}
+        for name in ("factor", "exception", "file"):
+            del kept[name]
+        held = {} if self.file is None else self.file.as_dict()
+        return held | kept | {"physics": list(self.physics)}
 
     def lines(self) -> list[str]:
         """The same as text."""
@@ -107,17 +129,24 @@ class Plan:
             time = "not estimated on a GPU"
         else:
             time = f"about {duration(self.wall_s)} on this CPU, kernels compiled"
+        if self.file is not None:
+            mesh = self.file.rows()
+        else:
+            mesh = [
+                ("knit", self.knit) if self.knit else ("hook", "two wires, hooked once"),
+                ("mesh", f"{about}{self.nodes:,} nodes on {self.wires:,} wires"),
+                ("contact", f"{about}{self.bodies:,} bodies, {self.pairs:,} pairs"),
+            ]
         rows = [
             ("scene", f"{self.scene}, on {self.device}"),
-            ("knit", self.knit) if self.knit else ("hook", "two wires, hooked once"),
-            ("mesh", f"{about}{self.nodes:,} nodes on {self.wires:,} wires"),
-            ("contact", f"{about}{self.bodies:,} bodies, {self.pairs:,} pairs"),
+            *mesh,
             ("memory", f"{memory(self.memory_bytes)} of {memory(self.available_bytes)} available"),
             ("time step", step),
             ("steps", f"about {rounded(self.steps):,}"),
             *([("sweep", self.sweep)] if self.sweep else []),
             ("time", time),
-            ("", f"both within a factor of {ESTIMATE_FACTOR}, where the mesh is like the ones they were measured on"),
+            ("", f"both within a factor of {self.factor:g}, where the mesh is like the ones they were measured on"),
+            *([("", self.exception)] if self.exception else []),
             ("accuracy", self.accuracy),
             ("physics", self.physics[0]),
             *(("", sentence) for sentence in self.physics[1:]),
@@ -126,21 +155,23 @@ class Plan:
 
 
 def make_plan(scene: Scene, device: str | None = None) -> Plan:
-    """Plan a run of `scene`. Raises `DeviceError`, `MemoryNeeded`, `ModelError`, `KnitError`."""
+    """Plan a run of `scene`. Raises what a run of it would refuse: `DeviceError`, `MemoryNeeded`, `ModelError`, `KnitError`,
+    `SceneError`."""
     name = find_device(device)
-    cloth = knit_scene(scene) if scene.hook is None else None
-    counted = cloth is None or estimated_nodes(scene, cloth) <= COUNTED_NODES
-    mesh = _count(build_model(scene, "cpu")) if cloth is None or counted else _estimate(scene, cloth)
-    steps = relax_steps(scene, mesh.table) if scene.solver.drive == "relax" else ramp_steps(scene, mesh)
-    time = wall_time(scene, steps, mesh.nodes)
+    file = None if scene.wires is None else wire_report(scene, scene.wire.thickness)
+    cloth = knit_scene(scene) if scene.hook is None and scene.wires is None else None
+    most = COUNTED_NODES if scene.model.kind == "planar" else COUNTED_IN_SPACE
+    counted = cloth is None or estimated_nodes(scene, cloth) <= most
+    mesh: MeshSize | SpatialSize
     if scene.model.kind == "spatial":
-        if scene.solver.drive == "ramp":
-            numbers = ramp_numbers(build_mesh(scene))
-            mesh = replace(
-                mesh, time_step=numbers.time_step, limited_by=numbers.rates.limited_by, loading_time=numbers.loading_time
-            )
+        laid_out = cloth is None or counted or scene.solver.drive == "ramp"
+        mesh = _size_in_space(scene, file) if laid_out or cloth is None else _endless_in_space(scene, cloth)
         steps = spatial_steps(scene) if scene.solver.drive == "relax" else ramp_steps(scene, mesh)
-        time = spatial_time(steps, mesh.nodes)
+        time, factor = spatial_time(steps, mesh), SPATIAL_FACTOR
+    else:
+        mesh = _count(build_model(scene, "cpu")) if cloth is None or counted else _estimate(scene, cloth)
+        steps = relax_steps(scene, mesh.spacing) if scene.solver.drive == "relax" else ramp_steps(scene, mesh)
+        time, factor = wall_time(scene, steps, mesh.nodes), ESTIMATE_FACTOR
     return Plan(
         scene=scene.name,
         device=name,
@@ -158,8 +189,11 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         counted=counted,
         relaxes=scene.solver.drive == "relax",
         knit="" if cloth is None else _repeat(scene, cloth),
-        sweep=_sweep(scene, mesh.nodes),
-        accuracy=_accuracy(scene),
+        sweep=_sweep(scene, mesh),
+        accuracy=spatial_accuracy(scene) if isinstance(mesh, SpatialSize) else _accuracy(scene),
+        factor=factor,
+        exception=SLOW_LEVELS if isinstance(mesh, SpatialSize) else "",
+        file=file,
     )
 
 
@@ -182,13 +216,13 @@ def _accuracy(scene: Scene) -> str:
     )
 
 
-def _sweep(scene: Scene, nodes: int) -> str:
+def _sweep(scene: Scene, mesh: MeshSize | SpatialSize) -> str:
     """What `warpknit map` would run of the scene, in words; this plan is of one run of its load."""
     if scene.sweep is None:
         return ""
     pairs = len(set(scene.sweep.strain_weft)) * len(set(scene.sweep.strain_warp))
     meshes = f" of {scene.sweep.seeds} meshes" if scene.sweep.seeds > 1 else ""
-    took = f" in about {duration(spatial_map_time(scene, nodes))}" if scene.model.kind == "spatial" else ""
+    took = f" in about {duration(spatial_map_time(scene, mesh))}" if isinstance(mesh, SpatialSize) else ""
     return f"warpknit map brings {pairs:,} pairs of strains{meshes} to rest{took}; the numbers here are for one run of [load]"
 
 
@@ -211,7 +245,7 @@ class MeshSize:
     nodes: int
     wires: int
     bodies: int
-    table: Table
+    spacing: float  # [m] of the nodes, the least
     softening: float
     time_step: float  # [s]
     limited_by: str
@@ -225,7 +259,7 @@ def _count(model: Model) -> MeshSize:
         panel.node_count,
         len(panel.wire_first),
         panel.body_count,
-        model.table,
+        float(model.table.spacing.min()),
         model.softening,
         model.time_step,
         model.limited_by,
@@ -248,7 +282,7 @@ def _estimate(scene: Scene, cloth: Cloth) -> MeshSize:
         estimated_nodes(scene, cloth),
         len(cloth.threads) * columns,
         len(cloth.clasps) * columns * rows,
-        table,
+        float(table.spacing.min()),
         numbers.softening,
         numbers.time_step,
         numbers.limited_by,
@@ -256,11 +290,31 @@ def _estimate(scene: Scene, cloth: Cloth) -> MeshSize:
     )
 
 
+def _size_in_space(scene: Scene, file: WireReport | None) -> SpatialSize:
+    """The sizes of the rods; what a run of them would refuse is refused."""
+    mesh = build_mesh(scene)
+    size = size_of_mesh(mesh)
+    if scene.solver.drive == "ramp":
+        numbers = ramp_numbers(mesh)
+        step, by = numbers.time_step, numbers.rates.limited_by
+        size = replace(size, time_step=step, limited_by=by, loading_time=numbers.loading_time)
+    closest = None if file is None else file.overlaps.closest
+    if closest is not None and closest < DOUBTFUL * CLOSEST * scene.wire.thickness:
+        SpatialRelaxation(mesh).warm_up()
+    return size
+
+
+def _endless_in_space(scene: Scene, cloth: Cloth) -> SpatialSize:
+    """The same from so many repeats of endless cloth."""
+    columns, rows = copies_of_cloth(scene)
+    return endless_size(estimated_nodes(scene, cloth), len(cloth.threads) * columns, len(cloth.clasps) * columns * rows)
+
+
 # --- steps and time ---------------------------------------------------------------------------------------------------
 
 
-def relax_steps(scene: Scene, table: Table) -> int:
-    """Steps of a relaxation, from what the Atlas-Atlas mesh took.
+def relax_steps(scene: Scene, spacing: float) -> int:
+    """Steps of a relaxation with nodes `spacing` [m] apart, from what the Atlas-Atlas mesh took.
 
     Steps go with n^NODES_POWER (n nodes a loop) where bending rules the fictitious masses; there are sqrt(s*/s) times as
     many where the softened stretch rules them, s* = 0.6 (2 h/d)^2 being the softening at which both are equal. A
@@ -273,7 +327,7 @@ def relax_steps(scene: Scene, table: Table) -> int:
         states = sum(2.0 if any(stage.by_tension) else 1.0 for stage in scene.stages)
         return round(states * STEPS_FROM_SMALLER * scene.output.frames)
     n = scene.model.nodes_per_loop
-    balance = 0.6 * (2.0 * float(table.spacing.min()) / scene.wire.diameter) ** 2
+    balance = 0.6 * (2.0 * spacing / scene.wire.diameter) ** 2
     work = (n / MEASURED_NODES) ** NODES_POWER * math.sqrt(max(1.0, balance / solver.axial_softening))
     work *= (MEASURED_TOLERANCE / solver.residual_tolerance) ** TOLERANCE_POWER
     if scene.hook is not None:
@@ -290,7 +344,7 @@ def relax_steps(scene: Scene, table: Table) -> int:
     return max(1, round(total))
 
 
-def ramp_steps(scene: Scene, mesh: MeshSize) -> int:
+def ramp_steps(scene: Scene, mesh: MeshSize | SpatialSize) -> int:
     """Steps of a ramp: the loading time of each stage over the step at its start, and a little more as that shrinks."""
     stages = sum(RAMP_BY_TENSION if any(stage.by_tension) else 1.0 for stage in scene.stages)
     return max(1, round(RAMP_SHARE * stages * mesh.loading_time / mesh.time_step))
@@ -308,12 +362,12 @@ def wall_time(scene: Scene, steps: int, nodes: int) -> float:
 # --- physics ----------------------------------------------------------------------------------------------------------
 
 
-def physics_of(scene: Scene, mesh: MeshSize) -> Iterator[str]:
+def physics_of(scene: Scene, mesh: MeshSize | SpatialSize) -> Iterator[str]:
     """What the scene switches on and why, a sentence each."""
-    if scene.model.kind == "spatial":
+    if isinstance(mesh, SpatialSize):
         yield from spatial_physics(scene, mesh.bodies)
         yield from _panel_physics(scene)
-        yield from _solving_of(scene, replace(mesh, softening=1.0))
+        yield from _solving_of(scene, mesh)
         return
     wire, solver = scene.wire, scene.solver
     yield f"stretching: wires carry tension, EA = {wire.axial_stiffness:.3g} N"
@@ -337,7 +391,7 @@ def physics_of(scene: Scene, mesh: MeshSize) -> Iterator[str]:
     yield from _solving_of(scene, mesh)
 
 
-def _solving_of(scene: Scene, mesh: MeshSize) -> Iterator[str]:
+def _solving_of(scene: Scene, mesh: MeshSize | SpatialSize) -> Iterator[str]:
     """What the wire, the stages and the solver add."""
     wire, solver = scene.wire, scene.solver
     if wire.set_fraction != 1.0:
@@ -372,9 +426,9 @@ def _solving_of(scene: Scene, mesh: MeshSize) -> Iterator[str]:
         yield f"mass scaling: all masses {solver.mass_scaling:g} times the real ones, solver.mass_scaling"
     if solver.drive == "ramp" and solver.target_time_step is not None:
         yield f"mass scaling: masses raised until a step of {solver.target_time_step:.3g} s is stable"
-    if mesh.softening != 1.0:
+    if isinstance(mesh, MeshSize) and mesh.softening != 1.0:
         yield f"softening: wires stretch {mesh.softening:g} times as easily in the dynamics, solver.axial_softening"
-    if solver.drive == "relax" and solver.multipliers and scene.model.kind == "planar":
+    if solver.drive == "relax" and solver.multipliers and isinstance(mesh, MeshSize):
         yield "running multipliers: take out again what softening and contact penalty change, solver.multipliers"
     if solver.precision == "single":
         yield "single precision: displacements are 32-bit fixed point, the rest is float32, solver.precision"

@@ -58,7 +58,7 @@ def test_keys(keys, line):
         ({"sweep": {"strain_weft": [0.0], "strain_warp": [0.0]}}, "allowed: no [sweep] with [wires]"),
         ({"solver": {"drive": "ramp"}}, "solver.drive: given 'ramp', allowed: 'relax' with [wires]"),
         ({"load": {"displacement": "1 mm"}}, "load.displacement: given '1 mm', allowed: strains, tensions"),
-        ({"path": [{"temperature_gradient": [1.0, 0.0]}]}, "path[0].temperature_gradient: given [1.0, 0.0], allowed: strains"),
+        ({"path": [{"temperature_gradient": [1.0, 0.0]}]}, "path[0].temperature_gradient: given [1.0, 0.0], allowed: "),
     ],
 )
 def test_what_does_not_go_with_wires(other, line):
@@ -135,15 +135,29 @@ def test_plan_says_what_a_file_holds():
     assert (found["wires"], found["open"], found["closed"], found["periodic"]) == (1, 0, 0, 1)
     assert found["nodes"] == 123 and found["overlaps"] == 0
     assert found["repeat_m"] == pytest.approx([1e-3 * samples.WALE, 1e-3 * samples.COURSE])
-    text = call("plan", CELL, "--set", "wire.diameter=0.5 mm").output
-    assert "wires      1 (1 periodic), 6.166 mm long together" in text
-    assert "4 overlaps; closest centre lines 0.7" in text
+    thick = ("wire.diameter=0.5 mm", "wires.node_spacing=0.25 mm", "wires.repeats=[3, 3]")
+    text = call("plan", CELL, *(part for each in thick for part in ("--set", each))).output
+    assert "wires      3 (3 periodic), 55.17 mm long together" in text
+    assert "36 overlaps; closest centre lines 0.7" in text
     assert "wires are 0.1 mm thick in the file, 0.5 mm in the scene" in text
 
 
-@pytest.mark.parametrize("command", ["run", "report"])
-def test_only_the_spatial_model_runs_wires(command, tmp_path):
-    result = call(command, CELL, "--out", tmp_path / "out", "--quiet", "--device", "cpu")
+def test_wires_from_a_file_are_in_space():
+    assert load_scene(CELL).model.kind == "spatial"
+
+
+@pytest.mark.parametrize("command", ["run", "report", "plan"])
+def test_only_the_spatial_model_takes_wires(command, tmp_path):
+    where = () if command == "plan" else ("--out", tmp_path / "out", "--quiet")
+    result = call(command, CELL, "--set", "model.kind=planar", "--device", "cpu", *where)
     assert result.exit_code == 2
     assert "model.kind: given 'planar', allowed: 'spatial' with [wires]" in result.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("command", ["map", "trade", "report"])
+def test_wires_from_a_file_are_planned_and_run_only(command, tmp_path):
+    result = call(command, CELL, "--device", "cpu", "--out", tmp_path / "out", "--quiet")
+    assert result.exit_code == 2
+    assert "wires: given a file, allowed: [knit] here" in result.stderr
     assert not (tmp_path / "out").exists()

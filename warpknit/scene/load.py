@@ -74,10 +74,12 @@ def make_scene(
     except ValidationError as error:
         raise first_error(path, error) from error
     source = Source(path, table)
-    refuse_unsupported(source, file)
+    if file.wires is not None and "kind" not in file.model.model_fields_set:
+        file = file.model_copy(update={"model": file.model.model_copy(update={"kind": "spatial"})})
     wire = _wire(source, file.wire)
     hook = None if file.hook is None else hook_of(source, file, wire)
     wires = wire_file(source, file, wire)
+    refuse_unsupported(source, file)
     if hook is not None:
         knit = _nothing_knitted(file, hook.radius)
     elif wires is not None:

@@ -66,6 +66,8 @@ def wire_file(source: Source, file: SceneFile, wire: Wire) -> WireFile | None:
     table = file.wires
     if table is None:
         return None
+    if file.model.kind != "spatial":
+        raise source.refusal(("model", "kind"), file.model.kind, "'spatial' with [wires], whose wires are curves in space")
     path = source.path.parent / table.file
     try:
         data = checked_bytes(path)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..errors import ModelError, OutOfResources
+from ..errors import OutOfResources
 from ..kernels import control as c
 from ..kernels.wire_closest import NOT_NEAR, ONE_PLACE, PLACES, find_closest_places
 from ..kernels.wire_contact import push_wires_apart
@@ -17,11 +17,10 @@ from ..kernels.wire_stick import keep_slips
 from ..model.model import available_memory
 from .rest_curve import RestCurve, catmull_rom
 from .rod_step import RodStepper
+from .search_cells import search_cells
 
 APART = 4.0  # radii along a wire below which its segments do not touch each other: bent back onto itself it takes pi
 REACH = 1.3  # distances of touching wires up to which a pair is measured to the end
-MARGIN = 0.5  # of a segment: how much nearer things may come before the next search
-MOST_SAG = 0.3  # of a segment: more than Catmull-Rom's curve ever leaves its chord by, 4/27 at either end
 STICK_SHARE = 0.5  # tangential over normal stiffness
 # of one pair, kept twice while a list is renewed
 PAIR_BYTES = 8 * (3 + 3 + PLACES * (2 * 3 + 2 + 2) + 2 * 2 * (3 + 2)) + 4 * (3 + 2 * 2)
@@ -29,7 +28,6 @@ ROOM = 1.3  # pairs that a list has room for, over those that it holds
 KEPT_OF_PAIRS = ("first", "second", "shift", "way", "wake", "renewal", "found")
 KEPT_OF_STUCK = ("stuck_step", "stuck_place", "slip")
 KEPT_OF_NODES = ("start", "count")
-FREE_CELLS = (64, 64, 8)  # of the hash along x, y and z where the world has no tiles
 
 
 @dataclass(frozen=True)
@@ -92,22 +90,12 @@ class WireContact:
         self.stepper = stepper
         self.friction, self.damping = friction, damping
         rods, device = stepper.rods, stepper.device
-        segments = rods.natural_length[rods.following >= 0]
-        self.margin = MARGIN * float(segments.max())
         self.searches = 0
         self._expected = 0.0  # [m] by which the load brings things nearer beside their own travel
-        longest = 1.2 * float(segments.max())  # with room for what load stretches
         rest = catmull_rom(rods) if curve is None else curve
-        self._most_sag = MOST_SAG + float((rest.bulge / rods.natural_length).max())
-        self._radius = longest * (1.0 + 2.0 * self._most_sag) + 2.0 * float(rods.wire_radius.max()) + self.margin
-        cells = np.where(rods.tile > 0, np.floor(rods.tile / self._radius), FREE_CELLS).astype(int)
-        if np.any(cells < 3):
-            raise ModelError(
-                f"the periodic tile is {rods.tile[rods.tile > 0].min():.3g} m wide, allowed: {3 * self._radius:.3g} m or more,"
-                " so that no segment meets two copies of another: more repeats, or more nodes a loop"
-            )
-        self._cell = np.where(rods.tile > 0, rods.tile / cells, self._radius)
-        self._grid = wp.HashGrid(int(cells[0]), int(cells[1]), int(cells[2]), device=device)
+        cells = search_cells(rods, rest)
+        self.margin, self._radius, self._most_sag, self._cell = cells.margin, cells.radius, cells.most_sag, cells.size
+        self._grid = wp.HashGrid(*map(int, cells.count), device=device)
         self._hash_place = wp.zeros(rods.node_count, dtype=wp.vec3, device=device)
         self._node_wire: wp.array = wp.array(rods.wire_of, dtype=wp.int32, device=device)
         self._node_arc: wp.array = wp.array(rods.arc, dtype=wp.float64, device=device)

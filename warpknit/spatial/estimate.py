@@ -1,7 +1,6 @@
 """What a run of the spatial model would take, and which physics it switches on, without running it.
 
-Measured on scenes/atlas_cell_spatial.toml, in four levels at a tolerance of 1e-2: 5,450 steps a level at 40 nodes a loop,
-12,900 at 64.
+Measured by tools/spatial_plan.py on the scenes that it lists, with and without contact.
 """
 
 from __future__ import annotations
@@ -9,37 +8,109 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
-from ..scene import Scene
+import numpy as np
+
+from ..scene import Scene, Stage
 from ..solve.step import CORES
+from .mesh import SpatialMesh
+from .nearby import pair_gaps
 from .relax import PATH_STRAIN
+from .search_cells import search_cells
+
+SPATIAL_FACTOR = 2  # steps and time of the scenes measured are off by so much either way
+SLOW_LEVELS = "a level at which contacts of a tight knit come and go may take ten times as long"  # seen on a locknit
 
 STEPS_A_LEVEL = 12_900.0
 MEASURED_NODES, NODES_POWER = 64, 1.8
 MEASURED_TOLERANCE, TOLERANCE_POWER = 1e-2, 1 / 3
 TENSION_STATES = 6  # times the steps of a level that goes by strain: 4 to 9 at 20 mN/m both ways
-STEP_TIME = 40e-6  # [s] of a step on the CPU, however few nodes
-NODE_STEPS_PER_S = 4e6  # beyond that, with contact, on one core
+GRIPPED = 1.5  # times the steps of a tile
+HOOKED = 0.5  # the same of two hooked wires with as many segments each
+FROM_FILE = 0.7  # the same of wires from a file, by their loop_size
+
+# time [s] of a step on one core
+STEP_TIME = 15e-6  # however few nodes
+NODE_TIME = 0.15e-6
+PAIR_TIME = 0.17e-6  # of two segments that are near each other, most of which sleep
+CLOSE_TIME = 0.5e-6  # more of two that touch or nearly do so, at rest
+SITE_TIME = 2e-6  # of a place of hooking, whose wires touch for some of the levels
+CLOSE = 0.3  # thicknesses between surfaces
+PAIRS_OF_NODE = 0.45  # pairs of segments near each other: 0.40 and 0.44 on the double atlas, 3.3 on a tight tricot
 
 HOOK_ENDS = "ends: the lower ones are clamped; the upper ones keep their direction, slide up and down, the right one is driven"
+
+
+@dataclass(frozen=True)
+class SpatialSize:
+    """What estimates go by."""
+
+    nodes: int
+    wires: int
+    bodies: int  # places where wires hook each other
+    near: int  # pairs of segments near each other at rest
+    close: int  # of these, nearer than CLOSE
+    time_step: float = 1.0  # [s]
+    limited_by: str = "unit step"
+    loading_time: float = 0.0  # [s] of a stage of a ramp
+
+
+def size_of_mesh(mesh: SpatialMesh) -> SpatialSize:
+    """The sizes of a mesh. Raises `ModelError` where its tile is too small for its segments."""
+    rods = mesh.rods
+    gaps = pair_gaps(rods, search_cells(rods, mesh.curve))
+    close = int(np.count_nonzero(gaps < CLOSE * rods.section.thickness))
+    return SpatialSize(rods.node_count, len(rods.wire_first), mesh.panel.body_count, len(gaps), close)
+
+
+def endless_size(nodes: int, wires: int, bodies: int) -> SpatialSize:
+    """The sizes of a mesh too large to be laid out for a plan."""
+    return SpatialSize(nodes, wires, bodies, round(PAIRS_OF_NODE * nodes), 0)
 
 
 def spatial_steps(scene: Scene) -> int:
     """Steps of a relaxation in space."""
     work = (scene.model.nodes_per_loop / MEASURED_NODES) ** NODES_POWER
     work *= (MEASURED_TOLERANCE / scene.solver.residual_tolerance) ** TOLERANCE_POWER
-    driven = sum(any(stage.by_tension) for stage in scene.stages)
-    levels = (len(scene.stages) + (TENSION_STATES - 1) * driven) * scene.output.frames
-    if scene.depends_on_path:
-        strains = [abs(s or 0.0) for stage in scene.stages for s in (stage.strain_weft, stage.strain_warp, stage.shear)]
-        levels = max(levels, math.ceil(sum(strains) / PATH_STRAIN))
-    return round(levels * STEPS_A_LEVEL * work)
+    if scene.hook is not None:
+        work *= HOOKED
+    elif scene.model.boundary == "gripped":
+        work *= GRIPPED
+    if scene.wires is not None:
+        work *= FROM_FILE
+    states = sum(_states(scene, stage, before) for before, stage in pairwise((None, *scene.stages)))
+    return round(states * STEPS_A_LEVEL * work)
 
 
-def spatial_time(steps: int, nodes: int) -> float:
+def _states(scene: Scene, stage: Stage, before: Stage | None) -> int:
+    """Steady states of a stage that comes after another."""
+    levels = scene.output.frames
+    if any(stage.by_tension):
+        return levels * TENSION_STATES
+    if not scene.depends_on_path:
+        return levels
+    farthest = max(
+        abs((getattr(stage, key) or 0.0) - (getattr(before, key, None) or 0.0)) for key in ("strain_weft", "strain_warp", "shear")
+    )
+    return levels * max(1, math.ceil(farthest / levels / PATH_STRAIN - 1e-9))
+
+
+def spatial_time(steps: int, size: SpatialSize) -> float:
     """Time [s] of so many steps on one core."""
-    return steps * (STEP_TIME + nodes / NODE_STEPS_PER_S)
+    nodes = NODE_TIME * size.nodes + SITE_TIME * size.bodies
+    return steps * (STEP_TIME + nodes + PAIR_TIME * size.near + CLOSE_TIME * size.close)
+
+
+def spatial_accuracy(scene: Scene) -> str:
+    """What is known of the error of the scene's nodes."""
+    if scene.hook is not None or scene.wires is not None:
+        return "not measured on wires like these: run it again with other nodes to see what they are worth"
+    return (
+        f"{scene.model.nodes_per_loop} nodes a loop; on a repeat of the double atlas mesh 48 miss 1 % of tension and contact"
+        " forces and 64 miss 0.7 %, below 40 wires may pass through each other; `run --error` measures it on this scene"
+    )
 
 
 def process_count(loads: int) -> int:
@@ -49,12 +120,12 @@ def process_count(loads: int) -> int:
     return max(1, min(wanted, len(CORES), loads))
 
 
-def spatial_map_time(scene: Scene, nodes: int) -> float:
+def spatial_map_time(scene: Scene, size: SpatialSize) -> float:
     """Time [s] of the map of a scene with a sweep: its loads by strain, one after the other in `process_count` processes."""
     assert scene.sweep is not None
     loads = len(set(scene.sweep.strain_weft)) * len(set(scene.sweep.strain_warp))
     one = replace(scene, stages=(replace(scene.stages[0], tension_weft=None, tension_warp=None),))
-    return scene.sweep.seeds * math.ceil(loads / process_count(loads)) * spatial_time(spatial_steps(one), nodes)
+    return scene.sweep.seeds * math.ceil(loads / process_count(loads)) * spatial_time(spatial_steps(one), size)
 
 
 def spatial_physics(scene: Scene, sites: int) -> Iterator[str]:
@@ -72,7 +143,7 @@ def spatial_physics(scene: Scene, sites: int) -> Iterator[str]:
         yield softer
         yield HOOK_ENDS
         return
-    yield f"contact: round wires touch each other anywhere; the knit hooks them in {sites:,} places, which shares are counted by"
+    yield f"contact: round wires touch each other anywhere; they hook in {sites:,} places, which shares are counted by"
     yield softer
     if scene.model.boundary == "periodic":
         yield "periodic boundary: one tile of an endless mesh, model.boundary = 'periodic'"

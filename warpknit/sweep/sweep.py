@@ -17,14 +17,15 @@ from typing import Any
 from ..device import find_device
 from ..errors import MemoryNeeded, ModelError, SceneError
 from ..files import write_aside
-from ..model.model import available_memory, required_memory
+from ..model.model import available_memory, refuse_wire_file, required_memory
 from ..run.interrupts import Interrupted, Interrupts
 from ..run.progress import Progress as Display
 from ..run.run_directory import Ending, finished_before, goes_on, open_directory
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.messages import scene_error
 from ..solve.prolongation import smaller_scene
-from ..spatial.estimate import process_count, spatial_map_time
+from ..spatial.estimate import process_count, size_of_mesh, spatial_map_time
+from ..spatial.mesh import SpatialMesh
 from ..text import duration, engineering
 from .contact_map import STEADY, Cell, Detail, MapRow, find_optimum, grid, mean_map, read_map, write_map
 from .outcome import Outcome, measured
@@ -67,13 +68,14 @@ def run_map(
     seeds = [replace(scene, knit=replace(scene.knit, seed=scene.knit.seed + number)) for number in range(sweep.seeds)]
     meshes = [mesh_of(one) for one in seeds]
     _refuse_too_many(meshes[0], sweep)
+    if isinstance(meshes[0], SpatialMesh):
+        _log.info("about %s for the whole map in space", duration(spatial_map_time(scene, size_of_mesh(meshes[0]))))
     open_directory(out, resolved, keep=keep)
-    if scene.model.kind == "spatial":
-        _log.info("about %s for the whole map in space", duration(spatial_map_time(scene, node_count(meshes[0]))))
     return _Mapper(meshes, sweep, out, progress or Display()).run()
 
 
 def _checked(scene: Scene, device: str | None) -> Sweep:
+    refuse_wire_file(scene)
     if scene.sweep is None:
         raise scene_error(scene.path, "sweep", "nothing", "a table [sweep] with strain_weft and strain_warp, for `warpknit map`")
     if scene.solver.drive != "relax":

@@ -16,7 +16,7 @@ from typing import Any
 from ..device import find_device
 from ..errors import Diverged, InputError, ModelError
 from ..files import write_aside, write_table
-from ..model.model import Model, build_model
+from ..model.model import Model, build_model, refuse_wire_file
 from ..model.numerics import slowest_rate
 from ..run.interrupts import Interrupted, Interrupts
 from ..run.progress import Progress as Display
@@ -60,6 +60,7 @@ def run_trade(
     the reference does. An interrupt ends with exit_code 130 and keeps the finished points.
     """
     scene = load((), None)
+    refuse_wire_file(scene)
     if scene.model.kind != "planar":
         allowed = "'planar', and --against spatial for a reference in space"
         raise ModelError(f"model.kind: given {scene.model.kind!r}, allowed for a trade: {allowed}")

@@ -20,8 +20,6 @@ SAME_THICKNESS = 0.01  # over the thickness: files keep seven digits, people thr
 class WireReport:
     """The wires of a scene, as they come from its file."""
 
-    scene: str
-    kind: str  # of the model
     file: str
     wires: Wires
     overlaps: Overlaps
@@ -30,7 +28,7 @@ class WireReport:
     @property
     def warnings(self) -> list[str]:
         """What to look at before a run."""
-        found = [] if self.kind == "spatial" else [f"model.kind = {self.kind!r} does not run wires from a file"]
+        found = []
         radius = self.wires.radius
         if radius is not None and abs(2.0 * radius / self.overlaps.thickness - 1.0) > SAME_THICKNESS:
             found.append(
@@ -58,13 +56,12 @@ class WireReport:
             "warnings": self.warnings,
         }
 
-    def lines(self) -> list[str]:
-        """The same as text."""
+    def rows(self) -> list[tuple[str, str]]:
+        """The same as text, under headings."""
         wires = self.wires
         kinds = ", ".join(f"{count:,} {kind}" for kind in ("open", "closed", "periodic") if (count := wires.kinds.count(kind)))
         spacing = float(wires.lengths.sum()) / int(wires.segment_counts.sum())
         rows = [
-            ("scene", self.scene),
             ("file", self.file),
             ("wires", f"{len(wires.points):,} ({kinds}), {_millimetres(float(wires.lengths.sum()))} long together"),
             ("nodes", f"{wires.node_count:,}, {_millimetres(spacing)} apart"),
@@ -74,8 +71,7 @@ class WireReport:
             rows.append(("repeat", " x ".join(map(_millimetres, wires.period))))
         rows.append(("hooks", self.hooks.line()))
         rows.append(("contact", self.overlaps.line()))
-        rows += [("warning", text) for text in self.warnings]
-        return [f"{heading:<11}{text}" for heading, text in rows]
+        return rows + [("warning", text) for text in self.warnings]
 
     def _extent(self) -> np.ndarray:
         """(3,) [m] of the box around the wires."""
@@ -87,7 +83,7 @@ def wire_report(scene: Scene, thickness: float) -> WireReport:
     wires = rest_wires(scene)
     assert scene.wires is not None
     hooks = find_hooks(wires, scene.wires.loop_length)
-    return WireReport(scene.name, scene.model.kind, scene.wires.path.name, wires, find_overlaps(wires, thickness), hooks)
+    return WireReport(scene.wires.path.name, wires, find_overlaps(wires, thickness), hooks)
 
 
 def _millimetres(length: float) -> str:
