@@ -1,0 +1,83 @@
+"""What `warpknit plan` says of scenes in space beside what they take: steps and computing time, alone on a core.
+
+    python tools/spatial_plan.py [PART OF A NAME]...
+
+Five minutes for all. Times are those of the process, so that other work on the machine shows little.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+from warpknit.errors import Diverged
+from warpknit.plan import make_plan
+from warpknit.scene import Scene, make_scene
+from warpknit.scene.load import load_scene
+from warpknit.spatial.mesh import build_mesh
+from warpknit.spatial.relax import SpatialRelaxation
+
+SCENES = Path(__file__).parent.parent / "scenes"
+CELL, COARSE = "atlas_cell_spatial.toml", "model.nodes_per_loop=48"
+SPATIAL = "model.kind=spatial"
+# a tight knit: two full bars
+TRICOT = {
+    "wire": {"diameter": "15 um"},
+    "knit": {
+        "bars": [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}],
+        "wale_spacing": "1 mm", "course_spacing": "0.8 mm", "repeats": [2, 1],
+    },
+    "model": {"kind": "spatial", "boundary": "periodic", "nodes_per_loop": 48},
+    "load": {"strain_weft": 0.1, "strain_warp": 0.1},
+    "output": {"frames": 5},
+}  # fmt: skip
+CASES: dict[str, tuple[str | dict, tuple[str, ...]]] = {
+    "cell": (CELL, ()),
+    "cell, 1 %: no contact": (CELL, (COARSE, "load.strain_weft=0.01", "load.strain_warp=0.01", "output.frames=2")),
+    "cell, 20 %": (CELL, ("solver.preset=draft", "load.strain_weft=0.2", "load.strain_warp=0.2", "output.frames=4")),
+    "cell by tension": (CELL, ("solver.preset=draft", "load.tension_weft=0.05", "load.tension_warp=0.05", "output.frames=3")),
+    "cell, friction": (
+        CELL,
+        ("solver.preset=draft", "contact.friction=0.2", "load.strain_weft=0.06", "load.strain_warp=0.06", "output.frames=2"),
+    ),
+    "3 x 3 repeats": (CELL, ("solver.preset=draft", "knit.repeats=[3, 3]", "output.frames=2")),
+    "patch of 2 x 2": ("atlas_patch.toml", (SPATIAL, COARSE, "knit.repeats=[2, 2]", "output.frames=2")),
+    "hook": ("hook_spatial.toml", ()),
+    "hook, friction": ("hook_spatial.toml", ("contact.friction=0.2", "output.frames=4")),
+    "tricot": (TRICOT, ()),
+    "plain knit from a file": ("wires/plain_knit_spatial.toml", ()),
+    "open wires from a file": ("wires/plain_knit_patch.toml", ("load.strain_warp=0.1", "output.frames=2")),
+}
+
+
+def main() -> None:
+    wanted = sys.argv[1:]
+    print(f"{'':26}{'nodes':>7}{'steps':>12}{'planned':>12}{'':>7}{'time':>9}{'planned':>9}{'':>7}  per step")
+    for name, (source, overrides) in CASES.items():
+        if wanted and not any(part in name for part in wanted):
+            continue
+        scene = make_scene(source, overrides) if isinstance(source, dict) else load_scene(SCENES / source, overrides)
+        print(f"{name:26}{_compared(scene)}", flush=True)
+
+
+def _compared(scene: Scene) -> str:
+    planned = make_plan(scene, "cpu")
+    assert planned.wall_s is not None
+    relaxation = SpatialRelaxation(build_mesh(scene))
+    relaxation.warm_up()
+    begin, note = time.process_time(), ""
+    try:
+        for _record in relaxation.run():
+            pass
+    except Diverged as error:
+        note = f"  {error}"
+    took, steps = time.process_time() - begin, relaxation.progress.steps
+    return (
+        f"{planned.nodes:7,}{steps:12,}{planned.steps:12,}{planned.steps / steps:6.2f}x"
+        f"{took:8.1f}s{planned.wall_s:8.1f}s{planned.wall_s / took:6.2f}x  {1e6 * took / steps:.0f} us{note}"
+    )
+
+
+if __name__ == "__main__":
+    main()
