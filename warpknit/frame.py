@@ -11,7 +11,7 @@ A frame's mean deformation carries a rest vector (X, Y) of the cloth to
 
 import os
 import zipfile
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -20,7 +20,11 @@ from numpy.typing import NDArray
 
 from warpknit.files import write_aside
 
-__all__ = ["Frame", "WireLayout", "curve_position"]
+__all__ = ["Frame", "WireLayout", "curve_parts", "curve_position", "drawn_frame", "drawn_layout"]
+
+POINTS_A_LOOP = 128  # of the drawn curve of small meshes, about
+MOST_PARTS = 8  # between two nodes
+POINTS_DRAWN = 20_000  # of the drawn curves together, above which they have the nodes alone
 
 Floats = NDArray[np.floating[Any]]
 Integers = NDArray[np.integer[Any]]
@@ -39,6 +43,7 @@ class WireLayout:
     rhombus_bodies: Integers  # [k]  bodies round the central opening; may be empty
     repeats: Integers = field(default_factory=lambda: np.zeros(2, dtype=np.int64))  # [2]  of the knit; 0 where unknown
     wire_closing: Floats = field(default_factory=lambda: np.zeros((0, 2)))  # [wire, 2] [m]  left out: one period up the warp
+    curve_parts: int = field(default_factory=lambda: 1)  # straight pieces of the drawn curve between two nodes
 
     def __post_init__(self) -> None:
         for name, kind, shape in (
@@ -53,6 +58,7 @@ class WireLayout:
             object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=kind).reshape(shape))
         for name in ("diameter", "body_radius"):
             object.__setattr__(self, name, float(getattr(self, name)))
+        object.__setattr__(self, "curve_parts", int(self.curve_parts))
         if self.wire_start.size < 2 or self.wire_start[0] != 0 or np.any(np.diff(self.wire_start) < 1):
             raise ValueError("wire_start: must begin with 0 and increase")
         if not self.wire_closing.size:
@@ -127,6 +133,8 @@ class Frame:
     body_position: Floats  # [body, 3] [m]
     pair_force: Floats  # [pair] [N]  pairs 2b and 2b + 1 belong to body b
     pair_active: NDArray[np.bool_]  # [pair]
+    # [node, curve_parts - 1, 3] [m]  places on the curve to the next node, from the node; empty where the nodes are all
+    between: Floats = field(default_factory=lambda: np.zeros((0, 0, 3), dtype=np.float32))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "index", int(self.index))
@@ -140,6 +148,7 @@ class Frame:
             ("body_position", (bodies, 3)),
             ("pair_force", (2 * bodies,)),
             ("pair_active", (2 * bodies,)),
+            ("between", (nodes if np.size(self.between) else 0, np.shape(self.between)[1], 3)),
         ):
             array = np.asarray(getattr(self, name), dtype=np.bool_ if name == "pair_active" else None)
             if array.shape != shape:
@@ -179,6 +188,8 @@ class Frame:
         ):
             if given != expected:
                 raise ValueError(f"frame {self.index}: {given} {name}, but the layout has {expected}")
+        if layout.curve_parts > 1 and self.between.shape[1] != layout.curve_parts - 1:
+            raise ValueError(f"frame {self.index}: {self.between.shape[1]} places between nodes, not {layout.curve_parts - 1}")
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an .npz; it is whole or absent. Raises ValueError rather than writing a number that is not finite."""
@@ -188,6 +199,40 @@ class Frame:
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Frame":
         return cls(**_load(cls, path))
+
+
+def curve_parts(nodes: int, nodes_per_loop: int) -> int:
+    """Straight pieces between two nodes for the drawn curve of so many nodes to look smooth; 1 in large meshes."""
+    return max(1, min(-(-POINTS_A_LOOP // nodes_per_loop), MOST_PARTS, POINTS_DRAWN // max(nodes, 1)))
+
+
+def drawn_layout(layout: WireLayout) -> WireLayout:
+    """The layout with the points of the drawn curves as nodes."""
+    if layout.curve_parts == 1:
+        return layout
+    last = ~layout.wire_closed
+    points = (np.diff(layout.wire_start) - last) * layout.curve_parts + last
+    return replace(layout, wire_start=np.concatenate([[0], np.cumsum(points)]), curve_parts=1)
+
+
+def drawn_frame(layout: WireLayout, frame: Frame) -> Frame:
+    """The frame of `drawn_layout`, its stress straight from node to node."""
+    if layout.curve_parts == 1:
+        return frame
+    frame.require_layout(layout)
+    first, last = layout.wire_start[:-1], layout.wire_start[1:] - 1
+    following = np.arange(layout.node_count) + 1
+    following[last] = np.where(layout.wire_closed, first, last)
+    kept = np.ones((layout.node_count, layout.curve_parts), dtype=bool)
+    kept[last[~layout.wire_closed], 1:] = False
+    node = np.asarray(frame.node_position)[:, None]
+    position = np.concatenate([node, node + frame.between], axis=1)
+    share = np.arange(layout.curve_parts) / layout.curve_parts
+    stress = np.asarray(frame.node_stress)[:, None]
+    stress = stress + share * (stress[following] - stress)
+    return replace(
+        frame, node_position=position[kept], node_stress=stress[kept], between=np.zeros((0, 0, 3), dtype=np.float32)
+    )
 
 
 def curve_position(layout: WireLayout, frame: Frame) -> Floats:

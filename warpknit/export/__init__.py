@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from warpknit.errors import ExportError
-from warpknit.frame import Frame, WireLayout
+from warpknit.frame import Frame, WireLayout, drawn_frame, drawn_layout
 
 __all__ = ["FORMATS", "ExportError", "export_run"]
 
@@ -104,14 +104,14 @@ def _export_usd(record: _Record) -> list[Path]:
 
     writer = StageWriter(
         record.directory,
-        record.layout,
+        drawn_layout(record.layout),
         scene_name=record.summary["scene"]["name"],
         scene_hash=str(_item(record.summary, ("scene", "hash")) or ""),
         version=str(record.summary.get("version", "")),
         colour_stress_max=record.quantity("wire", "stress_max_Pa"),
         streaming=True,
     )
-    frames = [writer.add_frame(frame) for frame in record.frames()]
+    frames = [writer.add_frame(drawn_frame(record.layout, frame)) for frame in record.frames()]
     writer.close(complete=record.summary.get("stop_reason") in ("steady", "finished"))
     return [writer.path, *frames]
 
@@ -119,7 +119,8 @@ def _export_usd(record: _Record) -> list[Path]:
 def _export_vtk(record: _Record) -> list[Path]:
     from warpknit.export.vtk import write_vtk
 
-    return write_vtk(record.directory / "vtk", record.layout, record.frames())
+    frames = (drawn_frame(record.layout, frame) for frame in record.frames())
+    return write_vtk(record.directory / "vtk", drawn_layout(record.layout), frames)
 
 
 def _export_tables(record: _Record) -> list[Path]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from warpknit.frame import Frame, WireLayout
+from warpknit.frame import Frame, WireLayout, drawn_frame, drawn_layout
 
 __all__ = ["FrameFiles", "FrameWriter", "StageOptions", "state_file"]
 
@@ -55,13 +55,13 @@ class FrameFiles(FrameWriter):
     """Writes in this process. `stage`: None where no stage is wanted; `resume`: go on with what the directory holds."""
 
     def __init__(self, directory: Path, layout: WireLayout, stage: StageOptions | None, *, resume: bool = False) -> None:
-        self._directory = directory
+        self._directory, self._layout = directory, layout
         self._stage: Any = None
         self._is_first = True
         if stage is not None:
             from warpknit.export.usd import StageWriter
 
-            self._stage = StageWriter(directory, layout, **vars(stage), resume=resume)
+            self._stage = StageWriter(directory, drawn_layout(layout), **vars(stage), resume=resume)
 
     def add_frame(self, frame: Frame) -> None:
         frame.save(state_file(self._directory, frame.index))
@@ -69,7 +69,7 @@ class FrameFiles(FrameWriter):
             return
         if self._is_first:
             self._catch_up(frame.index)
-        self._stage.add_frame(frame)
+        self._stage.add_frame(drawn_frame(self._layout, frame))
 
     def _catch_up(self, index: int) -> None:
         """Give the stage the states before `index` that it has lost: a run that goes on leaves no gap in it."""
@@ -77,7 +77,7 @@ class FrameFiles(FrameWriter):
         for missing in range(len(self._stage.earlier_frames), index):
             path = state_file(self._directory, missing)
             if path.is_file():
-                self._stage.add_frame(Frame.load(path))
+                self._stage.add_frame(drawn_frame(self._layout, Frame.load(path)))
 
     def close(self, *, complete: bool) -> None:
         if self._stage is not None:

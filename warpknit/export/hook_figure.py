@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, figure_of, save_figure
-from warpknit.frame import Frame, WireLayout
+from warpknit.frame import Frame, WireLayout, drawn_frame, drawn_layout
 
 __all__ = ["hook_figure"]
 
@@ -58,14 +58,15 @@ def hook_figure(
 
 def _draw_hook(axes: Axes, layout: WireLayout, frames: Sequence[Frame]) -> None:
     """Both wires at rest, on the way and at the end, with the body."""
+    drawn = drawn_layout(layout)
     shown = np.unique(np.linspace(0, len(frames) - 1, BETWEEN + 2).round().astype(int))
     for index in shown:
         frame = frames[index]
         last = index == shown[-1]
         for wire, (_, colour) in enumerate(WIRES):
-            # a node beyond either clamp only carries the contact curve
-            nodes = slice(layout.wire_start[wire] + 1, layout.wire_start[wire + 1] - 1)
-            x, y = 1e3 * np.asarray(frame.node_position)[nodes, :2].T
+            # a segment beyond either clamp only carries the contact curve
+            points = slice(drawn.wire_start[wire] + layout.curve_parts, drawn.wire_start[wire + 1] - layout.curve_parts)
+            x, y = 1e3 * np.asarray(drawn_frame(layout, frame).node_position)[points, :2].T
             axes.plot(x, y, color=colour, linewidth=2.0 if last else 0.9, alpha=1.0 if last else 0.35)
             if index == shown[0]:
                 axes.plot(x[0], y[0], color="black", marker="s", markersize=6)

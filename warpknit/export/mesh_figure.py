@@ -46,7 +46,7 @@ def mesh_figure(
     figure, (axes,), points_per_mm = _plan_figure(high - low, 1, _title(frame, tension))
     stress = 1e-6 * np.asarray(frame.node_stress, dtype=float)[layout.curve_node]
     colours, scale = _stress_colours(stress, yield_stress)
-    lines: Any = _smooth(position, segment)
+    lines: Any = _lines(layout, frame, position, segment)
     wires = LineCollection(
         lines,
         array=0.5 * (stress[segment] + stress[segment + 1]),
@@ -63,6 +63,15 @@ def mesh_figure(
     _draw_contacts(figure, axes, layout, frame, points_per_mm)
     frame_plan_axes(axes, low, high)
     return save_figure(figure, path)
+
+
+def _lines(layout: WireLayout, frame: Frame, position: NDArray[Any], segment: NDArray[Any]) -> NDArray[Any]:
+    """(segment, point, 2) [mm] the wires between their nodes: as their curve was kept, or smooth through the nodes."""
+    if layout.curve_parts == 1:
+        return _smooth(position, segment)
+    begin, end = position[segment][:, None], position[segment + 1][:, None]
+    between = 1e3 * np.asarray(frame.between, dtype=float)[layout.curve_node[segment], :, :2]
+    return np.concatenate([begin, begin + between, end], axis=1)
 
 
 def _smooth(position: NDArray[Any], segment: NDArray[Any]) -> NDArray[Any]:
@@ -161,13 +170,14 @@ def _cell_of(position: NDArray[Any], low: NDArray[Any], size: NDArray[Any], shap
 
 
 def _draw_contacts(figure: Figure, axes: Axes, layout: WireLayout, frame: Frame, points_per_mm: float) -> None:
-    """Fill active bodies, leave open ones hollow, and ring those of the central rhombus."""
+    """Fill active bodies, or contacts where there are none, leave open ones hollow, and ring those of the central rhombus."""
     if not layout.body_count:
         return
     position = 1e3 * np.asarray(frame.body_position)[:, :2]
     area = max(float(np.ptp(position[:, 0]) * np.ptp(position[:, 1])), 1e-12)
     size = float(np.clip(0.2 * math.sqrt(area / layout.body_count) * points_per_mm, 2.0, 7.0))  # [pt]
     active = frame.body_active
+    kind = "bodies" if layout.body_radius else "contacts"
     in_rhombus = np.isin(np.arange(layout.body_count), layout.rhombus_bodies)
     style: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": size, "zorder": 3}
     kinds: tuple[tuple[str, NDArray[Any], dict[str, Any]], ...] = (
@@ -178,7 +188,7 @@ def _draw_contacts(figure: Figure, axes: Axes, layout: WireLayout, frame: Frame,
     for name, chosen, look in kinds:
         axes.plot(*position[chosen].T, **style, **look)
         look = {**look, "markersize": 6.5, "markeredgewidth": 1.0}
-        handles.append(Line2D([], [], label=f"bodies {name}: {np.count_nonzero(chosen)}", **{**style, **look}))
+        handles.append(Line2D([], [], label=f"{kind} {name}: {np.count_nonzero(chosen)}", **{**style, **look}))
     if in_rhombus.any():
         ring: dict[str, Any] = {"markerfacecolor": "none", "markeredgecolor": GREEN, "linestyle": "none", "marker": "o"}
         axes.plot(*position[in_rhombus].T, **ring, markersize=2.1 * size, markeredgewidth=0.3 * size, zorder=4)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpknit.files import write_table
-from warpknit.frame import Frame, WireLayout, curve_position
+from warpknit.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
 
 __all__ = ["contact_table", "wire_table", "write_tables"]
 
@@ -51,8 +51,8 @@ def contact_table(layout: WireLayout, frame: Frame) -> dict[str, NDArray[Any]]:
 
 def wire_table(layout: WireLayout, frame: Frame) -> dict[str, NDArray[Any]]:
     """Columns, a value a wire. A closed wire's length is that of one period."""
-    points, start = curve_position(layout, frame), layout.wire_start
-    segment = layout.curve_segment
+    start, drawn = layout.wire_start, drawn_layout(layout)
+    points, segment = curve_position(drawn, drawn_frame(layout, frame)), drawn.curve_segment
     length = np.linalg.norm(points[segment + 1] - points[segment], axis=1)
     nodes = np.diff(start)
     bodies = [np.bincount(column, minlength=layout.wire_count) for column in layout.body_wires.T]
@@ -64,7 +64,7 @@ def wire_table(layout: WireLayout, frame: Frame) -> dict[str, NDArray[Any]]:
         "wire": np.arange(layout.wire_count),
         "closed": layout.wire_closed.astype(int),
         "nodes": nodes,
-        "length_m": np.add.reduceat(length, layout.curve_start[:-1] - np.arange(layout.wire_count)),
+        "length_m": np.add.reduceat(length, drawn.curve_start[:-1] - np.arange(layout.wire_count)),
         "x_mean_m": np.add.reduceat(frame.node_position[:, 0], start[:-1]) / nodes,
         "y_mean_m": np.add.reduceat(frame.node_position[:, 1], start[:-1]) / nodes,
         "stress_max_Pa": np.maximum.reduceat(frame.node_stress, start[:-1]),

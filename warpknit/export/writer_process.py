@@ -58,7 +58,8 @@ class WriterProcess(FrameWriter):
         resume: bool = False,
         hold: int | None = None,
     ) -> None:
-        size = BYTES_PER_NODE * layout.node_count + BYTES_PER_BODY * layout.body_count + 64 * len(fields(Frame))
+        per_node = BYTES_PER_NODE + 12 * (layout.curve_parts - 1)
+        size = per_node * layout.node_count + BYTES_PER_BODY * layout.body_count + 64 * len(fields(Frame))
         memory = _nameless_memory(size)
         try:
             self._memory = mmap.mmap(memory, size)

@@ -10,13 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..frame import Frame
+from ..frame import Frame, curve_parts
 from ..kernels import control as c
 from ..model.model import Model
 from ..scene import Wire
 from .bending import BendingMoments, bending_moments
 from .friction import friction_energy
 from .reading import Reading, pair_levers, rotation
+from .wire_curve import planar_curve
 
 INTERIOR = 0.25  # of the mesh's width and height from each edge
 
@@ -357,6 +358,10 @@ def frame(r: Reading, *, index: int, stage: str, load_factor: float, temperature
     """The recorded state for the exports."""
     node, body = positions(r)
     f = r.stretch
+    parts = curve_parts(len(node), r.model.scene.model.nodes_per_loop)
+    between = np.zeros((0, 0, 3), dtype=np.float32)
+    if parts > 1:
+        between = planar_curve(r.model.layout(), node, f, r.model.table.curve[r.entry]).between(parts)
     return Frame(
         index=index,
         stage=stage,
@@ -370,4 +375,5 @@ def frame(r: Reading, *, index: int, stage: str, load_factor: float, temperature
         body_position=body,
         pair_force=r.pair_force,
         pair_active=pair_active(r),
+        between=between,
     )

@@ -15,7 +15,7 @@ import psutil
 
 from ..device import start_warp
 from ..errors import MemoryNeeded, ModelError
-from ..frame import WireLayout
+from ..frame import WireLayout, curve_parts
 from ..kernels.bodies import BODY_BLOCK
 from ..kernels.contact_by_batch import PAIR_BATCH
 from ..kernels.wires_by_block import BLOCK_SIZE
@@ -117,6 +117,7 @@ class Model:
             body_wires=p.pair_wire.reshape(-1, 2),
             rhombus_bodies=p.rhombus_bodies,
             repeats=np.array(self.scene.knit.repeats if self.cloth is not None else (0, 0)),
+            curve_parts=curve_parts(p.node_count, self.scene.model.nodes_per_loop),
         )
 
 

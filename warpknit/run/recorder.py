@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from ..export.frame_files import FrameWriter
 
 RECORD_MEMORY = 400  # bytes a node that writing a record takes: the frame and its tables
+RESERVED_DISK = 64 * 2**10  # [bytes] kept free for summary.json of a run whose disk is full
 
 
 def open_frames(scene: Scene, layout: WireLayout, out: Path, *, resume: bool, hold: int | None) -> FrameWriter:
@@ -85,6 +86,8 @@ class Recorder(ABC):
             with write_aside(out / "scene.toml") as file:
                 file.write(resolved_toml(self.scene))
             self.layout.save(out / "layout.npz")
+        self._reserve = out / ".reserve"
+        self._reserve.write_bytes(bytes(RESERVED_DISK))
         self.frames = open_frames(self.scene, self.layout, out, resume=checkpoint is not None, hold=hold)
 
     def run(self) -> Ending:
@@ -93,6 +96,7 @@ class Recorder(ABC):
                 ending = self.watch.run(self._keep)
                 self.frames.flush()
             except (MemoryError, OSError, OutOfResources):
+                self._reserve.unlink(missing_ok=True)
                 self._write_summary("interrupted", "ran out of memory or disk")
                 raise
             code, message = ending.exit_code, ending.message
@@ -100,6 +104,7 @@ class Recorder(ABC):
             estimate = self.estimate() if code == 0 else None
             summary = self._write_summary("finished" if unsteady else ending.reason, message, estimate)
             self.frames.close(complete=code == 0)
+        self._reserve.unlink(missing_ok=True)
         if self.scene.output.figures and self.rows:
             self._draw()
         if self.scene.output.vtk and self.rows:

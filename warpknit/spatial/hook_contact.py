@@ -31,7 +31,7 @@ def hook_contact(r: SpatialReading) -> HookContact:
         share = share / share.sum()
         for wire, nodes, place in ((LEFT, t.first, t.place[:, 0]), (RIGHT, t.second, t.place[:, 1])):
             arc[wire] = float(share @ (nodes - rods.wire_first[wire] + place - BETWEEN)) * step
-        touched = r.position[t.first] + t.place[:, :1] * (r.position[t.first + 1] - r.position[t.first])
+        touched = r.position[t.first] + r.curve.offset(t.first, t.place[:, 0])
         body = share @ (touched - 0.5 * rods.section.thickness * t.normal)[:, :2]
     held = mesh.wires.held_node.reshape(-1, 2)[RIGHT_TOP]
     return HookContact(

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..device import start_warp
 from ..errors import MemoryNeeded
-from ..frame import WireLayout
+from ..frame import WireLayout, curve_parts
 from ..knit.cloth import Cloth
 from ..mesh.hook import hook_panel, hook_table
 from ..mesh.panel import Panel
@@ -88,11 +88,12 @@ class SpatialMesh:
             wire_closed=rods.wire_closed,
             period=np.array(p.size),
             diameter=self.scene.wire.diameter,
-            body_radius=self.scene.model.body_radius,
+            body_radius=0.0,
             body_wires=p.pair_wire.reshape(-1, 2),
             rhombus_bodies=p.rhombus_bodies,
             repeats=np.array(self.scene.knit.repeats),
             wire_closing=self.rods.wire_period[:, :2],
+            curve_parts=curve_parts(rods.node_count, self.scene.model.nodes_per_loop),
         )
 
 

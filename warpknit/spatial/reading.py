@@ -15,7 +15,9 @@ from .. import measure
 from ..frame import Frame
 from ..kernels import control as c
 from ..measure.whole import INTERIOR
+from ..measure.wire_curve import WireCurve
 from .contact import TouchingPairs, WireContact
+from .contact_places import site_places, spatial_curve
 from .mesh import SpatialMesh
 from .rest import Rest
 from .rest_curve import offsets_at
@@ -33,6 +35,7 @@ class SpatialReading:
     sites: Sites
     control: np.ndarray
     position: np.ndarray  # (node, 3) [m]
+    director: np.ndarray  # (node, 3) across the segment
     tension: np.ndarray  # [N] of the segments, 0 of those that a clamp holds rigid
     clamp_pull: float  # [J] by those: tension times length as knitted, in the plane
     curvature_change: np.ndarray  # (node, 2) [1/m] that is elastic
@@ -89,6 +92,13 @@ class SpatialReading:
     def threshold(self) -> float:
         """[N] above which a contact is active."""
         return max(self.mesh.scene.contact.threshold, LEAST_FORCE * self.force_scale)
+
+    @cached_property
+    def curve(self) -> WireCurve:
+        """On which the wires touch."""
+        return spatial_curve(
+            self.mesh.layout(), self.position, self.gradient, self.director, self.mesh.curve, self.length_factor
+        )
 
     @cached_property
     def touching_site(self) -> tuple[np.ndarray, np.ndarray]:
@@ -262,14 +272,12 @@ class SpatialReading:
         return float(np.sqrt(np.mean(np.sum(free**2, axis=1))) / max(mean, self.force_scale))
 
     def frame(self, *, index: int, stage: str, load_factor: float, temperature: float) -> Frame:
-        """The recorded state for the exports. A site is shown where the knit has it, moved as the wires there have moved."""
+        """The recorded state for the exports. A site is shown where its wires touch or are nearest to each other."""
         panel, f = self.mesh.panel, self.stretch
         rest = self.mesh.rods.position[:, :2] if panel.boundary == "periodic" else panel.clamp_position
         corner = np.append(f @ rest.min(axis=0), 0.0)
-        position = self.place - corner
-        moved = self.moved[self.mesh.site_node].mean(axis=1)
-        body = (panel.body_rest + panel.body_origin) @ f.T - corner[:2] + moved
-        height = position[self.mesh.site_node, 2].mean(axis=1)
+        back = np.eye(3)
+        back[:2, :2] = measure.rotation(self.clamp_rotation)
         return Frame(
             index=index,
             stage=stage,
@@ -278,11 +286,12 @@ class SpatialReading:
             strain_warp=float(f[1, 1] - 1.0),
             shear=float(f[0, 1]),
             temperature=temperature,
-            node_position=position,
+            node_position=self.place - corner,
             node_stress=self.stress,
-            body_position=np.column_stack([body, height]),
+            body_position=site_places(self) @ back.T - corner,
             pair_force=np.repeat(self.site_force, 2),
             pair_active=np.repeat(self.site_active, 2),
+            between=self.curve.between(self.mesh.layout().curve_parts) @ back.T.astype(np.float32),
         )
 
 
@@ -308,6 +317,7 @@ def read(mesh: SpatialMesh, sites: Sites, rest: Rest, contact: WireContact) -> S
         sites=sites,
         control=state.read_control().copy(),
         position=state.position.numpy().copy(),
+        director=state.director.numpy().copy(),
         tension=tension,
         clamp_pull=float(np.sum((carried - tension)[:, None] * tangent[:, :2] * rods.rest_edge[:, :2])),
         curvature_change=bent,

@@ -1,0 +1,147 @@
+"""The curve of the wires that pictures and stages show: on the host it is the one on which contacts act, and at rest the true
+centre line."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warpknit import measure
+from warpknit.frame import MOST_PARTS, POINTS_DRAWN, curve_parts, drawn_frame, drawn_layout
+from warpknit.measure.wire_curve import edges_of, planar_curve
+from warpknit.mesh.thread_curve import ThreadCurve
+from warpknit.model.model import build_model
+from warpknit.model.state import initial_state
+from warpknit.scene import load_scene
+from warpknit.solve.simulate import Simulation
+from warpknit.spatial.contact_places import spatial_curve
+from warpknit.spatial.mesh import build_mesh
+from warpknit.spatial.relax import SpatialRelaxation
+from warpknit.spatial.rest_curve import FIT_PLACES
+
+SCENES = Path(__file__).parents[2] / "scenes"
+LOADED = ["solver.preset=draft", "output.frames=1"]
+
+
+@pytest.fixture(scope="module")
+def planar():
+    """Reading and frame of the cell at 10 %, both ways."""
+    model = build_model(load_scene(SCENES / "atlas_cell.toml", [*LOADED, "solver.precision=double"]))
+    *_, last = Simulation(model, initial_state(model)).run()
+    frame = measure.frame(last.reading, index=0, stage="load", load_factor=1.0, temperature=293.15)
+    return last.reading, frame
+
+
+@pytest.fixture(scope="module")
+def spatial():
+    """Reading and frame of a hook whose wires press each other."""
+    scene = load_scene(SCENES / "hook_spatial.toml", [*LOADED, "load.displacement=0.5 mm"])
+    *_, last = SpatialRelaxation(build_mesh(scene)).run()
+    return last.reading, last.reading.frame(index=0, stage="load", load_factor=1.0, temperature=293.15)
+
+
+def test_at_rest_planar_wires_are_drawn_along_their_centre_lines():
+    """To the miss of the fit, which the model gives; over the end of a closed wire too."""
+    model = build_model(load_scene(SCENES / "atlas_cell.toml"))
+    state = initial_state(model)
+    frame = measure.frame(measure.read(model, state), index=0, stage="", load_factor=0.0, temperature=293.15)
+    layout, cloth, table = model.layout(), model.cloth, model.table
+    assert layout.curve_parts > 2
+    for w, thread in enumerate(model.panel.wire_thread):
+        nodes = np.arange(layout.wire_start[w], layout.wire_start[w + 1])
+        line = ThreadCurve(cloth.threads[thread], cloth.size[1])
+        fine = line(np.linspace(0.0, len(nodes) * table.spacing[thread], 64 * len(nodes)))[:, :2]
+        shift = line(np.zeros(1))[0, :2] - frame.node_position[nodes[0], :2]
+        drawn = (frame.node_position[nodes, None] + frame.between[nodes])[..., :2].reshape(-1, 2) + shift
+        miss = [np.linalg.norm(fine - point, axis=1).min() for point in drawn]
+        step = table.spacing[thread] / 64
+        assert max(miss) < model.table.curve_error + step
+
+
+def test_at_rest_wires_in_space_are_drawn_along_their_centre_lines():
+    mesh = build_mesh(load_scene(SCENES / "atlas_cell_spatial.toml", ["model.nodes_per_loop=48"]))
+    rods, line = mesh.rods, mesh.wires.line
+    curve = spatial_curve(mesh.layout(), rods.position, np.eye(2), rods.director, mesh.curve, 1.0)
+    for k, place in enumerate(FIT_PLACES):
+        offset = curve.offset(np.arange(rods.node_count), np.full(rods.node_count, place))
+        # the fit looks at what is missed across the line only
+        behind = line.between[:, k + 1] - line.between[:, k] if k == 0 else line.between[:, k] - line.between[:, k - 1]
+        along = behind / np.linalg.norm(behind, axis=1, keepdims=True)
+        missed = offset - line.between[:, k]
+        missed -= np.sum(missed * along, axis=1, keepdims=True) * along
+        assert np.linalg.norm(missed, axis=1).max() < 1.1 * mesh.curve.miss
+
+
+def test_the_planar_curve_is_the_one_that_bodies_touch(planar):
+    """|c - p| = reach + gap at the contact point p of every body c that presses, found to 1e-9 of a segment."""
+    reading, frame = planar
+    model = reading.model
+    curve = planar_curve(model.layout(), frame.node_position, reading.gradient, model.table.curve[reading.entry])
+    pressed = np.flatnonzero(reading.pair_force > 0.0)
+    assert len(pressed) >= 8
+    node = reading.pair_node[pressed]
+    point = frame.node_position[node] + curve.offset(node, reading.pair_u[pressed])
+    apart = (frame.body_position[pressed // 2] - point)[:, :2]
+    periods = reading.gradient @ np.diag(model.layout().period)
+    apart = apart - np.rint(apart @ np.linalg.inv(periods).T) @ periods.T
+    wanted = model.contact_reach + reading.pair_gap[pressed]
+    assert np.linalg.norm(apart, axis=1) == pytest.approx(wanted, rel=1e-6)
+
+
+def test_the_curve_in_space_is_the_one_that_wires_touch_on(spatial):
+    """|p - q| = d - overlap, and the mark of the contact is half of that from either wire."""
+    reading, frame = spatial
+    t, thickness = reading.touching, reading.mesh.rods.section.thickness
+    assert len(t.force) >= 2
+    p = reading.position[t.first] + reading.curve.offset(t.first, t.place[:, 0])
+    q = reading.position[t.second] + reading.curve.offset(t.second, t.place[:, 1])
+    assert np.linalg.norm(p - q, axis=1) == pytest.approx(thickness - t.overlap, rel=1e-9)
+    middle = np.average(0.5 * (p + q), axis=0, weights=t.force)
+    corner = reading.position[0] - frame.node_position[0]
+    assert frame.body_position[0] + corner == pytest.approx(middle, abs=1e-9 * thickness)
+
+
+def test_an_open_contact_is_marked_between_the_nearest_points_of_its_wires():
+    """Both wires of a hook at rest are at one distance of the mark: half of what they pass each other at."""
+    scene = load_scene(SCENES / "hook_spatial.toml")
+    relaxation = SpatialRelaxation(build_mesh(scene))
+    relaxation.warm_up()
+    reading = relaxation._reading()
+    mark = reading.frame(index=0, stage="", load_factor=0.0, temperature=293.15).body_position[0]
+    position = reading.frame(index=0, stage="", load_factor=0.0, temperature=293.15).node_position
+    left, right = np.split(position, reading.mesh.rods.wire_first[1:])
+    spacing = scene.hook.length / scene.model.nodes_per_loop
+    for wire in (left, right):
+        nearest = np.linalg.norm(wire - mark, axis=1).min()
+        assert nearest < np.hypot(0.5 * scene.hook.crossing_distance, 0.5 * spacing) + 0.1 * spacing
+
+
+def test_drawn_curves_pass_through_the_nodes(planar):
+    reading, frame = planar
+    layout = reading.model.layout()
+    parts, drawn, shown = layout.curve_parts, drawn_layout(layout), drawn_frame(layout, frame)
+    shown.require_layout(drawn)
+    assert drawn.node_count == parts * layout.node_count  # of closed wires
+    assert np.array_equal(shown.node_position[::parts], frame.node_position)
+    assert np.array_equal(shown.node_stress[::parts], frame.node_stress)
+    assert shown.node_stress.max() == frame.node_stress.max()
+    ended = replace(layout, wire_closed=np.zeros(layout.wire_count, dtype=bool))
+    assert drawn_layout(ended).node_count == parts * (layout.node_count - layout.wire_count) + layout.wire_count
+    assert drawn_frame(ended, frame).node_position[-1] == pytest.approx(frame.node_position[-1], abs=0.0)
+
+
+def test_edges_of_open_wires_go_on_straight(spatial):
+    reading, frame = spatial
+    layout = reading.mesh.layout()
+    edges = edges_of(layout, reading.position, reading.gradient)
+    ends, begins = layout.wire_start[1:] - 1, layout.wire_start[:-1]
+    assert np.array_equal(edges.behind[ends], edges.behind[ends - 1])
+    assert np.array_equal(edges.before[begins], edges.behind[begins])
+    assert not edges.has_segment[ends].any()
+
+
+def test_large_meshes_are_drawn_by_their_nodes():
+    assert curve_parts(128, 16) == MOST_PARTS
+    assert curve_parts(500, 64) == 2
+    assert curve_parts(POINTS_DRAWN, 16) == 1

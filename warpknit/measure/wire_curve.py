@@ -1,0 +1,96 @@
+"""The smooth curve of the wires between their nodes, on the host: that of kernels/contact.py and kernels/wire_curve.py.
+
+On the segment behind a node and relative to it, for s in 0 .. 1,
+
+    p(s) = h10 M1 + h01 e + h11 M2 + s^2 (1 - s)^2 (B0 + s B1 + ...)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..frame import WireLayout
+
+
+@dataclass(frozen=True)
+class WireCurve:
+    """Arrays [node], of the segment behind it; zero behind the last node of an open wire."""
+
+    edge: np.ndarray  # (node, 3) [m] to the next node
+    begin: np.ndarray  # (node, 3) [m] slope dp/ds at its first node
+    end: np.ndarray  # (node, 3) [m] and at its second
+    bump: np.ndarray  # (node, power, 3) [m]
+
+    def offset(self, node: np.ndarray, s: np.ndarray) -> np.ndarray:
+        """(m, 3) [m] from their node of the points at s (m,) on the segments behind nodes (m,)."""
+        s = s[:, None]
+        hermite = s * (1 - s) ** 2 * self.begin[node] + s * s * (3 - 2 * s) * self.edge[node] + s * s * (s - 1) * self.end[node]
+        powers = s ** np.arange(self.bump.shape[1])
+        return hermite + (s * (1 - s)) ** 2 * np.einsum("mp,mpa->ma", powers, self.bump[node])
+
+    def between(self, parts: int) -> np.ndarray:
+        """(node, parts - 1, 3) [m] the same at even steps of s, as `Frame.between` wants it."""
+        nodes = np.arange(len(self.edge))
+        places = [self.offset(nodes, np.full(len(nodes), k / parts)) for k in range(1, parts)]
+        return np.stack(places, axis=1).astype(np.float32) if places else np.zeros((0, 0, 3), dtype=np.float32)
+
+
+@dataclass(frozen=True)
+class Edges:
+    """Of the segments before and behind each node, (node, 3) [m]; wires that end go on straight."""
+
+    before: np.ndarray
+    behind: np.ndarray
+    following: np.ndarray  # [node] the next node, itself at the end of an open wire
+    has_segment: np.ndarray  # [node]
+
+
+def edges_of(layout: WireLayout, position: np.ndarray, deformation: np.ndarray) -> Edges:
+    """Of wires at `position` (node, 3) [m] whose mesh is deformed by `deformation` (2, 2)."""
+    first, last, closed = layout.wire_start[:-1], layout.wire_start[1:] - 1, layout.wire_closed
+    following, previous = np.arange(len(position)) + 1, np.arange(len(position)) - 1
+    following[last], previous[first] = np.where(closed, first, last), np.where(closed, last, first)
+    behind = position[following] - position
+    behind[last, :2] += layout.wire_closing @ deformation.T * closed[:, None]
+    ends = last[~closed]
+    behind[ends] = behind[np.maximum(ends - 1, first[~closed])]
+    before = behind[previous]
+    begins = first[~closed]
+    before[begins] = behind[begins]
+    has_segment = np.ones(len(position), dtype=bool)
+    has_segment[ends] = False
+    return Edges(before, behind, following, has_segment)
+
+
+def curve_of(edges: Edges, rise: np.ndarray, bump: np.ndarray) -> WireCurve:
+    """The curve with slopes (e_before + e)/2 + `rise` (node, 3) [m] at the nodes."""
+    slope = 0.5 * (edges.before + edges.behind) + rise
+    has = edges.has_segment[:, None]
+    zero = np.zeros(3)
+    return WireCurve(
+        np.where(has, edges.behind, zero),
+        np.where(has, slope, zero),
+        np.where(has, slope[edges.following], zero),
+        np.where(has[:, None], bump, zero),
+    )
+
+
+def planar_curve(layout: WireLayout, position: np.ndarray, deformation: np.ndarray, shape: np.ndarray) -> WireCurve:
+    """Of the planar model; `shape` (node, CURVE_COEFFICIENTS) as in kernels/contact.py. Heights follow Catmull-Rom's curve."""
+    edges = edges_of(layout, position, deformation)
+    mean = 0.5 * (edges.before + edges.behind)
+    rise = shape[:, :1] * _flat(mean) + shape[:, 1:2] * _turned(mean)
+    along, across = shape[:, 2:6, None], shape[:, 6:10, None]
+    return curve_of(edges, rise, along * _flat(edges.behind)[:, None] + across * _turned(edges.behind)[:, None])
+
+
+def _flat(vector: np.ndarray) -> np.ndarray:
+    """(x, y, 0)."""
+    return vector * (1.0, 1.0, 0.0)
+
+
+def _turned(vector: np.ndarray) -> np.ndarray:
+    """(-y, x, 0)."""
+    return np.stack([-vector[:, 1], vector[:, 0], np.zeros(len(vector))], axis=1)

@@ -1,0 +1,98 @@
+"""What pictures show of wires in space: the smooth curve between the nodes, and where wires touch or are nearest."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..frame import WireLayout
+from ..measure.wire_curve import WireCurve, curve_of, edges_of
+from ..wires.overlaps import segment_distances
+from .rest_curve import RestCurve
+from .sites import NOWHERE
+
+if TYPE_CHECKING:
+    from .reading import SpatialReading
+
+
+def spatial_curve(
+    layout: WireLayout, position: np.ndarray, deformation: np.ndarray, director: np.ndarray, rest: RestCurve, grown: float
+) -> WireCurve:
+    """The curve on which wires touch, of nodes at `position` (node, 3) [m] with sections at `director` (node, 3); wires are
+    `grown` times as thick as at rest, by warmth."""
+    edges = edges_of(layout, position, deformation)
+    tangent = edges.behind / np.linalg.norm(edges.behind, axis=1, keepdims=True)
+    section = np.stack([director, np.cross(tangent, director)], axis=2)  # (node, 3, 2)
+    previous = np.arange(len(position)) - 1
+    previous[edges.following[edges.has_segment]] = np.flatnonzero(edges.has_segment)
+    rise = np.einsum("nac,nc->na", 0.5 * grown * (section[previous] + section), rest.slope)
+    return curve_of(edges, rise, np.einsum("nac,npc->npa", grown * section, rest.bump.reshape(-1, 2, 2)))
+
+
+def site_places(r: SpatialReading) -> np.ndarray:
+    """(site, 3) [m] where the two wires of each site touch, in the middle between them and the mean of several contacts by their
+    force; where they do not, between the nearest points of both. On the first wire as it is drawn, in the first tile."""
+    place = np.full((r.sites.count, 3), np.nan)
+    t = r.touching
+    site, sign = r.touching_site
+    for number in np.unique(site[site != NOWHERE]):
+        which = np.flatnonzero(site == number)
+        place[number] = _touched(r, which, sign[which], t.force[which])
+    for number in np.flatnonzero(np.isnan(place[:, 0])):
+        place[number] = _nearest(r, number)
+    return place
+
+
+def _touched(r: SpatialReading, which: np.ndarray, sign: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """(3,) [m] the mean place of contacts whose first wire is that of the site where `sign` is 1."""
+    t, rods = r.touching, r.mesh.rods
+    own = sign > 0.0
+    node = np.where(own, t.first[which], t.second[which])
+    s = np.where(own, t.place[which, 0], t.place[which, 1])
+    half = 0.5 * (r.length_factor * rods.section.thickness - t.overlap[which])
+    points = r.position[node] + r.curve.offset(node, s) - (sign * half)[:, None] * t.normal[which]
+    # contacts on either side of where a closed wire begins are next to each other
+    closing = np.zeros(3)
+    closing[:2] = r.gradient @ rods.wire_period[rods.wire_of[node[0]], :2]
+    size = float(closing @ closing)
+    if size > 0.0:
+        strongest = points[np.argmax(force)]
+        points = points - np.rint((points - strongest) @ closing / size)[:, None] * closing
+    return np.average(points, axis=0, weights=force)
+
+
+def _nearest(r: SpatialReading, site: int) -> np.ndarray:
+    """(3,) [m] between the nearest points of the two wires of a site, within its reach."""
+    wires = r.mesh.wires
+    rest = [_along(r, r.mesh.rods.position, np.eye(2), site, side)[0] for side in (0, 1)]
+    lines, rounds = zip(*(_along(r, r.position, r.gradient, site, side) for side in (0, 1)), strict=True)
+    apart = rest[0].mean(axis=0) - rest[1].mean(axis=0)
+    tiles = np.rint(np.divide(apart, wires.tile, out=np.zeros(3), where=wires.tile > 0))
+    shift = tiles * wires.tile
+    shift[:2] = r.gradient @ shift[:2]
+    a, b = (grid.ravel() for grid in np.meshgrid(np.arange(len(lines[0]) - 1), np.arange(len(lines[1]) - 1)))
+    begin, other = lines[0], lines[1] + shift
+    distance, on_a, on_b = segment_distances(begin[a], begin[a + 1], other[b], other[b + 1])
+    k = int(np.argmin(distance))
+    own = begin[a[k]] + on_a[k] * (begin[a[k] + 1] - begin[a[k]])
+    facing = other[b[k]] + on_b[k] * (other[b[k] + 1] - other[b[k]])
+    return np.asarray(0.5 * (own + facing) - rounds[0][a[k]])
+
+
+def _along(r: SpatialReading, position: np.ndarray, gradient: np.ndarray, site: int, side: int) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 3) [m] nodes of one wire of a site within its reach, in turn, and how far each has gone on from where it is drawn."""
+    rods, wires = r.mesh.rods, r.mesh.wires
+    wire = int(wires.site_wire[site, side])
+    count, first = int(rods.wire_count[wire]), int(rods.wire_first[wire])
+    seed = wires.site_seed[site, side]
+    number = np.arange(np.floor(seed + wires.site_low[site, side]), np.ceil(seed + wires.site_high[site, side]) + 1).astype(int)
+    if not rods.wire_closed[wire]:
+        number = number[(number >= 0) & (number < count)]
+        if len(number) < 2:
+            number = np.array([max(0, min(round(seed), count - 1) - 1), min(round(seed), count - 1)])
+    turns = number // count if rods.wire_closed[wire] else np.zeros(len(number), dtype=int)
+    closing = np.zeros(3)
+    closing[:2] = gradient @ rods.wire_period[wire, :2]
+    moved = turns[:, None] * closing
+    return position[first + number - turns * count] + moved, moved
