@@ -106,7 +106,7 @@ def _finished_run(scene: Scene, out: Path, resume: bool, force: bool) -> Ending 
     """The run that `out` holds where there is nothing left to resume. Raises `RunDirectoryError` where `out` cannot be used."""
     if resume and (finished := finished_before(out, "summary.json", scene.hash)) is not None:
         return finished
-    check_directory(out, unfinished="run" if has_checkpoint(out) else None, resume=resume, force=force)
+    check_directory(out, "run", resume=resume, force=force)
     return None
 
 

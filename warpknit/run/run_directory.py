@@ -17,6 +17,7 @@ OURS = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda",
         "trade.csv", "trade_knobs.csv", "trade.json",
         "report.html", "material_card.csv", "material_card.json", "tension_strain.csv")  # fmt: skip
 SUMMARIES = {"summary.json": "run", "map.json": "map", "trade.json": "trade"}
+BEGUN = {"checkpoint/checkpoint.npz": "run", "map.csv": "map", "trade.csv": "trade"}  # where it has not ended
 
 
 def read_summary(out: Path, name: str) -> dict[str, Any] | None:
@@ -49,7 +50,7 @@ def finished_before(out: Path, name: str, scene_hash: str) -> Ending | None:
         kind = SUMMARIES[name]
         raise RunDirectoryError(
             f"{out}: holds the finished {kind} of another scene, or of this one with other --set, --preset or --error;"
-            " --force replaces it, --out names another directory"
+            f" {_ways_out(out, kind)}"
         )
     return Ending(0, summary)
 
@@ -60,11 +61,11 @@ def goes_on(out: Path, table: str, kind: str, resolved: str, *, resume: bool, fo
     Raises RunDirectoryError where `out` cannot be used.
     """
     begun = (out / table).exists()
-    check_directory(out, unfinished=kind if begun else None, resume=resume, force=force)
+    check_directory(out, kind, resume=resume, force=force)
     if not (resume and begun):
         return False
     if (out / "scene.toml").read_text(encoding="utf-8") != resolved:
-        raise RunDirectoryError(f"{out}: holds the {kind} of another scene; --force replaces it, --out names another directory")
+        raise RunDirectoryError(f"{out}: holds the {kind} of another scene; {_ways_out(out, kind)}")
     return True
 
 
@@ -77,23 +78,44 @@ def open_directory(out: Path, resolved: str, *, keep: bool) -> None:
         file.write(resolved)
 
 
-def check_directory(out: Path, *, unfinished: str | None, resume: bool, force: bool) -> None:
-    """Refuse a directory that holds something; `unfinished`: what kind of unfinished work stands there to be resumed, if any.
+def check_directory(out: Path, wanted: str, *, resume: bool, force: bool) -> None:
+    """Refuse a directory that holds something else than what a run, map or trade (`wanted`) goes on with.
 
-    Raises RunDirectoryError.
+    Raises RunDirectoryError, which says what to type.
     """
     if out.exists() and not out.is_dir():
         raise RunDirectoryError(f"--out {out}: given a file, allowed: a directory")
     if force:
         return
-    for name, kind in SUMMARIES.items():
-        if read_summary(out, name) is not None:
-            raise RunDirectoryError(f"{out}: holds a finished {kind}; --force replaces it, --out names another directory")
-    if unfinished is not None and not resume:
-        raise RunDirectoryError(f"{out}: holds an interrupted {unfinished}; --resume goes on with it, --force starts over")
+    ended = [kind for name, kind in SUMMARIES.items() if read_summary(out, name) is not None]
+    if ended:
+        raise RunDirectoryError(f"{out}: holds a finished {ended[0]}; {_ways_out(out, wanted)}")
+    begun = [kind for name, kind in BEGUN.items() if (out / name).exists()]
+    for kind in begun:
+        if kind != wanted:
+            raise RunDirectoryError(f"{out}: holds an interrupted {kind}; {_ways_out(out, wanted)}")
+        if not resume:
+            raise RunDirectoryError(f"{out}: holds an interrupted {kind}; --resume goes on with it, --force starts over")
     foreign = [p.name for p in out.iterdir() if p.name not in OURS and not p.name.startswith(".")] if out.is_dir() else []
     if foreign and not (out / "scene.toml").exists():
-        raise RunDirectoryError(f"{out}: holds files of something else ({foreign[0]}); --out names another directory")
+        raise RunDirectoryError(
+            f"{out}: holds files of something else ({foreign[0]}); --out {_free_beside(out, wanted)} is another directory"
+        )
+
+
+def _ways_out(out: Path, wanted: str) -> str:
+    """What to type for a run, map or trade (`wanted`) to have its own directory, or this one."""
+    return f"--out {_free_beside(out, wanted)} keeps both, --force replaces what is there"
+
+
+def _free_beside(out: Path, wanted: str) -> Path:
+    """A directory beside `out` that is not there yet."""
+    place = out if out.name not in ("", "..") else out.resolve()
+    number, found = 1, place.parent / f"{place.name}_{wanted}"
+    while found.exists():
+        number += 1
+        found = place.parent / f"{place.name}_{wanted}_{number}"
+    return found
 
 
 def make_directory(out: Path) -> None:

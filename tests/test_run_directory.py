@@ -1,0 +1,56 @@
+"""Directories that hold something already: what is refused, and that the line says what to type."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from warpknit.errors import RunDirectoryError
+from warpknit.run.run_directory import check_directory
+
+SUMMARY = {"run": "summary.json", "map": "map.json", "trade": "trade.json"}
+BEGUN = {"run": "checkpoint/checkpoint.npz", "map": "map.csv", "trade": "trade.csv"}
+
+
+def directory(path: Path, kind: str, *, ended: bool) -> Path:
+    """A directory with what tells that a run, map or trade has ended there, or was interrupted."""
+    begun = path / BEGUN[kind]
+    begun.parent.mkdir(parents=True, exist_ok=True)
+    begun.touch()
+    (path / SUMMARY[kind]).write_text(json.dumps({"stop_reason": "finished" if ended else "interrupted"}))
+    return path
+
+
+@pytest.mark.parametrize("wanted", ["run", "map", "trade"])
+@pytest.mark.parametrize("kind", ["run", "map", "trade"])
+def test_what_has_ended_is_kept_and_the_line_names_a_free_directory(kind, wanted, tmp_path):
+    out = directory(tmp_path / "cell", kind, ended=True)
+    with pytest.raises(RunDirectoryError) as error:
+        check_directory(out, wanted, resume=False, force=False)
+    assert str(error.value) == (
+        f"{out}: holds a finished {kind}; --out {out}_{wanted} keeps both, --force replaces what is there"
+    )
+    (tmp_path / f"cell_{wanted}").mkdir()
+    with pytest.raises(RunDirectoryError, match=f"--out {out}_{wanted}_2 keeps both"):
+        check_directory(out, wanted, resume=False, force=False)
+    check_directory(out, wanted, resume=False, force=True)
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_what_was_interrupted_is_not_replaced_by_something_else(resume, tmp_path):
+    out = directory(tmp_path / "cell", "map", ended=False)
+    with pytest.raises(RunDirectoryError, match=f"holds an interrupted map; --out {out}_run keeps both"):
+        check_directory(out, "run", resume=resume, force=False)
+    if resume:
+        check_directory(out, "map", resume=True, force=False)
+    else:
+        with pytest.raises(RunDirectoryError, match="holds an interrupted map; --resume goes on with it"):
+            check_directory(out, "map", resume=False, force=False)
+
+
+def test_the_current_directory_has_a_name_too(tmp_path, monkeypatch):
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    Path("notes.txt").touch()
+    with pytest.raises(RunDirectoryError, match=f"notes.txt.; --out {tmp_path}/here_run is another directory"):
+        check_directory(Path("."), "run", resume=False, force=False)
