@@ -283,7 +283,7 @@ def report(
     from warpknit.run.report import print_table
 
     lines = [("mesh", note) for note in fitted.notes]
-    lines += [*map_lines(result.summary), ("material card", found.where)]
+    lines += [*map_lines(result.summary), ("material card", found.said)]
     lines += [*(("warning", warning) for warning in found.warnings), ("page", str(directory / "report.html"))]
     print_table(lines)
     return FINISHED

@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,10 @@ from warpknit.scene import load_scene
 from warpknit.sweep.contact_map import Cell, Detail, MapRow
 
 SCENES = Path(__file__).parents[2] / "scenes"
+CARD = MaterialCard(
+    strain_weft=0.1, strain_warp=0.1, tension_weft=1.0, tension_warp=1.0, stiffness=np.eye(3), asymmetry=0.0, step_difference=0.0,
+    expansion=np.zeros(3), areal_mass=0.01, stress_max=1e8, active_percent=50.0, temperature=293.15,
+)  # fmt: skip
 SMALL = ["output.frames=3", "sweep.strain_weft=[0.08, 0.12, 0.16]", "sweep.strain_warp=[0.08, 0.12, 0.16]"]
 
 
@@ -151,14 +156,31 @@ def test_a_mesh_that_is_always_stiffer_one_way_carries_no_tension_alike():
 def test_a_card_that_cannot_be_used_says_so():
     """Moduli and Poisson's ratios come from the inverse, which has no meaning where the mesh is not stable."""
     scene = load_scene(SCENES / "contact_map.toml")
-    card = MaterialCard(
-        strain_weft=0.1, strain_warp=0.1, tension_weft=1.0, tension_warp=1.0, stiffness=np.diag([3.0, 2.0, -1.0]),
-        asymmetry=0.0, step_difference=0.4, expansion=np.zeros(3), areal_mass=0.01, stress_max=3e9, active_percent=50.0,
-    )  # fmt: skip
+    card = replace(CARD, stiffness=np.diag([3.0, 2.0, -1.0]), step_difference=0.4, stress_max=3e9)
     names = {name: value for name, value, _, _ in card_values(card)}
     assert names["stable"] == 0.0 and names["difference"] == 0.4 and not {"E1", "nu12", "alpha1"} & set(names)
     said = " ".join(card_warnings(card, scene))
     assert "not positive definite" in said and "differs by 40%" in said and "3 GPa" in said
+    assert "gives way along shear" in said and "C33 = -1 N/m" in said and "a larger --tension" in said
+
+
+def test_prestress_may_hold_what_the_stiffness_does_not():
+    """Waves along weft or warp shear the mesh against C33 and the tension along them: C33 + S, the least of all directions."""
+    card = replace(CARD, stiffness=np.diag([3.0, 2.0, -0.75]))
+    assert not card.is_stable and card.softest == 2
+    assert card.least_wave_stiffness == pytest.approx(0.25, rel=1e-12)
+    said = " ".join(card_warnings(card, load_scene(SCENES / "contact_map.toml")))
+    assert "stable all the same, 250 mN/m against the softest wave" in said
+    slack = replace(card, tension_warp=0.5)
+    assert slack.least_wave_stiffness == pytest.approx(-0.25, rel=1e-12)
+    assert "the prestress does not make up for it" in " ".join(card_warnings(slack, load_scene(SCENES / "contact_map.toml")))
+
+
+def test_a_card_says_which_temperature_it_holds_for():
+    assert ("temperature", 293.15, "K") in [values[:3] for values in card_values(CARD)]
+    path = load_scene(SCENES / "contact_map.toml", ['path=[{temperature="-190 degC"}]'])
+    (said,) = card_warnings(CARD, path)
+    assert "holds for 20 degC" in said and "not for -190 degC of [[path]]" in said
 
 
 def test_unknown_states_carry_nothing():

@@ -33,6 +33,8 @@ AGREEMENT = 0.05  # of the largest stiffness: differences at STEP and 2 STEP tha
 TENSION_TOLERANCE = 5e-3  # relative, of the tension that is asked for
 MOST_ROUNDS = 10  # of the search for its strains
 MOST_STRAIN = 0.02  # of one round
+WAVE_DIRECTIONS = 180  # in which waves are looked at
+VOIGT = np.array([[0, 2], [2, 1]])  # row of the stiffness for a pair of axes
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,7 @@ class MaterialCard:
     areal_mass: float  # [kg/m2] of the tensioned mesh
     stress_max: float  # [Pa] in the wire of the tensioned mesh
     active_percent: float  # contacts of the tensioned mesh
+    temperature: float  # [K] of the mesh
 
     @property
     def poissons_ratios(self) -> tuple[float, float]:
@@ -83,6 +86,23 @@ class MaterialCard:
     def is_stable(self) -> bool:
         """Whether the stiffness is positive definite."""
         return bool(np.linalg.eigvalsh(self.stiffness).min() > 0.0)
+
+    @property
+    def softest(self) -> int:
+        """The row, 0 weft, 1 warp, 2 shear, that has most of the strain of least stiffness."""
+        return int(np.argmax(np.abs(np.linalg.eigh(self.stiffness)[1][:, 0])))
+
+    @property
+    def least_wave_stiffness(self) -> float:
+        """[N/m] least stiffness against a plane wave in the tensioned mesh, its prestress counted: what an FE model needs to be
+        stable, least eigenvalue of Q_ik = C_ijkl n_j n_l + (n . S n) delta_ik over all directions n."""
+        c = self.stiffness
+        stiffness = c[VOIGT[:, :, None, None], VOIGT]
+        angle = np.linspace(0.0, np.pi, WAVE_DIRECTIONS, endpoint=False)
+        n = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        acoustic = np.einsum("ijkl,mj,ml->mik", stiffness, n, n)
+        acoustic += (n**2 @ [self.tension_weft, self.tension_warp])[:, None, None] * np.eye(2)
+        return float(np.linalg.eigvalsh(acoustic).min())
 
 
 def stretch(strain: np.ndarray) -> np.ndarray:
@@ -129,6 +149,7 @@ def find_card(model: Mesh, weft: float, warp: float) -> tuple[MaterialCard, AnyR
         areal_mass=found[0].areal_mass,
         stress_max=found[0].stress_max,
         active_percent=found[0].active_percent,
+        temperature=model.scene.stages[0].temperature,
     )
     return card, states[0]
 

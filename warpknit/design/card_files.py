@@ -14,6 +14,7 @@ from ..scene import Scene
 from ..text import engineering
 from .card import AGREEMENT, MaterialCard
 
+ZERO_CELSIUS = 273.15  # [K]
 AXES = {"1": "weft (x)", "2": "warp (y)", "3": "shear, engineering shear strain 2 E12"}
 DEFINITION = (
     "Tangent of the tensioned mesh: C = dS/dE with S the second Piola-Kirchhoff stress (force per width) and E the Green-Lagrange"
@@ -47,16 +48,24 @@ def card_values(card: MaterialCard) -> Iterator[tuple[str, float, str, str]]:
         yield f"prestress{axis}", value, "N/m", f"tension along {side}, force per current width"
     for axis, value, side in zip("12", (card.strain_weft, card.strain_warp), ("weft", "warp"), strict=True):
         yield f"prestrain{axis}", value, "1", f"strain along {side} against the mesh as knitted"
+    yield "temperature", card.temperature, "K", "of the mesh"
     yield "stress_max", card.stress_max, "Pa", "largest stress in the wire"
     yield "active", 0.01 * card.active_percent, "1", "share of contacts that are active"
-    yield "stable", float(card.is_stable), "1", "1 where the stiffness is positive definite, else 0: not to be used"
+    yield "stable", float(card.is_stable), "1", "1 where the stiffness is positive definite, else 0: see the warnings"
     yield "difference", card.difference, "1", "of the stiffness by another step, over the largest; above 0.05 not to be trusted"
 
 
 def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[str]:
     """What speaks against using the card."""
     if not card.is_stable:
-        yield "the stiffness of the material card is not positive definite (the mesh is not stable there): take another tension"
+        yield _unstable(card)
+    others = {stage.temperature for stage in scene.stages[1:]} - {card.temperature}
+    if others:
+        given = " and ".join(f"{celsius(temperature)}" for temperature in sorted(others))
+        yield (
+            f"the material card holds for {celsius(card.temperature)}, the temperature of [load], not for {given} of [[path]]:"
+            " --set load.temperature takes another"
+        )
     if card.difference > AGREEMENT:
         yield (
             f"the stiffness of the material card is uncertain: with another step it differs by {card.difference:.0%} of the"
@@ -70,6 +79,29 @@ def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[str]:
         yield f"at the tension of the card the wire is stressed to {stress}, beyond its elastic limit of {limit}: it would yield"
 
 
+def _unstable(card: MaterialCard) -> str:
+    """Which row gives way, and what to do."""
+    row = card.softest
+    value = f"C{row + 1}{row + 1} = {engineering(float(card.stiffness[row, row]), 'N/m')}"
+    text = f"the stiffness of the material card is not positive definite: it gives way along {AXES[str(row + 1)]}, {value}"
+    least = card.least_wave_stiffness
+    if least > 0.0:
+        return (
+            f"{text}. With the prestress the tensioned mesh is stable all the same, {engineering(least, 'N/m')} against the"
+            " softest wave: have the FE model take the prestress, with its geometric stiffness, before any other load; or take"
+            " a larger --tension"
+        )
+    return (
+        f"{text}, and the prestress does not make up for it: the mesh has no stable state there. Take a larger --tension, or look"
+        " in the contact map for strains at which more contacts are active"
+    )
+
+
+def celsius(temperature: float) -> str:
+    """20 degC of 293.15 [K]."""
+    return f"{temperature - ZERO_CELSIUS:.4g} degC"
+
+
 def write_card(card: MaterialCard, scene: Scene, where: str, out: Path) -> None:
     """Write both files into `out`; `where`: which tension the card is for, in words."""
     rows = list(card_values(card))
@@ -78,7 +110,7 @@ def write_card(card: MaterialCard, scene: Scene, where: str, out: Path) -> None:
     content: dict[str, Any] = {
         "mesh": scene.name,
         "state": where,
-        "temperature_K": scene.stages[0].temperature,
+        "temperature_K": card.temperature,
         "axes": AXES,
         "definition": DEFINITION,
         "values": {name: value for name, value, _, _ in rows},

@@ -19,7 +19,7 @@ from ..sweep.contact_map import MapRow, Optimum, find_optimum, grid
 from ..sweep.outcome import AnyReading
 from ..sweep.states import Mesh, mesh_of
 from .card import MaterialCard, find_card, find_card_at_tension
-from .card_files import card_warnings, write_card
+from .card_files import card_warnings, celsius, write_card
 from .curves import CurvePoint, tension_strain
 from .network import contact_resistances, sheet_resistance
 from .opening_size import BANDS, Opening, openings
@@ -49,6 +49,11 @@ class Findings:
     tensioned: AnyReading | None  # the mesh of the card
     knitted_openings: Sequence[Opening]
     tensioned_openings: Sequence[Opening]
+
+    @property
+    def said(self) -> str:
+        """What the card is for, and at which temperature; or why there is none."""
+        return self.where if self.card is None else f"{self.where}, at {celsius(self.card.temperature)}"
 
     @property
     def warnings(self) -> list[str]:
@@ -167,6 +172,8 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
             f"The mesh does not carry {found.asked:g} N/m both ways within the strains of the map. {found.equal_tension.text()}"
             " What follows is for the optimum instead."
         )
+    load = found.scene.stages[0]
+    page.text(f"All at {celsius(load.temperature)}, the temperature of [load]; the optimum, curves and the card go with it.")
     mesh_section(page, found.scene, found.model.cloth, found.card, found.notes)
     map_section(page, found.scene, found.optimum, found.service, found.equal_tension, figures["map"])
     curve_section(page, found.curves, figures["curves"])

@@ -13,7 +13,7 @@ from ..scene import Scene
 from ..sweep.contact_map import Optimum
 from ..text import engineering
 from .card import AGREEMENT, MaterialCard
-from .card_files import DEFINITION, card_values, card_warnings
+from .card_files import DEFINITION, card_values, card_warnings, celsius
 from .curves import CurvePoint
 from .inputs import openings_per_length
 from .network import surface, wire_resistance
@@ -98,7 +98,8 @@ def card_section(page: Page, scene: Scene, card: MaterialCard | None, where: str
     if card is None:
         page.warning(where[0].upper() + where[1:] + ".")
         return
-    page.text(f"For {where}: {_pair(card.tension_weft, card.tension_warp, 'N/m')} in weft and warp.")
+    tensions = _pair(card.tension_weft, card.tension_warp, "N/m")
+    page.text(f"For {where}: {tensions} in weft and warp, at {celsius(card.temperature)}.")
     rows = [(name, f"{value:.4g}", "-" if unit == "1" else unit, meaning) for name, value, unit, meaning in card_values(card)]
     page.table(rows, ("", "value", "unit", "meaning"))
     page.text(DEFINITION + " material_card.csv and material_card.json have the same numbers.")
