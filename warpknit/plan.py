@@ -4,12 +4,11 @@
     print("\n".join(plan.lines()))
 
 Sizes are those of the real model, built without compiling a kernel, up to COUNTED_NODES nodes, and those of the endless
-cloth above. Steps and time are estimates: see `relax_steps` and `wall_time` for what they go by.
+cloth above. Steps and time are estimates: see solve/estimate.py and spatial/estimate.py for what they go by.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -34,8 +33,8 @@ from .model.numerics import Numbers, choose_numbers
 from .run.plane_limits import tight_loops
 from .scene import Scene
 from .scene.presets import PRESETS
+from .solve.estimate import ESTIMATE_FACTOR, ramp_steps, relax_steps, wall_time
 from .solve.prolongation import smaller_scene
-from .solve.step import thread_count
 from .spatial.estimate import (
     HOOK_ENDS,
     SLOW_LEVELS,
@@ -59,28 +58,6 @@ COUNTED_NODES = 2_000_000  # meshes up to here are laid out to be counted: a sec
 COUNTED_IN_SPACE = 50_000  # the same in space, five seconds
 DOUBTFUL = 100.0  # times the distance at which centre lines meet: nearer than this a run is asked whether they do
 PROGRAM_MEMORY = 430 * 2**20  # [bytes] of a run of few nodes, its libraries included
-ESTIMATE_FACTOR = 3  # steps and time may be off by so much either way
-
-# Measured on the Atlas-Atlas mesh of scenes/atlas_cell.toml: 13,750, 21,350 and 31,250 steps to 5, 10 and 20 levels.
-STEPS_TO_LOAD = 10_000.0  # of a stage, at MEASURED_NODES and MEASURED_TOLERANCE, however many levels it has
-STEPS_PER_LEVEL = 800.0
-MEASURED_NODES = 24  # a loop
-NODES_POWER = 1.25  # steps of the cell by nodes a loop: 6,600 at 8, 11,700 at 16, 17,500 at 27, 85,000 at 54
-MEASURED_TOLERANCE = 3e-3
-TOLERANCE_POWER = 1 / 3  # 11,500 steps at 1e-2, 30,750 at 3e-4
-STEPS_FROM_SMALLER = 2_000.0  # of a level of a large mesh, which starts from a smaller one: 1,550 to 2,600 measured
-STEPS_FROM_REPEAT = 15_000.0  # of a level of a mesh cut along another outline than a rectangle: 7,000 to 20,000 measured
-SMALLER_SHARE = 1.4  # time of a large mesh with its looks and its smaller meshes over that of its steps
-GRIPPED = 2.5  # times the steps of a tile: 1 to 4 at the standard preset, 2 to 3 at draft, 2 x 2 to 7 x 6 repeats
-HOOKED = 0.5  # times the steps of a tile with as many nodes a loop as a wire has: 0.3 to 1
-TENSION_STATES = 10.0  # steady states tried for a level that is driven by tension
-RAMP_SHARE = 1.2  # steps of a ramp over loading time/step at the start: 1.15 and 1.20, the step shrinks with the load
-RAMP_BY_TENSION = 2.0  # times that, where the boundary has to find a tension: 1.9 on the cell at 5 mN/m both ways
-
-STEP_TIME = 10e-6  # [s] of a step on the CPU, however few nodes: launches, and a look at the state every 50 steps
-NODE_STEPS_PER_S = {"single": 1.6e8, "double": 9e7}  # beyond that, on one core, with contacts
-NODE_STEPS_PER_S_FROM_MEMORY = {"single": 1.1e8, "double": 5e7}
-MEMORY_RULES = 4_000_000  # nodes from which the caches no longer help
 
 
 @dataclass(frozen=True)
@@ -166,11 +143,13 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
     if scene.model.kind == "spatial":
         laid_out = cloth is None or counted or scene.solver.drive == "ramp"
         mesh = _size_in_space(scene, file) if laid_out or cloth is None else _endless_in_space(scene, cloth)
-        steps = spatial_steps(scene) if scene.solver.drive == "relax" else ramp_steps(scene, mesh)
+        is_ramp = scene.solver.drive == "ramp"
+        steps = ramp_steps(scene, mesh.loading_time, mesh.time_step) if is_ramp else spatial_steps(scene)
         time, factor = spatial_time(steps, mesh), SPATIAL_FACTOR
     else:
         mesh = _count(build_model(scene, "cpu")) if cloth is None or counted else _estimate(scene, cloth)
-        steps = relax_steps(scene, mesh.spacing) if scene.solver.drive == "relax" else ramp_steps(scene, mesh)
+        is_ramp = scene.solver.drive == "ramp"
+        steps = ramp_steps(scene, mesh.loading_time, mesh.time_step) if is_ramp else relax_steps(scene, mesh.spacing)
         time, factor = wall_time(scene, steps, mesh.nodes), ESTIMATE_FACTOR
     return Plan(
         scene=scene.name,
@@ -308,55 +287,6 @@ def _endless_in_space(scene: Scene, cloth: Cloth) -> SpatialSize:
     """The same from so many repeats of endless cloth."""
     columns, rows = copies_of_cloth(scene)
     return endless_size(estimated_nodes(scene, cloth), len(cloth.threads) * columns, len(cloth.clasps) * columns * rows)
-
-
-# --- steps and time ---------------------------------------------------------------------------------------------------
-
-
-def relax_steps(scene: Scene, spacing: float) -> int:
-    """Steps of a relaxation with nodes `spacing` [m] apart, from what the Atlas-Atlas mesh took.
-
-    Steps go with n^NODES_POWER (n nodes a loop) where bending rules the fictitious masses; there are sqrt(s*/s) times as
-    many where the softened stretch rules them, s* = 0.6 (2 h/d)^2 being the softening at which both are equal. A
-    tile takes the same number whatever its size, as the interior moves with its boundary. A large mesh starts from a smaller one.
-    """
-    solver = scene.solver
-    if smaller_scene(scene) is not None:
-        if scene.panel.outline != "rectangle":
-            return round(STEPS_FROM_REPEAT * len(scene.stages) * scene.output.frames)
-        states = sum(2.0 if any(stage.by_tension) else 1.0 for stage in scene.stages)
-        return round(states * STEPS_FROM_SMALLER * scene.output.frames)
-    n = scene.model.nodes_per_loop
-    balance = 0.6 * (2.0 * spacing / scene.wire.diameter) ** 2
-    work = (n / MEASURED_NODES) ** NODES_POWER * math.sqrt(max(1.0, balance / solver.axial_softening))
-    work *= (MEASURED_TOLERANCE / solver.residual_tolerance) ** TOLERANCE_POWER
-    if scene.hook is not None:
-        work *= HOOKED
-    elif scene.model.boundary == "gripped":
-        work *= GRIPPED
-    total = 0.0
-    for stage in scene.stages:
-        states = TENSION_STATES if any(stage.by_tension) else 1.0
-        steps = states * work * (STEPS_TO_LOAD + STEPS_PER_LEVEL * scene.output.frames)
-        if solver.max_steps is not None:
-            steps = min(steps, states * scene.output.frames * solver.max_steps)
-        total += steps
-    return max(1, round(total))
-
-
-def ramp_steps(scene: Scene, mesh: MeshSize | SpatialSize) -> int:
-    """Steps of a ramp: the loading time of each stage over the step at its start, and a little more as that shrinks."""
-    stages = sum(RAMP_BY_TENSION if any(stage.by_tension) else 1.0 for stage in scene.stages)
-    return max(1, round(RAMP_SHARE * stages * mesh.loading_time / mesh.time_step))
-
-
-def wall_time(scene: Scene, steps: int, nodes: int) -> float:
-    """Time [s] of so many steps on this machine's cores, without compilation and files."""
-    rates = NODE_STEPS_PER_S if nodes < MEMORY_RULES else NODE_STEPS_PER_S_FROM_MEMORY
-    time = steps * (STEP_TIME + nodes / (rates[scene.solver.precision] * thread_count(nodes)))
-    if scene.solver.drive == "relax" and smaller_scene(scene) is not None:
-        time *= SMALLER_SHARE
-    return time
 
 
 # --- physics ----------------------------------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from warpknit.export import curves_figure, mesh_figure
+from warpknit.export.plots import scale_of
 from warpknit.frame import Frame, WireLayout
 
 
@@ -131,3 +132,12 @@ def test_abscissa_is_what_varies(rows: list[dict[str, object]], label: str) -> N
     stages = curves_figure._stages([str(row["stage"]) for row in rows])
     values, given = curves_figure._abscissa(columns, stages, len(rows))
     assert given == label and np.all(np.diff(values) > 0.0)
+
+
+@pytest.mark.parametrize(
+    ("largest", "scaled", "unit"),
+    [(3400.0, 3.4, "kN/m"), (1.37, 1.37, "N/m"), (0.25, 250.0, "mN/m"), (2e-5, 20.0, "µN/m"), (0.0, 0.0, "N/m")],
+)
+def test_units_go_by_the_size_of_what_is_shown(largest, scaled, unit):
+    scale, found = scale_of("N/m", np.array([0.0, -largest, np.nan]), np.array([np.nan]))
+    assert (scale * largest, found) == (pytest.approx(scaled), unit)

@@ -2,7 +2,9 @@
 
 import csv
 import json
+import logging
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -82,9 +84,11 @@ def loader(more: knobs.Overrides, preset: str | None) -> object:
 
 
 def test_interrupted_study_goes_on_where_it_stopped(
-    tmp_path: Path, few_points: None, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, few_points: None, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """The points of both parts are those of a study, each once; what was found before the interrupt stands as it was."""
+    """The points of both parts are those of a study, each once; what was found before the interrupt stands as it was. Both say
+    how many points are left and how long they take."""
+    caplog.set_level(logging.INFO, logger="warpknit")
     run, taken = study.run_point, []
 
     def three(load: object, **options: object) -> object:
@@ -106,6 +110,9 @@ def test_interrupted_study_goes_on_where_it_stopped(
     assert [row.outcome.wall_s for row in rows[:3]] == [row.outcome.wall_s for row in before]
     names = [row.point for row in rows]
     assert len(set(names)) == len(names)
+    assert not any(re.search(r"[0-9]\.[0-9]{5,}", name) for name in names)  # labels of more digits than a table can show
+    said = [re.match(r"(\d+) points to run: about [0-9.]+ (s|min|h) on this CPU", message) for message in caplog.messages]
+    assert [int(line[1]) for line in said if line] == [len(names), len(names) - 3]
     assert (tmp_path / "t" / "figures" / "trade.png").stat().st_size > 10_000
     _check_study(tmp_path / "t", rows, result.summary)
 

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, figure_of, save_figure
+from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, figure_of, save_figure, scale_of
 
 __all__ = ["curves_figure"]
 
@@ -39,22 +39,22 @@ def curves_figure(history: Iterable[Mapping[str, Any]] | str | os.PathLike[str],
     stages = _stages([str(row.get("stage", "")) for row in rows])
     abscissa, abscissa_label = _abscissa(columns, stages, len(rows))
 
+    tension = {side: column(f"tension_{side}_N_per_m") for side in ("weft", "warp")}
+    energies = {name: column(f"energy_{name}_J") for name in ("bend", "stretch", "contact", "kinetic")}
+    (to_tension, tension_unit), (to_energy, energy_unit) = scale_of("N/m", *tension.values()), scale_of("J", *energies.values())
     figure = figure_of(10.5, 7.6)
     panels = figure.subplots(2, 2, sharex=True).ravel()
     panel_curves: tuple[tuple[str, bool, tuple[tuple[str, str, NDArray[Any]], ...]], ...] = (
         ("active contacts [% of pairs]", False, (("", GREEN, column("active_percent")),)),
         (
-            "boundary tension [N/m]",
+            f"boundary tension [{tension_unit}]",
             False,
-            (("weft", BLUE, column("tension_weft_N_per_m")), ("warp", ORANGE, column("tension_warp_N_per_m"))),
+            (("weft", BLUE, to_tension * tension["weft"]), ("warp", ORANGE, to_tension * tension["warp"])),
         ),
         (
-            "energy [µJ]",
+            f"energy [{energy_unit}]",
             True,
-            tuple(
-                (name, colour, 1e6 * column(f"energy_{name}_J"))
-                for name, colour in (("bend", BLUE), ("stretch", ORANGE), ("contact", GREEN), ("kinetic", PURPLE))
-            ),
+            tuple((name, c, to_energy * energies[name]) for name, c in zip(energies, (BLUE, ORANGE, GREEN, PURPLE), strict=True)),
         ),
         ("residual, relative to mean boundary force", True, (("", GREY, column("residual")),)),
     )

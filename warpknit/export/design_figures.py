@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
-from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, figure_of, save_figure
+from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, figure_of, save_figure, scale_of
 
 __all__ = ["openings_figure", "resistance_figure", "tension_strain_figure"]
 
@@ -29,10 +29,12 @@ def tension_strain_figure(curves: Mapping[str, Curve], path: str | os.PathLike[s
     """Tension in weft and warp against strain. `curves`: by load, with the columns of tension_strain.csv as arrays."""
     figure = figure_of(10.5, 3.9)
     panels = figure.subplots(1, len(curves), sharey=True)
+    tensions = [curve[f"tension_{side}_N_per_m"] for curve in curves.values() for side in ("weft", "warp")]
+    scale, unit = scale_of("N/m", *tensions)
     for axes, (load, curve) in zip(np.atleast_1d(panels), curves.items(), strict=True):
         strain = 100.0 * np.maximum(curve["strain_weft"], curve["strain_warp"])
         for side, colour, marker in (("weft", BLUE, "o"), ("warp", ORANGE, "s")):
-            tension = 1e3 * curve[f"tension_{side}_N_per_m"]
+            tension = scale * curve[f"tension_{side}_N_per_m"]
             axes.plot(strain, tension, color=colour, marker=marker, markersize=4, label=f"tension in {side}")
         beyond = np.nonzero(curve["stress_max_Pa"] > yield_stress)[0]
         if len(beyond):
@@ -45,7 +47,7 @@ def tension_strain_figure(curves: Mapping[str, Curve], path: str | os.PathLike[s
         axes.grid(color="#DDDDDD", linewidth=0.6)
         axes.spines[["top", "right"]].set_visible(False)
     first = np.atleast_1d(panels)[0]
-    first.set_ylabel("tension [mN/m]")
+    first.set_ylabel(f"tension [{unit}]")
     first.legend(frameon=False, fontsize="small")
     return save_figure(figure, path)
 

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, figure_of, save_figure
+from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, figure_of, save_figure, scale_of
 from warpknit.frame import Frame, WireLayout, drawn_frame, drawn_layout
 
 __all__ = ["hook_figure"]
@@ -34,13 +34,14 @@ def hook_figure(
     _draw_hook(panels["hook"], layout, frames)
     displacement = column("displacement_m", 1e3)
     force = panels["force"]
+    scale, unit = scale_of("N", *(column(f"{name}_N") for name in ("force_left", "force_right", "drive_force", "ground_force")))
     for side, colour in WIRES:
         style: dict[str, Any] = {"linewidth": 3.0 if side == "left" else 1.5, "alpha": 0.55 if side == "left" else 1.0}
-        force.plot(displacement, column(f"force_{side}_N", 1e3), color=colour, label=f"contact, {side} wire", **style)
-    force.plot(displacement, column("drive_force_N", 1e3), color=GREY, linestyle="--", label="driven end, sideways")
+        force.plot(displacement, column(f"force_{side}_N", scale), color=colour, label=f"contact, {side} wire", **style)
+    force.plot(displacement, column("drive_force_N", scale), color=GREY, linestyle="--", label="driven end, sideways")
     if np.any(column("ground_force_N") > 0.0):
-        force.plot(displacement, column("ground_force_N", 1e3), color=GREEN, linestyle=":", label="ground on the body")
-    force.set_ylabel("force [mN]")
+        force.plot(displacement, column("ground_force_N", scale), color=GREEN, linestyle=":", label="ground on the body")
+    force.set_ylabel(f"force [{unit}]")
     place = panels["place"]
     least = np.minimum(column("force_left_N"), column("force_right_N"))
     closed = least > TOUCHING * least.max(initial=0.0)

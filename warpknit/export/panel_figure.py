@@ -12,7 +12,7 @@ from matplotlib.patches import Polygon
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
-from warpknit.export.plots import figure_of, frame_plan_axes, save_figure
+from warpknit.export.plots import figure_of, frame_plan_axes, save_figure, scale_of
 
 __all__ = ["panel_figure"]
 
@@ -30,11 +30,12 @@ def panel_figure(tables: dict[str, Path], path: str | os.PathLike[str], title: s
     """
     tiles, edge = _columns(tables["map"]), _columns(tables["edge"])
     surface = _columns(tables["surface"]) if tables["surface"].is_file() else None
+    scale, unit = scale_of("N/m", tiles["tension_weft_N_per_m"], tiles["tension_warp_N_per_m"])
     maps: list[tuple[NDArray[Any], str, dict[str, Any]]] = [
         (tiles["active_percent"], "active contacts [% of the pairs]", {"vmin": 0.0, "vmax": 100.0, "cmap": "viridis"}),
         (1e-6 * tiles["stress_max_Pa"], "highest wire stress [MPa]", {"cmap": "magma_r"}),
-        (1e3 * tiles["tension_weft_N_per_m"], "tension in weft [mN/m]", {"cmap": "cividis"}),
-        (1e3 * tiles["tension_warp_N_per_m"], "tension in warp [mN/m]", {"cmap": "cividis"}),
+        (scale * tiles["tension_weft_N_per_m"], f"tension in weft [{unit}]", {"cmap": "cividis"}),
+        (scale * tiles["tension_warp_N_per_m"], f"tension in warp [{unit}]", {"cmap": "cividis"}),
     ]
     columns = 3 if surface is not None else 2
     round_ = 1e3 * np.stack([edge["x_m"], edge["y_m"]], axis=1)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from warpknit.files import path_aside
 
-__all__ = ["BLUE", "GREEN", "GREY", "ORANGE", "PURPLE", "figure_of", "frame_plan_axes", "save_figure"]
+__all__ = ["BLUE", "GREEN", "GREY", "ORANGE", "PURPLE", "figure_of", "frame_plan_axes", "save_figure", "scale_of"]
 
 DOTS_PER_INCH = 150
 # Okabe and Ito's colours, distinct without red-green vision.
@@ -37,6 +37,17 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
     with path_aside(path) as aside:
         figure.savefig(aside, format="png", dpi=DOTS_PER_INCH)
     return path
+
+
+def scale_of(unit: str, *values: NDArray[Any]) -> tuple[float, str]:
+    """What to multiply values by for their largest to have at most three digits before the point, and the unit that they then
+    have: (1e3, "mN/m") of "N/m" where 0.25 is the largest."""
+    known = [np.abs(some[np.isfinite(some)]).max(initial=0.0) for some in values]
+    size = float(max(known, default=0.0))
+    for scale, prefix in ((1e-9, "G"), (1e-6, "M"), (1e-3, "k"), (1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n")):
+        if size * scale >= 1.0:
+            return scale, prefix + unit
+    return 1.0, unit
 
 
 def frame_plan_axes(axes: Axes, low: NDArray[Any], high: NDArray[Any]) -> None:

@@ -83,7 +83,7 @@ def _relaxed_knobs(base: Model) -> Iterator[tuple[str, str, Sequence[object]]]:
     yield "nodes_per_loop", "model.nodes_per_loop", NODES + (HOOK_NODES if base.scene.hook is not None else ())
     yield "axial_softening", "solver.axial_softening", SOFTENINGS
     yield "residual_tolerance", "solver.residual_tolerance", TOLERANCES
-    yield "contact_stiffness", "contact.stiffness", [factor * base.contact_stiffness for factor in STIFFNESSES]
+    yield "contact_stiffness", "contact.stiffness", [_short(factor * base.contact_stiffness) for factor in STIFFNESSES]
     yield "precision", "solver.precision", ("single", "double")
     yield "multipliers", "solver.multipliers", (False,)
     yield "levels", "output.frames", LEVELS
@@ -100,9 +100,9 @@ def points_of_ramp(base: Model, period: float, time_step: float) -> Iterator[Poi
     drive = ("solver.drive", "ramp")
     yield Point("alone", "drive", (drive,), preset=preset)
     for knob, key, values in (
-        ("loading_time", "solver.loading_time", [k * period for k in PERIODS]),
-        ("damping", "solver.damping", [k * rate for k in DAMPINGS]),
-        ("target_time_step", "solver.target_time_step", [k * time_step for k in STEPS]),
+        ("loading_time", "solver.loading_time", [_short(k * period) for k in PERIODS]),
+        ("damping", "solver.damping", [_short(k * rate) for k in DAMPINGS]),
+        ("target_time_step", "solver.target_time_step", [_short(k * time_step) for k in STEPS]),
         ("body_mass", "contact.body_mass", BODY_MASSES),
         ("ramp_softening", "solver.axial_softening", RAMP_SOFTENINGS),
         ("ramp_nodes", "model.nodes_per_loop", (12, 16, 40)),
@@ -122,3 +122,8 @@ def points_together(base: Model, finest: int) -> Iterator[Point]:
                 ("model.nodes_per_loop", n), ("solver.residual_tolerance", tolerance), ("solver.axial_softening", softening),
                 ("solver.precision", "single" if base.scene.hook is None else "double"),
             ))  # fmt: skip
+
+
+def _short(value: float) -> float:
+    """Three digits of it: what a table can show."""
+    return float(f"{value:.3g}")

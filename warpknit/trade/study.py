@@ -22,6 +22,9 @@ from ..run.interrupts import Interrupted, Interrupts
 from ..run.progress import Progress as Display
 from ..run.run_directory import Ending, finished_before, goes_on, open_directory
 from ..scene import Scene, resolved_toml
+from ..solve.estimate import ESTIMATE_FACTOR, ramp_steps, relax_steps, wall_time
+from ..spatial.estimate import endless_size, spatial_steps, spatial_time
+from ..text import duration
 from . import knobs
 from .convergence import extrapolate
 from .front import pareto
@@ -102,6 +105,7 @@ class _Study:
         with self._interrupts.caught():
             try:
                 points = self._points()
+                self._say_how_long(points)
                 for number, point in enumerate(points, start=1):
                     self._interrupts.check()
                     self.display.stage(point.name, number=number, of=len(points))
@@ -124,6 +128,43 @@ class _Study:
         points += self._points_of_ramp()
         points += knobs.points_together(self.base, self.finest[0])
         return points
+
+    def _say_how_long(self, points: Sequence[Point]) -> None:
+        """Log how many points are left, and about how long they take."""
+        done = {row.point for row in self.rows}
+        left = [point for point in points if point.name not in done]
+        if not left:
+            return
+        dearest = math.inf
+        total = 0.0
+        for point in left:
+            self._interrupts.check()
+            time, work = self._expected(point)
+            total += time * min(1.0, dearest / max(work, 1.0))
+            if point.group == "reference" and dearest == math.inf:
+                dearest = DEAREST * work
+        about = f"about {duration(total)} on this CPU, within a factor of {ESTIMATE_FACTOR}"
+        _log.info("%d points to run: %s", len(left), "not estimated on a GPU" if self.device != "cpu" else about)
+
+    def _expected(self, point: Point) -> tuple[float, float]:
+        """[s] and node-steps that a point may take; none of one that cannot be run."""
+        is_reference = point.group == "reference"
+        try:
+            scene = self.load(point.overrides + (self.of_reference if is_reference else ()), point.preset)
+            ramp = build_model(scene) if scene.solver.drive == "ramp" else None
+        except InputError:
+            return 0.0, 0.0
+        base, finer = self.base, scene.model.nodes_per_loop / self.base.scene.model.nodes_per_loop
+        share = math.prod(scene.knit.repeats) / math.prod(base.scene.knit.repeats)
+        nodes = round(base.panel.node_count * finer * share)
+        if scene.model.kind == "spatial":
+            steps = spatial_steps(scene)
+            return spatial_time(steps, endless_size(nodes, len(base.panel.wire_first), base.panel.body_count)), steps * nodes
+        if ramp is not None:
+            steps = ramp_steps(scene, ramp.loading_time, ramp.time_step)
+        else:
+            steps = relax_steps(scene, float(base.table.spacing.min()) / finer)
+        return wall_time(scene, steps, nodes), steps * nodes
 
     def _points_of_ramp(self) -> Iterator[Point]:
         if self.base.panel.node_count > RAMP_NODES:
