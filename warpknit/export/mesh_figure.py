@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from warpknit.export.plots import BLUE, GREEN, figure_of, frame_plan_axes, save_figure
-from warpknit.frame import Frame, WireLayout, curve_position
+from warpknit.export.plots import BLUE, GREEN, figure_of, frame_plan_axes, save_figure, scale_of
+from warpknit.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
 
 __all__ = ["mesh_figure"]
 
@@ -47,9 +47,10 @@ def mesh_figure(
     stress = 1e-6 * np.asarray(frame.node_stress, dtype=float)[layout.curve_node]
     colours, scale = _stress_colours(stress, yield_stress)
     lines: Any = _lines(layout, frame, position, segment)
+    pieces, colour = (lines, 0.5 * (stress[segment] + stress[segment + 1])) if layout.curve_parts == 1 else _pieces(layout, frame)
     wires = LineCollection(
-        lines,
-        array=0.5 * (stress[segment] + stress[segment + 1]),
+        pieces,
+        array=colour,
         cmap=colours,
         norm=scale,
         linewidths=max(1e3 * layout.diameter * points_per_mm, 0.9),
@@ -72,6 +73,15 @@ def _lines(layout: WireLayout, frame: Frame, position: NDArray[Any], segment: ND
     begin, end = position[segment][:, None], position[segment + 1][:, None]
     between = 1e3 * np.asarray(frame.between, dtype=float)[layout.curve_node[segment], :, :2]
     return np.concatenate([begin, begin + between, end], axis=1)
+
+
+def _pieces(layout: WireLayout, frame: Frame) -> tuple[Any, NDArray[Any]]:
+    """(piece, 2, 2) [mm] the pieces of the curves as they were kept, the lowest first, and the stress of each [MPa]."""
+    drawn, shown = drawn_layout(layout), drawn_frame(layout, frame)
+    position, first = 1e3 * curve_position(drawn, shown), drawn.curve_segment
+    stress = 1e-6 * np.asarray(shown.node_stress, dtype=float)[drawn.curve_node]
+    order = first[np.argsort(position[first, 2] + position[first + 1, 2], kind="stable")]
+    return np.stack([position[order, :2], position[order + 1, :2]], axis=1), 0.5 * (stress[order] + stress[order + 1])
 
 
 def _smooth(position: NDArray[Any], segment: NDArray[Any]) -> NDArray[Any]:
@@ -251,7 +261,8 @@ def _title(frame: Frame, tension: tuple[float, float] | None) -> str:
         load.append(f"shear {100.0 * frame.shear:.4g} %")
     answer = []
     if tension is not None:
-        answer.append(f"tension weft {tension[0]:.3g} N/m, warp {tension[1]:.3g} N/m")
+        scale, unit = scale_of("N/m", np.array(tension))
+        answer.append(f"tension weft {scale * tension[0]:.3g} {unit}, warp {scale * tension[1]:.3g} {unit}")
     if abs(frame.temperature - ROOM) > 0.05:
         answer.append(f"{frame.temperature - 273.15:.4g} °C")
     return "\n".join("   ".join(parts) for parts in (load, answer) if parts)

@@ -31,35 +31,27 @@ def spatial_curve(
 
 
 def site_places(r: SpatialReading) -> np.ndarray:
-    """(site, 3) [m] where the two wires of each site touch, in the middle between them and the mean of several contacts by their
-    force; where they do not, between the nearest points of both. On the first wire as it is drawn, in the first tile."""
+    """(site, 3) [m] where the two wires of each site touch, at the strongest of several contacts, and in the middle between them;
+    where they do not, between the nearest points of both. On the first wire as it is drawn, in the first tile."""
     place = np.full((r.sites.count, 3), np.nan)
     t = r.touching
     site, sign = r.touching_site
     for number in np.unique(site[site != NOWHERE]):
         which = np.flatnonzero(site == number)
-        place[number] = _touched(r, which, sign[which], t.force[which])
+        strongest = int(which[np.argmax(t.force[which])])
+        place[number] = _touched(r, strongest, float(sign[strongest]))
     for number in np.flatnonzero(np.isnan(place[:, 0])):
         place[number] = _nearest(r, number)
     return place
 
 
-def _touched(r: SpatialReading, which: np.ndarray, sign: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """(3,) [m] the mean place of contacts whose first wire is that of the site where `sign` is 1."""
-    t, rods = r.touching, r.mesh.rods
-    own = sign > 0.0
-    node = np.where(own, t.first[which], t.second[which])
-    s = np.where(own, t.place[which, 0], t.place[which, 1])
-    half = 0.5 * (r.length_factor * rods.section.thickness - t.overlap[which])
-    points = r.position[node] + r.curve.offset(node, s) - (sign * half)[:, None] * t.normal[which]
-    # contacts on either side of where a closed wire begins are next to each other
-    closing = np.zeros(3)
-    closing[:2] = r.gradient @ rods.wire_period[rods.wire_of[node[0]], :2]
-    size = float(closing @ closing)
-    if size > 0.0:
-        strongest = points[np.argmax(force)]
-        points = points - np.rint((points - strongest) @ closing / size)[:, None] * closing
-    return np.average(points, axis=0, weights=force)
+def _touched(r: SpatialReading, contact: int, sign: float) -> np.ndarray:
+    """(3,) [m] the place of a contact whose first wire is that of its site where `sign` is 1."""
+    t = r.touching
+    node, s = (t.first, t.place[:, 0]) if sign > 0.0 else (t.second, t.place[:, 1])
+    half = 0.5 * (r.length_factor * r.mesh.rods.section.thickness - t.overlap[contact])
+    own = r.position[node[contact]] + r.curve.offset(node[contact : contact + 1], s[contact : contact + 1])[0]
+    return np.asarray(own - sign * half * t.normal[contact])
 
 
 def _nearest(r: SpatialReading, site: int) -> np.ndarray:
