@@ -83,13 +83,14 @@ class Plan:
     sweep: str
     accuracy: str
     factor: float  # by which steps and time may be off
+    hooked_by: str  # in words, what the number of bodies counts
     exception: str  # in words, what takes longer all the same
     file: WireReport | None = None  # of wires from a file
 
     def as_dict(self) -> dict[str, Any]:
         """What `warpknit plan --json` prints."""
         kept = asdict(replace(self, file=None))
-        for name in ("scene", "device", "available_bytes", "counted", "relaxes", "knit", "sweep", "accuracy"):
+        for name in ("scene", "device", "available_bytes", "counted", "relaxes", "knit", "sweep", "accuracy", "hooked_by"):
             del kept[name]
         for name in ("factor", "exception", "file"):
             del kept[name]
@@ -112,7 +113,7 @@ class Plan:
             mesh = [
                 ("knit", self.knit) if self.knit else ("hook", "two wires, hooked once"),
                 ("mesh", f"{about}{self.nodes:,} nodes on {self.wires:,} wires"),
-                ("contact", f"{about}{self.bodies:,} bodies, {self.pairs:,} pairs"),
+                ("contact", f"{about}{self.bodies:,} {self.hooked_by}"),
             ]
         rows = [
             ("scene", f"{self.scene}, on {self.device}"),
@@ -151,6 +152,7 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         is_ramp = scene.solver.drive == "ramp"
         steps = ramp_steps(scene, mesh.loading_time, mesh.time_step) if is_ramp else relax_steps(scene, mesh.spacing)
         time, factor = wall_time(scene, steps, mesh.nodes), ESTIMATE_FACTOR
+    in_space = isinstance(mesh, SpatialSize)
     return Plan(
         scene=scene.name,
         device=name,
@@ -169,9 +171,10 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         relaxes=scene.solver.drive == "relax",
         knit="" if cloth is None else _repeat(scene, cloth),
         sweep=_sweep(scene, mesh),
-        accuracy=spatial_accuracy(scene) if isinstance(mesh, SpatialSize) else _accuracy(scene),
+        accuracy=spatial_accuracy(scene) if in_space else _accuracy(scene),
         factor=factor,
-        exception=SLOW_LEVELS if isinstance(mesh, SpatialSize) else "",
+        hooked_by="places where wires hook each other" if in_space else f"bodies, {2 * mesh.bodies:,} pairs",
+        exception=SLOW_LEVELS if in_space else "",
         file=file,
     )
 

@@ -95,7 +95,8 @@ class WireContact:
         rest = catmull_rom(rods) if curve is None else curve
         cells = search_cells(rods, rest)
         self.margin, self._radius, self._most_sag, self._cell = cells.margin, cells.radius, cells.most_sag, cells.size
-        self._grid = wp.HashGrid(*map(int, cells.count), device=device)
+        along_x, along_y, along_z = map(int, cells.count)
+        self._grid = wp.HashGrid(along_x, along_y, along_z, device=device)
         self._hash_place = wp.zeros(rods.node_count, dtype=wp.vec3, device=device)
         self._node_wire: wp.array = wp.array(rods.wire_of, dtype=wp.int32, device=device)
         self._node_arc: wp.array = wp.array(rods.arc, dtype=wp.float64, device=device)

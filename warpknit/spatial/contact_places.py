@@ -41,7 +41,7 @@ def site_places(r: SpatialReading) -> np.ndarray:
         strongest = int(which[np.argmax(t.force[which])])
         place[number] = _touched(r, strongest, float(sign[strongest]))
     for number in np.flatnonzero(np.isnan(place[:, 0])):
-        place[number] = _nearest(r, number)
+        place[number] = _nearest(r, int(number))
     return place
 
 

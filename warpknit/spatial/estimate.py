@@ -9,7 +9,6 @@ import math
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -80,7 +79,8 @@ def spatial_steps(scene: Scene) -> int:
         work *= GRIPPED
     if scene.wires is not None:
         work *= FROM_FILE
-    states = sum(_states(scene, stage, before) for before, stage in pairwise((None, *scene.stages)))
+    befores = (None, *scene.stages[:-1])
+    states = sum(_states(scene, stage, before) for stage, before in zip(scene.stages, befores, strict=True))
     return round(states * STEPS_A_LEVEL * work)
 
 
