@@ -141,15 +141,14 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
     most = COUNTED_NODES if scene.model.kind == "planar" else COUNTED_IN_SPACE
     counted = cloth is None or estimated_nodes(scene, cloth) <= most
     mesh: MeshSize | SpatialSize
+    is_ramp = scene.solver.drive == "ramp"
     if scene.model.kind == "spatial":
-        laid_out = cloth is None or counted or scene.solver.drive == "ramp"
-        mesh = _size_in_space(scene, file) if laid_out or cloth is None else _endless_in_space(scene, cloth)
-        is_ramp = scene.solver.drive == "ramp"
+        laid_out = cloth is None or counted or is_ramp
+        mesh = _size_in_space(scene, file) if cloth is None or laid_out else _endless_in_space(scene, cloth)
         steps = ramp_steps(scene, mesh.loading_time, mesh.time_step) if is_ramp else spatial_steps(scene)
         time, factor = spatial_time(steps, mesh), SPATIAL_FACTOR
     else:
         mesh = _count(build_model(scene, "cpu")) if cloth is None or counted else _estimate(scene, cloth)
-        is_ramp = scene.solver.drive == "ramp"
         steps = ramp_steps(scene, mesh.loading_time, mesh.time_step) if is_ramp else relax_steps(scene, mesh.spacing)
         time, factor = wall_time(scene, steps, mesh.nodes), ESTIMATE_FACTOR
     in_space = isinstance(mesh, SpatialSize)
