@@ -10,9 +10,10 @@ from warpknit.model.model import build_model
 from warpknit.model.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
+from warpknit.spatial.drive import SpatialRecord
 from warpknit.spatial.edge import Edge
 from warpknit.spatial.mesh import build_mesh
-from warpknit.spatial.relax import SpatialRecord, SpatialRelaxation
+from warpknit.spatial.relax import SpatialRelaxation
 
 SCENES = Path(__file__).parents[1] / "scenes"
 HEXAGON = ["model.boundary=gripped", "panel.outline=hexagon", "output.frames=1", "solver.residual_tolerance=0.01"]

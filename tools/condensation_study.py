@@ -21,8 +21,9 @@ from warpknit.model.model import build_model
 from warpknit.model.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
+from warpknit.spatial.drive import SpatialRecord
 from warpknit.spatial.mesh import build_mesh
-from warpknit.spatial.relax import SpatialRecord, SpatialRelaxation
+from warpknit.spatial.relax import SpatialRelaxation
 
 SCENES = Path(__file__).parent.parent / "scenes"
 THIN_BODY = "1 nm"  # closes where wires are a diameter apart

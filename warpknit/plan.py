@@ -35,6 +35,7 @@ from .scene import Scene
 from .scene.presets import PRESETS
 from .solve.estimate import ESTIMATE_FACTOR, ramp_steps, relax_steps, wall_time
 from .solve.prolongation import smaller_scene
+from .spatial.drive import CLOSEST
 from .spatial.estimate import (
     HOOK_ENDS,
     SLOW_LEVELS,
@@ -50,7 +51,7 @@ from .spatial.estimate import (
 )
 from .spatial.mesh import build_mesh
 from .spatial.ramp_masses import ramp_numbers
-from .spatial.relax import CLOSEST, SpatialRelaxation
+from .spatial.relax import SpatialRelaxation
 from .text import duration, memory, rounded
 from .wires.report import WireReport, wire_report
 

@@ -15,10 +15,11 @@ from interrupted import assert_parts_are_the_whole
 
 from warpknit.errors import Diverged
 from warpknit.scene import load_scene
+from warpknit.spatial.drive import SpatialRecord
 from warpknit.spatial.mesh import build_mesh
 from warpknit.spatial.ramp import SpatialRamp
 from warpknit.spatial.ramp_masses import ramp_numbers
-from warpknit.spatial.relax import SpatialRecord, SpatialRelaxation
+from warpknit.spatial.relax import SpatialRelaxation
 from warpknit.spatial.step_bound import TWIST_SHARE
 
 SCENES = Path(__file__).parents[2] / "scenes"

@@ -17,13 +17,13 @@ from ..errors import RunDirectoryError
 from ..files import write_aside
 from ..ranks.ranks import Ranks
 from ..solve.simulate import Progress, Simulation
-from ..spatial.relax import SpatialRelaxation
+from ..spatial.drive import SpatialDrive
 
 FILE = Path("checkpoint") / "checkpoint.npz"
 UNUSABLE = (OSError, ValueError, KeyError, zipfile.BadZipFile)
 
 
-def write_checkpoint(directory: Path, simulation: Simulation | SpatialRelaxation, scene_hash: str, wall: float) -> None:
+def write_checkpoint(directory: Path, simulation: Simulation | SpatialDrive, scene_hash: str, wall: float) -> None:
     """Save state, loop memory and progress; `wall` [s] is the time the run has taken so far."""
     ranks = simulation.model.ranks
     turn = ranks.from_first(lambda: 1 - _turn_in_force(directory))
@@ -93,7 +93,7 @@ class Checkpoint:
         self.progress = Progress.from_dict(about["progress"])
         self.wall = float(about["wall_s"])
 
-    def restore(self, simulation: Simulation | SpatialRelaxation) -> None:
+    def restore(self, simulation: Simulation | SpatialDrive) -> None:
         """Put state and memory back; `simulation` was made with this checkpoint's progress."""
         state = {name[6:]: value for name, value in self._arrays.items() if name.startswith("state_")}
         simulation.state.restore(state)

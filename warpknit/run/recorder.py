@@ -20,7 +20,7 @@ from ..knit.cloth import Cloth
 from ..model.model import available_memory
 from ..scene import Scene, resolved_toml
 from ..solve.simulate import Progress, Record, Simulation
-from ..spatial.relax import SpatialRecord, SpatialRelaxation
+from ..spatial.drive import SpatialDrive, SpatialRecord
 from .checkpoint import Checkpoint
 from .history import Row, account_sliding, account_work, read_history, write_history
 from .progress import Progress as Display
@@ -57,7 +57,7 @@ class Recorder(ABC):
 
     def __init__(
         self,
-        simulation: Simulation | SpatialRelaxation,
+        simulation: Simulation | SpatialDrive,
         out: Path,
         display: Display,
         compile_time: float,

@@ -23,9 +23,10 @@ from ..model.state import initial_state
 from ..ranks.ranks import One, Ranks
 from ..scene import Scene
 from ..solve.simulate import Record, Simulation
+from ..spatial.drive import SpatialDrive, SpatialRecord
 from ..spatial.mesh import build_mesh
 from ..spatial.ramp import SpatialRamp
-from ..spatial.relax import SpatialRecord, SpatialRelaxation
+from ..spatial.relax import SpatialRelaxation
 from .checkpoint import Checkpoint, has_checkpoint
 from .history import Row, row_of
 from .panel_report import report_panel
@@ -83,14 +84,14 @@ def run_scene(
             ending = Watch(simulation, out).run(lambda _record: None)
             return Ending(ending.exit_code, {}, ending.message)
         where = (out, progress or Display(), compile_time, checkpoint, hold)
-        if isinstance(simulation, SpatialRelaxation):
+        if isinstance(simulation, SpatialDrive):
             return SpatialRecorder(simulation, *where, judge=judge).run()
         return _PlanarRecorder(simulation.model.whole, simulation, *where, judge=judge).run()
 
 
 def _simulation(
     scene: Scene, device: str, ranks: Ranks, checkpoint: Checkpoint | None
-) -> Simulation | SpatialRelaxation:
+) -> Simulation | SpatialDrive:
     """What runs the scene, from where a checkpoint stands."""
     progress = checkpoint.progress if checkpoint else None
     if scene.model.kind != "spatial":
@@ -123,8 +124,8 @@ def _held(out: Path) -> Iterator[int | None]:
 
 
 def _ready(
-    simulation: Simulation | SpatialRelaxation, checkpoint: Checkpoint | None
-) -> tuple[Simulation | SpatialRelaxation, float]:
+    simulation: Simulation | SpatialDrive, checkpoint: Checkpoint | None
+) -> tuple[Simulation | SpatialDrive, float]:
     """The simulation with its kernels compiled or loaded, and how long that took [s]."""
     begin = time.perf_counter()
     simulation.warm_up()

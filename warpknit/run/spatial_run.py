@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..frame import Frame, WireLayout
-from ..spatial.relax import SpatialRecord, SpatialRelaxation
+from ..spatial.drive import SpatialDrive, SpatialRecord
 from .history import HookRow, Row
 from .recorder import Recorder
 from .spatial_summary import row_of, spatial_summary, stage_summary
@@ -16,9 +16,9 @@ from .summary import Estimate
 class SpatialRecorder(Recorder):
     """Of a mesh in space."""
 
-    simulation: SpatialRelaxation
+    simulation: SpatialDrive
 
-    def __init__(self, simulation: SpatialRelaxation, *where: Any, judge: Callable[[SpatialRecord], Estimate] | None) -> None:
+    def __init__(self, simulation: SpatialDrive, *where: Any, judge: Callable[[SpatialRecord], Estimate] | None) -> None:
         self.judge = judge
         super().__init__(simulation, *where)
 

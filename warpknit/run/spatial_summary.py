@@ -8,10 +8,10 @@ import numpy as np
 
 from ..measure.sliding import wires_slid
 from ..mesh.rim import build_rim
+from ..spatial.drive import SpatialRecord
 from ..spatial.hook_contact import hook_contact
 from ..spatial.mesh import SpatialMesh
 from ..spatial.reading import SpatialReading
-from ..spatial.relax import SpatialRecord
 from .history import Row, hook_row
 from .panel_report import cord_numbers
 from .summary import energy_balance, energy_balance_of_stored, hook_part, kinetic_to_internal, run_summary

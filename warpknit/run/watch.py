@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..errors import Diverged
 from ..solve.simulate import Progress, Record, Simulation
-from ..spatial.relax import SpatialRecord, SpatialRelaxation
+from ..spatial.drive import SpatialDrive, SpatialRecord
 from .checkpoint import write_checkpoint
 from .interrupts import Interrupted, Interrupts
 
@@ -33,7 +33,7 @@ class Watch:
 
     def __init__(
         self,
-        simulation: Simulation | SpatialRelaxation,
+        simulation: Simulation | SpatialDrive,
         out: Path,
         *,
         wall_before: float = 0.0,

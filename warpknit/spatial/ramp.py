@@ -16,16 +16,16 @@ from ..scene import Stage
 from ..solve.drive import Progress
 from ..solve.ramp_stage import RampStage, work_between
 from .clamps import MovingClamps
+from .drive import SpatialDrive, SpatialRecord
 from .mesh import SpatialMesh
 from .ramp_masses import ramp_numbers, step_now
-from .relax import SpatialRecord, SpatialRelaxation
 from .rest import Rest
 from .steadiness import tension_scale
 
 RESERVED = 0.25  # of the margin of a search, kept for what the load itself moves until the next one
 
 
-class SpatialRamp(SpatialRelaxation, RampStage):
+class SpatialRamp(SpatialDrive, RampStage):
     """Runs the stages of a scene in real time; what it shares with a relaxation is its mesh, its contact and its records."""
 
     slower = "solver.loading_time"

@@ -10,7 +10,7 @@ from ..errors import Diverged
 from ..run.summary import Estimate
 from ..scene import Scene
 from ..solve.drive import Record
-from ..spatial.relax import SpatialRecord
+from ..spatial.drive import SpatialRecord
 from .pilot import Pilot, Setting, bound_percent, choose_setting, kind_of
 from .point import found_at, spatial_found
 
