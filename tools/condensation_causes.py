@@ -2,7 +2,7 @@
 
     python tools/condensation_causes.py [--draw]
 
-Writes tools/results/condensation.csv and condensation_clasps.csv in about 7 min of a core, draws docs/images/condensation.png;
+Writes tools/results/condensation.csv and condensation_clasps.csv in about 3 min of a core, draws docs/images/condensation.png;
 with --draw from the tables. On the cell to 20 % both ways, and on a closed tricot to 10 %: the planar model closed at 1.25 and at
 one diameter, wires in space, the same with twist made twenty times as stiff (no twist), and with the knit's heights doubled, so
 that wires cross over and under each other at twice the angle. Clasps are those of the cell in space.
