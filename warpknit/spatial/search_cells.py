@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,8 +41,12 @@ def search_cells(rods: Rods, curve: RestCurve) -> SearchCells:
     radius = longest * (1.0 + 2.0 * most_sag) + 2.0 * float(rods.wire_radius.max()) + margin
     count = np.where(rods.tile > 0, np.floor(rods.tile / radius), FREE_CELLS).astype(int)
     if np.any(count < FEWEST_CELLS):
+        sides = ((rods.tile > 0) & (count < FEWEST_CELLS)).nonzero()[0]
+        needed = FEWEST_CELLS * radius
+        times = " and ".join(f"{math.ceil(needed / rods.tile[k])} times as many {('wales', 'courses')[k]}" for k in sides)
+        size = " and ".join(f"{rods.tile[k]:.3g} m {('wide', 'high')[k]}" for k in sides)
         raise ModelError(
-            f"the periodic tile is {rods.tile[rods.tile > 0].min():.3g} m wide, allowed: {FEWEST_CELLS * radius:.3g} m or more,"
-            " so that no segment meets two copies of another: more repeats, or nodes nearer together"
+            f"the periodic tile is {size}, allowed: {needed:.3g} m or more, so that no segment meets two copies of another:"
+            f" {times} (knit.repeats), or nodes nearer together"
         )
     return SearchCells(margin, most_sag, radius, count, np.where(rods.tile > 0, rods.tile / count, radius))
