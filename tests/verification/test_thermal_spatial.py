@@ -45,6 +45,25 @@ def test_a_wire_that_is_cold_at_one_end_pulls_as_its_mean(softening: float) -> N
     assert rest.tension()[between] == pytest.approx(wanted, rel=1e-4, abs=0)
 
 
+def test_a_wire_that_is_even_again_lets_go_after_a_resume() -> None:
+    """What uneven warmth has brought into the tensions of a wire that is not softened is taken out again once it is gone, also
+    where the run was taken up in between: to 1e-9 of strain."""
+    count = 12
+    points = np.stack([np.arange(count, dtype=float), np.zeros(count), np.zeros(count)], axis=1)
+    rods = rods_of(SECTION, [points]).holding([0, 1, count - 2, count - 1], [0, count - 2])
+    rest = Rest(RodStepper(rods))
+    rest.warm(-1e-3 * np.linspace(0.0, 1.0, count))
+    rest.settle(1e-6 * SECTION.axial_stiffness, strain_tolerance=1e-9)
+    rest.warm(np.zeros(count))
+    other = Rest(RodStepper(rods))
+    other.stepper.state.restore(rest.stepper.state.arrays())
+    other.recall(rest.memory())
+    for one in (rest, other):
+        one.settle(1e-6 * SECTION.axial_stiffness, strain_tolerance=1e-9)
+    assert np.array_equal(other.tension(), rest.tension())
+    assert np.abs(other.tension()).max() < 1e-8 * SECTION.axial_stiffness
+
+
 def pressed() -> SpatialRelaxation:
     """A patch whose wires are so thick that they press, strained affinely and flattened: not at rest."""
     relaxation = SpatialRelaxation(
