@@ -16,7 +16,7 @@ from ..measure.edge_work import EdgeWork
 from ..scene import Stage
 from ..solve.drive import LoadStart, Progress
 from .clamps import MovingClamps
-from .contact import WireContact
+from .contact import STICK_SHARE, WireContact
 from .edge import Edge
 from .mesh import SpatialMesh
 from .reading import SpatialReading, read
@@ -93,6 +93,7 @@ class SpatialDrive:
             self.stepper,
             softening=mesh.softening,
             contact_stiffness=mesh.contact_stiffness,
+            stick_stiffness=STICK_SHARE * mesh.contact_stiffness if self.scene.contact.friction > 0.0 else 0.0,
             curve=mesh.curve,
             clamps=self.clamps,
             multipliers=multipliers,

@@ -46,16 +46,18 @@ class Rest:
         *,
         softening: float = 1.0,
         contact_stiffness: float = 0.0,
+        stick_stiffness: float = 0.0,
         curve: RestCurve | None = None,
         clamps: MovingClamps | None = None,
         multipliers: bool = True,
     ) -> None:
-        """`softening`: true axial stiffness over that of the dynamics; `curve` on which wires touch, Catmull-Rom's where left
-        out; `clamps`: those that move, of the same stepper; `multipliers`: whether they take the softening out again."""
+        """`softening`: true axial stiffness over that of the dynamics; `stick_stiffness` [N/m] of friction; `curve` on which
+        wires touch, Catmull-Rom's where left out; `clamps`: those that move, of the same stepper; `multipliers`: whether they
+        take the softening out again."""
         self.stepper = stepper
         self.clamps = clamps
         self.softening = softening
-        self.contact_stiffness, self.curve = contact_stiffness, curve
+        self.contact_stiffness, self.stick_stiffness, self.curve = contact_stiffness, stick_stiffness, curve
         self.slowest = 0.0  # [1/s] no less damping than this
         rods, state = stepper.rods, stepper.state
         self.has_segment = rods.following >= 0
@@ -94,6 +96,7 @@ class Rest:
             turning=self.turning(),
             tension=float(np.max(self.tension(), initial=0.0)),
             contact_stiffness=self.contact_stiffness,
+            stick_stiffness=self.stick_stiffness,
             curve=self.curve,
         )
         state.node_mass.assign(mass)

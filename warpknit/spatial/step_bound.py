@@ -8,7 +8,8 @@ of stretch, bending and twist. A turn p [rad] at the nodes couples them; it adds
 against its natural curvature, and p^2 GJ/(2 h^3 m) to bending, as a node that moves across turns the frames. Tension adds
 4 T/(h m), contact of a penalty k at most 4 k/m: the curve of a wire puts it on four nodes whose shares squared sum up to one
 at most, on either wire, and two contacts at once may push the same nodes. Where a wire's curve has its shape at rest
-(rest_curve.py), its sections carry parts c of it: the shares may then be more, and 4 k c^2/I adds to twist. Two coupled ones
+(rest_curve.py), its sections carry parts c of it: the shares may then be more, and 4 k c^2/I adds to twist. Friction of a
+stiffness k_t, which acts at the surface, adds 4 k_t r^2/I. Two coupled ones
 w1, w2 make (w1 + w2)/2 + sqrt((w1 - w2)^2/4 + w1 w2 sin^2 p).
 """
 
@@ -81,14 +82,16 @@ def unit_step_masses(
     turning: np.ndarray | float = 0.0,
     tension: float = 0.0,
     contact_stiffness: float = 0.0,
+    stick_stiffness: float = 0.0,
     curve: RestCurve | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Node masses [node] [kg] and spin inertias [node] [kg m2] that are stable at a step of 1 s, with a look-ahead of LOOK_AHEAD.
 
-    A quarter of the largest stiffness is the mass that is just stable; turning [node] [rad] is the angle at each node.
+    A quarter of the largest stiffness is the mass that is just stable; turning [node] [rad] is the angle at each node;
+    stick_stiffness [N/m] that of friction.
     """
     turning = np.minimum(np.asarray(turning) + TURN_ALLOWANCE, STEEPEST)
-    k = _stiffnesses(rods, stretch_stiffness, turning, tension, contact_stiffness, curve)
+    k = _stiffnesses(rods, stretch_stiffness, turning, tension, contact_stiffness, curve, stick_stiffness)
     moved = _coupled(k.stretch, k.bending, k.coupling) + k.beside
     return MASS_MARGIN / 4.0 * moved, MASS_MARGIN / 4.0 / TWIST_SHARE * k.twist
 
@@ -129,6 +132,7 @@ def _stiffnesses(
     tension: float,
     contact_stiffness: float,
     curve: RestCurve | None,
+    stick_stiffness: float = 0.0,
 ) -> _Stiffnesses:
     section = rods.section
     own = np.where(rods.following >= 0, rods.natural_length, np.inf)
@@ -138,12 +142,13 @@ def _stiffnesses(
     bending = 16 * section.bending_stiffness + 0.5 * turn**2 * section.twist_stiffness
     share, lever = (1.0, 0.0) if curve is None else (curve.share, curve.lever)
     contact = np.full(h.shape, 4.0 * contact_stiffness * share)
+    touching = 4.0 * (contact_stiffness * lever**2 + stick_stiffness * float(rods.wire_radius.max()) ** 2)
     # an end has half a node's mass, and one segment and one turn pull at it
     half = np.where((rods.following < 0) | (rods.previous < 0), 0.5, 1.0)
     return _Stiffnesses(
         stretch=half * 4 * axial / h,
         bending=half * bending / h**3,
-        twist=(4 * section.twist_stiffness + turn**2 * section.bending_stiffness) / h + 4 * contact_stiffness * lever**2,
+        twist=(4 * section.twist_stiffness + turn**2 * section.bending_stiffness) / h + touching,
         contact=contact,
         beside=half * 4 * max(tension, 0.0) / h + contact,
         coupling=np.sin(turn) ** 2,
