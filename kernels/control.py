@@ -59,7 +59,8 @@ RAMP_SHARE = wp.constant(42)  # how far the clamps have gone on the way that the
 MULTIPLIER_RATE = wp.constant(43)  # [-] share of what is missing that an update of the multipliers takes (multipliers.py)
 SLOPE_FACTOR = wp.constant(44)  # [1/(N m2)] SLOPE_SHARE/EI (bend.py)
 EVEN_RAMP = wp.constant(45)  # 1: the load moves evenly from step to step, as a ramp is one look of a longer way
-CONTROL_COUNT = 46
+LOAD_STEP = wp.constant(46)  # 4 entries: by how much GRADIENT moved in the last step
+CONTROL_COUNT = 50
 
 STATUS_RUNNING = wp.constant(wp.float64(0.0))
 STATUS_STALE = wp.constant(wp.float64(1.0))
@@ -77,6 +78,8 @@ def smooth_ramp(x: wp.float64) -> wp.float64:
 @wp.func
 def advance_load(control: wp.array(dtype=wp.float64)):
     """Move the deformation gradient and the length factor one step along the ramp."""
+    for k in range(4):
+        control[LOAD_STEP + k] = -control[GRADIENT + k]
     if control[RAMP_STEP] < control[RAMP_STEPS]:
         control[RAMP_STEP] = control[RAMP_STEP] + wp.float64(1.0)
         s = control[RAMP_STEP] / control[RAMP_STEPS]
@@ -85,6 +88,8 @@ def advance_load(control: wp.array(dtype=wp.float64)):
         control[RAMP_SHARE] = s
         for k in range(5):
             control[GRADIENT + k] = control[FROM + k] + s * (control[TO + k] - control[FROM + k])
+    for k in range(4):
+        control[LOAD_STEP + k] = control[LOAD_STEP + k] + control[GRADIENT + k]
 
 
 @wp.func

@@ -6,10 +6,10 @@ r their radii, which grow with temperature as the wires do, and
     N = max(0, k o + c do/dt)                     pushes p along n and q back
     z' = z + dt v_t    T = - k_t z    |T| <= mu N   friction, where z is cut back when it would exceed its limit
 
-v_t is the part across n of the velocity of one surface over the other, spin and tilt of the sections included, where the line
-from p to q is divided as the radii are. T acts there too: on the nodes, and as a couple on the section of the segment. So
-force, moment and power are those of the two surfaces. The sections turn with their segments and spin about them: their couples
-become forces and torques in rod_step.py.
+v_t is the part across n of the velocity of one surface over the other, what the load carries both by included, and spin and tilt
+of the sections, where the line from p to q is divided as the radii are. T acts there too: on the nodes, and as a couple on the
+section of the segment. So force, moment and power are those of the two surfaces. The sections turn with their segments and spin
+about them: their couples become forces and torques in rod_step.py.
 
 A contact belongs to the pair of segments between whose ends it stands. Where the closest point stands at a node and would go on
 beyond it, it counts only where the wires part slowly, as they do side by side or wound round each other, and touch along a line:
@@ -33,7 +33,7 @@ which is none for one that appears, a half where one parts into two, and all onc
 
 import warp as wp
 
-from .control import CONTACT_STIFFNESS, LENGTH_FACTOR, STATUS, STATUS_RUNNING, STEP, TIME_STEP
+from .control import CONTACT_STIFFNESS, LENGTH_FACTOR, LOAD_STEP, STATUS, STATUS_RUNNING, STEP, TIME_STEP
 from .rod_frames import carried
 from .wire_closest import NOT_NEAR, ONE_PLACE, is_kept_at_end
 from .wire_curve import (
@@ -50,7 +50,7 @@ from .wire_curve import (
     slope_at,
     stencil,
 )
-from .wire_pairs import ELSEWHERE
+from .wire_pairs import ELSEWHERE, uncarried
 from .wire_stick import stuck_slip
 
 # of the distance of touching wires: those that part by less within a segment, or within that distance if it is longer, touch
@@ -102,22 +102,38 @@ def add_to_wire(
 
 
 @wp.func
+def load_velocity(carried_place: wp.vec3d, control: wp.array(dtype=wp.float64)) -> wp.vec3d:
+    """[m/s] of what the load carries to a place [m], by the last step: dF F^-1 x/dt."""
+    if control[TIME_STEP] <= wp.float64(0.0):
+        return wp.vec3d()
+    rest = uncarried(carried_place, control)
+    x = control[LOAD_STEP] * rest[0] + control[LOAD_STEP + 1] * rest[1]
+    y = control[LOAD_STEP + 2] * rest[0] + control[LOAD_STEP + 3] * rest[1]
+    return wp.vec3d(x, y, wp.float64(0.0)) / control[TIME_STEP]
+
+
+@wp.func
 def node_velocities(
     i: int,
+    nodes: Nodes,
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
+    control: wp.array(dtype=wp.float64),
+    displacement: wp.array(dtype=wp.vec3d),
     velocity: wp.array(dtype=wp.vec3d),
 ) -> Nodes:
-    """Velocities [m/s] of the four nodes of segment i as rows."""
-    one = velocity[i]
+    """Velocities [m/s] of the four nodes of segment i as rows, what the load carries them by included."""
+    one = velocity[i] + load_velocity(row(nodes, 1) - displacement[i], control)
     after = following[i]
-    two = velocity[after]
+    two = velocity[after] + load_velocity(row(nodes, 2) - displacement[after], control)
     zero = wp.float64(2.0) * one - two
-    if previous[i] >= 0:
-        zero = velocity[previous[i]]
+    before = previous[i]
+    if before >= 0:
+        zero = velocity[before] + load_velocity(row(nodes, 0) - displacement[before], control)
     three = wp.float64(2.0) * two - one
-    if following[after] >= 0:
-        three = velocity[following[after]]
+    third = following[after]
+    if third >= 0:
+        three = velocity[third] + load_velocity(row(nodes, 3) - displacement[third], control)
     return wp.matrix_from_rows(zero, one, two, three)
 
 
@@ -243,6 +259,7 @@ def push_wires_apart(
     length: wp.array(dtype=wp.float64),
     tangent: wp.array(dtype=wp.vec3d),
     director: wp.array(dtype=wp.vec3d),
+    displacement: wp.array(dtype=wp.vec3d),
     velocity: wp.array(dtype=wp.vec3d),
     spin: wp.array(dtype=wp.float64),
     # in and out: what sticks, by whether the step is odd
@@ -348,8 +365,8 @@ def push_wires_apart(
         couple_p = wp.vec3d()
         couple_q = wp.vec3d()
         if damping > zero or friction > zero:
-            velocity_p = node_velocities(i, previous, following, velocity)
-            velocity_q = node_velocities(j, previous, following, velocity)
+            velocity_p = node_velocities(i, p, previous, following, control, displacement, velocity)
+            velocity_q = node_velocities(j, q, previous, following, control, displacement, velocity)
             apart_speed = point_velocity(i, w, velocity_p, levers_p, previous, following, length, tangent, spin)
             apart_speed -= point_velocity(j, v, velocity_q, levers_q, previous, following, length, tangent, spin)
             normal_force = share * wp.max(zero, stiffness * overlap - damping * wp.dot(apart_speed, n))

@@ -140,6 +140,28 @@ def test_friction_is_steady_from_segment_to_segment() -> None:
     assert np.abs(steady - expected).max() < 1e-6 * np.linalg.norm(expected)
 
 
+def test_wires_that_the_load_carries_over_each_other_stick_and_slip() -> None:
+    """A wire has slid along another by a; then the load strains both by e along it, and nothing moves beside that. What the two
+    have at one place are carried from places a/F apart, so they slip by a log(1 + e), to the square of the strain a step."""
+    slid, strain, steps = 10.0, 5e-4, 100
+    rods = rods_of(SECTION, [line([0, 0, 0], [2, 0, 0], 20), line([3.3, -5.2, 0.98], [0.3, 1.7, 0], 8)])
+    stepper = RodStepper(rods.holding(range(28), range(28)))
+    contact = WireContact(stepper, STIFFNESS, friction=0.4)
+    state = stepper.state
+    state.displacement.assign(np.where(np.arange(28)[:, None] < 20, 0.0, [slid, 0.0, 0.0]))
+    stepper.set_time_step(0.01)
+    ramp = {c.FROM: 1.0, c.FROM + 3: 1.0, c.FROM + 4: 1.0, c.TO: 1.0 + strain, c.TO + 3: 1.0, c.TO + 4: 1.0}
+    state.write_control(ramp | {c.RAMP_STEPS: float(steps)})
+    contact.search()
+    contact.advance(steps + 20)
+    stepper.evaluate()
+    expected = [STICK_SHARE * STIFFNESS * slid * np.log(1.0 + strain), 0.0, 0.0]
+    found = contact.near()
+    assert np.linalg.norm(found.friction) < 0.4 * found.force[0]
+    assert np.abs(np.abs(found.friction[0]) - expected).max() < strain * expected[0]
+    assert found.friction[0, 0] < 0.0  # the wire below goes on ahead of the one on it
+
+
 def plies(spacing: float, hardness: float = 1.0, friction: float = 0.0) -> tuple[WireContact, Rest, int]:
     """Two wires wound round each other, pressed into each other by 0.02 d and held at their ends, after 4000 steps towards rest;
     hardness: of contact, over that of bending. And the nodes of each."""
