@@ -189,3 +189,49 @@ def test_a_contact_goes_without_a_jump_while_another_stays(along: float) -> None
     assert np.sort(before.force)[1] > 0.05 * STIFFNESS
     assert np.ptp(before.place[before.force > 0.0, 0]) > 0.1  # and stand apart
     assert np.linalg.norm(push(before) - push(after)) < 5e-3 * np.sort(before.force)[1]
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_pairs_wake_before_they_touch(seed: int) -> None:
+    """Wires on curved rest shapes, too heavy to turn aside, fly through each other while their sections spin: with pairs that
+    sleep until things have travelled far enough, every contact is found in the same step as with pairs that never sleep."""
+    nodes = 14
+    rods, line = line_of(looped, across, nodes=nodes, step=1.2)
+    found = []
+    for is_awake in (False, True):
+        rng = np.random.default_rng(seed)
+        pose, contact = contact_of(rods, line)
+        state = pose.stepper.state
+        state.node_mass.fill_(1e15)
+        state.spin_inertia.fill_(1e15)
+        upper = np.where(np.arange(2 * nodes)[:, None] < nodes, 0.0, [0.0, 0.0, 1.0])
+        state.displacement.assign(1.5 * upper)
+        state.velocity.assign(rng.normal(size=(2 * nodes, 3)) * 0.3 - upper)
+        state.spin.assign(3.0 * rng.normal(size=2 * nodes))
+        pose.stepper.set_time_step(0.005)
+        contact.search()
+        overlaps = []
+        for _ in range(300):
+            if is_awake:
+                contact.wake()
+            contact.advance(1)
+            overlaps.append(contact.near().overlap.max(initial=0.0))
+        found.append(np.array(overlaps))
+    assert (found[1] > 0.0).sum() > 50
+    assert np.array_equal(found[0] > 0.0, found[1] > 0.0)
+    assert found[0] == pytest.approx(found[1], abs=1e-9)
+
+
+def test_wires_that_the_load_brings_together_touch() -> None:
+    """Two wires side by side come together by the load alone, which nothing but the room kept for it tells a sleeping pair."""
+    up = np.arange(6)[:, None] * [0.0, 2.0, 0.0]
+    rods = rods_of(SECTION, [up, up + [1.3, 0.3, 0.0]])
+    pose, contact = contact_of(rods, None)
+    state = pose.stepper.state
+    state.node_mass.fill_(1e15)
+    pose.stepper.set_time_step(0.005)
+    start = {c.FROM: 1.0, c.FROM + 3: 1.0, c.FROM + 4: 1.0, c.RAMP_STEPS: 100.0}
+    state.write_control(start | {c.TO: 0.7, c.TO + 3: 1.0, c.TO + 4: 1.0})
+    contact.expect(0.3)
+    contact.advance(100)
+    assert contact.near().overlap.max(initial=0.0) == pytest.approx(1.0 - 0.7 * 1.3, rel=1e-2, abs=0)
