@@ -168,6 +168,28 @@ def test_two_contacts_become_one_without_a_jump() -> None:
     assert jumps[1] < 0.2 * jumps[0]
 
 
+@pytest.mark.parametrize("share", [0.95, 0.99, 1.01])
+def test_two_contacts_near_each_other_rub_as_what_both_press_with(share: float) -> None:
+    """Drawn along each other by more than the contacts give way: two alike with a saddle between them are rubbed by mu times
+    their forces less that of the saddle, as one of that force would be."""
+    bow, gap, friction, way = 0.8, 0.98, 0.01, 2e-3
+    rods, line = hooked(float(np.arctan(share * np.sqrt(0.5 * bow * gap))), bow, gap)
+    pose = Pose(rods)
+    contact = WireContact(pose.stepper, STIFFNESS, friction=friction, curve=fit_rest_curve(rods, line))
+    state = pose.stepper.state
+    state.node_mass.fill_(1e15)
+    state.spin_inertia.fill_(1e15)
+    state.displacement.assign(np.where(np.arange(12)[:, None] < 6, [-0.5 * way, 0.0, 0.0], 0.0))
+    state.velocity.assign(np.where(np.arange(12)[:, None] < 6, [way, 0.0, 0.0], 0.0))
+    pose.stepper.set_time_step(0.025)
+    contact.search()
+    contact.advance(20)
+    pose.stepper.evaluate()
+    found = contact.near()
+    assert (found.force > 0.0).sum() == (2 if share < 1.0 else 1)
+    assert -found.friction[:, 0].sum() == pytest.approx(friction * found.force.sum(), rel=0.02)
+
+
 @pytest.mark.parametrize("along", [-0.5, 0.0, 0.5])
 def test_a_contact_goes_without_a_jump_while_another_stays(along: float) -> None:
     """Of wires that lean, one closest point meets the saddle of the distance, away from the other point, and both are gone. There
