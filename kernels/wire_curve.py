@@ -136,6 +136,12 @@ def carried_by_sections(shape: Shape, s: wp.float64) -> wp.types.matrix(shape=(3
 
 
 @wp.func
+def lever(levers: wp.types.matrix(shape=(3, 3), dtype=wp.float64), a: int) -> wp.vec3d:
+    """[m] what one of the three sections carries."""
+    return wp.vec3d(levers[a, 0], levers[a, 1], levers[a, 2])
+
+
+@wp.func
 def rise(rows: Powers, a: int) -> wp.vec3d:
     """One of the six rows."""
     return wp.vec3d(rows[a, 0], rows[a, 1], rows[a, 2])

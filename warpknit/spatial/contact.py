@@ -34,7 +34,7 @@ KEPT_OF_NODES = ("start", "count")
 class TouchingPairs:
     """Contacts that carry a force; arrays [contact]. `first` and `second` are nodes that begin the segments.
 
-    A saddle between two contacts of a pair is one of them, with a force below zero (kernels/wire_contact.py).
+    A saddle between two contacts of a pair is one of them, with a force below zero (kernels/wire_shares.py).
     """
 
     first: np.ndarray

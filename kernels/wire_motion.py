@@ -1,0 +1,82 @@
+"""Velocities of the curves of wires: of nodes, the load's own motion included, of sections, and of points between the nodes."""
+
+import warp as wp
+
+from .control import LOAD_STEP, TIME_STEP
+from .wire_curve import Nodes, lever, mixed, row
+from .wire_pairs import uncarried
+
+
+@wp.func
+def load_velocity(carried_place: wp.vec3d, control: wp.array(dtype=wp.float64)) -> wp.vec3d:
+    """[m/s] of what the load carries to a place [m], by the last step: dF F^-1 x/dt."""
+    if control[TIME_STEP] <= wp.float64(0.0):
+        return wp.vec3d()
+    rest = uncarried(carried_place, control)
+    x = control[LOAD_STEP] * rest[0] + control[LOAD_STEP + 1] * rest[1]
+    y = control[LOAD_STEP + 2] * rest[0] + control[LOAD_STEP + 3] * rest[1]
+    return wp.vec3d(x, y, wp.float64(0.0)) / control[TIME_STEP]
+
+
+@wp.func
+def node_velocities(
+    i: int,
+    nodes: Nodes,
+    previous: wp.array(dtype=wp.int32),
+    following: wp.array(dtype=wp.int32),
+    control: wp.array(dtype=wp.float64),
+    displacement: wp.array(dtype=wp.vec3d),
+    velocity: wp.array(dtype=wp.vec3d),
+) -> Nodes:
+    """Velocities [m/s] of the four nodes of segment i as rows, what the load carries them by included."""
+    one = velocity[i] + load_velocity(row(nodes, 1) - displacement[i], control)
+    after = following[i]
+    two = velocity[after] + load_velocity(row(nodes, 2) - displacement[after], control)
+    zero = wp.float64(2.0) * one - two
+    before = previous[i]
+    if before >= 0:
+        zero = velocity[before] + load_velocity(row(nodes, 0) - displacement[before], control)
+    three = wp.float64(2.0) * two - one
+    third = following[after]
+    if third >= 0:
+        three = velocity[third] + load_velocity(row(nodes, 3) - displacement[third], control)
+    return wp.matrix_from_rows(zero, one, two, three)
+
+
+@wp.func
+def section_rate(
+    segment: int,
+    apart: wp.vec3d,
+    length: wp.array(dtype=wp.float64),
+    tangent: wp.array(dtype=wp.vec3d),
+    spin: wp.array(dtype=wp.float64),
+) -> wp.vec3d:
+    """[1/s] at which the section of a segment turns: tilt of the segment and spin about it. `apart` [m/s]: velocity of its second
+    node less that of its first."""
+    return wp.cross(tangent[segment], apart) / length[segment] + spin[segment] * tangent[segment]
+
+
+@wp.func
+def point_velocity(
+    i: int,
+    w: wp.vec4d,
+    nodes: Nodes,
+    levers: wp.types.matrix(shape=(3, 3), dtype=wp.float64),
+    previous: wp.array(dtype=wp.int32),
+    following: wp.array(dtype=wp.int32),
+    length: wp.array(dtype=wp.float64),
+    tangent: wp.array(dtype=wp.vec3d),
+    spin: wp.array(dtype=wp.float64),
+) -> wp.vec3d:
+    """[m/s] of a point of the curve of segment i; `nodes` are velocities."""
+    speed = mixed(w, nodes)
+    before = previous[i]
+    if before >= 0:
+        rate = section_rate(before, row(nodes, 1) - row(nodes, 0), length, tangent, spin)
+        speed += wp.cross(rate, lever(levers, 0))
+    speed += wp.cross(section_rate(i, row(nodes, 2) - row(nodes, 1), length, tangent, spin), lever(levers, 1))
+    after = following[i]
+    if following[after] >= 0:
+        rate = section_rate(after, row(nodes, 3) - row(nodes, 2), length, tangent, spin)
+        speed += wp.cross(rate, lever(levers, 2))
+    return speed
