@@ -1,0 +1,47 @@
+"""Wires of diameter 1 that touch: what tests of contact and of friction share."""
+
+
+import numpy as np
+from verification.rods import SECTION
+
+from warpknit.spatial.contact import STICK_SHARE, WireContact
+from warpknit.spatial.rest import Rest
+from warpknit.spatial.rod_step import RodStepper
+from warpknit.spatial.rods import rods_of
+
+STIFFNESS = 100.0  # [N/m]
+
+
+def line(begin: list[float], way: list[float], nodes: int) -> np.ndarray:
+    """Nodes (nodes, 3) on a straight line, `way` apart."""
+    return np.asarray(begin, dtype=float) + np.arange(nodes)[:, None] * np.asarray(way, dtype=float)
+
+
+def touching(wires: list[np.ndarray], **options: float) -> tuple[RodStepper, WireContact]:
+    """Wires of diameter 1 as they are, with their contacts found."""
+    stepper = RodStepper(rods_of(SECTION, wires))
+    contact = WireContact(stepper, STIFFNESS, **options)
+    contact.search()
+    stepper.evaluate()
+    return stepper, contact
+
+
+def plies(spacing: float, hardness: float = 1.0, friction: float = 0.0) -> tuple[WireContact, Rest, int]:
+    """Two wires wound round each other, pressed into each other by 0.02 d and held at their ends, after 4000 steps towards rest;
+    hardness: of contact, over that of bending. And the nodes of each."""
+    pitch, turns, radius = 10.0, 3.0, 0.49
+    nodes = round(turns * np.hypot(2 * np.pi * radius, pitch) / spacing) + 1
+    angle = np.linspace(0.0, 2 * np.pi * turns, nodes)
+    wires = [np.stack([r * np.cos(angle), r * np.sin(angle), pitch * angle / (2 * np.pi)], axis=1) for r in (radius, -radius)]
+    ends = [0, 1, nodes - 2, nodes - 1]
+    rods = rods_of(SECTION, wires).holding([*ends, *(nodes + e for e in ends)], [0, nodes - 2, nodes, 2 * nodes - 2])
+    stiffness = hardness * 4 * SECTION.bending_stiffness / spacing**3
+    stick = STICK_SHARE * stiffness if friction else 0.0
+    stepper = RodStepper(rods)
+    contact = WireContact(stepper, stiffness, friction=friction)
+    rest = Rest(stepper, softening=max(1.0, 4 * spacing**2), contact_stiffness=stiffness, stick_stiffness=stick)
+    contact.search()
+    for _ in range(80):
+        contact.advance(50)
+        rest.look()
+    return contact, rest, nodes
