@@ -43,6 +43,10 @@ class Wire:
         """Radius of one end without its plating [m]."""
         return self.diameter / 2
 
+    def length_factor(self, temperature: float) -> float:
+        """Length at a temperature [K] over that at the reference temperature."""
+        return 1.0 + self.expansion * (temperature - self.reference_temperature)
+
     @property
     def thickness(self) -> float:
         """Thickness of the yarn where it touches [m]: one wire with its plating, several side by side in the plane of the mesh

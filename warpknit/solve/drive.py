@@ -244,7 +244,7 @@ class Drive(ABC):
         wire = self.scene.wire
         control = self.state.read_control()
         now = control[int(c.GRADIENT) : int(c.GRADIENT) + 5].tolist()
-        factor = 1.0 + wire.expansion * (target.temperature - wire.reference_temperature)
+        factor = wire.length_factor(target.temperature)
         then = [*target.gradient.ravel().tolist(), factor]
         values: dict[int, float] = {int(c.RAMP_STEP): 0.0, int(c.RAMP_STEPS): float(steps)}
         for k in range(5):

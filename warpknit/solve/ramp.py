@@ -52,15 +52,9 @@ class Ramp(Drive, RampStage):
     def _keep(self, stage: Stage, factor: float, *, steady: bool) -> Record:
         return self.record(stage, factor, steady=steady, work=self.progress.work)
 
-    def _watch(self) -> None:
-        self.watch(self.progress)
-
     def _is_steady(self, control: np.ndarray) -> bool:
         self.progress.residual = float(self.steadiness.measure(control, self.look.take(), self.state.wire_axial.numpy()))
         return self._rests()
-
-    def _rests(self) -> bool:
-        return self.progress.residual < self.scene.solver.residual_tolerance
 
     def _renew_step(self, looks: int) -> float:
         self.stepper.evaluate_contact()  # what the contacts push with is not in a checkpoint

@@ -14,13 +14,13 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 
 from ..kernels import control as c
-from ..scene import Stage
+from ..scene import Scene, Stage
 from .drive import CHECK_STEPS, Progress
 
 TENSION_RATE = 60.0  # of the strain that would carry the wanted tension, a loading time
@@ -36,7 +36,9 @@ HOLD_LIMIT = 5.0  # loading times that a ramp is held at the end before it stops
 class RampStage(ABC):
     """Steps a model through a stage; what a model has of its own, those for a model say."""
 
+    scene: Scene
     progress: Progress
+    watch: Callable[[Progress], None]
     loading_time: float  # [s] of a stage
 
     def ramp_records(self, stage: Stage, frames: int) -> Iterator[Any]:
@@ -72,7 +74,7 @@ class RampStage(ABC):
             while recorded < frames - 1 and share * frames >= recorded + 1:
                 recorded += 1
                 yield self._keep(stage, progress.load_factor, steady=False)
-            self._watch()
+            self.watch(progress)
         progress.settling, progress.load_factor = False, 1.0
         yield self._keep(stage, 1.0, steady=self._rests() and self._carries(stage))
 
@@ -130,6 +132,10 @@ class RampStage(ABC):
         near = TENSION_TOLERANCE * np.maximum(np.abs(wanted), 0.01 * self._tension_scale())
         return bool(np.all(~driven | (np.abs(tension - wanted) <= near)))
 
+    def _rests(self) -> bool:
+        """Whether forces balanced and motion had died down at the last look."""
+        return self.progress.residual < self.scene.solver.residual_tolerance
+
     # --- what a model has of its own
 
     @abstractmethod
@@ -172,14 +178,6 @@ class RampStage(ABC):
     @abstractmethod
     def _is_steady(self, control: np.ndarray) -> bool:
         """Whether forces balance and motion has died down; the progress says how near that is."""
-
-    @abstractmethod
-    def _rests(self) -> bool:
-        """The same of the last look."""
-
-    @abstractmethod
-    def _watch(self) -> None:
-        """Call whoever watches."""
 
     @abstractmethod
     def _keep(self, stage: Stage, factor: float, *, steady: bool) -> Any:

@@ -25,6 +25,6 @@ def wire_warmth(model: Model, temperature: float, gradient: tuple[float, float])
     ):
         place = np.stack([table.x[entry], table.y[entry]], axis=1) + panel.block_origin[b] - middle
         excess.append(place @ np.array(gradient))
-    factor = 1.0 + wire.expansion * (temperature - wire.reference_temperature)
+    factor = wire.length_factor(temperature)
     first, last = (wire.expansion * e / factor for e in excess)
     return np.stack([first, (last - first) / (panel.wire_count - 1)], axis=1)

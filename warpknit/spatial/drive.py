@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -49,11 +50,12 @@ class SpatialRecord:
     stations: np.ndarray  # (station, 2) [m] by which the edge is moved beside the load; none where it is not
 
 
-class SpatialDrive:
+class SpatialDrive(ABC):
     """What runs the stages of a scene from where `progress` stands. `watch` is called at every look and may raise to stop the
     run."""
 
     slower: str  # the key that has the load come on more slowly
+    multipliers = True  # whether running multipliers take out the softening
 
     def __init__(
         self,
@@ -87,7 +89,7 @@ class SpatialDrive:
     def state(self) -> RodState:
         return self.stepper.state
 
-    def _rest(self, *, multipliers: bool = True) -> Rest:
+    def _rest(self) -> Rest:
         mesh = self.mesh
         return Rest(
             self.stepper,
@@ -96,7 +98,7 @@ class SpatialDrive:
             stick_stiffness=STICK_SHARE * mesh.contact_stiffness if self.scene.contact.friction > 0.0 else 0.0,
             curve=mesh.curve,
             clamps=self.clamps,
-            multipliers=multipliers,
+            multipliers=self.multipliers,
         )
 
     def _moving_clamps(self) -> MovingClamps | None:
@@ -166,9 +168,9 @@ class SpatialDrive:
             progress.stage_index += 1
             progress.level, progress.start, progress.time = 0, LoadStart(), 0.0
 
+    @abstractmethod
     def _stage(self, stage: Stage) -> Iterator[SpatialRecord]:
         """Records of one stage from where `progress` stands."""
-        raise NotImplementedError
 
     def _load_now(self) -> LoadStart:
         index = self.progress.stage_index
@@ -190,17 +192,17 @@ class SpatialDrive:
         target[np.diag_indices(2)] = np.where(driven, np.diag(measure.stretch(self.state.gradient)), np.diag(target))
         return measure.rotation(-turn - factor * (stage.clamp_rotation - turn)) @ target
 
-    def _temperature(self, stage: Stage) -> float:
-        """[K] at the load factor."""
+    def _temperature(self, stage: Stage, factor: float) -> float:
+        """[K] at a load factor."""
         before = self.progress.start.temperature
-        return before + self.progress.load_factor * (stage.temperature - before)
+        return before + factor * (stage.temperature - before)
 
     def _warmth(self, stage: Stage) -> np.ndarray:
         """[node] of the segments at the load factor (Rest.warm)."""
         index, factor = self.progress.stage_index, self.progress.load_factor
         before = np.array(self.scene.stages[index - 1].temperature_gradient if index else (0.0, 0.0))
         slope = before + factor * (np.array(stage.temperature_gradient) - before)
-        return segment_warmth(self.mesh, self._temperature(stage), slope)
+        return segment_warmth(self.mesh, self._temperature(stage, factor), slope)
 
     def _bring_on(self, gradient: np.ndarray, length_factor: float, steps: int) -> None:
         """Have gradient and length factor move to these over so many steps."""
@@ -226,7 +228,7 @@ class SpatialDrive:
             index=progress.records,
             stage=stage.name,
             load_factor=factor,
-            temperature=self._temperature(stage),
+            temperature=self._temperature(stage, factor),
             steps=progress.steps,
             steady=steady,
             work=progress.work,

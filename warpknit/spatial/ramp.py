@@ -19,7 +19,6 @@ from .clamps import MovingClamps
 from .drive import SpatialDrive, SpatialRecord
 from .mesh import SpatialMesh
 from .ramp_masses import ramp_numbers, step_now
-from .rest import Rest
 from .steadiness import tension_scale
 
 RESERVED = 0.25  # of the margin of a search, kept for what the load itself moves until the next one
@@ -29,6 +28,7 @@ class SpatialRamp(SpatialDrive, RampStage):
     """Runs the stages of a scene in real time; what it shares with a relaxation is its mesh, its contact and its records."""
 
     slower = "solver.loading_time"
+    multipliers = False
 
     def __init__(
         self,
@@ -48,9 +48,6 @@ class SpatialRamp(SpatialDrive, RampStage):
         farthest = 0.5 * float(mesh.rods.wire_radius.min())
         self.state.write_control({c.DRIVE: 1.0, c.SPEED_LIMIT: np.inf, c.STEP_LIMIT: farthest})
         self._searched_at = np.eye(2)  # gradient at the search that room was last kept by
-
-    def _rest(self, *, multipliers: bool = False) -> Rest:
-        return super()._rest(multipliers=multipliers)
 
     def _moving_clamps(self) -> MovingClamps | None:
         wires = self.mesh.wires
@@ -79,12 +76,10 @@ class SpatialRamp(SpatialDrive, RampStage):
     # --- the load
 
     def _aim(self, stage: Stage, factor: float, strain: np.ndarray | None, steps: int, *, evenly: bool) -> None:
-        wire, before = self.scene.wire, self.progress.start.temperature
         gradient = self._gradient(stage, factor)
         if strain is not None:
             gradient[np.diag_indices(2)] = np.where(stage.by_tension, 1.0 + strain, np.diag(gradient))
-        temperature = before + factor * (stage.temperature - before)
-        self._bring_on(gradient, 1.0 + wire.expansion * (temperature - wire.reference_temperature), steps)
+        self._bring_on(gradient, self.scene.wire.length_factor(self._temperature(stage, factor)), steps)
         self.state.write_control({c.EVEN_RAMP: float(evenly)})
 
     def _begin_ramp(self) -> None:
@@ -135,9 +130,3 @@ class SpatialRamp(SpatialDrive, RampStage):
     def _is_steady(self, control: np.ndarray) -> bool:
         self.progress.residual = self.steadiness.unrest()
         return self._rests()
-
-    def _rests(self) -> bool:
-        return self.progress.residual < self.scene.solver.residual_tolerance
-
-    def _watch(self) -> None:
-        self.watch(self.progress)

@@ -9,18 +9,16 @@ by tension is found as there, one steady state after the other.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
 from .. import measure
 from ..errors import Diverged
 from ..scene import Stage
-from ..solve.drive import Progress
 from ..solve.tension import MOST_STATES
 from .drive import CLOSEST, SpatialDrive, SpatialRecord
 from .edge import Edge
-from .mesh import SpatialMesh
 from .rest import CHECK_STEPS
 from .steadiness import AXIAL_ERROR, tension_scale
 
@@ -37,16 +35,7 @@ class SpatialRelaxation(SpatialDrive):
     """Brings every load level of a scene to rest."""
 
     slower = "output.frames"
-
-    def __init__(
-        self,
-        mesh: SpatialMesh,
-        watch: Callable[[Progress], None] = lambda _: None,
-        *,
-        progress: Progress | None = None,
-    ) -> None:
-        super().__init__(mesh, watch, progress=progress)
-        self._before: tuple[np.ndarray, np.ndarray] | None = None  # gradient and displacement of the level before
+    _before: tuple[np.ndarray, np.ndarray] | None = None  # gradient and displacement of the level before
 
     def memory(self) -> dict[str, np.ndarray]:
         kept = super().memory()
@@ -135,8 +124,7 @@ class SpatialRelaxation(SpatialDrive):
 
     def _set_load(self, stage: Stage, gradient: np.ndarray, displacement: np.ndarray) -> None:
         """Have a load come on, from displacements (node, 3) [m]."""
-        wire = self.scene.wire
-        factor = 1.0 + wire.expansion * (self._temperature(stage) - wire.reference_temperature)
+        factor = self.scene.wire.length_factor(self._temperature(stage, self.progress.load_factor))
         self.rest.warm(self._warmth(stage))
         before = self.state.gradient
         self._bring_on(gradient, factor, RAMP_STEPS)

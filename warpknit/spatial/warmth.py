@@ -15,4 +15,4 @@ def segment_warmth(mesh: SpatialMesh, temperature: float, gradient: np.ndarray) 
     wire, panel = mesh.scene.wire, mesh.panel
     middle = mesh.rods.position[:, :2] + 0.5 * mesh.rods.rest_edge[:, :2]
     excess = (middle - (np.asarray(panel.low) + 0.5 * np.asarray(panel.size))) @ gradient
-    return wire.expansion * excess / (1.0 + wire.expansion * (temperature - wire.reference_temperature))
+    return wire.expansion * excess / wire.length_factor(temperature)
