@@ -31,11 +31,11 @@ HOOKED = 0.5  # the same of two hooked wires with as many segments each
 FROM_FILE = 0.7  # the same of wires from a file, by their loop_size
 
 # time [s] of a step on one core
-STEP_TIME = 15e-6  # however few nodes
-NODE_TIME = 0.15e-6
-PAIR_TIME = 0.17e-6  # of two segments that are near each other, most of which sleep
-CLOSE_TIME = 0.5e-6  # more of two that touch or nearly do so, at rest
-SITE_TIME = 2e-6  # of a place of hooking, whose wires touch for some of the levels
+STEP_TIME = 26e-6  # however few nodes
+NODE_TIME = 0.13e-6
+PAIR_TIME = 0.075e-6  # of two segments that are near each other, most of which sleep
+CLOSE_TIME = 0.15e-6  # more of two that touch or nearly do so, at rest
+SITE_TIME = 0.5e-6  # of a place of hooking, whose wires touch for some of the levels
 CLOSE = 0.3  # thicknesses between surfaces
 PAIRS_OF_NODE = 0.45  # pairs of segments near each other: 0.40 and 0.44 on the double atlas, 3.3 on a tight tricot
 
