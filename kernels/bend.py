@@ -50,9 +50,7 @@ BEND_EIGENVALUE = 16.0 * (1.0 + 4.0 * SLOPE_SHARE)  # largest of an even straigh
 
 
 @wp.func
-def slope_moment(
-    before: Any, here: Any, after: Any, length_before: Any, length_after: Any, stiffness: Any, slope_factor: Any
-):
+def slope_moment(before: Any, here: Any, after: Any, length_before: Any, length_after: Any, stiffness: Any, slope_factor: Any):
     """What the slopes of the moment along both segments at a node add to its moment [N m]; a length of 0 for a segment that
     is not between two hinges. stiffness: EI/l [N m] at the rest length; slope_factor: SLOPE_SHARE/EI [1/(N m2)]."""
     return slope_factor * stiffness * (length_before * (here - before) - length_after * (after - here))

@@ -1,6 +1,6 @@
 """What the segments and nodes of the wires carry: tension, strain, turning, moment. Read at records, not in the step.
 
-    stretch energy = (EA/L) (|e| - L)^2 / 2 a segment        bend energy = EI/l (theta - theta0)^2 / 2 a node
+stretch energy = (EA/L) (|e| - L)^2 / 2 a segment        bend energy = EI/l (theta - theta0)^2 / 2 a node
 """
 
 from typing import Any

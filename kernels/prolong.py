@@ -105,9 +105,7 @@ def corner_on_small(m: Meshes, shift: wp.vec2d, column: int, row: int, corner: i
 @wp.func
 def weighed(change: wp.array2d(dtype=wp.float64), i: int, gradient: wp.vec4d) -> wp.float64:
     """What changes within a repeat when it is strained by a gradient (xx, xy, yx, yy)."""
-    return (
-        change[0, i] * gradient[0] + change[1, i] * gradient[1] + change[2, i] * gradient[2] + change[3, i] * gradient[3]
-    )
+    return change[0, i] * gradient[0] + change[1, i] * gradient[1] + change[2, i] * gradient[2] + change[3, i] * gradient[3]
 
 
 @wp.func

@@ -115,9 +115,7 @@ def test_a_stage_takes_over_what_it_leaves_out():
             ],
         }
     ).stages
-    told = [
-        (s.name, s.strain_weft, s.tension_weft, s.strain_warp, s.tension_warp, s.shear, s.temperature) for s in stages
-    ]
+    told = [(s.name, s.strain_weft, s.tension_weft, s.strain_warp, s.tension_warp, s.shear, s.temperature) for s in stages]
     assert told == [
         ("load", 0.1, None, None, 2.0, 0.0, 293.15),
         ("cold", 0.1, None, None, 2.0, 0.0, 83.15),

@@ -54,9 +54,7 @@ def test_a_scene_without_a_sweep_is_refused(tmp_path):
     assert len(done.stderr.splitlines()) == 1 and "sweep: given nothing" in done.stderr
 
 
-@pytest.mark.parametrize(
-    ("setting", "said"), [("solver.drive=ramp", "solver.drive"), ("knit.scatter=0.15", "knit.scatter")]
-)
+@pytest.mark.parametrize(("setting", "said"), [("solver.drive=ramp", "solver.drive"), ("knit.scatter=0.15", "knit.scatter")])
 def test_what_a_map_cannot_do_is_refused(tmp_path, setting, said):
     """A ramp has no steady levels; at seed 3 loops scattered by 15 % hook otherwise than meant."""
     done = make_map(tmp_path / "m", "--set", setting, "--set", "knit.seed=3")

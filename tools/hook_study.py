@@ -156,8 +156,7 @@ def study(nodes: int) -> dict[str, list[Finished]]:
     done["nodes"] = [run("free_body", "nodes_per_loop", n, f"model.nodes_per_loop={n}") for n in (16, 24, 32, 48, 64, 96)]
     for treatment in ("spring_point", "spring_cylinder", "ring"):
         done[treatment] = [
-            run(treatment, "spring_stiffness", k, size, f"contact.spring_stiffness={k:.6g}")
-            for k in np.logspace(-5.5, -0.5, 11)
+            run(treatment, "spring_stiffness", k, size, f"contact.spring_stiffness={k:.6g}") for k in np.logspace(-5.5, -0.5, 11)
         ]
     done["friction_plane"] = [
         run("friction_plane", "plane_friction", mu, size, f"contact.plane_friction={mu:.6g}") for mu in np.logspace(-2, 1, 7)

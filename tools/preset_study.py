@@ -24,7 +24,7 @@ from warpknit.scene.presets import PRESETS
 from warpknit.trade.point import Found, errors_of, run_point, scales_of
 
 TRICOT = '[{chain = "1-0/1-2"}, {chain = "2-3/1-0"}]'
-LEVELS = 'output.frames=5'
+LEVELS = "output.frames=5"
 STRAINS = (0.02, 0.05, 0.08, 0.1, 0.12, 0.15, 0.2, 0.25)
 TRUE_NODES = {"cell": 96, "patch": 80, "hook": 192}  # nodes of what counts as true, a loop or a wire
 TRUE_NODES_WITH_FRICTION = 48

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 # NumPy's threads are worth nothing here: they would take memory and go on spinning on the cores that the steps need
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+
 @click.group(cls=Program, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="warpknit", message="%(prog)s %(version)s")
 @click.pass_context
@@ -91,9 +92,7 @@ def result_options(command: Any) -> Any:
     return command
 
 
-def open_scene(
-    scene: str, overrides: tuple[str, ...], preset: str | None, out: str | None, *, quiet: bool
-) -> tuple[Scene, Path]:
+def open_scene(scene: str, overrides: tuple[str, ...], preset: str | None, out: str | None, *, quiet: bool) -> tuple[Scene, Path]:
     """The scene of a command and where its results go, with the log set up."""
     configure_logging(logging.WARNING if quiet else logging.INFO)
     from warpknit.scene import load_scene

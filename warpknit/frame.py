@@ -230,9 +230,7 @@ def drawn_frame(layout: WireLayout, frame: Frame) -> Frame:
     share = np.arange(layout.curve_parts) / layout.curve_parts
     stress = np.asarray(frame.node_stress)[:, None]
     stress = stress + share * (stress[following] - stress)
-    return replace(
-        frame, node_position=position[kept], node_stress=stress[kept], between=np.zeros((0, 0, 3), dtype=np.float32)
-    )
+    return replace(frame, node_position=position[kept], node_stress=stress[kept], between=np.zeros((0, 0, 3), dtype=np.float32))
 
 
 def curve_position(layout: WireLayout, frame: Frame) -> Floats:

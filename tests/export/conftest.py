@@ -34,9 +34,7 @@ def make_frame(layout: WireLayout) -> Callable[..., Frame]:
         height = step / 40.0 * HEIGHT
         swing = 0.55 * SPACING * np.abs((step / 10.0) % 2.0 - 1.0) * np.where(wire % 2, 1.0, -1.0)
         position = np.stack((SPACING * wire + swing, height, 2e-5 * np.cos(step)), axis=1)
-        body = np.stack(
-            (SPACING * (layout.body_wires[:, 0] + 0.5), np.tile(np.arange(4) * 2e-3 + 1e-3, OPEN_WIRES)), axis=1
-        )
+        body = np.stack((SPACING * (layout.body_wires[:, 0] + 0.5), np.tile(np.arange(4) * 2e-3 + 1e-3, OPEN_WIRES)), axis=1)
         deformation = np.array([[1.0 + strain, shear], [0.0, 1.0 + strain]])
         position[:, :2] = position[:, :2] @ deformation.T
         rank = np.arange(layout.body_count)

@@ -69,8 +69,7 @@ def test_csv(run_dir: Path, layout: WireLayout, make_frame: Callable[..., Frame]
     assert len(names(run_dir, export_run(run_dir, "csv"))) == 8
     frame = make_frame(2)
     contacts, wires = (
-        np.genfromtxt(run_dir / "tables" / f"{name}_000002.csv", delimiter=",", names=True)
-        for name in ("contacts", "wires")
+        np.genfromtxt(run_dir / "tables" / f"{name}_000002.csv", delimiter=",", names=True) for name in ("contacts", "wires")
     )
     assert np.array_equal(contacts["force_a_N"], frame.pair_force[0::2])
     assert np.array_equal(contacts["active"], frame.body_active)
@@ -95,9 +94,7 @@ def test_csv(run_dir: Path, layout: WireLayout, make_frame: Callable[..., Frame]
         (lambda run_dir: (run_dir / "states" / "state_000001.npz").write_bytes(b"spoiled"), "not a saved Frame"),
     ],
 )
-def test_unusable_directory_is_refused_in_one_line(
-    run_dir: Path, spoil: Callable[[Path], object], message: str
-) -> None:
+def test_unusable_directory_is_refused_in_one_line(run_dir: Path, spoil: Callable[[Path], object], message: str) -> None:
     spoil(run_dir)
     with pytest.raises(ExportError, match=message) as caught:
         export_run(run_dir, "usd")

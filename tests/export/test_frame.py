@@ -56,9 +56,7 @@ def test_curves_close_one_deformed_period_on(layout: WireLayout, make_frame: Cal
     frame = make_frame(2, shear=0.03)
     points = curve_position(layout, frame)
     last = layout.wire_count - 1
-    assert np.allclose(
-        points[-1], frame.node_position[layout.wire_start[last]] + [0.03 * 8e-3, 1.04 * 8e-3, 0.0], rtol=1e-14
-    )
+    assert np.allclose(points[-1], frame.node_position[layout.wire_start[last]] + [0.03 * 8e-3, 1.04 * 8e-3, 0.0], rtol=1e-14)
     keep = np.ones(len(points), dtype=bool)
     keep[layout.curve_closing] = False
     assert np.array_equal(points[keep], frame.node_position)

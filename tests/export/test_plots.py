@@ -50,9 +50,7 @@ def check_image(path: Path) -> np.ndarray:
 
 
 @pytest.mark.parametrize("yield_stress", [None, 3e8, 3e9])
-def test_mesh_figure(
-    tmp_path: Path, layout: WireLayout, make_frame: Callable[..., Frame], yield_stress: float | None
-) -> None:
+def test_mesh_figure(tmp_path: Path, layout: WireLayout, make_frame: Callable[..., Frame], yield_stress: float | None) -> None:
     frame = replace(make_frame(4, shear=0.05), temperature=83.15)
     path = mesh_figure.mesh_figure(layout, frame, tmp_path / "mesh.png", yield_stress=yield_stress, tension=(2.0, 2.2))
     image = check_image(path)[..., :3]
@@ -98,16 +96,12 @@ def test_curves_figure_reads_the_file(tmp_path: Path) -> None:
     (tmp_path / "given").mkdir()
     curves_figure.curves_figure(tmp_path / "history.csv", tmp_path / "curves.png")
     curves_figure.curves_figure(history(4), tmp_path / "given" / "curves.png")
-    first, second = (
-        matplotlib.image.imread(path) for path in (tmp_path / "curves.png", tmp_path / "given" / "curves.png")
-    )
+    first, second = (matplotlib.image.imread(path) for path in (tmp_path / "curves.png", tmp_path / "given" / "curves.png"))
     assert np.array_equal(first, second)
 
 
 def test_unrecorded_columns_are_said(tmp_path: Path) -> None:
-    rows = [
-        {"index": index, "strain_weft": 0.01 * index, "strain_warp": 0.0, "residual": math.nan} for index in range(3)
-    ]
+    rows = [{"index": index, "strain_weft": 0.01 * index, "strain_warp": 0.0, "residual": math.nan} for index in range(3)]
     check_image(curves_figure.curves_figure(rows, tmp_path / "curves.png"))
 
 

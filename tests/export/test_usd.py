@@ -17,9 +17,7 @@ REACH = 10e-3  # [m]  no point lies farther from the middle of its tile
 FRAMES = (0, 1, 2, 4)
 
 
-def write(
-    directory: Path, layout: WireLayout, frames: list[Frame], *, close: bool = True, **options: object
-) -> StageWriter:
+def write(directory: Path, layout: WireLayout, frames: list[Frame], *, close: bool = True, **options: object) -> StageWriter:
     writer = StageWriter(directory, layout, scene_name="zigzag", scene_hash="0123abcd", version="1.0", **options)
     for frame in frames:
         writer.add_frame(frame)
@@ -95,9 +93,7 @@ def test_validators_report_no_error(
 
 
 @pytest.mark.parametrize("points_per_tile", [500_000, 100])
-def test_read_back_equals_what_was_given(
-    tmp_path: Path, layout: WireLayout, frames: list[Frame], points_per_tile: int
-) -> None:
+def test_read_back_equals_what_was_given(tmp_path: Path, layout: WireLayout, frames: list[Frame], points_per_tile: int) -> None:
     writer = write(tmp_path, layout, frames, points_per_tile=points_per_tile)
     stage = Usd.Stage.Open(str(writer.path))
     assert (len(prims(stage, UsdGeom.BasisCurves)) > 1) == (points_per_tile == 100)
@@ -158,9 +154,7 @@ def test_between_frames_points_move_and_states_hold(stage: Usd.Stage, layout: Wi
     assert np.array_equal(primvar(contacts, "warpknit:active", 2.0), after.body_active)
 
 
-def test_where_a_frame_is_left_out_the_one_before_stands_still(
-    stage: Usd.Stage, layout: WireLayout, frames: list[Frame]
-) -> None:
+def test_where_a_frame_is_left_out_the_one_before_stands_still(stage: Usd.Stage, layout: WireLayout, frames: list[Frame]) -> None:
     (wires,) = prims(stage, UsdGeom.BasisCurves)
     for time, frame in ((2.5, frames[2]), (3.0, frames[2]), (3.99, frames[2]), (4.0, frames[3])):
         expected = curve_position(layout, frame)
@@ -236,9 +230,7 @@ def test_stage_can_be_moved(tmp_path: Path, layout: WireLayout, frames: list[Fra
 
 
 @pytest.mark.parametrize("name", ["node_position", "node_stress", "body_position", "pair_force", "strain_weft"])
-def test_nothing_but_finite_numbers_is_written(
-    tmp_path: Path, layout: WireLayout, frames: list[Frame], name: str
-) -> None:
+def test_nothing_but_finite_numbers_is_written(tmp_path: Path, layout: WireLayout, frames: list[Frame], name: str) -> None:
     value = np.array(getattr(frames[0], name), copy=True)
     value.ravel()[-1:] = np.nan
     writer = StageWriter(tmp_path, layout, scene_name="zigzag", scene_hash="0", version="1.0")

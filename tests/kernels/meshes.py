@@ -86,10 +86,7 @@ def node_forces(mesh: Mesh, probe: ForceProbe) -> np.ndarray:
     probe.evaluate()
     panel = mesh.model.panel
     per_wire = mesh.state.wire_mass.numpy().astype(float)
-    mass = (
-        np.repeat(per_wire, panel.wire_count)
-        / mesh.model.rest.inverse_mass.numpy().astype(float)[node_entries(mesh.model)]
-    )
+    mass = np.repeat(per_wire, panel.wire_count) / mesh.model.rest.inverse_mass.numpy().astype(float)[node_entries(mesh.model)]
     acceleration = np.stack([probe.acceleration_x.numpy(), probe.acceleration_y.numpy()], axis=1).astype(float)
     return acceleration * mass[:, None]
 

@@ -28,9 +28,7 @@ def distances(mesh: Mesh, pair: int) -> tuple[np.ndarray, np.ndarray]:
     node = first + np.mod(panel.pair_seed[pair] + place - first, count)
     entry = panel.pair_table[pair] + place
     body = panel.body_rest[pair // 2] - panel.pair_shift[pair]
-    offset = (
-        (body - np.stack([table.x[entry], table.y[entry]], axis=1)) @ r.gradient.T + r.body_u[pair // 2] - r.u[node]
-    )
+    offset = (body - np.stack([table.x[entry], table.y[entry]], axis=1)) @ r.gradient.T + r.body_u[pair // 2] - r.u[node]
     return place, np.hypot(offset[:, 0], offset[:, 1])
 
 

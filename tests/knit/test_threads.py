@@ -153,9 +153,7 @@ def body_of(knitted, k):
     if len(gap):
         cut = gap[0] + 1
         points = np.concatenate([points[cut:] - [0.0, knitted.size[1], 0.0], points[:cut]])
-    elif len(index) == len(
-        thread.points
-    ):  # one course: the stitch is the whole period, from the middle of its underlap
+    elif len(index) == len(thread.points):  # one course: the stitch is the whole period, from the middle of its underlap
         first = int(np.argmin(np.abs(points[:, 1] - points[:, 1].min())))
         points = np.concatenate([points[first:], points[:first] + [0.0, knitted.size[1], 0.0]])
     return points

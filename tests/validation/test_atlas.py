@@ -153,7 +153,8 @@ def _longer_than_chords(r: measure.Reading, strained: bool = True) -> np.ndarray
 
 def test_unloading_gives_the_mesh_back() -> None:
     """Without friction and yield the state depends on the load alone: stretched and released, nothing is left."""
-    model = build_model(_with_path("""
+    model = build_model(
+        _with_path("""
 [load]
 strain_weft = 0.12
 strain_warp = 0.12
@@ -161,7 +162,8 @@ strain_warp = 0.12
 name = "unload"
 strain_weft = 0.0
 strain_warp = 0.0
-"""))
+""")
+    )
     run = list(Simulation(model, initial_state(model)).run())
     loaded = next(r for r in run if r.stage == "load" and r.load_factor == 1.0)
     stored = measure.energies(loaded.reading).stored

@@ -151,9 +151,7 @@ def test_damping_takes_out_what_it_says() -> None:
     rig.set_velocity(np.full_like(rig.rest, 0.3))
     rig.step(steps)
     speed = rig.velocity()
-    assert speed == pytest.approx(
-        np.full_like(speed, 0.3 * ((1 - q) / (1 + q)) ** steps), rel=100 * steps * EPSILON, abs=0
-    )
+    assert speed == pytest.approx(np.full_like(speed, 0.3 * ((1 - q) / (1 + q)) ** steps), rel=100 * steps * EPSILON, abs=0)
     assert speed[0, 0] == pytest.approx(0.3 * np.exp(-2 * q * steps), rel=1.01 * steps * (2 * q) ** 3 / 12, abs=0)
     lost = np.sum(rig.mass) * (0.3**2 - speed[0, 0] ** 2)
     dissipated = rig.state.read_control()[int(c.DISSIPATED)]

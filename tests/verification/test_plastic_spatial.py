@@ -1,8 +1,8 @@
 """Yield in bending of wires in space: radial return of the moment vector, bilinear with kinematic hardening.
 
-    pure bending by a turn t at a node, y at yield, k = EI/l, h the share of stiffness kept:
-        M = k (y + h (t - y))       stays: p = (1 - h)(t - y)       let go, the wire turns back to p
-    the law does not know in which direction of the section a wire is bent; in one plane it is that of the planar model
+pure bending by a turn t at a node, y at yield, k = EI/l, h the share of stiffness kept:
+    M = k (y + h (t - y))       stays: p = (1 - h)(t - y)       let go, the wire turns back to p
+the law does not know in which direction of the section a wire is bent; in one plane it is that of the planar model
 """
 
 from __future__ import annotations

@@ -37,9 +37,7 @@ def test_creep_is_not_lost() -> None:
     segments, length = 20, 1e-3
     table = table_of_wires([straight(segments + 1, length / segments) + [1.0, 1.0]])
     softening = (2 * length / segments / DIAMETER) ** 2
-    rig = Rig(
-        table, panel_of_wires(table, held=[0, segments]), precision="single", axial_softening=softening
-    )
+    rig = Rig(table, panel_of_wires(table, held=[0, segments]), precision="single", axial_softening=softening)
     wire = rig.model.scene.wire
     shape = np.sin(np.pi * np.arange(segments + 1) / segments)
     start = 0.1 * DIAMETER

@@ -1,7 +1,7 @@
 """The bound on the highest frequency against closed forms and against the stiffness matrix itself.
 
-    straight wire of even nodes:  w^2 = 4 K/(h m), or 80/3 EI/(h^3 m) where that is more
-    any mesh:                     largest eigenvalue of M^-1 K <= bound
+straight wire of even nodes:  w^2 = 4 K/(h m), or 80/3 EI/(h^3 m) where that is more
+any mesh:                     largest eigenvalue of M^-1 K <= bound
 """
 
 import numpy as np

@@ -1,8 +1,8 @@
 """Heat in space: uniform, by the length factor of the wires, and uneven, by lengths of their own.
 
-    straight wire between two grips, segments with warmth w:    T = EA (1/mean(1 + w) - 1)
-    everything f times as large, wires heated by as much:       overlaps f times as large, bending forces 1/f^2
-    any state:                                                  the thermal force is the derivative of the energy by f
+straight wire between two grips, segments with warmth w:    T = EA (1/mean(1 + w) - 1)
+everything f times as large, wires heated by as much:       overlaps f times as large, bending forces 1/f^2
+any state:                                                  the thermal force is the derivative of the energy by f
 """
 
 from __future__ import annotations

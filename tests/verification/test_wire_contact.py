@@ -1,6 +1,5 @@
 """Contact between round wires: forces, which pairs are found, and that nothing passes through."""
 
-
 import numpy as np
 import pytest
 from verification.rods import SECTION

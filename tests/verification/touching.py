@@ -1,6 +1,5 @@
 """Wires of diameter 1 that touch: what tests of contact and of friction share."""
 
-
 import numpy as np
 from verification.rods import SECTION
 

@@ -39,9 +39,7 @@ def scene_with(**solver: object) -> Scene:
     )
 
 
-def table_of_wires(
-    shapes: Sequence[np.ndarray], closed: bool = False, natural: Sequence[np.ndarray] | None = None
-) -> Table:
+def table_of_wires(shapes: Sequence[np.ndarray], closed: bool = False, natural: Sequence[np.ndarray] | None = None) -> Table:
     """Table with one thread a wire; `shapes` are node positions (n, 2) [m]. A closed wire returns to its first node.
 
     `natural` gives the stress-free shapes where they differ from the ones to start from (same number of nodes). The
@@ -167,9 +165,7 @@ def circle(radius: float, nodes: int) -> np.ndarray:
 class Rig:
     """A mesh made by hand and its state, undamped and unwatched unless a test says otherwise."""
 
-    def __init__(
-        self, table: Table, panel: Panel, device: str = "cpu", *, by_node: bool | None = None, **solver: object
-    ) -> None:
+    def __init__(self, table: Table, panel: Panel, device: str = "cpu", *, by_node: bool | None = None, **solver: object) -> None:
         self.model = model_of_wires(table, panel, device, **solver)
         self.state = initial_state(self.model)
         self.stepper = Stepper(self.model, self.state, by_node=by_node)

@@ -111,9 +111,7 @@ def _draw_curves(
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def _abscissa(
-    columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[str, slice]], count: int
-) -> tuple[NDArray[Any], str]:
+def _abscissa(columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[str, slice]], count: int) -> tuple[NDArray[Any], str]:
     """What varies in a run: strain if it does in each stage, else the way along the stages.
 
     In a single stage without strain: shear, temperature, the load factor, or the number of the record.

@@ -77,14 +77,10 @@ def knit_figure(cloth: Cloth, diameter: float, path: str | os.PathLike[str], col
         axis.set_major_locator(MaxNLocator(8, steps=[1, 2, 5, 10]))
     axes.set_xlabel("weft [mm]")
     axes.set_ylabel("warp [mm]")
-    axes.set_title(
-        f"{columns} x {rows} repeats of {cloth.wales} x {cloth.courses} stitches (wales x courses)", fontsize="medium"
-    )
+    axes.set_title(f"{columns} x {rows} repeats of {cloth.wales} x {cloth.courses} stitches (wales x courses)", fontsize="medium")
     note = f"a repeat has {len(cloth.clasps)} bodies\n{cloth.stitch_length * MM:.2f} mm of wire a loop"
     handles.append(Patch(facecolor="none", edgecolor="none", label=note))
-    figure.legend(
-        handles=handles, loc="upper left", bbox_to_anchor=(1.0 - RIGHT / total[0], 1.0 - TOP / total[1]), frameon=False
-    )
+    figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0 - RIGHT / total[0], 1.0 - TOP / total[1]), frameon=False)
     with path_aside(path) as aside:
         figure.savefig(aside, dpi=DOTS_PER_INCH, format="png")
     return Path(path)
@@ -129,8 +125,4 @@ def _visible_pieces(cloth: Cloth, number: int, cut: float) -> list[NDArray[np.fl
     if len(cuts) == 0:
         return [thread.stretch(0.0, thread.length, cloth.size[1])[:, :2]]
     starts, ends = cuts + cut, np.append(cuts[1:], cuts[0] + thread.length) - cut
-    return [
-        thread.stretch(a, b, cloth.size[1])[:, :2]
-        for a, b in zip(starts, ends, strict=True)
-        if b - a > 2.0 * thread.spacing
-    ]
+    return [thread.stretch(a, b, cloth.size[1])[:, :2] for a, b in zip(starts, ends, strict=True) if b - a > 2.0 * thread.spacing]

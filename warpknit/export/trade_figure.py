@@ -32,9 +32,7 @@ class Mark:
     label: str  # of a preset
 
 
-def trade_figure(
-    path: str | os.PathLike[str], marks: Sequence[Mark], own: tuple[float, ...], *, title: str
-) -> Path:
+def trade_figure(path: str | os.PathLike[str], marks: Sequence[Mark], own: tuple[float, ...], *, title: str) -> Path:
     """Draw error over cost, both logarithmic; `own`: errors of the reference itself, below which nothing can be told."""
     figure = figure_of(10.0, 8.0)
     axes = figure.subplots(2, 2, sharex=True).ravel()

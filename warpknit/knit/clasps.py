@@ -66,9 +66,7 @@ class Lens:
         return self.side, self.side if self.opposed else -self.side
 
 
-def find_lenses(
-    threads: Sequence[Thread], crossings: Crossings, size: NDArray[np.float64], stitch_length: float
-) -> list[Lens]:
+def find_lenses(threads: Sequence[Thread], crossings: Crossings, size: NDArray[np.float64], stitch_length: float) -> list[Lens]:
     """All hooked lenses of one repeat; stitch_length: mean wire length of a stitch [m]."""
     lengths = np.array([t.length for t in threads])
     limit = ARC_LIMIT * stitch_length
@@ -98,9 +96,7 @@ def find_lenses(
                 outline = _outline(threads, (first, second), column, low, high, opposed, size)
                 if polygon_area(outline) * side > 0.0:
                     corners = (int(member[p]), int(member[q % len(member)]))
-                    lenses.append(
-                        Lens((int(first), int(second)), int(column), low, high, side, opposed, outline, corners)
-                    )
+                    lenses.append(Lens((int(first), int(second)), int(column), low, high, side, opposed, outline, corners))
     return _tightest(lenses)
 
 
@@ -130,9 +126,7 @@ def _outline(
     return np.concatenate([along[:-1], back[:-1] if opposed else back[:0:-1]])
 
 
-def make_clasps(
-    threads: Sequence[Thread], lenses: Sequence[Lens], size: NDArray[np.float64], merge: bool
-) -> tuple[Clasp, ...]:
+def make_clasps(threads: Sequence[Thread], lenses: Sequence[Lens], size: NDArray[np.float64], merge: bool) -> tuple[Clasp, ...]:
     """One clasp a lens, or one a bunch of nested lenses, ordered by position from bottom to top and left to right."""
     bunches = _bunches(threads, lenses, size) if merge else [[lens] for lens in lenses]
     clasps = [_clasp(threads, bunch, size) for bunch in bunches]
@@ -175,9 +169,7 @@ def _moved(lens: Lens, row: int, threads: Sequence[Thread], size: NDArray[np.flo
     """The copy of a lens `row` repeats up."""
     shift = row * np.array([threads[t].length for t in lens.thread])
     outline = lens.outline + [0.0, row * size[1]]
-    return Lens(
-        lens.thread, lens.column, lens.low + shift, lens.high + shift, lens.side, lens.opposed, outline, lens.corners
-    )
+    return Lens(lens.thread, lens.column, lens.low + shift, lens.high + shift, lens.side, lens.opposed, outline, lens.corners)
 
 
 def _gap(lens: Lens, other: Lens) -> float | None:
@@ -221,14 +213,10 @@ def _joined(low: float, high: float, stretches: list[tuple[float, float]]) -> tu
     return float(low), float(high)
 
 
-def _nearest(
-    thread: Thread, low: float, high: float, point: NDArray[np.float64], height: float
-) -> tuple[float, int, float]:
+def _nearest(thread: Thread, low: float, high: float, point: NDArray[np.float64], height: float) -> tuple[float, int, float]:
     """Arc [m] of the point of a stretch nearest to `point`, the side on which `point` lies, its distance [m]."""
     line = thread.stretch(low, high, height)[:, :2]
-    arcs = np.concatenate(
-        [[low], (np.floor(low / thread.spacing) + 1 + np.arange(len(line) - 2)) * thread.spacing, [high]]
-    )
+    arcs = np.concatenate([[low], (np.floor(low / thread.spacing) + 1 + np.arange(len(line) - 2)) * thread.spacing, [high]])
     direction = np.diff(line, axis=0)
     length = np.maximum(np.hypot(direction[:, 0], direction[:, 1]), 1e-300)
     along = np.clip(np.sum((point - line[:-1]) * direction, axis=1) / length**2, 0.0, 1.0)

@@ -73,8 +73,7 @@ def knit_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tup
     frame = LoopFrame(shape, proportions, wale, course, diameter, layers, scattered, lapping.courses)
     frame.check()
     threads = tuple(
-        thread_line(number * lapping.courses, stitches, lapping.courses, frame)
-        for number, stitches in enumerate(lapping.threads)
+        thread_line(number * lapping.courses, stitches, lapping.courses, frame) for number, stitches in enumerate(lapping.threads)
     )
     size = np.array([lapping.wales * wale, lapping.courses * course])
     crossings = find_crossings(threads, size)

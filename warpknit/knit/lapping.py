@@ -23,9 +23,7 @@ class Stitch:
 
     thread: int
     course: int
-    needle: (
-        int  # needle in the thread's own copy, may lie outside 0..wales - 1; for an inlay: the needle right of the gap
-    )
+    needle: int  # needle in the thread's own copy, may lie outside 0..wales - 1; for an inlay: the needle right of the gap
     bar: int
     kind: Kind
     direction: int  # of the overlap: +1 towards larger needle numbers, -1 towards smaller, 0 inlay

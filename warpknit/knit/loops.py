@@ -82,9 +82,7 @@ def loop_shape(lapping: Lapping, proportions: LoopProportions) -> Shape:
     """
     if proportions.shape != "auto":
         if proportions.shape == "circular-oval" and any(s.kind == "inlay" or s.layer for s in lapping.stitches):
-            raise KnitError(
-                "knit.loop.shape", "circular-oval", "one loop on each needle and course; 'general' otherwise"
-            )
+            raise KnitError("knit.loop.shape", "circular-oval", "one loop on each needle and course; 'general' otherwise")
         return proportions.shape  # type: ignore[return-value]
     if lapping.bars != 2 or any(s.kind == "inlay" or s.layer for s in lapping.stitches):
         return "general"

@@ -132,9 +132,7 @@ class _Edges:
         step = thread.spacing
         sample = np.arange(int(self.arc[e] // step), int(high // step) + 1)
         period, within = np.divmod(sample, len(thread.points))
-        copies = {
-            (int(s), int(frame[0]), int(frame[1] + p)) for s, p in zip(thread.stitch[within], period, strict=True)
-        }
+        copies = {(int(s), int(frame[0]), int(frame[1] + p)) for s, p in zip(thread.stitch[within], period, strict=True)}
         return (line[:0:-1] if backward else line[:-1]), copies
 
 

@@ -31,9 +31,7 @@ def no_clamps(wires: int) -> Grips:
     return Grips(np.zeros(0, int), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((wires, 2, clamp.CLAMP_NUMBERS)))
 
 
-def clamps(
-    cloth: Cloth, table: Table, strands: Strands, used: np.ndarray, first: np.ndarray, set_fraction: float
-) -> Grips:
+def clamps(cloth: Cloth, table: Table, strands: Strands, used: np.ndarray, first: np.ndarray, set_fraction: float) -> Grips:
     """The clamps of the wires that are kept; see kernels/clamp.py for their numbers."""
     thread, begin, count = strands.thread[used], strands.begin[used], strands.count[used]
     spacing = table.spacing[thread]

@@ -114,8 +114,7 @@ def _place_bodies(cloth: Cloth, table: Table, strands: Strands, slack: float, cl
     reach_low = np.floor((arc_low - slack) / h).astype(np.int64) - seed
     reach_high = np.ceil((arc_high + slack) / h).astype(np.int64) - 1 - seed
 
-    clasp, column, row = (a.ravel() for a in np.meshgrid(
-        np.arange(len(thread)), strands.columns, strands.rows, indexing="ij"))
+    clasp, column, row = (a.ravel() for a in np.meshgrid(np.arange(len(thread)), strands.columns, strands.rows, indexing="ij"))
     order = np.lexsort((clasp, row, column))  # neighbours in the mesh are neighbours in memory
     clasp, column, row = clasp[order], column[order], row[order]
     t = thread[clasp]
@@ -233,9 +232,7 @@ def build_panel(
         block_count=_as32(block_high - block_low),
         block_table=_as32(table.start[thread[block_wire]] + np.mod(block_node, block_n)),
         block_wire=_as32(block_wire),
-        block_origin=np.stack(
-            [column[block_wire] * repeat[0], np.floor_divide(block_node, block_n) * repeat[1]], axis=1
-        ),
+        block_origin=np.stack([column[block_wire] * repeat[0], np.floor_divide(block_node, block_n) * repeat[1]], axis=1),
         body_clasp=_as32(bodies.clasp),
         body_rest=np.array([c.position for c in cloth.clasps]).reshape(-1, 2)[bodies.clasp],
         body_origin=np.stack([bodies.column * repeat[0], bodies.row * repeat[1]], axis=1),
@@ -259,9 +256,7 @@ def _as32(a: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(a, dtype=np.int32)
 
 
-def _central_rhombus(
-    cloth: Cloth, bodies: _Bodies, strands: Strands, middle: np.ndarray, repeat: np.ndarray
-) -> np.ndarray:
+def _central_rhombus(cloth: Cloth, bodies: _Bodies, strands: Strands, middle: np.ndarray, repeat: np.ndarray) -> np.ndarray:
     """Bodies (k,) round the complete opening whose centre is nearest to `middle` (2,) [m]; empty where none is complete."""
     if cloth.rhombus is None:
         return np.zeros(0, dtype=np.int64)

@@ -130,9 +130,7 @@ def _angle_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], np.sum(a * b, axis=1))
 
 
-def _fit_rest_curve(
-    centre_line: Callable[[np.ndarray], np.ndarray], nodes: int, spacing: float
-) -> tuple[np.ndarray, float]:
+def _fit_rest_curve(centre_line: Callable[[np.ndarray], np.ndarray], nodes: int, spacing: float) -> tuple[np.ndarray, float]:
     """Coefficients (nodes, CURVE_COEFFICIENTS) [-] of the rest curve of a period, and the largest miss [m] across it.
 
     The slope at the nodes is that of the centre line; what is missed between them is fitted at Gauss points, across the line

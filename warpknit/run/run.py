@@ -89,9 +89,7 @@ def run_scene(
         return _PlanarRecorder(simulation.model.whole, simulation, *where, judge=judge).run()
 
 
-def _simulation(
-    scene: Scene, device: str, ranks: Ranks, checkpoint: Checkpoint | None
-) -> Simulation | SpatialDrive:
+def _simulation(scene: Scene, device: str, ranks: Ranks, checkpoint: Checkpoint | None) -> Simulation | SpatialDrive:
     """What runs the scene, from where a checkpoint stands."""
     progress = checkpoint.progress if checkpoint else None
     if scene.model.kind != "spatial":
@@ -123,9 +121,7 @@ def _held(out: Path) -> Iterator[int | None]:
         yield hold
 
 
-def _ready(
-    simulation: Simulation | SpatialDrive, checkpoint: Checkpoint | None
-) -> tuple[Simulation | SpatialDrive, float]:
+def _ready(simulation: Simulation | SpatialDrive, checkpoint: Checkpoint | None) -> tuple[Simulation | SpatialDrive, float]:
     """The simulation with its kernels compiled or loaded, and how long that took [s]."""
     begin = time.perf_counter()
     simulation.warm_up()

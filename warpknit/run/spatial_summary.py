@@ -75,53 +75,57 @@ def stage_summary(record: SpatialRecord, rows: list[Row]) -> dict[str, Any]:
     stress = r.stress
     force = r.site_force[r.site_active]
     balance = energy_balance(rows, mesh)  # type: ignore[arg-type]
-    return hook_part(rows[-1]) | _panel_part(record) | {
-        "name": record.stage,
-        "quality": {
-            "kinetic_to_internal": kinetic_to_internal(rows, mesh),  # type: ignore[arg-type]
-            "energy_balance": balance,
-            "energy_balance_of_stored": energy_balance_of_stored(rows, mesh),  # type: ignore[arg-type]
-            "residual": r.residual,
-            "membrane_left_out": 0.0,
-            "penetration_max": max(row.penetration for row in rows),
-        },
-        "contacts": {
-            **_counts(r, np.arange(r.sites.count)),
-            "at_reach_end": 0,
-            "force_max_N": float(force.max(initial=0.0)),
-            "force_mean_N": float(force.mean()) if len(force) else 0.0,
-            "threshold_N": r.threshold,
-            "near_bodies": int(r.site_near.sum()),
-            "near_percent": _percent(r.site_near),
-            "elsewhere": len(r.elsewhere),
-            "elsewhere_force_max_N": float(r.elsewhere.max(initial=0.0)),
-            "central_rhombus": _counts(r, panel.rhombus_bodies),
-        },
-        "wire": {
-            "stress_max_Pa": float(stress.max()),
-            "stress_p99_Pa": float(np.percentile(stress, 99)),
-            "stress_interior_max_Pa": r.interior_stress,
-            "stress_max_so_far_Pa": max(row.stress_max_Pa for row in rows),
-            "shear_stress_max_Pa": float(r.shear_stress.max()),
-            "yield_stress_Pa": wire.yield_stress,
-            "yield_fraction": float(np.mean(stress > wire.yield_stress)),
-            "plastic_fraction": float(np.mean(r.plastic_strain > 0.0)),
-            "plastic_strain_max": float(r.plastic_strain.max()),
-            "axial_strain_max": float(np.abs(r.tension).max()) / mesh.rods.section.axial_stiffness,
-            "slid_max_m": wires_slid(r.moved, mesh.rods.wire_first) if panel.boundary == "periodic" else 0.0,
-        },
-        "mesh": {
-            "tension_weft_N_per_m": weft,
-            "tension_warp_N_per_m": warp,
-            "strain_weft": float(f[0, 0] - 1.0),
-            "strain_warp": float(f[1, 1] - 1.0),
-            "shear": float(f[0, 1]),
-            "clamp_rotation_rad": r.clamp_rotation,
-            "temperature_K": record.temperature,
-            "areal_mass_kg_per_m2": r.areal_mass,
-            "thickness_m": float(np.ptp(r.position[:, 2])) + mesh.rods.section.thickness,
-        },
-    }
+    return (
+        hook_part(rows[-1])
+        | _panel_part(record)
+        | {
+            "name": record.stage,
+            "quality": {
+                "kinetic_to_internal": kinetic_to_internal(rows, mesh),  # type: ignore[arg-type]
+                "energy_balance": balance,
+                "energy_balance_of_stored": energy_balance_of_stored(rows, mesh),  # type: ignore[arg-type]
+                "residual": r.residual,
+                "membrane_left_out": 0.0,
+                "penetration_max": max(row.penetration for row in rows),
+            },
+            "contacts": {
+                **_counts(r, np.arange(r.sites.count)),
+                "at_reach_end": 0,
+                "force_max_N": float(force.max(initial=0.0)),
+                "force_mean_N": float(force.mean()) if len(force) else 0.0,
+                "threshold_N": r.threshold,
+                "near_bodies": int(r.site_near.sum()),
+                "near_percent": _percent(r.site_near),
+                "elsewhere": len(r.elsewhere),
+                "elsewhere_force_max_N": float(r.elsewhere.max(initial=0.0)),
+                "central_rhombus": _counts(r, panel.rhombus_bodies),
+            },
+            "wire": {
+                "stress_max_Pa": float(stress.max()),
+                "stress_p99_Pa": float(np.percentile(stress, 99)),
+                "stress_interior_max_Pa": r.interior_stress,
+                "stress_max_so_far_Pa": max(row.stress_max_Pa for row in rows),
+                "shear_stress_max_Pa": float(r.shear_stress.max()),
+                "yield_stress_Pa": wire.yield_stress,
+                "yield_fraction": float(np.mean(stress > wire.yield_stress)),
+                "plastic_fraction": float(np.mean(r.plastic_strain > 0.0)),
+                "plastic_strain_max": float(r.plastic_strain.max()),
+                "axial_strain_max": float(np.abs(r.tension).max()) / mesh.rods.section.axial_stiffness,
+                "slid_max_m": wires_slid(r.moved, mesh.rods.wire_first) if panel.boundary == "periodic" else 0.0,
+            },
+            "mesh": {
+                "tension_weft_N_per_m": weft,
+                "tension_warp_N_per_m": warp,
+                "strain_weft": float(f[0, 0] - 1.0),
+                "strain_warp": float(f[1, 1] - 1.0),
+                "shear": float(f[0, 1]),
+                "clamp_rotation_rad": r.clamp_rotation,
+                "temperature_K": record.temperature,
+                "areal_mass_kg_per_m2": r.areal_mass,
+                "thickness_m": float(np.ptp(r.position[:, 2])) + mesh.rods.section.thickness,
+            },
+        }
+    )
 
 
 def _panel_part(record: SpatialRecord) -> dict[str, Any]:

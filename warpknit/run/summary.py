@@ -30,56 +30,60 @@ def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None 
     tension = measure.mesh_tension(r)
     plastic = measure.plastic_extremes(r)
     f = r.stretch
-    return hook_part(rows[-1]) | {
-        "name": record.stage,
-        "quality": {
-            "kinetic_to_internal": kinetic_to_internal(rows, model),
-            "energy_balance": energy_balance(rows, model),
-            "energy_balance_of_stored": energy_balance_of_stored(rows, model),
-            "residual": measure.residual(r),
-            "membrane_left_out": record.left_out,
-            "penetration_max": max(row.penetration for row in rows),
-        },
-        "contacts": {
-            "pairs": contact.pairs,
-            "active": contact.active,
-            "active_percent": contact.active_percent,
-            "bodies": contact.bodies,
-            "active_bodies": contact.active_bodies,
-            "at_reach_end": measure.pairs_at_reach_end(r),
-            "force_max_N": float(force.max(initial=0.0)),
-            "force_mean_N": float(force.mean()) if len(force) else 0.0,
-            "threshold_N": measure.active_threshold(model),
-            "central_rhombus": {
-                "bodies": rhombus.bodies,
-                "pairs": rhombus.pairs,
-                "active": rhombus.active,
-                "active_percent": rhombus.active_percent if rhombus.bodies else None,
+    return (
+        hook_part(rows[-1])
+        | {
+            "name": record.stage,
+            "quality": {
+                "kinetic_to_internal": kinetic_to_internal(rows, model),
+                "energy_balance": energy_balance(rows, model),
+                "energy_balance_of_stored": energy_balance_of_stored(rows, model),
+                "residual": measure.residual(r),
+                "membrane_left_out": record.left_out,
+                "penetration_max": max(row.penetration for row in rows),
             },
-        },
-        "wire": {
-            "stress_max_Pa": largest,
-            "stress_p99_Pa": high,
-            "stress_interior_max_Pa": measure.interior_stress(r),
-            "stress_max_so_far_Pa": max(row.stress_max_Pa for row in rows),
-            "yield_stress_Pa": model.scene.wire.yield_stress,
-            "yield_fraction": above,
-            "plastic_fraction": plastic[0],
-            "plastic_strain_max": plastic[1],
-            "axial_strain_max": float(np.max(np.abs(measure.axial_strain(r)))),
-            "slid_max_m": wires_slid(r.u, model.panel.wire_first) if model.panel.boundary == "periodic" else 0.0,
-        },
-        "mesh": {
-            "tension_weft_N_per_m": tension[0],
-            "tension_warp_N_per_m": tension[1],
-            "strain_weft": float(f[0, 0] - 1.0),
-            "strain_warp": float(f[1, 1] - 1.0),
-            "shear": float(f[0, 1]),
-            "clamp_rotation_rad": r.clamp_rotation,
-            "temperature_K": record.temperature,
-            "areal_mass_kg_per_m2": measure.areal_mass(r),
-        },
-    } | ({} if panel is None else {"panel": panel})
+            "contacts": {
+                "pairs": contact.pairs,
+                "active": contact.active,
+                "active_percent": contact.active_percent,
+                "bodies": contact.bodies,
+                "active_bodies": contact.active_bodies,
+                "at_reach_end": measure.pairs_at_reach_end(r),
+                "force_max_N": float(force.max(initial=0.0)),
+                "force_mean_N": float(force.mean()) if len(force) else 0.0,
+                "threshold_N": measure.active_threshold(model),
+                "central_rhombus": {
+                    "bodies": rhombus.bodies,
+                    "pairs": rhombus.pairs,
+                    "active": rhombus.active,
+                    "active_percent": rhombus.active_percent if rhombus.bodies else None,
+                },
+            },
+            "wire": {
+                "stress_max_Pa": largest,
+                "stress_p99_Pa": high,
+                "stress_interior_max_Pa": measure.interior_stress(r),
+                "stress_max_so_far_Pa": max(row.stress_max_Pa for row in rows),
+                "yield_stress_Pa": model.scene.wire.yield_stress,
+                "yield_fraction": above,
+                "plastic_fraction": plastic[0],
+                "plastic_strain_max": plastic[1],
+                "axial_strain_max": float(np.max(np.abs(measure.axial_strain(r)))),
+                "slid_max_m": wires_slid(r.u, model.panel.wire_first) if model.panel.boundary == "periodic" else 0.0,
+            },
+            "mesh": {
+                "tension_weft_N_per_m": tension[0],
+                "tension_warp_N_per_m": tension[1],
+                "strain_weft": float(f[0, 0] - 1.0),
+                "strain_warp": float(f[1, 1] - 1.0),
+                "shear": float(f[0, 1]),
+                "clamp_rotation_rad": r.clamp_rotation,
+                "temperature_K": record.temperature,
+                "areal_mass_kg_per_m2": measure.areal_mass(r),
+            },
+        }
+        | ({} if panel is None else {"panel": panel})
+    )
 
 
 def hook_part(row: Row) -> dict[str, Any]:

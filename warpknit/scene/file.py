@@ -271,9 +271,7 @@ class StageTable(Table):
     @model_validator(mode="before")
     @classmethod
     def _one_drive_a_direction(cls, data: Any) -> Any:
-        return _exclusive(
-            data, ("strain_weft", "tension_weft", "displacement"), ("strain_warp", "tension_warp", "displacement")
-        )
+        return _exclusive(data, ("strain_weft", "tension_weft", "displacement"), ("strain_warp", "tension_warp", "displacement"))
 
 
 class ContactTable(Table):
@@ -324,9 +322,7 @@ class SolverTable(Table):
         if isinstance(data, dict) and data.get("drive", "relax") == "relax":
             for key in ("target_time_step", "loading_time"):
                 if key in data:
-                    raise refused(
-                        "only with drive = 'ramp' (a relaxation has no real time)", key=key, given=shown(data[key])
-                    )
+                    raise refused("only with drive = 'ramp' (a relaxation has no real time)", key=key, given=shown(data[key]))
             if data.get("mass_scaling", 1) != 1:
                 raise refused(
                     "1 with drive = 'relax' (its masses are fictitious), 1 or more with drive = 'ramp'",

@@ -220,7 +220,7 @@ def _solver(source: Source, file: SceneFile, numerics: Preset, slenderness: floa
     if file.hook is not None or (table.precision is None and not coarse):
         given["precision"] = "double"
     if given["precision"] == "single" and given["residual_tolerance"] < SINGLE_TOLERANCE:
-        allowed = f"{SINGLE_TOLERANCE:g} or more in single precision, whose round-off hides less; or precision = \"double\""
+        allowed = f'{SINGLE_TOLERANCE:g} or more in single precision, whose round-off hides less; or precision = "double"'
         raise source.refusal(("solver", "residual_tolerance"), given["residual_tolerance"], allowed)
     return Solver(**given)
 

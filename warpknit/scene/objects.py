@@ -202,9 +202,7 @@ class Scene:
         if self.solver.drive != "relax" or not self.solver.multipliers or self.hook is not None:
             return None
         solver = self.solver
-        return preset_like(
-            self.model.nodes_per_loop, solver.axial_softening, solver.precision, solver.residual_tolerance
-        )
+        return preset_like(self.model.nodes_per_loop, solver.axial_softening, solver.precision, solver.residual_tolerance)
 
     @property
     def depends_on_path(self) -> bool:

@@ -77,9 +77,7 @@ def _check_warmth(source: Source, location: tuple[int | str, ...], load: dict[st
         raise source.refusal((*location, "temperature_gradient"), load["temperature_gradient"], allowed)
 
 
-def _check_pull(
-    source: Source, file: SceneFile, location: tuple[int | str, ...], pull: Pull, outline: Outline
-) -> None:
+def _check_pull(source: Source, file: SceneFile, location: tuple[int | str, ...], pull: Pull, outline: Outline) -> None:
     size = float(outline.size.min())
     if math.hypot(*pull.by) > FARTHEST_PULL * size:
         allowed = f"at most {FARTHEST_PULL:g} of the panel's width, {FARTHEST_PULL * size:.3g} m"
@@ -136,9 +134,7 @@ def _direction(side: str, strain: float | None, tension: float | None) -> dict[s
     return {f"strain_{side}": strain, f"tension_{side}": tension}
 
 
-def _displaced(
-    source: Source, location: Sequence[int | str], displacement: float, knit: Knit
-) -> dict[str, float | None]:
+def _displaced(source: Source, location: Sequence[int | str], displacement: float, knit: Knit) -> dict[str, float | None]:
     """The strains of every side moved outward by `displacement` [m]."""
     load: dict[str, float | None] = {}
     for side, size in zip(("weft", "warp"), knit.size, strict=True):
@@ -146,9 +142,7 @@ def _displaced(
         try:
             STRAIN(strain)
         except PydanticCustomError as error:
-            allowed = (
-                f"what makes a strain {STRAIN.allowed.removeprefix('a number ')}; this makes {strain:.3g} in {side}"
-            )
+            allowed = f"what makes a strain {STRAIN.allowed.removeprefix('a number ')}; this makes {strain:.3g} in {side}"
             raise source.refusal(location, displacement, allowed) from error
         load |= _direction(side, strain, None)
     return load

@@ -45,9 +45,7 @@ def first_blocks(panel: Panel) -> np.ndarray:
     return np.searchsorted(panel.block_wire, np.arange(len(panel.wire_first)))
 
 
-def sum_up(
-    model: Model, first: np.ndarray, wires: np.ndarray, pairs: np.ndarray, held_stress: np.ndarray
-) -> Sums:
+def sum_up(model: Model, first: np.ndarray, wires: np.ndarray, pairs: np.ndarray, held_stress: np.ndarray) -> Sums:
     """The sums of what kernels/look.py left: rows (..., block, WIRE_COLUMNS) and (..., pair block, PAIR_COLUMNS).
 
     `first` [wire]: see `first_blocks`.
@@ -94,9 +92,7 @@ class Look:
         self._force_x, self._force_y, self.strain, self.tension, self.turning = scratch
         self._stepper = stepper
         shares = stepper.shares(len(panel.block_first))
-        self._evaluate = [
-            [evaluation(model, state, parity, scratch, share).launch for share in shares] for parity in (0, 1)
-        ]
+        self._evaluate = [[evaluation(model, state, parity, scratch, share).launch for share in shares] for parity in (0, 1)]
         self._pairs_at_clamps = _pairs_at_clamps(model)
         self._first_block = first_blocks(panel)
         self._wires = wp.zeros((len(panel.block_first), k.WIRE_COLUMNS), dtype=wp.float64, device=device)

@@ -72,9 +72,7 @@ class MultiplierRules:
         numbers = (self._sunk, self._sinking, self.rate, self._best, self._waited)
         for array, value in zip(numbers, kept["sunk"], strict=True):
             array[...] = value
-        self._stretched, self._unsettled, self._imposed = (
-            kept[name].copy() for name in ("stretched", "unsettled", "imposed")
-        )
+        self._stretched, self._unsettled, self._imposed = (kept[name].copy() for name in ("stretched", "unsettled", "imposed"))
 
     def begin_level(self, rows: Rows = ...) -> None:
         """Start with the full rate again."""

@@ -86,9 +86,7 @@ class Multipliers:
             state.wire_axial, self.axial, wp.float64(model.axial_stiffness),
             self.look.tension, self.look.strain, state.tension_offset,
         ]  # fmt: skip
-        wires = wp.launch(
-            update_tension_offset, dim=block_threads(model), inputs=arguments, device=device, record_cmd=True
-        )
+        wires = wp.launch(update_tension_offset, dim=block_threads(model), inputs=arguments, device=device, record_cmd=True)
         pairs = wp.launch(
             update_pair_offset,
             dim=max(1, model.pair_count),

@@ -96,9 +96,7 @@ class SpatialReading:
     @cached_property
     def curve(self) -> WireCurve:
         """On which the wires touch."""
-        return spatial_curve(
-            self.mesh.layout(), self.position, self.gradient, self.director, self.mesh.curve, self.length_factor
-        )
+        return spatial_curve(self.mesh.layout(), self.position, self.gradient, self.director, self.mesh.curve, self.length_factor)
 
     @cached_property
     def touching_site(self) -> tuple[np.ndarray, np.ndarray]:

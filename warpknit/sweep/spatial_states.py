@@ -130,9 +130,7 @@ class _Worker:
     def __enter__(self) -> _Worker:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
         """End it; it has nothing to put away."""
         self.pipe.close()
         self._process.kill()

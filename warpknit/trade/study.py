@@ -82,9 +82,7 @@ def run_trade(
 class _Study:
     """Runs the points that are left and writes what they found."""
 
-    def __init__(
-        self, load: Loader, base: Model, of_reference: Overrides, device: str, out: Path, display: Display
-    ) -> None:
+    def __init__(self, load: Loader, base: Model, of_reference: Overrides, device: str, out: Path, display: Display) -> None:
         self.load, self.base, self.device, self.out, self.display = load, base, device, out, display
         self.of_reference = of_reference
         self.scales = scales_of(base)

@@ -73,9 +73,7 @@ class Surface:
         """[vertex, 3]  where the sheet is when the wire points lie at `points` [point, 3]."""
         mean = self._means(points)
         mean[:, :2] -= self._rest_mean @ deformation.T
-        moved = np.stack(
-            [np.bincount(self._corner, np.repeat(column, 4)) / self._faces_at for column in mean.T], axis=1
-        )
+        moved = np.stack([np.bincount(self._corner, np.repeat(column, 4)) / self._faces_at for column in mean.T], axis=1)
         moved[:, :2] += self._vertex_rest @ deformation.T
         return moved
 

@@ -394,6 +394,4 @@ def _earlier_stage(path: Path) -> dict[str, Any]:
 
 def _earlier_loads(data: Mapping[str, Any]) -> dict[int, dict[str, Any]]:
     columns = {name: list(values) for name, values in data["load"].items()}
-    return {
-        index: {name: values[number] for name, values in columns.items()} for number, index in enumerate(data["frames"])
-    }
+    return {index: {name: values[number] for name, values in columns.items()} for number, index in enumerate(data["frames"])}
