@@ -29,10 +29,10 @@ LAYERS = (
     # ranks that share a mesh; the pattern; the form in which results leave
     {"ranks", "knit", "frame"},
     {"scene"},
-    {"wires"},
+    {"wires", "memory", "device"},
     {"mesh"},
-    {"device", "model"},
     {"measure"},
+    {"planar"},
     {"solve"},
     {"spatial"},
     {"export"},

@@ -10,8 +10,8 @@ import pytest
 
 from warpknit import measure
 from warpknit.kernels import clamp
-from warpknit.model.model import Model, build_model
-from warpknit.model.state import initial_state
+from warpknit.planar.model import Model, build_model
+from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 

@@ -13,10 +13,11 @@ import warp as wp
 from warpknit import measure, plan
 from warpknit.errors import DeviceError, InputError, MemoryNeeded
 from warpknit.knit.chain import KnitError
-from warpknit.model import model
-from warpknit.model.model import MEMORY_PER_NODE, build_model
-from warpknit.model.state import initial_state
+from warpknit.memory import MEMORY_PER_NODE
+from warpknit.mesh import layout
 from warpknit.plan import ESTIMATE_FACTOR, make_plan
+from warpknit.planar.model import build_model
+from warpknit.planar.state import initial_state
 from warpknit.run.run import run_scene
 from warpknit.scene import load_scene, make_scene
 from warpknit.solve.simulate import Simulation
@@ -220,7 +221,7 @@ def array_bytes(thing, seen):
 
 
 def test_what_cannot_fit_is_refused_and_says_how_much(monkeypatch):
-    monkeypatch.setattr(model, "available_memory", lambda: 2**30)
+    monkeypatch.setattr(layout, "available_memory", lambda: 2**30)
     with pytest.raises(MemoryNeeded, match=r"knit.repeats = \[1000000, 1000000\]: .* GiB, available 1 GiB"):
         make_plan(load_scene(CELL, ["knit.repeats=[1000000, 1000000]"]), "cpu")
 

@@ -7,16 +7,16 @@ import pytest
 import warp as wp
 
 from warpknit import measure
-from warpknit.measure.reading import Reading, read
 from warpknit.mesh.rim import Rim, build_rim
-from warpknit.model.model import Model, build_model
-from warpknit.model.state import initial_state
+from warpknit.planar.model import Model, build_model
+from warpknit.planar.observables import Reading, read
+from warpknit.planar.state import initial_state
+from warpknit.planar.step import Stepper
+from warpknit.planar.thermal import wire_warmth
 from warpknit.run.run import run_scene
 from warpknit.scene import make_scene
 from warpknit.solve.large import EDGE_TOLERANCE, MEMBRANE_TOLERANCE
 from warpknit.solve.simulate import Record, Simulation
-from warpknit.solve.step import Stepper
-from warpknit.solve.warmth import wire_warmth
 
 CORD = {"grip_pitch": 0.0136, "cord": {"tension": 0.5, "stiffness": 50.0}}
 LOAD = {"strain_weft": 0.1, "strain_warp": 0.1}
@@ -185,7 +185,7 @@ def test_warmth_strains_as_the_length_factor_does() -> None:
     """The strain that multipliers take out is (l/(l0 (1 + w)) - 1): the same whether all wires are warm by the length factor or
     by their own warmth."""
     from warpknit.kernels import control as c
-    from warpknit.measure.reading import evaluate
+    from warpknit.planar.observables import evaluate
 
     scene = make_scene({"knit": {"repeats": [2, 2]}, "solver": {"precision": "double"}})
     model = build_model(scene)

@@ -10,15 +10,15 @@ import pytest
 
 from warpknit import measure
 from warpknit.kernels import control as c
-from warpknit.measure.reading import node_entries
-from warpknit.model.model import Model, build_model
-from warpknit.model.state import State, initial_state
+from warpknit.planar.membrane import Correction
+from warpknit.planar.model import Model, build_model
+from warpknit.planar.observables import node_entries
+from warpknit.planar.prolongation import smaller_scene
+from warpknit.planar.response import STRAIN, carried_values
+from warpknit.planar.state import State, initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.large import MEMBRANE_TOLERANCE
-from warpknit.solve.membrane import Correction
-from warpknit.solve.prolongation import smaller_scene
 from warpknit.solve.relax import Relaxation
-from warpknit.solve.response import STRAIN, carried_values
 from warpknit.solve.simulate import Progress, Simulation
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"

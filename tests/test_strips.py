@@ -15,16 +15,16 @@ from warpknit import measure
 from warpknit.errors import ModelError
 from warpknit.mesh.panel import Panel
 from warpknit.mesh.strip import Strip, cut_strip
-from warpknit.model.model import build_model
-from warpknit.model.state import initial_state
+from warpknit.planar.membrane import Correction
+from warpknit.planar.model import build_model
+from warpknit.planar.state import initial_state
+from warpknit.planar.step import Stepper
+from warpknit.planar.strip_step import StripStepper
 from warpknit.ranks.ranks import One, Ranks, exact_parts
 from warpknit.scene import Scene, load_scene, make_scene
 from warpknit.solve import simulate
 from warpknit.solve.drive import LoadPoint
-from warpknit.solve.membrane import Correction
 from warpknit.solve.simulate import Simulation
-from warpknit.solve.step import Stepper
-from warpknit.solve.strip_step import StripStepper
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"
 STRAIN = ("load.strain_weft=0.1", "load.strain_warp=0.1", "output.frames=1")

@@ -29,11 +29,11 @@ import warp as wp
 
 from warpknit.device import find_device
 from warpknit.kernels import control as c
-from warpknit.model.model import Model, build_model
-from warpknit.model.state import State, initial_state
+from warpknit.planar.model import Model, build_model
+from warpknit.planar.state import State, initial_state
+from warpknit.planar.step import Stepper
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
-from warpknit.solve.step import Stepper
 
 HERE = Path(__file__).parent
 CELL = HERE.parent / "scenes/atlas_cell.toml"
@@ -56,7 +56,7 @@ def tile(nodes: int, precision: str, device: str) -> Model:
 
 def without_bodies(model: Model) -> Model:
     """The same wires, free of contact."""
-    from warpknit.model.model import assemble_model
+    from warpknit.planar.model import assemble_model
 
     none, places = np.zeros(0, np.int32), np.zeros((0, 2))
     pairs = {name: none for name in ("pair_wire", "pair_seed", "pair_table", "pair_low", "pair_high", "pair_side")}

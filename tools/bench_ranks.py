@@ -25,13 +25,13 @@ import numpy as np
 
 from warpknit.device import find_device
 from warpknit.kernels import control as c
-from warpknit.model.model import build_model
-from warpknit.model.state import initial_state
+from warpknit.planar.model import build_model
+from warpknit.planar.state import initial_state
+from warpknit.planar.strip_step import StripStepper
 from warpknit.ranks.launch import join_ranks
 from warpknit.ranks.ranks import Ranks
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
-from warpknit.solve.strip_step import StripStepper
 
 CELL = Path(__file__).parent.parent / "scenes/atlas_cell.toml"
 LOAD = ("load.strain_weft=0.12", "load.strain_warp=0.12", "output.frames=1")

@@ -30,10 +30,10 @@ from warpknit.export.usd import StageWriter
 from warpknit.export.writer_process import WriterProcess
 from warpknit.frame import Frame
 from warpknit.kernels import control as c
-from warpknit.model.model import Model, build_model
-from warpknit.model.state import initial_state
+from warpknit.planar.model import Model, build_model
+from warpknit.planar.state import initial_state
+from warpknit.planar.step import Stepper
 from warpknit.scene import load_scene
-from warpknit.solve.step import Stepper
 
 PANEL = Path(__file__).parent.parent / "scenes/panel_million.toml"
 

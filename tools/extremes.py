@@ -27,8 +27,8 @@ from study import read_rows, show_rows, write_rows
 from warpknit import measure
 from warpknit.errors import WarpknitError
 from warpknit.knit.chain import KnitError
-from warpknit.model.model import build_model
-from warpknit.model.state import initial_state
+from warpknit.planar.model import build_model
+from warpknit.planar.state import initial_state
 from warpknit.run.run import run_scene
 from warpknit.scene import Scene, make_scene
 from warpknit.solve.relax import Relaxation

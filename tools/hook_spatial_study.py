@@ -26,9 +26,9 @@ from scipy.optimize import brentq
 from study import new_figure, tidy, write_rows
 
 from warpknit.device import start_warp
-from warpknit.measure.hook_contact import HookContact, hook_contact
-from warpknit.model.model import build_model
-from warpknit.model.state import initial_state
+from warpknit.planar.hook_contact import HookContact, hook_contact
+from warpknit.planar.model import build_model
+from warpknit.planar.state import initial_state
 from warpknit.scene import Hook as SceneHook
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation

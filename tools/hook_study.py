@@ -26,9 +26,9 @@ from matplotlib.figure import Figure
 
 from warpknit.device import start_warp
 from warpknit.errors import Diverged
-from warpknit.measure.hook_contact import HookContact, hook_contact
-from warpknit.model.model import Model, build_model
-from warpknit.model.state import initial_state
+from warpknit.planar.hook_contact import HookContact, hook_contact
+from warpknit.planar.model import Model, build_model
+from warpknit.planar.state import initial_state
 from warpknit.scene import Scene, load_scene
 from warpknit.solve.simulate import Simulation
 

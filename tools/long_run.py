@@ -33,12 +33,12 @@ from study import advance, read_rows, scene_of, write_rows
 
 from warpknit import measure
 from warpknit.kernels import control as c
-from warpknit.model.model import Model, build_model
-from warpknit.model.state import State, initial_state
-from warpknit.solve.neighbours import NeighbourSearch
+from warpknit.planar.model import Model, build_model
+from warpknit.planar.neighbours import NeighbourSearch
+from warpknit.planar.state import State, initial_state
+from warpknit.planar.step import Stepper
+from warpknit.planar.time_step import stable_step
 from warpknit.solve.simulate import Simulation
-from warpknit.solve.step import Stepper
-from warpknit.solve.timestep import stable_step
 
 RESULTS = Path(__file__).parent / "results"
 RUNS = (("shaken", "double"), ("ramp", "double"), ("relax", "single"), ("relax", "double"))

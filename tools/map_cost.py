@@ -15,11 +15,11 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
-from warpknit.model.model import Model, build_model
-from warpknit.model.state import initial_state
+from warpknit.planar.model import Model, build_model
+from warpknit.planar.state import initial_state
+from warpknit.planar.step import CORES
 from warpknit.scene import Scene, Stage, load_scene
 from warpknit.solve.simulate import Simulation
-from warpknit.solve.step import CORES
 from warpknit.sweep.batch import Batch
 
 

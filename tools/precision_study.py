@@ -24,11 +24,11 @@ from study import scene_of, show_rows, write_rows
 
 from warpknit import measure
 from warpknit.kernels import control as c
-from warpknit.model.model import Model, build_model
-from warpknit.model.state import State, initial_state
-from warpknit.solve.neighbours import NeighbourSearch
+from warpknit.planar.model import Model, build_model
+from warpknit.planar.neighbours import NeighbourSearch
+from warpknit.planar.state import State, initial_state
+from warpknit.planar.step import Stepper
 from warpknit.solve.simulate import Simulation
-from warpknit.solve.step import Stepper
 
 RESULTS = Path(__file__).parent / "results"
 SCENES: dict[str, dict[str, dict[str, Any]]] = {

@@ -24,8 +24,8 @@ from study import COLOURS, new_figure, run_model, scene_of, show_rows, tidy, wri
 
 from warpknit import measure
 from warpknit.device import start_warp
-from warpknit.measure.reading import Reading
-from warpknit.model.model import build_model
+from warpknit.planar.model import build_model
+from warpknit.planar.observables import Reading
 from warpknit.scene import Scene
 
 CELL, PATCH = "atlas_cell.toml", "atlas_patch.toml"

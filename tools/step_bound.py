@@ -30,14 +30,14 @@ from study import COLOURS, advance, new_figure, read_rows, tidy, write_rows
 from warpknit import measure
 from warpknit.errors import Diverged, WarpknitError
 from warpknit.kernels import control as c
-from warpknit.model.model import Model, build_model
-from warpknit.model.numerics import MASS_MARGIN, STEP_MARGIN
-from warpknit.model.state import LOOK_AHEAD, State, initial_state
+from warpknit.planar.model import Model, build_model
+from warpknit.planar.neighbours import NeighbourSearch
+from warpknit.planar.numerics import MASS_MARGIN, STEP_MARGIN
+from warpknit.planar.state import LOOK_AHEAD, State, initial_state
+from warpknit.planar.step import Stepper
+from warpknit.planar.time_step import largest_step
 from warpknit.scene import make_scene
-from warpknit.solve.neighbours import NeighbourSearch
 from warpknit.solve.simulate import Simulation
-from warpknit.solve.step import Stepper
-from warpknit.solve.timestep import largest_step
 
 RESULTS = Path(__file__).parent / "results"
 PICTURE = Path(__file__).parents[1] / "docs" / "images" / "step_bound.png"

@@ -16,12 +16,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from warpknit.kernels import control as c
-from warpknit.model.model import Model, build_model
-from warpknit.model.state import initial_state
+from warpknit.planar.model import Model, build_model
+from warpknit.planar.neighbours import NeighbourSearch
+from warpknit.planar.state import initial_state
+from warpknit.planar.step import Stepper
 from warpknit.scene import Scene, make_scene
-from warpknit.solve.neighbours import NeighbourSearch
 from warpknit.solve.simulate import Record, Simulation
-from warpknit.solve.step import Stepper
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -16,25 +16,18 @@ from typing import Any
 from .device import find_device
 from .knit.chain import parse_chain
 from .knit.cloth import Cloth
+from .memory import available_memory, required_memory
+from .mesh.layout import SLIDE_ALLOWANCE, copies_of_cloth, estimated_nodes, knit_scene
 from .mesh.panel import table_lead
 from .mesh.rim import net_nodes
 from .mesh.table import rest_table
-from .model.model import (
-    SLIDE_ALLOWANCE,
-    Model,
-    available_memory,
-    build_model,
-    copies_of_cloth,
-    estimated_nodes,
-    knit_scene,
-    required_memory,
-)
-from .model.numerics import Numbers, choose_numbers
+from .planar.model import Model, build_model
+from .planar.numerics import Numbers, choose_numbers
+from .planar.prolongation import smaller_scene
 from .run.plane_limits import tight_loops
 from .scene import Scene
 from .scene.presets import PRESETS
 from .solve.estimate import ESTIMATE_FACTOR, ramp_steps, relax_steps, wall_time
-from .solve.prolongation import smaller_scene
 from .spatial.drive import CLOSEST
 from .spatial.estimate import (
     HOOK_ENDS,

@@ -13,8 +13,9 @@ from warpknit.design.page import Page
 from warpknit.design.sections import mesh_section
 from warpknit.design.states import states_at
 from warpknit.errors import InputError
-from warpknit.model.model import build_model, knit_scene
-from warpknit.model.state import initial_state
+from warpknit.mesh.layout import knit_scene
+from warpknit.planar.model import build_model
+from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene, make_scene
 
 SCENE = Path(__file__).parents[2] / "scenes" / "contact_map.toml"

@@ -5,8 +5,8 @@ import pytest
 
 from warpknit.design.opening_size import POINTS_ACROSS, openings, openings_between
 from warpknit.measure import read
-from warpknit.model.model import build_model
-from warpknit.model.state import initial_state
+from warpknit.planar.model import build_model
+from warpknit.planar.state import initial_state
 from warpknit.scene import make_scene
 
 PITCH, THICKNESS = 1e-3, 50e-6

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from warpknit.measure.reading import node_entries
-from warpknit.model.model import Model, build_model
-from warpknit.model.state import State, initial_state
+from warpknit.planar.model import Model, build_model
+from warpknit.planar.observables import node_entries
+from warpknit.planar.state import State, initial_state
+from warpknit.planar.step import ForceProbe, Stepper
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
-from warpknit.solve.step import ForceProbe, Stepper
 
 SCENES = Path(__file__).parents[2] / "scenes"
 MESHES = {

@@ -10,7 +10,7 @@ from verification.wires import CLOSEST_POINT_TOLERANCE, EPSILON
 from warpknit import measure
 from warpknit.knit.clasps import Arm
 from warpknit.mesh.thread_curve import ThreadCurve
-from warpknit.model.model import build_model
+from warpknit.planar.model import build_model
 from warpknit.scene import load_scene
 
 J = np.array([[0.0, -1.0], [1.0, 0.0]])

@@ -11,10 +11,10 @@ from verification.wires import CLOSEST_POINT_TOLERANCE, Rig, panel_of_wires, str
 
 from warpknit import measure
 from warpknit.kernels import control as c
-from warpknit.model.state import initial_state
-from warpknit.solve.neighbours import NeighbourSearch
+from warpknit.planar.neighbours import NeighbourSearch
+from warpknit.planar.state import initial_state
+from warpknit.planar.step import Stepper
 from warpknit.solve.simulate import Simulation
-from warpknit.solve.step import Stepper
 
 
 def distances(mesh: Mesh, pair: int) -> tuple[np.ndarray, np.ndarray]:

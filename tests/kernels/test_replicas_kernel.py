@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from warpknit.kernels import control as c
-from warpknit.model.model import build_model
-from warpknit.model.state import State, initial_state
+from warpknit.planar.model import build_model
+from warpknit.planar.neighbours import NeighbourSearch
+from warpknit.planar.state import State, initial_state
+from warpknit.planar.step import Stepper
 from warpknit.scene import make_scene
-from warpknit.solve.neighbours import NeighbourSearch
-from warpknit.solve.step import Stepper
 from warpknit.sweep.replicas import Replicas
 
 STEPS = 37  # odd: it ends in the other buffer of displacements

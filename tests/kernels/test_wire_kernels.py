@@ -10,7 +10,7 @@ from verification.wires import EPSILON, Rig, circle, panel_of_wires, table_of_wi
 
 from warpknit import measure
 from warpknit.kernels import control as c
-from warpknit.solve.step import Stepper
+from warpknit.planar.step import Stepper
 
 EDGES_AND_ANGLES = 7
 

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from warpknit import measure
-from warpknit.model.model import build_model
-from warpknit.model.state import initial_state
+from warpknit.planar.model import build_model
+from warpknit.planar.multiplier_rules import AXIAL_ERROR
+from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
-from warpknit.solve.multiplier_rules import AXIAL_ERROR
 from warpknit.solve.simulate import Record, Simulation
 
 SCENES = Path(__file__).parents[2] / "scenes"

@@ -15,15 +15,15 @@ from hook_reference import Contact, Hook
 
 from warpknit import measure
 from warpknit.kernels.control import KINETIC_TWICE
-from warpknit.measure.hook_contact import HookContact, hook_contact
-from warpknit.measure.reading import Reading, node_entries
 from warpknit.mesh.hook import LEFT_TOP, RIGHT_TOP
-from warpknit.model.model import build_model
-from warpknit.model.state import initial_state
+from warpknit.planar.hook_contact import HookContact, hook_contact
+from warpknit.planar.model import build_model
+from warpknit.planar.observables import Reading, node_entries
+from warpknit.planar.state import initial_state
+from warpknit.planar.step import Stepper
+from warpknit.planar.time_step import stable_step
 from warpknit.scene import Scene, make_scene
 from warpknit.solve.simulate import Simulation
-from warpknit.solve.step import Stepper
-from warpknit.solve.timestep import stable_step
 
 DIAMETER = 15e-6
 DISPLACEMENT = 0.8e-3
@@ -291,7 +291,7 @@ def test_a_hook_goes_on_from_where_it_was_kept(treatment: str) -> None:
 def test_both_wire_kernels_step_a_hook_alike() -> None:
     """A thread a node, as on a GPU, and a block a thread: a thousand steps agree to the round-off of sums in another order."""
     from warpknit.kernels import control as c
-    from warpknit.solve.step import Stepper
+    from warpknit.planar.step import Stepper
 
     model = build_model(hook_scene(16, contact={"treatment": "spring-cylinder"}))
     states = []

@@ -6,8 +6,9 @@ from condensation_causes import SCENE, SPATIAL, TRICOT, lens_of
 from tight_knits import PLANAR, SINGLE_ATLAS
 
 from warpknit.measure.sliding import wires_slid
-from warpknit.model.model import build_model, knit_scene
-from warpknit.model.state import initial_state
+from warpknit.mesh.layout import knit_scene
+from warpknit.planar.model import build_model
+from warpknit.planar.state import initial_state
 from warpknit.run.plane_limits import slid_wires, tight_loops
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation

@@ -9,8 +9,8 @@ import pytest
 
 from warpknit import measure
 from warpknit.kernels import control as c
-from warpknit.model.model import build_model
-from warpknit.model.state import initial_state
+from warpknit.planar.model import build_model
+from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.mesh import build_mesh

@@ -11,8 +11,8 @@ from warpknit import measure
 from warpknit.frame import MOST_PARTS, POINTS_DRAWN, curve_parts, drawn_frame, drawn_layout
 from warpknit.measure.wire_curve import edges_of, planar_curve
 from warpknit.mesh.thread_curve import ThreadCurve
-from warpknit.model.model import build_model
-from warpknit.model.state import initial_state
+from warpknit.planar.model import build_model
+from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.contact_places import spatial_curve

@@ -9,13 +9,13 @@ import warp as wp
 from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.kernels.friction import LOOSE, TANGENTIAL
-from warpknit.measure.bending import normal_forces
-from warpknit.model.model import build_model
-from warpknit.model.state import initial_state
+from warpknit.planar.bending import normal_forces
+from warpknit.planar.history_variables import Path
+from warpknit.planar.model import build_model
+from warpknit.planar.state import initial_state
+from warpknit.planar.step import Stepper
 from warpknit.scene import make_scene
-from warpknit.solve.path import Path
 from warpknit.solve.simulate import Simulation
-from warpknit.solve.step import Stepper
 
 CYCLE = {
     "model": {"boundary": "periodic"},

@@ -12,9 +12,9 @@ from study import advance
 
 from warpknit import measure
 from warpknit.kernels import control as c
-from warpknit.solve.neighbours import NeighbourSearch
-from warpknit.solve.step import Stepper
-from warpknit.solve.timestep import stable_step
+from warpknit.planar.neighbours import NeighbourSearch
+from warpknit.planar.step import Stepper
+from warpknit.planar.time_step import stable_step
 
 TOLERANCE = 1e-3  # residual of what is brought to rest
 

@@ -17,8 +17,8 @@ from verification.test_forces import deformed, two_rings
 from verification.wires import DIAMETER, EPSILON, Rig, panel_of_wires, straight, table_of_wires
 
 from warpknit.kernels import control as c
-from warpknit.model.numerics import MASS_MARGIN
-from warpknit.model.state import LOOK_AHEAD
+from warpknit.planar.numerics import MASS_MARGIN
+from warpknit.planar.state import LOOK_AHEAD
 
 LENGTH = 1e-3
 KINDS = ("stretch", "bending")

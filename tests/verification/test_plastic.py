@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from warpknit import measure
-from warpknit.measure.reading import read
-from warpknit.model.model import Model, build_model
-from warpknit.model.state import State, initial_state
+from warpknit.planar.history_variables import Path
+from warpknit.planar.model import Model, build_model
+from warpknit.planar.observables import read
+from warpknit.planar.state import State, initial_state
 from warpknit.scene import make_scene
-from warpknit.solve.path import Path
 from warpknit.solve.simulate import Simulation
 
 CYCLE = {

@@ -10,8 +10,8 @@ from verification.test_forces import DEPTH, SPACING, deformed, two_rings
 from verification.wires import Rig, panel_of_wires, straight, table_of_wires
 
 from warpknit.kernels import control as c
-from warpknit.solve.frequency import frequency_square
-from warpknit.solve.timestep import largest_step
+from warpknit.planar.frequency import frequency_square
+from warpknit.planar.time_step import largest_step
 
 
 @pytest.mark.parametrize("softening", [1.0, 1e6])

@@ -10,7 +10,7 @@ from verification.wires import EPSILON, Rig, panel_of_wires, straight, table_of_
 
 from warpknit import measure
 from warpknit.kernels import control as c
-from warpknit.measure.reading import evaluate
+from warpknit.planar.observables import evaluate
 
 
 @pytest.mark.parametrize("cooled_by", [10.0, 100.0, 210.0])

@@ -15,13 +15,13 @@ from warpknit.kernels import control as c
 from warpknit.kernels.clamp import CLAMP_NUMBERS
 from warpknit.kernels.contact import CLOSEST_POINT_DOUBLE, CURVE_COEFFICIENTS
 from warpknit.kernels.wires_by_block import BLOCK_SIZE
-from warpknit.measure.reading import node_entries
 from warpknit.mesh.panel import END_NODES, Panel
 from warpknit.mesh.table import Table, _fit_rest_curve
-from warpknit.model.model import Model, assemble_model
-from warpknit.model.state import initial_state
+from warpknit.planar.model import Model, assemble_model
+from warpknit.planar.observables import node_entries
+from warpknit.planar.state import initial_state
+from warpknit.planar.step import ForceProbe, Stepper
 from warpknit.scene import Scene, make_scene
-from warpknit.solve.step import ForceProbe, Stepper
 
 LEAD = BLOCK_SIZE + 40
 CLOSEST_POINT_TOLERANCE = float(CLOSEST_POINT_DOUBLE)  # segments between contact point and closest point

@@ -20,7 +20,7 @@ from ..knit.chain import KnitError
 from ..knit.lapping import lapping_table
 from ..knit.loops import RANGES, LoopProportions, loop_shape
 from ..knit.openings import find_openings
-from ..model.model import knit_scene
+from ..mesh.layout import knit_scene
 from ..scene import Scene
 from ..sweep.outcome import measured
 from ..sweep.states import mesh_of

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import measure
-from ..measure.reading import Reading
+from ..planar.observables import Reading
 from ..spatial.reading import SpatialReading
 from ..sweep.outcome import AnyReading
 

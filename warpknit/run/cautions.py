@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..model.model import Model
+from ..planar.model import Model
 from ..scene import Scene
 from ..scene.materials import MATERIALS
 from .history import Row

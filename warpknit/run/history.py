@@ -13,8 +13,8 @@ from scipy.interpolate import CubicSpline
 
 from .. import measure
 from ..files import write_aside
-from ..measure.hook_contact import HookContact, hook_contact
-from ..model.model import Model
+from ..planar.hook_contact import HookContact, hook_contact
+from ..planar.model import Model
 from ..solve.simulate import Record
 from ..spatial.mesh import SpatialMesh
 

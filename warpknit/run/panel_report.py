@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..measure.panel_map import PanelMap, has_map, panel_map
-from ..measure.surface import Surface, find_surface
 from ..mesh.rim import Rim, build_rim
+from ..planar.panel_map import PanelMap, has_map, panel_map
+from ..planar.surface import Surface, find_surface
 from ..solve.drive import Record
 
 

@@ -17,7 +17,7 @@ from ..errors import OutOfResources, RunDirectoryError
 from ..files import write_aside
 from ..frame import Frame, WireLayout
 from ..knit.cloth import Cloth
-from ..model.model import available_memory
+from ..memory import available_memory
 from ..scene import Scene, resolved_toml
 from ..solve.simulate import Progress, Record, Simulation
 from ..spatial.drive import SpatialDrive, SpatialRecord

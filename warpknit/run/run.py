@@ -18,8 +18,8 @@ from ..device import find_device
 from ..errors import ModelError, RunDirectoryError
 from ..files import held_directory, write_table
 from ..frame import Frame, WireLayout
-from ..model.model import Model, build_model
-from ..model.state import initial_state
+from ..planar.model import Model, build_model
+from ..planar.state import initial_state
 from ..ranks.ranks import One, Ranks
 from ..scene import Scene
 from ..solve.simulate import Record, Simulation

@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import __version__, measure
 from ..measure.sliding import wires_slid
-from ..model.model import Model
+from ..planar.model import Model
 from ..scene.presets import PRESETS
 from ..solve.simulate import Record
 from .history import HookRow, Row

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..model.model import Model
+from ..planar.model import Model
 from ..text import engineering
 from .cautions import cautions
 from .history import HookRow, Row

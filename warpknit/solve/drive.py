@@ -18,15 +18,15 @@ from ..errors import Diverged
 from ..kernels import control as c
 from ..measure.edge_work import EdgeWork
 from ..mesh.rim import Rim
-from ..model.model import Model
-from ..model.state import State
+from ..planar.diagnostics import Look
+from ..planar.model import Model
+from ..planar.neighbours import NeighbourSearch
+from ..planar.residual import Steadiness
+from ..planar.state import State
+from ..planar.strip_step import stepper_of
+from ..planar.thermal import wire_warmth
 from ..scene import Stage
-from .look import Look
-from .neighbours import NeighbourSearch
-from .steadiness import Steadiness
-from .strip_step import stepper_of
 from .tension import TensionSearch
-from .warmth import wire_warmth
 
 CHECK_STEPS = 50  # steps between looks at the state
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
+from ..planar.prolongation import smaller_scene
+from ..planar.step import thread_count
 from ..scene import Scene
-from .prolongation import smaller_scene
-from .step import thread_count
 
 ESTIMATE_FACTOR = 3  # steps and time may be off by so much either way
 

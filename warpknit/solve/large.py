@@ -15,13 +15,13 @@ from .. import measure
 from ..kernels import control as c
 from ..measure.edge_work import EdgeWork
 from ..mesh.rim import build_rim
-from ..model.model import Model
-from ..model.state import State
+from ..planar.membrane import Correction, Membrane
+from ..planar.model import Model
+from ..planar.prolongation import Prolongation
+from ..planar.response import find_response, no_response, recall_response
+from ..planar.state import State
 from .drive import LoadPoint, LoadStart, Progress
-from .membrane import Correction, Membrane
-from .prolongation import Prolongation
 from .relax import LEVEL_RAMP_STEPS, Relaxation, WantedTension
-from .response import find_response, no_response, recall_response
 
 MOVE_STEPS = 200  # steps between parts of a move of the edge
 EDGE_TOLERANCE = 0.05  # force on the stations of a cord over what the wires pull at them

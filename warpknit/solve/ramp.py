@@ -8,11 +8,11 @@ import numpy as np
 
 from .. import measure
 from ..kernels import control as c
+from ..planar.neighbours import RAMP_SHARE
+from ..planar.time_step import stable_step
 from ..scene import Stage
 from .drive import CHECK_STEPS, Drive, LoadPoint, Record
-from .neighbours import RAMP_SHARE
 from .ramp_stage import RampStage, work_between
-from .timestep import stable_step
 
 
 class Ramp(Drive, RampStage):

@@ -17,14 +17,14 @@ from .. import measure
 from ..errors import Diverged
 from ..kernels import control as c
 from ..kernels.multipliers import extrapolate, extrapolate_held_bodies
-from ..model.model import Model
-from ..model.state import State
+from ..planar.history_variables import Path
+from ..planar.model import Model
+from ..planar.multipliers import Multipliers
+from ..planar.response import carried_values
+from ..planar.slowest_mode import SlowestMode
+from ..planar.state import State
 from ..scene import Stage
-from .damping import SlowestMode
 from .drive import CHECK_STEPS, Drive, LoadPoint, Progress, Record
-from .multipliers import Multipliers
-from .path import Path
-from .response import carried_values
 from .tension import MOST_STATES
 
 SOFTENING_LOOKS = 10  # looks between renewals of the bound on the softening

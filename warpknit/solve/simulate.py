@@ -6,13 +6,14 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from ..model.model import Model, build_model, estimated_nodes
-from ..model.state import State, initial_state
+from ..mesh.layout import estimated_nodes
+from ..planar.model import Model, build_model
+from ..planar.prolongation import one_repeat, smaller_scene
+from ..planar.state import State, initial_state
 from ..ranks.ranks import One, Ranks
 from ..scene import Scene
 from .drive import Drive, LoadStart, Progress, Record
 from .large import LargeRelaxation
-from .prolongation import one_repeat, smaller_scene
 from .ramp import Ramp
 from .relax import Relaxation
 

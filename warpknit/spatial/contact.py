@@ -14,7 +14,7 @@ from ..kernels.wire_contact import push_wires_apart
 from ..kernels.wire_curve import CLOSING
 from ..kernels.wire_pairs import find_segment_pairs, place_segments_in_hash
 from ..kernels.wire_stick import keep_slips
-from ..model.model import available_memory
+from ..memory import available_memory
 from .rest_curve import RestCurve, catmull_rom
 from .rod_step import RodStepper
 from .search_cells import search_cells

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .. import measure
 from ..errors import Diverged, ModelError
 from ..kernels import control as c
+from ..measure import strain
 from ..measure.edge_work import EdgeWork
 from ..scene import Stage
 from ..solve.drive import LoadStart, Progress
@@ -184,13 +184,13 @@ class SpatialDrive(ABC):
         wire, frame = self.scene.wire, self.scene.model.frame_expansion
         warmed = 1.0 + frame * (stage.temperature - wire.reference_temperature)
         began = np.array(self.progress.start.gradient).reshape(2, 2)
-        turn, start = measure.clamp_rotation(began), measure.stretch(began)
+        turn, start = strain.clamp_rotation(began), strain.stretch(began)
         weft, warp = stage.strain_weft or 0.0, stage.strain_warp or 0.0
         end = warmed * np.array([[1.0 + weft, stage.shear], [0.0, 1.0 + warp]])
         target = start + factor * (end - start)
         driven = np.array(stage.by_tension)
-        target[np.diag_indices(2)] = np.where(driven, np.diag(measure.stretch(self.state.gradient)), np.diag(target))
-        return measure.rotation(-turn - factor * (stage.clamp_rotation - turn)) @ target
+        target[np.diag_indices(2)] = np.where(driven, np.diag(strain.stretch(self.state.gradient)), np.diag(target))
+        return strain.rotation(-turn - factor * (stage.clamp_rotation - turn)) @ target
 
     def _temperature(self, stage: Stage, factor: float) -> float:
         """[K] at a load factor."""

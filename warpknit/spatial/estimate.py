@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..planar.step import CORES
 from ..scene import Scene, Stage
-from ..solve.step import CORES
 from .mesh import SpatialMesh
 from .nearby import pair_gaps
 from .relax import PATH_STRAIN

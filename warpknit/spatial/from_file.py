@@ -9,8 +9,8 @@ import numpy as np
 
 from ..errors import ModelError
 from ..kernels.clamp import CLAMP_NUMBERS
+from ..mesh.layout import SLIDE_ALLOWANCE
 from ..mesh.panel import Panel
-from ..model.model import SLIDE_ALLOWANCE
 from ..wires.hooks import Hooks, find_hooks
 from ..wires.wires import Wires
 from .rods import Rods, Section, rods_of

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..measure.hook_contact import HookContact
 from ..mesh.hook import LEFT, RIGHT, RIGHT_TOP
+from ..planar.hook_contact import HookContact
 from .hook import BETWEEN
 from .reading import SpatialReading
 

@@ -10,11 +10,12 @@ from ..device import start_warp
 from ..errors import MemoryNeeded
 from ..frame import WireLayout, curve_parts
 from ..knit.cloth import Cloth
+from ..memory import available_memory, required_memory
 from ..mesh.hook import hook_panel, hook_table
+from ..mesh.layout import knit_scene, lay_out
 from ..mesh.panel import Panel
 from ..mesh.table import Table
-from ..model.device_arrays import Precision, precision_of
-from ..model.model import available_memory, knit_scene, lay_out, required_memory
+from ..planar.device_arrays import Precision, precision_of
 from ..ranks.ranks import One, Ranks
 from ..scene import Scene
 from ..scene.messages import scene_error

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..kernels import control as c
-from ..model.numerics import LOADING_PERIODS, STEP_MARGIN, slowest_rate
+from ..planar.numerics import LOADING_PERIODS, STEP_MARGIN, slowest_rate
 from .mesh import SpatialMesh
 from .rest import Rest
 from .step_bound import Rates, largest_rates, masses_for_step, stable_step

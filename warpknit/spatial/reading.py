@@ -11,11 +11,11 @@ from functools import cached_property
 
 import numpy as np
 
-from .. import measure
 from ..frame import Frame
 from ..kernels import control as c
-from ..measure.whole import INTERIOR
+from ..measure import strain
 from ..measure.wire_curve import WireCurve
+from ..planar.measures import INTERIOR
 from .contact import TouchingPairs, WireContact
 from .contact_places import site_places, spatial_curve
 from .mesh import SpatialMesh
@@ -65,18 +65,18 @@ class SpatialReading:
     @property
     def clamp_rotation(self) -> float:
         """[rad] by which the clamps are turned against the boundary, as in the plane (measure/reading.py)."""
-        return measure.clamp_rotation(self.gradient)
+        return strain.clamp_rotation(self.gradient)
 
     @property
     def stretch(self) -> np.ndarray:
         """(2, 2) deformation gradient of the boundary but for the rotation of the clamps."""
-        return measure.stretch(self.gradient)
+        return strain.stretch(self.gradient)
 
     @cached_property
     def place(self) -> np.ndarray:
         """(node, 3) [m] positions, turned back to where the boundary is strained by `stretch`."""
         turned = self.position.copy()
-        turned[:, :2] = turned[:, :2] @ measure.rotation(self.clamp_rotation).T
+        turned[:, :2] = turned[:, :2] @ strain.rotation(self.clamp_rotation).T
         return turned
 
     @property
@@ -165,18 +165,18 @@ class SpatialReading:
     @property
     def mesh_tension(self) -> tuple[float, float]:
         """Weft and warp [N/m], force per current width: diagonal of P F^T/det F, in the frame of the boundary."""
-        cauchy = measure.true_stress(self.boundary_stress, self.stretch)
+        cauchy = strain.true_stress(self.boundary_stress, self.stretch)
         return float(cauchy[0, 0]), float(cauchy[1, 1])
 
     @property
     def boundary_stress(self) -> np.ndarray:
         """(2, 2) [N/m] nominal stress in the frame in which the boundary is strained by `stretch`."""
-        return measure.rotation(self.clamp_rotation) @ self.nominal_stress
+        return strain.rotation(self.clamp_rotation) @ self.nominal_stress
 
     @property
     def clamp_couple(self) -> float:
         """[N/m] moment that turns the clamps counter-clockwise, over the area at rest."""
-        return measure.couple_of(self.nominal_stress, self.gradient)
+        return strain.couple_of(self.nominal_stress, self.gradient)
 
     @property
     def areal_mass(self) -> float:
@@ -275,7 +275,7 @@ class SpatialReading:
         rest = self.mesh.rods.position[:, :2] if panel.boundary == "periodic" else panel.clamp_position
         corner = np.append(f @ rest.min(axis=0), 0.0)
         back = np.eye(3)
-        back[:2, :2] = measure.rotation(self.clamp_rotation)
+        back[:2, :2] = strain.rotation(self.clamp_rotation)
         return Frame(
             index=index,
             stage=stage,

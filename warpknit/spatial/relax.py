@@ -13,8 +13,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from .. import measure
 from ..errors import Diverged
+from ..measure import strain
 from ..scene import Stage
 from ..solve.tension import MOST_STATES
 from .drive import CLOSEST, SpatialDrive, SpatialRecord
@@ -188,7 +188,7 @@ class SpatialRelaxation(SpatialDrive):
                 )
             stretch = reading.stretch
             stretch[np.diag_indices(2)] = np.where(driven, 1.0 + following, np.diag(stretch))
-            gradient = measure.rotation(-reading.clamp_rotation) @ stretch
+            gradient = strain.rotation(-reading.clamp_rotation) @ stretch
             self._set_load(stage, gradient, self.state.displacement.numpy().copy())
             self._settle()
 

@@ -16,13 +16,13 @@ import warp as wp
 
 from ..errors import Diverged
 from ..kernels import control as c
-from ..model.model import Model
+from ..planar.diagnostics import Sums, first_blocks, sum_up
+from ..planar.model import Model
+from ..planar.multiplier_rules import MultiplierRules
+from ..planar.step import PROBING
 from ..scene import Stage
 from ..solve.drive import CHECK_STEPS, Progress
-from ..solve.look import Sums, first_blocks, sum_up
-from ..solve.multiplier_rules import MultiplierRules
 from ..solve.relax import NEARLY_STEADY, SOFTENING_LOOKS, WORSE, Relaxation, drift_looks, patience_of
-from ..solve.step import PROBING
 from .outcome import Outcome
 from .replicas import Replicas
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import measure
 from ..errors import Diverged
-from ..measure.reading import Reading
+from ..planar.observables import Reading
 from ..spatial.reading import SpatialReading
 
 AnyReading = Reading | SpatialReading

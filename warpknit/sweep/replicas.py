@@ -12,9 +12,9 @@ import warp as wp
 from ..kernels import control as c
 from ..kernels.bodies import BODY_BLOCK
 from ..kernels.replicas import step_replicas
-from ..model.model import Model, body_blocks, contact_batches
-from ..model.state import State, initial_state
-from ..solve.step import CORES
+from ..planar.model import Model, body_blocks, contact_batches
+from ..planar.state import State, initial_state
+from ..planar.step import CORES
 
 
 class Replicas:

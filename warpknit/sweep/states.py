@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from ..model.model import Model, build_model
+from ..planar.model import Model, build_model
 from ..scene import Scene, Stage
 from ..spatial.mesh import SpatialMesh, build_mesh
 from .batch import Batch

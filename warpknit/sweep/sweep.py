@@ -17,13 +17,14 @@ from typing import Any
 from ..device import find_device
 from ..errors import MemoryNeeded, ModelError, SceneError
 from ..files import write_aside
-from ..model.model import available_memory, refuse_wire_file, required_memory
+from ..memory import available_memory, required_memory
+from ..mesh.layout import refuse_wire_file
+from ..planar.prolongation import smaller_scene
 from ..run.interrupts import Interrupted, Interrupts
 from ..run.progress import Progress as Display
 from ..run.run_directory import Ending, finished_before, goes_on, open_directory
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.messages import scene_error
-from ..solve.prolongation import smaller_scene
 from ..spatial.estimate import process_count, size_of_mesh, spatial_map_time
 from ..spatial.mesh import SpatialMesh
 from ..text import duration, engineering

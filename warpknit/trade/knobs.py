@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from ..model.model import Model
+from ..planar.model import Model
 from ..scene.presets import PRESETS
 
 Overrides = tuple[tuple[str, object], ...]

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 
 from ..errors import Diverged
-from ..model.model import build_model
+from ..planar.model import build_model
 from ..scene import PanelOptions, Scene
 from .point import Errors, Found, Outcome, Scales, errors_of, run_point, scales_of
 

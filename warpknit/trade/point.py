@@ -11,9 +11,9 @@ import numpy as np
 
 from .. import measure
 from ..errors import Diverged, InputError
-from ..measure.hook_contact import hook_contact
-from ..model.model import Model, build_model
-from ..model.state import initial_state
+from ..planar.hook_contact import hook_contact
+from ..planar.model import Model, build_model
+from ..planar.state import initial_state
 from ..scene import Scene
 from ..solve.drive import Drive
 from ..solve.simulate import Progress, Record, Simulation

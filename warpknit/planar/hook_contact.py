@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..mesh.hook import LEFT, RIGHT, RIGHT_TOP
-from . import whole
-from .reading import Reading
+from . import measures as whole
+from .observables import Reading
 
 
 @dataclass(frozen=True)

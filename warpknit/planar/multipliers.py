@@ -17,10 +17,10 @@ import warp as wp
 from ..kernels import control as c
 from ..kernels.multipliers import update_pair_offset, update_tension_offset
 from ..kernels.wires_by_block import BLOCK_SIZE
-from ..model.model import Model, block_threads
-from ..model.state import State
-from .look import Look, Sums
+from .diagnostics import Look, Sums
+from .model import Model, block_threads
 from .multiplier_rules import MultiplierRules
+from .state import State
 
 BEND_OVER_STRETCH = 3.0  # least ratio of what bending and softened stretch give to an imposed pull
 

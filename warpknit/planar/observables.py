@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,29 +15,10 @@ from ..kernels import clamp
 from ..kernels import control as c
 from ..kernels.energy import evaluate_wires
 from ..kernels.wires_by_block import BLOCK_SIZE
-from ..model.join import Join
-from ..model.model import Model
-from ..model.state import State
-
-
-def rotation(angle: float) -> np.ndarray:
-    """(2, 2) counter-clockwise by an angle [rad]; the unit matrix to the bit where that is 0."""
-    return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-
-
-def clamp_rotation(gradient: np.ndarray) -> float:
-    """[rad] by which clamps are turned, counter-clockwise, against the boundary with a deformation gradient (2, 2).
-
-    The model keeps the direction of the clamps and turns the boundary the other way, F = R^T U with U upper triangular; what is
-    read of the mesh as a whole is turned back, to the frame in which the boundary is strained by U.
-    """
-    return math.atan2(0.0 - float(gradient[1, 0]), float(gradient[0, 0]))
-
-
-def stretch(gradient: np.ndarray) -> np.ndarray:
-    """U (2, 2) of F = R^T U, to what rounding leaves of a turn."""
-    angle = clamp_rotation(gradient)
-    return np.round(rotation(angle) @ gradient, 14) + 0.0 if angle else gradient.copy()
+from ..measure.strain import clamp_rotation, stretch
+from .join import Join
+from .model import Model
+from .state import State
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from ..kernels.bodies import BODY_BLOCK, step_bodies
 from ..kernels.border import collect_forces, distribute_forces
 from ..kernels.control import PARTIAL_COUNT, sum_partials, update_control
 from ..mesh.strip import Strip
-from ..model.model import Model
-from ..model.state import State
+from .model import Model
+from .state import State
 from .step import LaunchData, Stepper, body_arguments
 
 NUMBERS_A_PAIR = 3  # force and its components

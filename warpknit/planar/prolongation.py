@@ -17,12 +17,12 @@ import warp as wp
 from ..kernels import control as c
 from ..kernels.prolong import Meshes, prolong_bodies, prolong_nodes
 from ..kernels.wires_by_block import BLOCK_SIZE
-from ..measure.reading import node_entries
-from ..model.join import Join
-from ..model.model import Model, block_threads
-from ..model.state import State
 from ..scene import PanelOptions, Scene, Stage
+from .join import Join
+from .model import Model, block_threads
+from .observables import node_entries
 from .response import Response, carried_values
+from .state import State
 
 RIM = 3  # repeats at an edge that are carried over one to one
 RATIO = 3  # repeats of a mesh over those of the smaller one

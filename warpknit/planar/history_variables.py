@@ -11,9 +11,9 @@ import warp as wp
 
 from ..kernels.anchored_bodies import draw_anchors
 from ..kernels.friction import stick_contacts
-from ..measure.reading import read_strip
-from ..model.model import Model
-from ..model.state import State
+from .model import Model
+from .observables import read_strip
+from .state import State
 from .step import ground_arguments
 
 

@@ -9,8 +9,8 @@ import warp as wp
 
 from ..kernels import control as c
 from ..kernels.relax import sum_rayleigh
-from ..model.model import Model
-from ..model.state import State
+from .model import Model
+from .state import State
 from .step import ForceProbe, Stepper
 
 SLOWEST_WAVE = 3.0  # loops of wire: bending waves longer than this are left overdamped; they carry next to nothing

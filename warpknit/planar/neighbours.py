@@ -8,8 +8,8 @@ import warp as wp
 from ..kernels import control as c
 from ..kernels.neighbours import find_nearest_segments, place_nodes_in_hash
 from ..kernels.wires_by_block import BLOCK_SIZE
-from ..model.model import Model, block_threads
-from ..model.state import State
+from .model import Model, block_threads
+from .state import State
 
 SAG = 0.15  # of the node spacing: how far a wire may bulge beyond the chord between two nodes (a radius of 0.8 spacings)
 RAMP_SHARE = 0.2  # of the margin: kept for the affine motion between two searches of a ramp

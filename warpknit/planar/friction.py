@@ -6,7 +6,7 @@ import numpy as np
 
 from ..kernels import control as c
 from ..kernels.friction import LOOSE, TANGENTIAL
-from .reading import Reading
+from .observables import Reading
 
 
 def friction_stiffness(r: Reading) -> float:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .friction import friction_pull
-from .reading import Reading, pair_distances
+from .observables import Reading, pair_distances
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ from typing import Protocol
 import numpy as np
 import warp as wp
 
-from ..measure.reading import read_strip
-from ..model.join import Join
-from ..model.model import Model
-from ..model.state import State
+from .join import Join
+from .model import Model
+from .observables import read_strip
+from .state import State
 
 STRAIN = 2e-3  # by which one repeat is strained further
 LEAST_STIFFNESS = 1e-2  # of the largest eigenvalue: a softer way to strain the cloth is taken to be as stiff

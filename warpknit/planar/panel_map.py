@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import whole
-from .reading import Reading, rotation
+from ..measure.strain import rotation
+from . import measures as whole
+from .observables import Reading
 
 LEAST_SHARE = 0.5  # of a tile inside the outline, for a value to be given
 NODES_AT_ONCE = 1_000_000

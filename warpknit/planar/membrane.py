@@ -22,9 +22,9 @@ from scipy.sparse.linalg import splu
 from ..kernels.membrane import Grid, gather_body_forces, gather_node_forces, spread_to_bodies, spread_to_nodes
 from ..kernels.wires_by_block import BLOCK_SIZE
 from ..mesh.rim import REPEATS_A_CELL, Rim
-from ..model.model import Model, block_threads
-from ..model.state import State
+from .model import Model, block_threads
 from .response import Response
+from .state import State
 from .step import ForceProbe
 
 MOST_CELLS = 96  # of the grid in a direction

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from .. import measure
 from ..kernels import control as c
-from ..model.model import Model
-from .look import Sums
+from . import measures as measure
+from .diagnostics import Sums
+from .model import Model
 
 ENERGY_FLOOR = 1e-5  # of EI/W a loop: what kinetic energy is compared with where less is stored
 FORCE_FLOOR = 0.05  # of EI/W^2: what the residual is compared with where contacts carry less

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..model.model import Model
+from .model import Model
 
 
 def wire_warmth(model: Model, temperature: float, gradient: tuple[float, float]) -> np.ndarray:

@@ -13,10 +13,10 @@ import numpy as np
 import warp as wp
 
 from ..kernels import look as k
-from ..measure.reading import evaluation
 from ..mesh.panel import Panel
-from ..model.model import Model
-from ..model.state import State
+from .model import Model
+from .observables import evaluation
+from .state import State
 from .step import Stepper
 
 

@@ -11,19 +11,19 @@ from __future__ import annotations
 
 import math
 
-from .. import measure
 from ..kernels import control as c
-from ..model.model import Model
-from ..model.numerics import STEP_MARGIN
-from ..model.state import State
 from .frequency import frequency_square
+from .model import Model
+from .numerics import STEP_MARGIN
+from .observables import Reading, read
+from .state import State
 
 BOUNCING = 4.0  # times w_body^2, at least, is reckoned with
 FASTER = 2.0  # times the largest speed now, that something may have before the next look
 NEAR = 0.02  # of the reach of a contact: nearer to closing than this counts as closed in any case
 
 
-def largest_step(reading: measure.Reading, steps: int) -> float:
+def largest_step(reading: Reading, steps: int) -> float:
     """Step [s] up to which the next `steps` steps are stable."""
     model, control = reading.model, reading.control
     move = FASTER * float(control[int(c.SPEED_MAX)] * control[int(c.TIME_STEP)])
@@ -35,5 +35,5 @@ def largest_step(reading: measure.Reading, steps: int) -> float:
 
 def stable_step(model: Model, state: State, steps: int) -> float:
     """Time step [s] of a ramp for the next `steps` steps from the present state on."""
-    reading = measure.read(model, state)
+    reading = read(model, state)
     return STEP_MARGIN * model.ranks.from_first(lambda: largest_step(reading, steps))

@@ -12,12 +12,13 @@ import numpy as np
 
 from ..frame import Frame, curve_parts
 from ..kernels import control as c
-from ..model.model import Model
+from ..measure.strain import couple_of, rotation, true_stress
+from ..measure.wire_curve import planar_curve
 from ..scene import Wire
 from .bending import BendingMoments, bending_moments
 from .friction import friction_energy
-from .reading import Reading, pair_levers, rotation
-from .wire_curve import planar_curve
+from .model import Model
+from .observables import Reading, pair_levers
 
 INTERIOR = 0.25  # of the mesh's width and height from each edge
 
@@ -167,21 +168,10 @@ def clamp_couple(r: Reading) -> float:
     return couple_of(nominal_stress(r), r.gradient)
 
 
-def couple_of(nominal: np.ndarray, gradient: np.ndarray) -> float:
-    """[N/m] the same of a nominal stress (2, 2) [N/m] at a deformation gradient (2, 2)."""
-    clockwise = np.array([[0.0, 1.0], [-1.0, 0.0]])
-    return float(np.sum(nominal * (clockwise @ gradient)))
-
-
 def mesh_tension(r: Reading) -> tuple[float, float]:
     """Tension in weft and warp [N/m], force per current width: diagonal of P F^T / det F, in the frame of the boundary."""
     cauchy = true_stress(boundary_stress(r), r.stretch)
     return float(cauchy[0, 0]), float(cauchy[1, 1])
-
-
-def true_stress(nominal: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-    """Cauchy stress (2, 2) [N/m], force per current width, of a nominal one: P F^T / det F."""
-    return nominal @ gradient.T / np.linalg.det(gradient)
 
 
 def mean_boundary_force(r: Reading) -> float:

@@ -31,7 +31,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..kernels import control as c
-from ..measure import Reading
+from .observables import Reading
 
 PASSES = 2  # of the bound: the second one with the row sums of the first
 LEAST_WEIGHT = 1e-3  # of the largest: terms that hardly count are not divided by next to nothing

@@ -29,8 +29,8 @@ from ..kernels.grip import move_held_nodes
 from ..kernels.slide import slide_clamps
 from ..kernels.wires import step_wires_by_node
 from ..kernels.wires_by_block import BLOCK_SIZE, step_wires_by_block
-from ..model.model import Model, body_blocks, contact_batches
-from ..model.state import State
+from .model import Model, body_blocks, contact_batches
+from .state import State
 
 GRAPH_STEPS = (50, 10, 1)  # steps that are replayed at once
 CORES = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))

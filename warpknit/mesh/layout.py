@@ -1,0 +1,101 @@
+"""From a scene to the nodes of its mesh: the cloth that is knitted, its copies, and how many nodes they take."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from ..errors import MemoryNeeded, ModelError
+from ..knit.chain import KnitError
+from ..knit.cloth import Cloth, knit_cloth
+from ..memory import available_memory, required_memory
+from ..scene import Scene
+from .panel import Panel, build_panel, table_lead
+from .table import Table, rest_table
+
+SLIDE_ALLOWANCE = 0.2  # how far a contact may slide beyond its lens, in wire lengths of a loop
+
+
+def estimated_nodes(scene: Scene, cloth: Cloth) -> int:
+    """Nodes of the mesh before it is built, to refuse what cannot fit."""
+    repeats = scene.knit.repeats[0] * scene.knit.repeats[1]
+    if scene.model.boundary == "gripped":
+        repeats = scene.panel.shape(scene.knit.size).area / np.prod(scene.knit.repeat)
+    return round(scene.model.nodes_per_loop * len(cloth.stitches) * repeats / math.prod(_tiles(scene)))
+
+
+def copies_of_cloth(scene: Scene) -> tuple[int, int]:
+    """How often `knit_scene` stands side by side (weft, warp) in the mesh: once where loops differ, as no repeat is like
+    another then."""
+    return (1, 1) if scene.knit.scatter else scene.knit.repeats
+
+
+def knit_scene(scene: Scene) -> Cloth:
+    """One repeat of the scene's cloth, or all of it where loops differ; refuses (`MemoryNeeded`) a mesh that cannot fit before
+    anything is laid out, (`ModelError`) wires from a file, and (`KnitError`) loops so far from the mean that they hook
+    otherwise."""
+    refuse_wire_file(scene)
+    cloth = knit_cloth(scene.knit, scene.wire.diameter, scene.model.merge_lenses, _tiles(scene))
+    _refuse_other_hooks(scene, cloth)
+    nodes = estimated_nodes(scene, cloth)
+    needed, available = required_memory(scene, nodes), available_memory()
+    if needed > available or nodes > np.iinfo(np.int32).max:
+        raise MemoryNeeded(
+            f"{_size_of(scene)}: {nodes:.3g} nodes need {needed / 2**30:.3g} GiB, available {available / 2**30:.3g} GiB"
+        )
+    return cloth
+
+
+def refuse_wire_file(scene: Scene) -> None:
+    """Raise `ModelError` where the scene's wires come from a file."""
+    if scene.wires is not None:
+        raise ModelError("wires: given a file, allowed: [knit] here: wires from a file are planned and run, no more")
+
+
+def _tiles(scene: Scene) -> tuple[int, int]:
+    """Pattern repeats that are knitted as one."""
+    return scene.knit.repeats if scene.knit.scatter else (1, 1)
+
+
+def _refuse_other_hooks(scene: Scene, cloth: Cloth) -> None:
+    if not scene.knit.scatter:
+        return
+    even = knit_cloth(replace(scene.knit, scatter=0.0), scene.wire.diameter, scene.model.merge_lenses)
+    meant, found = len(even.clasps) * math.prod(_tiles(scene)), len(cloth.clasps)
+    if found != meant:
+        allowed = f"less, or another seed: with seed {scene.knit.seed} loops hook {found} times where {meant} are meant"
+        raise KnitError("knit.scatter", scene.knit.scatter, allowed)
+
+
+def _size_of(scene: Scene) -> str:
+    """The key that says how large the mesh is, with its value."""
+    if scene.panel.outline == "rectangle":
+        return f"knit.repeats = {list(scene.knit.repeats)}"
+    if scene.panel.size is None:
+        return f"panel.corners = {len(scene.panel.corners or ())} corners"
+    return f"panel.size = {scene.panel.size:g} m"
+
+
+def lay_out(scene: Scene, cloth: Cloth) -> tuple[Table, Panel, float]:
+    """Nodes of one repeat of the scene's cloth, the mesh of its copies, and the length [m] of wire of a loop. Raises
+    `ModelError`."""
+    loop_length = sum(t.length for t in cloth.threads) / len(cloth.stitches)
+    slack = SLIDE_ALLOWANCE * loop_length
+    spacing = loop_length / scene.model.nodes_per_loop
+    table = rest_table(
+        cloth,
+        nodes_per_loop=scene.model.nodes_per_loop,
+        set_fraction=scene.wire.set_fraction,
+        lead=table_lead(cloth, 0.8 * spacing, slack),
+    )
+    panel = build_panel(
+        cloth,
+        table,
+        repeats=copies_of_cloth(scene),
+        outline=None if scene.model.boundary == "periodic" else scene.panel.shape(scene.knit.size),
+        slack=slack,
+        set_fraction=scene.wire.set_fraction,
+    )
+    return table, panel, loop_length

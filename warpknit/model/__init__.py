@@ -1,1 +1,0 @@
-"""What a run computes with: everything that does not move, and everything that does."""

@@ -1,0 +1,1 @@
+"""The planar model: wires in a plane, hooked by free contact bodies."""
