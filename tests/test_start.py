@@ -13,7 +13,7 @@ from warpknit.kernels import control as c
 from warpknit.planar.membrane import Correction
 from warpknit.planar.model import Model, build_model
 from warpknit.planar.observables import node_entries
-from warpknit.planar.prolongation import smaller_scene
+from warpknit.mesh.smaller import smaller_scene
 from warpknit.planar.response import STRAIN, carried_values
 from warpknit.planar.state import State, initial_state
 from warpknit.scene import load_scene

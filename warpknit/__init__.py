@@ -22,8 +22,8 @@ __version__ = "0.1.0"
 _DOOR = {
     "load_scene": "scene",
     "knit_cloth": "knit.cloth",
-    "build_model": "planar.model",
-    "initial_state": "planar.state",
+    "build_model": "model",
+    "initial_state": "model",
     "Simulation": "solve.simulate",
     "measure": None,
     "run_scene": "run.run",

@@ -72,6 +72,11 @@ class Rim:
             moved += share[:, None] * np.array(pull.by)
         return moved
 
+    def strain(self, moved: np.ndarray) -> float:
+        """Largest strain of the outline between two stations that are moved by (station, 2) [m]."""
+        apart = np.linalg.norm(np.roll(self.place, -1, axis=0) - self.place, axis=1)
+        return float((np.linalg.norm(np.roll(moved, -1, axis=0) - moved, axis=1) / apart).max())
+
     # --- the cord ---
 
     def cord_forces(self, gradient: np.ndarray, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -37,6 +38,9 @@ CORD_SAG = 0.2  # of the size of a mesh: farther its edge cannot be from its out
 class Model:
     """A mesh ready to run. Stiffnesses and masses are those the run starts with; the control array holds the current ones."""
 
+    has_multilevel: ClassVar[bool] = True
+    has_replicas: ClassVar[bool] = True
+
     scene: Scene
     cloth: Cloth | None  # None for wires that no pattern made
     table: Table
@@ -63,6 +67,23 @@ class Model:
     def whole(self) -> Model:
         """The model of the whole mesh on the host: what readings, measures and results speak of. Its arrays are of the strip."""
         return self if self.strip is None else replace(self, panel=self.strip.whole, strip=None)
+
+    @property
+    def node_count(self) -> int:
+        """Nodes that are stepped."""
+        return self.panel.node_count
+
+    def initial_state(self) -> Any:
+        """The knitted shape, no velocity, no load."""
+        from .state import initial_state
+
+        return initial_state(self)
+
+    def mechanics(self, state: Any) -> Any:
+        """What steps a state of the model (mechanics.py)."""
+        from .mechanics import PlanarMechanics
+
+        return PlanarMechanics(self, state)
 
     @property
     def is_gripped(self) -> bool:

@@ -9,15 +9,12 @@ towards the edge.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import warp as wp
 
 from ..kernels import control as c
 from ..kernels.prolong import Meshes, prolong_bodies, prolong_nodes
 from ..kernels.wires_by_block import BLOCK_SIZE
-from ..scene import PanelOptions, Scene, Stage
 from .join import Join
 from .model import Model, block_threads
 from .observables import node_entries
@@ -25,47 +22,7 @@ from .response import Response, carried_values
 from .state import State
 
 RIM = 3  # repeats at an edge that are carried over one to one
-RATIO = 3  # repeats of a mesh over those of the smaller one
-LEAST = 8  # repeats of the smaller mesh, at least
 FADED = 1.5  # loops of wire from a clamp over which the change of endless cloth fades out
-WORTH = 1.5  # ratio from which a smaller mesh pays
-
-
-def _smaller_side(repeats: int) -> int:
-    """Of the same parity, so that the middle of the mesh is cut alike."""
-    fewer = -(-repeats // RATIO)
-    return min(repeats, max(LEAST + repeats % 2, fewer + (fewer - repeats) % 2))
-
-
-def smaller_scene(scene: Scene) -> Scene | None:
-    """The scene of the smaller mesh, or None where the mesh is small enough."""
-    repeats = scene.knit.repeats
-    if scene.knit.scatter or scene.depends_on_path:
-        return None  # no repeat is like another, or what was before counts
-    if scene.model.boundary == "periodic":
-        smaller = (1, 1)
-    elif scene.panel.outline != "rectangle":
-        return one_repeat(scene)
-    else:
-        smaller = _smaller_side(repeats[0]), _smaller_side(repeats[1])
-        if repeats[0] * repeats[1] < WORTH * smaller[0] * smaller[1]:
-            return None
-    if smaller == repeats:
-        return None
-    return replace(scene, knit=replace(scene.knit, repeats=smaller), panel=PanelOptions(), stages=_plain_stages(scene))
-
-
-def one_repeat(scene: Scene) -> Scene:
-    """The scene of one periodic repeat of the same cloth."""
-    knit, options = replace(scene.knit, repeats=(1, 1)), replace(scene.model, boundary="periodic")
-    contact, wire = replace(scene.contact, friction=0.0), replace(scene.wire, plastic=False)
-    stages = _plain_stages(scene)
-    return replace(scene, wire=wire, knit=knit, model=options, panel=PanelOptions(), contact=contact, stages=stages)
-
-
-def _plain_stages(scene: Scene) -> tuple[Stage, ...]:
-    """The stages without what differs from place to place."""
-    return tuple(replace(stage, pull=(), temperature_gradient=(0.0, 0.0)) for stage in scene.stages)
 
 
 class Prolongation:

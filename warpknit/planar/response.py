@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
+from collections.abc import Callable
 
 import numpy as np
 import warp as wp
@@ -33,13 +33,9 @@ def carried_values(model: Model, state: State) -> dict[str, np.ndarray]:
     }
 
 
-class Cell(Protocol):
-    """One periodic repeat that can be brought to rest at a deformation gradient."""
-
-    model: Model
-
-    def rest_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Nominal stress (2, 2) [N/m] at rest, and what describes the state (see `carried_values`)."""
+# Nominal stress (2, 2) [N/m] of one periodic repeat in equilibrium at a deformation gradient (2, 2) and a temperature [K], and what
+# describes its state (`carried_values`).
+CellState = Callable[[np.ndarray, float], tuple[np.ndarray, dict[str, np.ndarray]]]
 
 
 @dataclass(frozen=True)
@@ -65,18 +61,18 @@ class Response:
         return [self.change[name] for name in ("body_x", "body_y", "offset")]
 
 
-def find_response(cell: Cell, gradient: np.ndarray, temperature: float) -> Response:
+def find_response(cell_at: CellState, cell: Model, gradient: np.ndarray, temperature: float) -> Response:
     """Stiffness of endless cloth and what its repeats do, by differences between states of one repeat at rest.
 
     Raises `Diverged` where the repeat does not come to rest.
     """
-    stress, values = cell.rest_at(gradient, temperature)
+    stress, values = cell_at(gradient, temperature)
     tangent = np.zeros((2, 2, 2, 2))
     change = {name: np.zeros((4, len(value))) for name, value in values.items()}
     for k, (c, d) in enumerate(np.ndindex(2, 2)):
         step = np.zeros((2, 2))
         step[c, d] = STRAIN
-        there, moved = cell.rest_at(gradient + step, temperature)
+        there, moved = cell_at(gradient + step, temperature)
         tangent[:, :, c, d] = (there - stress) / STRAIN
         for name in values:
             change[name][k] = (moved[name] - values[name]) / STRAIN
@@ -89,8 +85,8 @@ def find_response(cell: Cell, gradient: np.ndarray, temperature: float) -> Respo
     eigenvalues = np.maximum(eigenvalues, LEAST_STIFFNESS * eigenvalues.max())
     return Response(
         ((vectors * eigenvalues) @ vectors.T).reshape(2, 2, 2, 2),
-        _node_of_entry(cell.model),
-        {name: wp.array(value, dtype=wp.float64, device=cell.model.device) for name, value in change.items()},
+        _node_of_entry(cell),
+        {name: wp.array(value, dtype=wp.float64, device=cell.device) for name, value in change.items()},
     )
 
 

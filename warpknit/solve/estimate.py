@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ..planar.prolongation import smaller_scene
+from ..mesh.smaller import smaller_scene
 from ..planar.step import thread_count
 from ..scene import Scene
 

@@ -1,19 +1,21 @@
-"""The time loop over the stages of a scene: a generator of `Record`s, so that what is recorded stays apart from how to step."""
+"""The loop over the stages of a scene: a generator of `Record`s, so that what is recorded stays apart from how to step."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
+from ..mechanics import Model
 from ..mesh.layout import estimated_nodes
-from ..planar.model import Model, build_model
-from ..planar.prolongation import one_repeat, smaller_scene
-from ..planar.state import State, initial_state
+from ..mesh.smaller import one_repeat, smaller_scene
+from ..model import build_model
 from ..ranks.ranks import One, Ranks
 from ..scene import Scene
-from .drive import Drive, LoadStart, Progress, Record
-from .large import LargeRelaxation
+from .drive import Drive
+from .multilevel import MultilevelRelaxation
+from .progress import LoadStart, Progress, Record
 from .ramp import Ramp
 from .relax import Relaxation
 
@@ -24,12 +26,19 @@ NODES_A_STRIP = 4_000  # of a smaller mesh: fewer are not worth the waiting for 
 
 
 class Simulation:
-    """A run of a model through the stages of its scene."""
+    """A run of a model through the stages of its scene.
+
+        model = build_model(scene)
+        for record in Simulation(model, initial_state(model)).run():
+            print(record.load_factor, measure.mesh_tension(record.reading))
+
+    `watch` is called after every convergence check with the progress, and may raise to stop the run.
+    """
 
     def __init__(
         self,
         model: Model,
-        state: State,
+        state: Any,
         *,
         progress: Progress | None = None,
         watch: Callable[[Progress], None] | None = None,
@@ -42,21 +51,33 @@ class Simulation:
         if model.scene.solver.drive == "relax":
             self.drive: Drive = self._relaxation(model, state, self.progress, self._cell_of(model))
         else:
-            self.drive = Ramp(model, state, self.progress, self._look)
+            self.drive = Ramp(model.mechanics(state), self.progress, self._watched)
 
-    def _look(self, _progress: Progress) -> None:
+    def __repr__(self) -> str:
+        progress = self.progress
+        return f"<Simulation of {self.model.scene.name}: {progress.records} records, {progress.steps:,} steps>"
+
+    def _watched(self, _progress: Progress) -> None:
         self.watch(self.progress)
 
-    def _relaxation(self, model: Model, state: State, progress: Progress, cell: Relaxation | None) -> Relaxation:
+    @property
+    def notes(self) -> list[str]:
+        """What the user should know of the mesh as it was knitted."""
+        return self.drive.mechanics.notes
+
+    # --- drives
+
+    def _relaxation(self, model: Model, state: Any, progress: Progress, cell: Relaxation | None) -> Relaxation:
         """A relaxation with the smaller meshes that it starts from."""
-        scene = smaller_scene(model.scene) if model.cloth is not None else None
+        mechanics = model.mechanics(state)
+        scene = smaller_scene(model.scene) if model.has_multilevel and model.cloth is not None else None
         if scene is None:
             if cell is None or not model.scene.has_moving_edge:
-                return Relaxation(model, state, progress, self._look)
-            return LargeRelaxation(model, state, progress, self._look, cell=cell)
+                return Relaxation(mechanics, progress, self._watched)
+            return MultilevelRelaxation(mechanics, progress, self._watched, cell=cell)
         smaller = build_model(scene, model.device, self._sharing(model, scene))
-        below = self._relaxation(smaller, initial_state(smaller), Progress(), cell)
-        return LargeRelaxation(model, state, progress, self._look, smaller=below, cell=cell)
+        below = self._relaxation(smaller, smaller.initial_state(), Progress(), cell)
+        return MultilevelRelaxation(mechanics, progress, self._watched, smaller=below, cell=cell)
 
     @staticmethod
     def _sharing(model: Model, smaller: Scene) -> Ranks:
@@ -69,33 +90,35 @@ class Simulation:
     def _cell_of(model: Model) -> Relaxation | None:
         """One periodic repeat under the same load, for a gripped mesh that is large enough to need it."""
         scene = model.scene
-        if model.cloth is None or scene.model.boundary == "periodic":
+        if not model.has_multilevel or model.cloth is None or scene.model.boundary == "periodic":
             return None
         if smaller_scene(scene) is None and not scene.has_moving_edge:
             return None
         cell = build_model(one_repeat(scene), model.device)
-        return Relaxation(cell, initial_state(cell), Progress(), lambda _progress: None)
+        return Relaxation(cell.mechanics(cell.initial_state()))
 
-    def warm_up(self) -> None:
-        """Have every kernel that the run will use compiled or loaded; the state stays as it is."""
-        self.drive.warm_up()
+    # --- the run
 
-    def memory(self) -> dict[str, np.ndarray]:
-        """What a checkpoint needs beside the state: arrays that the loop carries from look to look."""
-        return self.drive.memory()
+    def compile(self) -> None:
+        """Have every kernel that the run will use compiled or loaded; the state stays as it is. Raises `ModelError`."""
+        self.drive.compile()
 
-    def recall(self, kept: dict[str, np.ndarray]) -> None:
-        """Put back what `memory` returned."""
-        self.drive.recall(kept)
+    def state_dict(self) -> dict[str, np.ndarray]:
+        """What a checkpoint needs beside the state: arrays that are carried from check to check."""
+        return self.drive.state_dict()
+
+    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+        """Put back what `state_dict` returned."""
+        self.drive.load_state_dict(kept)
 
     def run(self) -> Iterator[Record]:
-        """Records of all stages, from where `progress` stands.
+        """Records of all stages, from where `progress` stands: the unloaded mesh, then `output.frames` states a stage.
 
         Raises:
-            Diverged: the state cannot be brought to rest, or numbers are no longer finite.
+            Diverged: a level does not converge, wires pass through each other, or numbers are no longer finite.
         """
         if not self.resumed:
-            self.drive.neighbours.search()
+            self.drive.mechanics.search()
         stages = self.model.scene.stages
         progress = self.progress
         while progress.stage_index < len(stages):
@@ -106,3 +129,4 @@ class Simulation:
             yield from self.drive.stage(stage)
             progress.stage_index += 1
             progress.level, progress.start, progress.time = 0, LoadStart(), 0.0
+

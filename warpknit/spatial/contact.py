@@ -155,6 +155,11 @@ class WireContact:
             ),
         ]  # fmt: skip
 
+    @property
+    def expected(self) -> float:
+        """[m] by which the load brings things nearer beside their own travel, as told."""
+        return self._expected
+
     def expect(self, strain: float) -> None:
         """Search, and until the next call keep room for what the load itself will do, which strains the mesh by so much."""
         self._expected = 2.0 * strain * self._radius

@@ -98,11 +98,6 @@ class Edge:
         """(clamp, 2) [m] beside the load."""
         return np.asarray(self.rim.clamps @ self.moved)
 
-    def strain(self, moved: np.ndarray) -> float:
-        """Largest strain of the outline between two stations that are moved by (station, 2) [m]."""
-        apart = np.linalg.norm(np.roll(self.rim.place, -1, axis=0) - self.rim.place, axis=1)
-        return float((np.linalg.norm(np.roll(moved, -1, axis=0) - moved, axis=1) / apart).max())
-
     # --- checkpoints
 
     def memory(self) -> dict[str, np.ndarray]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..device import start_warp
-from ..errors import MemoryNeeded
+from ..errors import MemoryNeeded, ModelError
 from ..frame import WireLayout, curve_parts
 from ..knit.cloth import Cloth
 from ..memory import available_memory, required_memory
@@ -24,6 +25,8 @@ from ..wires.read import rest_wires
 from .from_file import mesh_of_wires
 from .hook import hook_wires
 from .rest_curve import RestCurve, catmull_rom, fit_rest_curve
+from .ramp_masses import RampNumbers, ramp_numbers
+from .rod_arrays import RodState, rest_state
 from .rods import Rods, Section, rods_of
 from .wires import SpatialWires, place_wires
 
@@ -51,8 +54,50 @@ class SpatialMesh:
     device: str
     precision: Precision
     ranks: Ranks
-    time_step: float = 1.0  # [s], of a relaxation
-    added_mass: float = 0.0
+    ramp: RampNumbers | None = None  # masses, step and damping of a ramp
+
+    has_multilevel: ClassVar[bool] = False
+    has_replicas: ClassVar[bool] = False
+
+    @property
+    def time_step(self) -> float:
+        """[s] that a run starts with."""
+        return 1.0 if self.ramp is None else self.ramp.time_step
+
+    @property
+    def limited_by(self) -> str:
+        """What limits the time step."""
+        return "unit step" if self.ramp is None else self.ramp.rates.limited_by
+
+    @property
+    def loading_time(self) -> float:
+        """[s] of a stage of a ramp."""
+        return 0.0 if self.ramp is None else self.ramp.loading_time
+
+    @property
+    def added_mass(self) -> float:
+        """Share of mass that scaling added."""
+        return 0.0 if self.ramp is None else self.ramp.added_mass
+
+    @property
+    def whole(self) -> SpatialMesh:
+        """The model of the whole mesh: no ranks share it."""
+        return self
+
+    @property
+    def node_count(self) -> int:
+        """Nodes that are stepped: clamped wires are divided anew."""
+        return self.rods.node_count
+
+    def initial_state(self) -> RodState:
+        """The knitted shape, no velocity, no load."""
+        return rest_state(self.rods, self.device)
+
+    def mechanics(self, state: RodState) -> Any:
+        """What steps a state of the model (mechanics.py)."""
+        from .mechanics import SpatialMechanics
+
+        return SpatialMechanics(self, state)
 
     @property
     def bending_stiffness(self) -> float:
@@ -112,9 +157,11 @@ def wire_section(wire: Wire) -> Section:
     )
 
 
-def build_mesh(scene: Scene, device: str = "cpu") -> SpatialMesh:
+def build_mesh(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -> SpatialMesh:
     """The mesh of a scene as rods. Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`."""
     start_warp()
+    if ranks is not None and ranks.count > 1:
+        raise ModelError(f"model.kind: given 'spatial', which {ranks.count} ranks cannot share: run without mpirun")
     section = wire_section(scene.wire)
     if scene.wires is not None:
         _refuse_fine_nodes(scene, section.thickness)
@@ -166,7 +213,7 @@ def _mesh(
     softening = max(1.0, min(scene.solver.axial_softening, (2.0 * spacing / scene.wire.diameter) ** 2))
     stiffest = max(section.axial_stiffness / softening / spacing, 4.0 * section.bending_stiffness / spacing**3)
     given = scene.contact.stiffness
-    return SpatialMesh(
+    mesh = SpatialMesh(
         scene=scene,
         cloth=cloth,
         table=table,
@@ -181,6 +228,7 @@ def _mesh(
         precision=precision_of("double", 1.0),
         ranks=One(),
     )
+    return mesh if scene.solver.drive == "relax" else replace(mesh, ramp=ramp_numbers(mesh))
 
 
 def rods_of_wires(section: Section, panel: Panel, wires: SpatialWires) -> Rods:

@@ -9,15 +9,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..kernels import control as c
 from ..planar.numerics import LOADING_PERIODS, STEP_MARGIN, slowest_rate
-from .mesh import SpatialMesh
-from .rest import Rest
 from .step_bound import Rates, largest_rates, masses_for_step, stable_step
+
+if TYPE_CHECKING:
+    from .mesh import SpatialMesh
+    from .rest import Rest
 
 
 @dataclass(frozen=True)

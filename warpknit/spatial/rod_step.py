@@ -52,11 +52,12 @@ class Clamps(Protocol):
 class RodStepper:
     """Takes steps of rods; `contact` adds the forces between wires, `clamps` move held nodes."""
 
-    def __init__(self, rods: Rods, device: str = "cpu") -> None:
+    def __init__(self, rods: Rods, device: str = "cpu", state: RodState | None = None) -> None:
+        """`state` of the rods; default: at rest."""
         self.rods = rods
         self.device = device
         self.arrays: RodArrays = upload_rods(rods, device)
-        self.state: RodState = rest_state(rods, device)
+        self.state: RodState = rest_state(rods, device) if state is None else state
         self.yielding = Yielding(rods, self.arrays, self.state)
         self.contact: Contact | None = None
         self.clamps: Clamps | None = None

@@ -19,7 +19,7 @@ from ..errors import MemoryNeeded, ModelError, SceneError
 from ..files import write_aside
 from ..memory import available_memory, required_memory
 from ..mesh.layout import refuse_wire_file
-from ..planar.prolongation import smaller_scene
+from ..mesh.smaller import smaller_scene
 from ..run.interrupts import Interrupted, Interrupts
 from ..run.progress import Progress as Display
 from ..run.run_directory import Ending, finished_before, goes_on, open_directory

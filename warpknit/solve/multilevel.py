@@ -1,31 +1,31 @@
-"""The drive `relax` of a large mesh: its levels start from a smaller mesh, and it comes to rest as a membrane too.
+"""The drive `relax` of a large mesh: a multilevel start from a smaller mesh, and corrections of the mesh as a membrane.
 
 Both spare steps: what differs slowly over a mesh spreads from repeat to repeat in a number of steps that grows with the square
-of its size (prolongation.py, membrane.py). An edge that moves by itself moves with the membrane (rim.py).
+of its size (planar/prolongation.py, planar/membrane.py). An edge that moves by itself moves with the membrane (rim.py).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
-from .. import measure
 from ..kernels import control as c
 from ..measure.edge_work import EdgeWork
-from ..mesh.rim import build_rim
-from ..planar.membrane import Correction, Membrane
-from ..planar.model import Model
-from ..planar.prolongation import Prolongation
-from ..planar.response import find_response, no_response, recall_response
-from ..planar.state import State
-from .drive import LoadPoint, LoadStart, Progress
-from .relax import LEVEL_RAMP_STEPS, Relaxation, WantedTension
+from ..measure.scales import tension_scale
+from ..measure.strain import stretch
+from ..mechanics import advance
+from ..mesh.load_point import LoadPoint
+from ..mesh.rim import Rim, build_rim
+from .convergence import TENSION_FLOOR
+from .progress import LoadStart, Progress
+from .relax import Relaxation, WantedTension
 
 MOVE_STEPS = 200  # steps between parts of a move of the edge
 EDGE_TOLERANCE = 0.05  # force on the stations of a cord over what the wires pull at them
-CORRECTION_LOOKS = 6  # looks between corrections of the mesh as a membrane
+CORRECTION_CHECKS = 6  # convergence checks between corrections of the mesh as a membrane
 CORRECTION_GAIN = 0.7  # a correction that leaves more of the least imbalance so far was in vain
 IN_VAIN = 8  # corrections in vain after which they are given up for the level
 TRUST = (0.1, 1.0)  # share of a correction that is taken, least and most
@@ -33,94 +33,110 @@ MEMBRANE_TOLERANCE = 0.02  # stress out of balance over the tension, root mean s
 FOLLOWED_STRAIN = 0.005  # by which the levels of the smallest mesh are apart, at most
 
 
-class LargeRelaxation(Relaxation):
-    """Levels of a mesh that has a smaller one, or one periodic repeat, brought to rest before it."""
+class MultilevelRelaxation(Relaxation):
+    """Levels of a mesh that has a smaller one, or one periodic repeat, brought to equilibrium before it.
+
+    Its mechanics offer what carries states between meshes of one knit: `prolongation`, `membrane`, `find_response`.
+    """
 
     def __init__(
         self,
-        model: Model,
-        state: State,
-        progress: Progress,
-        watch: Callable[[Progress], None],
+        mechanics: Any,
+        progress: Progress | None = None,
+        watch: Callable[[Progress], None] = lambda _: None,
+        *,
         smaller: Relaxation | None = None,
         cell: Relaxation | None = None,
     ) -> None:
         """`smaller`: a smaller mesh of the same knit that each level starts from; `cell`: one periodic repeat, which gives the
         stiffness of the cloth to a large gripped mesh. One of them at least."""
-        super().__init__(model, state, progress, watch)
+        super().__init__(mechanics, progress, watch)
         self.smaller = smaller
         self.cell = cell
-        self.prolongation = Prolongation(model, state, smaller.model, smaller.state) if smaller else None
+        self.prolongation = None if smaller is None else mechanics.prolongation(smaller.mechanics)
         repeated = cell or smaller
         assert repeated is not None
-        self._response = no_response(repeated.model)
-        self.membrane: Membrane | None = None
-        if smaller is not None:
-            self._last = []  # no level starts from the two before it
+        self._response = mechanics.no_response(repeated.model)
+        self.membrane: Any = None
+        self._rim: Rim | None = None
+        self._stations = np.zeros((0, 2))
         if cell is not None:
-            rim = build_rim(model.panel, self.scene)
-            self.membrane = Membrane(model, state, self.slowest_mode.probe, rim)
-            self.stations = np.zeros((len(rim.arc), 2))
+            rim = build_rim(self.model.panel, self.scene)
+            self.membrane = mechanics.membrane(rim)
+            self._stations = np.zeros((len(rim.arc), 2))
             if self.scene.has_moving_edge:
-                self.rim, self.edge_work = rim, EdgeWork()
+                self._rim, self.edge_work = rim, EdgeWork()
         self._last_correction = np.zeros(0)
 
-    def warm_up(self) -> None:
+    @property
+    def rim(self) -> Rim | None:
+        return self._rim
+
+    @property
+    def stations(self) -> np.ndarray:
+        return self._stations
+
+    def compile(self) -> None:
         if self.smaller is None or self.prolongation is None:
-            super().warm_up()
+            super().compile()
             if self.cell is not None and self.membrane is not None:
-                self.cell.warm_up()
-                kept = self.everything()
+                self.cell.compile()
+                kept = self.snapshot()
                 self.membrane.warm_up(self._response)
-                self.put_back(kept)
+                self.restore(kept)
             return
         # the steps of a large mesh launch what those of the smaller one do
-        self.smaller.warm_up()
+        self.smaller.compile()
         self.prolongation.carry(self._response)
         if self.membrane is not None:
             self.membrane.warm_up(self._response)
 
-    def memory(self) -> dict[str, np.ndarray]:
-        kept = super().memory() | {"last_correction": self._last_correction}
+    def state_dict(self) -> dict[str, np.ndarray]:
+        kept = super().state_dict() | {"last_correction": self._last_correction}
         if self.smaller is not None and self.prolongation is not None:
-            kept |= {f"smaller_{name}": value for name, value in self.smaller.everything().items()}
+            kept |= {f"smaller_{name}": value for name, value in self.smaller.snapshot().items()}
             kept |= self.prolongation.memory()
         if self.cell is not None:
             kept["stations"] = self.stations
-            kept |= {f"cell_{name}": value for name, value in self.cell.everything().items()}
+            kept |= {f"cell_{name}": value for name, value in self.cell.snapshot().items()}
             kept |= self._response.memory()
         return kept
 
-    def recall(self, kept: dict[str, np.ndarray]) -> None:
-        super().recall(kept)
+    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+        super().load_state_dict(kept)
         self._last_correction = kept["last_correction"]
         if self.smaller is not None and self.prolongation is not None:
-            self.smaller.put_back(_under("smaller_", kept))
+            self.smaller.restore(_under("smaller_", kept))
             self.prolongation.recall(kept)
         if self.cell is not None and self.membrane is not None:
-            self.stations = kept["stations"]
-            self.cell.put_back(_under("cell_", kept))
-            self._response = recall_response(kept, self.cell.model)
+            self._stations = kept["stations"]
+            self.cell.restore(_under("cell_", kept))
+            self._response = self.mechanics.load_response(kept, self.cell.model)
             self.membrane.renew(self._response)
 
-    def _prepare(self, target: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
+    def _prepare(self, load: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
         if self.smaller is not None:
-            target = self._bring_smaller_to_rest(self.smaller, target, wanted)
+            load = self._solve_smaller(self.smaller, load, wanted)
         if self.cell is not None and self.membrane is not None:
-            self._response = find_response(self.cell, target.gradient, target.temperature)
+            self._response = self.mechanics.find_response(self._cell_at, self.cell.model, load.gradient, load.temperature)
             self.membrane.renew(self._response)
-        return target
+        return load
 
-    def _bring_smaller_to_rest(self, smaller: Relaxation, target: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
+    def _cell_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Nominal stress (2, 2) [N/m] of the cell in equilibrium under a load, and the values that describe its state."""
+        assert self.cell is not None
+        return self.cell.equilibrium_at(gradient, temperature)
+
+    def _solve_smaller(self, smaller: Relaxation, target: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
         """The target, with the strains at which the smaller mesh carries what is wanted."""
         smaller.progress.load_factor, smaller.progress.stage = self.progress.load_factor, self.progress.stage
-        if wanted is None and not (isinstance(smaller, LargeRelaxation) and smaller.smaller):
+        if wanted is None and not (isinstance(smaller, MultilevelRelaxation) and smaller.smaller):
             self._follow_path(smaller, target)
         else:
-            smaller.bring_to_rest(target, wanted)
+            smaller.solve(target, wanted)
         if wanted is None:
             return target
-        return target.strained(wanted.gradient(target.gradient, np.diag(measure.stretch(smaller.state.gradient)) - 1.0))
+        return target.strained(wanted.gradient(target.gradient, np.diag(stretch(smaller.state.gradient)) - 1.0))
 
     def _follow_path(self, smallest: Relaxation, target: LoadPoint) -> None:
         """Take the smallest mesh to a load by levels near each other: which state a mesh finds may depend on the way there."""
@@ -135,7 +151,7 @@ class LargeRelaxation(Relaxation):
         while start.levels < levels:
             share = (start.levels + 1.0) / levels
             there = gradient + share * (target.gradient - gradient)
-            smallest.bring_to_rest(LoadPoint(there, temperature + share * (target.temperature - temperature)), None)
+            smallest.solve(LoadPoint(there, temperature + share * (target.temperature - temperature)))
             start.levels += 1.0
         progress.start = LoadStart()
 
@@ -144,8 +160,8 @@ class LargeRelaxation(Relaxation):
             super()._start_level(target)
         else:
             self.prolongation.carry(self._response)
-            self._begin_at_rest()
-            self._set_ramp(target, 0)
+            self.mechanics.stop()
+            self.mechanics.set_load(target, 0)
         self._move_edge(target)
 
     def _move_edge(self, target: LoadPoint) -> None:
@@ -156,9 +172,9 @@ class LargeRelaxation(Relaxation):
         if not way.any():
             return
         if not self.membrane.tangent.any():
-            begin, self.stations = self.stations, self.stations + way
+            begin, self._stations = self.stations, self.stations + way
             self.state.move_clamps(self.rim.clamps @ begin, self.rim.clamps @ self.stations)
-            self._set_ramp(target, LEVEL_RAMP_STEPS)
+            self.mechanics.set_load(target, self.mechanics.load_steps(predicted=False))
             return
         left = 1.0
         while left > 0.0:
@@ -167,33 +183,45 @@ class LargeRelaxation(Relaxation):
             followed = followed.times(share)
             self.membrane.move(followed)
             self._move_clamps(followed)
-            self.neighbours.search()
+            self.mechanics.search()
             left = left * (1.0 - share) if share < 1.0 else 0.0
             if left > 0.0:
-                self._advance(MOVE_STEPS)
-                self.slowest_mode.look(use=True)
+                self._step_on(MOVE_STEPS)
 
-    def _begin_settling(self) -> None:
-        super()._begin_settling()
+    def _begin_solving(self) -> None:
+        super()._begin_solving()
         progress = self.progress
         progress.imbalance, progress.least_imbalance, progress.in_vain, progress.trust = 1e30, 1e30, 0, 1.0
         self._last_correction = np.zeros(0)
 
-    def _left_of_all(self, left: float) -> float:
+    def corrected(self, ratio: float) -> float:
         progress, membrane = self.progress, self.membrane
         if membrane is None:
-            return left
-        if progress.looks % CORRECTION_LOOKS == 0 and (progress.trust > 0.0 or membrane.rim.is_free):
+            return ratio
+        if progress.checks % CORRECTION_CHECKS == 0 and (progress.trust > 0.0 or membrane.rim.is_free):
             self._move_as_membrane(membrane)
-        return max(left, progress.imbalance)
+        return max(ratio, progress.imbalance)
 
-    def _move_as_membrane(self, membrane: Membrane) -> None:
+    def _step_on(self, steps: int) -> None:
+        """Take steps while the edge moves. Raises `Diverged`."""
+        taken, diverged = advance(self.mechanics, steps)
+        self.progress.steps += taken
+        if diverged:
+            raise self.divergence()
+        self.mechanics.slowest_mode.look(use=True)
+
+    @property
+    def least_tension(self) -> float:
+        """[N/m] what tensions are compared with where the mesh carries less."""
+        return TENSION_FLOOR * tension_scale(self.model)
+
+    def _move_as_membrane(self, membrane: Any) -> None:
         """Move the mesh towards where it balances as a membrane, unless it is there."""
         progress, rim = self.progress, membrane.rim
-        pulled = self.look.clamp_forces() if rim.is_free else np.zeros((0, 2))
+        pulled = self.mechanics.look.clamp_forces() if rim.is_free else np.zeros((0, 2))
         solve = membrane.solve if progress.trust > 0.0 else membrane.solve_rim
         correction, stress = solve(self.state.gradient, self.stations, pulled)
-        scale = max(float(np.abs(self._sums.stress).max()), self.least_tension)
+        scale = max(float(np.abs(self.mechanics.sums.stress).max()), self.least_tension)
         progress.imbalance = stress / (MEMBRANE_TOLERANCE * scale)
         if rim.is_free:
             edge = membrane.edge_imbalance(self.state.gradient, self.stations, pulled, self.least_tension)
@@ -205,9 +233,9 @@ class LargeRelaxation(Relaxation):
             progress.least_imbalance, progress.in_vain = progress.imbalance, 0
         if progress.trust == 0.0:
             self._move_clamps(correction.times(correction.most))
-            self.neighbours.search()
+            self.mechanics.search()
         elif progress.in_vain > IN_VAIN:
-            # the mesh is not like a membrane of endless cloth: it comes to rest by itself
+            # the mesh is not like a membrane of endless cloth: it converges by itself
             self.left_out = max(self.left_out, MEMBRANE_TOLERANCE * progress.imbalance)
             progress.trust, progress.imbalance = 0.0, 1e30 if rim.is_free else 0.0
         else:
@@ -215,13 +243,13 @@ class LargeRelaxation(Relaxation):
             correction = correction.times(progress.trust)
             membrane.move(correction)
             self._move_clamps(correction)
-            self.neighbours.search()
-            self.multipliers.begin_level()
+            self.mechanics.search()
+            self.mechanics.begin_level()
 
-    def _move_clamps(self, correction: Correction) -> None:
+    def _move_clamps(self, correction: Any) -> None:
         """Move the edge by its part of a correction."""
         if self.rim is not None:
-            self.stations = self.stations + correction.stations
+            self._stations = self.stations + correction.stations
             clamps = self.rim.clamps @ self.stations
             self.state.move_clamps(clamps, clamps)
 

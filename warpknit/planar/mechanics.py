@@ -1,0 +1,293 @@
+"""The mechanics of the planar model: what the engine asks of it (solve/mechanics.py)."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..kernels import control as c
+from ..kernels.multipliers import extrapolate, extrapolate_held_bodies
+from ..measure.scales import force_scale
+from ..mesh.load_point import LoadPoint
+from ..mesh.rim import Rim
+from ..mechanics import Check, Drift
+from . import measures
+from .diagnostics import Look, Sums
+from .history_variables import Path
+from .membrane import Membrane
+from .model import Model
+from .multipliers import Multipliers
+from .neighbours import RAMP_SHARE, NeighbourSearch
+from .observables import Reading, read
+from .prolongation import Prolongation
+from .residual import Steadiness
+from .response import carried_values, find_response, no_response, recall_response
+from .slowest_mode import SlowestMode
+from .state import State
+from .strip_step import stepper_of
+from .thermal import wire_warmth
+from .time_step import stable_step
+
+SOFTENING_CHECKS = 10  # convergence checks between renewals of the bound on the softening
+LOAD_STEPS = 100  # over which the first load of a stage comes on
+UNLOADED = 1e-3  # of EI/W^2: forces that count as none in a mesh as knitted
+DRIFT_CHECKS = (5, 40)  # over which the tension must stand still, least and most
+DRIFT_NODES = 24  # a loop, from which they grow with the square of the nodes, as periods of bending do
+NEARLY_CONVERGED = 10.0  # residual over the tolerance below which multipliers that do not converge tell of taut wires
+
+
+def drift_of(nodes_per_loop: int) -> Drift:
+    """How long the tension of a level must stand still."""
+    least, most = DRIFT_CHECKS
+    return Drift(min(most, max(least, round(least * (nodes_per_loop / DRIFT_NODES) ** 2))))
+
+
+class PlanarMechanics:
+    """Steps one state of a planar model."""
+
+    can_overlap = may_overlap = False
+    rim: Rim | None = None  # a drive moves the edge of a large mesh with the membrane (solve/multilevel.py)
+    stations = np.zeros((0, 2))
+
+    def __init__(self, model: Model, state: State) -> None:
+        self.model, self.state = model, state
+        self.notes: list[str] = []  # those of the panel stand in the panel
+        self.drift = drift_of(model.scene.model.nodes_per_loop)
+        self.stepper = stepper_of(model, state)
+        self.neighbours = NeighbourSearch(model, state)
+        self.look = Look(model, state, self.stepper)
+        self.residual = Steadiness(model)
+        self._has_temperature_field = any(any(stage.temperature_gradient) for stage in model.scene.stages)
+        self._last: list[wp.array] | None = None  # what the level before ended with
+        self._pressed = 0  # pairs that carry force in the mesh as knitted
+
+    # what only a relaxation needs
+
+    @cached_property
+    def multipliers(self) -> Multipliers:
+        return Multipliers(self.model, self.state, self.look)
+
+    @cached_property
+    def slowest_mode(self) -> SlowestMode:
+        return SlowestMode(self.model, self.state, self.stepper)
+
+    @cached_property
+    def history(self) -> Path:
+        return Path(self.model, self.state)
+
+    @property
+    def _relaxes(self) -> bool:
+        return self.model.scene.solver.drive == "relax"
+
+    def compile(self) -> None:
+        if self._relaxes:
+            self.history.advance()
+        self.search()
+        self.step(2)
+        if not self._relaxes:
+            self.residual_now()
+            return
+        self.slowest_mode.look(use=True)
+        self.check(1, loading=False)
+        self.predict(0.0)
+        self.set_load(LoadPoint(np.eye(2), self.model.scene.wire.reference_temperature), LOAD_STEPS)
+
+    # --- loads
+
+    def set_load(self, load: LoadPoint, steps: int, *, evenly: bool = False) -> None:
+        wire, state = self.model.scene.wire, self.state
+        control = state.read_control()
+        now = control[int(c.GRADIENT) : int(c.GRADIENT) + 5].tolist()
+        then = [*load.gradient.ravel().tolist(), wire.length_factor(load.temperature)]
+        values: dict[int, float] = {int(c.RAMP_STEP): 0.0, int(c.RAMP_STEPS): float(steps)}
+        for k in range(5):
+            values[int(c.FROM) + k] = now[k]
+            values[int(c.TO) + k] = then[k]
+            if steps == 0:
+                values[int(c.GRADIENT) + k] = then[k]
+        values[int(c.RAMP_SHARE)] = 0.0 if steps else 1.0
+        values[int(c.EVEN_RAMP)] = float(evenly)
+        state.write_control(values)
+        if self._has_temperature_field:
+            state.wire_warmth.assign(wire_warmth(self.model, load.temperature, load.temperature_gradient))
+        # the affine motion itself brings a body and a wire within the search radius closer by at most this
+        self.neighbours.expect(2.0 * float(np.abs(np.subtract(then[:4], now[:4])).max()) * self.neighbours.radius)
+
+    def load_steps(self, predicted: bool) -> int:
+        return 0 if predicted else LOAD_STEPS
+
+    def _level_values(self) -> list[wp.array]:
+        """What a level starts from: its displacements and multipliers."""
+        s = self.state
+        return [s.node_ux[s.parity], s.node_uy[s.parity], s.body_ux, s.body_uy, s.tension_offset, s.pair_offset]
+
+    def predict(self, ratio: float) -> None:
+        values, s = self._level_values(), self.state
+        if self._last is None:
+            self._last = [wp.zeros_like(value) for value in values]
+        # no further than the neighbour search looks beyond a contact, so that no body changes sides
+        furthest = 0.5 * self.neighbours.margin / self.model.precision.unit
+        if self.model.scene.hook is not None:
+            furthest = np.inf  # a wire that stays is carried along by the frame (hook.py), and must be put back all the way
+        for value, last in zip(values, self._last, strict=True):
+            numbers: list[Any] = [wp.float64(ratio), wp.float64(furthest)]
+            kernel = extrapolate_held_bodies
+            if value is s.body_ux or value is s.body_uy:
+                numbers.append(s.pair_force)
+            else:
+                kernel = extrapolate
+                if value is s.tension_offset or value is s.pair_offset:
+                    numbers[1] = wp.float64(np.inf)
+                numbers.append(wp.float64(0.0 if value is s.pair_offset else -np.inf))
+            wp.launch(kernel, dim=value.shape[0], inputs=[*numbers, value, last], device=self.model.device)
+        self.stop()
+
+    def stop(self) -> None:
+        """Stop all motion."""
+        for speed in (self.state.node_vx, self.state.node_vy, self.state.body_vx, self.state.body_vy):
+            speed.zero_()
+
+    def advance_history(self) -> None:
+        self.history.advance()
+
+    @property
+    def dissipated(self) -> float:
+        return self.history.dissipated
+
+    # --- steps
+
+    def search(self) -> None:
+        self.neighbours.search()
+
+    def step(self, count: int) -> None:
+        self.stepper.step(count)
+
+    def overlap(self) -> float:
+        return 0.0
+
+    def fastest(self) -> tuple[int, int]:
+        panel, strip = self.model.panel, self.model.strip
+        speed = np.hypot(self.state.node_vx.numpy().astype(float), self.state.node_vy.numpy().astype(float))
+        speed = np.nan_to_num(speed, nan=np.inf)
+        node = int(np.argmax(speed))
+        wire = int(np.searchsorted(panel.wire_first, node, side="right") - 1)
+        here = wire + (strip.wires.start if strip is not None else 0), node - int(panel.wire_first[wire])
+        _, there = max(self.model.ranks.everyone((float(speed[node]), here)))
+        return there
+
+    # --- convergence of a relaxation
+
+    def begin_level(self) -> None:
+        self.multipliers.begin_level()
+
+    def check(self, checks: int, *, loading: bool) -> Check:
+        control = self.state.read_control()
+        self.slowest_mode.look(use=not loading)
+        if loading:
+            return Check(np.nan, np.inf)
+        solver = self.model.scene.solver
+        self.sums = self.look.take()
+        residual = float(self._residual(control, self.sums))
+        ratio = residual / solver.residual_tolerance
+        if solver.multipliers:
+            ratio = max(ratio, self.multipliers.update(self.sums, nearly_steady=ratio < NEARLY_CONVERGED))
+        return Check(residual, ratio)
+
+    def _residual(self, control: np.ndarray, sums: Sums) -> np.ndarray:
+        return self.residual.measure(control, sums, self.state.wire_axial.numpy())
+
+    def renew(self, checks: int) -> None:
+        if self.model.scene.solver.multipliers and checks % SOFTENING_CHECKS == 0:
+            self.multipliers.bound_softening()
+
+    def stress(self) -> np.ndarray:
+        return self.look.take().stress
+
+    def causes(self) -> str:
+        causes = ""
+        if self.residual.is_lost_in_round_off(self.look.take(), self.state.wire_axial.numpy()):
+            name = self.model.precision.name
+            causes += f", round-off in {name} precision is more than the forces: solver.precision = 'double'"
+        if self._pressed:
+            causes += f", {self._pressed} pairs press as knitted: the yarn is thicker than the loops leave room for"
+        return causes
+
+    def is_in_equilibrium(self, load: LoadPoint) -> bool:
+        """As knitted, unless it was knitted under stress."""
+        as_knitted = np.array_equal(load.gradient, np.eye(2))
+        if not as_knitted or load.temperature != self.model.scene.wire.reference_temperature:
+            return False
+        self.stepper.evaluate_contact()
+        sums = self.look.take()
+        self._pressed = int(sums.closed)
+        least = UNLOADED * force_scale(self.model)
+        bend = self.model.bending_stiffness / float(self.model.table.hinge_length.min()) ** 2
+        return bool(sums.closed == 0 and sums.tension_largest < least and sums.turning_largest * bend < least)
+
+    # --- real time
+
+    def renew_time_step(self, steps: int) -> float:
+        self.stepper.evaluate_contact()  # what the contacts push with is not in a checkpoint
+        step = stable_step(self.model, self.state, steps)
+        self.state.write_control({c.TIME_STEP: step})
+        return step
+
+    def reserve_for_load(self) -> None:
+        self.neighbours.expect(RAMP_SHARE * self.neighbours.margin)
+
+    def follow_load(self) -> None:
+        control = self.state.read_control()
+        if control[int(c.RAMP_STEP)] < control[int(c.RAMP_STEPS)]:
+            self.neighbours.follow(control[int(c.GRADIENT) : int(c.GRADIENT) + 4])
+
+    def residual_now(self) -> float:
+        return float(self._residual(self.state.read_control(), self.look.take()))
+
+    # --- meshes of one knit (solve/multilevel.py)
+
+    def prolongation(self, smaller: PlanarMechanics) -> Prolongation:
+        """What carries changes of a smaller mesh of the same knit over to this one."""
+        return Prolongation(self.model, self.state, smaller.model, smaller.state)
+
+    def membrane(self, rim: Rim) -> Membrane:
+        """The coarse grid that balances the mesh as a membrane within its rim."""
+        return Membrane(self.model, self.state, self.slowest_mode.probe, rim)
+
+    def carried_values(self) -> dict[str, np.ndarray]:
+        """What tells two states of a mesh apart."""
+        return carried_values(self.model, self.state)
+
+    find_response = staticmethod(find_response)
+    no_response = staticmethod(no_response)
+    load_response = staticmethod(recall_response)
+
+    # --- observation
+
+    def observe(self) -> Reading:
+        return read(self.model, self.state)
+
+    def edge_work_terms(self, observed: Reading) -> list[tuple[np.ndarray, np.ndarray]]:
+        clamps = measures.edge_force(observed), observed.clamp_shift
+        return [clamps, (measures.warmth_force(observed), observed.warmth)]
+
+    def state_dict(self) -> dict[str, np.ndarray]:
+        kept = self.neighbours.memory()
+        if self._relaxes:
+            kept |= self.history.memory() | self.multipliers.memory() | self.slowest_mode.memory()
+            kept |= {f"last_{k}": value.numpy().copy() for k, value in enumerate(self._last or [])}
+        return kept
+
+    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+        self.neighbours.recall(kept)
+        if self._relaxes:
+            self.history.recall(kept)
+            self.multipliers.recall(kept)
+            self.slowest_mode.recall(kept)
+            self._last = None
+            if "last_0" in kept:
+                self._last = [wp.zeros_like(value) for value in self._level_values()]
+                for k, value in enumerate(self._last):
+                    value.assign(kept[f"last_{k}"])

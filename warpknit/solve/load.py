@@ -1,0 +1,57 @@
+"""The load of a stage at a load factor, whatever is loaded."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..measure.strain import clamp_rotation, rotation, stretch
+from ..mesh.load_point import LoadPoint
+from ..mesh.rim import Rim
+from ..scene import Scene, Stage
+from .progress import LoadStart
+
+PATH_STRAIN = 0.005  # between equilibria where the state depends on the load history, at most
+
+
+def stage_before(scene: Scene, stage_index: int) -> Stage | None:
+    """The stage that ended before the one of this number."""
+    return scene.stages[stage_index - 1] if stage_index else None
+
+
+def temperature_at(stage: Stage, start: LoadStart, factor: float) -> float:
+    """[K] at a load factor of a stage."""
+    return start.temperature + factor * (stage.temperature - start.temperature)
+
+
+def load_at(
+    scene: Scene, stage_index: int, stage: Stage, factor: float, start: LoadStart, gradient: np.ndarray, rim: Rim | None
+) -> LoadPoint:
+    """The load at a load factor of a stage that began at `start`; a direction driven by tension keeps its strain in `gradient`
+    (2, 2)."""
+    began = np.array(start.gradient).reshape(2, 2)
+    turn, first, now = clamp_rotation(began), stretch(began), stretch(gradient)
+    target = first.copy()
+    warmed = 1.0 + scene.model.frame_expansion * (stage.temperature - scene.wire.reference_temperature)
+    for axis, strain in enumerate((stage.strain_weft, stage.strain_warp)):
+        end = (1.0 + strain) * warmed if strain is not None else None
+        target[axis, axis] = now[axis, axis] if end is None else (1 - factor) * first[axis, axis] + factor * end
+    target[0, 1] = (1 - factor) * first[0, 1] + factor * stage.shear * warmed
+    turn += factor * (stage.clamp_rotation - turn)
+    target = rotation(-turn) @ target
+    before = stage_before(scene, stage_index)
+    slope = np.array(before.temperature_gradient if before else (0.0, 0.0))
+    slope = (1 - factor) * slope + factor * np.array(stage.temperature_gradient)
+    stations = None
+    if rim is not None:
+        stations = (1 - factor) * rim.pulled(before.pull if before else ()) + factor * rim.pulled(stage.pull)
+    return LoadPoint(target, temperature_at(stage, start, factor), tuple(slope.tolist()), stations)
+
+
+def history_steps(begin: LoadPoint, end: LoadPoint, rim: Rim | None) -> int:
+    """Equilibria on the way between two loads where the state depends on the load history: the strain between is bounded."""
+    strain = float(np.abs(end.gradient - begin.gradient).max())
+    if rim is not None and begin.stations is not None and end.stations is not None:
+        strain = max(strain, rim.strain(end.stations - begin.stations))  # a pull strains what is near it most
+    return max(1, math.ceil(strain / PATH_STRAIN - 1e-9))

@@ -1,0 +1,304 @@
+"""The mechanics of the spatial model: what the engine asks of it (mechanics.py)."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+
+from ..errors import ModelError
+from ..kernels import control as c
+from ..mechanics import CHECK_STEPS, Check, Drift
+from ..mesh.load_point import LoadPoint
+from ..mesh.rim import Rim
+from .clamps import MovingClamps
+from .contact import STICK_SHARE, WireContact
+from .edge import Edge
+from .mesh import SpatialMesh
+from .ramp_masses import step_now
+from .reading import SpatialReading, read
+from .residual import AXIAL_ERROR, Residual
+from .rest import Rest
+from .rod_arrays import RodState
+from .rod_step import RodStepper
+from .sites import Sites
+from .warmth import segment_warmth
+
+SLOWEST_WAVE = 3.0  # loops of wire: bending waves longer than this are left overdamped
+CLOSEST = 1e-3  # of the thickness: a smaller overlap as knitted is none, and a smaller distance of centre lines
+MASS_CHECKS = 20  # convergence checks between renewals of the fictitious masses
+LOAD_STEPS = 500  # over which the load of a level comes on
+EDGE_CHECKS = 4  # convergence checks between corrections of what hangs on cords
+EDGE_RATIO = 20.0  # of what counts as converged, below which they begin
+FARTHEST = 0.2  # of the thickness: by how much the state is moved ahead
+RESERVED = 0.25  # of the margin of a search, kept for what the load itself moves until the next one
+DRIFT = Drift(checks=8, slowest_fall=0.98)
+
+
+class SpatialMechanics:
+    """Steps one state of a spatial model."""
+
+    can_overlap = True
+    may_overlap = False
+    drift = DRIFT
+
+    def __init__(self, model: SpatialMesh, state: RodState) -> None:
+        self.model, scene = model, model.scene
+        self.notes: list[str] = []
+        self.sites = Sites(model.wires, model.rods)
+        self.stepper = RodStepper(model.rods, model.device, state)
+        self.contact = WireContact(self.stepper, model.contact_stiffness, friction=scene.contact.friction, curve=model.curve)
+        self.clamps = self._moving_clamps()
+        self.rest = Rest(
+            self.stepper,
+            softening=model.softening,
+            contact_stiffness=model.contact_stiffness,
+            stick_stiffness=STICK_SHARE * model.contact_stiffness if scene.contact.friction > 0.0 else 0.0,
+            curve=model.curve,
+            clamps=self.clamps,
+            multipliers=model.ramp is None,
+        )
+        mass = float(self.state.node_mass.numpy().max())
+        wave = 2.0 * math.pi / (SLOWEST_WAVE * model.loop_length)
+        self.rest.slowest = 2.0 * math.sqrt(model.bending_stiffness * wave**4 * self.rest.spacing / mass)
+        self.residual = Residual(model, self.rest, self.contact)
+        self.edge = Edge(model) if scene.has_moving_edge else None
+        self._last: tuple[np.ndarray, np.ndarray] | None = None  # gradient and displacement of the level before
+        self._searched_at = np.eye(2)  # gradient at the search that room for a ramp was last kept by
+        if model.ramp is not None:
+            self._take_real_masses(model.ramp.node_mass, model.ramp.spin_inertia, model.ramp.damping)
+
+    def _take_real_masses(self, node_mass: np.ndarray, spin_inertia: np.ndarray, damping: float) -> None:
+        """Go by the masses of a ramp in place of fictitious ones."""
+        self.state.node_mass.assign(node_mass)
+        self.state.spin_inertia.assign(spin_inertia)
+        self.stepper.set_time_step(self.model.time_step, damping)
+        # two wires that fly at each other come nearer by half their thickness a step at most: they meet before they have passed
+        farthest = 0.5 * float(self.model.rods.wire_radius.min())
+        self.state.write_control({c.DRIVE: 1.0, c.SPEED_LIMIT: np.inf, c.STEP_LIMIT: farthest})
+
+    def _moving_clamps(self) -> MovingClamps | None:
+        """Clamps that move step by step: those of a hook, some of which slide, and all in a ramp."""
+        wires = self.model.wires
+        if wires.sliding_clamp is None and (self.model.ramp is None or not len(wires.held_node)):
+            return None
+        sliding = np.zeros(0, dtype=np.int64) if wires.sliding_clamp is None else wires.sliding_clamp
+        return MovingClamps(self.stepper, wires.held_node.reshape(-1, 2), wires.held_lever.reshape(-1, 2, 2), sliding)
+
+    @property
+    def state(self) -> RodState:
+        return self.stepper.state
+
+    @property
+    def rim(self) -> Rim | None:
+        return None if self.edge is None else self.edge.rim
+
+    @property
+    def stations(self) -> np.ndarray:
+        return np.zeros((0, 2)) if self.edge is None else self.edge.moved
+
+    def compile(self) -> None:
+        """Raises `ModelError` where wires pass through each other."""
+        self.search()
+        self.step(0)
+        self.stepper.evaluate()
+        self._refuse_wires_in_one_place()
+
+    def _refuse_wires_in_one_place(self) -> None:
+        """Centre lines that meet do not say which wire is to lie over the other."""
+        near, rods = self.contact.near(0.0), self.model.rods
+        touch = rods.wire_radius[rods.wire_of[near.first]] + rods.wire_radius[rods.wire_of[near.second]]
+        if not len(touch) or (apart := 1.0 - near.overlap / touch).min() >= CLOSEST:
+            return
+        worst = int(apart.argmin())
+        first, second = (int(rods.wire_of[nodes[worst]]) for nodes in (near.first, near.second))
+        x, y, _ = rods.position[near.first[worst]]
+        raise ModelError(
+            f"wires {first + 1} and {second + 1} pass through each other near x = {x:.4g} m, y = {y:.4g} m: their centre lines"
+            " meet, so that neither lies over the other; allowed: some distance, however small against the thickness"
+        )
+
+    # --- loads
+
+    def set_load(self, load: LoadPoint, steps: int, *, evenly: bool = False) -> None:
+        state, factor = self.state, self.model.scene.wire.length_factor(load.temperature)
+        before = state.gradient
+        now = state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 5].tolist()
+        then = [*load.gradient.ravel().tolist(), factor]
+        ramp = {int(c.FROM) + k: now[k] for k in range(5)} | {int(c.TO) + k: then[k] for k in range(5)}
+        state.write_control(ramp | {int(c.RAMP_STEP): 0.0, int(c.RAMP_STEPS): float(steps), int(c.EVEN_RAMP): float(evenly)})
+        self.contact.wake()
+        if self.model.ramp is not None:
+            return
+        self.rest.warm(segment_warmth(self.model, load.temperature, np.array(load.temperature_gradient)))
+        if self.clamps is None:
+            self._move_clamps(load, factor)
+        self.rest.begin()
+        self.contact.expect(float(np.abs(load.gradient - before).max()))
+
+    def _move_clamps(self, load: LoadPoint, factor: float) -> None:
+        """Put the held nodes where the load will have them; what of the edge is pulled goes there with the load."""
+        held = self.model.wires.held_node
+        displacement = self.state.displacement.numpy().copy()
+        displacement[held, :2] = self.model.held_shift(load.gradient, factor)
+        if self.edge is not None and load.stations is not None:
+            self.edge.set_off(load.stations)
+            displacement[held, :2] += self.edge.displacement(self.edge.moved)[held]
+        self.state.displacement.assign(displacement)
+
+    def load_steps(self, predicted: bool) -> int:
+        return LOAD_STEPS
+
+    def predict(self, ratio: float) -> None:
+        displacement = self.state.displacement.numpy().copy()
+        if ratio > 0.0 and self._last is not None:
+            move = ratio * (displacement - self._last[1])
+            furthest = float(np.linalg.norm(move, axis=1).max(initial=0.0))
+            most = FARTHEST * self.model.rods.section.thickness
+            self.state.displacement.assign(displacement + move * min(1.0, most / max(furthest, 1e-300)))
+        self._last = self.state.gradient, displacement
+        self.rest.begin()
+
+    def advance_history(self) -> None:
+        self.stepper.yielding.advance()
+
+    @property
+    def dissipated(self) -> float:
+        return self.stepper.yielding.dissipated
+
+    # --- steps
+
+    def search(self) -> None:
+        self.contact.search()
+
+    def step(self, count: int) -> None:
+        self.stepper.step(count)
+
+    def overlap(self) -> float:
+        return self.contact.take_deepest() / (2.0 * float(self.model.rods.wire_radius.min()))
+
+    def fastest(self) -> tuple[int, int]:
+        rods = self.model.rods
+        speed = np.nan_to_num(np.linalg.norm(self.state.velocity.numpy(), axis=1), nan=np.inf)
+        node = int(np.argmax(speed))
+        wire = int(rods.wire_of[node])
+        return wire, node - int(rods.wire_first[wire])
+
+    # --- convergence of a relaxation
+
+    def begin_level(self) -> None:
+        self.contact.take_deepest()
+
+    def check(self, checks: int, *, loading: bool) -> Check:
+        self.rest.look()
+        if not loading and self.contact.expected > 0.0:
+            self.contact.expect(0.0)  # the load is on
+        tolerance = self.model.scene.solver.residual_tolerance
+        ratio = np.inf if loading and self.edge is None else self.residual.ratio()
+        if self.edge is not None:
+            self._move_edge(self.edge, checks, ratio)
+            ratio = max(ratio, self.edge.still_to_do(tolerance))
+        return Check(np.nan, np.inf) if loading else Check(ratio * tolerance, ratio)
+
+    def _move_edge(self, edge: Edge, checks: int, ratio: float) -> None:
+        """Pull the edge on while the load comes on; what hangs on cords follows once the mesh itself is nearly converged."""
+        steps = checks * CHECK_STEPS
+        if steps <= LOAD_STEPS:
+            carried = edge.pull(steps / LOAD_STEPS)
+        elif edge.rim.is_free and checks % EDGE_CHECKS == 0 and ratio < EDGE_RATIO:
+            carried = edge.follow(self.state.gradient, self.state.force.numpy())
+        else:
+            return
+        if np.any(carried):
+            displacement = self.state.displacement.numpy().copy()
+            displacement[:, :2] += carried
+            self.state.displacement.assign(displacement)
+            self.contact.search()
+            self.rest.carried()
+
+    def renew(self, checks: int) -> None:
+        if checks % MASS_CHECKS == 0:
+            self.rest.take_masses()
+
+    def stress(self) -> np.ndarray:
+        return self.observe().nominal_stress
+
+    def causes(self) -> str:
+        return ""
+
+    def is_in_equilibrium(self, load: LoadPoint) -> bool:
+        """As knitted, where no wires overlap and all are free of stress; says so where some overlap."""
+        wire = self.model.scene.wire
+        if not np.array_equal(load.gradient, np.eye(2)) or load.temperature != wire.reference_temperature:
+            return False
+        self.stepper.evaluate()
+        overlaps = self.contact.near().overlap / self.model.rods.section.thickness
+        deep = overlaps[overlaps > CLOSEST]
+        if len(deep):
+            self.notes.append(
+                f"as knitted wires overlap in {len(deep)} places, by {deep.max():.2g} of their thickness at most: they were"
+                " pushed apart before the load came on"
+            )
+            return False
+        is_free = wire.set_fraction == 1.0 and self.rest.stretch_error() <= AXIAL_ERROR
+        return is_free and self.residual.ratio() < 1.0
+
+    # --- real time
+
+    def renew_time_step(self, steps: int) -> float:
+        self.stepper.evaluate()
+        step = step_now(self.model, self.rest)
+        self.state.write_control({c.TIME_STEP: step})
+        return step
+
+    def reserve_for_load(self) -> None:
+        self.contact.take_deepest()
+        self._reserve(self.state.gradient)
+
+    def follow_load(self) -> None:
+        gradient = self.state.gradient
+        if 2.0 * np.abs(gradient - self._searched_at).max() > self.contact.strain_within(RESERVED):
+            self._reserve(gradient)
+
+    def _reserve(self, gradient: np.ndarray) -> None:
+        """Search, and keep room for what the load will move."""
+        self.contact.expect(self.contact.strain_within(RESERVED))
+        self._searched_at = gradient
+
+    def residual_now(self) -> float:
+        self.stepper.evaluate()
+        return self.residual.measure()
+
+    # --- observation
+
+    def observe(self) -> SpatialReading:
+        return read(self.model, self.sites, self.rest, self.contact)
+
+    def edge_work_terms(self, observed: SpatialReading) -> list[tuple[np.ndarray, np.ndarray]]:
+        terms = [(observed.warmth_force, observed.warmth)]
+        if self.edge is not None:
+            terms.append((self.edge.grip_forces(observed.force), self.edge.clamp_displacement))
+        return terms
+
+    def state_dict(self) -> dict[str, np.ndarray]:
+        kept: dict[str, Any] = {"notes": np.array(json.dumps(self.notes)), "searched_at": self._searched_at}
+        kept |= self.contact.memory() | self.rest.memory() | self.stepper.yielding.memory()
+        if self.edge is not None:
+            kept |= self.edge.memory()
+        if self._last is not None:
+            kept |= {"gradient_before": self._last[0], "displacement_before": self._last[1]}
+        return kept
+
+    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+        self.notes[:] = json.loads(str(kept["notes"]))
+        self._searched_at = kept["searched_at"].copy()
+        self.contact.recall(kept)
+        self.rest.recall(kept)
+        self.stepper.yielding.recall(kept)
+        if self.edge is not None:
+            self.edge.recall(kept)
+        self._last = None
+        if "gradient_before" in kept:
+            self._last = kept["gradient_before"].copy(), kept["displacement_before"].copy()
