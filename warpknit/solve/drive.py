@@ -21,6 +21,7 @@ from ..mesh.rim import Rim
 from ..planar.diagnostics import Look
 from ..planar.model import Model
 from ..planar.neighbours import NeighbourSearch
+from ..planar.observables import PlanarObservables, read
 from ..planar.residual import Steadiness
 from ..planar.state import State
 from ..planar.strip_step import stepper_of
@@ -47,7 +48,7 @@ class Record:
     left_out: float  # of the tension, that the mesh may be out of balance by as a membrane; 0 where that was looked after
     edge_work: float  # [J] put in by what differs from place to place: pulls at the edge, cords, warmth
     stations: np.ndarray  # (station, 2) [m] displacement of the rim (rim.py); empty where it only follows the load
-    reading: measure.Reading
+    observables: PlanarObservables
 
 
 @dataclass
@@ -212,7 +213,7 @@ class Drive(ABC):
     def record(self, stage: Stage, factor: float, steady: bool, work: float | None = None) -> Record:
         progress = self.progress
         before = progress.start.temperature
-        reading = measure.read(self.model, self.state)
+        reading = read(self.model, self.state)
         record = Record(
             index=progress.records,
             stage=stage.name,
@@ -226,13 +227,13 @@ class Drive(ABC):
             left_out=self.left_out,
             edge_work=self._account_edge(reading),
             stations=self.stations,
-            reading=reading,
+            observables=reading,
         )
         progress.records += 1
         progress.level += 1
         return record
 
-    def _account_edge(self, reading: measure.Reading) -> float:
+    def _account_edge(self, reading: PlanarObservables) -> float:
         """[J] put in so far by what differs from place to place."""
         if self.edge_work is None:
             return 0.0
@@ -288,7 +289,7 @@ class Drive(ABC):
         _, (wire, node) = max(self.model.ranks.everyone((float(speed[node]), here)))
         return f"wire {wire}, node {node}"
 
-    def _mesh_tension(self, reading: measure.Reading) -> np.ndarray:
+    def _mesh_tension(self, reading: PlanarObservables) -> np.ndarray:
         """Tensions (weft, warp) [N/m] of the mesh that the first rank has read."""
         return self.model.ranks.from_first(lambda: np.array(measure.mesh_tension(reading)))
 

@@ -9,6 +9,7 @@ import numpy as np
 from .. import measure
 from ..kernels import control as c
 from ..planar.neighbours import RAMP_SHARE
+from ..planar.observables import read
 from ..planar.time_step import stable_step
 from ..scene import Stage
 from .drive import CHECK_STEPS, Drive, LoadPoint, Record
@@ -43,7 +44,7 @@ class Ramp(Drive, RampStage):
         return measure.tension_scale(self.model)
 
     def _carried(self) -> tuple[np.ndarray, np.ndarray]:
-        reading = measure.read(self.model, self.state)
+        reading = read(self.model, self.state)
         return np.diag(reading.gradient) - 1.0, self._mesh_tension(reading)
 
     def _control(self) -> np.ndarray:
@@ -63,7 +64,7 @@ class Ramp(Drive, RampStage):
         return step
 
     def _account_work(self) -> None:
-        reading = measure.read(self.model, self.state)
+        reading = read(self.model, self.state)
         now = self.model.ranks.from_first(
             lambda: [*measure.nominal_stress(reading).ravel().tolist(), measure.thermal_force(reading)]
         )

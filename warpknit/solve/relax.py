@@ -20,6 +20,7 @@ from ..kernels.multipliers import extrapolate, extrapolate_held_bodies
 from ..planar.history_variables import Path
 from ..planar.model import Model
 from ..planar.multipliers import Multipliers
+from ..planar.observables import read
 from ..planar.response import carried_values
 from ..planar.slowest_mode import SlowestMode
 from ..planar.state import State
@@ -169,13 +170,13 @@ class Relaxation(Drive):
     def rest_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Nominal stress (2, 2) [N/m] of the mesh at rest under a load, and the values that describe the state."""
         self.bring_to_rest(LoadPoint(gradient, temperature), None)
-        return measure.nominal_stress(measure.read(self.model, self.state)), carried_values(self.model, self.state)
+        return measure.nominal_stress(read(self.model, self.state)), carried_values(self.model, self.state)
 
     def _find_tension(self, wanted: WantedTension, target: LoadPoint) -> None:
         """Try strains until the steady state carries the wanted tension."""
         scale = measure.tension_scale(self.model)
         while True:
-            reading = measure.read(self.model, self.state)
+            reading = read(self.model, self.state)
             strain = np.diag(reading.stretch) - 1.0
             tension = self._mesh_tension(reading)
             following = self.progress.search.next_strain(strain, tension, wanted.tension, wanted.driven, scale)
@@ -310,7 +311,7 @@ class Relaxation(Drive):
 
     def _how_far(self) -> str:
         """Residual, what moves most, and what may keep the mesh from coming to rest."""
-        reading = measure.read(self.model, self.state)
+        reading = read(self.model, self.state)
         wire, stress = self.scene.wire, float(measure.stress_extremes(reading)[0])
         causes = ""
         if stress > wire.tensile_strength:

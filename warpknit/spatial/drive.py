@@ -20,7 +20,7 @@ from .clamps import MovingClamps
 from .contact import STICK_SHARE, WireContact
 from .edge import Edge
 from .mesh import SpatialMesh
-from .reading import SpatialReading, read
+from .observables import SpatialObservables, read
 from .rest import Rest
 from .rod_arrays import RodState
 from .rod_step import RodStepper
@@ -46,7 +46,7 @@ class SpatialRecord:
     work: float  # [J] put in since the start, where the drive keeps account of it (ramp)
     dissipated: float  # [J] taken out since the start
     edge_work: float  # [J] put in by what differs from place to place: uneven warmth, pulls and cords at the edge
-    reading: SpatialReading
+    observables: SpatialObservables
     stations: np.ndarray  # (station, 2) [m] by which the edge is moved beside the load; none where it is not
 
 
@@ -214,7 +214,7 @@ class SpatialDrive(ABC):
 
     # --- states
 
-    def _reading(self) -> SpatialReading:
+    def _reading(self) -> SpatialObservables:
         return read(self.mesh, self.sites, self.rest, self.contact)
 
     def _record(self, stage: Stage, factor: float, *, steady: bool = True) -> SpatialRecord:
@@ -234,7 +234,7 @@ class SpatialDrive(ABC):
             work=progress.work,
             dissipated=self._dissipated(),
             edge_work=self.edge_work.account(*pushed),
-            reading=reading,
+            observables=reading,
             stations=edge.moved.copy() if edge is not None else np.zeros((0, 2)),
         )
         progress.records += 1
