@@ -46,12 +46,12 @@ def test_each_replica_answers_as_a_run_of_its_load(boundary):
         single = replace(scene, stages=(replace(scene.stages[0], strain_weft=x, strain_warp=y),))
         model = build_model(single)
         *_, last = Simulation(model, initial_state(model)).run()
-        assert outcome.reading is not None
-        tension = np.array(measure.mesh_tension(outcome.reading))
-        wanted = np.array(measure.mesh_tension(last.reading))
+        assert outcome.observables is not None
+        tension = np.array(measure.mesh_tension(outcome.observables))
+        wanted = np.array(measure.mesh_tension(last.observables))
         scale = max(np.abs(wanted).max(), 1e-3 * measure.tension_scale(model))
         assert np.abs(tension - wanted).max() < scene.solver.residual_tolerance * scale
-        assert measure.contacts(outcome.reading) == measure.contacts(last.reading)
+        assert measure.contacts(outcome.observables) == measure.contacts(last.observables)
         assert outcome.steps == pytest.approx(last.steps, rel=0.05)
 
 
@@ -60,15 +60,15 @@ def test_a_replica_does_not_depend_on_its_batch():
     scene = scene_of("periodic")
     alone = outcomes(scene, STRAINS[:1])[0]
     among = outcomes(scene, STRAINS[::-1])[-1]
-    assert alone.reading is not None and among.reading is not None
+    assert alone.observables is not None and among.observables is not None
     assert alone.steps == among.steps
-    assert np.array_equal(alone.reading.u, among.reading.u)
-    assert np.array_equal(alone.reading.pair_force, among.reading.pair_force)
+    assert np.array_equal(alone.observables.u, among.observables.u)
+    assert np.array_equal(alone.observables.pair_force, among.observables.pair_force)
 
 
 def test_a_replica_that_fails_leaves_the_others_alone():
     """A level that may take no more than 600 steps is too short for a load."""
     scene = scene_of("periodic", solver={"preset": "draft", "max_steps": 600})
     found = outcomes(scene, [(0.0, 0.0), (0.16, 0.0)])
-    assert found[0].reading is not None and found[0].error is None
-    assert found[1].reading is None and "not steady after 600 steps" in str(found[1].error)
+    assert found[0].observables is not None and found[0].error is None
+    assert found[1].observables is None and "not steady after 600 steps" in str(found[1].error)

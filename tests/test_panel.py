@@ -11,6 +11,7 @@ import pytest
 from warpknit import measure
 from warpknit.kernels import clamp
 from warpknit.planar.model import Model, build_model
+from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
@@ -54,7 +55,7 @@ def test_lengths_and_hinges_add_up_to_the_wire_between_its_clamps() -> None:
     all of them together for the wire, as even as the nodes lie on its curve."""
     model = patch(24)
     panel = model.panel
-    reading = measure.read(model, initial_state(model))
+    reading = read(model, initial_state(model))
     chords, hinges = reading.natural_length.copy(), reading.hinge_length.copy()
     first, last = panel.wire_first, panel.wire_first + panel.wire_count - 1
     for node in (first, last - 1, last):
@@ -76,5 +77,5 @@ def test_tension_of_a_small_gripped_patch_settles_with_the_nodes() -> None:
             "output.frames=1", "solver.precision='double'",
         ]))  # fmt: skip
         *_, last = Simulation(model, initial_state(model)).run()
-        tension.append(measure.mesh_tension(last.reading))
+        tension.append(measure.mesh_tension(last.observables))
     assert tension[0] == pytest.approx(tension[1], rel=0.06)

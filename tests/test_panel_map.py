@@ -9,6 +9,7 @@ import pytest
 from warpknit import measure
 from warpknit.mesh.rim import Rim, build_rim
 from warpknit.planar.model import build_model
+from warpknit.planar.observables import read
 from warpknit.planar.panel_map import PanelMap, panel_map
 from warpknit.planar.state import initial_state
 from warpknit.planar.surface import find_surface
@@ -29,7 +30,7 @@ def stretched() -> Record:
 
 def test_the_tiles_add_up_to_the_whole() -> None:
     """Virials of the tiles are parts of one sum, and so are the pairs; mean slopes are those of the boundary."""
-    reading = stretched().reading
+    reading = stretched().observables
     found = panel_map(reading)
     assert found.inside.shape == (5, 4)
     assert np.all(found.known)
@@ -46,10 +47,10 @@ def test_a_uniform_motion_is_a_uniform_map(outline: str) -> None:
     """A mesh whose bodies move by a linear field, those of each kind by some more, has that slope in every tile that has a
     neighbour, at slanted edges too, where tiles hold some of the kinds only."""
     if outline == "rectangle":
-        reading = stretched().reading
+        reading = stretched().observables
     else:
         model = build_model(make_scene({"panel": {"outline": "hexagon", "size": 0.012, "rotation": 0.2}}))
-        reading = measure.read(model, initial_state(model))
+        reading = read(model, initial_state(model))
     panel = reading.model.panel
     slope = np.array([[0.02, 0.01], [-0.005, 0.03]])
     place = panel.body_rest + panel.body_origin
@@ -141,7 +142,7 @@ def test_the_tension_of_a_tile_is_the_force_per_current_width_under_shear() -> N
     table = {"knit": {"repeats": [4, 4]}, "load": {**LOAD, "shear": 0.1}, "solver": {"preset": "draft"}, "output": {"frames": 1}}
     model = build_model(make_scene(table))
     *_, last = Simulation(model, initial_state(model)).run()
-    found = panel_map(last.reading)
+    found = panel_map(last.observables)
     assert found.gradient[..., 0, 1].mean() == pytest.approx(0.1, abs=0.02)
     for tile in np.ndindex(4, 4):
         p, f = found.nominal[tile], found.gradient[tile]
@@ -168,10 +169,10 @@ def test_a_gripped_panel_reports_what_its_thresholds_ask_for() -> None:
     from warpknit.run.panel_report import report_panel
 
     record = stretched()
-    model = record.reading.model
+    model = record.observables.model
     options = replace(model.scene.panel, tension_threshold=1e9, active_threshold=0.0, focal_length=1.0)
-    reading = replace(record.reading, model=replace(model, scene=replace(model.scene, panel=options)))
-    report = report_panel(replace(record, reading=reading))
+    reading = replace(record.observables, model=replace(model, scene=replace(model.scene, panel=options)))
+    report = report_panel(replace(record, observables=reading))
     assert report is not None
     assert report.summary["area_below_tension_percent"] == pytest.approx(100.0)
     assert report.summary["area_below_active_percent"] == 0.0

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpknit import measure, plan
+from warpknit import plan
 from warpknit.errors import DeviceError, InputError, MemoryNeeded
 from warpknit.knit.chain import KnitError
 from warpknit.memory import MEMORY_PER_NODE
 from warpknit.mesh import layout
 from warpknit.plan import ESTIMATE_FACTOR, make_plan
 from warpknit.planar.model import build_model
+from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.run.run import run_scene
 from warpknit.scene import load_scene, make_scene
@@ -197,7 +198,7 @@ def test_memory_per_node_covers_the_arrays(precision, share):
     state = initial_state(built)
     simulation = Simulation(built, state)
     simulation.drive.neighbours.search()
-    reading = measure.read(built, state)
+    reading = read(built, state)
     total = array_bytes([built, state, simulation, reading], set())
     assert total / built.panel.node_count / MEMORY_PER_NODE[precision] == pytest.approx(share, abs=0.1)
 

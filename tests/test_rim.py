@@ -9,7 +9,7 @@ import warp as wp
 from warpknit import measure
 from warpknit.mesh.rim import Rim, build_rim
 from warpknit.planar.model import Model, build_model
-from warpknit.planar.observables import Reading, read
+from warpknit.planar.observables import PlanarObservables, read
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
 from warpknit.planar.thermal import wire_warmth
@@ -82,13 +82,13 @@ def corded() -> Record:
 def test_the_cord_balances_the_mesh() -> None:
     """At rest, what the wires pull at a station between net nodes is what the cord gives, over what counts as balanced."""
     record = corded()
-    model = record.reading.model
+    model = record.observables.model
     rim = build_rim(model.panel, model.scene)
-    wires = rim.clamps.T @ -measure.edge_force(record.reading)
-    cord, tension = rim.cord_forces(record.reading.gradient, record.stations)
+    wires = rim.clamps.T @ -measure.edge_force(record.observables)
+    cord, tension = rim.cord_forces(record.observables.gradient, record.stations)
     free = ~rim.given
     spacing = rim.outline.length / len(rim.arc)
-    nominal = np.abs(measure.nominal_stress(record.reading)).max()
+    nominal = np.abs(measure.nominal_stress(record.observables)).max()
     assert np.abs(wires[free]).max() > 0.2 * nominal * spacing  # there is something to balance
     # the membrane's tolerance is that of the stress over the whole mesh; the edge is a band of some cells of it
     assert np.sqrt(np.mean((wires + cord)[free] ** 2)) < 5.0 * MEMBRANE_TOLERANCE * nominal * spacing
@@ -104,8 +104,8 @@ def test_a_stiff_cord_is_solved_though_the_mesh_hardly_feels_it() -> None:
     model = build_model(make_scene({"panel": panel, "load": LOAD, "solver": QUICK, "output": {"frames": 1}}))
     *_, record = Simulation(model, initial_state(model)).run()
     rim = build_rim(model.panel, model.scene)
-    wires = rim.clamps.T @ -measure.edge_force(record.reading)
-    cord, _ = rim.cord_forces(record.reading.gradient, record.stations)
+    wires = rim.clamps.T @ -measure.edge_force(record.observables)
+    cord, _ = rim.cord_forces(record.observables.gradient, record.stations)
     free = ~rim.given
     assert np.abs(record.stations[free]).max() > 1e-7
     left, pulled = (np.sqrt(np.mean(f[free] ** 2)) for f in (wires + cord, wires))
@@ -161,7 +161,7 @@ def test_the_ramp_takes_the_clamps_where_they_should_be() -> None:
     assert reading.u[held] == pytest.approx(moved[model.panel.held_clamp], abs=model.precision.unit)
 
 
-def hot(gradient: tuple[float, float]) -> tuple[Model, Reading]:
+def hot(gradient: tuple[float, float]) -> tuple[Model, PlanarObservables]:
     scene = make_scene({"knit": {"repeats": [3, 3]}, "solver": {"precision": "double"}})
     model = build_model(scene)
     state = initial_state(model)
@@ -228,7 +228,7 @@ def test_a_pulled_edge_costs_few_steps_and_ends_where_more_care_ends(repeats: li
         table = {"knit": {"repeats": repeats}, "load": {**LOAD, "pull": pull}, "solver": solver, "output": {"frames": frames}}
         model = build_model(make_scene(table))
         *_, last = Simulation(model, initial_state(model)).run()
-        tensions.append(measure.mesh_tension(last.reading))
+        tensions.append(measure.mesh_tension(last.observables))
         steps.append(last.steps)
     assert tensions[0] == pytest.approx(tensions[1], rel=0.01)
     assert steps[0] < 20_000

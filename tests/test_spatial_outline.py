@@ -11,7 +11,7 @@ from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.mesh import build_mesh
-from warpknit.spatial.reading import SpatialReading
+from warpknit.spatial.observables import SpatialObservables
 from warpknit.spatial.relax import SpatialRelaxation
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -31,11 +31,11 @@ def scene_of(outline: str, *settings: str):
     return load_scene(SCENES / "atlas_cell_spatial.toml", keys, "draft")
 
 
-def at_rest(outline: str, *settings: str) -> SpatialReading:
+def at_rest(outline: str, *settings: str) -> SpatialObservables:
     relaxation = SpatialRelaxation(build_mesh(scene_of(outline, *settings)))
     relaxation.warm_up()
     *_, last = relaxation.run()
-    return last.reading
+    return last.observables
 
 
 @pytest.mark.parametrize("outline", OUTLINES)
@@ -57,7 +57,7 @@ def test_clamps_stand_on_the_outline_in_the_middle_of_their_segments(outline):
 
 
 @pytest.fixture(scope="module")
-def pulled() -> SpatialReading:
+def pulled() -> SpatialObservables:
     return at_rest("hexagon", "load.strain_weft=0.02", "load.strain_warp=0.02", "model.nodes_per_loop=40")
 
 
@@ -89,5 +89,5 @@ def test_a_panel_in_space_carries_what_the_planar_one_does(outline, size):
     plane = ["model.kind=planar", "model.nodes_per_loop=48", "solver.precision=double", "solver.residual_tolerance=1e-3"]
     model = build_model(scene_of(outline, *load, *plane))
     *_, last = Simulation(model, initial_state(model)).run()
-    assert found.mesh_tension == pytest.approx(measure.mesh_tension(last.reading), rel=0.03)
-    assert found.interior_stress == pytest.approx(measure.interior_stress(last.reading), rel=0.06)
+    assert found.mesh_tension == pytest.approx(measure.mesh_tension(last.observables), rel=0.03)
+    assert found.interior_stress == pytest.approx(measure.interior_stress(last.observables), rel=0.06)

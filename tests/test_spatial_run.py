@@ -106,9 +106,9 @@ def test_tension_is_found_and_let_go_again() -> None:
     _, loaded, unloaded = relaxation.run()
     for record, warp, weft in ((loaded, 3e-3, 0.0), (unloaded, 1e-3, 0.005)):
         least = 1e-2 * TOLERANCE * tension_scale(relaxation.mesh)
-        assert record.reading.mesh_tension[1] == pytest.approx(warp, rel=TOLERANCE, abs=least)
-        assert record.reading.gradient[0, 0] == 1.0 + weft
-    assert loaded.reading.gradient[1, 1] > unloaded.reading.gradient[1, 1] > 1.0
+        assert record.observables.mesh_tension[1] == pytest.approx(warp, rel=TOLERANCE, abs=least)
+        assert record.observables.gradient[0, 0] == 1.0 + weft
+    assert loaded.observables.gradient[1, 1] > unloaded.observables.gradient[1, 1] > 1.0
 
 
 HOOK = ("model.nodes_per_loop=16", "hook.overlap='60 um'", "solver.residual_tolerance=2e-2", "output.frames=2")

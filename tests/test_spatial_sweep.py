@@ -56,9 +56,9 @@ def test_every_state_is_that_of_a_run_whichever_process_has_it():
         relaxation.warm_up()
         *_, last = relaxation.run()
         for outcome in (here[index], there[index]):
-            assert outcome.reading is not None and outcome.steps == last.steps
-            assert np.array_equal(outcome.reading.position, last.reading.position)
-            assert measured(outcome.reading).tension == last.reading.mesh_tension
+            assert outcome.observables is not None and outcome.steps == last.steps
+            assert np.array_equal(outcome.observables.position, last.observables.position)
+            assert measured(outcome.observables).tension == last.observables.mesh_tension
 
 
 def test_a_map_in_space_leaves_the_files_of_a_planar_one_and_goes_on_when_interrupted(tmp_path, monkeypatch):

@@ -12,7 +12,7 @@ from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.planar.membrane import Correction
 from warpknit.planar.model import Model, build_model
-from warpknit.planar.observables import node_entries
+from warpknit.planar.observables import node_entries, read
 from warpknit.mesh.smaller import smaller_scene
 from warpknit.planar.response import STRAIN, carried_values
 from warpknit.planar.state import State, initial_state
@@ -46,7 +46,7 @@ def settled(repeats: tuple[int, int], boundary: str, alone: bool) -> tuple[Model
 
 
 def tension(model: Model, state: State) -> np.ndarray:
-    return np.array(measure.mesh_tension(measure.read(model, state)))
+    return np.array(measure.mesh_tension(read(model, state)))
 
 
 def test_smaller_scene_keeps_the_parity_and_ends() -> None:

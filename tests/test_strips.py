@@ -17,6 +17,7 @@ from warpknit.mesh.panel import Panel
 from warpknit.mesh.strip import Strip, cut_strip
 from warpknit.planar.membrane import Correction
 from warpknit.planar.model import build_model
+from warpknit.planar.observables import PlanarObservables, read
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
 from warpknit.planar.strip_step import StripStepper
@@ -41,15 +42,15 @@ def panel(repeats: list[int], boundary: str) -> Panel:
     return build_model(scene(repeats, boundary)).panel
 
 
-def last_reading(scene: Scene, ranks: Ranks) -> tuple[measure.Reading, int, np.ndarray]:
+def last_reading(scene: Scene, ranks: Ranks) -> tuple[PlanarObservables, int, np.ndarray]:
     """The reading at the end of a run, its steps, and the control numbers of this rank."""
     model = build_model(scene, "cpu", ranks)
     state = initial_state(model)
     *_, last = Simulation(model, state).run()
-    return last.reading, last.steps, state.read_control().copy()
+    return last.observables, last.steps, state.read_control().copy()
 
 
-def assert_same_bits(shared: measure.Reading, alone: measure.Reading) -> None:
+def assert_same_bits(shared: PlanarObservables, alone: PlanarObservables) -> None:
     for name in PER_MESH:
         assert np.array_equal(getattr(shared, name), getattr(alone, name)), name
 
@@ -116,7 +117,7 @@ def test_strips_are_one_membrane() -> None:
     alike: the copies of a shared body too, which are not told of it."""
     here = scene([10, 10], "gripped")
 
-    def gathered_and_moved(ranks: Ranks) -> tuple[np.ndarray, measure.Reading, list]:
+    def gathered_and_moved(ranks: Ranks) -> tuple[np.ndarray, PlanarObservables, list]:
         model = build_model(here, "cpu", ranks)
         state = initial_state(model)
         drive = Simulation(model, state).drive
@@ -127,7 +128,7 @@ def test_strips_are_one_membrane() -> None:
         force = drive.membrane.imbalance().copy()
         drive.membrane.move(Correction(1e-6 * np.random.default_rng(3).normal(size=force.shape), np.zeros((0, 2))))
         body = np.arange(model.panel.body_count) if model.strip is None else model.strip.body
-        return force, measure.read(model, state), [body, state.body_ux.numpy().copy()]
+        return force, read(model, state), [body, state.body_ux.numpy().copy()]
 
     force, alone, (_, body_ux) = gathered_and_moved(One())
     results = run_ranks(2, gathered_and_moved)
@@ -170,11 +171,11 @@ def test_strips_remember_friction_and_yield() -> None:
     path = ("contact.friction=0.3", "wire.plastic=true", "wire.yield_stress=2e8", *(f"load.strain_{side}=0.05" for side in SIDES))
     here = scene([2, 2], "gripped", *path, "output.frames=1")
 
-    def at_the_end(ranks: Ranks) -> tuple[measure.Reading, float]:
+    def at_the_end(ranks: Ranks) -> tuple[PlanarObservables, float]:
         model = build_model(here, "cpu", ranks)
         simulation = Simulation(model, initial_state(model))
         *_, last = simulation.run()
-        return last.reading, simulation.drive.path.dissipated
+        return last.observables, simulation.drive.path.dissipated
 
     alone, heat = at_the_end(One())
     (shared, shared_heat), _ = run_ranks(2, at_the_end)
@@ -223,7 +224,7 @@ def test_threads_and_kernels_of_strips(precision: str, threads: int, by_node: bo
         drive.stepper = kind(model, state, by_node=by_node, threads=threads)
         drive._set_ramp(LoadPoint(np.diag([1.1, 1.1]), model.scene.wire.reference_temperature), 200)
         drive._advance(300)
-        reading = measure.read(model, state)
+        reading = read(model, state)
         if ranks.is_first:
             assert np.count_nonzero(reading.pair_force) > 0
         return reading.u

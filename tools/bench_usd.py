@@ -31,6 +31,7 @@ from warpknit.export.writer_process import WriterProcess
 from warpknit.frame import Frame
 from warpknit.kernels import control as c
 from warpknit.planar.model import Model, build_model
+from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
 from warpknit.scene import load_scene
@@ -56,7 +57,7 @@ def options(model: Model) -> StageOptions:
 
 def frame_of(model: Model, state: Any, index: int) -> Frame:
     """The frame of the state, made uneven: equal tiles would be written once, and stresses of zero cost nothing."""
-    frame = measure.frame(measure.read(model, state), index=index, stage="bench", load_factor=0.5, temperature=293.15)
+    frame = measure.frame(read(model, state), index=index, stage="bench", load_factor=0.5, temperature=293.15)
     nodes, random = model.panel.node_count, np.random.default_rng(1)
     stress = 1e8 * (1.0 + np.sin(0.01 * np.arange(nodes)) + 0.1 * random.random(nodes))
     position = frame.node_position

@@ -22,7 +22,7 @@ from study import new_figure, read_rows, show_rows, tidy, write_rows
 
 from warpknit.scene import load_scene
 from warpknit.spatial.mesh import SpatialMesh, build_mesh, rods_of_wires
-from warpknit.spatial.reading import SpatialReading
+from warpknit.spatial.observables import SpatialObservables
 from warpknit.spatial.relax import SpatialRelaxation
 from warpknit.spatial.rest_curve import CentreLine, fit_rest_curve
 
@@ -76,7 +76,7 @@ def with_high_crossings(mesh: SpatialMesh, height: float = HIGH) -> SpatialMesh:
     return replace(mesh, wires=wires, rods=rods, curve=fit_rest_curve(rods, line))
 
 
-def lens_of(relaxation: SpatialRelaxation, reading: SpatialReading, site: int) -> Clasp:
+def lens_of(relaxation: SpatialRelaxation, reading: SpatialObservables, site: int) -> Clasp:
     """The lens in which the wires of a site touch: how wide it is, and what the slopes and curvatures in it ask for."""
     touching, d = reading.touching, relaxation.mesh.rods.section.thickness
     here = np.flatnonzero(reading.touching_site[0] == site)
@@ -149,8 +149,8 @@ def runs() -> Iterator[tuple[KnitRow, list[Clasp]]]:
             mesh = build_mesh(load_scene(SCENE, [*load, *SPATIAL, "model.kind=spatial"]))
             relaxation = SpatialRelaxation(mesh if change is None else change(mesh))
             for record in relaxation.run():
-                sites = np.flatnonzero(record.reading.site_force > LEAST) if knit == "double atlas" and change is None else []
-                clasps = [lens_of(relaxation, record.reading, int(site)) for site in sites]
+                sites = np.flatnonzero(record.observables.site_force > LEAST) if knit == "double atlas" and change is None else []
+                clasps = [lens_of(relaxation, record.observables, int(site)) for site in sites]
                 yield KnitRow(**vars(record_row(name, relaxation, record)), knit=knit), clasps
 
 

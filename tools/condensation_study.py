@@ -49,7 +49,7 @@ def planar_rows(name: str, scene: str, overrides: list[str]) -> Iterator[Row]:
     model = build_model(load_scene(scene, [*overrides, "model.kind=planar"]))
     begin = time.perf_counter()
     for record in Simulation(model, initial_state(model)).run():
-        r = record.reading
+        r = record.observables
         force = r.pair_force.reshape(-1, 2).min(axis=1)
         yield Row(
             name,
@@ -73,7 +73,7 @@ def spatial_rows(scene: str, overrides: list[str]) -> Iterator[Row]:
 
 def record_row(name: str, relaxation: SpatialRelaxation, record: SpatialRecord, wall: float = float("nan")) -> Row:
     """The row of a record in space."""
-    r = record.reading
+    r = record.observables
     return Row(
         name,
         float(r.gradient[0, 0] - 1.0),

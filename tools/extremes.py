@@ -28,6 +28,7 @@ from warpknit import measure
 from warpknit.errors import WarpknitError
 from warpknit.knit.chain import KnitError
 from warpknit.planar.model import build_model
+from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.run.run import run_scene
 from warpknit.scene import Scene, make_scene
@@ -144,7 +145,7 @@ def rotated(angle: float) -> tuple[Outcome, Outcome]:
             part = share * angle if rotation is turn else 0.0
             step = np.array([[math.cos(part), -math.sin(part)], [math.sin(part), math.cos(part)]])
             simulation.drive.rest_at(step @ gradient, made.wire.reference_temperature)
-        reading = measure.read(model, simulation.state)
+        reading = read(model, simulation.state)
         stress = rotation.T @ measure.true_stress(measure.nominal_stress(reading), reading.gradient) @ rotation
         steps = simulation.progress.steps
         found.append(Outcome(0, time.perf_counter() - start, steps, scaled(made, np.diag(stress).tolist()), (), ""))

@@ -50,7 +50,7 @@ def heated(name: str, frame_expansion: float, strain: float, *overrides: str) ->
     """A mesh at 20, -190 and 140 degC beside its isothermal equivalents."""
     load = {"strain_weft": strain, "strain_warp": strain}
     scene = scene_of("heat.toml", *overrides, load=load, model={"frame_expansion": frame_expansion})
-    ends = {record.stage: record.reading for record in run(scene)}
+    ends = {record.stage: record.observables for record in run(scene)}
     rows = []
     for stage, temperature in STAGES.items():
         r = ends[stage]
@@ -70,7 +70,7 @@ def isothermal(strain: float, *overrides: str) -> tuple[float, float, float]:
     load = {"strain_weft": strain, "strain_warp": strain}
     stay = [{"name": "load-held", "temperature": "20 degC"}]
     *_, last = run(scene_of("heat.toml", *overrides, load=load, path=stay))
-    return (measure.contacts(last.reading).active_percent, *measure.mesh_tension(last.reading))
+    return (measure.contacts(last.observables).active_percent, *measure.mesh_tension(last.observables))
 
 
 def draw(path: Path, rows: Sequence[Heated]) -> None:

@@ -84,7 +84,7 @@ def spatial(overrides: Sequence[str], friction: float = 0.0, thickness: float = 
 def _spatial_rows(mesh: SpatialMesh, friction: float, thickness: float, twist: float) -> Iterator[Row]:
     begin = time.perf_counter()
     for record in SpatialRelaxation(mesh).run():
-        found, t = spatial_hook_contact(record.reading), record.reading.touching
+        found, t = spatial_hook_contact(record.observables), record.observables.touching
         total = float(t.force.sum())
         row = Row(
             "spatial", friction, thickness, twist, found.displacement, found.force_left, found.drive_force,
@@ -102,7 +102,7 @@ def free_body(overrides: Sequence[str], friction: float) -> list[Row]:
     model = build_model(load_scene(SCENE.with_name("hook_free_body.toml"), [*given, f"contact.friction={friction}"]))
     begin, rows = time.perf_counter(), []
     for record in Simulation(model, initial_state(model)).run():
-        c: HookContact = hook_contact(record.reading)
+        c: HookContact = hook_contact(record.observables)
         rows.append(Row("free body", friction, 1.0, 1.0, c.displacement, 0.5 * (c.force_left + c.force_right), c.drive_force,
                         c.arc_left, c.arc_right, steps=record.steps, wall_s=time.perf_counter() - begin))  # fmt: skip
         show(rows[-1])

@@ -95,7 +95,7 @@ def run(treatment: str, parameter: str, value: float, *overrides: str) -> Finish
     states, note = [], ""
     try:
         for record in simulation.run():
-            states.append(hook_contact(record.reading))
+            states.append(hook_contact(record.observables))
     except Diverged:
         note = "does not converge"
     wall = time.perf_counter() - begin

@@ -35,6 +35,7 @@ from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.planar.model import Model, build_model
 from warpknit.planar.neighbours import NeighbourSearch
+from warpknit.planar.observables import PlanarObservables, read
 from warpknit.planar.state import State, initial_state
 from warpknit.planar.step import Stepper
 from warpknit.planar.time_step import stable_step
@@ -124,7 +125,7 @@ def measured(drive: str, precision: str, strain: float, steps: int) -> tuple[Row
     neighbours, stepper = NeighbourSearch(model, state), Stepper(model, state, threads=1)
     neighbours.search()
     step = float(state.read_control()[int(c.TIME_STEP)])
-    at_rest = stored(measure.read(model, state))
+    at_rest = stored(read(model, state))
     scale = measure.energy_scale(model)
     if drive != "relax":
         step = stable_step(model, state, 0)
@@ -132,13 +133,13 @@ def measured(drive: str, precision: str, strain: float, steps: int) -> tuple[Row
         damping = 0.0 if drive == "shaken" else model.damping
         state.write_control({c.TIME_STEP: step, c.DAMPING: damping, c.VELOCITY_FACTOR: 1.0, c.FORCE_FACTOR: step})
     if drive == "shaken":
-        scale = kinetic(model, state, measure.read(model, state), speeds_of(state))
+        scale = kinetic(model, state, read(model, state), speeds_of(state))
     looks, started = [], time.perf_counter()
     parts = int(LOOKS * AVERAGE)
     for look in range(parts):
         if not advance(stepper, neighbours, steps // parts - 1):
             raise SystemExit(f"{drive}, {precision}, {strain:g}: diverged at look {look}")
-        reading, speeds = measure.read(model, state), speeds_of(state)
+        reading, speeds = read(model, state), speeds_of(state)
         advance(stepper, neighbours, 1)
         stretch = float(np.max(np.abs(measure.axial_strain(reading))))
         energy = stored(reading) + kinetic(model, state, reading, speeds) - at_rest * (drive == "shaken")
@@ -157,7 +158,7 @@ def measured(drive: str, precision: str, strain: float, steps: int) -> tuple[Row
     return row, [Part(drive, precision, strain, steps * (k + 1) // LOOKS, *(mean / over)) for k, mean in enumerate(means)]
 
 
-def stored(reading: measure.Reading) -> float:
+def stored(reading: PlanarObservables) -> float:
     """[J]"""
     energies = measure.energies(reading)
     return energies.stretch + energies.bend + energies.contact
@@ -169,7 +170,7 @@ def speeds_of(state: State) -> np.ndarray:
     return np.concatenate([np.stack([x.numpy(), y.numpy()], axis=1).astype(float) for x, y in parts])
 
 
-def kinetic(model: Model, state: State, reading: measure.Reading, before: np.ndarray) -> float:
+def kinetic(model: Model, state: State, reading: PlanarObservables, before: np.ndarray) -> float:
     """[J] m v(n - 1/2) v(n + 1/2)/2, the state being one step further than the reading.
 
     With the stored energy this is what central differences keep of a linear mesh.

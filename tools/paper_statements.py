@@ -110,7 +110,7 @@ def contact_maps(file: str, *overrides: str, strains: np.ndarray = STRAINS) -> t
         scene = scene_of(file, "solver.preset=draft", *overrides, load=load, path=stage, output=frames)
         try:
             for record in run(scene):
-                r = record.reading
+                r = record.observables
                 row = int(np.argmin(np.abs(strains - (r.gradient[0, 0] - 1.0))))
                 rhombus = measure.contacts(r, r.model.panel.rhombus_bodies)
                 found[:, row, column] = (measure.contacts(r).active_percent, rhombus.active_percent, *measure.mesh_tension(r))
@@ -126,7 +126,7 @@ def heat_shares(file: str, *overrides: str) -> list[float]:
     load = {"strain_weft": 0.1, "strain_warp": 0.1}
     scene = scene_of(file, "solver.preset=draft", *overrides, load=load, path=stages, output={"frames": 5})
     ends = {record.stage: record for record in run(scene)}
-    return [measure.contacts(record.reading).active_percent for record in ends.values()]
+    return [measure.contacts(record.observables).active_percent for record in ends.values()]
 
 
 # --- what decides -----------------------------------------------------------------------------------------------------

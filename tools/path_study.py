@@ -86,7 +86,7 @@ def states_of(records: Sequence[Record]) -> list[State]:
     found: list[State] = []
     work, last = 0.0, None
     for record in records:
-        r = record.reading
+        r = record.observables
         if last is not None:
             mean = 0.5 * (measure.nominal_stress(last) + measure.nominal_stress(r))
             work += r.model.panel.area * float(np.sum(mean * (r.gradient - last.gradient)))

@@ -81,7 +81,7 @@ def find(name: str, precision: str, tolerance: float) -> Found:
     state = initial_state(model)
     simulation = Simulation(model, state)
     *_, last = simulation.run()
-    r = last.reading
+    r = last.observables
     return Found(
         model, state, simulation.progress.steps, np.array(measure.mesh_tension(r)), measure.contacts(r).active_percent,
         float(r.pair_force.max(initial=0.0)), measure.stress_extremes(r)[0],

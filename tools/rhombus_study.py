@@ -25,7 +25,7 @@ from study import COLOURS, new_figure, run_model, scene_of, show_rows, tidy, wri
 from warpknit import measure
 from warpknit.device import start_warp
 from warpknit.planar.model import build_model
-from warpknit.planar.observables import Reading
+from warpknit.planar.observables import PlanarObservables
 from warpknit.scene import Scene
 
 CELL, PATCH = "atlas_cell.toml", "atlas_patch.toml"
@@ -58,13 +58,13 @@ class Row:
     wall_s: float
 
 
-def rhombus_forces(r: Reading) -> np.ndarray:
+def rhombus_forces(r: PlanarObservables) -> np.ndarray:
     """[N] of the pairs of the central rhombus."""
     bodies = r.model.panel.rhombus_bodies
     return r.pair_force.reshape(-1, 2)[bodies].ravel()
 
 
-def local_strain(r: Reading) -> tuple[float, float]:
+def local_strain(r: PlanarObservables) -> tuple[float, float]:
     """Strain in weft and warp of the mesh round the rhombus: by which bodies a repeat to either side of its own have parted."""
     panel, knit = r.model.panel, r.model.scene.knit
     if r.model.scene.model.boundary == "periodic":
@@ -91,7 +91,7 @@ def rows_of(varied: str, value: str, scene: Scene, strains: tuple[float, ...], c
     rows: dict[int, Row] = {}
     kinetic, behind = 0.0, math.nan
     for record in run_model(model):
-        r = record.reading
+        r = record.observables
         energies = measure.energies(r)
         if record.load_factor > 0.1 and energies.stored > 0.0:
             kinetic = max(kinetic, energies.kinetic / energies.stored)
@@ -126,7 +126,9 @@ class Curve:
 def curve_of(*overrides: str) -> Curve:
     scene = both_ways(CELL, LOADED, 28, *overrides)
     records = list(run_model(build_model(scene)))
-    return Curve([float(r.reading.gradient[0, 0] - 1.0) for r in records], [rhombus_forces(r.reading).sum() for r in records])
+    return Curve(
+        [float(r.observables.gradient[0, 0] - 1.0) for r in records], [rhombus_forces(r.observables).sum() for r in records]
+    )
 
 
 def both_ways(file: str, strain: float, frames: int, *overrides: str) -> Scene:

@@ -50,7 +50,7 @@ def main() -> None:
     awake = seconds(simulation.drive.stepper.evaluate_contact, 200)
     simulation.drive.neighbours.search()
     step = seconds(lambda: simulation.drive.stepper.step(2), 100) / 2
-    active = measure.contacts(last.reading).active
+    active = measure.contacts(last.observables).active
     print(f"{model.panel.node_count} nodes, {model.pair_count} pairs, {asleep} asleep, {active} active")
     print(f"neighbour search (hash)           {search * 1e6:9.1f} us, {searches} in {steps} steps")
     print(f"contact kernel, sleepers skipped  {contact * 1e6:9.1f} us")

@@ -33,6 +33,7 @@ from warpknit.kernels import control as c
 from warpknit.planar.model import Model, build_model
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.numerics import MASS_MARGIN, STEP_MARGIN
+from warpknit.planar.observables import read
 from warpknit.planar.state import LOOK_AHEAD, State, initial_state
 from warpknit.planar.step import Stepper
 from warpknit.planar.time_step import largest_step
@@ -237,7 +238,7 @@ def measured(number: int, seed: int) -> list[Row]:
     scene = drawn(number, random)
     rows = []
     for drive, (model, state) in (("ramp", scene.moving), ("relax", scene.relaxed)):
-        reading = measure.read(model, state)
+        reading = read(model, state)
         control = reading.control
         if drive == "ramp":
             bound, margin = largest_step(reading, 0), STEP_MARGIN

@@ -61,7 +61,7 @@ def planar(knit: str, name: str, overrides: list[str], *, may_slide: bool = True
     state, start = initial_state(model), model.panel.wire_first
     simulation = Simulation(model, state, watch=lambda _: None if may_slide else hold_wires(state, start))
     for record in simulation.run():
-        r = record.reading
+        r = record.observables
         force = r.pair_force.reshape(-1, 2).min(axis=1)
         slid = wires_slid(r.u, start) / model.scene.wire.diameter
         yield Level(knit, name, float(r.gradient[0, 0] - 1.0), *measure.mesh_tension(r), float(force.max(initial=0.0)), slid)
@@ -83,7 +83,7 @@ def spatial(knit: str, name: str, overrides: list[str], *, only: set[int] | None
     if only is not None:
         relaxation.contact.search = searching_only(relaxation, mesh, only)  # type: ignore[method-assign]
     for record in relaxation.run():
-        r = record.reading
+        r = record.observables
         slid = wires_slid(r.moved, mesh.rods.wire_first) / mesh.scene.wire.diameter
         yield Level(knit, name, float(r.gradient[0, 0] - 1.0), *r.mesh_tension, float(r.site_force.max(initial=0.0)), slid)
 

@@ -9,7 +9,7 @@ or, without files, step by step:
     model = build_model(scene)                       # what does not move
     state = initial_state(model)                     # what does
     for record in Simulation(model, state).run():    # steady states along the load
-        print(measure.mesh_tension(record.reading), measure.contacts(record.reading))
+        print(measure.mesh_tension(record.observables), measure.contacts(record.observables))
 
 `knit_cloth` makes one repeat of the cloth alone; `export_run` writes a run's states in other forms.
 """

@@ -15,6 +15,7 @@ from warpknit.design.states import states_at
 from warpknit.errors import InputError
 from warpknit.mesh.layout import knit_scene
 from warpknit.planar.model import build_model
+from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene, make_scene
 
@@ -72,7 +73,7 @@ def test_the_areal_mass_is_that_of_all_bars(scene):
     bars = [{"chain": "1-0/1-2", "threading": "|"}, {"chain": "2-3/1-0", "threading": "|"}]
     locknit = make_scene({"knit": {"bars": bars}, "model": {"boundary": "periodic"}})
     model = build_model(locknit)
-    mass = measure.areal_mass(measure.read(model, initial_state(model)))
+    mass = measure.areal_mass(read(model, initial_state(model)))
     assert mass == pytest.approx(knit_scene(locknit).wire_per_area * locknit.wire.linear_density, rel=1e-9)
     (note,) = with_known(locknit, Known(areal_mass=mass)).notes
     assert f"as knitted is {1e3 * mass:.3g} g/m2, +0%" in note.replace("-0%", "+0%")

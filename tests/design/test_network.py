@@ -5,8 +5,9 @@ import pytest
 
 from warpknit.design.network import contact_resistances, holm_resistance, sheet_conductance, sheet_resistance, wire_resistance
 from warpknit.design.states import states_at
-from warpknit.measure import Reading, pair_active, positions
+from warpknit.measure import pair_active, positions
 from warpknit.planar.model import build_model
+from warpknit.planar.observables import PlanarObservables
 from warpknit.scene import make_scene
 from warpknit.scene.materials import MATERIALS
 
@@ -96,7 +97,7 @@ def test_a_surface_twice_as_hard_makes_contacts_of_root_two_the_resistance():
     assert make_scene({}).wire.hardness == MATERIALS["tungsten"].hardness
 
 
-def every_segment(r: Reading):
+def every_segment(r: PlanarObservables):
     """The same network from where everything stands: each stretch between two nodes a resistor of its own, cut where a contact
     touches it, and each body with active contacts on either wire one between the two places."""
     panel, wire = r.model.panel, r.model.scene.wire

@@ -16,7 +16,7 @@ from warpknit.design.states import exact_model, states_at
 from warpknit.design.touching import touching_of
 from warpknit.scene import load_scene
 from warpknit.scene.materials import MATERIALS
-from warpknit.spatial.reading import SpatialReading
+from warpknit.spatial.observables import SpatialObservables
 from warpknit.sweep.states import mesh_of
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -28,14 +28,14 @@ def scene_of(kind: str, *settings: str):
 
 
 @pytest.fixture(scope="module")
-def state() -> SpatialReading:
+def state() -> SpatialObservables:
     """The cell at 10 %, where contacts carry."""
     (found,) = states_at(mesh_of(scene_of("spatial")), [np.diag(1.0 + np.array(STRAINS))])
-    assert isinstance(found, SpatialReading)
+    assert isinstance(found, SpatialObservables)
     return found
 
 
-def every_segment(r: SpatialReading):
+def every_segment(r: SpatialObservables):
     """The network from where everything stands: each segment between two nodes a resistor, cut where contacts touch it, and each
     contact one between the two places on it. Ends, reach, conductance, number of points, area."""
     rods, wire, touching = r.mesh.rods, r.mesh.scene.wire, r.touching

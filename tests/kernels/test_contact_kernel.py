@@ -7,10 +7,10 @@ import pytest
 from meshes import SCENES, Mesh, settled, shaken
 from verification.wires import CLOSEST_POINT_TOLERANCE, EPSILON
 
-from warpknit import measure
 from warpknit.knit.clasps import Arm
 from warpknit.mesh.thread_curve import ThreadCurve
 from warpknit.planar.model import build_model
+from warpknit.planar.observables import read
 from warpknit.scene import load_scene
 
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -21,7 +21,7 @@ def contact_parts(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     first node (pair, 5, 2) [m], and the length of the segment (pair,) [m]."""
     model, panel, table = mesh.model, mesh.model.panel, mesh.model.table
     mesh.probe(by_node=False).evaluate()
-    r = measure.read(model, mesh.state)
+    r = read(model, mesh.state)
     pairs = np.nonzero(r.pair_force > 0)[0]
     on_body = np.stack([mesh.state.pair_body_x.numpy(), mesh.state.pair_body_y.numpy()], axis=1)[pairs]
     first = panel.wire_first[panel.pair_wire[pairs]][:, None]

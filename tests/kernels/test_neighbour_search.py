@@ -9,9 +9,9 @@ import warp as wp
 from meshes import MESHES, Mesh, settled, shaken
 from verification.wires import CLOSEST_POINT_TOLERANCE, Rig, panel_of_wires, straight, table_of_wires
 
-from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.planar.neighbours import NeighbourSearch
+from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
 from warpknit.solve.simulate import Simulation
@@ -21,7 +21,7 @@ def distances(mesh: Mesh, pair: int) -> tuple[np.ndarray, np.ndarray]:
     """Places along the wire counted from the seed (m,), and the distances of their nodes from the pair's body (m,)
     [m]."""
     model, panel, table = mesh.model, mesh.model.panel, mesh.model.table
-    r = measure.read(model, mesh.state)
+    r = read(model, mesh.state)
     place = np.arange(panel.pair_low[pair], panel.pair_high[pair] + 2)
     wire = panel.pair_wire[pair]
     first, count = panel.wire_first[wire], panel.wire_count[wire]

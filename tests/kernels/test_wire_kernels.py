@@ -8,8 +8,8 @@ import pytest
 from meshes import MESHES, PRECISIONS, node_forces, round_off, settled, shaken
 from verification.wires import EPSILON, Rig, circle, panel_of_wires, table_of_wires
 
-from warpknit import measure
 from warpknit.kernels import control as c
+from warpknit.planar.observables import read
 from warpknit.planar.step import Stepper
 
 EDGES_AND_ANGLES = 7
@@ -134,7 +134,7 @@ def test_kernel_forces_are_those_that_the_measures_see(mesh: str, by_node: bool,
     made = shaken(mesh)
     made.state.write_control({c.LENGTH_FACTOR: length_factor})
     force = node_forces(made, made.probe(by_node))
-    reading = measure.read(made.model, made.state)
+    reading = read(made.model, made.state)
     panel, segment = made.model.panel, reading.segment_force
     before = np.roll(segment, 1, axis=0)
     before[panel.wire_first] = 0.0

@@ -14,6 +14,7 @@ import pytest
 from warpknit import measure
 from warpknit.planar.model import build_model
 from warpknit.planar.multiplier_rules import AXIAL_ERROR
+from warpknit.planar.observables import PlanarObservables
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Record, Simulation
@@ -38,22 +39,22 @@ def test_contacts_close_with_strain() -> None:
     share = {}
     for strain in (0.02, 0.10, 0.32):
         run = cell(f"load.strain_weft={strain}", f"load.strain_warp={strain}", "output.frames=8")
-        assert measure.contacts(run[0].reading).active == 0
-        share[strain] = measure.contacts(run[-1].reading).active_percent
+        assert measure.contacts(run[0].observables).active == 0
+        share[strain] = measure.contacts(run[-1].observables).active_percent
     assert share[0.02] == 0.0 < share[0.10] < share[0.32] == 100.0
 
 
 def test_weft_strain_closes_more_contacts_than_warp_strain() -> None:
     """The paper, section 3: contacts need strain in the weft."""
-    weft = measure.contacts(cell("load.strain_weft=0.2", "load.strain_warp=0", "output.frames=8")[-1].reading)
-    warp = measure.contacts(cell("load.strain_weft=0", "load.strain_warp=0.2", "output.frames=8")[-1].reading)
+    weft = measure.contacts(cell("load.strain_weft=0.2", "load.strain_warp=0", "output.frames=8")[-1].observables)
+    warp = measure.contacts(cell("load.strain_weft=0", "load.strain_warp=0.2", "output.frames=8")[-1].observables)
     assert weft.active > warp.active
 
 
 def test_past_the_jam_bodies_stay_on_their_side() -> None:
     """40 % both ways: steady, every gap above -0.1 d with the side kept, wires stressed beyond the strength of tungsten."""
     run = cell("load.strain_weft=0.4", "load.strain_warp=0.4", "output.frames=10", "model.nodes_per_loop=16")
-    last = run[-1].reading
+    last = run[-1].observables
     gap = last.pair_gap / last.model.scene.wire.diameter
     assert measure.contacts(last).active_percent == 100.0
     assert gap.min() > -0.1
@@ -78,7 +79,7 @@ strain_warp = 0.1
     *_, back = Simulation(model, state).run()
     straight = cell("load.strain_weft=0.1", "load.strain_warp=0.1", "output.frames=10", "model.nodes_per_loop=12")[-1]
     assert state.wire_axial.numpy() == pytest.approx(model.axial_stiffness / model.softening, rel=1e-6)
-    assert measure.mesh_tension(back.reading) == pytest.approx(measure.mesh_tension(straight.reading), rel=0.04)
+    assert measure.mesh_tension(back.observables) == pytest.approx(measure.mesh_tension(straight.observables), rel=0.04)
 
 
 def test_slack_direction_carries_nothing_while_the_other_does() -> None:
@@ -95,7 +96,7 @@ strain_warp = 0.08
 temperature = "-150 degC"
 """, bars, "wire.material=molybdenum", "wire.diameter='30 um'", "solver.preset=standard", "output.frames=20"))  # fmt: skip
     for record in Simulation(model, initial_state(model)).run():
-        weft, warp = measure.mesh_tension(record.reading)
+        weft, warp = measure.mesh_tension(record.observables)
         assert abs(weft) < 0.01 * warp + 1e-4
 
 
@@ -111,14 +112,14 @@ def test_a_body_stays_between_its_two_wires() -> None:
     for nodes_per_loop in (24, 27, 28):
         run = records("atlas_cell.toml", CORD, "load.strain_weft=0.07", "load.strain_warp=0.07", "output.frames=14",
                       f"model.nodes_per_loop={nodes_per_loop}")  # fmt: skip
-        assert measure.contacts(run[-1].reading).active_percent == 100.0
-        tension.append(measure.mesh_tension(run[-1].reading)[0])
+        assert measure.contacts(run[-1].observables).active_percent == 100.0
+        tension.append(measure.mesh_tension(run[-1].observables)[0])
     assert tension == pytest.approx([tension[0]] * 3, rel=0.06)
 
 
 def test_wires_keep_the_length_of_their_arcs() -> None:
     """Strain of the arcs is T/EA to the tolerance of the multipliers, where chords grow by tens of times that."""
-    last = cell("load.strain_weft=0.15", "load.strain_warp=0.15", "output.frames=8")[-1].reading
+    last = cell("load.strain_weft=0.15", "load.strain_warp=0.15", "output.frames=8")[-1].observables
     natural = last.model.table.rest_length[last.entry]
     chord = np.hypot(*last.edge.T) / natural - 1.0
     at_rest = _longer_than_chords(last, strained=False) / natural
@@ -134,7 +135,7 @@ def test_boundary_tension_is_the_derivative_of_the_energy() -> None:
     forces are steady to the draft's tolerance of 1 %.
     """
     run = cell("load.strain_weft=0.15", "load.strain_warp=0.15", "output.frames=30")
-    a, b = run[-2].reading, run[-1].reading
+    a, b = run[-2].observables, run[-1].observables
     area = a.model.panel.area
     step = b.gradient - a.gradient
     work = area * float(np.sum(0.5 * (measure.nominal_stress(a) + measure.nominal_stress(b)) * step))
@@ -142,7 +143,7 @@ def test_boundary_tension_is_the_derivative_of_the_energy() -> None:
     assert work == pytest.approx(stored, rel=0.01)
 
 
-def _longer_than_chords(r: measure.Reading, strained: bool = True) -> np.ndarray:
+def _longer_than_chords(r: PlanarObservables, strained: bool = True) -> np.ndarray:
     """(node,) [m] of the segments of closed wires, from the turning angles at both ends: L (t^2 + t'^2)/48."""
     panel, table = r.model.panel, r.model.table
     angle = table.rest_angle[r.entry] + (r.turning if strained else 0.0)
@@ -166,9 +167,9 @@ strain_warp = 0.0
     )
     run = list(Simulation(model, initial_state(model)).run())
     loaded = next(r for r in run if r.stage == "load" and r.load_factor == 1.0)
-    stored = measure.energies(loaded.reading).stored
-    assert measure.energies(run[-1].reading).stored < 1e-4 * stored
-    assert measure.contacts(run[-1].reading).active == 0
+    stored = measure.energies(loaded.observables).stored
+    assert measure.energies(run[-1].observables).stored < 1e-4 * stored
+    assert measure.contacts(run[-1].observables).active == 0
 
 
 def test_tension_drive_meets_the_tension() -> None:
@@ -176,7 +177,7 @@ def test_tension_drive_meets_the_tension() -> None:
     from warpknit.solve.tension import TOLERANCE
 
     run = cell('load.tension_weft="0.3 N/m"', 'load.tension_warp="0.2 N/m"', "output.frames=3")
-    weft, warp = measure.mesh_tension(run[-1].reading)
+    weft, warp = measure.mesh_tension(run[-1].observables)
     assert weft == pytest.approx(0.3, rel=TOLERANCE)
     assert warp == pytest.approx(0.2, rel=TOLERANCE)
 
@@ -188,12 +189,12 @@ def test_temperature_equals_a_stretch() -> None:
     Compared where the change itself is resolved: reference tolerance, -190 C; what is left is the residual tolerance.
     """
     fine = ["solver.precision=double", "solver.residual_tolerance=1e-4", "output.frames=4"]
-    cold = cell("load.strain_weft=0.12", "load.strain_warp=0.12", 'load.temperature="-190 degC"', *fine)[-1].reading
+    cold = cell("load.strain_weft=0.12", "load.strain_warp=0.12", 'load.temperature="-190 degC"', *fine)[-1].observables
     wire = cold.model.scene.wire
     factor = 1.0 + wire.expansion * (83.15 - wire.reference_temperature)
     stretch = 1.12 / factor - 1.0
-    same = cell(f"load.strain_weft={stretch}", f"load.strain_warp={stretch}", *fine)[-1].reading
-    warm = cell("load.strain_weft=0.12", "load.strain_warp=0.12", *fine)[-1].reading
+    same = cell(f"load.strain_weft={stretch}", f"load.strain_warp={stretch}", *fine)[-1].observables
+    warm = cell("load.strain_weft=0.12", "load.strain_warp=0.12", *fine)[-1].observables
     for axis in (0, 1):
         change = measure.mesh_tension(cold)[axis] - measure.mesh_tension(warm)[axis]
         error = measure.mesh_tension(cold)[axis] - measure.mesh_tension(same)[axis] / factor**3
@@ -205,7 +206,7 @@ def test_periodic_tile_of_many_repeats_is_the_cell() -> None:
     one = cell("load.strain_weft=0.14", "load.strain_warp=0.14", "output.frames=4", "solver.residual_tolerance=1e-3")
     many = cell("load.strain_weft=0.14", "load.strain_warp=0.14", "output.frames=4", "knit.repeats=[3, 2]",
                 "solver.residual_tolerance=1e-3")  # fmt: skip
-    a, b = one[-1].reading, many[-1].reading
+    a, b = one[-1].observables, many[-1].observables
     assert measure.contacts(b).active_percent == measure.contacts(a).active_percent
     assert measure.mesh_tension(b) == pytest.approx(measure.mesh_tension(a), rel=1e-2)
 
@@ -213,16 +214,16 @@ def test_periodic_tile_of_many_repeats_is_the_cell() -> None:
 def test_gripped_patch_has_the_rhombus_of_the_cell() -> None:
     """The central rhombus of a gripped patch: 12 bodies, 24 pairs, the share of the periodic cell at the same strain."""
     load = ["load.strain_weft=0.14", "load.strain_warp=0.14", "output.frames=4"]
-    patch = records("atlas_patch.toml", "solver.preset=draft", "knit.repeats=[3, 3]", *load)[-1].reading
+    patch = records("atlas_patch.toml", "solver.preset=draft", "knit.repeats=[3, 3]", *load)[-1].observables
     rhombus = measure.contacts(patch, patch.model.panel.rhombus_bodies)
     assert (rhombus.bodies, rhombus.pairs) == (12, 24)
-    assert rhombus.active_percent == measure.contacts(cell(*load)[-1].reading).active_percent
+    assert rhombus.active_percent == measure.contacts(cell(*load)[-1].observables).active_percent
 
 
 def test_forces_at_the_grips_balance() -> None:
     """The clamps' forces on a steady patch sum to nothing, within what the residual leaves on the free nodes."""
     patch = records("atlas_patch.toml", "solver.preset=draft", "knit.repeats=[3, 3]", "load.strain_weft=0.14",
-                    "load.strain_warp=0.14", "output.frames=4")[-1].reading  # fmt: skip
+                    "load.strain_warp=0.14", "output.frames=4")[-1].observables  # fmt: skip
     from warpknit.kernels import control as c
 
     forces = measure.held_forces(patch)
@@ -235,8 +236,8 @@ def test_forces_at_the_grips_balance() -> None:
 def test_standard_preset_is_within_two_percent_of_reference(strain: float) -> None:
     """Tension and contact forces of the cell at the standard preset against the reference preset."""
     load = [f"load.strain_weft={strain}", f"load.strain_warp={strain}", "output.frames=4"]
-    standard = records("atlas_cell.toml", "solver.preset=standard", *load)[-1].reading
-    reference = records("atlas_cell.toml", "solver.preset=reference", *load)[-1].reading
+    standard = records("atlas_cell.toml", "solver.preset=standard", *load)[-1].observables
+    reference = records("atlas_cell.toml", "solver.preset=reference", *load)[-1].observables
     assert measure.mesh_tension(standard) == pytest.approx(measure.mesh_tension(reference), rel=0.02)
     assert standard.pair_force.sum() == pytest.approx(reference.pair_force.sum(), rel=0.02)
     assert measure.contacts(standard) == measure.contacts(reference)
@@ -246,8 +247,8 @@ def test_standard_preset_is_within_two_percent_of_reference(strain: float) -> No
 def test_ramp_and_relax_end_in_the_same_state() -> None:
     """Without friction the end of a slow ramp in real time is the relaxed state; the ramp keeps its softening of EA."""
     load = ["load.strain_weft=0.14", "load.strain_warp=0.14", "output.frames=10"]
-    relaxed = cell(*load)[-1].reading
-    ramped = cell(*load, "solver.drive=ramp", "solver.axial_softening=30")[-1].reading
+    relaxed = cell(*load)[-1].observables
+    ramped = cell(*load, "solver.drive=ramp", "solver.axial_softening=30")[-1].observables
     assert measure.mesh_tension(ramped) == pytest.approx(measure.mesh_tension(relaxed), rel=DRAFT_ERROR)
 
 
@@ -276,12 +277,12 @@ def test_cooling_held_wires_is_a_stretch_of_shorter_ones() -> None:
     for name, text in (("warm", held), ("cold", held + '[[path]]\ntemperature = "143.15 K"\n')):
         model = build_model(_with_path(text, *patch))
         *_, last = Simulation(model, initial_state(model)).run()
-        runs[name] = np.array(measure.mesh_tension(last.reading))
-    factor = last.reading.length_factor
+        runs[name] = np.array(measure.mesh_tension(last.observables))
+    factor = last.observables.length_factor
     strain = 1.03 / factor - 1.0
     model = build_model(_with_path(f"[load]\nstrain_weft={strain}\nstrain_warp={strain}\n", *patch))
     *_, last = Simulation(model, initial_state(model)).run()
-    stretched = np.array(measure.mesh_tension(last.reading))
+    stretched = np.array(measure.mesh_tension(last.observables))
     assert runs["cold"] * factor**3 - runs["warm"] == pytest.approx(stretched - runs["warm"], rel=0.03)
 
 
@@ -292,7 +293,7 @@ def test_a_frame_of_the_wire_s_own_metal_leaves_the_mesh_as_it_is() -> None:
     ends = {}
     for frame in ("4.5e-6 /K", "0 /K"):
         model = build_model(_with_path(load, f'model.frame_expansion="{frame}"', "solver.precision=double", *FINE))
-        ends[frame] = {record.stage: record.reading for record in Simulation(model, initial_state(model)).run()}
+        ends[frame] = {record.stage: record.observables for record in Simulation(model, initial_state(model)).run()}
     alike, held = ends["4.5e-6 /K"], ends["0 /K"]
     factor = alike["cold"].length_factor
     warm, cold = (np.array(measure.mesh_tension(alike[name])) for name in ("load", "cold"))
@@ -313,8 +314,8 @@ def test_ramp_finds_the_strains_that_carry_a_tension() -> None:
         model = build_model(_with_path(load, f"solver.drive={drive}", "output.frames=5"))
         *_, last = Simulation(model, initial_state(model)).run()
         assert last.steady
-        assert measure.mesh_tension(last.reading) == pytest.approx((weft, warp), rel=6e-3)
-        ends[drive, weft] = np.diag(last.reading.gradient) - 1.0
+        assert measure.mesh_tension(last.observables) == pytest.approx((weft, warp), rel=6e-3)
+        ends[drive, weft] = np.diag(last.observables.gradient) - 1.0
     found = ends["relax", 0.05]
     open_ = np.abs(ends["relax", 0.0503] - found)
     assert np.all(np.abs(ends["ramp", 0.05] - found) <= 0.02 * found + 2.0 * open_)

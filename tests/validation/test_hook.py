@@ -18,7 +18,7 @@ from warpknit.kernels.control import KINETIC_TWICE
 from warpknit.mesh.hook import LEFT_TOP, RIGHT_TOP
 from warpknit.planar.hook_contact import HookContact, hook_contact
 from warpknit.planar.model import build_model
-from warpknit.planar.observables import Reading, node_entries
+from warpknit.planar.observables import PlanarObservables, node_entries
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
 from warpknit.planar.time_step import stable_step
@@ -47,9 +47,9 @@ def hook_scene(segments: int = 32, frames: int = 8, displacement: float = DISPLA
     )
 
 
-def readings(scene: Scene, device: str = "cpu") -> list[Reading]:
+def readings(scene: Scene, device: str = "cpu") -> list[PlanarObservables]:
     model = build_model(scene, device)
-    return [record.reading for record in Simulation(model, initial_state(model)).run()]
+    return [record.observables for record in Simulation(model, initial_state(model)).run()]
 
 
 def contacts(scene: Scene) -> list[HookContact]:

@@ -15,7 +15,7 @@ from warpknit.mesh.hook import LEFT, LEFT_TOP, RIGHT, RIGHT_TOP
 from warpknit.scene import SceneError, load_scene
 from warpknit.spatial.hook_contact import hook_contact
 from warpknit.spatial.mesh import build_mesh
-from warpknit.spatial.reading import SpatialReading
+from warpknit.spatial.observables import SpatialObservables
 from warpknit.spatial.relax import SpatialRelaxation
 
 SCENE = Path(__file__).parents[2] / "scenes" / "hook_spatial.toml"
@@ -24,9 +24,9 @@ QUICK = ("model.nodes_per_loop=24", "output.frames=2", "solver.residual_toleranc
 
 
 @cache
-def readings() -> list[SpatialReading]:
+def readings() -> list[SpatialObservables]:
     """The hook at rest, at 0.4 and at 0.8 mm."""
-    return [record.reading for record in SpatialRelaxation(build_mesh(load_scene(SCENE, QUICK))).run()]
+    return [record.observables for record in SpatialRelaxation(build_mesh(load_scene(SCENE, QUICK))).run()]
 
 
 def test_wires_pass_over_and_under_each_other_and_touch_nowhere_at_rest() -> None:

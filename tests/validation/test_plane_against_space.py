@@ -26,7 +26,7 @@ def test_lenses_of_a_cell_in_space() -> None:
     mesh = build_mesh(load_scene(SCENE, [*strained(0.04), *SPATIAL]))
     relaxation = SpatialRelaxation(mesh)
     *_, record = relaxation.run()
-    found = [lens_of(relaxation, record.reading, site) for site in (0, 1, 6, 7)]
+    found = [lens_of(relaxation, record.observables, site) for site in (0, 1, 6, 7)]
     for one, two in ((found[0], found[3]), (found[1], found[2])):
         assert one.width == pytest.approx(two.width, rel=0.01)
         assert one.q == pytest.approx(two.q, rel=0.01)
@@ -43,7 +43,7 @@ def test_bars_of_a_tricot_slide_along_each_other() -> None:
     for name, knit in (("tricot", TRICOT), ("double atlas", [])):
         model = build_model(load_scene(SCENE, [*knit, *PLANAR, *strained(0.07), "output.frames=7"]))
         *_, record = Simulation(model, initial_state(model)).run()
-        slid[name] = wires_slid(record.reading.u, model.panel.wire_first) / model.scene.wire.diameter
+        slid[name] = wires_slid(record.observables.u, model.panel.wire_first) / model.scene.wire.diameter
         lines = list(slid_wires(model.scene, [{"wire": {"slid_max_m": slid[name] * model.scene.wire.diameter}}]))
         assert len(lines) == (name == "tricot")
     assert slid["tricot"] > 5.0

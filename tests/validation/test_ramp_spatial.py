@@ -32,7 +32,7 @@ PATCH = (*RAMP, *HEATED, *GRIPPED)
 
 def missing(record: SpatialRecord) -> float:
     """What is not on the books, over the work."""
-    r = record.reading
+    r = record.observables
     return (record.work - r.stored - r.kinetic_energy - record.dissipated) / record.work
 
 
@@ -43,9 +43,9 @@ def test_a_patch_that_is_pulled_sheared_and_heated_keeps_its_books() -> None:
     first, *records = SpatialRamp(build_mesh(load_scene(CELL, [*PATCH, *load]))).run()
     assert first.work < 1e-30
     assert len(records) == 4 and records[-1].steady
-    assert records[1].reading.kinetic_energy > 1e-3 * records[1].work  # it moves
+    assert records[1].observables.kinetic_energy > 1e-3 * records[1].work  # it moves
     assert records[-1].dissipated > 0.05 * records[-1].work
-    assert len(records[-1].reading.touching.force) > 2
+    assert len(records[-1].observables.touching.force) > 2
     assert max(abs(missing(record)) for record in records) < 1e-3
 
 
@@ -61,7 +61,7 @@ def test_a_ramp_ends_where_a_relaxation_does() -> None:
     """Within the tolerance of both, and what the softening s leaves of the bending of arcs, s (d/4R)^2, R about half a course."""
     load = ("load.strain_weft=0.05", "load.strain_warp=0.05", "model.nodes_per_loop=40", "output.frames=1", RAMP[0])
     ends = [
-        [*drive(build_mesh(load_scene(CELL, [*load, *more]))).run()][-1].reading
+        [*drive(build_mesh(load_scene(CELL, [*load, *more]))).run()][-1].observables
         for drive, more in (
             (SpatialRamp, ("solver.drive=ramp", "solver.loading_time='5 ms'", "solver.axial_softening=50")),
             (SpatialRelaxation, ()),
@@ -104,4 +104,4 @@ def test_a_ramp_finds_the_strains_that_carry_a_tension() -> None:
     load = (*RAMP, *GRIPPED, "load.tension_weft='5 mN/m'", "load.tension_warp='10 mN/m'", "solver.loading_time='8 ms'")
     *_, last = SpatialRamp(build_mesh(load_scene(CELL, [*load, "output.frames=1"]))).run()
     assert last.steady
-    assert last.reading.mesh_tension == pytest.approx((5e-3, 1e-2), abs=5.1e-5)
+    assert last.observables.mesh_tension == pytest.approx((5e-3, 1e-2), abs=5.1e-5)

@@ -10,6 +10,7 @@ import pytest
 
 from warpknit import measure
 from warpknit.planar.model import build_model
+from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
@@ -43,6 +44,6 @@ def test_slow_wires_do_not_count_as_taut() -> None:
         simulation = settled("atlas_patch.toml", nodes, 10 * nodes**2, *overrides, f'solver.precision="{precision}"')
         soft = simulation.model.axial_stiffness / simulation.model.softening
         assert simulation.state.wire_axial.numpy().max() < 16 * soft
-        found.append(measure.mesh_tension(measure.read(simulation.model, simulation.state)))
+        found.append(measure.mesh_tension(read(simulation.model, simulation.state)))
     tolerance = simulation.model.scene.solver.residual_tolerance
     assert found[0] == pytest.approx(found[1], rel=tolerance)

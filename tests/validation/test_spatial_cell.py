@@ -14,7 +14,7 @@ from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.mesh import build_mesh
-from warpknit.spatial.reading import SpatialReading, read
+from warpknit.spatial.observables import SpatialObservables, read
 from warpknit.spatial.relax import SpatialRelaxation
 
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell_spatial.toml"
@@ -22,13 +22,13 @@ DRAFT = ("solver.preset=draft", "model.nodes_per_loop=40", "solver.residual_tole
 
 
 @functools.cache
-def relaxed(*overrides: str) -> tuple[SpatialRelaxation, list[SpatialReading]]:
+def relaxed(*overrides: str) -> tuple[SpatialRelaxation, list[SpatialObservables]]:
     """The cell run to its end at so few nodes that it takes seconds, and the readings of all its records."""
     relaxation = SpatialRelaxation(build_mesh(load_scene(CELL, [*DRAFT, *overrides])))
-    return relaxation, [record.reading for record in relaxation.run()]
+    return relaxation, [record.observables for record in relaxation.run()]
 
 
-def readings(*overrides: str) -> list[SpatialReading]:
+def readings(*overrides: str) -> list[SpatialObservables]:
     return relaxed(*overrides)[1]
 
 
@@ -59,9 +59,9 @@ def test_cell_in_space_is_near_the_planar_one() -> None:
     model = build_model(planar)
     *_, record = Simulation(model, initial_state(model)).run()
     carrying = spatial.site_force > 0.02 * spatial.site_force.max()
-    assert 2 * carrying.sum() == measure.contacts(record.reading).active
-    assert spatial.mesh_tension == pytest.approx(measure.mesh_tension(record.reading), rel=0.25)
-    assert spatial.stress.max() == pytest.approx(measure.stress_extremes(record.reading)[0], rel=0.25)
+    assert 2 * carrying.sum() == measure.contacts(record.observables).active
+    assert spatial.mesh_tension == pytest.approx(measure.mesh_tension(record.observables), rel=0.25)
+    assert spatial.stress.max() == pytest.approx(measure.stress_extremes(record.observables)[0], rel=0.25)
 
 
 def assert_stress_is_the_derivative_of_the_energy(relaxation: SpatialRelaxation) -> None:
@@ -157,7 +157,7 @@ def test_rhombus_of_a_patch_is_that_of_the_cell() -> None:
     load = ("model.nodes_per_loop=56", "output.frames=4", "contact.threshold='10 uN'", *strain)
     relaxation = patch("knit.repeats=[2,2]", *load)
     *_, last = relaxation.run()
-    rhombus = last.reading.site_active[relaxation.mesh.panel.rhombus_bodies]
+    rhombus = last.observables.site_active[relaxation.mesh.panel.rhombus_bodies]
     assert len(rhombus) == 12
     assert rhombus.mean() == readings(*load)[-1].site_active.mean()
 

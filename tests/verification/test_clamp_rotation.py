@@ -56,7 +56,7 @@ def couple_of_beam(segments: int) -> tuple[float, float]:
     place[held] = np.repeat(ends @ gradient.T, 2, axis=0) + lever
     free = np.ones_like(place, dtype=bool)
     free[held] = False
-    reading = rig.reading(rig.rest_position(place, free, tolerance=1e-12))
+    reading = rig.observables(rig.rest_position(place, free, tolerance=1e-12))
     return measure.clamp_couple(reading) * panel.area, measure.energies(reading).stored
 
 
@@ -91,7 +91,7 @@ def turned(turn: float) -> Record:
 
 def test_mirrored_turns_have_mirrored_answers() -> None:
     """The double atlas is its own mirror image: tensions stay, the couple goes round, to three times the residual tolerance."""
-    right, left = (turned(turn).reading for turn in (-TURN, TURN))
+    right, left = (turned(turn).observables for turn in (-TURN, TURN))
     tolerance = 3.0 * right.model.scene.solver.residual_tolerance
     assert measure.mesh_tension(right) == pytest.approx(measure.mesh_tension(left), rel=tolerance, abs=0)
     assert measure.clamp_couple(right) == pytest.approx(-measure.clamp_couple(left), rel=tolerance, abs=0)
@@ -101,7 +101,7 @@ def test_mirrored_turns_have_mirrored_answers() -> None:
 def test_wires_leave_their_clamps_in_the_turned_direction() -> None:
     """The two held nodes of either end stand where the load puts them: turned about a clamp that moves with the boundary."""
     for turn in (0.0, TURN):
-        reading = turned(turn).reading
+        reading = turned(turn).observables
         panel, place = reading.model.panel, measure.positions(reading)[0][:, :2]
         middle = panel.clamp_position - panel.clamp_position.min(axis=0)
         wanted = (middle @ np.diag([1.05, 1.05]))[panel.held_clamp] + panel.held_lever @ measure.rotation(turn).T

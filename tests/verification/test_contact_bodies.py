@@ -60,7 +60,7 @@ def test_body_squeezed_by_rigid_wires_settles_half_way(device: str) -> None:
     rig = body_between(1.2 * DIAMETER, offset=0.1 * DIAMETER, device=device)
     k = rig.model.contact_stiffness
     settle_body(rig, 2 * k)
-    r = rig.reading()
+    r = rig.observables()
     squeeze = REACH - 0.6 * DIAMETER
     noise = 100 * EPSILON * 1e-3 / squeeze
     assert rig.position()[-1, 1] == pytest.approx(0.6 * DIAMETER, rel=noise, abs=0)
@@ -126,7 +126,7 @@ def test_body_squeezed_by_pinned_wires_bends_them() -> None:
     x = rig.rest_position(rig.rest, free, tolerance=BALANCE)
     force = squeeze / (1 / penalty + bend)
     at_ends = rig.forces(x)[ends, 1]
-    assert rig.reading().pair_force == pytest.approx([force] * 2, abs=10 * BALANCE)
+    assert rig.observables().pair_force == pytest.approx([force] * 2, abs=10 * BALANCE)
     assert at_ends == pytest.approx(force / 2 * np.array([-1, -1, 1, 1]), abs=10 * BALANCE)
 
 

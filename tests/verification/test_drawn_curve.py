@@ -12,6 +12,7 @@ from warpknit.frame import MOST_PARTS, POINTS_DRAWN, curve_parts, drawn_frame, d
 from warpknit.measure.wire_curve import edges_of, planar_curve
 from warpknit.mesh.thread_curve import ThreadCurve
 from warpknit.planar.model import build_model
+from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
@@ -26,26 +27,26 @@ LOADED = ["solver.preset=draft", "output.frames=1"]
 
 @pytest.fixture(scope="module")
 def planar():
-    """Reading and frame of the cell at 10 %, both ways."""
+    """Observables and frame of the cell at 10 %, both ways."""
     model = build_model(load_scene(SCENES / "atlas_cell.toml", [*LOADED, "solver.precision=double"]))
     *_, last = Simulation(model, initial_state(model)).run()
-    frame = measure.frame(last.reading, index=0, stage="load", load_factor=1.0, temperature=293.15)
-    return last.reading, frame
+    frame = measure.frame(last.observables, index=0, stage="load", load_factor=1.0, temperature=293.15)
+    return last.observables, frame
 
 
 @pytest.fixture(scope="module")
 def spatial():
-    """Reading and frame of a hook whose wires press each other, and are thicker than at rest by warmth."""
+    """Observables and frame of a hook whose wires press each other, and are thicker than at rest by warmth."""
     scene = load_scene(SCENES / "hook_spatial.toml", [*LOADED, "load.displacement=0.5 mm", "load.temperature=600 degC"])
     *_, last = SpatialRelaxation(build_mesh(scene)).run()
-    return last.reading, last.reading.frame(index=0, stage="load", load_factor=1.0, temperature=293.15)
+    return last.observables, last.observables.frame(index=0, stage="load", load_factor=1.0, temperature=293.15)
 
 
 def test_at_rest_planar_wires_are_drawn_along_their_centre_lines():
     """To the miss of the fit, which the model gives; over the end of a closed wire too."""
     model = build_model(load_scene(SCENES / "atlas_cell.toml"))
     state = initial_state(model)
-    frame = measure.frame(measure.read(model, state), index=0, stage="", load_factor=0.0, temperature=293.15)
+    frame = measure.frame(read(model, state), index=0, stage="", load_factor=0.0, temperature=293.15)
     layout, cloth, table = model.layout(), model.cloth, model.table
     assert layout.curve_parts > 2
     for w, thread in enumerate(model.panel.wire_thread):

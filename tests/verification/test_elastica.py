@@ -58,11 +58,11 @@ def cantilever(load: float, segments: int) -> tuple[float, np.ndarray]:
         end_load[[0, -1], 1] = share * force
         x = rig.rest_position(x, free, end_load, tolerance=BALANCE)
         # the softened stretch is to be none of the arc, which is longer than the chord by the bow
-        reading = rig.reading(x)
+        reading = rig.observables(x)
         angle = np.append(reading.turning, 0.0)
         bow = BOW * (angle[:-1] ** 2 + angle[1:] ** 2)
         rig.state.tension_offset.assign(reading.tension + rig.model.axial_stiffness / SOFTENING * bow)
-    on_clamp = measure.held_forces(rig.reading(x))
+    on_clamp = measure.held_forces(rig.observables(x))
     return (x[-1, 1] - x[segments, 1]) / LENGTH, on_clamp.sum(axis=0) / force
 
 

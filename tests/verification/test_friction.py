@@ -12,6 +12,7 @@ from warpknit.kernels.friction import LOOSE, TANGENTIAL
 from warpknit.planar.bending import normal_forces
 from warpknit.planar.history_variables import Path
 from warpknit.planar.model import build_model
+from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
 from warpknit.scene import make_scene
@@ -90,7 +91,7 @@ def test_a_stuck_contact_is_drawn_back_and_slips_at_mu_times_the_force(by_node: 
         assert np.all(drawn < 0.0)
         # and the measure of bending takes friction off again
         pair = np.nonzero(state.pair_force.numpy() > 0)[0]
-        normal = normal_forces(measure.read(model, state), pair).sum(axis=1)
+        normal = normal_forces(read(model, state), pair).sum(axis=1)
         assert np.hypot(*normal.T) == pytest.approx(state.pair_force.numpy()[pair], rel=1e-9)
 
 
@@ -134,7 +135,7 @@ def test_what_friction_is_drawn_out_by_is_stored(share: float) -> None:
     state.body_ux.assign(moved[:, 0] + along * tangent[:, 0])
     state.body_uy.assign(moved[:, 1] + along * tangent[:, 1])
     stepper.evaluate_contact()
-    reading, closed = measure.read(model, state), state.pair_force.numpy() > 0
+    reading, closed = read(model, state), state.pair_force.numpy() > 0
     forces = [np.stack([state.pair_body_x.numpy(), state.pair_body_y.numpy()], axis=1)[closed]]
     kept = state.pair_stuck.numpy().copy()
     state.pair_stuck.fill_(LOOSE)
@@ -144,13 +145,13 @@ def test_what_friction_is_drawn_out_by_is_stored(share: float) -> None:
     assert np.isclose(friction, mu * reading.pair_force[closed], rtol=1e-9).any() == (share > 1.0)
     expected = np.sum(friction**2) / (2.0 * stiffness)
     assert measure.friction_energy(reading) == pytest.approx(expected, rel=1e-9)
-    loose = measure.energies(measure.read(model, state)).contact
+    loose = measure.energies(read(model, state)).contact
     assert measure.energies(reading).contact - loose == pytest.approx(expected, rel=1e-6)
     # taken as a state at rest, it keeps what it is drawn out by
     state.pair_stuck.assign(kept)
     stepper.evaluate_contact()
     Path(model, state).advance()
-    assert measure.friction_energy(measure.read(model, state)) == pytest.approx(expected, rel=1e-9)
+    assert measure.friction_energy(read(model, state)) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("by_node", [True, False])
@@ -202,7 +203,7 @@ def cycle(friction: float) -> tuple[tuple[np.ndarray, float, float], ...]:
     model = build_model(make_scene({**CYCLE, "contact": {"friction": friction}}))
     ends = {}
     for record in Simulation(model, initial_state(model)).run():
-        ends[record.stage] = (np.array(measure.mesh_tension(record.reading)), record.dissipated)
+        ends[record.stage] = (np.array(measure.mesh_tension(record.observables)), record.dissipated)
     return tuple((*ends[name], 0.0) for name in ("load", "unload", "reload"))
 
 

@@ -13,6 +13,7 @@ from study import advance
 from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.planar.neighbours import NeighbourSearch
+from warpknit.planar.observables import read
 from warpknit.planar.step import Stepper
 from warpknit.planar.time_step import stable_step
 
@@ -29,16 +30,16 @@ def test_undamped_motion_keeps_its_energy() -> None:
     model, state = mesh("shaken", "double", 0.14)
     neighbours, stepper = NeighbourSearch(model, state), Stepper(model, state, threads=1)
     neighbours.search()
-    at_rest = stored(measure.read(model, state))
+    at_rest = stored(read(model, state))
     step = stable_step(model, state, 0)
     shake(model, state, step)
     state.write_control({c.TIME_STEP: step, c.DAMPING: 0.0, c.VELOCITY_FACTOR: 1.0, c.FORCE_FACTOR: step})
-    put_in = kinetic(model, state, measure.read(model, state), speeds_of(state))
+    put_in = kinetic(model, state, read(model, state), speeds_of(state))
     looks, share = 2000, 400
     energy = []
     for _ in range(looks):
         assert advance(stepper, neighbours, 99)
-        reading, speeds = measure.read(model, state), speeds_of(state)
+        reading, speeds = read(model, state), speeds_of(state)
         assert advance(stepper, neighbours, 1)
         energy.append(stored(reading) + kinetic(model, state, reading, speeds) - at_rest)
     first, last = np.array(energy[:share]), np.array(energy[-share:])
@@ -53,7 +54,7 @@ def test_a_mesh_at_rest_stays_there_and_does_so_to_the_bit(precision: str) -> No
     model, state = mesh("relax", precision, 0.14)
     neighbours, stepper = NeighbourSearch(model, state), Stepper(model, state, threads=1)
     neighbours.search()
-    start, kept = measure.read(model, state), state.arrays()
+    start, kept = read(model, state), state.arrays()
     ends = []
     for _ in range(2):
         state.restore(kept)
@@ -61,7 +62,7 @@ def test_a_mesh_at_rest_stays_there_and_does_so_to_the_bit(precision: str) -> No
         assert advance(stepper, neighbours, 100_000)
         ends.append(state.arrays())
     assert all(np.array_equal(ends[0][name], ends[1][name]) for name in ends[0])
-    end = measure.read(model, state)
+    end = read(model, state)
     assert measure.mesh_tension(end) == pytest.approx(measure.mesh_tension(start), rel=TOLERANCE, abs=0)
     assert stored(end) == pytest.approx(stored(start), rel=TOLERANCE, abs=0)
     assert np.array_equal(measure.pair_active(end), measure.pair_active(start))

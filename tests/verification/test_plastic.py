@@ -93,7 +93,7 @@ def cycle(plastic: bool) -> dict[str, tuple]:
     model = build_model(make_scene({**CYCLE, "wire": {**CYCLE["wire"], "plastic": plastic}}))
     ends = {}
     for record in Simulation(model, initial_state(model)).run():
-        r = record.reading
+        r = record.observables
         stress = float(measure.wire_stress(r).max())
         ends[record.stage] = (sum(measure.mesh_tension(r)), measure.contacts(r).active, stress, record.dissipated)
     return ends
@@ -127,7 +127,7 @@ def test_a_wire_that_never_yields_is_elastic() -> None:
         model = build_model(make_scene({**table, "wire": wire, "output": {"frames": 10}, "solver": {"preset": "draft"}}))
         state = initial_state(model)
         *_, last = Simulation(model, state).run()
-        tensions.append(measure.mesh_tension(last.reading))
+        tensions.append(measure.mesh_tension(last.observables))
         ends.append(state.arrays())
     assert tensions[0] == pytest.approx(tensions[1], abs=2e-2 * max(tensions[1]))
     assert not ends[0]["plastic_turn"].any()

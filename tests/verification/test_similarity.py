@@ -29,7 +29,7 @@ def tensions(overrides: list[str]) -> np.ndarray:
     scene = load_scene(CELL, ["output.frames=2", *overrides], preset="draft")
     model = build_model(scene)
     records = Simulation(model, initial_state(model)).run()
-    found = [measure.mesh_tension(record.reading) for record in records]
+    found = [measure.mesh_tension(record.observables) for record in records]
     return np.array(found) * scene.knit.course_spacing**3 / scene.wire.bending_stiffness
 
 

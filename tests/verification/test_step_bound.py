@@ -23,7 +23,7 @@ def test_bound_of_a_straight_wire_is_exact(softening: float) -> None:
     wire = rig.model.scene.wire
     mass = wire.linear_density * h
     expected = max(4 * wire.axial_stiffness / softening / (h * mass), 80 / 3 * wire.bending_stiffness / (h**3 * mass))
-    assert 0.99 * expected < frequency_square(rig.reading(rig.rest)) <= expected * (1 + 1e-12)
+    assert 0.99 * expected < frequency_square(rig.observables(rig.rest)) <= expected * (1 + 1e-12)
 
 
 @pytest.mark.parametrize(("bodies", "softening"), [(0, 1.0), (20, 50.0), (7, 1e4)])
@@ -35,7 +35,7 @@ def test_bound_is_just_above_the_largest_eigenvalue(bodies: int, softening: floa
     stiffness = rig.stiffness(x, 1e-5 * SPACING)
     mass = np.repeat(rig.mass, 2)
     largest = np.max(np.linalg.eigvals(stiffness / mass[:, None]).real)
-    reading = rig.reading(x)
+    reading = rig.observables(x)
     assert bodies == 0 or np.count_nonzero(reading.pair_force) > bodies
     allowed = DEPTH / rig.model.contact_reach if bodies else 1e-6
     bound = frequency_square(reading)
@@ -46,10 +46,10 @@ def test_bound_is_just_above_the_largest_eigenvalue(bodies: int, softening: floa
 def test_contacts_about_to_close_count_as_closed() -> None:
     """A body out of touch does not change the bound, unless it may come near; then it is that of the touching one to a tenth."""
     rig = two_rings(7, axial_softening=1e4)
-    touching = frequency_square(rig.reading(rig.rest))
+    touching = frequency_square(rig.observables(rig.rest))
     apart = rig.rest.copy()
     apart[rig.nodes :] *= 1 + 4 * DEPTH / np.hypot(*apart[rig.nodes :].T)[:, None]
-    reading = rig.reading(apart)
+    reading = rig.observables(apart)
     inner = reading.pair_force.reshape(-1, 2)[:, 0]
     assert np.all(inner == 0.0)
     without = frequency_square(reading)
@@ -62,6 +62,6 @@ def test_a_light_body_rules_by_its_own_frequency() -> None:
     """w_body dt <= 1 with w_body^2 = 2 k/m_body."""
     rig = two_rings(7, axial_softening=1e4)
     rig.control({c.BODY_INVERSE_MASS: 1e3 * float(rig.state.read_control()[int(c.BODY_INVERSE_MASS)])})
-    reading = rig.reading(rig.rest)
+    reading = rig.observables(rig.rest)
     body = 2 * reading.control[int(c.CONTACT_STIFFNESS)] * reading.control[int(c.BODY_INVERSE_MASS)]
     assert largest_step(reading, 0) * np.sqrt(body) == pytest.approx(1.0, rel=1e-12)

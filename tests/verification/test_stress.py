@@ -21,7 +21,7 @@ def test_stretch_counts_on_either_side_of_a_node() -> None:
     strain = np.linspace(-3e-3, 7.1e-3, SEGMENTS)
     x = rig.rest.copy()
     x[:, 0] = SPACING * np.concatenate([[0.0], np.cumsum(1.0 + strain)])
-    reading = rig.reading(x)
+    reading = rig.observables(x)
     sides = np.abs(np.concatenate([strain[:1], strain, strain[-1:]]))
     expected = wire.youngs_modulus * np.maximum(sides[:-1], sides[1:])
     noise = 100 * EPSILON * SEGMENTS / 3e-3
@@ -41,7 +41,7 @@ def test_bending_stresses_the_outermost_fibre(side: float) -> None:
     radius = 1e-3
     angle = 2.0 * np.arcsin(0.5 * SPACING / radius)
     turn = angle * np.arange(SEGMENTS + 1)
-    stress = measure.wire_stress(rig.reading(radius * np.stack([np.sin(turn), side * (1.0 - np.cos(turn))], axis=1)))
+    stress = measure.wire_stress(rig.observables(radius * np.stack([np.sin(turn), side * (1.0 - np.cos(turn))], axis=1)))
     expected = rig.model.scene.wire.youngs_modulus * 0.5 * DIAMETER * angle / SPACING
     # rounding of edges against their length, over the turning and over the strain that makes as much stress
     noise = 1e3 * EPSILON / (angle * DIAMETER / SPACING)
@@ -65,7 +65,7 @@ def test_a_wire_is_stressed_most_under_a_body(u: float) -> None:
     free = np.ones_like(rig.rest, dtype=bool)
     free[[0, SEGMENTS, SEGMENTS + 1, 2 * SEGMENTS + 1]] = False
     free[-1, 0] = False
-    reading = rig.reading(rig.rest_position(rig.rest, free, tolerance=BALANCE))
+    reading = rig.observables(rig.rest_position(rig.rest, free, tolerance=BALANCE))
     force, length = reading.pair_force, SEGMENTS * SPACING
     moment = force * place * (length - place) / length
     over = rig.model.scene.wire.youngs_modulus * 0.5 * DIAMETER / rig.model.bending_stiffness
@@ -85,12 +85,12 @@ def test_heat_works_against_stretch_bending_and_contact() -> None:
     and widens the reach of contacts; by central differences of 2e-6, to their square and to round-off over them."""
     rig, by = two_rings(7), 1e-6
     x = deformed(rig)
-    found = measure.thermal_force(rig.reading(x))
+    found = measure.thermal_force(rig.observables(x))
     energies = []
     for sign in (1.0, -1.0):
         rig.control({c.LENGTH_FACTOR: 1.0 + sign * by})
         energies.append(rig.stored_energy(x))
     slope = (energies[0] - energies[1]) / (2.0 * by)
-    widened = float(np.sum(rig.reading(x).pair_force)) * rig.model.contact_reach
+    widened = float(np.sum(rig.observables(x).pair_force)) * rig.model.contact_reach
     assert slope == pytest.approx(found, abs=1e-4 * abs(widened))
     assert abs(found) > 0.0 and widened > 0.0

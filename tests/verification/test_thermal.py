@@ -23,7 +23,7 @@ def test_cooled_wire_pulls_on_its_grips(cooled_by: float, device: str) -> None:
     strain = 4.5e-6 * cooled_by
     expected = rig.model.axial_stiffness * strain * (1 + strain)
     tolerance = strain**2 + 10 * EPSILON / strain
-    r = rig.reading(rig.rest)
+    r = rig.observables(rig.rest)
     assert r.tension[:-1] == pytest.approx(np.full(29, expected), rel=tolerance, abs=0)
     force = measure.held_forces(r)
     assert [force[:2, 0].sum(), force[2:, 0].sum()] == pytest.approx([expected, -expected], rel=tolerance, abs=0)
@@ -38,7 +38,7 @@ def test_warmth_works_against_the_tension_of_the_wire() -> None:
     moved = rig.rest.copy()
     local = np.tile(np.arange(nodes), 2)
     moved[:, 0] += spacing * (1e-3 * local + 5e-5 * local**2) * np.repeat([1.0, -0.5], nodes)  # the second is compressed
-    found = measure.warmth_force(rig.reading(moved))
+    found = measure.warmth_force(rig.observables(moved))
     natural = np.tile(np.append(np.full(nodes - 1, spacing), 0.0), 2)
     out = [wp.zeros(2 * nodes, dtype=wp.float64, device=rig.model.device) for _ in range(5)]
 

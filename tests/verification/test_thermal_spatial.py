@@ -18,7 +18,7 @@ from warpknit.kernels import control as c
 from warpknit.run.run import run_scene
 from warpknit.scene import load_scene
 from warpknit.spatial.mesh import build_mesh
-from warpknit.spatial.reading import read
+from warpknit.spatial.observables import read
 from warpknit.spatial.relax import SpatialRelaxation
 from warpknit.spatial.rest import Rest
 from warpknit.spatial.rod_step import RodStepper
@@ -141,7 +141,7 @@ def test_cooling_in_a_rigid_frame_is_stretching() -> None:
     heated = (*heat, "load.strain_weft=0.095", "load.strain_warp=0.095")
     strained = tuple(f"load.strain_{side}={1.095 / factor - 1.0}" for side in ("weft", "warp"))
     found = [
-        np.array([r.reading.mesh_tension for r in SpatialRelaxation(build_mesh(load_scene(CELL, [*DRAFT, *o]))).run()][-1])
+        np.array([r.observables.mesh_tension for r in SpatialRelaxation(build_mesh(load_scene(CELL, [*DRAFT, *o]))).run()][-1])
         for o in (heated, strained)
     ]
     assert found[0] * factor**3 == pytest.approx(found[1], rel=0.03, abs=0)

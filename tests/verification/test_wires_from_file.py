@@ -37,7 +37,7 @@ def test_straight_wires_carry_ea_times_strain(tmp_path):
     of AXIAL_ERROR behind the softening of the wires."""
     scene = crossing(tmp_path, 3.0 * DIAMETER, load={"strain_weft": 0.01, "strain_warp": 0.02})
     records, relaxation = settled(scene)
-    stress = records[-1].reading.nominal_stress
+    stress = records[-1].observables.nominal_stress
     stiffness = scene.wire.axial_stiffness / PERIOD
     assert np.diag(stress) == pytest.approx(stiffness * np.array([0.01, 0.02]), rel=0, abs=stiffness * AXIAL_ERROR)
     assert relaxation.notes == []
@@ -53,7 +53,7 @@ def test_open_wires_are_clamped_in_the_middle_of_their_end_segments(tmp_path):
     records, relaxation = settled(scene)
     apart = PERIOD - DIAMETER
     stiffness = scene.wire.axial_stiffness * apart**2 / (apart - DIAMETER) / PERIOD**2
-    stress = np.diag(records[-1].reading.nominal_stress)
+    stress = np.diag(records[-1].observables.nominal_stress)
     assert stress == pytest.approx(stiffness * np.array([0.01, 0.02]), rel=0, abs=stiffness * AXIAL_ERROR)
     assert len(relaxation.mesh.wires.held_node) == 8
 
@@ -71,7 +71,7 @@ def test_wires_that_overlap_are_pushed_apart_and_said(tmp_path):
     records, relaxation = settled(scene)
     [note] = relaxation.notes
     assert "overlap in 1 places, by 0.2 of their thickness" in note
-    rods, position = relaxation.mesh.rods, records[0].reading.position
+    rods, position = relaxation.mesh.rods, records[0].observables.position
     weft, warp = np.split(position, rods.wire_first[1:])
     # they are far from each other but at the crossing, where the gap is their difference in height
     gap = np.interp(0.25 * PERIOD, warp[:, 1], warp[:, 2]) - np.interp(0.5 * PERIOD, weft[:, 0], weft[:, 2])
@@ -91,9 +91,9 @@ def test_a_knit_from_a_file_stores_the_work_done_on_it():
     being exact for a quadratic energy, which it nearly is."""
     records, relaxation = settled(load_scene(KNIT, ["load.strain_weft=0.02", "load.strain_warp=0.0", "output.frames=2"]))
     area = relaxation.mesh.panel.area
-    force = [area * record.reading.nominal_stress[0, 0] for record in records]
+    force = [area * record.observables.nominal_stress[0, 0] for record in records]
     work = 0.01 * (force[0] + 4.0 * force[1] + force[2]) / 3.0
-    assert records[-1].reading.stored - records[0].reading.stored == pytest.approx(work, rel=0.01)
+    assert records[-1].observables.stored - records[0].observables.stored == pytest.approx(work, rel=0.01)
     assert force[2] > force[1] > 0.0
 
 

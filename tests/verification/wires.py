@@ -18,7 +18,7 @@ from warpknit.kernels.wires_by_block import BLOCK_SIZE
 from warpknit.mesh.panel import END_NODES, Panel
 from warpknit.mesh.table import Table, _fit_rest_curve
 from warpknit.planar.model import Model, assemble_model
-from warpknit.planar.observables import node_entries
+from warpknit.planar.observables import PlanarObservables, node_entries, read
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import ForceProbe, Stepper
 from warpknit.scene import Scene, make_scene
@@ -242,13 +242,13 @@ class Rig:
             force[self.nodes :] = on_body.reshape(-1, 2, 2).sum(axis=1)
         return force
 
-    def reading(self, position: np.ndarray | None = None) -> measure.Reading:
+    def reading(self, position: np.ndarray | None = None) -> PlanarObservables:
         if position is not None:
             self.forces(position)
-        return measure.read(self.model, self.state)
+        return read(self.model, self.state)
 
     def stored_energy(self, position: np.ndarray) -> float:
-        return measure.energies(self.reading(position)).stored
+        return measure.energies(self.observables(position)).stored
 
     def stiffness(self, position: np.ndarray, step: float) -> np.ndarray:
         """Hessian of the energy [N/m] by central differences of the forces."""

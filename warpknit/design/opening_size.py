@@ -12,7 +12,7 @@ import numpy as np
 from scipy import ndimage
 
 from .. import measure
-from ..spatial.reading import SpatialReading
+from ..spatial.observables import SpatialObservables
 from ..sweep.outcome import AnyReading
 
 POINTS_ACROSS = 5  # grid points on a wire thickness
@@ -36,7 +36,7 @@ class Opening:
 def openings(r: AnyReading) -> list[Opening]:
     """The openings of one tile of a periodic mesh at rest, the largest first."""
     layout = r.model.layout()
-    node = (r.position if isinstance(r, SpatialReading) else measure.positions(r)[0])[:, :2]
+    node = (r.position if isinstance(r, SpatialObservables) else measure.positions(r)[0])[:, :2]
     starts, counts = layout.wire_start[:-1], np.diff(layout.wire_start)
     period = r.gradient @ [0.0, layout.period[1]]
     wires = [node[first : first + count] for first, count in zip(starts, counts, strict=True)]

@@ -41,8 +41,8 @@ def states_at(model: Mesh, gradients: Sequence[np.ndarray]) -> list[AnyReading |
     ]  # fmt: skip
     found: dict[int, AnyReading | Diverged] = {}
     for outcome in states_of(model, stages).run():
-        if outcome.reading is not None:
-            found[outcome.index] = outcome.reading
+        if outcome.observables is not None:
+            found[outcome.index] = outcome.observables
         elif outcome.error is not None:
             found[outcome.index] = outcome.error
     return [found[index] for index in range(len(stages))]

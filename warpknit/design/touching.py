@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import measure
-from ..planar.observables import Reading
-from ..spatial.reading import SpatialReading
+from ..planar.observables import PlanarObservables
+from ..spatial.observables import SpatialObservables
 from ..sweep.outcome import AnyReading
 
 
@@ -31,10 +31,10 @@ class Touching:
 
 def touching_of(r: AnyReading) -> Touching:
     """Where the wires of a reading touch."""
-    return _in_space(r) if isinstance(r, SpatialReading) else _in_the_plane(r)
+    return _in_space(r) if isinstance(r, SpatialObservables) else _in_the_plane(r)
 
 
-def _in_the_plane(r: Reading) -> Touching:
+def _in_the_plane(r: PlanarObservables) -> Touching:
     panel, table = r.model.panel, r.model.table
     both = measure.pair_active(r).reshape(-1, 2).all(axis=1)
     pairs = np.flatnonzero(np.repeat(both, 2))
@@ -63,7 +63,7 @@ def _in_the_plane(r: Reading) -> Touching:
     )
 
 
-def _in_space(r: SpatialReading) -> Touching:
+def _in_space(r: SpatialObservables) -> Touching:
     rods, contacts = r.mesh.rods, r.touching
     kept = contacts.force > r.threshold
     node = np.stack([contacts.first, contacts.second], axis=1)[kept]

@@ -6,7 +6,6 @@ from typing import Any
 _PLACE = {
     "Contacts": "planar.measures",
     "Energies": "planar.measures",
-    "Reading": "planar.observables",
     "active_threshold": "planar.measures",
     "areal_mass": "planar.measures",
     "axial_strain": "planar.measures",
@@ -34,7 +33,6 @@ _PLACE = {
     "penetration": "planar.measures",
     "plastic_extremes": "planar.measures",
     "positions": "planar.measures",
-    "read": "planar.observables",
     "residual": "planar.measures",
     "rotation": "measure.strain",
     "section": "planar.measures",

@@ -1,7 +1,7 @@
 """A look at the whole state between steps: sums over nodes and pairs that the time loop decides by.
 
 Everything is summed on the device (kernels/look.py); what comes to the host is a row a wire and a handful of numbers. A full
-reading for a record is measure.read.
+reading for a record is observables.read.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..kernels import control as c
-from .observables import Reading
+from .observables import PlanarObservables
 
 PASSES = 2  # of the bound: the second one with the row sums of the first
 LEAST_WEIGHT = 1e-3  # of the largest: terms that hardly count are not divided by next to nothing
@@ -66,7 +66,7 @@ class Contacts:
     body_push: np.ndarray  # [contact, 2]
 
 
-def frequency_square(reading: Reading, approach: float = 0.0) -> float:
+def frequency_square(reading: PlanarObservables, approach: float = 0.0) -> float:
     """Bound on w^2 [1/s2] of the mesh as it stands.
 
     `approach` [m]: how much closer a body and a wire may come before the next look. A body that is not free (treatment.py)
@@ -80,7 +80,7 @@ def frequency_square(reading: Reading, approach: float = 0.0) -> float:
     return collatz_bound(wires, None, 0.0) + 2.0 * penalty * (body_inverse_mass + float(wires.inverse_mass.max()))
 
 
-def wire_terms(reading: Reading) -> Wires:
+def wire_terms(reading: PlanarObservables) -> Wires:
     """The terms of the wires, with the stiffnesses and masses of the run."""
     model, panel = reading.model, reading.model.panel
     nodes = np.arange(panel.node_count)
@@ -111,7 +111,7 @@ def wire_terms(reading: Reading) -> Wires:
     return Wires(before, after, np.sqrt(stretch), np.sqrt(swing), np.sqrt(bend), per_length, tangent, inverse_mass)
 
 
-def near_contacts(reading: Reading, approach: float) -> Contacts:
+def near_contacts(reading: PlanarObservables, approach: float) -> Contacts:
     """Closed contacts with the weights they push with; those that are about to close with those of a smooth curve."""
     panel, control = reading.model.panel, reading.control
     closed = reading.pair_force > 0.0

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..mesh.hook import LEFT, RIGHT, RIGHT_TOP
 from . import measures as whole
-from .observables import Reading
+from .observables import PlanarObservables
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class HookContact:
         return min(self.force_left, self.force_right) > self.threshold
 
 
-def hook_contact(r: Reading) -> HookContact:
+def hook_contact(r: PlanarObservables) -> HookContact:
     """The contact of a hook's reading."""
     model, panel = r.model, r.model.panel
     height = model.scene.hook.height if model.scene.hook is not None else 0.0

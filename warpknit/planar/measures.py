@@ -18,7 +18,7 @@ from ..scene import Wire
 from .bending import BendingMoments, bending_moments
 from .friction import friction_energy
 from .model import Model
-from .observables import Reading, pair_levers
+from .observables import PlanarObservables, pair_levers
 
 INTERIOR = 0.25  # of the mesh's width and height from each edge
 
@@ -40,7 +40,7 @@ class Energies:
         return self.stretch + self.bend + self.contact
 
 
-def energies(r: Reading) -> Energies:
+def energies(r: PlanarObservables) -> Energies:
     """T^2 L/(2 EA) a segment, EI theta^2/(2 l) a node, (F - offset)^2/(2 k) a pair, and what its friction is drawn out by;
     kinetic from the last step.
 
@@ -56,7 +56,7 @@ def energies(r: Reading) -> Energies:
     )
 
 
-def _stretch_stiffness(r: Reading) -> np.ndarray | float:
+def _stretch_stiffness(r: PlanarObservables) -> np.ndarray | float:
     """[N] true axial stiffness where multipliers took the softening out, else the softened one [node]."""
     solver = r.model.scene.solver
     if solver.multipliers and solver.drive == "relax":
@@ -64,7 +64,7 @@ def _stretch_stiffness(r: Reading) -> np.ndarray | float:
     return np.repeat(r.wire_axial, r.model.panel.wire_count)
 
 
-def hardened_energy(r: Reading) -> float:
+def hardened_energy(r: PlanarObservables) -> float:
     """[J] that kinematic hardening stores: H kappa_p^2/2 a length, with H = EI kept/(1 - kept)."""
     kept = r.model.scene.wire.hardening
     if not r.model.yield_moment or kept == 1.0:
@@ -73,7 +73,7 @@ def hardened_energy(r: Reading) -> float:
     return float(np.sum(0.5 * hardening * r.plastic_turn**2 / (r.hinge_length * r.length_factor)))
 
 
-def plastic_extremes(r: Reading) -> tuple[float, float]:
+def plastic_extremes(r: PlanarObservables) -> tuple[float, float]:
     """Share of the nodes that have yielded, and the largest strain of a fibre that stays."""
     if not r.model.yield_moment:
         return 0.0, 0.0
@@ -90,7 +90,7 @@ def energy_scale(model: Model) -> float:
 # --- loads ------------------------------------------------------------------------------------------------------------
 
 
-def nominal_stress(r: Reading) -> np.ndarray:
+def nominal_stress(r: PlanarObservables) -> np.ndarray:
     """Work-conjugate of the deformation gradient (2, 2) [N/m]: force per rest width.
 
     P = (1/A0) [sum over segments n (x) E0 + sum over pairs and their four nodes f (x) (X_body - X_node)
@@ -109,7 +109,7 @@ def nominal_stress(r: Reading) -> np.ndarray:
     return sum_ / panel.area
 
 
-def held_forces(r: Reading) -> np.ndarray:
+def held_forces(r: PlanarObservables) -> np.ndarray:
     """Forces (held, 2) [N] of the wires and of contacts on the held nodes."""
     panel = r.model.panel
     node = panel.held_node
@@ -131,7 +131,7 @@ def _closed_at(model: Model, node: np.ndarray) -> np.ndarray:
     return model.panel.wire_closed[wire]
 
 
-def thermal_force(r: Reading) -> float:
+def thermal_force(r: PlanarObservables) -> float:
     """Derivative of the energy by the length factor of the wires [J]: what heating works against."""
     model = r.model
     natural = r.natural_length
@@ -140,27 +140,27 @@ def thermal_force(r: Reading) -> float:
     return float(stretch + bend + np.sum(r.pair_force) * model.contact_reach)
 
 
-def edge_force(r: Reading) -> np.ndarray:
+def edge_force(r: PlanarObservables) -> np.ndarray:
     """(clamp, 2) [N] derivative of the energy by the displacement of the clamps: with what force they hold the wires."""
     total = np.zeros((len(r.model.panel.clamp_position), 2))
     np.add.at(total, r.model.panel.held_clamp, held_forces(r))
     return -total
 
 
-def warmth_force(r: Reading) -> np.ndarray:
-    """(wire, 2) [J] derivative of the energy by the warmth of the wires (`Reading.warmth`)."""
+def warmth_force(r: PlanarObservables) -> np.ndarray:
+    """(wire, 2) [J] derivative of the energy by the warmth of the wires (`PlanarObservables.warmth`)."""
     panel = r.model.panel
     pull = -r.tension * r.natural_length * r.length_factor
     local = np.arange(panel.node_count) - np.repeat(panel.wire_first, panel.wire_count)
     return np.stack([np.add.reduceat(pull, panel.wire_first), np.add.reduceat(pull * local, panel.wire_first)], axis=1)
 
 
-def boundary_stress(r: Reading) -> np.ndarray:
-    """Nominal stress (2, 2) [N/m] in the frame in which the boundary is strained by `Reading.stretch`."""
+def boundary_stress(r: PlanarObservables) -> np.ndarray:
+    """Nominal stress (2, 2) [N/m] in the frame in which the boundary is strained by `PlanarObservables.stretch`."""
     return rotation(r.clamp_rotation) @ nominal_stress(r)
 
 
-def clamp_couple(r: Reading) -> float:
+def clamp_couple(r: PlanarObservables) -> float:
     """[N/m] moment that turns the clamps counter-clockwise, over the area at rest: derivative of the energy by their rotation.
 
     F = R^T U, so the derivative of F by the angle is F turned by a right angle clockwise.
@@ -168,13 +168,13 @@ def clamp_couple(r: Reading) -> float:
     return couple_of(nominal_stress(r), r.gradient)
 
 
-def mesh_tension(r: Reading) -> tuple[float, float]:
+def mesh_tension(r: PlanarObservables) -> tuple[float, float]:
     """Tension in weft and warp [N/m], force per current width: diagonal of P F^T / det F, in the frame of the boundary."""
     cauchy = true_stress(boundary_stress(r), r.stretch)
     return float(cauchy[0, 0]), float(cauchy[1, 1])
 
 
-def mean_boundary_force(r: Reading) -> float:
+def mean_boundary_force(r: PlanarObservables) -> float:
     """Mean force of a clamp [N]; on a periodic tile the tension over one wale and one course, averaged."""
     panel = r.model.panel
     if len(panel.held_node):
@@ -195,7 +195,7 @@ def tension_scale(model: Model) -> float:
     return model.bending_stiffness / model.scene.knit.course_spacing**3
 
 
-def residual(r: Reading) -> float:
+def residual(r: PlanarObservables) -> float:
     """Rms out-of-balance nodal force over the larger of the mean boundary force and EI/W^2."""
     free = r.model.panel.node_count + r.model.panel.body_count - len(r.model.panel.held_node)
     rms = np.sqrt(r.control[int(c.FORCE_SQUARE)] / free)
@@ -219,7 +219,7 @@ class Contacts:
         return 100.0 * self.active / self.pairs if self.pairs else 0.0
 
 
-def pair_active(r: Reading) -> np.ndarray:
+def pair_active(r: PlanarObservables) -> np.ndarray:
     """[pair] closed with more than the threshold force; a body that drifts against one wire carries none."""
     return r.pair_force > active_threshold(r.model)
 
@@ -229,7 +229,7 @@ def active_threshold(model: Model) -> float:
     return max(model.scene.contact.threshold, 1e-4 * force_scale(model))
 
 
-def contacts(r: Reading, bodies: np.ndarray | None = None) -> Contacts:
+def contacts(r: PlanarObservables, bodies: np.ndarray | None = None) -> Contacts:
     """Contacts of `bodies`; default all."""
     active = pair_active(r).reshape(-1, 2)
     if bodies is not None:
@@ -237,7 +237,7 @@ def contacts(r: Reading, bodies: np.ndarray | None = None) -> Contacts:
     return Contacts(len(active), active.size, int(active.sum()), int(active.all(axis=1).sum()))
 
 
-def pairs_at_reach_end(r: Reading) -> int:
+def pairs_at_reach_end(r: PlanarObservables) -> int:
     """Closed pairs whose contact point stands at the end of the stretch of wire that it may slide on.
 
     Beyond it the wire is continued straight, which pushes a body that has slid off; such contacts are not to be believed.
@@ -248,7 +248,7 @@ def pairs_at_reach_end(r: Reading) -> int:
     return int(np.count_nonzero((r.pair_force > active_threshold(r.model)) & (at_low | at_high)))
 
 
-def penetration(r: Reading) -> float:
+def penetration(r: PlanarObservables) -> float:
     """Largest penetration over the wire diameter; negative gaps of closed pairs."""
     closed = r.pair_force > 0
     if not closed.any():
@@ -264,12 +264,12 @@ def section(wire: Wire) -> tuple[float, float]:
     return wire.diameter / 2, wire.youngs_modulus / wire.axial_stiffness
 
 
-def wire_stress(r: Reading) -> np.ndarray:
+def wire_stress(r: PlanarObservables) -> np.ndarray:
     """[node] [Pa] E (d/2) |M|/EI + |N| E/EA, with the larger tension of the two segments at the node."""
     return _node_stress(r, bending_moments(r))
 
 
-def _node_stress(r: Reading, moments: BendingMoments) -> np.ndarray:
+def _node_stress(r: PlanarObservables, moments: BendingMoments) -> np.ndarray:
     before = np.roll(r.tension, 1)
     panel = r.model.panel
     last = panel.wire_first + panel.wire_count - 1
@@ -278,23 +278,23 @@ def _node_stress(r: Reading, moments: BendingMoments) -> np.ndarray:
     return _stress(r, moments.node, axial)
 
 
-def contact_stress(r: Reading) -> np.ndarray:
+def contact_stress(r: PlanarObservables) -> np.ndarray:
     """[touching pair] [Pa] stress of the wire under a body, where bending peaks between two nodes."""
     return _contact_stress(r, bending_moments(r))
 
 
-def _contact_stress(r: Reading, moments: BendingMoments) -> np.ndarray:
+def _contact_stress(r: PlanarObservables, moments: BendingMoments) -> np.ndarray:
     return _stress(r, moments.contact, r.tension[r.pair_node[r.pair_force > 0]])
 
 
-def _stress(r: Reading, moment: np.ndarray, tension: np.ndarray) -> np.ndarray:
+def _stress(r: PlanarObservables, moment: np.ndarray, tension: np.ndarray) -> np.ndarray:
     """[Pa] in the outermost fibre."""
     wire = r.model.scene.wire
     radius, per_tension = section(wire)
     return wire.youngs_modulus * radius / r.model.bending_stiffness * np.abs(moment) + np.abs(tension) * per_tension
 
 
-def stress_extremes(r: Reading) -> tuple[float, float, float]:
+def stress_extremes(r: PlanarObservables) -> tuple[float, float, float]:
     """Largest stress and 99th percentile [Pa], and the share of the wire above the yield stress."""
     moments = bending_moments(r)
     stress, peak = _node_stress(r, moments), _contact_stress(r, moments)
@@ -303,7 +303,7 @@ def stress_extremes(r: Reading) -> tuple[float, float, float]:
     return largest, float(np.percentile(stress, 99)), above
 
 
-def interior_stress(r: Reading) -> float:
+def interior_stress(r: PlanarObservables) -> float:
     """Largest stress [Pa] farther than INTERIOR of the mesh's size from its edge, where gripping does not show."""
     stress = wire_stress(r)
     if r.model.panel.boundary == "periodic":
@@ -315,12 +315,12 @@ def interior_stress(r: Reading) -> float:
     return float(stress[inside].max(initial=0.0))
 
 
-def axial_strain(r: Reading) -> np.ndarray:
+def axial_strain(r: PlanarObservables) -> np.ndarray:
     """[node] mechanical axial strain of the segments, T/EA."""
     return r.tension / r.model.axial_stiffness
 
 
-def areal_mass(r: Reading) -> float:
+def areal_mass(r: PlanarObservables) -> float:
     """Mass of wire per current area [kg/m2]."""
     model = r.model
     length = float(np.sum(model.panel.wire_length))
@@ -330,7 +330,7 @@ def areal_mass(r: Reading) -> float:
 # --- what is recorded -------------------------------------------------------------------------------------------------
 
 
-def positions(r: Reading) -> tuple[np.ndarray, np.ndarray]:
+def positions(r: PlanarObservables) -> tuple[np.ndarray, np.ndarray]:
     """Nodes (node, 3) and bodies (body, 3) [m] relative to the corner of the mesh; z is the rest height."""
     panel, table = r.model.panel, r.model.table
     origin = np.repeat(panel.block_origin, panel.block_count, axis=0)
@@ -344,7 +344,7 @@ def positions(r: Reading) -> tuple[np.ndarray, np.ndarray]:
     return np.column_stack([node, height]), np.column_stack([body, seed_height])
 
 
-def frame(r: Reading, *, index: int, stage: str, load_factor: float, temperature: float) -> Frame:
+def frame(r: PlanarObservables, *, index: int, stage: str, load_factor: float, temperature: float) -> Frame:
     """The recorded state for the exports."""
     node, body = positions(r)
     f = r.stretch

@@ -21,7 +21,7 @@ from .membrane import Membrane
 from .model import Model
 from .multipliers import Multipliers
 from .neighbours import RAMP_SHARE, NeighbourSearch
-from .observables import Reading, read
+from .observables import PlanarObservables, read
 from .prolongation import Prolongation
 from .residual import Steadiness
 from .response import carried_values, find_response, no_response, recall_response
@@ -266,10 +266,10 @@ class PlanarMechanics:
 
     # --- observation
 
-    def observe(self) -> Reading:
+    def observe(self) -> PlanarObservables:
         return read(self.model, self.state)
 
-    def edge_work_terms(self, observed: Reading) -> list[tuple[np.ndarray, np.ndarray]]:
+    def edge_work_terms(self, observed: PlanarObservables) -> list[tuple[np.ndarray, np.ndarray]]:
         clamps = measures.edge_force(observed), observed.clamp_shift
         return [clamps, (measures.warmth_force(observed), observed.warmth)]
 

@@ -22,7 +22,7 @@ from .state import State
 
 
 @dataclass(frozen=True)
-class Reading:
+class PlanarObservables:
     """The state on the host, float64. Segment values stand at the node that starts the segment."""
 
     model: Model
@@ -201,7 +201,7 @@ class Reading:
         return [(0, 0, first + 1), (0, 1, first + 2), (1, 0, last - 1), (1, 1, last - 2)]
 
 
-def pair_levers(r: Reading, pairs: np.ndarray) -> np.ndarray:
+def pair_levers(r: PlanarObservables, pairs: np.ndarray) -> np.ndarray:
     """(pair, 4, 2) [m] rest position of the body of each of `pairs` less those of the four nodes that it acts on."""
     model = r.model
     table, panel = model.table, model.panel
@@ -210,7 +210,7 @@ def pair_levers(r: Reading, pairs: np.ndarray) -> np.ndarray:
     return body[:, None, :] - np.stack([table.x[entry], table.y[entry]], axis=2)
 
 
-def pair_distances(r: Reading, pairs: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+def pair_distances(r: PlanarObservables, pairs: np.ndarray, nodes: np.ndarray) -> np.ndarray:
     """(pair, 4, 2) [m] position of the body of each of `pairs` less those of the four `nodes` (pair, 4) that it acts on."""
     return pair_levers(r, pairs) @ r.gradient.T + r.body_u[pairs // 2][:, None, :] - r.u[nodes]
 
@@ -220,7 +220,7 @@ def node_entries(model: Model) -> np.ndarray:
     return model.panel.node_entry
 
 
-def read(model: Model, state: State) -> Reading:
+def read(model: Model, state: State) -> PlanarObservables:
     """Evaluate the wires and copy the state to the host.
 
     Where ranks share the mesh, all of them read together; what the first one gets is of the whole mesh.
@@ -228,7 +228,7 @@ def read(model: Model, state: State) -> Reading:
     return _joined(read_strip(model, state))
 
 
-def read_strip(model: Model, state: State) -> Reading:
+def read_strip(model: Model, state: State) -> PlanarObservables:
     """The same of what this rank holds, without the others."""
     nodes = model.panel.node_count
     out = [wp.zeros(nodes, dtype=model.precision.real, device=model.device) for _ in range(5)]
@@ -242,7 +242,7 @@ def read_strip(model: Model, state: State) -> Reading:
 
     force = state.pair_force.numpy().astype(np.float64)
     nodal = np.stack([state.pair_nodal_x.numpy(), state.pair_nodal_y.numpy()], axis=1).astype(np.float64)
-    return Reading(
+    return PlanarObservables(
         model=model,
         control=state.read_control().copy(),
         u=metres(state.node_ux[now], state.node_uy[now]),
@@ -267,7 +267,7 @@ def read_strip(model: Model, state: State) -> Reading:
     )
 
 
-def _joined(reading: Reading) -> Reading:
+def _joined(reading: PlanarObservables) -> PlanarObservables:
     """The reading of the whole mesh on the first rank; that of its strip, as it is, on the others."""
     model = reading.model
     join = Join(model)

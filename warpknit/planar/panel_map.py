@@ -13,7 +13,7 @@ import numpy as np
 
 from ..measure.strain import rotation
 from . import measures as whole
-from .observables import Reading
+from .observables import PlanarObservables
 
 LEAST_SHARE = 0.5  # of a tile inside the outline, for a value to be given
 NODES_AT_ONCE = 1_000_000
@@ -50,13 +50,13 @@ class PanelMap:
         return float(area[below & self.known].sum() / area.sum())
 
 
-def has_map(reading: Reading) -> bool:
+def has_map(reading: PlanarObservables) -> bool:
     """Whether the mesh is a gripped one of enough repeats."""
     panel, cloth = reading.model.panel, reading.model.cloth
     return panel.outline is not None and cloth is not None and panel.area >= FEWEST_TILES * float(np.prod(cloth.size))
 
 
-def panel_map(r: Reading) -> PanelMap:
+def panel_map(r: PlanarObservables) -> PanelMap:
     """The maps of a gripped panel."""
     panel, table, cloth = r.model.panel, r.model.table, r.model.cloth
     assert panel.outline is not None and cloth is not None

@@ -15,7 +15,7 @@ from ..kernels import control as c
 from .frequency import frequency_square
 from .model import Model
 from .numerics import STEP_MARGIN
-from .observables import Reading, read
+from .observables import PlanarObservables, read
 from .state import State
 
 BOUNCING = 4.0  # times w_body^2, at least, is reckoned with
@@ -23,7 +23,7 @@ FASTER = 2.0  # times the largest speed now, that something may have before the 
 NEAR = 0.02  # of the reach of a contact: nearer to closing than this counts as closed in any case
 
 
-def largest_step(reading: Reading, steps: int) -> float:
+def largest_step(reading: PlanarObservables, steps: int) -> float:
     """Step [s] up to which the next `steps` steps are stable."""
     model, control = reading.model, reading.control
     move = FASTER * float(control[int(c.SPEED_MAX)] * control[int(c.TIME_STEP)])

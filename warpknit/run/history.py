@@ -87,9 +87,9 @@ def row_of(record: Record) -> Row:
     """What history.csv keeps of a record; `work_J` is filled in by `account_work` unless the drive kept account, and the way of
     a hook's contact by `account_sliding`."""
     row = _mesh_row(record)
-    if record.reading.model.scene.hook is None:
+    if record.observables.model.scene.hook is None:
         return row
-    return hook_row(row, hook_contact(record.reading))
+    return hook_row(row, hook_contact(record.observables))
 
 
 def hook_row(row: Row, hook: HookContact) -> HookRow:
@@ -122,7 +122,7 @@ def account_sliding(rows: Sequence[Row]) -> None:
 
 
 def _mesh_row(record: Record) -> Row:
-    r = record.reading
+    r = record.observables
     f = r.stretch
     energy = measure.energies(r)
     contact = measure.contacts(r)

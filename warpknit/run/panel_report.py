@@ -67,7 +67,7 @@ def cord_numbers(rim: Rim, gradient: np.ndarray, stations: np.ndarray) -> dict[s
 
 def report_panel(record: Record) -> PanelReport | None:
     """The report of a gripped panel; None for a mesh that is none, or too small for a map."""
-    reading = record.reading
+    reading = record.observables
     if not has_map(reading):
         return None
     model = reading.model

@@ -153,7 +153,7 @@ class _PlanarRecorder(Recorder):
 
     def frame_of(self, record: Record, row: Row) -> Frame:
         return measure.frame(
-            record.reading,
+            record.observables,
             index=record.index,
             stage=record.stage,
             load_factor=record.load_factor,

@@ -34,7 +34,7 @@ class SpatialRecorder(Recorder):
         return row_of(record)
 
     def frame_of(self, record: SpatialRecord, row: Row) -> Frame:
-        frame = record.reading.frame(
+        frame = record.observables.frame(
             index=record.index, stage=record.stage, load_factor=record.load_factor, temperature=record.temperature
         )
         if isinstance(row, HookRow):

@@ -11,7 +11,7 @@ from ..mesh.rim import build_rim
 from ..spatial.drive import SpatialRecord
 from ..spatial.hook_contact import hook_contact
 from ..spatial.mesh import SpatialMesh
-from ..spatial.reading import SpatialReading
+from ..spatial.observables import SpatialObservables
 from .history import Row, hook_row
 from .panel_report import cord_numbers
 from .summary import energy_balance, energy_balance_of_stored, hook_part, kinetic_to_internal, run_summary
@@ -21,11 +21,11 @@ def row_of(record: SpatialRecord) -> Row:
     """What history.csv keeps of a record; `work_J` is filled in by `account_work`, and the way of a hook's contact by
     `account_sliding`."""
     row = _mesh_row(record)
-    return row if record.reading.mesh.scene.hook is None else hook_row(row, hook_contact(record.reading))
+    return row if record.observables.mesh.scene.hook is None else hook_row(row, hook_contact(record.observables))
 
 
 def _mesh_row(record: SpatialRecord) -> Row:
-    r = record.reading
+    r = record.observables
     f, nominal = r.stretch, r.boundary_stress
     weft, warp = r.mesh_tension
     active, rhombus = r.site_active, r.site_active[r.mesh.panel.rhombus_bodies]
@@ -67,7 +67,7 @@ def _mesh_row(record: SpatialRecord) -> Row:
 
 def stage_summary(record: SpatialRecord, rows: list[Row]) -> dict[str, Any]:
     """Contacts, wire, mesh and quality of the state at the end of a stage; `rows` are all rows up to it."""
-    r = record.reading
+    r = record.observables
     mesh, panel = r.mesh, r.mesh.panel
     wire = mesh.scene.wire
     f = r.stretch
@@ -130,10 +130,10 @@ def stage_summary(record: SpatialRecord, rows: list[Row]) -> dict[str, Any]:
 
 def _panel_part(record: SpatialRecord) -> dict[str, Any]:
     """The edge of a mesh that hangs on cords."""
-    mesh = record.reading.mesh
+    mesh = record.observables.mesh
     if mesh.scene.panel.cord is None:
         return {}
-    cords = cord_numbers(build_rim(mesh.panel, mesh.scene), record.reading.gradient, record.stations)
+    cords = cord_numbers(build_rim(mesh.panel, mesh.scene), record.observables.gradient, record.stations)
     return {"panel": {"outline": mesh.scene.panel.outline, "area_m2": mesh.panel.area} | cords}
 
 
@@ -149,7 +149,7 @@ def spatial_summary(
     return summary
 
 
-def _counts(r: SpatialReading, sites: np.ndarray) -> dict[str, Any]:
+def _counts(r: SpatialObservables, sites: np.ndarray) -> dict[str, Any]:
     """Active pairs and bodies of some sites; a site has two pairs of equal force."""
     active = r.site_active[sites]
     return {

@@ -21,7 +21,7 @@ STORED_FLOOR = 1e-5  # of EI/W a loop: less counts as no stored energy
 def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None = None) -> dict[str, Any]:
     """Contacts, wire, mesh and quality of the state at the end of a stage; `rows` are all rows up to it, `panel` what is said
     of a panel as a whole."""
-    r = record.reading
+    r = record.observables
     model = r.model
     contact = measure.contacts(r)
     rhombus = measure.contacts(r, model.panel.rhombus_bodies)

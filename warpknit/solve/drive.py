@@ -116,10 +116,10 @@ class Drive(ABC):
     def record(self, stage: Stage, factor: float, *, steady: bool, work: float | None = None) -> Record:
         """The state as it is."""
         progress = self.progress
-        reading = self.mechanics.observe()
+        observables = self.mechanics.observe()
         edge_work = 0.0
         if self.edge_work is not None:
-            edge_work = self.edge_work.account(*self.mechanics.edge_work_terms(reading))
+            edge_work = self.edge_work.account(*self.mechanics.edge_work_terms(observables))
         record = Record(
             index=progress.records,
             stage=stage.name,
@@ -133,7 +133,7 @@ class Drive(ABC):
             left_out=self.left_out,
             edge_work=edge_work,
             stations=self.stations.copy(),
-            reading=reading,
+            observables=observables,
         )
         progress.records += 1
         return record

@@ -26,7 +26,7 @@ class Record:
     left_out: float  # of the tension, that the mesh may be out of balance by as a membrane; 0 where that was looked after
     edge_work: float  # [J] put in by what differs from place to place: pulls at the edge, cords, thermal strain
     stations: np.ndarray  # (station, 2) [m] displacement of the rim (rim.py); empty where it only follows the load
-    reading: Any  # the state on the host
+    observables: Any  # the state on the host (measure/observables.py)
 
 
 @dataclass

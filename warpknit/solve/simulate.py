@@ -30,7 +30,7 @@ class Simulation:
 
         model = build_model(scene)
         for record in Simulation(model, initial_state(model)).run():
-            print(record.load_factor, measure.mesh_tension(record.reading))
+            print(record.load_factor, measure.mesh_tension(record.observables))
 
     `watch` is called after every convergence check with the progress, and may raise to stop the run.
     """

@@ -13,7 +13,7 @@ from .rest_curve import RestCurve
 from .sites import NOWHERE
 
 if TYPE_CHECKING:
-    from .reading import SpatialReading
+    from .observables import SpatialObservables
 
 
 def spatial_curve(
@@ -30,7 +30,7 @@ def spatial_curve(
     return curve_of(edges, rise, np.einsum("nac,npc->npa", grown * section, rest.bump.reshape(-1, 2, 2)))
 
 
-def site_places(r: SpatialReading) -> np.ndarray:
+def site_places(r: SpatialObservables) -> np.ndarray:
     """(site, 3) [m] where the two wires of each site touch, at the strongest of several contacts, and in the middle between them;
     where they do not, between the nearest points of both. On the first wire as it is drawn, in the first tile."""
     place = np.full((r.sites.count, 3), np.nan)
@@ -45,7 +45,7 @@ def site_places(r: SpatialReading) -> np.ndarray:
     return place
 
 
-def _touched(r: SpatialReading, contact: int, sign: float) -> np.ndarray:
+def _touched(r: SpatialObservables, contact: int, sign: float) -> np.ndarray:
     """(3,) [m] the place of a contact whose first wire is that of its site where `sign` is 1."""
     t = r.touching
     node, s = (t.first, t.place[:, 0]) if sign > 0.0 else (t.second, t.place[:, 1])
@@ -54,7 +54,7 @@ def _touched(r: SpatialReading, contact: int, sign: float) -> np.ndarray:
     return np.asarray(own - sign * half * t.normal[contact])
 
 
-def _nearest(r: SpatialReading, site: int) -> np.ndarray:
+def _nearest(r: SpatialObservables, site: int) -> np.ndarray:
     """(3,) [m] between the nearest points of the two wires of a site, within its reach."""
     wires = r.mesh.wires
     rest = [_along(r, r.mesh.rods.position, np.eye(2), site, side)[0] for side in (0, 1)]
@@ -72,7 +72,9 @@ def _nearest(r: SpatialReading, site: int) -> np.ndarray:
     return np.asarray(0.5 * (own + facing) - rounds[0][a[k]])
 
 
-def _along(r: SpatialReading, position: np.ndarray, gradient: np.ndarray, site: int, side: int) -> tuple[np.ndarray, np.ndarray]:
+def _along(
+    r: SpatialObservables, position: np.ndarray, gradient: np.ndarray, site: int, side: int
+) -> tuple[np.ndarray, np.ndarray]:
     """(n, 3) [m] nodes of one wire of a site within its reach, in turn, and how far each has gone on from where it is drawn."""
     rods, wires = r.mesh.rods, r.mesh.wires
     wire = int(wires.site_wire[site, side])

@@ -12,10 +12,10 @@ import numpy as np
 from ..mesh.hook import LEFT, RIGHT, RIGHT_TOP
 from ..planar.hook_contact import HookContact
 from .hook import BETWEEN
-from .reading import SpatialReading
+from .observables import SpatialObservables
 
 
-def hook_contact(r: SpatialReading) -> HookContact:
+def hook_contact(r: SpatialObservables) -> HookContact:
     """The contact of a hook's reading; where the wires do not touch, its places are those of the middle of the lens at rest."""
     mesh, t = r.mesh, r.touching
     hook, rods = mesh.scene.hook, mesh.rods

@@ -18,7 +18,7 @@ from .contact import STICK_SHARE, WireContact
 from .edge import Edge
 from .mesh import SpatialMesh
 from .ramp_masses import step_now
-from .reading import SpatialReading, read
+from .observables import SpatialObservables, read
 from .residual import AXIAL_ERROR, Residual
 from .rest import Rest
 from .rod_arrays import RodState
@@ -273,10 +273,10 @@ class SpatialMechanics:
 
     # --- observation
 
-    def observe(self) -> SpatialReading:
+    def observe(self) -> SpatialObservables:
         return read(self.model, self.sites, self.rest, self.contact)
 
-    def edge_work_terms(self, observed: SpatialReading) -> list[tuple[np.ndarray, np.ndarray]]:
+    def edge_work_terms(self, observed: SpatialObservables) -> list[tuple[np.ndarray, np.ndarray]]:
         terms = [(observed.warmth_force, observed.warmth)]
         if self.edge is not None:
             terms.append((self.edge.grip_forces(observed.force), self.edge.clamp_displacement))

@@ -116,7 +116,7 @@ class Batch:
     def _finished(self, row: int) -> Outcome:
         member = self.members[row]
         record = member.record(self.stages[row], 1.0, steady=True)
-        return Outcome(row, member.progress.steps, record.reading, None)
+        return Outcome(row, member.progress.steps, record.observables, None)
 
     # --- steps ---
 

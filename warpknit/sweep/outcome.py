@@ -8,10 +8,10 @@ import numpy as np
 
 from .. import measure
 from ..errors import Diverged
-from ..planar.observables import Reading
-from ..spatial.reading import SpatialReading
+from ..planar.observables import PlanarObservables
+from ..spatial.observables import SpatialObservables
 
-AnyReading = Reading | SpatialReading
+AnyReading = PlanarObservables | SpatialObservables
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Outcome:
 
     index: int  # of the load
     steps: int
-    reading: AnyReading | None
+    observables: AnyReading | None
     error: Diverged | None
 
 
@@ -44,7 +44,7 @@ class Measured:
 
 def measured(r: AnyReading) -> Measured:
     """Measure a reading of either model."""
-    if isinstance(r, SpatialReading):
+    if isinstance(r, SpatialObservables):
         return _measured_in_space(r)
     contacts, rhombus = measure.contacts(r), measure.contacts(r, r.model.panel.rhombus_bodies)
     largest, _, above = measure.stress_extremes(r)
@@ -64,7 +64,7 @@ def measured(r: AnyReading) -> Measured:
     )
 
 
-def _measured_in_space(r: SpatialReading) -> Measured:
+def _measured_in_space(r: SpatialObservables) -> Measured:
     active, stress = r.site_active, r.stress
     rhombus = active[r.mesh.panel.rhombus_bodies]
     share = 100.0 * float(active.mean()) if len(active) else 0.0

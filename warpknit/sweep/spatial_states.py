@@ -17,7 +17,7 @@ from ..processes import ending_of, start_process
 from ..scene import Scene, Stage
 from ..spatial.estimate import process_count
 from ..spatial.mesh import SpatialMesh
-from ..spatial.reading import SpatialReading
+from ..spatial.observables import SpatialObservables
 from ..spatial.relax import SpatialRelaxation
 from .outcome import Outcome
 
@@ -39,11 +39,11 @@ def bring_to_rest(mesh: SpatialMesh, index: int, stage: Stage, watch: Callable[[
     one = replace(mesh, scene=replace(mesh.scene, stages=(stage,)))
     relaxation = SpatialRelaxation(one, lambda progress: watch(Way(index, progress.steps, progress.load_factor)))
     relaxation.warm_up()
-    reading: SpatialReading | None = None
+    reading: SpatialObservables | None = None
     error: Diverged | None = None
     try:
         for record in relaxation.run():
-            reading = record.reading
+            reading = record.observables
     except Diverged as failure:
         reading, error = None, failure
     return Outcome(index, relaxation.progress.steps, reading, error)

@@ -263,10 +263,10 @@ class _Mapper:
 
 def _row(outcome: Outcome, strains: tuple[float, float]) -> MapRow:
     """What is kept of a load."""
-    if outcome.reading is None:
+    if outcome.observables is None:
         nothing = Cell(*strains, None, None, None, None, None, "diverged")
         return MapRow(nothing, Detail(*strains, None, None, None, None, None, None, 0, outcome.steps, str(outcome.error)))
-    found = measured(outcome.reading)
+    found = measured(outcome.observables)
     cell = Cell(*strains, found.active_percent, *found.tension, found.stress_max, found.yield_fraction, STEADY)
     detail = Detail(
         *strains,

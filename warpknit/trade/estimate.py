@@ -49,7 +49,7 @@ def settings_within(scene: Scene, percent: float) -> Within:
 
 def estimate_of(record: Record | SpatialRecord, scene: Scene, within: Within) -> Estimate:
     """The estimated error of a run, all relative but the share, which is in points of percent."""
-    found = spatial_found(record.reading) if isinstance(record, SpatialRecord) else found_at(record)
+    found = spatial_found(record.observables) if isinstance(record, SpatialRecord) else found_at(record)
     try:
         errors = Pilot(scene).errors_of_run(found, within.setting)
     except Diverged as error:

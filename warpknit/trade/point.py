@@ -19,7 +19,7 @@ from ..solve.drive import Drive
 from ..solve.simulate import Progress, Record, Simulation
 from ..spatial.hook_contact import hook_contact as spatial_hook_contact
 from ..spatial.mesh import SpatialMesh, build_mesh
-from ..spatial.reading import SpatialReading
+from ..spatial.observables import SpatialObservables
 from ..spatial.relax import SpatialRelaxation
 
 FORCE_FLOOR = 1e-3  # of EI/W^2 a pair: what contact forces are compared with where contacts carry less
@@ -125,7 +125,7 @@ def _run_spatial_point(mesh: SpatialMesh, most_node_steps: float, watch: Callabl
     reason, message = "steady", ""
     try:
         for record in relaxation.run():
-            found = spatial_found(record.reading)
+            found = spatial_found(record.observables)
     except TooDear:
         reason, message, found = "too dear", f"stopped after {most_node_steps:.2g} node-steps", None
     except Diverged as error:
@@ -142,7 +142,7 @@ def _run_spatial_point(mesh: SpatialMesh, most_node_steps: float, watch: Callabl
     )
 
 
-def spatial_found(reading: SpatialReading) -> Found:
+def spatial_found(reading: SpatialObservables) -> Found:
     """What a reading in space says of the mesh; each site has two pairs of equal force."""
     weft, warp = reading.mesh_tension
     if reading.mesh.scene.hook is not None:
@@ -202,7 +202,7 @@ def settings_of_scene(scene: Scene) -> dict[str, object]:
 
 def found_at(record: Record) -> Found:
     """What a record says of the mesh."""
-    r = record.reading
+    r = record.observables
     tension = measure.mesh_tension(r)
     if r.model.scene.hook is not None:
         tension = (abs(hook_contact(r).drive_force), 0.0)

@@ -28,7 +28,7 @@ LEAST_FORCE = 1e-4  # of EI/W^2, about what a steady state leaves out of balance
 
 
 @dataclass(frozen=True)
-class SpatialReading:
+class SpatialObservables:
     """Arrays [node], those of segments too, are of the state last evaluated."""
 
     mesh: SpatialMesh
@@ -293,7 +293,7 @@ class SpatialReading:
         )
 
 
-def read(mesh: SpatialMesh, sites: Sites, rest: Rest, contact: WireContact) -> SpatialReading:
+def read(mesh: SpatialMesh, sites: Sites, rest: Rest, contact: WireContact) -> SpatialObservables:
     """Evaluate the state and copy it to the host."""
     stepper = rest.stepper
     stepper.evaluate()
@@ -310,7 +310,7 @@ def read(mesh: SpatialMesh, sites: Sites, rest: Rest, contact: WireContact) -> S
     length = np.where(rods.following >= 0, rods.natural_length * factor, 0.0)
     touching = contact.near()
     hinge = section.bending_stiffness * np.sum(bent**2, axis=1) + section.twist_stiffness * twisted**2
-    return SpatialReading(
+    return SpatialObservables(
         mesh=mesh,
         sites=sites,
         control=state.read_control().copy(),
