@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -17,6 +16,7 @@ from .. import measure
 from ..errors import Diverged
 from ..kernels import control as c
 from ..kernels.multipliers import extrapolate, extrapolate_held_bodies
+from ..launch import bind
 from ..model.model import Model
 from ..model.state import State
 from ..scene import Stage
@@ -210,16 +210,14 @@ class Relaxation(Drive):
             furthest = np.inf  # a wire that stays is carried along by the frame (hook.py), and must be put back all the way
         s = self.state
         for value, last in zip(self._level_values(), self._last, strict=True):
-            numbers: list[Any] = [wp.float64(ratio), wp.float64(furthest)]
-            kernel = extrapolate_held_bodies
+            limit = np.inf if value is s.tension_offset or value is s.pair_offset else furthest
+            named = {"ratio": wp.float64(ratio), "limit": wp.float64(limit), "value": value, "last": last}
             if value is s.body_ux or value is s.body_uy:
-                numbers.append(s.pair_force)
+                launch = bind(extrapolate_held_bodies, value.shape[0], pair_force=s.pair_force, **named)
             else:
-                kernel = extrapolate
-                if value is s.tension_offset or value is s.pair_offset:
-                    numbers[1] = wp.float64(np.inf)
-                numbers.append(wp.float64(0.0 if value is s.pair_offset else -np.inf))
-            wp.launch(kernel, dim=value.shape[0], inputs=[*numbers, value, last], device=self.model.device)
+                lowest = wp.float64(0.0 if value is s.pair_offset else -np.inf)
+                launch = bind(extrapolate, value.shape[0], lowest=lowest, **named)
+            launch.run(self.model.device)
         self._begin_at_rest()
         self._last_gradient = now.tolist()
         self._set_ramp(target, 0 if ratio > 0.0 else LEVEL_RAMP_STEPS)
