@@ -17,10 +17,15 @@ from .control import (
     BODY_INVERSE_MASS,
     DRIVE,
     FORCE_FACTOR,
+    FORCE_PART,
     GRADIENT,
+    KINETIC_PART,
     LOOK_AHEAD,
+    PARTIAL_COUNT,
+    SPEED_PART,
     STATUS,
     STATUS_RUNNING,
+    STRONGEST_PART,
     TIME_STEP,
     VELOCITY_FACTOR,
 )
@@ -71,7 +76,7 @@ def step_anchored_bodies(
         return
     inverse_mass = control[BODY_INVERSE_MASS]
     ahead = control[LOOK_AHEAD]
-    for column in range(6):
+    for column in range(PARTIAL_COUNT):
         body_partial[0, column] = wp.float64(0.0)
     for body in range(body_ux.shape[0]):
         f = wp.vec2d(wp.float64(0.0), wp.float64(0.0))
@@ -92,12 +97,10 @@ def step_anchored_bodies(
         body_vy[body] = q[1]
         body_ux[body] = body_ux[body] + move[0]
         body_uy[body] = body_uy[body] + move[1]
-        body_partial[0, 0] += wp.dot(f, p)
-        body_partial[0, 1] += wp.dot(f, f) * inverse_mass
-        body_partial[0, 2] += wp.dot(q, q) / inverse_mass
-        body_partial[0, 3] = wp.max(body_partial[0, 3], wp.dot(q, q))
-        body_partial[0, 4] = wp.max(body_partial[0, 4], wp.dot(f, f))
-        body_partial[0, 5] += wp.dot(f, f)
+        body_partial[0, KINETIC_PART] += wp.dot(q, q) / inverse_mass
+        body_partial[0, SPEED_PART] = wp.max(body_partial[0, SPEED_PART], wp.dot(q, q))
+        body_partial[0, STRONGEST_PART] = wp.max(body_partial[0, STRONGEST_PART], wp.dot(f, f))
+        body_partial[0, FORCE_PART] += wp.dot(f, f)
 
 
 @wp.kernel

@@ -14,13 +14,19 @@ import warp as wp
 from .control import (
     BODY_INVERSE_MASS,
     FORCE_FACTOR,
+    FORCE_PART,
+    KINETIC_PART,
     LOOK_AHEAD,
+    PARTIAL_COUNT,
+    SPEED_PART,
     STATUS,
     STATUS_RUNNING,
     STEP,
+    STRONGEST_PART,
     TIME_STEP,
     VELOCITY_FACTOR,
 )
+from .native import constants
 from .wires import rounding_phase
 
 BODY_BLOCK = 32
@@ -38,7 +44,7 @@ _STEP = r"""
     real* __restrict speed_x = vx.data + begin;
     real* __restrict speed_y = vy.data + begin;
     const int count = end - begin;
-    real power = 0, square = 0, speed = 0, ff[BODY_BLOCK], qq[BODY_BLOCK];
+    real square = 0, speed = 0, ff[BODY_BLOCK], qq[BODY_BLOCK];
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
@@ -58,7 +64,6 @@ _STEP = r"""
         moved_x[i] = moved_x[i] + COUNT((qx + look_ahead * (qx - px)) * counts SHIFT);
         moved_y[i] = moved_y[i] + COUNT((qy + look_ahead * (qy - py)) * counts SHIFT);
         const real f2 = fx * fx + fy * fy, q2 = qx * qx + qy * qy;
-        power += fx * px + fy * py;
         square += f2;
         speed += q2;
         // a body that one wire drags along is on its way, not out of balance
@@ -71,24 +76,27 @@ _STEP = r"""
         strongest = ff[i] > strongest ? ff[i] : strongest;
         fastest = qq[i] > fastest ? qq[i] : fastest;
     }
-    double* row = partial.data + 6 * block;
-    row[0] = power;
-    row[1] = double(square) * inverse_mass;
-    row[2] = double(speed) / inverse_mass;
-    row[3] = fastest;
-    row[4] = strongest;
-    row[5] = square;
+    double* row = partial.data + PARTIAL_COUNT * block;
+    row[KINETIC_PART] = double(speed) / inverse_mass;
+    row[SPEED_PART] = fastest;
+    row[STRONGEST_PART] = strongest;
+    row[FORCE_PART] = square;
 """
 
 
+_CONSTANTS = constants(
+    BODY_BLOCK=BODY_BLOCK,
+    FREE_FLIGHT=FREE_FLIGHT,
+    PARTIAL_COUNT=PARTIAL_COUNT,
+    KINETIC_PART=KINETIC_PART,
+    SPEED_PART=SPEED_PART,
+    STRONGEST_PART=STRONGEST_PART,
+    FORCE_PART=FORCE_PART,
+)
+
+
 def _snippet(coordinate: str, count: str, shift: str) -> str:
-    return (
-        _STEP.replace("BODY_BLOCK", str(BODY_BLOCK))
-        .replace("FREE_FLIGHT", str(FREE_FLIGHT))
-        .replace("COORDINATE", coordinate)
-        .replace("COUNT", count)
-        .replace("SHIFT", shift)
-    )
+    return _CONSTANTS + _STEP.replace("COORDINATE", coordinate).replace("COUNT(", f"{count}(").replace("SHIFT", shift)
 
 
 @wp.func_native(_snippet("int", "(int)floor", "+ phase"))

@@ -13,16 +13,22 @@ import warp as wp
 from .control import (
     BOW_MOMENT,
     FORCE_FACTOR,
+    FORCE_PART,
     GRADIENT,
+    KINETIC_PART,
     LENGTH_FACTOR,
     LOOK_AHEAD,
+    PARTIAL_COUNT,
     SLOPE_FACTOR,
+    SPEED_PART,
     STATUS,
     STATUS_RUNNING,
     STEP,
+    STRONGEST_PART,
     TIME_STEP,
     VELOCITY_FACTOR,
 )
+from .native import constants
 from .wires import rounding_phase
 
 BLOCK_SIZE = 128
@@ -270,7 +276,7 @@ _BLOCK_STEP = r"""
     coordinate* __restrict moved_x = ux_out.data + offset_of_block;
     coordinate* __restrict moved_y = uy_out.data + offset_of_block;
     real qq[SPAN], ff[SPAN];
-    real power = 0, by_mass = 0, kinetic = 0, square = 0;
+    real kinetic = 0, square = 0;
     const real counts = time_step / unit;
     const real still = sizeof(real) == 4 ? real(1e-18) : real(1e-150);
     {
@@ -286,8 +292,6 @@ _BLOCK_STEP = r"""
         qx = (qx < still && qx > -still) ? real(0) : qx;
         qy = (qy < still && qy > -still) ? real(0) : qy;
         const real q2 = qx * qx + qy * qy;
-        power += fx[k] * px + fy[k] * py;
-        by_mass += f2 * im;
         kinetic += q2 * rm[k];
         square += f2;
         speed_x[k] = qx;
@@ -315,13 +319,11 @@ _BLOCK_STEP = r"""
         strongest = strong[l] > strongest ? strong[l] : strongest;
         fastest = fast[l] > fastest ? fast[l] : fastest;
     }
-    double* partial_row = partial.data + 6 * block;
-    partial_row[0] = power;
-    partial_row[1] = by_mass;
-    partial_row[2] = kinetic / mass_factor;
-    partial_row[3] = fastest;
-    partial_row[4] = strongest;
-    partial_row[5] = square;
+    double* partial_row = partial.data + PARTIAL_COUNT * block;
+    partial_row[KINETIC_PART] = kinetic / mass_factor;
+    partial_row[SPEED_PART] = fastest;
+    partial_row[STRONGEST_PART] = strongest;
+    partial_row[FORCE_PART] = square;
 """
 
 
@@ -358,16 +360,21 @@ ATAN_DOUBLE = (
 )
 
 
+_CONSTANTS = constants(
+    BLOCK_SIZE=BLOCK_SIZE,
+    BLOCK_PAD=BLOCK_PAD,
+    PARTIAL_COUNT=PARTIAL_COUNT,
+    KINETIC_PART=KINETIC_PART,
+    SPEED_PART=SPEED_PART,
+    STRONGEST_PART=STRONGEST_PART,
+    FORCE_PART=FORCE_PART,
+)
+
+
 def _block_step_snippet(coordinate: str, count: str, shift: str) -> str:
-    return (
-        _BLOCK_STEP.replace("BLOCK_SIZE", str(BLOCK_SIZE))
-        .replace("BLOCK_PAD", str(BLOCK_PAD))
-        .replace("ATAN_SINGLE", _polynomial(ATAN_SINGLE, "z"))
-        .replace("ATAN_DOUBLE", _polynomial(ATAN_DOUBLE, "z"))
-        .replace("COORDINATE", coordinate)
-        .replace("COUNT", count)
-        .replace("SHIFT", shift)
-    )
+    return _CONSTANTS + _BLOCK_STEP.replace("ATAN_SINGLE", _polynomial(ATAN_SINGLE, "z")).replace(
+        "ATAN_DOUBLE", _polynomial(ATAN_DOUBLE, "z")
+    ).replace("COORDINATE", coordinate).replace("COUNT(", f"{count}(").replace("SHIFT", shift)
 
 
 @wp.func_native(_block_step_snippet("int", "(int)floor", "+ phase"))
