@@ -17,21 +17,26 @@ from .control import (
     BODY_INVERSE_MASS,
     DRIVE,
     FORCE_FACTOR,
+    FORCE_PART,
     GRADIENT,
+    KINETIC_PART,
     LOOK_AHEAD,
+    PARTIAL_COUNT,
+    SPEED_PART,
     STATUS,
     STATUS_RUNNING,
+    STRONGEST_PART,
     TIME_STEP,
     VELOCITY_FACTOR,
 )
 
 
 @wp.func
-def moved_on_ground(control: wp.array(dtype=wp.float64), ux: wp.float64, uy: wp.float64, x: wp.float64, y: wp.float64):
+def moved_on_ground(control: wp.array(dtype=wp.float64), body_ux: wp.float64, body_uy: wp.float64, x: wp.float64, y: wp.float64):
     """Displacement [m] on the ground of what rests at (x, y)."""
     one = wp.float64(1.0)
-    dx = ux + (control[GRADIENT] - one) * x + control[GRADIENT + 1] * y
-    dy = uy + control[GRADIENT + 2] * x + (control[GRADIENT + 3] - one) * y
+    dx = body_ux + (control[GRADIENT] - one) * x + control[GRADIENT + 1] * y
+    dy = body_uy + control[GRADIENT + 2] * x + (control[GRADIENT + 3] - one) * y
     return wp.vec2d(dx, dy)
 
 
@@ -59,45 +64,43 @@ def step_anchored_bodies(
     # state in and out
     anchor_x: wp.array(dtype=wp.float64),
     anchor_y: wp.array(dtype=wp.float64),
-    ux: wp.array(dtype=wp.float64),
-    uy: wp.array(dtype=wp.float64),
-    vx: wp.array(dtype=wp.float64),
-    vy: wp.array(dtype=wp.float64),
+    body_ux: wp.array(dtype=wp.float64),
+    body_uy: wp.array(dtype=wp.float64),
+    body_vx: wp.array(dtype=wp.float64),
+    body_vy: wp.array(dtype=wp.float64),
     # out
-    partial: wp.array2d(dtype=wp.float64),
+    body_partial: wp.array2d(dtype=wp.float64),
 ):
     """One thread steps all bodies: there are few. `anchor` [m] is a displacement on the ground."""
     if control[STATUS] != STATUS_RUNNING:
         return
     inverse_mass = control[BODY_INVERSE_MASS]
     ahead = control[LOOK_AHEAD]
-    for column in range(6):
-        partial[0, column] = wp.float64(0.0)
-    for body in range(ux.shape[0]):
+    for column in range(PARTIAL_COUNT):
+        body_partial[0, column] = wp.float64(0.0)
+    for body in range(body_ux.shape[0]):
         f = wp.vec2d(wp.float64(0.0), wp.float64(0.0))
         for k in range(2):
             if pair_force[2 * body + k] != wp.float64(0.0):
                 f += wp.vec2d(pair_body_x[2 * body + k], pair_body_y[2 * body + k])
         anchor = wp.vec2d(anchor_x[body], anchor_y[body])
-        d = moved_on_ground(control, ux[body], uy[body], body_origin_x[body], body_origin_y[body]) - anchor
+        d = moved_on_ground(control, body_ux[body], body_uy[body], body_origin_x[body], body_origin_y[body]) - anchor
         slip = slipped(d, stiffness, limit)
         f -= stiffness * (d - slip)
         if control[DRIVE] != wp.float64(0.0):
             anchor_x[body] = anchor[0] + slip[0]
             anchor_y[body] = anchor[1] + slip[1]
-        p = wp.vec2d(vx[body], vy[body])
+        p = wp.vec2d(body_vx[body], body_vy[body])
         q = control[VELOCITY_FACTOR] * p + control[FORCE_FACTOR] * inverse_mass * f
         move = control[TIME_STEP] * (q + ahead * (q - p))
-        vx[body] = q[0]
-        vy[body] = q[1]
-        ux[body] = ux[body] + move[0]
-        uy[body] = uy[body] + move[1]
-        partial[0, 0] += wp.dot(f, p)
-        partial[0, 1] += wp.dot(f, f) * inverse_mass
-        partial[0, 2] += wp.dot(q, q) / inverse_mass
-        partial[0, 3] = wp.max(partial[0, 3], wp.dot(q, q))
-        partial[0, 4] = wp.max(partial[0, 4], wp.dot(f, f))
-        partial[0, 5] += wp.dot(f, f)
+        body_vx[body] = q[0]
+        body_vy[body] = q[1]
+        body_ux[body] = body_ux[body] + move[0]
+        body_uy[body] = body_uy[body] + move[1]
+        body_partial[0, KINETIC_PART] += wp.dot(q, q) / inverse_mass
+        body_partial[0, SPEED_PART] = wp.max(body_partial[0, SPEED_PART], wp.dot(q, q))
+        body_partial[0, STRONGEST_PART] = wp.max(body_partial[0, STRONGEST_PART], wp.dot(f, f))
+        body_partial[0, FORCE_PART] += wp.dot(f, f)
 
 
 @wp.kernel
@@ -108,8 +111,8 @@ def draw_anchors(
     limit: wp.float64,
     body_origin_x: wp.array(dtype=wp.float64),
     body_origin_y: wp.array(dtype=wp.float64),
-    ux: wp.array(dtype=wp.float64),
-    uy: wp.array(dtype=wp.float64),
+    body_ux: wp.array(dtype=wp.float64),
+    body_uy: wp.array(dtype=wp.float64),
     # in and out
     anchor_x: wp.array(dtype=wp.float64),
     anchor_y: wp.array(dtype=wp.float64),
@@ -117,7 +120,7 @@ def draw_anchors(
     """Anchors whose spring is at the limit follow their body until it is just there."""
     body = wp.tid()
     anchor = wp.vec2d(anchor_x[body], anchor_y[body])
-    d = moved_on_ground(control, ux[body], uy[body], body_origin_x[body], body_origin_y[body]) - anchor
+    d = moved_on_ground(control, body_ux[body], body_uy[body], body_origin_x[body], body_origin_y[body]) - anchor
     slip = slipped(d, stiffness, limit)
     anchor_x[body] = anchor[0] + slip[0]
     anchor_y[body] = anchor[1] + slip[1]

@@ -14,13 +14,19 @@ import warp as wp
 from .control import (
     BODY_INVERSE_MASS,
     FORCE_FACTOR,
+    FORCE_PART,
+    KINETIC_PART,
     LOOK_AHEAD,
+    PARTIAL_COUNT,
+    SPEED_PART,
     STATUS,
     STATUS_RUNNING,
     STEP,
+    STRONGEST_PART,
     TIME_STEP,
     VELOCITY_FACTOR,
 )
+from .native import constants
 from .wires import rounding_phase
 
 BODY_BLOCK = 32
@@ -28,17 +34,19 @@ FREE_FLIGHT = 0.9  # of its speed that a free body keeps a step: it flies nine s
 
 _STEP = r"""
     typedef decltype(unit) real;
+    typedef decltype(ux.data[0] + ux.data[0]) coordinate;
+    const bool counted = coordinate(0.5) == coordinate(0);  // see wires_by_block.py
     const real zero = 0, counts = time_step / unit;
     const real still = sizeof(real) == 4 ? real(1e-18) : real(1e-150);
     const real* __restrict force = pair_force.data + 2 * begin;
     const real* __restrict on_x = pair_body_x.data + 2 * begin;
     const real* __restrict on_y = pair_body_y.data + 2 * begin;
-    COORDINATE* __restrict moved_x = ux.data + begin;
-    COORDINATE* __restrict moved_y = uy.data + begin;
+    coordinate* __restrict moved_x = ux.data + begin;
+    coordinate* __restrict moved_y = uy.data + begin;
     real* __restrict speed_x = vx.data + begin;
     real* __restrict speed_y = vy.data + begin;
     const int count = end - begin;
-    real power = 0, square = 0, speed = 0, ff[BODY_BLOCK], qq[BODY_BLOCK];
+    real square = 0, speed = 0, ff[BODY_BLOCK], qq[BODY_BLOCK];
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
@@ -55,10 +63,11 @@ _STEP = r"""
         qy = (qy < still && qy > -still) ? zero : qy;
         speed_x[i] = qx;
         speed_y[i] = qy;
-        moved_x[i] = moved_x[i] + COUNT((qx + look_ahead * (qx - px)) * counts SHIFT);
-        moved_y[i] = moved_y[i] + COUNT((qy + look_ahead * (qy - py)) * counts SHIFT);
+        const real move_x = (qx + look_ahead * (qx - px)) * counts;
+        moved_x[i] += counted ? coordinate(floor(move_x + phase)) : coordinate(move_x);
+        const real move_y = (qy + look_ahead * (qy - py)) * counts;
+        moved_y[i] += counted ? coordinate(floor(move_y + phase)) : coordinate(move_y);
         const real f2 = fx * fx + fy * fy, q2 = qx * qx + qy * qy;
-        power += fx * px + fy * py;
         square += f2;
         speed += q2;
         // a body that one wire drags along is on its way, not out of balance
@@ -71,27 +80,26 @@ _STEP = r"""
         strongest = ff[i] > strongest ? ff[i] : strongest;
         fastest = qq[i] > fastest ? qq[i] : fastest;
     }
-    double* row = partial.data + 6 * block;
-    row[0] = power;
-    row[1] = double(square) * inverse_mass;
-    row[2] = double(speed) / inverse_mass;
-    row[3] = fastest;
-    row[4] = strongest;
-    row[5] = square;
+    double* row = partial.data + PARTIAL_COUNT * block;
+    row[KINETIC_PART] = double(speed) / inverse_mass;
+    row[SPEED_PART] = fastest;
+    row[STRONGEST_PART] = strongest;
+    row[FORCE_PART] = square;
 """
 
 
-def _snippet(coordinate: str, count: str, shift: str) -> str:
-    return (
-        _STEP.replace("BODY_BLOCK", str(BODY_BLOCK))
-        .replace("FREE_FLIGHT", str(FREE_FLIGHT))
-        .replace("COORDINATE", coordinate)
-        .replace("COUNT", count)
-        .replace("SHIFT", shift)
-    )
+_CONSTANTS = constants(
+    BODY_BLOCK=BODY_BLOCK,
+    FREE_FLIGHT=FREE_FLIGHT,
+    PARTIAL_COUNT=PARTIAL_COUNT,
+    KINETIC_PART=KINETIC_PART,
+    SPEED_PART=SPEED_PART,
+    STRONGEST_PART=STRONGEST_PART,
+    FORCE_PART=FORCE_PART,
+)
 
 
-@wp.func_native(_snippet("int", "(int)floor", "+ phase"))
+@wp.func_native(_CONSTANTS + _STEP)
 def step_block_of_bodies(
     # bodies of the block
     block: wp.int32,
@@ -99,51 +107,22 @@ def step_block_of_bodies(
     end: wp.int32,
     slow_when_free: wp.int32,
     # what steers the step
-    unit: wp.float32,
-    inverse_mass: wp.float32,
-    velocity_factor: wp.float32,
-    force_factor: wp.float32,
-    time_step: wp.float32,
-    look_ahead: wp.float32,
-    phase: wp.float32,
+    unit: Any,
+    inverse_mass: Any,
+    velocity_factor: Any,
+    force_factor: Any,
+    time_step: Any,
+    look_ahead: Any,
+    phase: Any,
     # contact
-    pair_force: wp.array(dtype=wp.float32),
-    pair_body_x: wp.array(dtype=wp.float32),
-    pair_body_y: wp.array(dtype=wp.float32),
+    pair_force: wp.array(dtype=Any),
+    pair_body_x: wp.array(dtype=Any),
+    pair_body_y: wp.array(dtype=Any),
     # state in and out
-    ux: wp.array(dtype=wp.int32),
-    uy: wp.array(dtype=wp.int32),
-    vx: wp.array(dtype=wp.float32),
-    vy: wp.array(dtype=wp.float32),
-    # out
-    partial: wp.array2d(dtype=wp.float64),
-): ...
-
-
-@wp.func_native(_snippet("double", "", ""))
-def step_block_of_bodies(  # noqa: F811  (an overload)
-    # bodies of the block
-    block: wp.int32,
-    begin: wp.int32,
-    end: wp.int32,
-    slow_when_free: wp.int32,
-    # what steers the step
-    unit: wp.float64,
-    inverse_mass: wp.float64,
-    velocity_factor: wp.float64,
-    force_factor: wp.float64,
-    time_step: wp.float64,
-    look_ahead: wp.float64,
-    phase: wp.float64,
-    # contact
-    pair_force: wp.array(dtype=wp.float64),
-    pair_body_x: wp.array(dtype=wp.float64),
-    pair_body_y: wp.array(dtype=wp.float64),
-    # state in and out
-    ux: wp.array(dtype=wp.float64),
-    uy: wp.array(dtype=wp.float64),
-    vx: wp.array(dtype=wp.float64),
-    vy: wp.array(dtype=wp.float64),
+    ux: wp.array(dtype=Any),
+    uy: wp.array(dtype=Any),
+    vx: wp.array(dtype=Any),
+    vy: wp.array(dtype=Any),
     # out
     partial: wp.array2d(dtype=wp.float64),
 ): ...

@@ -13,6 +13,7 @@ import warp as wp
 
 from .contact import CLOSEST_POINT_DOUBLE, CLOSEST_POINT_ITERATIONS, CLOSEST_POINT_SINGLE, CURVE_COEFFICIENTS
 from .control import CONTACT_STIFFNESS, GRADIENT, LENGTH_FACTOR, STATUS, STATUS_RUNNING, TRAVEL
+from .native import constants
 
 PAIR_BATCH = wp.constant(16)  # pairs
 CACHED_NODES = 4  # indices a pair: the nodes whose place the curve depends on
@@ -267,39 +268,38 @@ _BATCH = r"""
 
 UNCACHED = -(2**30)  # in cached_slide: nothing is kept yet
 
-_SNIPPET = (
-    _BATCH.replace("CLOSEST_POINT_ITERATIONS", str(CLOSEST_POINT_ITERATIONS))
-    .replace("CLOSEST_POINT_DOUBLE", repr(float(CLOSEST_POINT_DOUBLE)))
-    .replace("CLOSEST_POINT_SINGLE", repr(float(CLOSEST_POINT_SINGLE)))
-    .replace("CURVE_COEFFICIENTS", str(CURVE_COEFFICIENTS))
-    .replace("CACHED_NODES", str(CACHED_NODES))
-    .replace("CACHED_NUMBERS", str(CACHED_NUMBERS))
-    .replace("PAIR_BATCH", str(int(PAIR_BATCH)))
-    .replace("UNCACHED", str(UNCACHED))
+_CONSTANTS = constants(
+    PAIR_BATCH=PAIR_BATCH,
+    CACHED_NODES=CACHED_NODES,
+    CACHED_NUMBERS=CACHED_NUMBERS,
+    CURVE_COEFFICIENTS=CURVE_COEFFICIENTS,
+    CLOSEST_POINT_ITERATIONS=CLOSEST_POINT_ITERATIONS,
+    CLOSEST_POINT_SINGLE=CLOSEST_POINT_SINGLE,
+    CLOSEST_POINT_DOUBLE=CLOSEST_POINT_DOUBLE,
 )
 
 
-@wp.func_native(_SNIPPET)
+@wp.func_native(_CONSTANTS + _BATCH)
 def contact_of_batch(
     # batch of pairs
     batch: wp.int32,
     pairs: wp.int32,
     # what steers the step
     travel: wp.float64,
-    unit: wp.float32,
-    fxx: wp.float32,
-    fxy: wp.float32,
-    fyx: wp.float32,
-    fyy: wp.float32,
-    reach_at_rest: wp.float32,
-    reach: wp.float32,
-    stiffness: wp.float32,
+    unit: Any,
+    fxx: Any,
+    fxy: Any,
+    fyx: Any,
+    fyy: Any,
+    reach_at_rest: Any,
+    reach: Any,
+    stiffness: Any,
     # rest data of one repeat
-    table_x: wp.array(dtype=wp.int32),
-    table_y: wp.array(dtype=wp.int32),
-    rest_x: wp.array(dtype=wp.float32),
-    rest_y: wp.array(dtype=wp.float32),
-    curve: wp.array2d(dtype=wp.float32),
+    table_x: wp.array(dtype=Any),
+    table_y: wp.array(dtype=Any),
+    rest_x: wp.array(dtype=Any),
+    rest_y: wp.array(dtype=Any),
+    curve: wp.array2d(dtype=Any),
     # pairs
     pair_wire: wp.array(dtype=wp.int32),
     pair_seed: wp.array(dtype=wp.int32),
@@ -307,89 +307,32 @@ def contact_of_batch(
     pair_low: wp.array(dtype=wp.int32),
     pair_high: wp.array(dtype=wp.int32),
     pair_side: wp.array(dtype=wp.int32),
-    pair_rest_x: wp.array(dtype=wp.int32),
-    pair_rest_y: wp.array(dtype=wp.int32),
-    pair_wake: wp.array(dtype=wp.float32),
-    pair_offset: wp.array(dtype=wp.float32),
+    pair_rest_x: wp.array(dtype=Any),
+    pair_rest_y: wp.array(dtype=Any),
+    pair_wake: wp.array(dtype=Any),
+    pair_offset: wp.array(dtype=Any),
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
     wire_closed: wp.array(dtype=wp.int32),
     # state in
-    ux: wp.array(dtype=wp.int32),
-    uy: wp.array(dtype=wp.int32),
-    body_ux: wp.array(dtype=wp.int32),
-    body_uy: wp.array(dtype=wp.int32),
+    ux: wp.array(dtype=Any),
+    uy: wp.array(dtype=Any),
+    body_ux: wp.array(dtype=Any),
+    body_uy: wp.array(dtype=Any),
     # state in and out
     pair_slide: wp.array(dtype=wp.int32),
-    pair_u: wp.array(dtype=wp.float32),
+    pair_u: wp.array(dtype=Any),
     cached_slide: wp.array(dtype=wp.int32),
     cached_node: wp.array(dtype=wp.int32),
-    cached_number: wp.array(dtype=wp.float32),
+    cached_number: wp.array(dtype=Any),
     # out
     pair_node: wp.array(dtype=wp.int32),
-    pair_gap: wp.array(dtype=wp.float32),
-    pair_force: wp.array(dtype=wp.float32),
-    pair_body_x: wp.array(dtype=wp.float32),
-    pair_body_y: wp.array(dtype=wp.float32),
-    pair_nodal_x: wp.array(dtype=wp.float32),
-    pair_nodal_y: wp.array(dtype=wp.float32),
-): ...
-
-
-@wp.func_native(_SNIPPET)
-def contact_of_batch(  # noqa: F811  (an overload)
-    # batch of pairs
-    batch: wp.int32,
-    pairs: wp.int32,
-    # what steers the step
-    travel: wp.float64,
-    unit: wp.float64,
-    fxx: wp.float64,
-    fxy: wp.float64,
-    fyx: wp.float64,
-    fyy: wp.float64,
-    reach_at_rest: wp.float64,
-    reach: wp.float64,
-    stiffness: wp.float64,
-    # rest data of one repeat
-    table_x: wp.array(dtype=wp.float64),
-    table_y: wp.array(dtype=wp.float64),
-    rest_x: wp.array(dtype=wp.float64),
-    rest_y: wp.array(dtype=wp.float64),
-    curve: wp.array2d(dtype=wp.float64),
-    # pairs
-    pair_wire: wp.array(dtype=wp.int32),
-    pair_seed: wp.array(dtype=wp.int32),
-    pair_table: wp.array(dtype=wp.int32),
-    pair_low: wp.array(dtype=wp.int32),
-    pair_high: wp.array(dtype=wp.int32),
-    pair_side: wp.array(dtype=wp.int32),
-    pair_rest_x: wp.array(dtype=wp.float64),
-    pair_rest_y: wp.array(dtype=wp.float64),
-    pair_wake: wp.array(dtype=wp.float64),
-    pair_offset: wp.array(dtype=wp.float64),
-    wire_first: wp.array(dtype=wp.int32),
-    wire_count: wp.array(dtype=wp.int32),
-    wire_closed: wp.array(dtype=wp.int32),
-    # state in
-    ux: wp.array(dtype=wp.float64),
-    uy: wp.array(dtype=wp.float64),
-    body_ux: wp.array(dtype=wp.float64),
-    body_uy: wp.array(dtype=wp.float64),
-    # state in and out
-    pair_slide: wp.array(dtype=wp.int32),
-    pair_u: wp.array(dtype=wp.float64),
-    cached_slide: wp.array(dtype=wp.int32),
-    cached_node: wp.array(dtype=wp.int32),
-    cached_number: wp.array(dtype=wp.float64),
-    # out
-    pair_node: wp.array(dtype=wp.int32),
-    pair_gap: wp.array(dtype=wp.float64),
-    pair_force: wp.array(dtype=wp.float64),
-    pair_body_x: wp.array(dtype=wp.float64),
-    pair_body_y: wp.array(dtype=wp.float64),
-    pair_nodal_x: wp.array(dtype=wp.float64),
-    pair_nodal_y: wp.array(dtype=wp.float64),
+    pair_gap: wp.array(dtype=Any),
+    pair_force: wp.array(dtype=Any),
+    pair_body_x: wp.array(dtype=Any),
+    pair_body_y: wp.array(dtype=Any),
+    pair_nodal_x: wp.array(dtype=Any),
+    pair_nodal_y: wp.array(dtype=Any),
 ): ...
 
 

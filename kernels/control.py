@@ -48,8 +48,6 @@ TRAVEL_LIMIT = wp.constant(32)
 STATUS = wp.constant(33)
 STEP = wp.constant(34)  # steps taken
 # sums over the step just taken
-POWER = wp.constant(35)  # [W] sum f.v
-FORCE_SQUARE_BY_MASS = wp.constant(36)  # sum f^2/m
 KINETIC_TWICE = wp.constant(37)  # [J] sum m v^2
 SPEED_MAX = wp.constant(38)  # [m/s]
 FORCE_MAX = wp.constant(39)  # [N]
@@ -66,7 +64,12 @@ STATUS_RUNNING = wp.constant(wp.float64(0.0))
 STATUS_STALE = wp.constant(wp.float64(1.0))
 STATUS_DIVERGED = wp.constant(wp.float64(2.0))
 
-PARTIAL_COUNT = 6  # columns of the partial sums: power, f^2/m, m v^2, largest v^2, largest f^2, f^2
+# columns of the partial sums, a row for every block of nodes and of bodies
+KINETIC_PART = wp.constant(0)  # [J] sum m v^2
+SPEED_PART = wp.constant(1)  # [m2/s2] largest v^2
+STRONGEST_PART = wp.constant(2)  # [N2] largest f^2
+FORCE_PART = wp.constant(3)  # [N2] sum f^2
+PARTIAL_COUNT = 4
 
 
 @wp.func
@@ -111,12 +114,10 @@ partial_sums = wp.types.vector(length=PARTIAL_COUNT, dtype=wp.float64)
 def add_rows(sums: partial_sums, partial: wp.array2d(dtype=wp.float64)):
     """Add the rows in their order; of the two largest squares take the larger."""
     for b in range(partial.shape[0]):
-        sums[0] += partial[b, 0]
-        sums[1] += partial[b, 1]
-        sums[2] += partial[b, 2]
-        sums[3] = wp.max(sums[3], partial[b, 3])
-        sums[4] = wp.max(sums[4], partial[b, 4])
-        sums[5] += partial[b, 5]
+        sums[KINETIC_PART] += partial[b, KINETIC_PART]
+        sums[SPEED_PART] = wp.max(sums[SPEED_PART], partial[b, SPEED_PART])
+        sums[STRONGEST_PART] = wp.max(sums[STRONGEST_PART], partial[b, STRONGEST_PART])
+        sums[FORCE_PART] += partial[b, FORCE_PART]
     return sums
 
 
@@ -142,14 +143,12 @@ def renew_control(
 ):
     """Sum the partial sums in their order, watch the limits, set the factors of the next step and move the load."""
     sums = add_rows(add_rows(partial_sums(), wire_partial), body_partial)
-    kinetic = sums[2]
-    finite = wp.isfinite(kinetic) and wp.isfinite(sums[5])
-    control[POWER] = sums[0]
-    control[FORCE_SQUARE_BY_MASS] = sums[1]
+    kinetic = sums[KINETIC_PART]
+    finite = wp.isfinite(kinetic) and wp.isfinite(sums[FORCE_PART])
     control[KINETIC_TWICE] = kinetic
-    control[SPEED_MAX] = wp.sqrt(sums[3])
-    control[FORCE_MAX] = wp.sqrt(sums[4])
-    control[FORCE_SQUARE] = sums[5]
+    control[SPEED_MAX] = wp.sqrt(sums[SPEED_PART])
+    control[FORCE_MAX] = wp.sqrt(sums[STRONGEST_PART])
+    control[FORCE_SQUARE] = sums[FORCE_PART]
     control[STEP] = control[STEP] + wp.float64(1.0)
     control[DISSIPATED] = control[DISSIPATED] + control[DAMPING] * control[TIME_STEP] * kinetic
     move = control[SPEED_MAX] * control[TIME_STEP]

@@ -119,8 +119,8 @@ def gather_node_forces(
 @wp.kernel
 def gather_body_forces(
     # bodies
-    body_x: wp.array(dtype=wp.float64),
-    body_y: wp.array(dtype=wp.float64),
+    body_origin_x: wp.array(dtype=wp.float64),
+    body_origin_y: wp.array(dtype=wp.float64),
     grid: Grid,
     # contact
     pair_force: wp.array(dtype=Any),
@@ -133,7 +133,7 @@ def gather_body_forces(
     body = wp.tid()
     for p in range(2 * body, 2 * body + 2):
         if pair_force[p] != pair_force.dtype(0.0):
-            gather(grid, body_x[body], body_y[body], wp.float64(pair_body_x[p]), wp.float64(pair_body_y[p]), force)
+            gather(grid, body_origin_x[body], body_origin_y[body], wp.float64(pair_body_x[p]), wp.float64(pair_body_y[p]), force)
 
 
 @wp.kernel
@@ -153,10 +153,10 @@ def spread_to_nodes(
     # in: displacement of the grid [m], and what changes in one repeat with its deformation gradient
     displacement: wp.array2d(dtype=wp.float64),
     cell_node: wp.array(dtype=wp.int32),
-    change_x: wp.array2d(dtype=wp.float64),
-    change_y: wp.array2d(dtype=wp.float64),
-    change_tension: wp.array2d(dtype=wp.float64),
-    change_strain: wp.array2d(dtype=wp.float64),
+    cell_x: wp.array2d(dtype=wp.float64),
+    cell_y: wp.array2d(dtype=wp.float64),
+    cell_tension: wp.array2d(dtype=wp.float64),
+    cell_strain: wp.array2d(dtype=wp.float64),
     unit: Any,
     # in and out
     ux: wp.array(dtype=Any),
@@ -165,7 +165,7 @@ def spread_to_nodes(
 ):
     """Move every node with the grid, and as the node of a repeat that comes to rest under the same strain.
 
-    `cell_node[entry]` is the node of the repeat; `change_*[gradient entry, node]` are displacement [m], tension [N] and
+    `cell_node[entry]` is the node of the repeat; `cell_*[gradient entry, node]` are displacement [m], tension [N] and
     softened strain [-].
     """
     thread = wp.tid()
@@ -178,24 +178,24 @@ def spread_to_nodes(
     moved, gradient = spread(grid, place_x[t] + block_origin_x[block], place_y[t] + block_origin_y[block], displacement)
     node = cell_node[t]
     per_count = wp.float64(1.0) / wp.float64(unit)
-    ux[i] = ux[i] + ux.dtype((moved[0] + weighed(change_x, node, gradient)) * per_count)
-    uy[i] = uy[i] + uy.dtype((moved[1] + weighed(change_y, node, gradient)) * per_count)
-    softened = wp.float64(wire_axial[block_wire[block]]) * weighed(change_strain, node, gradient)
-    tension_offset[i] = tension_offset[i] + tension_offset.dtype(weighed(change_tension, node, gradient) - softened)
+    ux[i] = ux[i] + ux.dtype((moved[0] + weighed(cell_x, node, gradient)) * per_count)
+    uy[i] = uy[i] + uy.dtype((moved[1] + weighed(cell_y, node, gradient)) * per_count)
+    softened = wp.float64(wire_axial[block_wire[block]]) * weighed(cell_strain, node, gradient)
+    tension_offset[i] = tension_offset[i] + tension_offset.dtype(weighed(cell_tension, node, gradient) - softened)
 
 
 @wp.kernel
 def spread_to_bodies(
     # bodies
-    body_x: wp.array(dtype=wp.float64),
-    body_y: wp.array(dtype=wp.float64),
+    body_origin_x: wp.array(dtype=wp.float64),
+    body_origin_y: wp.array(dtype=wp.float64),
     body_clasp: wp.array(dtype=wp.int32),
     grid: Grid,
     # in: see spread_to_nodes; offsets of pairs [N]
     displacement: wp.array2d(dtype=wp.float64),
-    change_x: wp.array2d(dtype=wp.float64),
-    change_y: wp.array2d(dtype=wp.float64),
-    change_offset: wp.array2d(dtype=wp.float64),
+    cell_x: wp.array2d(dtype=wp.float64),
+    cell_y: wp.array2d(dtype=wp.float64),
+    cell_offset: wp.array2d(dtype=wp.float64),
     unit: Any,
     # in and out
     ux: wp.array(dtype=Any),
@@ -204,12 +204,12 @@ def spread_to_bodies(
 ):
     """The same for bodies and their pairs."""
     body = wp.tid()
-    moved, gradient = spread(grid, body_x[body], body_y[body], displacement)
+    moved, gradient = spread(grid, body_origin_x[body], body_origin_y[body], displacement)
     clasp = body_clasp[body]
     per_count = wp.float64(1.0) / wp.float64(unit)
-    ux[body] = ux[body] + ux.dtype((moved[0] + weighed(change_x, clasp, gradient)) * per_count)
-    uy[body] = uy[body] + uy.dtype((moved[1] + weighed(change_y, clasp, gradient)) * per_count)
+    ux[body] = ux[body] + ux.dtype((moved[0] + weighed(cell_x, clasp, gradient)) * per_count)
+    uy[body] = uy[body] + uy.dtype((moved[1] + weighed(cell_y, clasp, gradient)) * per_count)
     for side in range(2):
-        change = weighed(change_offset, 2 * clasp + side, gradient)
+        change = weighed(cell_offset, 2 * clasp + side, gradient)
         pair = 2 * body + side
         pair_offset[pair] = wp.max(pair_offset.dtype(0.0), pair_offset[pair] + pair_offset.dtype(change))

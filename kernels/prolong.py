@@ -225,8 +225,8 @@ def prolong_bodies(
     body_clasp: wp.array(dtype=wp.int32),
     body_column: wp.array(dtype=wp.int32),
     body_row: wp.array(dtype=wp.int32),
-    body_x: wp.array(dtype=wp.float64),
-    body_y: wp.array(dtype=wp.float64),
+    body_origin_x: wp.array(dtype=wp.float64),
+    body_origin_y: wp.array(dtype=wp.float64),
     body_from_end: wp.array(dtype=wp.int32),
     # the two meshes
     m: Meshes,
@@ -247,7 +247,7 @@ def prolong_bodies(
 ):
     """The same for bodies and their pairs; `small_body[clasp, column, row]` is the body of the small mesh, or -1."""
     body = wp.tid()
-    place = wp.vec2d((body_x[body] - m.low[0]) / m.repeat[0], (body_y[body] - m.low[1]) / m.repeat[1])
+    place = wp.vec2d((body_origin_x[body] - m.low[0]) / m.repeat[0], (body_origin_y[body] - m.low[1]) / m.repeat[1])
     shift = shift_at(m, place)
     slope = slope_at(m, place)
     strained = wp.vec4d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))

@@ -12,7 +12,20 @@ with the factors of control.py. What it takes up is not out of balance; across, 
 
 import warp as wp
 
-from .control import FORCE_FACTOR, GRADIENT, LENGTH_FACTOR, LOOK_AHEAD, STATUS, STATUS_RUNNING, TIME_STEP, VELOCITY_FACTOR
+from .control import (
+    FORCE_FACTOR,
+    FORCE_PART,
+    GRADIENT,
+    KINETIC_PART,
+    LENGTH_FACTOR,
+    LOOK_AHEAD,
+    SPEED_PART,
+    STATUS,
+    STATUS_RUNNING,
+    STRONGEST_PART,
+    TIME_STEP,
+    VELOCITY_FACTOR,
+)
 from .rod_step import NODE_BLOCK
 
 
@@ -52,11 +65,9 @@ def move_clamps(
         clamp_velocity[s] = after
         slide = dt * (after + control[LOOK_AHEAD] * (after - before))
         speed_square = after * after
-        wp.atomic_add(partial, row, 0, push * before)
-        wp.atomic_add(partial, row, 1, push * push / mass)
-        wp.atomic_add(partial, row, 2, mass * speed_square)
-        wp.atomic_max(partial, row, 4, push * push)
-        wp.atomic_add(partial, row, 5, push * push)
+        wp.atomic_add(partial, row, KINETIC_PART, mass * speed_square)
+        wp.atomic_max(partial, row, STRONGEST_PART, push * push)
+        wp.atomic_add(partial, row, FORCE_PART, push * push)
     for k in range(2):
         i = clamp_node[s, k]
         lever = clamp_lever[s, k]
@@ -68,4 +79,4 @@ def move_clamps(
         displacement[i] = wp.vec3d(x, y, was[2])
         step = wp.vec2d(x - was[0], y - was[1]) / dt
         speed_square = wp.max(speed_square, wp.dot(step, step))
-    wp.atomic_max(partial, row, 3, speed_square)
+    wp.atomic_max(partial, row, SPEED_PART, speed_square)

@@ -10,7 +10,19 @@ Nodes and spins follow the two-term update of control.py.
 
 import warp as wp
 
-from .control import FORCE_FACTOR, LENGTH_FACTOR, LOOK_AHEAD, STATUS, STATUS_RUNNING, TIME_STEP, VELOCITY_FACTOR
+from .control import (
+    FORCE_FACTOR,
+    FORCE_PART,
+    KINETIC_PART,
+    LENGTH_FACTOR,
+    LOOK_AHEAD,
+    SPEED_PART,
+    STATUS,
+    STATUS_RUNNING,
+    STRONGEST_PART,
+    TIME_STEP,
+    VELOCITY_FACTOR,
+)
 from .stretch import axial_force
 
 NODE_BLOCK = 64  # nodes whose sums go into one row
@@ -113,9 +125,7 @@ def step_rods(
     force_square = wp.dot(f, f)
     speed_square = wp.dot(after, after)
     row = i / NODE_BLOCK
-    wp.atomic_add(partial, row, 0, wp.dot(f, before) + about * spin_before)
-    wp.atomic_add(partial, row, 1, force_square / mass + about * about / inertia)
-    wp.atomic_add(partial, row, 2, mass * speed_square + inertia * spin_after * spin_after)
-    wp.atomic_max(partial, row, 3, speed_square)
-    wp.atomic_max(partial, row, 4, force_square)
-    wp.atomic_add(partial, row, 5, force_square)
+    wp.atomic_add(partial, row, KINETIC_PART, mass * speed_square + inertia * spin_after * spin_after)
+    wp.atomic_max(partial, row, SPEED_PART, speed_square)
+    wp.atomic_max(partial, row, STRONGEST_PART, force_square)
+    wp.atomic_add(partial, row, FORCE_PART, force_square)

@@ -12,7 +12,17 @@ not out of balance.
 
 import warp as wp
 
-from .control import FORCE_FACTOR, GRADIENT, STATUS, STATUS_RUNNING, VELOCITY_FACTOR
+from .control import (
+    FORCE_FACTOR,
+    FORCE_PART,
+    GRADIENT,
+    KINETIC_PART,
+    SPEED_PART,
+    STATUS,
+    STATUS_RUNNING,
+    STRONGEST_PART,
+    VELOCITY_FACTOR,
+)
 
 
 @wp.kernel
@@ -57,9 +67,7 @@ def slide_clamps(
         uy[i + k] = place
     mass = wp.float64(2.0) * wire_mass[block_wire[block]] / inverse_mass[block_table[block]]
     force = (speed - control[VELOCITY_FACTOR] * before) * mass / control[FORCE_FACTOR]
-    partial[block, 0] = force * before
-    partial[block, 1] = force * force / mass
-    partial[block, 2] = mass * speed * speed
-    partial[block, 3] = speed * speed
-    partial[block, 4] = force * force
-    partial[block, 5] = force * force
+    partial[block, KINETIC_PART] = mass * speed * speed
+    partial[block, SPEED_PART] = speed * speed
+    partial[block, STRONGEST_PART] = force * force
+    partial[block, FORCE_PART] = force * force

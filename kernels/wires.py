@@ -19,13 +19,17 @@ from .clamp import bow_weights_at_clamp, edge_at_clamp, hinge_at_clamp, length_a
 from .control import (
     BOW_MOMENT,
     FORCE_FACTOR,
+    FORCE_PART,
     GRADIENT,
+    KINETIC_PART,
     LENGTH_FACTOR,
     LOOK_AHEAD,
     SLOPE_FACTOR,
+    SPEED_PART,
     STATUS,
     STATUS_RUNNING,
     STEP,
+    STRONGEST_PART,
     TIME_STEP,
     VELOCITY_FACTOR,
 )
@@ -254,9 +258,7 @@ def step_wires_by_node(
     uy_out[i] = uy_in[i] + round_count((qy + ahead * (qy - py)) * counts, phase, uy_in[i])
     force_square = wp.float64(fx * fx + fy * fy)
     speed_square = wp.float64(qx * qx + qy * qy)
-    wp.atomic_add(partial, block, 0, wp.float64(fx * px + fy * py))
-    wp.atomic_add(partial, block, 1, force_square * wp.float64(im))
-    wp.atomic_add(partial, block, 2, speed_square / wp.float64(im))
-    wp.atomic_max(partial, block, 3, speed_square)
-    wp.atomic_max(partial, block, 4, force_square)
-    wp.atomic_add(partial, block, 5, force_square)
+    wp.atomic_add(partial, block, KINETIC_PART, speed_square / wp.float64(im))
+    wp.atomic_max(partial, block, SPEED_PART, speed_square)
+    wp.atomic_max(partial, block, STRONGEST_PART, force_square)
+    wp.atomic_add(partial, block, FORCE_PART, force_square)

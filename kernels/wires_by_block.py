@@ -13,16 +13,22 @@ import warp as wp
 from .control import (
     BOW_MOMENT,
     FORCE_FACTOR,
+    FORCE_PART,
     GRADIENT,
+    KINETIC_PART,
     LENGTH_FACTOR,
     LOOK_AHEAD,
+    PARTIAL_COUNT,
     SLOPE_FACTOR,
+    SPEED_PART,
     STATUS,
     STATUS_RUNNING,
     STEP,
+    STRONGEST_PART,
     TIME_STEP,
     VELOCITY_FACTOR,
 )
+from .native import constants
 from .wires import rounding_phase
 
 BLOCK_SIZE = 128
@@ -32,7 +38,9 @@ BLOCK_PAD = 32  # table entries behind a block that may be read
 # segments k - 1 and k.
 _BLOCK_STEP = r"""
     typedef decltype(unit) real;
-    typedef COORDINATE coordinate;
+    typedef decltype(ux_in.data[0] + ux_in.data[0]) coordinate;
+    // counts are whole numbers, rounded by the phase of the step; metres are taken as they are
+    const bool counted = coordinate(0.5) == coordinate(0);
     // loops run over whole vectors: PAD places behind the last node hold numbers that nothing uses
     enum { LANES = 16, PAD = BLOCK_PAD, HALO = 3, SPAN = BLOCK_SIZE + 2 * HALO + PAD };
     const int count = block_count;
@@ -270,7 +278,7 @@ _BLOCK_STEP = r"""
     coordinate* __restrict moved_x = ux_out.data + offset_of_block;
     coordinate* __restrict moved_y = uy_out.data + offset_of_block;
     real qq[SPAN], ff[SPAN];
-    real power = 0, by_mass = 0, kinetic = 0, square = 0;
+    real kinetic = 0, square = 0;
     const real counts = time_step / unit;
     const real still = sizeof(real) == 4 ? real(1e-18) : real(1e-150);
     {
@@ -286,14 +294,14 @@ _BLOCK_STEP = r"""
         qx = (qx < still && qx > -still) ? real(0) : qx;
         qy = (qy < still && qy > -still) ? real(0) : qy;
         const real q2 = qx * qx + qy * qy;
-        power += fx[k] * px + fy[k] * py;
-        by_mass += f2 * im;
         kinetic += q2 * rm[k];
         square += f2;
         speed_x[k] = qx;
         speed_y[k] = qy;
-        moved_x[k] = cx[k] + COUNT((qx + look_ahead * (qx - px)) * counts SHIFT);
-        moved_y[k] = cy[k] + COUNT((qy + look_ahead * (qy - py)) * counts SHIFT);
+        const real move_x = (qx + look_ahead * (qx - px)) * counts;
+        moved_x[k] = cx[k] + (counted ? coordinate(floor(move_x + phase)) : coordinate(move_x));
+        const real move_y = (qy + look_ahead * (qy - py)) * counts;
+        moved_y[k] = cy[k] + (counted ? coordinate(floor(move_y + phase)) : coordinate(move_y));
         ff[k] = f2;
         qq[k] = q2;
     }
@@ -315,13 +323,11 @@ _BLOCK_STEP = r"""
         strongest = strong[l] > strongest ? strong[l] : strongest;
         fastest = fast[l] > fastest ? fast[l] : fastest;
     }
-    double* partial_row = partial.data + 6 * block;
-    partial_row[0] = power;
-    partial_row[1] = by_mass;
-    partial_row[2] = kinetic / mass_factor;
-    partial_row[3] = fastest;
-    partial_row[4] = strongest;
-    partial_row[5] = square;
+    double* partial_row = partial.data + PARTIAL_COUNT * block;
+    partial_row[KINETIC_PART] = kinetic / mass_factor;
+    partial_row[SPEED_PART] = fastest;
+    partial_row[STRONGEST_PART] = strongest;
+    partial_row[FORCE_PART] = square;
 """
 
 
@@ -358,19 +364,22 @@ ATAN_DOUBLE = (
 )
 
 
-def _block_step_snippet(coordinate: str, count: str, shift: str) -> str:
-    return (
-        _BLOCK_STEP.replace("BLOCK_SIZE", str(BLOCK_SIZE))
-        .replace("BLOCK_PAD", str(BLOCK_PAD))
-        .replace("ATAN_SINGLE", _polynomial(ATAN_SINGLE, "z"))
-        .replace("ATAN_DOUBLE", _polynomial(ATAN_DOUBLE, "z"))
-        .replace("COORDINATE", coordinate)
-        .replace("COUNT", count)
-        .replace("SHIFT", shift)
-    )
+_CONSTANTS = constants(
+    BLOCK_SIZE=BLOCK_SIZE,
+    BLOCK_PAD=BLOCK_PAD,
+    PARTIAL_COUNT=PARTIAL_COUNT,
+    KINETIC_PART=KINETIC_PART,
+    SPEED_PART=SPEED_PART,
+    STRONGEST_PART=STRONGEST_PART,
+    FORCE_PART=FORCE_PART,
+)
+
+_SNIPPET = _CONSTANTS + _BLOCK_STEP.replace("ATAN_SINGLE", _polynomial(ATAN_SINGLE, "z")).replace(
+    "ATAN_DOUBLE", _polynomial(ATAN_DOUBLE, "z")
+)
 
 
-@wp.func_native(_block_step_snippet("int", "(int)floor", "+ phase"))
+@wp.func_native(_SNIPPET)
 def block_step(
     # where
     block: wp.int32,
@@ -386,118 +395,52 @@ def block_step(
     held_end: wp.int32,
     gripped: wp.int32,
     wire: wp.int32,
-    wire_clamp: wp.array2d(dtype=wp.float32),
+    wire_clamp: wp.array2d(dtype=Any),
     # what steers the step
-    unit: wp.float32,
-    fxx: wp.float32,
-    fxy: wp.float32,
-    fyx: wp.float32,
-    fyy: wp.float32,
-    length_factor: wp.float32,
-    hinge_factor: wp.float32,
-    bow_moment: wp.float32,
-    slope_factor: wp.float32,
-    axial_stiffness: wp.float32,
-    mass_factor: wp.float32,
-    velocity_factor: wp.float32,
-    force_factor: wp.float32,
-    time_step: wp.float32,
-    look_ahead: wp.float32,
-    phase: wp.float32,
+    unit: Any,
+    fxx: Any,
+    fxy: Any,
+    fyx: Any,
+    fyy: Any,
+    length_factor: Any,
+    hinge_factor: Any,
+    bow_moment: Any,
+    slope_factor: Any,
+    axial_stiffness: Any,
+    mass_factor: Any,
+    velocity_factor: Any,
+    force_factor: Any,
+    time_step: Any,
+    look_ahead: Any,
+    phase: Any,
     # rest data
-    rest_x: wp.array(dtype=wp.float32),
-    rest_y: wp.array(dtype=wp.float32),
-    rest_length: wp.array(dtype=wp.float32),
-    inverse_length: wp.array(dtype=wp.float32),
-    rest_angle: wp.array(dtype=wp.float32),
-    hinge_stiffness: wp.array(dtype=wp.float32),
-    inverse_mass: wp.array(dtype=wp.float32),
-    node_mass: wp.array(dtype=wp.float32),
-    tension_offset: wp.array(dtype=wp.float32),
-    yield_moment: wp.float32,
-    kept_stiffness: wp.float32,
-    plastic_turn: wp.array(dtype=wp.float32),
-    back_turn: wp.array(dtype=wp.float32),
+    rest_x: wp.array(dtype=Any),
+    rest_y: wp.array(dtype=Any),
+    rest_length: wp.array(dtype=Any),
+    inverse_length: wp.array(dtype=Any),
+    rest_angle: wp.array(dtype=Any),
+    hinge_stiffness: wp.array(dtype=Any),
+    inverse_mass: wp.array(dtype=Any),
+    node_mass: wp.array(dtype=Any),
+    tension_offset: wp.array(dtype=Any),
+    yield_moment: Any,
+    kept_stiffness: Any,
+    plastic_turn: wp.array(dtype=Any),
+    back_turn: wp.array(dtype=Any),
     # contact and grips
     block_pair: wp.array(dtype=wp.int32),
     pair_node: wp.array(dtype=wp.int32),
-    pair_force: wp.array(dtype=wp.float32),
-    pair_nodal_x: wp.array(dtype=wp.float32),
-    pair_nodal_y: wp.array(dtype=wp.float32),
+    pair_force: wp.array(dtype=Any),
+    pair_nodal_x: wp.array(dtype=Any),
+    pair_nodal_y: wp.array(dtype=Any),
     held_node: wp.array(dtype=wp.int32),
     # state in, state out
-    ux_in: wp.array(dtype=wp.int32),
-    uy_in: wp.array(dtype=wp.int32),
-    vx: wp.array(dtype=wp.float32),
-    vy: wp.array(dtype=wp.float32),
-    ux_out: wp.array(dtype=wp.int32),
-    uy_out: wp.array(dtype=wp.int32),
-    partial: wp.array2d(dtype=wp.float64),
-): ...
-
-
-@wp.func_native(_block_step_snippet("double", "", ""))
-def block_step(
-    # where
-    block: wp.int32,
-    first: wp.int32,
-    block_count: wp.int32,
-    table: wp.int32,
-    wire_first: wp.int32,
-    wire_count: wp.int32,
-    closed: wp.int32,
-    pair_begin: wp.int32,
-    pair_end: wp.int32,
-    held_begin: wp.int32,
-    held_end: wp.int32,
-    gripped: wp.int32,
-    wire: wp.int32,
-    wire_clamp: wp.array2d(dtype=wp.float64),
-    # what steers the step
-    unit: wp.float64,
-    fxx: wp.float64,
-    fxy: wp.float64,
-    fyx: wp.float64,
-    fyy: wp.float64,
-    length_factor: wp.float64,
-    hinge_factor: wp.float64,
-    bow_moment: wp.float64,
-    slope_factor: wp.float64,
-    axial_stiffness: wp.float64,
-    mass_factor: wp.float64,
-    velocity_factor: wp.float64,
-    force_factor: wp.float64,
-    time_step: wp.float64,
-    look_ahead: wp.float64,
-    phase: wp.float64,
-    # rest data
-    rest_x: wp.array(dtype=wp.float64),
-    rest_y: wp.array(dtype=wp.float64),
-    rest_length: wp.array(dtype=wp.float64),
-    inverse_length: wp.array(dtype=wp.float64),
-    rest_angle: wp.array(dtype=wp.float64),
-    hinge_stiffness: wp.array(dtype=wp.float64),
-    inverse_mass: wp.array(dtype=wp.float64),
-    node_mass: wp.array(dtype=wp.float64),
-    tension_offset: wp.array(dtype=wp.float64),
-    yield_moment: wp.float64,
-    kept_stiffness: wp.float64,
-    plastic_turn: wp.array(dtype=wp.float64),
-    back_turn: wp.array(dtype=wp.float64),
-    # contact and grips
-    block_pair: wp.array(dtype=wp.int32),
-    pair_node: wp.array(dtype=wp.int32),
-    pair_force: wp.array(dtype=wp.float64),
-    pair_nodal_x: wp.array(dtype=wp.float64),
-    pair_nodal_y: wp.array(dtype=wp.float64),
-    held_node: wp.array(dtype=wp.int32),
-    # state in, state out
-    ux_in: wp.array(dtype=wp.float64),
-    uy_in: wp.array(dtype=wp.float64),
-    vx: wp.array(dtype=wp.float64),
-    vy: wp.array(dtype=wp.float64),
-    ux_out: wp.array(dtype=wp.float64),
-    uy_out: wp.array(dtype=wp.float64),
+    ux_in: wp.array(dtype=Any),
+    uy_in: wp.array(dtype=Any),
+    vx: wp.array(dtype=Any),
+    vy: wp.array(dtype=Any),
+    ux_out: wp.array(dtype=Any),
+    uy_out: wp.array(dtype=Any),
     partial: wp.array2d(dtype=wp.float64),
 ): ...
 

@@ -25,7 +25,7 @@ KERNELS = ROOT / "kernels"
 # A module imports from its own layer and from those above it in this list.
 LAYERS = (
     # what everything may use
-    {"errors", "files", "text", "processes", "kernels"},
+    {"errors", "files", "text", "processes", "kernels", "launch"},
     # ranks that share a mesh; the pattern; the form in which results leave
     {"ranks", "knit", "frame"},
     {"scene"},

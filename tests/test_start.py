@@ -10,10 +10,10 @@ import pytest
 
 from warpknit import measure
 from warpknit.kernels import control as c
+from warpknit.mesh.smaller import smaller_scene
 from warpknit.planar.membrane import Correction
 from warpknit.planar.model import Model, build_model
 from warpknit.planar.observables import node_entries, read
-from warpknit.mesh.smaller import smaller_scene
 from warpknit.planar.response import STRAIN, carried_values
 from warpknit.planar.state import State, initial_state
 from warpknit.scene import load_scene

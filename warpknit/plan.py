@@ -20,10 +20,10 @@ from .memory import available_memory, required_memory
 from .mesh.layout import SLIDE_ALLOWANCE, copies_of_cloth, estimated_nodes, knit_scene
 from .mesh.panel import table_lead
 from .mesh.rim import net_nodes
+from .mesh.smaller import smaller_scene
 from .mesh.table import rest_table
 from .planar.model import Model, build_model
 from .planar.numerics import Numbers, choose_numbers
-from .mesh.smaller import smaller_scene
 from .run.plane_limits import tight_loops
 from .scene import Scene
 from .scene.presets import PRESETS

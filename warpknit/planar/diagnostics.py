@@ -13,6 +13,7 @@ import numpy as np
 import warp as wp
 
 from ..kernels import look as k
+from ..launch import bind
 from ..mesh.panel import Panel
 from .model import Model
 from .observables import evaluation
@@ -25,11 +26,10 @@ class Sums:
     """What a look gave; of many replicas, the replica is the first axis of everything, and numbers are arrays [replica]."""
 
     strain_max: np.ndarray  # [wire] largest |strain| of an arc
-    error_max: np.ndarray  # [wire] largest |strain - tension/EA|
-    error_mean: np.ndarray  # [wire] |mean| of the same
+    error_mean: np.ndarray  # [wire] |mean| of strain - tension/EA
     tension_max: np.ndarray  # [wire] [N]
     turning_max: np.ndarray  # [wire] [rad] largest change of a turning angle
-    error_largest: np.ndarray | float  # the largest over all wires of the mesh
+    error_largest: np.ndarray | float  # largest |strain - tension/EA| over all wires of the mesh
     tension_largest: np.ndarray | float  # [N]
     turning_largest: np.ndarray | float  # [rad]
     tension_square: np.ndarray | float  # [N2] over all segments
@@ -65,7 +65,6 @@ def sum_up(model: Model, first: np.ndarray, wires: np.ndarray, pairs: np.ndarray
     *most, gap_max = ranks.largest(np.stack([*most, pairs[..., int(k.GAP_MAX)].max(axis=-1)]))
     return Sums(
         strain_max=largest[..., int(k.STRAIN_MAX)],
-        error_max=largest[..., int(k.ERROR_MAX)],
         error_mean=np.abs(error_sum) / panel.wire_count,
         tension_max=largest[..., int(k.TENSION_MAX)],
         turning_max=largest[..., int(k.TURNING_MAX)],
@@ -92,42 +91,22 @@ class Look:
         self._force_x, self._force_y, self.strain, self.tension, self.turning = scratch
         self._stepper = stepper
         shares = stepper.shares(len(panel.block_first))
-        self._evaluate = [[evaluation(model, state, parity, scratch, share).launch for share in shares] for parity in (0, 1)]
+        self._evaluate: list[list[Callable[[], object]]] = [
+            [evaluation(model, state, parity, scratch, share).launch for share in shares] for parity in (0, 1)
+        ]
         self._pairs_at_clamps = _pairs_at_clamps(model)
         self._first_block = first_blocks(panel)
         self._wires = wp.zeros((len(panel.block_first), k.WIRE_COLUMNS), dtype=wp.float64, device=device)
         self._pairs = wp.zeros((max(1, -(-model.pair_count // k.PAIR_BLOCK)), k.PAIR_COLUMNS), dtype=wp.float64, device=device)
         self._squares = wp.zeros(len(panel.block_first), dtype=wp.float64, device=device)
-        mesh, rest, unit = model.mesh, model.rest, real(model.precision.unit)
-        self._sum_wires = [
-            wp.launch(
-                k.sum_wires,
-                dim=blocks,
-                inputs=[
-                    mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire, block,
-                    mesh.wire_first, mesh.wire_count, mesh.wire_closed, mesh.wire_clamp, int(model.is_gripped),
-                    state.control, unit, wp.float64(model.axial_stiffness),
-                    rest.rest_x, rest.rest_y, rest.rest_length, rest.rest_angle, rest.hinge_stiffness,
-                    self.strain, self.tension, self.turning,
-                    real(model.yield_moment), real(model.scene.wire.hardening), state.plastic_turn, state.back_turn,
-                    self._force_x, self._force_y, self._wires,
-                ],
-                device=device,
-                record_cmd=True,
-            ).launch
-            for block, blocks in shares
-        ]  # fmt: skip
-        self._sum_pairs = wp.launch(
-            k.sum_pairs,
-            dim=self._pairs.shape[0],
-            inputs=[
-                k.PAIR_BLOCK, unit, mesh.pair_wire, mesh.pair_table, mesh.pair_rest_x, mesh.pair_rest_y,
-                rest.table_x, rest.table_y, state.pair_slide, state.pair_force, state.pair_gap,
-                state.pair_nodal_x, state.pair_nodal_y, self._pairs,
-            ],
-            device=device,
-            record_cmd=True,
-        )  # fmt: skip
+        sources = (model.rest, model.mesh, state, model.constants)
+        wires = {"strain": self.strain, "tension": self.tension, "turning": self.turning, "partial": self._wires}
+        wires |= {"force_x": self._force_x, "force_y": self._force_y}
+        self._sum_wires: list[Callable[[], object]] = [
+            bind(k.sum_wires, blocks, *sources, first_block=block, **wires).record(device).launch for block, blocks in shares
+        ]
+        pairs = {"pair_block": k.PAIR_BLOCK, "partial": self._pairs}
+        self._sum_pairs = bind(k.sum_pairs, self._pairs.shape[0], *sources, **pairs).record(device)
 
     def take(self) -> Sums:
         """Look at the state as it is. Rows of wires are of this rank's strip, everything else is of the whole mesh."""
@@ -195,18 +174,12 @@ class Look:
         chord = np.einsum("ab,ib->ia", gradient, place(last_block, last) - start) + moved
         length = np.maximum(np.hypot(chord[:, 0], chord[:, 1]), 1e-30)
         normal = np.stack([-chord[:, 1], chord[:, 0]], axis=1) / length[:, None]
-        mesh = model.mesh
-        wp.launch(
-            k.sum_distances_from_chords,
-            dim=len(panel.block_first),
-            inputs=[
-                mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire, mesh.block_origin_x, mesh.block_origin_y,
-                model.rest.place_x, model.rest.place_y, wp.array(start, dtype=wp.vec2d, device=model.device), mesh.wire_first,
-                wp.array(normal, dtype=wp.vec2d, device=model.device), wp.mat22d(*gradient.ravel()),
-                model.precision.real(unit), ux, uy, self._squares,
-            ],
-            device=model.device,
-        )  # fmt: skip
+        starts: wp.array = wp.array(start, dtype=wp.vec2d, device=model.device)
+        normals: wp.array = wp.array(normal, dtype=wp.vec2d, device=model.device)
+        bind(
+            k.sum_distances_from_chords, len(panel.block_first), model.rest, model.mesh, model.constants, ux=ux, uy=uy,
+            start=starts, normal=normals, gradient=wp.mat22d(*gradient.ravel()), square=self._squares,
+        ).run(model.device)  # fmt: skip
         return np.sqrt(np.add.reduceat(self._squares.numpy(), block) / panel.wire_count)
 
 

@@ -11,10 +11,11 @@ import warp as wp
 
 from ..kernels.anchored_bodies import draw_anchors
 from ..kernels.friction import stick_contacts
+from ..launch import bind
 from .model import Model
 from .observables import read_strip
 from .state import State
-from .step import ground_arguments
+from .step import anchor_launch
 
 
 class Path:
@@ -29,15 +30,8 @@ class Path:
         """Take the state, which is at rest, as a step of the path."""
         if len(self.state.pair_stuck):
             model, state = self.model, self.state
-            wp.launch(
-                stick_contacts,
-                dim=model.pair_count,
-                inputs=[
-                    state.control, wp.float64(model.scene.contact.friction), model.mesh.pair_table, model.rest.rest_length,
-                    state.pair_slide, state.pair_u, state.pair_force, state.pair_stuck, self._slipped,
-                ],
-                device=model.device,
-            )  # fmt: skip
+            sources = (model.rest, model.mesh, state, model.constants)
+            bind(stick_contacts, model.pair_count, *sources, slipped=self._slipped).run(model.device)
             own = slice(None) if model.strip is None else model.strip.pair
             self._dissipate(np.sum(self._slipped.numpy()[own]))
         if self.model.yield_moment:
@@ -47,9 +41,8 @@ class Path:
 
     def _draw_anchors(self) -> None:
         """Have what bodies are tied to on the ground follow, where it is at the limit of what it bears."""
-        s = self.state
-        inputs = [*ground_arguments(self.model, s), s.body_ux, s.body_uy, s.anchor_x, s.anchor_y]
-        wp.launch(draw_anchors, dim=self.model.panel.body_count, inputs=inputs, device=self.model.device)
+        bodies = self.model.panel.body_count
+        anchor_launch(draw_anchors, bodies, self.model, self.state).run(self.model.device)
 
     def _yield(self) -> None:
         """Take on the set of the wires: backward Euler of bilinear bending with kinematic hardening."""

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import warp as wp
 
 from ..kernels import control as c
 from ..kernels.multipliers import extrapolate, extrapolate_held_bodies
+from ..launch import bind
 from ..measure.scales import force_scale
+from ..mechanics import Check, Drift
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
-from ..mechanics import Check, Drift
 from . import measures
 from .diagnostics import Look, Sums
 from .history_variables import Path
@@ -133,16 +133,14 @@ class PlanarMechanics:
         if self.model.scene.hook is not None:
             furthest = np.inf  # a wire that stays is carried along by the frame (hook.py), and must be put back all the way
         for value, last in zip(values, self._last, strict=True):
-            numbers: list[Any] = [wp.float64(ratio), wp.float64(furthest)]
-            kernel = extrapolate_held_bodies
+            limit = np.inf if value is s.tension_offset or value is s.pair_offset else furthest
+            named = {"ratio": wp.float64(ratio), "limit": wp.float64(limit), "value": value, "last": last}
             if value is s.body_ux or value is s.body_uy:
-                numbers.append(s.pair_force)
+                launch = bind(extrapolate_held_bodies, value.shape[0], pair_force=s.pair_force, **named)
             else:
-                kernel = extrapolate
-                if value is s.tension_offset or value is s.pair_offset:
-                    numbers[1] = wp.float64(np.inf)
-                numbers.append(wp.float64(0.0 if value is s.pair_offset else -np.inf))
-            wp.launch(kernel, dim=value.shape[0], inputs=[*numbers, value, last], device=self.model.device)
+                lowest = wp.float64(0.0 if value is s.pair_offset else -np.inf)
+                launch = bind(extrapolate, value.shape[0], lowest=lowest, **named)
+            launch.run(self.model.device)
         self.stop()
 
     def stop(self) -> None:

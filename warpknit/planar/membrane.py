@@ -20,7 +20,7 @@ import warp as wp
 from scipy.sparse.linalg import splu
 
 from ..kernels.membrane import Grid, gather_body_forces, gather_node_forces, spread_to_bodies, spread_to_nodes
-from ..kernels.wires_by_block import BLOCK_SIZE
+from ..launch import bind
 from ..mesh.rim import REPEATS_A_CELL, Rim
 from .model import Model, block_threads
 from .response import Response
@@ -118,26 +118,11 @@ class Membrane:
         """Out-of-balance forces [grid node, 2] [N], from the accelerations that the probe holds."""
         model, mesh, state = self.model, self.model.mesh, self.state
         self._force.zero_()
-        wp.launch(
-            gather_node_forces,
-            dim=block_threads(model),
-            inputs=[
-                mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire,
-                mesh.block_origin_x, mesh.block_origin_y, BLOCK_SIZE, model.rest.place_x, model.rest.place_y, self._grid,
-                state.wire_mass, model.rest.node_mass, self._probe.acceleration_x, self._probe.acceleration_y, self._force,
-            ],
-            device=model.device,
-        )  # fmt: skip
+        onto = {"grid": self._grid, "force": self._force}
+        nodes = (model.rest, mesh, state, model.constants, self._probe)
+        bind(gather_node_forces, block_threads(model), *nodes, **onto).run(model.device)
         if model.owned_bodies:
-            wp.launch(
-                gather_body_forces,
-                dim=model.owned_bodies,
-                inputs=[
-                    mesh.body_origin_x, mesh.body_origin_y, self._grid,
-                    state.pair_force, state.pair_body_x, state.pair_body_y, self._force,
-                ],
-                device=model.device,
-            )  # fmt: skip
+            bind(gather_body_forces, model.owned_bodies, mesh, state, **onto).run(model.device)
         return model.ranks.sum(self._force.numpy())
 
     def warm_up(self, response: Response) -> None:
@@ -229,27 +214,15 @@ class Membrane:
         """Move the mesh with the grid; the clamps stay."""
         model, mesh, state = self.model, self.model.mesh, self.state
         self._displacement.assign(correction.grid)
-        unit, now = model.precision.real(model.precision.unit), state.parity
-        wp.launch(
-            spread_to_nodes,
-            dim=block_threads(model),
-            inputs=[
-                mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire,
-                mesh.block_origin_x, mesh.block_origin_y, BLOCK_SIZE, model.rest.place_x, model.rest.place_y, self._grid,
-                state.wire_axial, self._displacement, self._response.cell_node,
-                *self._response.of_nodes, unit,
-                state.node_ux[now], state.node_uy[now], state.tension_offset,
-            ],
-            device=model.device,
-        )  # fmt: skip
+        now, response = state.parity, self._response
+        sources = (mesh, state, model.constants)
+        moved = {"grid": self._grid, "displacement": self._displacement}
+        bind(
+            spread_to_nodes, block_threads(model), *sources, model.rest, response, ux=state.node_ux[now], uy=state.node_uy[now],
+            **moved, **response.of_nodes,
+        ).run(model.device)  # fmt: skip
         if model.panel.body_count:
-            wp.launch(
-                spread_to_bodies,
-                dim=model.panel.body_count,
-                inputs=[
-                    mesh.body_origin_x, mesh.body_origin_y, self._body_clasp, self._grid, self._displacement,
-                    *self._response.of_bodies, unit,
-                    state.body_ux, state.body_uy, state.pair_offset,
-                ],
-                device=model.device,
-            )  # fmt: skip
+            bind(
+                spread_to_bodies, model.panel.body_count, *sources, body_clasp=self._body_clasp,
+                ux=state.body_ux, uy=state.body_uy, **moved, **response.of_bodies,
+            ).run(model.device)  # fmt: skip

@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
+import warp as wp
 
 from ..device import start_warp
 from ..errors import ModelError
@@ -32,6 +33,22 @@ from .device_arrays import MeshArrays, Precision, RestArrays, precision_of, uplo
 from .numerics import choose_numbers
 
 CORD_SAG = 0.2  # of the size of a mesh: farther its edge cannot be from its outline
+
+
+@dataclass(frozen=True)
+class Constants:
+    """Numbers that kernels take, as they take them: in the precision of the run unless the kernel says double."""
+
+    unit: Any  # [m] of one count of a coordinate
+    gripped: int  # whether two clamps hold every wire
+    slow_when_free: int  # whether masses are fictitious (kernels/bodies.py)
+    reach_at_rest: Any  # [m] see Model.contact_reach
+    yield_moment: Any  # [N m]
+    kept_stiffness: Any  # [-] share that is left of the bending stiffness where a wire yields
+    true_stiffness: wp.float64  # [N] EA
+    friction: wp.float64  # [-] coefficient
+    block_size: int = BLOCK_SIZE
+    body_block: int = BODY_BLOCK
 
 
 @dataclass(frozen=True)
@@ -95,6 +112,21 @@ class Model:
         """[N m] of the yarn at which its outermost fibres reach the yield stress; 0 where the scene keeps it elastic."""
         wire = self.scene.wire
         return wire.yield_curvature * wire.bending_stiffness if wire.plastic else 0.0
+
+    @cached_property
+    def constants(self) -> Constants:
+        """The numbers that kernels take."""
+        real, wire = self.precision.real, self.scene.wire
+        return Constants(
+            unit=real(self.precision.unit),
+            gripped=int(self.is_gripped),
+            slow_when_free=int(self.scene.solver.drive == "relax"),
+            reach_at_rest=real(self.contact_reach),
+            yield_moment=real(self.yield_moment),
+            kept_stiffness=real(wire.hardening),
+            true_stiffness=wp.float64(self.axial_stiffness),
+            friction=wp.float64(self.scene.contact.friction),
+        )
 
     @property
     def contact_reach(self) -> float:

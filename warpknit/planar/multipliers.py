@@ -16,7 +16,7 @@ import warp as wp
 
 from ..kernels import control as c
 from ..kernels.multipliers import update_pair_offset, update_tension_offset
-from ..kernels.wires_by_block import BLOCK_SIZE
+from ..launch import bind
 from .diagnostics import Look, Sums
 from .model import Model, block_threads
 from .multiplier_rules import MultiplierRules
@@ -80,21 +80,13 @@ class Multipliers:
 
     def _record(self) -> None:
         """The launches of a move, to be repeated with other numbers."""
-        model, mesh, state, device = self.model, self.model.mesh, self.state, self.model.device
-        arguments = [
-            mesh.block_first, mesh.block_count, mesh.block_wire, BLOCK_SIZE, state.control,
-            state.wire_axial, self.axial, wp.float64(model.axial_stiffness),
-            self.look.tension, self.look.strain, state.tension_offset,
-        ]  # fmt: skip
-        wires = wp.launch(update_tension_offset, dim=block_threads(model), inputs=arguments, device=device, record_cmd=True)
-        pairs = wp.launch(
-            update_pair_offset,
-            dim=max(1, model.pair_count),
-            inputs=[state.control, state.pair_force, state.pair_offset],
-            device=device,
-            record_cmd=True,
-        )
-        self.launches = [pairs.launch, wires.launch]
+        model, state = self.model, self.state
+        wires = bind(
+            update_tension_offset, block_threads(model), model.mesh, state, model.constants, self.look,
+            axial_before=state.wire_axial, axial=self.axial,
+        )  # fmt: skip
+        pairs = bind(update_pair_offset, max(1, model.pair_count), state)
+        self.launches = [launch.record(model.device).launch for launch in (pairs, wires)]
 
     def renew(self, axial: np.ndarray, penalty: float, sums: Sums) -> None:
         """Renew stiffnesses, and raise the fictitious masses of the wires where they no longer suffice."""

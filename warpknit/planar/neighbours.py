@@ -7,7 +7,7 @@ import warp as wp
 
 from ..kernels import control as c
 from ..kernels.neighbours import find_nearest_segments, place_nodes_in_hash
-from ..kernels.wires_by_block import BLOCK_SIZE
+from ..launch import bind
 from .model import Model, block_threads
 from .state import State
 
@@ -72,35 +72,17 @@ class NeighbourSearch:
 
     def _search(self) -> None:
         model, state = self.model, self.state
-        rest, mesh, real = model.rest, model.mesh, model.precision.real
-        now = state.parity
-        unit = real(model.precision.unit)
+        real, now = model.precision.real, state.parity
         spacing = float(model.table.spacing.max())
         narrowest = float(np.linalg.svd(state.gradient, compute_uv=False).min())
         cell_x, cell_y = wp.float64(self._cell[0]), wp.float64(self._cell[1])
-        wp.launch(
-            place_nodes_in_hash,
-            dim=block_threads(model),
-            inputs=[
-                mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_origin_x, mesh.block_origin_y, BLOCK_SIZE,
-                state.control, unit, cell_x, cell_y, rest.place_x, rest.place_y,
-                state.node_ux[now], state.node_uy[now], self._position,
-            ],
-            device=model.device,
-        )  # fmt: skip
+        sources = (model.rest, model.mesh, state, model.constants)
+        named = {"cell_x": cell_x, "cell_y": cell_y, "ux": state.node_ux[now], "uy": state.node_uy[now]}
+        bind(place_nodes_in_hash, block_threads(model), *sources, hash_position=self._position, **named).run(model.device)
         self._grid.build(self._position, 1.0)
-        wp.launch(
-            find_nearest_segments,
-            dim=model.pair_count,
-            inputs=[
-                wp.uint64(self._grid.id), self.radius / narrowest / float(self._cell.min()), real(self.radius),
-                real(0.6 * spacing), real(SAG * spacing), real(model.contact_reach), real(self._expected), state.control, unit,
-                cell_x, cell_y, rest.table_x, rest.table_y, mesh.body_origin_x, mesh.body_origin_y,
-                mesh.pair_wire, mesh.pair_seed, mesh.pair_table, mesh.pair_low, mesh.pair_high,
-                mesh.pair_rest_x, mesh.pair_rest_y, state.pair_force, state.pair_gap,
-                mesh.wire_first, mesh.wire_count, mesh.wire_closed,
-                state.node_ux[now], state.node_uy[now], state.body_ux, state.body_uy,
-                state.pair_slide, state.pair_u, state.pair_wake,
-            ],
-            device=model.device,
-        )  # fmt: skip
+        bind(
+            find_nearest_segments, model.pair_count, *sources, grid=wp.uint64(self._grid.id),
+            hash_radius=self.radius / narrowest / float(self._cell.min()), radius=real(self.radius),
+            half_chord=real(0.6 * spacing), sag=real(SAG * spacing), reach=real(model.contact_reach),
+            expected=real(self._expected), **named,
+        ).run(model.device)  # fmt: skip

@@ -15,6 +15,7 @@ from ..kernels import clamp
 from ..kernels import control as c
 from ..kernels.energy import evaluate_wires
 from ..kernels.wires_by_block import BLOCK_SIZE
+from ..launch import bind
 from ..measure.strain import clamp_rotation, stretch
 from .join import Join
 from .model import Model
@@ -294,17 +295,8 @@ def evaluate(model: Model, state: State, out: list[wp.array]) -> None:
 def evaluation(model: Model, state: State, parity: int, out: list[wp.array], blocks: tuple[int, int]) -> wp.Launch:
     """The launch of `evaluate` for so many blocks from one on, to be repeated where the displacements stand in the buffers of
     `parity`."""
-    mesh, rest = model.mesh, model.rest
-    return wp.launch(
-        evaluate_wires,
-        dim=blocks[1] * BLOCK_SIZE,
-        inputs=[
-            mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire, BLOCK_SIZE, blocks[0],
-            mesh.wire_first, mesh.wire_count, mesh.wire_closed, mesh.wire_clamp, state.wire_axial, state.wire_warmth,
-            state.control, model.precision.real(model.precision.unit),
-            rest.rest_x, rest.rest_y, rest.rest_length, rest.rest_angle, rest.rest_bow, state.tension_offset,
-            state.node_ux[parity], state.node_uy[parity], int(model.is_gripped), *out,
-        ],
-        device=model.device,
-        record_cmd=True,
-    )  # fmt: skip
+    results = dict(zip(("edge_x", "edge_y", "strain", "tension", "turning"), out, strict=True))
+    return bind(
+        evaluate_wires, blocks[1] * BLOCK_SIZE, model.rest, model.mesh, state, model.constants, first_block=blocks[0],
+        ux=state.node_ux[parity], uy=state.node_uy[parity], **results,
+    ).record(model.device)  # fmt: skip

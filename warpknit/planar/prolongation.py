@@ -14,7 +14,7 @@ import warp as wp
 
 from ..kernels import control as c
 from ..kernels.prolong import Meshes, prolong_bodies, prolong_nodes
-from ..kernels.wires_by_block import BLOCK_SIZE
+from ..launch import bind
 from .join import Join
 from .model import Model, block_threads
 from .observables import node_entries
@@ -80,15 +80,23 @@ class Prolongation:
         m.taper = FADED * self.large.scene.model.nodes_per_loop if fades else 0.0
         self._meshes = m
         block_place = np.rint(large.block_origin / repeat)
-        self._block_place = [index(block_place[:, 0]), index(block_place[:, 1]), index(large.wire_thread[large.block_wire])]
-        self._threads = [index(start), index(nodes)]
+        self._block_place = {
+            "block_column": index(block_place[:, 0]),
+            "block_row": index(block_place[:, 1]),
+            "block_thread": index(large.wire_thread[large.block_wire]),
+        }
+        self._threads = {"thread_start": index(start), "thread_nodes": index(nodes)}
         # of all pairs of a body, on whatever rank their wire is
         mesh = self.large.whole.panel
         first = mesh.wire_first[mesh.pair_wire]
         from_end = np.minimum(mesh.pair_seed - first, first + mesh.wire_count[mesh.pair_wire] - 1 - mesh.pair_seed)
-        self._body_from_end = index(from_end.reshape(-1, 2).min(axis=1)[self.large.bodies])
         body_place = np.rint(large.body_origin / repeat)
-        self._body_place = [index(large.body_clasp), index(body_place[:, 0]), index(body_place[:, 1])]
+        self._body_place = {
+            "body_clasp": index(large.body_clasp),
+            "body_column": index(body_place[:, 0]),
+            "body_row": index(body_place[:, 1]),
+            "body_from_end": index(from_end.reshape(-1, 2).min(axis=1)[self.large.bodies]),
+        }
         self._node_at: wp.array = index(node_table)
         self._body_at: wp.array = index(body_table)
 
@@ -105,33 +113,18 @@ class Prolongation:
             name: wp.array(values[name] - self._last[name], dtype=real, device=device) for name in values
         }
         self._last = values
-        mesh, unit = large.mesh, real(large.precision.unit)
-        now = state.parity
-        wp.launch(
-            prolong_nodes,
-            dim=block_threads(large),
-            inputs=[
-                mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire, *self._block_place, BLOCK_SIZE,
-                *self._threads, mesh.wire_first, mesh.wire_count, state.wire_axial,
-                large.rest.place_x, large.rest.place_y, self._meshes, self._node_at,
-                change["x"], change["y"], change["tension"], change["strain"],
-                response.cell_node, *response.of_nodes, unit,
-                state.node_ux[now], state.node_uy[now], state.tension_offset,
-            ],
-            device=device,
-        )  # fmt: skip
+        now, sources = state.parity, (large.mesh, state, large.constants)
+        of_nodes = {f"change_{name}": change[name] for name in ("x", "y", "tension", "strain")}
+        bind(
+            prolong_nodes, block_threads(large), *sources, large.rest, response, ux=state.node_ux[now], uy=state.node_uy[now],
+            m=self._meshes, small_node=self._node_at, **self._block_place, **self._threads, **of_nodes, **response.of_nodes,
+        ).run(device)  # fmt: skip
         if large.panel.body_count:
-            wp.launch(
-                prolong_bodies,
-                dim=large.panel.body_count,
-                inputs=[
-                    *self._body_place, mesh.body_origin_x, mesh.body_origin_y, self._body_from_end, self._meshes,
-                    self._body_at,
-                    change["body_x"], change["body_y"], change["offset"], *response.of_bodies, unit,
-                    state.body_ux, state.body_uy, state.pair_offset,
-                ],
-                device=device,
-            )  # fmt: skip
+            of_bodies = {"change_x": change["body_x"], "change_y": change["body_y"], "change_offset": change["offset"]}
+            bind(
+                prolong_bodies, large.panel.body_count, *sources, ux=state.body_ux, uy=state.body_uy, m=self._meshes,
+                small_body=self._body_at, **self._body_place, **of_bodies, **response.of_bodies,
+            ).run(device)  # fmt: skip
 
     def _follow_stiffness(self) -> None:
         """A wire is as stiff and heavy as the stiffest and heaviest wire of the small mesh that its nodes come from."""

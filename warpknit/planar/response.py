@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import warp as wp
@@ -51,14 +51,14 @@ class Response:
         return {"response_tangent": self.tangent} | {f"response_{name}": v.numpy().copy() for name, v in self.change.items()}
 
     @property
-    def of_nodes(self) -> list[wp.array]:
-        """Derivatives of displacements [m], tension [N] and softened strain of the nodes."""
-        return [self.change[name] for name in ("x", "y", "tension", "strain")]
+    def of_nodes(self) -> dict[str, wp.array]:
+        """Derivatives of displacements [m], tension [N] and softened strain of the nodes, as kernels call them."""
+        return {f"cell_{name}": self.change[name] for name in ("x", "y", "tension", "strain")}
 
     @property
-    def of_bodies(self) -> list[wp.array]:
-        """Derivatives of displacements [m] of the bodies and of offsets [N] of their pairs."""
-        return [self.change[name] for name in ("body_x", "body_y", "offset")]
+    def of_bodies(self) -> dict[str, wp.array]:
+        """Derivatives of displacements [m] of the bodies and of offsets [N] of their pairs, as kernels call them."""
+        return {f"cell_{name.removeprefix('body_')}": self.change[name] for name in ("body_x", "body_y", "offset")}
 
 
 def find_response(cell_at: CellState, cell: Model, gradient: np.ndarray, temperature: float) -> Response:

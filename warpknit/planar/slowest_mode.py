@@ -9,6 +9,7 @@ import warp as wp
 
 from ..kernels import control as c
 from ..kernels.relax import sum_rayleigh
+from ..launch import bind
 from .model import Model
 from .state import State
 from .step import ForceProbe, Stepper
@@ -37,19 +38,11 @@ class SlowestMode:
 
     def _record(self, parity: int) -> wp.Launch:
         model, state = self.model, self.state
-        return wp.launch(
-            sum_rayleigh,
-            dim=len(model.panel.block_first),
-            inputs=[
-                model.mesh.block_first, model.mesh.block_count, model.mesh.block_table, model.mesh.block_wire,
-                state.wire_mass, model.rest.inverse_mass,
-                model.precision.real(model.precision.unit),
-                state.node_ux[parity], state.node_uy[parity],
-                self.probe.acceleration_x, self.probe.acceleration_y, *self._last, self.partial,
-            ],
-            device=model.device,
-            record_cmd=True,
-        )  # fmt: skip
+        kept = dict(zip(("last_ux", "last_uy", "last_acceleration_x", "last_acceleration_y"), self._last, strict=True))
+        return bind(
+            sum_rayleigh, len(model.panel.block_first), model.rest, model.mesh, state, model.constants, self.probe,
+            ux=state.node_ux[parity], uy=state.node_uy[parity], partial=self.partial, **kept,
+        ).record(model.device)  # fmt: skip
 
     def memory(self) -> dict[str, np.ndarray]:
         """What a checkpoint keeps."""

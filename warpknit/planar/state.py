@@ -69,8 +69,8 @@ class State:
     cached_node: wp.array
     cached_number: wp.array
     control: wp.array  # [CONTROL_COUNT] float64, see kernels/control.py
-    wire_partial: wp.array  # [block, 6]
-    body_partial: wp.array  # [body block, 6]
+    wire_partial: wp.array  # [block, PARTIAL_COUNT]
+    body_partial: wp.array  # [body block, PARTIAL_COUNT]
     parity: int = 0
 
     def replica(self, index: int) -> State:

@@ -12,14 +12,13 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import TypeAlias
 
 import warp as wp
 
 from ..kernels import control as c
 from ..kernels.anchored_bodies import step_anchored_bodies
 from ..kernels.barrier import wait_for_all
-from ..kernels.bodies import BODY_BLOCK, step_bodies
+from ..kernels.bodies import step_bodies
 from ..kernels.contact import find_contact_forces
 from ..kernels.contact_by_batch import PAIR_BATCH, find_contact_forces_by_batch
 from ..kernels.contact_node import follow_contact_node, lend_contact_force
@@ -29,16 +28,14 @@ from ..kernels.grip import move_held_nodes
 from ..kernels.slide import slide_clamps
 from ..kernels.wires import step_wires_by_node
 from ..kernels.wires_by_block import BLOCK_SIZE, step_wires_by_block
+from ..launch import Launch, bind
 from .model import Model, body_blocks, contact_batches
 from .state import State
 
 GRAPH_STEPS = (50, 10, 1)  # steps that are replayed at once
 CORES = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
-FIRST_OF_CONTACT = 3  # place of the first pair or batch among the arguments of contact
 NODES_A_THREAD = 4_000  # fewer nodes are not worth the waiting
 PROBING = {c.VELOCITY_FACTOR: 0.0, c.FORCE_FACTOR: 1.0, c.TIME_STEP: 0.0}  # a step leaves f/m as velocities and moves nothing
-
-LaunchData: TypeAlias = tuple[wp.Kernel, int, list]  # kernel, threads and arguments
 
 
 class Stepper:
@@ -66,9 +63,9 @@ class Stepper:
         self._helpers = ThreadPoolExecutor(self.threads - 1, "step") if self.threads > 1 else None
 
     @property
-    def wire_kernel(self) -> tuple[wp.Kernel, int, list[int]]:
-        """The wire kernel, its threads a block, and what its arguments end with."""
-        return (step_wires_by_node, BLOCK_SIZE, [BLOCK_SIZE]) if self.by_node else (step_wires_by_block, 1, [])
+    def wire_kernel(self) -> tuple[wp.Kernel, int]:
+        """The wire kernel, and its threads a block."""
+        return (step_wires_by_node, BLOCK_SIZE) if self.by_node else (step_wires_by_block, 1)
 
     def step(self, count: int) -> None:
         """Take `count` steps; they do nothing once the state is frozen (see kernels/control.py)."""
@@ -113,36 +110,25 @@ class Stepper:
         if self.model.pair_count:
             self.together(self._contact[self.state.parity])
 
-    def _contact_launch(self, parity: int, part: int) -> LaunchData:
-        """Kernel, threads and arguments that find one part of the contact forces."""
+    def _contact_work(self, parity: int, part: int) -> list[Launch]:
+        """The launches that find one part of the contact forces, with friction and what a treatment does to them."""
         model, state = self.model, self.state
+        sources = (model.rest, model.mesh, state, model.constants)
+        coordinates = {"ux": state.node_ux[parity], "uy": state.node_uy[parity]}
         if self.by_node:
             pair, pairs = self._share(model.pair_count, part)
-            return find_contact_forces, pairs, contact_arguments(model, state, parity, pair, ())
-        cache = (state.cached_slide, state.cached_node, state.cached_number)
-        batch, batches = self._share(contact_batches(model), part)
-        return find_contact_forces_by_batch, batches, contact_arguments(model, state, parity, batch, cache)
+            found = bind(find_contact_forces, pairs, *sources, first_pair=pair, **coordinates)
+        else:
+            batch, batches = self._share(contact_batches(model), part)
+            found = bind(find_contact_forces_by_batch, batches, *sources, first_batch=batch, **coordinates)
+            pair, end = batch * PAIR_BATCH, min((batch + batches) * PAIR_BATCH, model.pair_count)
+            pairs = max(0, end - pair)
+        rubbing = [bind(add_friction, pairs, *sources, first_pair=pair)] if len(state.pair_stuck) else []
+        return [found, *rubbing, *contact_launches(model, state, part)]
 
-    def _contact_work(self, parity: int, part: int) -> list[LaunchData]:
-        """The launches that find one part of the contact forces, with friction and what a treatment does to them."""
-        found = self._contact_launch(parity, part)
-        treated = contact_launches(self.model, self.state, part)
-        if not len(self.state.pair_stuck):
-            return [found, *treated]
-        kernel, dim, arguments = found
-        first = arguments[FIRST_OF_CONTACT]
-        if kernel is find_contact_forces_by_batch:
-            first, end = first * PAIR_BATCH, min((first + dim) * PAIR_BATCH, self.model.pair_count)
-            dim = max(0, end - first)
-        return [found, (add_friction, dim, friction_arguments(self.model, self.state, first)), *treated]
-
-    def _commands(self, work: list[LaunchData]) -> list[wp.Launch]:
+    def _commands(self, work: list[Launch]) -> list[wp.Launch]:
         """Launches that can be repeated, of those that have anything to do."""
-        return [
-            wp.launch(kernel, dim=dim, inputs=arguments, device=self.model.device, record_cmd=True)
-            for kernel, dim, arguments in work
-            if dim > 0
-        ]
+        return [launch.record(self.model.device) for launch in work if launch.threads > 0]
 
     def _share(self, count: int, part: int) -> tuple[int, int]:
         """Begin and number of what a part takes of `count` things."""
@@ -152,34 +138,51 @@ class Stepper:
     def _record(self, parity: int, part: int) -> list[wp.Launch]:
         """One thread's part of a step: contact, then wires and bodies, then the first thread alone grips and the numbers
         of the next step."""
-        end = [(update_control, 1, [self.state.wire_partial, self.state.body_partial, self.state.control])]
+        end = [bind(update_control, 1, self.state)]
         work = [*self._contact_work(parity, part), *self._wait(), *self._motion(parity, part)]
         return self._commands([*work, *(end if part == 0 else []), *self._wait()])
 
-    def _motion(self, parity: int, part: int) -> list[LaunchData]:
+    def _motion(self, parity: int, part: int) -> list[Launch]:
         """One thread's part of what moves: wires and bodies, then the first thread alone grips."""
         model, state = self.model, self.state
         now, then = parity, 1 - parity
-        wire_kernel, size, last = self.wire_kernel
         block, blocks = self._share(len(model.panel.block_first), part)
         body, bodies = self._share(body_blocks(model), part)
         return [
-            (wire_kernel, blocks * size, [*wire_arguments(model, state, now, then, block), *last]),
+            self.wire_launch(now, block, blocks, state.node_vx, state.node_vy, state.node_ux[then], state.node_uy[then]),
             *body_launches(model, state, then, body, bodies),
             *self._wait(),
             *(self._grips(then) if part == 0 else []),
         ]
 
-    def _grips(self, then: int) -> list[LaunchData]:
+    def _grips(self, then: int) -> list[Launch]:
         model, state = self.model, self.state
+        rest, mesh = model.rest, model.mesh
+        moved = {"ux": state.node_ux[then], "uy": state.node_uy[then]}
+        sliding, held = len(model.panel.sliding_clamp), mesh.held_node.shape[0]
+        speeds = {"vx": state.node_vx, "vy": state.node_vy}
         return [
-            (slide_clamps, len(model.panel.sliding_clamp), slide_arguments(model, state, then)),
-            (move_held_nodes, model.mesh.held_node.shape[0], grip_arguments(model, state, then)),
+            bind(slide_clamps, sliding, rest, mesh, state, partial=state.wire_partial, **speeds, **moved),
+            bind(move_held_nodes, held, mesh, state, model.constants, **moved),
         ]
 
-    def _wait(self) -> list[LaunchData]:
+    def wire_launch(
+        self, now: int, first_block: int, blocks: int, vx: wp.array, vy: wp.array, ux_out: wp.array, uy_out: wp.array
+    ) -> Launch:
+        """The step of so many blocks of wires, from the displacements of one parity on; `vx`, `vy` go in and come out."""
+        model, state = self.model, self.state
+        kernel, size = self.wire_kernel
+        return bind(
+            kernel, blocks * size, model.rest, model.mesh, state, model.constants, first_block=first_block,
+            ux_in=state.node_ux[now], uy_in=state.node_uy[now], vx=vx, vy=vy, ux_out=ux_out, uy_out=uy_out,
+            partial=state.wire_partial,
+        )  # fmt: skip
+
+    def _wait(self) -> list[Launch]:
         """What the threads wait for each other with."""
-        return [(wait_for_all, 1, [self.threads, _yield_address(), self._barrier])] if self.threads > 1 else []
+        if self.threads == 1:
+            return []
+        return [bind(wait_for_all, 1, threads=self.threads, yield_address=_yield_address(), state=self._barrier)]
 
 
 def _launch_all(launches: list[wp.Launch]) -> None:
@@ -215,13 +218,10 @@ class ForceProbe:
         self._stepper = stepper
         self._launches = []
         for parity in (0, 1):
-            kernel, size, last = stepper.wire_kernel
             parts = []
             for block, blocks in stepper.shares(len(model.panel.block_first)):
-                arguments = wire_arguments(model, state, parity, parity, block)
-                arguments[-5:] = [self.acceleration_x, self.acceleration_y, *unused, state.wire_partial]
-                launch = wp.launch(kernel, dim=size * blocks, inputs=[*arguments, *last], device=device, record_cmd=True)
-                parts.append(launch.launch)
+                launch = stepper.wire_launch(parity, block, blocks, self.acceleration_x, self.acceleration_y, *unused)
+                parts.append(launch.record(device).launch)
             self._launches.append(parts)
 
     def evaluate(self) -> None:
@@ -236,115 +236,43 @@ class ForceProbe:
         self._stepper.together(self._launches[self.state.parity])
 
 
-def contact_arguments(model: Model, state: State, now: int, first: int, cache: tuple[wp.array, ...]) -> list:
-    """`first` pair or batch; `cache`: what the kernel by batch keeps."""
-    rest, mesh, real = model.rest, model.mesh, model.precision.real
-    return [
-        state.control, real(model.precision.unit), real(model.contact_reach), first,
-        rest.table_x, rest.table_y, rest.rest_x, rest.rest_y, rest.curve,
-        mesh.pair_wire, mesh.pair_seed, mesh.pair_table, mesh.pair_low, mesh.pair_high, mesh.pair_side,
-        mesh.pair_rest_x, mesh.pair_rest_y, state.pair_wake, state.pair_offset,
-        mesh.wire_first, mesh.wire_count, mesh.wire_closed,
-        state.node_ux[now], state.node_uy[now], state.body_ux, state.body_uy,
-        state.pair_slide, state.pair_u, *cache,
-        state.pair_node, state.pair_gap, state.pair_force, state.pair_body_x, state.pair_body_y,
-        state.pair_nodal_x, state.pair_nodal_y,
-    ]  # fmt: skip
-
-
-def friction_arguments(model: Model, state: State, first: int) -> list:
-    mesh = model.mesh
-    return [
-        state.control, wp.float64(model.scene.contact.friction), first, mesh.pair_side, mesh.pair_table, model.rest.rest_length,
-        state.pair_stuck, state.pair_slide, state.pair_u, state.pair_force,
-        state.pair_body_x, state.pair_body_y, state.pair_nodal_x, state.pair_nodal_y,
-    ]  # fmt: skip
-
-
-def wire_arguments(model: Model, state: State, now: int, then: int, first_block: int) -> list:
-    rest, mesh, real = model.rest, model.mesh, model.precision.real
-    return [
-        mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire,
-        mesh.block_pair_start, mesh.block_held_start, mesh.wire_first, mesh.wire_count, mesh.wire_closed,
-        mesh.wire_clamp, state.wire_axial, state.wire_mass, state.control, real(model.precision.unit),
-        first_block, int(model.is_gripped),
-        rest.rest_x, rest.rest_y, rest.rest_length, rest.inverse_length, rest.rest_angle, rest.hinge_stiffness,
-        rest.inverse_mass, rest.node_mass,
-        state.tension_offset, real(model.yield_moment), real(model.scene.wire.hardening), state.plastic_turn, state.back_turn,
-        mesh.block_pair, state.pair_node, state.pair_force, state.pair_nodal_x, state.pair_nodal_y, mesh.held_node,
-        state.node_ux[now], state.node_uy[now], state.node_vx, state.node_vy,
-        state.node_ux[then], state.node_uy[then], state.wire_partial,
-    ]  # fmt: skip
-
-
-def body_arguments(model: Model, state: State, first_block: int, bodies: slice, partial_sums: wp.array) -> list:
-    """`first_block` counts from the first of the `bodies`."""
+def body_launch(model: Model, state: State, blocks: int, first_block: int, bodies: slice, partial_sums: wp.array) -> Launch:
+    """The step of blocks of bodies; `first_block` counts from the first of the `bodies`."""
     pairs = slice(2 * bodies.start, 2 * bodies.stop)
 
     def part(values: wp.array, which: slice) -> wp.array:
         return values[which] if which.stop > which.start else values  # Warp has no empty slices
 
-    return [
-        state.control, model.precision.real(model.precision.unit), BODY_BLOCK,
-        first_block, int(model.scene.solver.drive == "relax"),
-        *(part(values, pairs) for values in (state.pair_force, state.pair_body_x, state.pair_body_y)),
-        *(part(values, bodies) for values in (state.body_ux, state.body_uy, state.body_vx, state.body_vy)),
-        partial_sums,
-    ]  # fmt: skip
+    forces = {name: part(getattr(state, name), pairs) for name in ("pair_force", "pair_body_x", "pair_body_y")}
+    moved = {name: part(getattr(state, f"body_{name}"), bodies) for name in ("ux", "uy", "vx", "vy")}
+    constants, control = model.constants, state.control
+    return bind(step_bodies, blocks, constants, control=control, first_block=first_block, partial=partial_sums, **forces, **moved)
 
 
-def contact_launches(model: Model, state: State, part: int) -> list[LaunchData]:
-    """What a treatment does to contact forces that were just found: kernels, threads, arguments."""
-    treatment, mesh = model.treatment, model.mesh
+def contact_launches(model: Model, state: State, part: int) -> list[Launch]:
+    """What a treatment does to contact forces that were just found."""
+    treatment = model.treatment
     if treatment.contact_node is None or part > 0:
         return []
-    arguments = [
-        state.control, wp.float64(treatment.pinball), mesh.contact_node, mesh.pair_low, mesh.pair_high,
-        state.pair_slide, state.pair_u, state.pair_node, state.pair_gap, state.pair_force,
-        state.pair_body_x, state.pair_body_y, state.pair_nodal_x, state.pair_nodal_y,
-    ]  # fmt: skip
-    return [(lend_contact_force, model.panel.body_count, arguments)]
+    pinball = wp.float64(treatment.pinball)
+    return [bind(lend_contact_force, model.panel.body_count, model.mesh, state, pinball=pinball)]
 
 
-def body_launches(model: Model, state: State, then: int, first: int, blocks: int) -> list[LaunchData]:
+def body_launches(model: Model, state: State, then: int, first: int, blocks: int) -> list[Launch]:
     """The step of `blocks` blocks of bodies from the `first` on, by the treatment."""
     treatment = model.treatment
     if treatment.is_free:
         owned = slice(0, model.owned_bodies)
-        arguments = body_arguments(model, state, first, owned, state.body_partial)
-        return [(step_bodies, blocks if model.owned_bodies else 0, arguments)]
+        return [body_launch(model, state, blocks if model.owned_bodies else 0, first, owned, state.body_partial)]
     if treatment.anchored:
-        return [(step_anchored_bodies, min(blocks, 1), anchor_arguments(model, state))]
-    nodes = [state.control, model.mesh.contact_node, state.node_ux[then], state.node_uy[then], state.body_ux, state.body_uy]
-    return [(follow_contact_node, model.panel.body_count if blocks else 0, nodes)]
+        return [anchor_launch(step_anchored_bodies, min(blocks, 1), model, state)]
+    bodies = model.panel.body_count if blocks else 0
+    nodes = {"node_ux": state.node_ux[then], "node_uy": state.node_uy[then]}
+    return [bind(follow_contact_node, bodies, model.mesh, state, **nodes)]
 
 
-def ground_arguments(model: Model, state: State) -> list:
-    mesh, treatment = model.mesh, model.treatment
-    limits = [wp.float64(treatment.spring_stiffness), wp.float64(treatment.spring_limit)]
-    return [state.control, *limits, mesh.body_origin_x, mesh.body_origin_y]
-
-
-def anchor_arguments(model: Model, state: State) -> list:
-    return [
-        *ground_arguments(model, state), state.pair_force, state.pair_body_x, state.pair_body_y,
-        state.anchor_x, state.anchor_y, state.body_ux, state.body_uy, state.body_vx, state.body_vy, state.body_partial,
-    ]  # fmt: skip
-
-
-def slide_arguments(model: Model, state: State, then: int) -> list:
-    mesh = model.mesh
-    return [
-        state.control, mesh.slide_node, mesh.slide_block, mesh.slide_lever_x, mesh.slide_lever_y,
-        mesh.block_table, mesh.block_wire, model.rest.inverse_mass, state.wire_mass,
-        state.slide_vy, state.node_vx, state.node_vy, state.node_ux[then], state.node_uy[then], state.wire_partial,
-    ]  # fmt: skip
-
-
-def grip_arguments(model: Model, state: State, then: int) -> list:
-    mesh = model.mesh
-    return [
-        state.control, model.precision.real(model.precision.unit),
-        mesh.held_node, mesh.held_lever_x, mesh.held_lever_y, mesh.held_clamp, state.clamp_from, state.clamp_to,
-        state.node_ux[then], state.node_uy[then],
-    ]  # fmt: skip
+def anchor_launch(kernel: wp.Kernel, threads: int, model: Model, state: State) -> Launch:
+    """A launch of one of kernels/anchored_bodies.py."""
+    treatment = model.treatment
+    stiffness, limit = wp.float64(treatment.spring_stiffness), wp.float64(treatment.spring_limit)
+    return bind(kernel, threads, model.mesh, state, stiffness=stiffness, limit=limit)

@@ -14,13 +14,14 @@ from functools import partial
 import numpy as np
 import warp as wp
 
-from ..kernels.bodies import BODY_BLOCK, step_bodies
+from ..kernels.bodies import BODY_BLOCK
 from ..kernels.border import collect_forces, distribute_forces
 from ..kernels.control import PARTIAL_COUNT, sum_partials, update_control
+from ..launch import Launch, bind
 from ..mesh.strip import Strip
 from .model import Model
 from .state import State
-from .step import LaunchData, Stepper, body_arguments
+from .step import Stepper, body_launch
 
 NUMBERS_A_PAIR = 3  # force and its components
 
@@ -89,21 +90,19 @@ class StripStepper(Stepper):
         """Bytes that this rank sends to its neighbours in a step."""
         return int(self._sent.host.nbytes)
 
-    def _work(self, name: str, parity: int) -> list[list[LaunchData]]:
+    def _work(self, name: str, parity: int) -> list[list[Launch]]:
         """What each thread launches in a part of a step that needs nothing from other ranks."""
         model, state, parts = self.model, self.state, range(self.threads)
-        forces = [state.pair_force, state.pair_body_x, state.pair_body_y]
         if name == "contact":
-            collect = (collect_forces, self._border, [self._own_pair, *forces, self._sent.array])
+            collect = bind(collect_forces, self._border, state, own_pair=self._own_pair, sent=self._sent.array)
             return [[*self._contact_work(parity, part), *self._wait(), *([collect] if part == 0 else [])] for part in parts]
         if name == "motion":
             shared = slice(model.owned_bodies, model.panel.body_count)
-            distribute = (distribute_forces, self._border, [self._foreign_pair, self._received.array, *forces])
-            move_shared = (step_bodies, self._shared_blocks, body_arguments(model, state, 0, shared, self._unused_rows))
-            sums = (sum_partials, 1, [state.wire_partial, state.body_partial, self._row.array])
+            move_shared = body_launch(model, state, self._shared_blocks, 0, shared, self._unused_rows)
+            sums = bind(sum_partials, 1, state, row=self._row.array)
             return [
                 [
-                    *([distribute] if part == 0 else []),
+                    *([self._distribute()] if part == 0 else []),
                     *self._wait(),
                     *([move_shared] if part == 0 else []),
                     *self._motion(parity, part),
@@ -111,7 +110,8 @@ class StripStepper(Stepper):
                 ]
                 for part in parts
             ]
-        control = (update_control, 1, [self._rows.array, self._no_rows, state.control])
+        rows = {"wire_partial": self._rows.array, "body_partial": self._no_rows}
+        control = bind(update_control, 1, control=state.control, **rows)
         return [[*([control] if part == 0 else []), *self._wait()] for part in parts]
 
     def _replay(self, parity: int, steps: int) -> None:
@@ -131,9 +131,12 @@ class StripStepper(Stepper):
         self._run(self.state.parity, "contact")
         self._swap_at_border()
         if self._border:
-            forces = [self.state.pair_force, self.state.pair_body_x, self.state.pair_body_y]
-            inputs = [self._foreign_pair, self._received.array, *forces]
-            wp.launch(distribute_forces, dim=self._border, inputs=inputs, device=self.model.device)
+            self._distribute().run(self.model.device)
+
+    def _distribute(self) -> Launch:
+        """What puts the forces that came from other ranks where their pairs are."""
+        received = self._received.array
+        return bind(distribute_forces, self._border, self.state, foreign_pair=self._foreign_pair, received=received)
 
     def _swap_at_border(self) -> None:
         if self._border:

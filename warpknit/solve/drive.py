@@ -14,12 +14,12 @@ from ..errors import Diverged
 from ..kernels import control as c
 from ..measure.edge_work import EdgeWork
 from ..measure.strain import clamp_rotation, rotation, true_stress
+from ..mechanics import Mechanics
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
 from ..scene import Stage
 from .equilibrium import DEEPEST
 from .load import load_at, temperature_at
-from ..mechanics import Mechanics
 from .progress import LoadStart, Progress, Record
 
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from ..errors import Diverged
 from ..measure.scales import tension_scale
-from .convergence import TENSION_FLOOR, Convergence
 from ..mechanics import CHECK_STEPS, Group
+from .convergence import TENSION_FLOOR, Convergence
 
 if TYPE_CHECKING:
     from .relax import Relaxation

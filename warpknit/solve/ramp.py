@@ -22,10 +22,10 @@ import numpy as np
 from .. import measure
 from ..kernels import control as c
 from ..measure.scales import tension_scale
+from ..mechanics import CHECK_STEPS, advance
 from ..mesh.load_point import LoadPoint
 from ..scene import Stage
 from .drive import Drive
-from ..mechanics import CHECK_STEPS, advance
 from .progress import Record
 
 TENSION_RATE = 60.0  # of the strain that would carry the wanted tension, a loading time
@@ -36,7 +36,6 @@ COMPLIANCE_RANGE = 1e-4  # of that of a loose mesh: the least that is reckoned w
 RENEWAL_CHECKS = 4  # convergence checks between two renewals of the time step, at most
 RENEWALS = 150  # of the time step while a load comes on, at least
 HOLD_LIMIT = 5.0  # loading times that a ramp is held at the end before it stops without being steady
-
 
 
 class Ramp(Drive):
@@ -59,7 +58,9 @@ class Ramp(Drive):
         if not progress.solving:
             driven = any(stage.by_tension)
             if not driven:
-                self._aim(stage, 1.0, None, math.ceil(self.loading_time / self.mechanics.renew_time_step(CHECK_STEPS)), evenly=False)
+                self._aim(
+                    stage, 1.0, None, math.ceil(self.loading_time / self.mechanics.renew_time_step(CHECK_STEPS)), evenly=False
+                )
             progress.compliance = [1.0 / tension_scale(self.model)] * 2
             progress.strain_move = []
             self.mechanics.reserve_for_load()

@@ -16,12 +16,12 @@ from .. import measure
 from ..errors import Diverged
 from ..measure.scales import tension_scale
 from ..measure.strain import clamp_rotation, rotation, stretch
+from ..mechanics import CHECK_STEPS, Alone, Mechanics
 from ..mesh.load_point import LoadPoint
 from ..scene import Stage
 from .drive import Drive
 from .equilibrium import Equilibrium
 from .load import history_steps
-from ..mechanics import CHECK_STEPS, Alone, Mechanics
 from .progress import Progress, Record
 from .tension import MOST_STATES
 

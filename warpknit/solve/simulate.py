@@ -129,4 +129,3 @@ class Simulation:
             yield from self.drive.stage(stage)
             progress.stage_index += 1
             progress.level, progress.start, progress.time = 0, LoadStart(), 0.0
-

@@ -6,6 +6,7 @@ import numpy as np
 import warp as wp
 
 from ..kernels.rod_clamps import move_clamps
+from ..launch import Launch, bind
 from .rod_step import RodStepper
 
 
@@ -20,20 +21,17 @@ class MovingClamps:
         self.sliding_node = node[sliding]
         slides = np.zeros(self.count, dtype=np.int32)
         slides[sliding] = 1
-        self._node: wp.array = wp.array(node, dtype=wp.int32, device=device)
-        self._lever: wp.array = wp.array(lever, dtype=wp.vec2d, device=device)
-        self._slides: wp.array = wp.array(slides, dtype=wp.int32, device=device)
+        self._clamps: dict[str, wp.array] = {
+            "clamp_node": wp.array(node, dtype=wp.int32, device=device),
+            "clamp_lever": wp.array(lever, dtype=wp.vec2d, device=device),
+            "clamp_slides": wp.array(slides, dtype=wp.int32, device=device),
+        }
         self.velocity = wp.zeros(self.count, dtype=wp.float64, device=device)  # [m/s] along the warp
         stepper.clamps = self
 
-    def launches(self) -> list[tuple[wp.Kernel, int, list]]:
-        """Kernel, threads and arguments that move the clamps, behind the step of the rods."""
-        state = self.stepper.state
-        arguments = [
-            self._node, self._lever, self._slides, state.node_mass, state.control, state.force, self.velocity,
-            state.displacement, state.partial,
-        ]  # fmt: skip
-        return [(move_clamps, self.count, arguments)]
+    def launches(self) -> list[Launch]:
+        """What moves the clamps, behind the step of the rods."""
+        return [bind(move_clamps, self.count, self.stepper.state, clamp_velocity=self.velocity, **self._clamps)]
 
     # --- of the sliding ones, in the state last evaluated
 

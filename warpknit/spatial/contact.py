@@ -14,9 +14,11 @@ from ..kernels.wire_contact import push_wires_apart
 from ..kernels.wire_curve import CLOSING
 from ..kernels.wire_pairs import find_segment_pairs, place_segments_in_hash
 from ..kernels.wire_stick import keep_slips
+from ..launch import Launch, bind
 from ..memory import available_memory
 from .rest_curve import RestCurve, catmull_rom
 from .rod_step import RodStepper
+from .rods import Rods
 from .search_cells import search_cells
 
 APART = 4.0  # radii along a wire below which its segments do not touch each other: bent back onto itself it takes pi
@@ -47,6 +49,35 @@ class TouchingPairs:
     overlap: np.ndarray  # [m]; negative: how far apart
 
 
+@dataclass(frozen=True)
+class _Wires:
+    """What contact knows of nodes and wires; [node] unless said."""
+
+    node_wire: wp.array
+    node_arc: wp.array  # [m]
+    node_radius: wp.array  # [m]
+    rest_slope: wp.array
+    rest_bump: wp.array
+    rest_bulge: wp.array
+    wire_closed: wp.array  # [wire]
+    wire_length: wp.array  # [wire] [m]
+    wire_period: wp.array  # [wire] [m]
+
+
+def _upload_wires(rods: Rods, rest: RestCurve, device: str) -> _Wires:
+    return _Wires(
+        node_wire=wp.array(rods.wire_of, dtype=wp.int32, device=device),
+        node_arc=wp.array(rods.arc, dtype=wp.float64, device=device),
+        node_radius=wp.array(rods.wire_radius[rods.wire_of], dtype=wp.float64, device=device),
+        rest_slope=wp.array(rest.slope, dtype=wp.vec2d, device=device),
+        rest_bump=wp.array(rest.bump, dtype=wp.vec4d, device=device),
+        rest_bulge=wp.array(rest.bulge, dtype=wp.float64, device=device),
+        wire_closed=wp.array(rods.wire_closed, dtype=wp.int32, device=device),
+        wire_length=wp.array(rods.wire_length, dtype=wp.float64, device=device),
+        wire_period=wp.array(rods.wire_period, dtype=wp.vec3d, device=device),
+    )
+
+
 class _List:
     """Arrays of a list of pairs with room for `room`; `number` tells lists apart."""
 
@@ -68,6 +99,10 @@ class _List:
         self.stuck_step = wp.full((2, 2 * room), -1, dtype=wp.int32, device=device)
         self.stuck_place = wp.zeros((2, 2 * room), dtype=wp.vec2d, device=device)
         self.slip = wp.zeros((2, 2 * room), dtype=wp.vec3d, device=device)
+
+    def named(self, *names: str) -> dict[str, wp.array]:
+        """Arrays as kernels call them."""
+        return {f"pair_{name}": getattr(self, name) for name in names}
 
 
 class WireContact:
@@ -98,15 +133,7 @@ class WireContact:
         along_x, along_y, along_z = map(int, cells.count)
         self._grid = wp.HashGrid(along_x, along_y, along_z, device=device)
         self._hash_place = wp.zeros(rods.node_count, dtype=wp.vec3, device=device)
-        self._node_wire: wp.array = wp.array(rods.wire_of, dtype=wp.int32, device=device)
-        self._node_arc: wp.array = wp.array(rods.arc, dtype=wp.float64, device=device)
-        self._node_radius: wp.array = wp.array(rods.wire_radius[rods.wire_of], dtype=wp.float64, device=device)
-        self._rest_slope: wp.array = wp.array(rest.slope, dtype=wp.vec2d, device=device)
-        self._rest_bump: wp.array = wp.array(rest.bump, dtype=wp.vec4d, device=device)
-        self._rest_bulge: wp.array = wp.array(rest.bulge, dtype=wp.float64, device=device)
-        self._wire_closed: wp.array = wp.array(rods.wire_closed, dtype=wp.int32, device=device)
-        self._wire_length: wp.array = wp.array(rods.wire_length, dtype=wp.float64, device=device)
-        self._wire_period: wp.array = wp.array(rods.wire_period, dtype=wp.vec3d, device=device)
+        self._wires = _upload_wires(rods, rest, device)
         self.deepest = wp.zeros(1, dtype=wp.float64, device=device)  # [m] overlap since it was last taken
         self._list, self._other = (_List(64, rods.node_count, device, number) for number in (0, 1))
         stepper.state.write_control({c.CONTACT_STIFFNESS: stiffness})
@@ -122,36 +149,19 @@ class WireContact:
         """Segment pairs that are looked at."""
         return int(self._list.total.numpy()[0])
 
-    def launches(self) -> list[tuple[wp.Kernel, int, list]]:
-        """Kernel, threads and arguments that add the forces of contact."""
-        arrays, state, pairs = self.stepper.arrays, self.stepper.state, self._list
+    def launches(self) -> list[Launch]:
+        """What adds the forces of contact."""
+        stepper, pairs = self.stepper, self._list
+        sources = (self._wires, stepper.arrays, stepper.state)
+        named = pairs.named("first", "second", "shift", "found", "place") | {"pair_count": pairs.total}
+        own = pairs.named("start", "way", "overlap", "force", "friction", "normal") | {"pair_count_of": pairs.count}
+        stuck = {"stuck_step": pairs.stuck_step, "stuck_place": pairs.stuck_place, "stuck_by": pairs.slip}
         return [
-            (
-                find_closest_places,
-                pairs.room,
-                [
-                    pairs.total, pairs.first, pairs.second, pairs.shift,
-                    arrays.previous, arrays.following, self._node_radius, self._rest_slope, self._rest_bump, self._rest_bulge,
-                    state.control, wp.float64(REACH),
-                    state.position, state.length, state.tangent, state.director,
-                    pairs.wake, pairs.renewal, pairs.found, pairs.place,
-                ],
-            ),
-            (
-                push_wires_apart,
-                pairs.room,
-                [
-                    pairs.total, pairs.start, pairs.count, pairs.first, pairs.second, pairs.shift, pairs.way,
-                    pairs.found, pairs.place,
-                    arrays.previous, arrays.following, arrays.natural_length, self._node_radius,
-                    self._rest_slope, self._rest_bump, state.control,
-                    wp.float64(APART), wp.float64(self.damping), wp.float64(self.friction), wp.float64(STICK_SHARE),
-                    state.position, state.length, state.tangent, state.director,
-                    state.displacement, state.velocity, state.spin,
-                    pairs.stuck_step, pairs.stuck_place, pairs.slip,
-                    pairs.overlap, pairs.force, pairs.friction, pairs.normal,
-                    state.contact_force, state.contact_couple, self.deepest,
-                ],
+            bind(find_closest_places, pairs.room, *sources, reach=wp.float64(REACH), **named, **pairs.named("wake", "renewal")),
+            bind(
+                push_wires_apart, pairs.room, *sources, apart=wp.float64(APART), damping=wp.float64(self.damping),
+                friction=wp.float64(self.friction), stick_share=wp.float64(STICK_SHARE), deepest=self.deepest,
+                **named, **own, **stuck,
             ),
         ]  # fmt: skip
 
@@ -179,12 +189,7 @@ class WireContact:
         nodes = stepper.rods.node_count
         stepper.evaluate()
         narrowest = float(np.linalg.svd(state.gradient, compute_uv=False).min())
-        wp.launch(
-            place_segments_in_hash,
-            dim=nodes,
-            inputs=[state.control, state.position, state.length, state.tangent, wp.vec3d(*self._cell), self._hash_place],
-            device=device,
-        )
+        bind(place_segments_in_hash, nodes, state, cell=wp.vec3d(*self._cell), place=self._hash_place).run(device)
         self._grid.build(self._hash_place, 1.0)
         before, pairs = self._list, self._other
         longer = max(float(state.read_control()[int(c.LENGTH_FACTOR)]), 1.0)
@@ -199,16 +204,13 @@ class WireContact:
             pairs = grown
         pairs.total.fill_(total)
         self._find(pairs, radius, filling=True)
-        wp.launch(
-            keep_slips,
-            dim=pairs.room,
-            inputs=[
-                int(state.read_control()[int(c.STEP)]),
-                before.start, before.count, before.second, before.shift, before.stuck_step, before.stuck_place, before.slip,
-                pairs.total, pairs.first, pairs.second, pairs.shift, pairs.stuck_step, pairs.stuck_place, pairs.slip,
-            ],
-            device=device,
-        )  # fmt: skip
+        bind(
+            keep_slips, pairs.room, step=int(state.read_control()[int(c.STEP)]),
+            old_start=before.start, old_count=before.count, old_second=before.second, old_shift=before.shift,
+            old_step=before.stuck_step, old_place=before.stuck_place, old_slip=before.slip,
+            pair_count=pairs.total, stuck_step=pairs.stuck_step, stuck_place=pairs.stuck_place, stuck_by=pairs.slip,
+            **pairs.named("first", "second", "shift"),
+        ).run(device)  # fmt: skip
         pairs.found.fill_(int(NOT_NEAR))
         self._list, self._other = pairs, before
         self.searches += 1
@@ -254,20 +256,14 @@ class WireContact:
         return room
 
     def _find(self, pairs: _List, radius: float, *, filling: bool) -> None:
-        rods, arrays, state = self.stepper.rods, self.stepper.arrays, self.stepper.state
-        wp.launch(
-            find_segment_pairs,
-            dim=rods.node_count,
-            inputs=[
-                wp.uint64(self._grid.id), radius, wp.float64(self.margin), wp.float64(self._expected), wp.float64(APART),
-                wp.float64(self._most_sag), wp.vec3d(*rods.tile), int(filling),
-                arrays.previous, arrays.following, self._node_wire, self._node_arc, self._node_radius, self._rest_bulge,
-                self._wire_closed, self._wire_length, self._wire_period, state.control,
-                self._hash_place, state.position, state.length, state.tangent,
-                pairs.start, pairs.count, pairs.first, pairs.second, pairs.shift, pairs.way, pairs.wake,
-            ],
-            device=self.stepper.device,
-        )  # fmt: skip
+        stepper, rods = self.stepper, self.stepper.rods
+        bind(
+            find_segment_pairs, rods.node_count, self._wires, stepper.arrays, stepper.state,
+            grid=wp.uint64(self._grid.id), hash_radius=radius, margin=wp.float64(self.margin),
+            expected=wp.float64(self._expected), apart=wp.float64(APART), most_sag=wp.float64(self._most_sag),
+            tile=wp.vec3d(*rods.tile), is_filling=int(filling), place=self._hash_place,
+            start=pairs.start, count=pairs.count, **pairs.named("first", "second", "shift", "way", "wake"),
+        ).run(stepper.device)  # fmt: skip
 
     def advance(self, steps: int) -> int:
         """Take steps, searching whenever things have travelled farther than the list holds for; returns how many were taken,

@@ -17,8 +17,8 @@ from .clamps import MovingClamps
 from .contact import STICK_SHARE, WireContact
 from .edge import Edge
 from .mesh import SpatialMesh
-from .ramp_masses import step_now
 from .observables import SpatialObservables, read
+from .ramp_masses import step_now
 from .residual import AXIAL_ERROR, Residual
 from .rest import Rest
 from .rod_arrays import RodState

@@ -24,8 +24,8 @@ from ..scene.wire import Wire
 from ..wires.read import rest_wires
 from .from_file import mesh_of_wires
 from .hook import hook_wires
-from .rest_curve import RestCurve, catmull_rom, fit_rest_curve
 from .ramp_masses import RampNumbers, ramp_numbers
+from .rest_curve import RestCurve, catmull_rom, fit_rest_curve
 from .rod_arrays import RodState, rest_state
 from .rods import Rods, Section, rods_of
 from .wires import SpatialWires, place_wires

@@ -10,7 +10,8 @@ import warp as wp
 from ..kernels import control as c
 from ..kernels.rod_bend import bend_rods
 from ..kernels.rod_frames import follow_rods
-from ..kernels.rod_step import NODE_BLOCK
+from ..kernels.rod_step import NODE_BLOCK, step_rods
+from ..launch import Launch, bind
 from .rods import Rods
 
 
@@ -105,8 +106,8 @@ def upload_rods(rods: Rods, device: str) -> RodArrays:
         natural_twist=wp.zeros(nodes, dtype=wp.float64, device=device),
     )
     at_rest = rest_state(rods, device)
-    wp.launch(follow_rods, dim=nodes, inputs=follow_arguments(arrays, at_rest), device=device)
-    wp.launch(bend_rods, dim=nodes, inputs=bend_arguments(rods, arrays, at_rest), device=device)
+    follow_launch(arrays, at_rest).run(device)
+    bend_launch(rods, arrays, at_rest).run(device)
     curvature, twist = rods.set_fraction * at_rest.curvature.numpy(), rods.set_fraction * at_rest.twist.numpy()
     arrays.natural_curvature.assign(curvature if rods.natural_curvature is None else rods.natural_curvature)
     arrays.natural_twist.assign(twist if rods.natural_twist is None else rods.natural_twist)
@@ -171,31 +172,21 @@ def rest_state(rods: Rods, device: str) -> RodState:
     return state
 
 
-def follow_arguments(arrays: RodArrays, state: RodState) -> list:
-    return [
-        arrays.following, arrays.rest_position, arrays.rest_edge, state.control, state.displacement,
-        state.turn, state.tangent, state.director, state.position, state.length, state.contact_couple,
-    ]  # fmt: skip
+def follow_launch(arrays: RodArrays, state: RodState) -> Launch:
+    """Edges and directors of displaced nodes."""
+    return bind(follow_rods, len(state.displacement), arrays, state)
 
 
-def bend_arguments(rods: Rods, arrays: RodArrays, state: RodState) -> list:
-    return [
-        arrays.previous, arrays.following, arrays.natural_length, arrays.node_length,
-        arrays.natural_curvature, arrays.natural_twist,
-        wp.float64(rods.section.bending_stiffness), wp.float64(rods.section.twist_stiffness),
-        wp.float64(rods.section.yield_curvature), wp.float64(rods.section.hardening), state.control,
-        state.stretch_stiffness, state.tension_offset, state.length, state.tangent, state.director, state.plastic_turn,
-        state.curvature, state.twist,
-        state.pull_before, state.pull_after, state.torque_before, state.torque_after,
-    ]  # fmt: skip
+def bend_launch(rods: Rods, arrays: RodArrays, state: RodState) -> Launch:
+    """Bending and twist at the nodes."""
+    section = rods.section
+    return bind(
+        bend_rods, rods.node_count, arrays, state,
+        bending_stiffness=wp.float64(section.bending_stiffness), twist_stiffness=wp.float64(section.twist_stiffness),
+        yield_curvature=wp.float64(section.yield_curvature), hardening=wp.float64(section.hardening),
+    )  # fmt: skip
 
 
-def step_arguments(arrays: RodArrays, state: RodState) -> list:
-    return [
-        arrays.previous, arrays.following, arrays.held, arrays.natural_length,
-        state.node_mass, state.spin_inertia, state.stretch_stiffness, state.load_force, state.load_torque, state.control,
-        state.tension_offset, state.length, state.tangent,
-        state.pull_before, state.pull_after, state.torque_before, state.torque_after,
-        state.contact_couple, state.contact_force, state.displacement, state.velocity, state.spin,
-        state.angle, state.turn, state.force, state.torque, state.partial,
-    ]  # fmt: skip
+def step_launch(arrays: RodArrays, state: RodState) -> Launch:
+    """Stretch, sums, and the update."""
+    return bind(step_rods, len(state.displacement), arrays, state)

@@ -20,10 +20,8 @@ import warp as wp
 
 from ..kernels import control as c
 from ..kernels.control import update_control
-from ..kernels.rod_bend import bend_rods
-from ..kernels.rod_frames import follow_rods
-from ..kernels.rod_step import step_rods
-from .rod_arrays import RodArrays, RodState, bend_arguments, follow_arguments, rest_state, step_arguments, upload_rods
+from ..launch import Launch, bind
+from .rod_arrays import RodArrays, RodState, bend_launch, follow_launch, rest_state, step_launch, upload_rods
 from .rods import Rods
 from .yielding import Yielding
 
@@ -38,15 +36,15 @@ class Contact(Protocol):
     def version(self) -> int:
         """Which arrays `launches` uses; launches are recorded once a version."""
 
-    def launches(self) -> Sequence[tuple[wp.Kernel, int, list]]:
-        """Kernels with threads and arguments that add to contact_force and contact_couple."""
+    def launches(self) -> Sequence[Launch]:
+        """What adds to contact_force and contact_couple."""
 
 
 class Clamps(Protocol):
     """What moves held nodes."""
 
-    def launches(self) -> Sequence[tuple[wp.Kernel, int, list]]:
-        """Kernels with threads and arguments that move held nodes, behind the step."""
+    def launches(self) -> Sequence[Launch]:
+        """What moves held nodes, behind the step."""
 
 
 class RodStepper:
@@ -63,14 +61,14 @@ class RodStepper:
         self.clamps: Clamps | None = None
         self._graphs: dict[tuple[int, int], wp.Graph] = {}
 
-    def launches(self) -> list[tuple[wp.Kernel, int, list]]:
-        """Kernel, threads and arguments of all that makes a step, in turn."""
-        nodes, arrays, state = self.rods.node_count, self.arrays, self.state
+    def launches(self) -> list[Launch]:
+        """All that makes a step, in turn."""
+        arrays, state = self.arrays, self.state
         return [
-            (follow_rods, nodes, follow_arguments(arrays, state)),
-            (bend_rods, nodes, bend_arguments(self.rods, arrays, state)),
+            follow_launch(arrays, state),
+            bend_launch(self.rods, arrays, state),
             *(self.contact.launches() if self.contact is not None else ()),
-            (step_rods, nodes, step_arguments(arrays, state)),
+            step_launch(arrays, state),
             *(self.clamps.launches() if self.clamps is not None else ()),
         ]
 
@@ -89,19 +87,20 @@ class RodStepper:
         self.state.write_control({c.STATUS: kept})
 
     def _launch(self) -> None:
-        for kernel, dim, arguments in self.launches():
-            if dim:
-                wp.launch(kernel, dim=dim, inputs=arguments, device=self.device)
+        for launch in self.launches():
+            if launch.threads:
+                launch.run(self.device)
 
     def _graph(self, steps: int) -> wp.Graph:
         key = (self.contact.version if self.contact is not None else -1, steps)
         if key not in self._graphs:
             state = self.state
+            control = bind(update_control, 1, state, wire_partial=state.partial, body_partial=state.no_bodies)
             with wp.ScopedCapture(device=self.device) as capture:
                 for _ in range(steps):
                     state.partial.zero_()
                     self._launch()
-                    wp.launch(update_control, dim=1, inputs=[state.partial, state.no_bodies, state.control], device=self.device)
+                    control.run(self.device)
             self._graphs[key] = capture.graph
         return self._graphs[key]
 

@@ -10,8 +10,8 @@ import numpy as np
 import warp as wp
 
 from ..kernels import control as c
-from ..kernels.bodies import BODY_BLOCK
 from ..kernels.replicas import step_replicas
+from ..launch import bind
 from ..planar.model import Model, body_blocks, contact_batches
 from ..planar.state import State, initial_state
 from ..planar.step import CORES
@@ -70,29 +70,9 @@ class Replicas:
         return self.state.read_control()[:, int(c.STATUS)]
 
     def _record(self, rows: wp.array) -> wp.Launch:
-        model, state = self.model, self.state
-        rest, mesh, real = model.rest, model.mesh, model.precision.real
-        return wp.launch(
-            step_replicas,
-            dim=1,
-            inputs=[
-                rows, self._last_step,
-                real(model.precision.unit), int(model.is_gripped), int(model.scene.solver.drive == "relax"),
-                contact_batches(model), BODY_BLOCK, body_blocks(model), real(model.contact_reach),
-                rest.table_x, rest.table_y, rest.rest_x, rest.rest_y, rest.rest_length, rest.inverse_length,
-                rest.rest_angle, rest.hinge_stiffness, rest.inverse_mass, rest.node_mass, rest.curve,
-                mesh.block_first, mesh.block_count, mesh.block_table, mesh.block_wire, mesh.block_pair_start,
-                mesh.block_pair, mesh.block_held_start, mesh.wire_first, mesh.wire_count, mesh.wire_closed, mesh.wire_clamp,
-                mesh.pair_wire, mesh.pair_seed, mesh.pair_table, mesh.pair_low, mesh.pair_high, mesh.pair_side,
-                mesh.pair_rest_x, mesh.pair_rest_y, mesh.held_node, mesh.held_lever_x, mesh.held_lever_y,
-                state.pair_wake, state.pair_offset, state.tension_offset,
-                state.plastic_turn, state.back_turn, state.wire_axial, state.wire_mass,
-                self._parity, self._ux, self._uy, state.node_vx, state.node_vy,
-                state.body_ux, state.body_uy, state.body_vx, state.body_vy, state.pair_slide, state.pair_u,
-                state.cached_slide, state.cached_node, state.cached_number, state.control,
-                state.pair_node, state.pair_gap, state.pair_force, state.pair_body_x, state.pair_body_y,
-                state.pair_nodal_x, state.pair_nodal_y, state.wire_partial, state.body_partial,
-            ],
-            device=model.device,
-            record_cmd=True,
-        )  # fmt: skip
+        model = self.model
+        return bind(
+            step_replicas, 1, model.rest, model.mesh, self.state, model.constants, replicas=rows, last_step=self._last_step,
+            batches=contact_batches(model), body_blocks=body_blocks(model), parity=self._parity,
+            node_ux=self._ux, node_uy=self._uy,
+        ).record(model.device)  # fmt: skip
