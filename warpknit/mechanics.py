@@ -27,8 +27,13 @@ CHECK_STEPS = 50  # steps between convergence checks
 class Model(Protocol):
     """A mesh ready to run: everything that does not move."""
 
-    has_multilevel: bool  # whether a large mesh may start from smaller ones, and is corrected as a membrane
-    has_replicas: bool  # whether many of its states are stepped by one launch
+    @property
+    def has_multilevel(self) -> bool:
+        """Whether a large mesh starts from smaller ones, and is corrected as a membrane."""
+
+    @property
+    def has_replicas(self) -> bool:
+        """Whether many of its states are stepped by one launch (`replicas`)."""
 
     @property
     def scene(self) -> Scene: ...
@@ -107,9 +112,15 @@ class Mechanics(Protocol):
     """Steps one mesh. Methods that take up a state leave it as it is but for what they say."""
 
     notes: list[str]  # what the user should know
-    drift: Drift
-    can_overlap: bool  # whether wires may pass through each other
-    may_overlap: bool  # as knitted, before they were pushed apart
+    may_overlap: bool  # as knitted, before wires were pushed apart
+
+    @property
+    def drift(self) -> Drift:
+        """How long the tension must stand still."""
+
+    @property
+    def can_overlap(self) -> bool:
+        """Whether wires may pass through each other."""
 
     @property
     def model(self) -> Any: ...
@@ -210,8 +221,10 @@ class Mechanics(Protocol):
 class Group(Protocol):
     """Meshes of one model that are stepped and judged side by side, each for itself. `rows` are numbers of some of them."""
 
-    model: Any
-    members: Sequence[Mechanics]
+    @property
+    def model(self) -> Any: ...
+    @property
+    def members(self) -> Sequence[Mechanics]: ...
 
     def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
         """Take steps; steps taken [row] and which diverged [row]."""
@@ -249,6 +262,11 @@ def advance(mechanics: Mechanics, steps: int) -> tuple[int, bool]:
         if status == float(c.STATUS_STALE):
             mechanics.search()
     return taken, False
+
+
+def beyond_strength(stress: float, strength: float) -> str:
+    """A cause why a mesh does not converge, after a comma: its largest stress over the strength of the wire [Pa]."""
+    return f", wires at {stress / 1e9:.3g} GPa are beyond their strength" if stress > strength else ""
 
 
 class Alone:

@@ -28,7 +28,6 @@ from .run.plane_limits import tight_loops
 from .scene import Scene
 from .scene.presets import PRESETS
 from .solve.estimate import ESTIMATE_FACTOR, ramp_steps, relax_steps, wall_time
-from .spatial.drive import CLOSEST
 from .spatial.estimate import (
     HOOK_ENDS,
     SLOW_LEVELS,
@@ -42,9 +41,8 @@ from .spatial.estimate import (
     spatial_steps,
     spatial_time,
 )
+from .spatial.mechanics import CLOSEST
 from .spatial.mesh import build_mesh
-from .spatial.ramp_masses import ramp_numbers
-from .spatial.relax import SpatialRelaxation
 from .text import duration, memory, rounded
 from .wires.report import WireReport, wire_report
 
@@ -269,13 +267,10 @@ def _size_in_space(scene: Scene, file: WireReport | None) -> SpatialSize:
     """The sizes of the rods; what a run of them would refuse is refused."""
     mesh = build_mesh(scene)
     size = size_of_mesh(mesh)
-    if scene.solver.drive == "ramp":
-        numbers = ramp_numbers(mesh)
-        step, by = numbers.time_step, numbers.rates.limited_by
-        size = replace(size, time_step=step, limited_by=by, loading_time=numbers.loading_time)
+    size = replace(size, time_step=mesh.time_step, limited_by=mesh.limited_by, loading_time=mesh.loading_time)
     closest = None if file is None else file.overlaps.closest
     if closest is not None and closest < DOUBTFUL * CLOSEST * scene.wire.thickness:
-        SpatialRelaxation(mesh).warm_up()
+        mesh.mechanics(mesh.initial_state()).compile()
     return size
 
 

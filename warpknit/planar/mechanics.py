@@ -11,7 +11,7 @@ from ..kernels import control as c
 from ..kernels.multipliers import extrapolate, extrapolate_held_bodies
 from ..launch import bind
 from ..measure.scales import force_scale
-from ..mechanics import Check, Drift
+from ..mechanics import Check, Drift, beyond_strength
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
 from . import measures
@@ -205,7 +205,8 @@ class PlanarMechanics:
         return self.look.take().stress
 
     def causes(self) -> str:
-        causes = ""
+        strength, stress = self.model.scene.wire.tensile_strength, measures.stress_extremes(self.observe())[0]
+        causes = beyond_strength(stress, strength)
         if self.residual.is_lost_in_round_off(self.look.take(), self.state.wire_axial.numpy()):
             name = self.model.precision.name
             causes += f", round-off in {name} precision is more than the forces: solver.precision = 'double'"

@@ -102,6 +102,12 @@ class Model:
 
         return PlanarMechanics(self, state)
 
+    def replicas(self, count: int, threads: int | None = None) -> Any:
+        """So many states of the model, stepped by one launch and shared by `threads` (mechanics.py)."""
+        from .replicas import ReplicaGroup
+
+        return ReplicaGroup(self, count, threads=threads)
+
     @property
     def is_gripped(self) -> bool:
         """Whether two clamps hold every wire (kernels/clamp.py)."""

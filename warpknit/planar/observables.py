@@ -67,6 +67,34 @@ class PlanarObservables:
     def length_factor(self) -> float:
         return float(self.control[int(c.LENGTH_FACTOR)])
 
+    @property
+    def nominal_stress(self) -> np.ndarray:
+        """(2, 2) [N/m] work-conjugate of the deformation gradient."""
+        from . import measures
+
+        return measures.nominal_stress(self)
+
+    @property
+    def mesh_tension(self) -> tuple[float, float]:
+        """[N/m] weft and warp, force per current width."""
+        from . import measures
+
+        return measures.mesh_tension(self)
+
+    @property
+    def thermal_force(self) -> float:
+        """[J] derivative of the energy by the length factor of the wires."""
+        from . import measures
+
+        return measures.thermal_force(self)
+
+    @property
+    def stored(self) -> float:
+        """[J] of energy."""
+        from . import measures
+
+        return measures.energies(self).stored
+
     @cached_property
     def entry(self) -> np.ndarray:
         """[node] entry of the rest table."""

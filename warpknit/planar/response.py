@@ -33,8 +33,8 @@ def carried_values(model: Model, state: State) -> dict[str, np.ndarray]:
     }
 
 
-# Nominal stress (2, 2) [N/m] of one periodic repeat in equilibrium at a deformation gradient (2, 2) and a temperature [K], and what
-# describes its state (`carried_values`).
+# nominal stress (2, 2) [N/m] of one periodic repeat in equilibrium at a deformation gradient (2, 2) and a temperature [K], and
+# what describes its state (`carried_values`)
 CellState = Callable[[np.ndarray, float], tuple[np.ndarray, dict[str, np.ndarray]]]
 
 

@@ -17,13 +17,12 @@ from ..errors import RunDirectoryError
 from ..files import write_aside
 from ..ranks.ranks import Ranks
 from ..solve.simulate import Progress, Simulation
-from ..spatial.drive import SpatialDrive
 
 FILE = Path("checkpoint") / "checkpoint.npz"
 UNUSABLE = (OSError, ValueError, KeyError, zipfile.BadZipFile)
 
 
-def write_checkpoint(directory: Path, simulation: Simulation | SpatialDrive, scene_hash: str, wall: float) -> None:
+def write_checkpoint(directory: Path, simulation: Simulation, scene_hash: str, wall: float) -> None:
     """Save state, loop memory and progress; `wall` [s] is the time the run has taken so far."""
     ranks = simulation.model.ranks
     turn = ranks.from_first(lambda: 1 - _turn_in_force(directory))
@@ -31,7 +30,7 @@ def write_checkpoint(directory: Path, simulation: Simulation | SpatialDrive, sce
         "scene": scene_hash, "wall_s": wall, "progress": simulation.progress.as_dict(), "ranks": ranks.count, "turn": turn
     }  # fmt: skip
     kept = {f"state_{name}": value for name, value in simulation.state.arrays().items()}
-    kept |= {f"memory_{name}": value for name, value in simulation.memory().items()}
+    kept |= {f"memory_{name}": value for name, value in simulation.state_dict().items()}
     (directory / FILE).parent.mkdir(parents=True, exist_ok=True)
     if not ranks.is_first:
         _write(_strip_file(directory, turn, ranks.rank), about, kept)
@@ -93,8 +92,8 @@ class Checkpoint:
         self.progress = Progress.from_dict(about["progress"])
         self.wall = float(about["wall_s"])
 
-    def restore(self, simulation: Simulation | SpatialDrive) -> None:
+    def restore(self, simulation: Simulation) -> None:
         """Put state and memory back; `simulation` was made with this checkpoint's progress."""
         state = {name[6:]: value for name, value in self._arrays.items() if name.startswith("state_")}
         simulation.state.restore(state)
-        simulation.recall({name[7:]: value for name, value in self._arrays.items() if name.startswith("memory_")})
+        simulation.load_state_dict({name[7:]: value for name, value in self._arrays.items() if name.startswith("memory_")})

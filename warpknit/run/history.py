@@ -14,9 +14,7 @@ from scipy.interpolate import CubicSpline
 from .. import measure
 from ..files import write_aside
 from ..planar.hook_contact import HookContact, hook_contact
-from ..planar.model import Model
 from ..solve.simulate import Record
-from ..spatial.mesh import SpatialMesh
 
 
 @dataclass
@@ -165,7 +163,7 @@ def _mesh_row(record: Record) -> Row:
     )
 
 
-def account_work(rows: list[Row], model: Model | SpatialMesh) -> None:
+def account_work(rows: list[Row], model: Any) -> None:
     """Fill in the work of a relaxation: the work along the steady states, by a cubic spline through each stage's rows.
 
     W = integral of A0 P : dF + (thermal force) d(length factor). The states are steady, so this is the work of a load put on

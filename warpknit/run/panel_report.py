@@ -10,7 +10,7 @@ import numpy as np
 from ..mesh.rim import Rim, build_rim
 from ..planar.panel_map import PanelMap, has_map, panel_map
 from ..planar.surface import Surface, find_surface
-from ..solve.drive import Record
+from ..solve.simulate import Record
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,6 @@ from ..knit.cloth import Cloth
 from ..memory import available_memory
 from ..scene import Scene, resolved_toml
 from ..solve.simulate import Progress, Record, Simulation
-from ..spatial.drive import SpatialDrive, SpatialRecord
 from .checkpoint import Checkpoint
 from .history import Row, account_sliding, account_work, read_history, write_history
 from .progress import Progress as Display
@@ -57,7 +56,7 @@ class Recorder(ABC):
 
     def __init__(
         self,
-        simulation: Simulation | SpatialDrive,
+        simulation: Simulation,
         out: Path,
         display: Display,
         compile_time: float,
@@ -71,7 +70,7 @@ class Recorder(ABC):
         self.compile_time = compile_time
         self.rows: list[Row] = []
         self.stages: list[dict[str, Any]] = []
-        self.last: Record | SpatialRecord | None = None
+        self.last: Record | None = None
         self._stage_shown = -1
         self.watch = Watch(
             simulation,
@@ -154,7 +153,7 @@ class Recorder(ABC):
 
     # --- records ---
 
-    def _keep(self, record: Record | SpatialRecord) -> None:
+    def _keep(self, record: Record) -> None:
         """Write one record: its state, its USD frame, its row; then the stage's summary where the stage ends."""
         self._reserve_memory()
         row = self.row_of(record)

@@ -15,18 +15,13 @@ from typing import Any
 
 from .. import measure
 from ..device import find_device
-from ..errors import ModelError, RunDirectoryError
+from ..errors import RunDirectoryError
 from ..files import held_directory, write_table
 from ..frame import Frame, WireLayout
-from ..planar.model import Model, build_model
-from ..planar.state import initial_state
+from ..model import build_model
 from ..ranks.ranks import One, Ranks
 from ..scene import Scene
 from ..solve.simulate import Record, Simulation
-from ..spatial.drive import SpatialDrive, SpatialRecord
-from ..spatial.mesh import build_mesh
-from ..spatial.ramp import SpatialRamp
-from ..spatial.relax import SpatialRelaxation
 from .checkpoint import Checkpoint, has_checkpoint
 from .history import Row, row_of
 from .panel_report import report_panel
@@ -43,7 +38,7 @@ PATIENCE = 30.0  # [s] that an earlier run may take to finish its last frame aft
 COMPILING_S = 1.0  # kernels that took longer to be ready were compiled, not loaded
 
 
-Judge = Callable[[Record | SpatialRecord], Estimate]
+Judge = Callable[[Record], Estimate]
 
 
 def run_scene(
@@ -84,21 +79,15 @@ def run_scene(
             ending = Watch(simulation, out).run(lambda _record: None)
             return Ending(ending.exit_code, {}, ending.message)
         where = (out, progress or Display(), compile_time, checkpoint, hold)
-        if isinstance(simulation, SpatialDrive):
+        if scene.model.kind == "spatial":
             return SpatialRecorder(simulation, *where, judge=judge).run()
         return _PlanarRecorder(simulation.model.whole, simulation, *where, judge=judge).run()
 
 
-def _simulation(scene: Scene, device: str, ranks: Ranks, checkpoint: Checkpoint | None) -> Simulation | SpatialDrive:
+def _simulation(scene: Scene, device: str, ranks: Ranks, checkpoint: Checkpoint | None) -> Simulation:
     """What runs the scene, from where a checkpoint stands."""
-    progress = checkpoint.progress if checkpoint else None
-    if scene.model.kind != "spatial":
-        model = build_model(scene, device, ranks)
-        return Simulation(model, initial_state(model), progress=progress)
-    if ranks.count > 1:
-        raise ModelError(f"model.kind: given 'spatial', which {ranks.count} ranks cannot share: run without mpirun")
-    drive = SpatialRelaxation if scene.solver.drive == "relax" else SpatialRamp
-    return drive(build_mesh(scene, device), progress=progress)
+    model = build_model(scene, device, ranks)
+    return Simulation(model, model.initial_state(), progress=checkpoint.progress if checkpoint else None)
 
 
 def _finished_run(scene: Scene, out: Path, resume: bool, force: bool) -> Ending | None:
@@ -121,10 +110,10 @@ def _held(out: Path) -> Iterator[int | None]:
         yield hold
 
 
-def _ready(simulation: Simulation | SpatialDrive, checkpoint: Checkpoint | None) -> tuple[Simulation | SpatialDrive, float]:
+def _ready(simulation: Simulation, checkpoint: Checkpoint | None) -> tuple[Simulation, float]:
     """The simulation with its kernels compiled or loaded, and how long that took [s]."""
     begin = time.perf_counter()
-    simulation.warm_up()
+    simulation.compile()
     if checkpoint is not None:
         checkpoint.restore(simulation)
     took = time.perf_counter() - begin
@@ -136,7 +125,7 @@ def _ready(simulation: Simulation | SpatialDrive, checkpoint: Checkpoint | None)
 class _PlanarRecorder(Recorder):
     """Of the planar model, the whole of it where ranks share the mesh."""
 
-    def __init__(self, model: Model, simulation: Simulation, *where: Any, judge: Judge | None) -> None:
+    def __init__(self, model: Any, simulation: Simulation, *where: Any, judge: Judge | None) -> None:
         self.model, self.judge = model, judge
         super().__init__(simulation, *where)
 

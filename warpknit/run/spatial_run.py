@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..frame import Frame, WireLayout
-from ..spatial.drive import SpatialDrive, SpatialRecord
+from ..solve.simulate import Record, Simulation
 from .history import HookRow, Row
 from .recorder import Recorder
 from .spatial_summary import row_of, spatial_summary, stage_summary
@@ -16,24 +16,24 @@ from .summary import Estimate
 class SpatialRecorder(Recorder):
     """Of a mesh in space."""
 
-    simulation: SpatialDrive
+    simulation: Simulation
 
-    def __init__(self, simulation: SpatialDrive, *where: Any, judge: Callable[[SpatialRecord], Estimate] | None) -> None:
+    def __init__(self, simulation: Simulation, *where: Any, judge: Callable[[Record], Estimate] | None) -> None:
         self.judge = judge
         super().__init__(simulation, *where)
 
     @property
     def layout(self) -> WireLayout:
-        return self.simulation.mesh.layout()
+        return self.simulation.model.layout()
 
     @property
     def nodes(self) -> int:
-        return self.simulation.mesh.rods.node_count
+        return self.simulation.model.node_count
 
-    def row_of(self, record: SpatialRecord) -> Row:
+    def row_of(self, record: Record) -> Row:
         return row_of(record)
 
-    def frame_of(self, record: SpatialRecord, row: Row) -> Frame:
+    def frame_of(self, record: Record, row: Row) -> Frame:
         frame = record.observables.frame(
             index=record.index, stage=record.stage, load_factor=record.load_factor, temperature=record.temperature
         )
@@ -41,11 +41,11 @@ class SpatialRecorder(Recorder):
             frame.body_position[0, :2] = row.body_x_m, row.body_y_m  # where the wires press, once they do
         return frame
 
-    def stage_summary(self, record: SpatialRecord, *, ended: bool) -> dict[str, Any]:
+    def stage_summary(self, record: Record, *, ended: bool) -> dict[str, Any]:
         return stage_summary(record, self.rows)
 
     def summary(self, stages: list[dict[str, Any]], **how: Any) -> dict[str, Any]:
-        return spatial_summary(self.simulation.mesh, self.rows, stages, notes=self.simulation.notes, **how)
+        return spatial_summary(self.simulation.model.whole, self.rows, stages, notes=self.simulation.notes, **how)
 
     def estimate(self) -> Estimate | None:
-        return self.judge(self.last) if self.judge is not None and isinstance(self.last, SpatialRecord) else None
+        return self.judge(self.last) if self.judge is not None and isinstance(self.last, Record) else None

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..measure.sliding import wires_slid
 from ..mesh.rim import build_rim
-from ..spatial.drive import SpatialRecord
+from ..solve.simulate import Record
 from ..spatial.hook_contact import hook_contact
 from ..spatial.mesh import SpatialMesh
 from ..spatial.observables import SpatialObservables
@@ -17,14 +17,14 @@ from .panel_report import cord_numbers
 from .summary import energy_balance, energy_balance_of_stored, hook_part, kinetic_to_internal, run_summary
 
 
-def row_of(record: SpatialRecord) -> Row:
+def row_of(record: Record) -> Row:
     """What history.csv keeps of a record; `work_J` is filled in by `account_work`, and the way of a hook's contact by
     `account_sliding`."""
     row = _mesh_row(record)
     return row if record.observables.mesh.scene.hook is None else hook_row(row, hook_contact(record.observables))
 
 
-def _mesh_row(record: SpatialRecord) -> Row:
+def _mesh_row(record: Record) -> Row:
     r = record.observables
     f, nominal = r.stretch, r.boundary_stress
     weft, warp = r.mesh_tension
@@ -49,7 +49,7 @@ def _mesh_row(record: SpatialRecord) -> Row:
         energy_bend_J=r.bend_energy + r.hardened_energy,
         energy_contact_J=r.contact_energy,
         energy_kinetic_J=r.kinetic_energy,
-        work_J=record.work,
+        work_J=record.work or 0.0,
         edge_work_J=record.edge_work,
         dissipated_J=record.dissipated,
         residual=r.residual,
@@ -65,7 +65,7 @@ def _mesh_row(record: SpatialRecord) -> Row:
     )
 
 
-def stage_summary(record: SpatialRecord, rows: list[Row]) -> dict[str, Any]:
+def stage_summary(record: Record, rows: list[Row]) -> dict[str, Any]:
     """Contacts, wire, mesh and quality of the state at the end of a stage; `rows` are all rows up to it."""
     r = record.observables
     mesh, panel = r.mesh, r.mesh.panel
@@ -74,16 +74,16 @@ def stage_summary(record: SpatialRecord, rows: list[Row]) -> dict[str, Any]:
     weft, warp = r.mesh_tension
     stress = r.stress
     force = r.site_force[r.site_active]
-    balance = energy_balance(rows, mesh)  # type: ignore[arg-type]
+    balance = energy_balance(rows, mesh)
     return (
         hook_part(rows[-1])
         | _panel_part(record)
         | {
             "name": record.stage,
             "quality": {
-                "kinetic_to_internal": kinetic_to_internal(rows, mesh),  # type: ignore[arg-type]
+                "kinetic_to_internal": kinetic_to_internal(rows, mesh),
                 "energy_balance": balance,
-                "energy_balance_of_stored": energy_balance_of_stored(rows, mesh),  # type: ignore[arg-type]
+                "energy_balance_of_stored": energy_balance_of_stored(rows, mesh),
                 "residual": r.residual,
                 "membrane_left_out": 0.0,
                 "penetration_max": max(row.penetration for row in rows),
@@ -128,7 +128,7 @@ def stage_summary(record: SpatialRecord, rows: list[Row]) -> dict[str, Any]:
     )
 
 
-def _panel_part(record: SpatialRecord) -> dict[str, Any]:
+def _panel_part(record: Record) -> dict[str, Any]:
     """The edge of a mesh that hangs on cords."""
     mesh = record.observables.mesh
     if mesh.scene.panel.cord is None:

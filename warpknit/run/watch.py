@@ -12,7 +12,6 @@ from pathlib import Path
 
 from ..errors import Diverged
 from ..solve.simulate import Progress, Record, Simulation
-from ..spatial.drive import SpatialDrive, SpatialRecord
 from .checkpoint import write_checkpoint
 from .interrupts import Interrupted, Interrupts
 
@@ -33,7 +32,7 @@ class Watch:
 
     def __init__(
         self,
-        simulation: Simulation | SpatialDrive,
+        simulation: Simulation,
         out: Path,
         *,
         wall_before: float = 0.0,
@@ -55,7 +54,7 @@ class Watch:
         """[s] the run has taken so far."""
         return self._wall_before + time.perf_counter() - self.begin
 
-    def run(self, keep: Callable[[Record | SpatialRecord], None]) -> Ending:
+    def run(self, keep: Callable[[Record], None]) -> Ending:
         """Run to the end; `keep` gets every record."""
         with self.interrupts.caught():
             try:

@@ -38,7 +38,7 @@ class Equilibrium:
         scene = group.model.scene
         self.convergence = Convergence(
             group.members[0].drift,
-            len(relaxations),
+            len(group.members),
             tolerance=scene.solver.residual_tolerance,
             least_tension=TENSION_FLOOR * tension_scale(group.model),
             nodes_per_loop=scene.model.nodes_per_loop,
@@ -71,7 +71,7 @@ class Equilibrium:
         ratio = found.ratio
         for row, residual in zip(rows[~loading].tolist(), found.residual[~loading].tolist(), strict=True):
             self.relaxations[row].progress.residual = residual
-        if len(self.relaxations) == 1 and not loading[0]:
+        if len(self.group.members) == 1 and not loading[0]:
             ratio = np.array([self.relaxations[0].corrected(float(ratio[0]))])
         ratio = self.convergence.with_drift(rows, ratio, self.group.stress)
         going = ratio >= 1.0

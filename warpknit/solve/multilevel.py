@@ -51,6 +51,7 @@ class MultilevelRelaxation(Relaxation):
         """`smaller`: a smaller mesh of the same knit that each level starts from; `cell`: one periodic repeat, which gives the
         stiffness of the cloth to a large gripped mesh. One of them at least."""
         super().__init__(mechanics, progress, watch)
+        self.mechanics: Any = mechanics
         self.smaller = smaller
         self.cell = cell
         self.prolongation = None if smaller is None else mechanics.prolongation(smaller.mechanics)

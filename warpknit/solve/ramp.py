@@ -2,8 +2,8 @@
 
 The load of a stage comes on over the loading time, then the stage is held until it is steady.
 
-A direction driven by tension follows it in time: at every convergence check its strain v [1 a loading time] is set to move by what the tension
-missing now would stretch the mesh, with the compliance C seen so far, and gathers way,
+A direction driven by tension follows it in time: at every convergence check its strain v [1 a loading time] is set to move by
+what the tension missing now would stretch the mesh, with the compliance C seen so far, and gathers way,
 
     v -> v + MOMENTUM_RATE d (TENSION_RATE C miss - v)        d: the time between checks over the loading time
 
@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 
-from .. import measure
 from ..kernels import control as c
 from ..measure.scales import tension_scale
 from ..mechanics import CHECK_STEPS, advance
@@ -174,9 +173,7 @@ class Ramp(Drive):
     def _account_work(self) -> None:
         """Add the work of the boundary since the last check to the progress."""
         observed: Any = self.mechanics.observe()
-        now = self.model.ranks.from_first(
-            lambda: [*measure.nominal_stress(observed).ravel().tolist(), measure.thermal_force(observed)]
-        )
+        now = self.model.ranks.from_first(lambda: [*observed.nominal_stress.ravel().tolist(), observed.thermal_force])
         now += [*observed.gradient.ravel().tolist(), observed.length_factor]
         if self.progress.stress:
             self.progress.work += work_between(self.progress.stress, now, self.model.panel.area)

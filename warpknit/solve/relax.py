@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from .. import measure
 from ..errors import Diverged
 from ..measure.scales import tension_scale
 from ..measure.strain import clamp_rotation, rotation, stretch
@@ -151,7 +150,7 @@ class Relaxation(Drive):
         """Nominal stress (2, 2) [N/m] of the mesh in equilibrium under a load, and the values that describe its state."""
         self.solve(LoadPoint(gradient, temperature))
         mechanics: Any = self.mechanics
-        return measure.nominal_stress(mechanics.observe()), mechanics.carried_values()
+        return mechanics.observe().nominal_stress, mechanics.carried_values()
 
     def _prepare(self, load: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
         """What is done before a load is put on, and the load."""
@@ -230,14 +229,8 @@ class Relaxation(Drive):
 
     def _how_far(self) -> str:
         """Residual, what moves most, and what may keep the mesh from equilibrium."""
-        observed: Any = self.mechanics.observe()
-        wire, stress = self.scene.wire, float(measure.stress_extremes(observed)[0])
-        causes = ""
-        if stress > wire.tensile_strength:
-            causes += f", wires at {stress / 1e9:.3g} GPa are beyond their strength"
-        causes += self.mechanics.causes()
         moving, node = self.mechanics.fastest()
         return (
             f"residual {self.progress.residual:.2g} at a tolerance of {self.scene.solver.residual_tolerance:g},"
-            f" wire {moving}, node {node} moves most{causes}"
+            f" wire {moving}, node {node} moves most{self.mechanics.causes()}"
         )

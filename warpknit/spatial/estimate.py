@@ -14,9 +14,9 @@ import numpy as np
 
 from ..planar.step import CORES
 from ..scene import Scene, Stage
+from ..solve.load import PATH_STRAIN
 from .mesh import SpatialMesh
 from .nearby import pair_gaps
-from .relax import PATH_STRAIN
 from .search_cells import search_cells
 
 SPATIAL_FACTOR = 2  # steps and time of the scenes measured are off by so much either way

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import ModelError
 from ..kernels import control as c
-from ..mechanics import CHECK_STEPS, Check, Drift
+from ..mechanics import CHECK_STEPS, Check, Drift, beyond_strength
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
 from .clamps import MovingClamps
@@ -226,7 +226,7 @@ class SpatialMechanics:
         return self.observe().nominal_stress
 
     def causes(self) -> str:
-        return ""
+        return beyond_strength(float(self.observe().stress.max()), self.model.scene.wire.tensile_strength)
 
     def is_in_equilibrium(self, load: LoadPoint) -> bool:
         """As knitted, where no wires overlap and all are free of stress; says so where some overlap."""

@@ -1,6 +1,6 @@
-"""Brings a mesh in space to rest under one load after the other, for the process that started this one.
+"""Brings a mesh to equilibrium under one load after the other, for the process that started this one.
 
-    scene -> the mesh -> (number, stage) -> how far it is, again and again -> the outcome -> the next (number, stage)
+    scene -> the model -> (number, stage) -> how far it is, again and again -> the outcome -> the next (number, stage)
 
 It ends with the pipe, so with the process at its other end, however that ends.
 """
@@ -13,10 +13,10 @@ import time
 from contextlib import suppress
 from multiprocessing.connection import Connection
 
+from warpknit.model import build_model
 from warpknit.processes import sendable
-from warpknit.spatial.mesh import build_mesh
 from warpknit.sweep.outcome import Outcome
-from warpknit.sweep.spatial_states import SAY_INTERVAL, Way, bring_to_rest
+from warpknit.sweep.state_processes import SAY_INTERVAL, Way, equilibrium_under
 
 
 def main(arguments: list[str]) -> None:
@@ -31,12 +31,12 @@ def main(arguments: list[str]) -> None:
             pipe.send(way)
 
     with suppress(EOFError, BrokenPipeError, ConnectionResetError):
-        mesh = build_mesh(pipe.recv())
+        model = build_model(pipe.recv())
         while True:
             index, stage = pipe.recv()
             answer: Outcome | Exception
             try:
-                answer = bring_to_rest(mesh, index, stage, watch)
+                answer = equilibrium_under(model, index, stage, watch)
             except (BrokenPipeError, ConnectionResetError):
                 raise
             except Exception as error:

@@ -1,34 +1,29 @@
-"""States of one mesh under many loads, in the model that its scene asks for."""
+"""States of one mesh under many loads: side by side where its model steps many at once, else shared by processes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
-from ..planar.model import Model, build_model
+from ..mechanics import Model
+from ..model import build_model
 from ..scene import Scene, Stage
-from ..spatial.mesh import SpatialMesh, build_mesh
 from .batch import Batch
-from .spatial_states import SpatialStates
+from .state_processes import StateProcesses
 
-Mesh = Model | SpatialMesh
-States = Batch | SpatialStates
-
-
-def mesh_of(scene: Scene) -> Mesh:
-    """The mesh of a scene, on the CPU. Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`."""
-    return build_mesh(scene) if scene.model.kind == "spatial" else build_model(scene)
+Mesh = Any  # a model of either kind (mechanics.py)
+States = Batch | StateProcesses
 
 
-def node_count(mesh: Mesh) -> int:
-    """Nodes that are stepped; in space, clamped wires are divided anew."""
-    return mesh.rods.node_count if isinstance(mesh, SpatialMesh) else mesh.panel.node_count
+def mesh_of(scene: Scene) -> Any:
+    """The model of a scene, on the CPU. Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`."""
+    return build_model(scene)
 
 
-def states_of(mesh: Mesh, stages: Sequence[Stage], watch: Callable[[States], None] | None = None) -> States:
-    """What brings `mesh` to rest under each of `stages`; its `run` yields an `Outcome` each, in any order.
+def states_of(model: Model, stages: Sequence[Stage], watch: Callable[[States], None] | None = None) -> States:
+    """What brings a mesh to equilibrium under each of `stages`; its `run` yields an `Outcome` each, in any order.
 
     `watch` is called as it goes on, and may raise to stop.
     """
-    if isinstance(mesh, SpatialMesh):
-        return SpatialStates(mesh, stages, watch=watch)
-    return Batch(mesh, stages, watch=watch)
+    states: Any = Batch if model.has_replicas else StateProcesses
+    return states(model, stages, watch=watch)

@@ -26,11 +26,10 @@ from ..run.run_directory import Ending, finished_before, goes_on, open_directory
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.messages import scene_error
 from ..spatial.estimate import process_count, size_of_mesh, spatial_map_time
-from ..spatial.mesh import SpatialMesh
 from ..text import duration, engineering
 from .contact_map import STEADY, Cell, Detail, MapRow, find_optimum, grid, mean_map, read_map, write_map
 from .outcome import Outcome, measured
-from .states import Mesh, States, mesh_of, node_count, states_of
+from .states import States, mesh_of, states_of
 
 _log = logging.getLogger(__name__)
 
@@ -69,8 +68,8 @@ def run_map(
     seeds = [replace(scene, knit=replace(scene.knit, seed=scene.knit.seed + number)) for number in range(sweep.seeds)]
     meshes = [mesh_of(one) for one in seeds]
     _refuse_too_many(meshes[0], sweep)
-    if isinstance(meshes[0], SpatialMesh):
-        _log.info("about %s for the whole map in space", duration(spatial_map_time(scene, size_of_mesh(meshes[0]))))
+    if not meshes[0].has_replicas:
+        _log.info("about %s for the whole map", duration(spatial_map_time(scene, size_of_mesh(meshes[0]))))
     open_directory(out, resolved, keep=keep)
     return _Mapper(meshes, sweep, out, progress or Display()).run()
 
@@ -100,10 +99,10 @@ def _checked(scene: Scene, device: str | None) -> Sweep:
     return scene.sweep
 
 
-def _refuse_too_many(mesh: Mesh, sweep: Sweep) -> None:
+def _refuse_too_many(mesh: Any, sweep: Sweep) -> None:
     """Refuse what does not fit: in the plane all loads of a seed are under way at once, in space one a core."""
-    loads, nodes = len(set(sweep.strain_weft)) * len(set(sweep.strain_warp)), node_count(mesh)
-    together = process_count(loads) if mesh.scene.model.kind == "spatial" else loads
+    loads, nodes = len(set(sweep.strain_weft)) * len(set(sweep.strain_warp)), mesh.node_count
+    together = loads if mesh.has_replicas else process_count(loads)
     needed, available = together * required_memory(mesh.scene, nodes), available_memory()
     if needed > available:
         raise MemoryNeeded(
@@ -114,10 +113,10 @@ def _refuse_too_many(mesh: Mesh, sweep: Sweep) -> None:
 class _Mapper:
     """Runs the batches of a map, one a seed, and writes what they find."""
 
-    def __init__(self, meshes: Sequence[Mesh], sweep: Sweep, out: Path, display: Display) -> None:
+    def __init__(self, meshes: Sequence[Any], sweep: Sweep, out: Path, display: Display) -> None:
         """`meshes`: of each seed."""
         self.meshes, self.scene, self.sweep, self.out, self.display = meshes, meshes[0].scene, sweep, out, display
-        self.nodes = node_count(meshes[0])
+        self.nodes = meshes[0].node_count
         self.strains = [(x, y) for y in sorted(set(sweep.strain_warp)) for x in sorted(set(sweep.strain_weft))]
         self.maps = [self._read(seed) for seed in range(sweep.seeds)]
         self.steps = 0

@@ -6,21 +6,19 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from .. import measure
 from ..errors import Diverged, InputError
+from ..model import build_model
 from ..planar.hook_contact import hook_contact
-from ..planar.model import Model, build_model
-from ..planar.state import initial_state
 from ..scene import Scene
 from ..solve.drive import Drive
 from ..solve.simulate import Progress, Record, Simulation
 from ..spatial.hook_contact import hook_contact as spatial_hook_contact
-from ..spatial.mesh import SpatialMesh, build_mesh
 from ..spatial.observables import SpatialObservables
-from ..spatial.relax import SpatialRelaxation
 
 FORCE_FLOOR = 1e-3  # of EI/W^2 a pair: what contact forces are compared with where contacts carry less
 TENSION_FLOOR = 1e-3  # of EI/C^3: the same of tensions
@@ -70,14 +68,12 @@ def run_point(
     settings: dict[str, object] = {}
     try:
         scene = load()
-        if scene.model.kind == "spatial":
-            return _run_spatial_point(build_mesh(scene, device), most_node_steps, watch)
         model = build_model(scene, device)
     except InputError as error:
         return Outcome(settings, None, "refused", str(error))
     settings = settings_of(model)
-    simulation = Simulation(model, initial_state(model))
-    simulation.warm_up()
+    simulation = Simulation(model, model.initial_state())
+    simulation.compile()
 
     def look(progress: Progress) -> None:
         watch(progress)
@@ -99,7 +95,9 @@ def run_point(
         reason = "finished"
     return Outcome(
         settings=settings,
-        found=None if record is None else found_at(record),
+        found=None
+        if record is None
+        else (spatial_found(record.observables) if scene.model.kind == "spatial" else found_at(record)),
         stop_reason=reason,
         message=message,
         wall_s=time.perf_counter() - wall,
@@ -109,37 +107,10 @@ def run_point(
     )
 
 
-def _run_spatial_point(mesh: SpatialMesh, most_node_steps: float, watch: Callable[[Progress], None]) -> Outcome:
-    """The same of a mesh in space."""
-    nodes = mesh.rods.node_count
-
-    def look(progress: Progress) -> None:
-        watch(progress)
-        if progress.steps * nodes > most_node_steps:
-            raise TooDear
-
-    relaxation = SpatialRelaxation(mesh, look)
-    relaxation.warm_up()
-    wall, cpu = time.perf_counter(), time.process_time()
-    found: Found | None = None
-    reason, message = "steady", ""
-    try:
-        for record in relaxation.run():
-            found = spatial_found(record.observables)
-    except TooDear:
-        reason, message, found = "too dear", f"stopped after {most_node_steps:.2g} node-steps", None
-    except Diverged as error:
-        reason, message, found = "diverged", str(error), None
-    return Outcome(
-        settings=settings_of_scene(mesh.scene) | {"contact_stiffness_N_per_m": mesh.contact_stiffness},
-        found=found,
-        stop_reason=reason,
-        message=message,
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
-        steps=relaxation.progress.steps,
-        node_steps=relaxation.progress.steps * nodes,
-    )
+def found_in(record: Record) -> Found:
+    """What a record says of the mesh."""
+    in_space = record.observables.model.scene.model.kind == "spatial"
+    return spatial_found(record.observables) if in_space else found_at(record)
 
 
 def spatial_found(reading: SpatialObservables) -> Found:
@@ -166,10 +137,10 @@ def node_steps(drive: Drive) -> int:
         if one not in found:
             found.append(one)
             drives += [other for other in (getattr(one, "smaller", None), getattr(one, "cell", None)) if other is not None]
-    return sum(one.progress.steps * one.model.panel.node_count for one in found)
+    return sum(one.progress.steps * one.model.node_count for one in found)
 
 
-def settings_of(model: Model) -> dict[str, object]:
+def settings_of(model: Any) -> dict[str, object]:
     """The knobs of a model as they stand, whichever were turned."""
     ramp = model.scene.solver.drive == "ramp"
     return settings_of_scene(model.scene) | {
@@ -225,7 +196,7 @@ class Scales:
     stress: float
 
 
-def scales_of(model: Model) -> Scales:
+def scales_of(model: Any) -> Scales:
     """The least forces that count: bending by about a wire diameter a loop."""
     wire = model.scene.wire
     bent = wire.youngs_modulus * wire.radius * wire.diameter / model.scene.knit.wale_spacing**2

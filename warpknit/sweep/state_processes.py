@@ -1,7 +1,7 @@
-"""Many loads of one mesh in space, each brought to rest by itself as `warpknit run` does, in several processes.
+"""Many loads of one mesh, each brought to equilibrium by itself as `warpknit run` does, in several processes.
 
-A mesh in space is stepped on one core, so as many loads are under way as there are cores. Each process (state_process.py) builds
-the mesh from the scene and is handed one load after the other; what it finds does not depend on which process has it.
+As many loads are under way as there are cores. Each process (state_process.py) builds the model from the scene and is handed one
+load after the other; what it finds does not depend on which process has it.
 """
 
 from __future__ import annotations
@@ -11,14 +11,13 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from multiprocessing.connection import wait
 from types import TracebackType
+from typing import Any
 
 from ..errors import Diverged, OutOfResources
 from ..processes import ending_of, start_process
 from ..scene import Scene, Stage
+from ..solve.simulate import Simulation
 from ..spatial.estimate import process_count
-from ..spatial.mesh import SpatialMesh
-from ..spatial.observables import SpatialObservables
-from ..spatial.relax import SpatialRelaxation
 from .outcome import Outcome
 
 PROCESS = f"{__package__}.state_process"
@@ -34,34 +33,38 @@ class Way:
     load_factor: float
 
 
-def bring_to_rest(mesh: SpatialMesh, index: int, stage: Stage, watch: Callable[[Way], None]) -> Outcome:
-    """The mesh at rest under the load of `stage`, reached from the mesh as knitted. `watch` is called at every look."""
-    one = replace(mesh, scene=replace(mesh.scene, stages=(stage,)))
-    relaxation = SpatialRelaxation(one, lambda progress: watch(Way(index, progress.steps, progress.load_factor)))
-    relaxation.warm_up()
-    reading: SpatialObservables | None = None
+def equilibrium_under(model: Any, index: int, stage: Stage, watch: Callable[[Way], None]) -> Outcome:
+    """The mesh in equilibrium under the load of `stage`, reached from the mesh as knitted. `watch` is called at every convergence
+    check."""
+    one = replace(model, scene=replace(model.scene, stages=(stage,)))
+    simulation = Simulation(
+        one, one.initial_state(), watch=lambda progress: watch(Way(index, progress.steps, progress.load_factor))
+    )
+    simulation.compile()
+    observables: Any = None
     error: Diverged | None = None
     try:
-        for record in relaxation.run():
-            reading = record.observables
+        for record in simulation.run():
+            observables = record.observables
     except Diverged as failure:
-        reading, error = None, failure
-    return Outcome(index, relaxation.progress.steps, reading, error)
+        observables, error = None, failure
+    return Outcome(index, simulation.progress.steps, observables, error)
 
 
-class SpatialStates:
-    """One stage for each load; `run` yields outcomes as loads come to rest. The counterpart of `Batch` in space."""
+class StateProcesses:
+    """One stage for each load; `run` yields outcomes as loads come to rest. For models that do not step many
+    states by one launch, as `Batch` does."""
 
     def __init__(
         self,
-        mesh: SpatialMesh,
+        model: Any,
         stages: Sequence[Stage],
         *,
-        watch: Callable[[SpatialStates], None] | None = None,
+        watch: Callable[[StateProcesses], None] | None = None,
         processes: int | None = None,
     ) -> None:
         """`stages`: each load. `watch` is called again and again, and may raise to stop. `processes`: default `process_count`."""
-        self.mesh, self.stages = mesh, tuple(stages)
+        self.model, self.stages = model, tuple(stages)
         self.processes = processes or process_count(len(self.stages))
         self._watch = watch or (lambda _states: None)
         self._under_way: dict[int, Way] = {}
@@ -91,13 +94,13 @@ class SpatialStates:
             self._watch(self)
 
         for index, stage in enumerate(self.stages):
-            yield bring_to_rest(self.mesh, index, stage, watch)
+            yield equilibrium_under(self.model, index, stage, watch)
 
     def _in_processes(self) -> Iterator[Outcome]:
-        SpatialRelaxation(self.mesh).warm_up()  # kernels are compiled once, not by all processes
+        self.model.mechanics(self.model.initial_state()).compile()  # kernels are compiled once, not by all processes
         waiting = list(enumerate(self.stages))[::-1]
         with ExitStack() as stack:
-            workers = [stack.enter_context(_Worker(self.mesh.scene)) for _ in range(self.processes)]
+            workers = [stack.enter_context(_Worker(self.model.scene)) for _ in range(self.processes)]
             busy = {}
             for worker in workers:
                 worker.send(waiting.pop())

@@ -1,0 +1,219 @@
+"""Many states of one model side by side: replicas, which differ in their load only and know nothing of each other.
+
+The steps of all are one launch (kernels/replicas.py), and what a convergence check decides is worked out for all of them at once.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..kernels import control as c
+from ..kernels.replicas import step_replicas
+from ..launch import bind
+from ..mechanics import Check
+from .diagnostics import Sums, first_blocks, sum_up
+from .mechanics import NEARLY_CONVERGED, PlanarMechanics
+from .model import Model, body_blocks, contact_batches
+from .multiplier_rules import MultiplierRules
+from .state import State, initial_state
+from .step import CORES, PROBING
+
+
+class Replicas:
+    """`count` replicas of a model at rest, and how they are stepped together on the CPU.
+
+    `state` has the replica as the first axis of every array (`initial_state`); `states` are its rows.
+    """
+
+    def __init__(self, model: Model, count: int, *, threads: int | None = None) -> None:
+        """`threads` share the replicas; default: WARPKNIT_THREADS, or one a core."""
+        self.model = model
+        self.state = initial_state(model, replicas=count)
+        coordinate, nodes, device = model.precision.coordinate, model.panel.node_count, model.device
+        self._ux, self._uy = (wp.zeros((2, count, nodes), dtype=coordinate, device=device) for _ in range(2))
+        self.state.node_ux = [self._ux[0], self._ux[1]]
+        self.state.node_uy = [self._uy[0], self._uy[1]]
+        self.states: list[State] = [self.state.replica(r) for r in range(count)]
+        self._parity = wp.zeros(count, dtype=wp.int32, device=device)
+        self._last_step = wp.zeros(count, dtype=wp.float64, device=device)
+        given = os.environ.get("WARPKNIT_THREADS", "")
+        wanted = threads or (int(given) if given.isdecimal() else len(CORES))
+        self.threads = max(1, min(wanted, len(CORES), count))
+        self._rows = [wp.zeros(count, dtype=wp.int32, device=device) for _ in range(self.threads)]
+        self._launches = [self._record(rows) for rows in self._rows]
+        self._pool = ThreadPoolExecutor(self.threads, "replicas")
+
+    def step(self, rows: np.ndarray, last_step: np.ndarray) -> None:
+        """Step replicas `rows` until each has taken `last_step` steps (row,) since its start, or is frozen."""
+        self._last_step.numpy()[rows] = last_step
+        launches = []
+        for part, launch in enumerate(self._launches):
+            mine = rows[part :: self.threads]
+            self._rows[part].numpy()[: len(mine)] = mine
+            if len(mine):
+                launch.set_dim(len(mine))
+                launches.append(launch.launch)
+        self.together(launches)
+        parity = self._parity.numpy()
+        for row in rows.tolist():
+            self.states[row].parity = int(parity[row])
+
+    def together(self, parts: Sequence[Callable[[], object]]) -> None:
+        """Call all parts, several at a time, and return when all are done."""
+        waiting = [self._pool.submit(part) for part in parts[1:]]
+        if parts:
+            parts[0]()
+        for one in waiting:
+            one.result()
+
+    @property
+    def status(self) -> np.ndarray:
+        """[replica] STATUS of kernels/control.py."""
+        return self.state.read_control()[:, int(c.STATUS)]
+
+    def _record(self, rows: wp.array) -> wp.Launch:
+        model = self.model
+        return bind(
+            step_replicas, 1, model.rest, model.mesh, self.state, model.constants, replicas=rows, last_step=self._last_step,
+            batches=contact_batches(model), body_blocks=body_blocks(model), parity=self._parity,
+            node_ux=self._ux, node_uy=self._uy,
+        ).record(model.device)  # fmt: skip
+
+
+class ReplicaGroup:
+    """Replicas as a group of meshes (mechanics.py): each takes the steps, checks and decisions that one mesh alone would take."""
+
+    def __init__(self, model: Model, count: int, *, threads: int | None = None) -> None:
+        """`threads` share the replicas; default: see `Replicas`."""
+        self.model = model
+        self.replicas = Replicas(model, count, threads=threads)
+        self.members = [PlanarMechanics(model, state) for state in self.replicas.states]
+        self._control = self.replicas.state.read_control()
+        self._axial = self.replicas.state.wire_axial.numpy()
+        self._mass = self.replicas.state.wire_mass.numpy()
+        self._rules = MultiplierRules(model, count)
+        self._first_block = first_blocks(model.panel)
+        self._partial = [member.look.partial_sums()[:2] for member in self.members]
+        self._moved = [member.slowest_mode.partial.numpy() for member in self.members]
+        self._stiffer = [member.multipliers.axial.numpy() for member in self.members]
+        self._graphs: dict[str, list[wp.Graph]] = {}
+        for row, member in enumerate(self.members):
+            member.begin_level = partial(self._begin_level, row)  # type: ignore[method-assign]
+
+    def _begin_level(self, row: int) -> None:
+        self._rules.begin_level(np.array([row]))
+
+    # --- steps
+
+    def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
+        asked, step = rows, self._control[:, int(c.STEP)]
+        before = step.copy()
+        goal = before + steps
+        diverged = np.zeros(len(step), dtype=bool)
+        while len(rows):
+            self.replicas.step(rows, goal[rows])
+            status = self.replicas.status
+            for row in rows[status[rows] == float(c.STATUS_STALE)].tolist():
+                self.members[row].search()
+            lost = status[rows] == float(c.STATUS_DIVERGED)
+            diverged[rows[lost]] = True
+            rows = rows[~lost & (step[rows] < goal[rows])]
+        return (step - before)[asked].astype(int), diverged[asked]
+
+    def is_loading(self, rows: np.ndarray) -> np.ndarray:
+        return np.asarray(self._control[rows, int(c.RAMP_STEP)] < self._control[rows, int(c.RAMP_STEPS)])
+
+    # --- convergence
+
+    def check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
+        residual, ratio = np.full(len(rows), np.nan), np.full(len(rows), np.inf)
+        kept = self._control[rows]
+        for index, value in PROBING.items():
+            self._control[rows, int(index)] = value
+        self._replay("check", rows)
+        self._control[rows] = kept
+        judged = rows[~loading]
+        if not len(judged):
+            return Check(residual, ratio)
+        damping = self._control[judged, int(c.DAMPING)]
+        moved = np.stack([self._moved[row].sum(axis=0) for row in judged])
+        self._control[judged, int(c.DAMPING)] = self.members[0].slowest_mode.renewed(damping, moved)
+        residual[~loading], ratio[~loading] = self._judge(judged)
+        return Check(residual, ratio)
+
+    def _judge(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals and ratios [row]; moves the multipliers."""
+        solver = self.model.scene.solver
+        sums = self._sums(rows)
+        residual = self.members[0].residual.measure(self._control[rows], sums, self._axial[rows])
+        ratio = residual / solver.residual_tolerance
+        if solver.multipliers:
+            ratio = np.maximum(ratio, self._move_multipliers(rows, sums, ratio < NEARLY_CONVERGED))
+        return residual, ratio
+
+    def _sums(self, rows: np.ndarray) -> Sums:
+        wires, pairs = (np.stack(part) for part in zip(*(self._partial[row] for row in rows), strict=True))
+        held = np.zeros((len(rows), 2, 2))
+        if len(self.model.panel.held_node):
+            held[:] = [self.members[row].look.held_stress() for row in rows]
+        return sum_up(self.model, self._first_block, wires, pairs, held)
+
+    def _move_multipliers(self, rows: np.ndarray, sums: Sums, nearly_steady: np.ndarray) -> np.ndarray:
+        """`Multipliers.update` of many."""
+        rules = self._rules
+        stiffer = rules.outgrown(self._axial[rows].astype(np.float64), sums, nearly_steady, rows)
+        penalty = self._control[rows, int(c.CONTACT_STIFFNESS)]
+        for row, axial in zip(rows.tolist(), stiffer, strict=True):
+            self._stiffer[row][:] = axial
+        self._control[rows, int(c.MULTIPLIER_RATE)] = rules.rate[rows]
+        self._replay("move", rows)
+        stiffened = rules.stiffened(penalty, sums, rows)
+        for row, value in zip(rows[stiffened != penalty].tolist(), stiffened[stiffened != penalty].tolist(), strict=True):
+            self.members[row].state.stiffen_contact(value)
+        self._mass[rows] = rules.mass(self._mass[rows].astype(np.float64), stiffer, stiffened, sums)
+        self._axial[rows] = stiffer
+        return rules.left(sums, rows)
+
+    def renew(self, rows: np.ndarray, checks: np.ndarray) -> None:
+        if self.model.panel.boundary != "periodic":
+            for row, count in zip(rows.tolist(), checks.tolist(), strict=True):
+                self.members[row].renew(count)
+
+    def stress(self, rows: np.ndarray) -> np.ndarray:
+        self._replay("sums", rows)  # with what the multipliers have just changed
+        return self._sums(rows).stress
+
+    # --- launches
+
+    def _captured(self, name: str) -> list[wp.Graph]:
+        """What is launched at each replica; displacements stand in the first buffers then (CHECK_STEPS is even)."""
+        if name not in self._graphs:
+            graphs = []
+            for member in self.members:
+                sums = [launch for parts in member.look.launches() for launch in parts]
+                probe = [member.slowest_mode.probe.launch, member.slowest_mode.launch_sum]
+                named: dict[str, list[Any]] = {"check": probe + sums, "sums": sums, "move": member.multipliers.launches}
+                with wp.ScopedCapture(device=self.model.device) as capture:
+                    for launch in named[name]:
+                        launch()
+                graphs.append(capture.graph)
+            self._graphs[name] = graphs
+        return self._graphs[name]
+
+    def _replay(self, name: str, rows: np.ndarray) -> None:
+        """Launch what was captured at each of `rows`."""
+        graphs = self._captured(name)
+        parts = [rows[part :: self.replicas.threads].tolist() for part in range(self.replicas.threads)]
+        self.replicas.together([partial(_launch_all, [graphs[row] for row in part]) for part in parts if part])
+
+
+def _launch_all(graphs: Sequence[wp.Graph]) -> None:
+    for graph in graphs:
+        wp.capture_launch(graph)
