@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from interrupted import assert_parts_are_the_whole
 
+from reference.interrupted import assert_parts_are_the_whole
 from warpknit.cli import main
 from warpknit.errors import SceneError
 from warpknit.frame import Frame, WireLayout

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from ranks import run_ranks
 
+from reference.thread_ranks import run_ranks
 from warpknit import measure
 from warpknit.errors import ModelError
 from warpknit.mesh.panel import Panel

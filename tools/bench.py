@@ -29,7 +29,7 @@ import warp as wp
 
 from warpknit.device import find_device
 from warpknit.kernels import control as c
-from warpknit.planar.model import Model, build_model
+from warpknit.planar.model import (Model, build_model)
 from warpknit.planar.state import State, initial_state
 from warpknit.planar.step import Stepper
 from warpknit.scene import load_scene

@@ -25,7 +25,7 @@ import numpy as np
 
 from warpknit.device import find_device
 from warpknit.kernels import control as c
-from warpknit.planar.model import build_model
+from warpknit.planar.model import (build_model)
 from warpknit.planar.state import initial_state
 from warpknit.planar.strip_step import StripStepper
 from warpknit.ranks.launch import join_ranks

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from warpknit import measure
-from warpknit.planar.model import build_model
+from warpknit.planar.model import (build_model)
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from study import read_rows, run, scene_of, show_rows, write_rows
 
-from warpknit.planar.model import build_model
+from warpknit.planar.model import (build_model)
 from warpknit.trade.estimate import estimate_of, settings_within
 from warpknit.trade.pilot import kind_of
 from warpknit.trade.point import errors_of, found_at, scales_of

@@ -27,7 +27,7 @@ from study import read_rows, show_rows, write_rows
 from warpknit import measure
 from warpknit.errors import WarpknitError
 from warpknit.knit.chain import KnitError
-from warpknit.planar.model import build_model
+from warpknit.planar.model import (build_model)
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.run.run import run_scene

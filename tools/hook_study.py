@@ -27,7 +27,7 @@ from matplotlib.figure import Figure
 from warpknit.device import start_warp
 from warpknit.errors import Diverged
 from warpknit.planar.hook_contact import HookContact, hook_contact
-from warpknit.planar.model import Model, build_model
+from warpknit.planar.model import (Model, build_model)
 from warpknit.planar.state import initial_state
 from warpknit.scene import Scene, load_scene
 from warpknit.solve.simulate import Simulation

@@ -33,7 +33,7 @@ from study import advance, read_rows, scene_of, write_rows
 
 from warpknit import measure
 from warpknit.kernels import control as c
-from warpknit.planar.model import Model, build_model
+from warpknit.planar.model import (Model, build_model)
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.observables import PlanarObservables, read
 from warpknit.planar.state import State, initial_state

@@ -15,7 +15,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
-from warpknit.planar.model import Model, build_model
+from warpknit.planar.model import (Model, build_model)
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import CORES
 from warpknit.scene import Scene, Stage, load_scene

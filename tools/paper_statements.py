@@ -26,7 +26,7 @@ from study import new_figure, run, scene_of, show_rows, write_rows
 from warpknit import measure
 from warpknit.device import start_warp
 from warpknit.errors import Diverged, SceneError
-from warpknit.planar.model import build_model
+from warpknit.planar.model import (build_model)
 from warpknit.scene import Scene
 
 STRAINS = np.linspace(0.0, 0.2, 11)

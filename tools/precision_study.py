@@ -24,7 +24,7 @@ from study import scene_of, show_rows, write_rows
 
 from warpknit import measure
 from warpknit.kernels import control as c
-from warpknit.planar.model import Model, build_model
+from warpknit.planar.model import (Model, build_model)
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.state import State, initial_state
 from warpknit.planar.step import Stepper

@@ -19,7 +19,7 @@ from typing import Any
 
 from study import read_rows, scene_of, show_rows, write_rows
 
-from warpknit.planar.model import build_model
+from warpknit.planar.model import (build_model)
 from warpknit.scene.presets import PRESETS
 from warpknit.trade.point import Found, errors_of, run_point, scales_of
 

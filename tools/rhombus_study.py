@@ -24,7 +24,7 @@ from study import COLOURS, new_figure, run_model, scene_of, show_rows, tidy, wri
 
 from warpknit import measure
 from warpknit.device import start_warp
-from warpknit.planar.model import build_model
+from warpknit.planar.model import (build_model)
 from warpknit.planar.observables import PlanarObservables
 from warpknit.scene import Scene
 

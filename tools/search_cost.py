@@ -17,7 +17,7 @@ import numpy as np
 
 from warpknit import measure
 from warpknit.device import start_warp
-from warpknit.planar.model import build_model
+from warpknit.planar.model import (build_model)
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation

@@ -30,7 +30,7 @@ from study import COLOURS, advance, new_figure, read_rows, tidy, write_rows
 from warpknit import measure
 from warpknit.errors import Diverged, WarpknitError
 from warpknit.kernels import control as c
-from warpknit.planar.model import Model, build_model
+from warpknit.planar.model import (Model, build_model)
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.numerics import MASS_MARGIN, STEP_MARGIN
 from warpknit.planar.observables import read

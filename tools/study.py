@@ -16,7 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from warpknit.kernels import control as c
-from warpknit.planar.model import Model, build_model
+from warpknit.planar.model import (Model, build_model)
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper

@@ -21,7 +21,7 @@ from study import show_rows, write_rows
 
 from warpknit import measure
 from warpknit.measure.sliding import wires_slid
-from warpknit.planar.model import build_model
+from warpknit.planar.model import (build_model)
 from warpknit.planar.state import State, initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation

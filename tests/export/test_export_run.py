@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_plots import history
 
+from reference.histories import history
 from warpknit.export import ExportError, export_run
 from warpknit.frame import Frame, WireLayout, curve_position
 

@@ -9,21 +9,12 @@ import numpy as np
 import pytest
 from pxr import Gf, Plug, Usd, UsdGeom, UsdShade, UsdValidation
 
+from reference.stages import FLOAT32_STEP, prims, primvar, world_points, write
 from warpknit.export.usd import StageWriter, stress_colour
 from warpknit.frame import Frame, WireLayout, curve_position
 
-FLOAT32_STEP = 2.0**-24  # half a unit in the last place: what rounding a number to float32 may cost
 REACH = 10e-3  # [m]  no point lies farther from the middle of its tile
 FRAMES = (0, 1, 2, 4)
-
-
-def write(directory: Path, layout: WireLayout, frames: list[Frame], *, close: bool = True, **options: object) -> StageWriter:
-    writer = StageWriter(directory, layout, scene_name="zigzag", scene_hash="0123abcd", version="1.0", **options)
-    for frame in frames:
-        writer.add_frame(frame)
-    if close:
-        writer.close()
-    return writer
 
 
 @pytest.fixture
@@ -34,20 +25,6 @@ def frames(make_frame: Callable[..., Frame]) -> list[Frame]:
 @pytest.fixture
 def stage(tmp_path: Path, layout: WireLayout, frames: list[Frame]) -> Usd.Stage:
     return Usd.Stage.Open(str(write(tmp_path, layout, frames).path))
-
-
-def prims(stage: Usd.Stage, kind: type) -> list:
-    return [kind(prim) for prim in stage.Traverse() if prim.IsA(kind)]
-
-
-def world_points(shape: UsdGeom.PointBased, time: float) -> np.ndarray:
-    """[m]  points of a prim, double precision."""
-    matrix = np.array(UsdGeom.Xformable(shape).ComputeLocalToWorldTransform(time))
-    return (np.array(shape.GetPointsAttr().Get(time), dtype=float) + matrix[3, :3]) / 1000.0
-
-
-def primvar(shape: UsdGeom.Gprim, name: str, time: float = 0.0) -> np.ndarray:
-    return np.array(UsdGeom.PrimvarsAPI(shape).GetPrimvar(name).Get(time))
 
 
 def check_frames(stage: Usd.Stage, layout: WireLayout, frames: list[Frame]) -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pxr import Usd, UsdGeom
-from test_usd import FLOAT32_STEP, prims, primvar, world_points, write
 
+from reference.stages import FLOAT32_STEP, prims, primvar, world_points, write
 from warpknit.export.usd.surface import Surface
 from warpknit.export.usd.thinning import STRIDE, Thinning
 from warpknit.export.usd.tiles import cut_tiles

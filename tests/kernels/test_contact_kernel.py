@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from meshes import SCENES, Mesh, settled, shaken
-from verification.wires import CLOSEST_POINT_TOLERANCE, EPSILON
 
+from reference.meshes import SCENES, Mesh, settled, shaken
+from reference.plane_wires import CLOSEST_POINT_TOLERANCE, EPSILON
 from warpknit.knit.clasps import Arm
 from warpknit.mesh.thread_curve import ThreadCurve
 from warpknit.planar.model import build_model

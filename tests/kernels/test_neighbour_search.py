@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
-from meshes import MESHES, Mesh, settled, shaken
-from verification.wires import CLOSEST_POINT_TOLERANCE, Rig, panel_of_wires, straight, table_of_wires
 
+from reference.meshes import MESHES, Mesh, settled, shaken
+from reference.plane_wires import CLOSEST_POINT_TOLERANCE, Rig, panel_of_wires, straight, table_of_wires
 from warpknit.kernels import control as c
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.observables import read

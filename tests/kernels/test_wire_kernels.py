@@ -5,9 +5,9 @@ Forces may differ by the rounding of a few edges and angles, `round_off` each; a
 
 import numpy as np
 import pytest
-from meshes import MESHES, PRECISIONS, node_forces, round_off, settled, shaken
-from verification.wires import EPSILON, Rig, circle, panel_of_wires, table_of_wires
 
+from reference.meshes import MESHES, PRECISIONS, node_forces, round_off, settled, shaken
+from reference.plane_wires import EPSILON, Rig, circle, panel_of_wires, table_of_wires
 from warpknit.kernels import control as c
 from warpknit.planar.observables import read
 from warpknit.planar.step import Stepper

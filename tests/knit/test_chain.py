@@ -3,8 +3,8 @@
 import random
 
 import pytest
-from knits import PAPER, Bar
 
+from reference.knits import PAPER, Bar
 from warpknit.knit import KnitError
 from warpknit.knit.chain import Link, parse_chain, parse_shift, parse_threading
 from warpknit.knit.lapping import lapping_table

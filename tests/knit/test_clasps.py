@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from knits import BARS, COARSE, FINE, PAPER, Bar, Knit, cloth
 
+from reference.knits import BARS, COARSE, FINE, PAPER, Bar, Knit, cloth
 from warpknit.knit import LoopProportions, knit_cloth
 from warpknit.knit.loops import RANGES
 

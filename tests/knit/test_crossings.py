@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from knits import BARS, PAPER, Knit, cloth
 
+from reference.knits import BARS, PAPER, Knit, cloth
 from warpknit.knit import Thread, knit_cloth
 from warpknit.knit.crossings import find_crossings
 

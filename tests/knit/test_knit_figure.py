@@ -1,8 +1,8 @@
 """The plan view is drawn: a PNG of the expected size, whole or absent."""
 
 import pytest
-from knits import FINE, cloth
 
+from reference.knits import FINE, cloth
 from warpknit.export.knit_figure import knit_figure
 
 

@@ -1,8 +1,8 @@
 """The lapping table: who wraps which needle when, closed or open."""
 
 import pytest
-from knits import BARS, PAPER
 
+from reference.knits import BARS, PAPER
 from warpknit.knit.lapping import lapping_table
 from warpknit.knit.loops import LoopProportions, loop_shape
 

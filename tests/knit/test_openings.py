@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from knits import BARS, cloth
 
+from reference.knits import BARS, cloth
 from warpknit.knit.interior import deepest_point, is_inside, polygon_area
 from warpknit.knit.openings import find_openings
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from knits import BARS, COARSE, FINE, PAPER, Knit, cloth
 from scipy.spatial import cKDTree
 
+from reference.knits import BARS, COARSE, FINE, PAPER, Knit, cloth
 from warpknit.knit import KnitError, LoopProportions, knit_cloth
 from warpknit.knit.loops import RANGES
 

@@ -11,8 +11,8 @@ import json
 from pathlib import Path
 
 import pytest
-from interrupted import assert_parts_are_the_whole
 
+from reference.interrupted import assert_parts_are_the_whole
 from warpknit.errors import Diverged
 from warpknit.scene import load_scene
 from warpknit.spatial.drive import SpatialRecord

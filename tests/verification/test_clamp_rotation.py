@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from verification.wires import Rig, panel_of_wires, straight, table_of_wires
 
+from reference.plane_wires import Rig, panel_of_wires, straight, table_of_wires
 from warpknit import measure
 from warpknit.errors import SceneError
 from warpknit.kernels import clamp

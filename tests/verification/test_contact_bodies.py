@@ -5,8 +5,9 @@ gap = side n.(c - p) - reach,    F = max(0, -k gap),    reach = d/2 + r_b = 0.62
 
 import numpy as np
 import pytest
-from verification.test_oscillation import step_matrix
-from verification.wires import (
+
+from reference.oscillator import step_matrix
+from reference.plane_wires import (
     CLOSEST_POINT_TOLERANCE,
     DIAMETER,
     EPSILON,
@@ -16,7 +17,6 @@ from verification.wires import (
     table_of_circle,
     table_of_wires,
 )
-
 from warpknit.kernels import control as c
 from warpknit.kernels.bodies import FREE_FLIGHT
 from warpknit.planar.state import LOOK_AHEAD

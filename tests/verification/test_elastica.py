@@ -13,8 +13,8 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.integrate import solve_bvp
-from verification.wires import Rig, panel_of_wires, straight, table_of_wires
 
+from reference.plane_wires import Rig, panel_of_wires, straight, table_of_wires
 from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.kernels.bend import BOW

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from verification.test_forces import deformed, two_rings
-from verification.wires import DIAMETER, EPSILON, Rig, panel_of_wires, straight, table_of_wires
 
+from reference.oscillator import step_matrix
+from reference.plane_wires import DIAMETER, EPSILON, Rig, panel_of_wires, straight, table_of_wires
+from reference.rings import deformed, two_rings
 from warpknit.kernels import control as c
 from warpknit.planar.numerics import MASS_MARGIN
 from warpknit.planar.state import LOOK_AHEAD
@@ -98,12 +99,6 @@ def test_nodes_shift_the_frequency(kind: str, order: int, coefficient: float, fo
     measured = 2 / time_step * np.sin(measured_frequency(mode, time_step, 300) * time_step / 2)
     b = 3 * np.pi / segments
     assert abs(1 - measured / mode.continuum - coefficient * b**order) < following * b ** (order + 2) + 1e-7
-
-
-def step_matrix(phase: float, look_ahead: float) -> np.ndarray:
-    """One step of (q, dt v) of a mode with w dt = phase (kernels/control.py)."""
-    k = phase**2
-    return np.array([[1 - (1 + look_ahead) * k, 1.0], [-k, 1.0]])
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from verification.rods import SECTION, Pose, helix
 
+from reference.rods import SECTION, Pose, helix
 from warpknit.kernels.rod_step import HELD_NODE, HELD_TURN
 from warpknit.run.run import run_scene
 from warpknit.scene import load_scene

@@ -5,8 +5,8 @@ x = 50 mm,  v = 1 mm/s,  dt = 10 ns:  a step is 1e-11 m, where float32 at x reso
 
 import numpy as np
 import pytest
-from verification.wires import DIAMETER, Rig, panel_of_wires, straight, table_of_wires
 
+from reference.plane_wires import DIAMETER, Rig, panel_of_wires, straight, table_of_wires
 from warpknit.kernels import control as c
 
 TIME_STEP = 1e-8

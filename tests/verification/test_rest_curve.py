@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import minimize
-from verification.rods import SECTION, Pose
 
+from reference.rods import SECTION, Pose
 from warpknit.kernels import control as c
 from warpknit.spatial.contact import TouchingPairs, WireContact
 from warpknit.spatial.rest_curve import FIT_PLACES, CentreLine, fit_rest_curve

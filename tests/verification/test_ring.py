@@ -12,7 +12,8 @@ and not their arcs.
 
 import numpy as np
 import pytest
-from verification.wires import DIAMETER, Rig, circle, panel_of_wires, table_of_wires
+
+from reference.plane_wires import DIAMETER, Rig, circle, panel_of_wires, table_of_wires
 
 RADIUS = 1e-3
 PULL = 1e-4 * RADIUS  # pulled and pushed by this much, the mean stiffness is linear up to (PULL/R)^2

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from verification.rods import SECTION, Pose, helix
 
+from reference.rods import SECTION, Pose, helix
 from warpknit.kernels import control as c
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, rods_of, straight

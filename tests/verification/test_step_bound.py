@@ -6,9 +6,9 @@ any mesh:                     largest eigenvalue of M^-1 K <= bound
 
 import numpy as np
 import pytest
-from verification.test_forces import DEPTH, SPACING, deformed, two_rings
-from verification.wires import Rig, panel_of_wires, straight, table_of_wires
 
+from reference.plane_wires import Rig, panel_of_wires, straight, table_of_wires
+from reference.rings import DEPTH, SPACING, deformed, two_rings
 from warpknit.kernels import control as c
 from warpknit.planar.frequency import frequency_square
 from warpknit.planar.time_step import largest_step

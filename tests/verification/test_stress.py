@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from verification.test_forces import deformed, two_rings
-from verification.wires import DIAMETER, EPSILON, Rig, panel_of_wires, straight, table_of_wires
 
+from reference.plane_wires import DIAMETER, EPSILON, Rig, panel_of_wires, straight, table_of_wires
+from reference.rings import deformed, two_rings
 from warpknit import measure
 from warpknit.kernels import control as c
 

@@ -6,8 +6,8 @@ T = EA (1/(1 + alpha dT) - 1) = EA alpha |dT| (1 + alpha |dT| + ...)
 import numpy as np
 import pytest
 import warp as wp
-from verification.wires import EPSILON, Rig, panel_of_wires, straight, table_of_wires
 
+from reference.plane_wires import EPSILON, Rig, panel_of_wires, straight, table_of_wires
 from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.planar.observables import evaluate

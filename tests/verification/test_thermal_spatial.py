@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from verification.rods import SECTION
 
+from reference.rods import SECTION
 from warpknit.kernels import control as c
 from warpknit.run.run import run_scene
 from warpknit.scene import load_scene

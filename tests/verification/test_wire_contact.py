@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from verification.rods import SECTION
-from verification.touching import STIFFNESS, line, plies, touching
 
+from reference.rods import SECTION
+from reference.touching import STIFFNESS, line, plies, touching
 from warpknit.errors import OutOfResources
 from warpknit.kernels import control as c
 from warpknit.spatial.contact import WireContact

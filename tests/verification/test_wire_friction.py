@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from verification.rods import SECTION
-from verification.touching import STIFFNESS, line, plies, touching
 
+from reference.rods import SECTION
+from reference.touching import STIFFNESS, line, plies, touching
 from warpknit.kernels import control as c
 from warpknit.spatial.contact import STICK_SHARE, WireContact
 from warpknit.spatial.rest import Rest

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from reference.solved import solved
 from warpknit.planar.model import Model, build_model
 from warpknit.planar.observables import node_entries
 from warpknit.planar.state import State, initial_state
@@ -47,11 +48,14 @@ def _model(mesh: str, precision: str, device: str) -> Model:
 
 @cache
 def _settled(mesh: str, precision: str) -> dict[str, np.ndarray]:
-    model = _model(mesh, precision, "cpu")
-    state = initial_state(model)
-    for _record in Simulation(model, state).run():
-        pass
-    return state.arrays()
+    def solve() -> dict[str, np.ndarray]:
+        model = _model(mesh, precision, "cpu")
+        state = initial_state(model)
+        for _record in Simulation(model, state).run():
+            pass
+        return state.arrays()
+
+    return solved(f"kernel tests, {mesh}, {precision}", solve)
 
 
 def settled(mesh: str, precision: str = "double", device: str = "cpu") -> Mesh:

@@ -1,8 +1,8 @@
 """Wires of diameter 1 that touch: what tests of contact and of friction share."""
 
 import numpy as np
-from verification.rods import SECTION
 
+from reference.rods import SECTION
 from warpknit.spatial.contact import STICK_SHARE, WireContact
 from warpknit.spatial.rest import Rest
 from warpknit.spatial.rod_step import RodStepper

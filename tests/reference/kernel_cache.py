@@ -1,0 +1,18 @@
+"""Kernels compiled before the tests share the cores, as processes that start together would each compile them."""
+
+from warpknit.planar.model import build_model
+from warpknit.planar.state import initial_state
+from warpknit.scene import make_scene
+from warpknit.solve.simulate import Simulation
+from warpknit.spatial.mesh import build_mesh
+from warpknit.spatial.relax import SpatialRelaxation
+
+
+def compile_kernels() -> None:
+    """Load what relaxation in either model launches, in single and in double precision; what is in Warp's cache is read."""
+    solver = {"preset": "draft"}
+    for precision in ("single", "double"):
+        model = build_model(make_scene({"solver": {**solver, "precision": precision}}), "cpu")
+        Simulation(model, initial_state(model)).warm_up()
+    in_space = {"model": {"kind": "spatial", "boundary": "periodic", "nodes_per_loop": 24}, "solver": solver}
+    SpatialRelaxation(build_mesh(make_scene(in_space))).warm_up()
