@@ -148,8 +148,8 @@ def test_only_the_command_line_starts_runs_and_plans():
 
 
 def linter():
-    """The module tools/lint_kernels.py."""
-    spec = importlib.util.spec_from_file_location("lint_kernels", ROOT / "tools" / "lint_kernels.py")
+    """The module tools/lint/lint_kernels.py."""
+    spec = importlib.util.spec_from_file_location("lint_kernels", ROOT / "tools" / "lint" / "lint_kernels.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
