@@ -25,7 +25,7 @@ KERNELS = ROOT / "kernels"
 # A module imports from its own layer and from those above it in this list.
 LAYERS = (
     # what everything may use
-    {"errors", "files", "text", "processes", "kernels"},
+    {"errors", "files", "text", "processes", "hermite", "kernels"},
     # ranks that share a mesh; the pattern; the form in which results leave
     {"ranks", "knit", "frame"},
     {"scene"},
@@ -44,7 +44,7 @@ LAYERS = (
     {"__main__"},
 )
 MAY_IMPORT_EXPORT = {"run.recorder", "sweep.sweep", "trade.study", "cli", "design.report"}
-EXPORT_MAY_IMPORT = {"errors", "files", "frame", "knit", "processes", "export"}
+EXPORT_MAY_IMPORT = {"errors", "files", "frame", "hermite", "knit", "processes", "export"}
 
 
 def module_name(path: Path) -> str:

@@ -52,6 +52,7 @@ from warpknit.spatial.mesh import SpatialMesh, build_mesh, rods_of_wires
 from warpknit.spatial.reading import SpatialReading
 from warpknit.spatial.relax import SpatialRelaxation
 from warpknit.spatial.rest_curve import CentreLine, fit_rest_curve
+from warpknit.spatial.rods import Rods
 
 SCENE = str(SCENES / "atlas_cell_spatial.toml")
 
@@ -181,8 +182,9 @@ def lens_of(relaxation: SpatialRelaxation, reading: SpatialReading, site: int) -
     k = here[np.argmax(touching.force[here])]
     shift = touching.shift[k].copy()
     shift[:2] = reading.gradient @ shift[:2]
-    one = curve_about(relaxation, int(touching.first[k]))
-    two = curve_about(relaxation, int(touching.second[k])) + shift
+    rods = relaxation.mesh.rods
+    one = curve_about(rods, reading, int(touching.first[k]))
+    two = curve_about(rods, reading, int(touching.second[k])) + shift
     apart = np.linalg.norm(one[:, None, :2] - two[None, :, :2], axis=2)
     beside = apart.argmin(axis=1)
     way = np.gradient(two, axis=0)[beside]
@@ -210,29 +212,16 @@ def lens_of(relaxation: SpatialRelaxation, reading: SpatialReading, site: int) -
     )
 
 
-def curve_about(relaxation: SpatialRelaxation, node: int) -> np.ndarray:
-    """Points (n, 3) [m] of the curve of a wire (kernels/wire_curve.py) about a node, evenly along each segment."""
-    state, rods, curve = relaxation.stepper.state, relaxation.mesh.rods, relaxation.mesh.curve
-    tangent, first = state.tangent.numpy(), state.director.numpy()
-    second, edge = np.cross(tangent, first), state.length.numpy()[:, None] * tangent
-    before, after = rods.previous, rods.following
-    rise = curve.slope[:, :1] * (first[before] + first) + curve.slope[:, 1:] * (second[before] + second)
-    slope = 0.5 * (edge[before] + edge + rise)
-    s = np.arange(PARTS)[:, None] / PARTS
-    begin = node
-    start = state.position.numpy()[node].copy()
+def curve_about(rods: Rods, reading: SpatialReading, node: int) -> np.ndarray:
+    """Points (n, 3) [m] of the curve of a wire about a node, evenly along each segment."""
+    segments = [node]
     for _ in range(SEEN):
-        begin = before[begin]
-        start -= edge[begin]
-    points = []
-    for _ in range(2 * SEEN + 1):
-        b = curve.bump[begin]
-        bump = (b[0] + s * b[2]) * first[begin] + (b[1] + s * b[3]) * second[begin]
-        smooth = s * (1 - s) ** 2 * slope[begin] + s * s * (3 - 2 * s) * edge[begin] + s * s * (s - 1) * slope[after[begin]]
-        points.append(start + smooth + (s * (1 - s)) ** 2 * bump)
-        start = start + edge[begin]
-        begin = after[begin]
-    return np.concatenate(points)
+        segments.insert(0, int(rods.previous[segments[0]]))
+        segments.append(int(rods.following[segments[-1]]))
+    edges = reading.curve.edge[segments]
+    start = reading.position[node] + np.cumsum(edges, axis=0) - edges - edges[:SEEN].sum(axis=0)
+    segment, place = np.repeat(segments, PARTS), np.tile(np.arange(PARTS) / PARTS, len(segments))
+    return np.repeat(start, PARTS, axis=0) + reading.curve.offset(segment, place)
 
 
 def runs() -> Iterator[tuple[KnitRow, list[Clasp]]]:
