@@ -1,6 +1,6 @@
 """Scenes far from the usual end in a finite answer with true warnings, or with exit status 2 or 3 and one line that says why.
 
-The space is that of tools/extremes.py, whose table says what each corner of it ends in. Draws are the same on every run.
+The space is that of tools/studies/extremes.py, whose table says what each corner of it ends in. Draws are the same on every run.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ KERNELS = ROOT / "kernels"
 # A module imports from its own layer and from those above it in this list.
 LAYERS = (
     # what everything may use
-    {"errors", "files", "text", "processes", "kernels", "launch"},
+    {"errors", "files", "text", "processes", "hermite", "kernels", "launch"},
     # ranks that share a mesh; the pattern; the form in which results leave
     {"ranks", "knit", "frame"},
     {"scene"},
@@ -44,7 +44,7 @@ LAYERS = (
     {"__main__"},
 )
 MAY_IMPORT_EXPORT = {"run.recorder", "sweep.sweep", "trade.study", "cli", "design.report"}
-EXPORT_MAY_IMPORT = {"errors", "files", "frame", "knit", "processes", "export"}
+EXPORT_MAY_IMPORT = {"errors", "files", "frame", "hermite", "knit", "processes", "export"}
 KERNELS_MAY_IMPORT = {"typing", "warp", ".kernels"}
 STARTED_BY_THE_COMMAND_LINE = {"run.run", "sweep.sweep", "trade.study", "design.report", "plan"}
 ARRAYS_ONLY = {"knit": {"warp", "pydantic", "pxr"}}  # packages that are NumPy only, and what they may not import

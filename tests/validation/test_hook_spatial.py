@@ -1,5 +1,5 @@
 """Two hooked wires in space: how they hook, what their clamps do, and the force with which they press, against the planar
-boundary value problem at the span that wires keep which wind round each other (tools/lens_law.py)."""
+boundary value problem at the span that wires keep which wind round each other (tools/studies/lens_law.py)."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hook_spatial_study import Law
-from lens_law import Wires, press
+from lens_law import Law, Wires, press
 
 from warpknit.mesh.hook import LEFT, LEFT_TOP, RIGHT, RIGHT_TOP
 from warpknit.scene import SceneError, load_scene

@@ -1,4 +1,4 @@
-"""The studies of the paper (tools/), each by its claim at a small size.
+"""The studies of the paper (tools/studies), each by its claim at a small size.
 
 Runs are at the draft preset, whose forces are within 6 % of the reference (docs/accuracy.md), so bounds here are on signs, on
 shares that step by a third, and on differences of runs that share that error.
@@ -11,10 +11,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from heat_study import Heated, heated
-from paper_statements import ContactMap, contact_maps, heat_shares, statements, sweep_row
-from path_study import Overload, cycle, overload
-from rhombus_study import Row, both_ways, curve_of, nodes, rows_of, sizes
+from heat import Heated, heated
+from paths import Overload, cycle, overload
+from rhombus import Row, both_ways, curve_of, nodes, rows_of, sizes
+from statements import ContactMap, contact_maps, heat_shares, statements, sweep_row
 from study import run_model, scene_of
 
 from warpknit.planar.model import build_model

@@ -16,10 +16,10 @@ from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.contact_places import spatial_curve
+from warpknit.spatial import contact_places
 from warpknit.spatial.mesh import build_mesh
 from warpknit.spatial.relax import SpatialRelaxation
-from warpknit.spatial.rest_curve import FIT_PLACES
+from warpknit.spatial.rest_curve import FIT_PLACES, spatial_curve
 
 SCENES = Path(__file__).parents[2] / "scenes"
 LOADED = ["solver.preset=draft", "output.frames=1"]
@@ -39,7 +39,7 @@ def spatial():
     """Observables and frame of a hook whose wires press each other, and are thicker than at rest by warmth."""
     scene = load_scene(SCENES / "hook_spatial.toml", [*LOADED, "load.displacement=0.5 mm", "load.temperature=600 degC"])
     *_, last = SpatialRelaxation(build_mesh(scene)).run()
-    return last.observables, last.observables.frame(index=0, stage="load", load_factor=1.0, temperature=293.15)
+    return last.observables, contact_places.frame(last.observables, index=0, stage="load", load_factor=1.0, temperature=293.15)
 
 
 def test_at_rest_planar_wires_are_drawn_along_their_centre_lines():
@@ -110,9 +110,9 @@ def test_an_open_contact_is_marked_between_the_nearest_points_of_its_wires():
     relaxation = SpatialRelaxation(build_mesh(scene))
     relaxation.warm_up()
     reading = relaxation._reading()
-    mark = reading.frame(index=0, stage="", load_factor=0.0, temperature=293.15).body_position[0]
-    position = reading.frame(index=0, stage="", load_factor=0.0, temperature=293.15).node_position
-    left, right = np.split(position, reading.mesh.rods.wire_first[1:])
+    frame = contact_places.frame(reading, index=0, stage="", load_factor=0.0, temperature=293.15)
+    mark = frame.body_position[0]
+    left, right = np.split(frame.node_position, reading.mesh.rods.wire_first[1:])
     spacing = scene.hook.length / scene.model.nodes_per_loop
     for wire in (left, right):
         nearest = np.linalg.norm(wire - mark, axis=1).min()

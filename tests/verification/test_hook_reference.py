@@ -1,4 +1,4 @@
-"""The boundary value problem that the hooks are compared with (tools/hook_reference.py), against closed forms.
+"""The boundary value problem that the hooks are compared with (tools/studies/hook_reference.py), against closed forms.
 
 Its parts are planar elasticas, so a single part must give Euler's cantilever; its clamped arc under a small sideways load must
 give the linear one; and a solution must balance as a whole.

@@ -1,6 +1,6 @@
 """Long runs stay right: a mesh that is shaken keeps its energy, one that rests stays where it is, and both to the bit.
 
-tools/long_run.py takes ten million steps of the same; docs/extremes.md says what becomes of them.
+tools/studies/long_run.py takes ten million steps of the same; docs/extremes.md says what becomes of them.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from long_run import kinetic, mesh, shake, speeds_of, stored
-from study import advance
+from stepping import advance
 
 from warpknit import measure
 from warpknit.kernels import control as c

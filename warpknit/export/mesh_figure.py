@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from warpknit.export.plots import BLUE, GREEN, figure_of, frame_plan_axes, save_figure, scale_of
 from warpknit.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
+from warpknit.hermite import hermite
 
 __all__ = ["mesh_figure"]
 
@@ -92,12 +93,8 @@ def _smooth(position: NDArray[Any], segment: NDArray[Any]) -> NDArray[Any]:
     after = np.where(has_after[:, None], position[np.minimum(segment + 2, len(position) - 1)], 2.0 * end - begin)
     u = np.linspace(0.0, 1.0, PARTS_DRAWN + 1)[None, :, None]
     at_begin, at_end = (0.5 * (far - near)[:, None] for far, near in ((end, before), (after, begin)))
-    return np.asarray(
-        (1.0 + 2.0 * u) * (1.0 - u) ** 2 * begin[:, None]
-        + u**2 * (3.0 - 2.0 * u) * end[:, None]
-        + u * (1.0 - u) ** 2 * at_begin
-        - u**2 * (1.0 - u) * at_end
-    )
+    h10, h01, h11 = hermite(u)
+    return np.asarray(begin[:, None] + h10 * at_begin + h01 * (end - begin)[:, None] + h11 * at_end)
 
 
 def _draw_neighbours(axes: Axes, lines: NDArray[Any], period: NDArray[Any]) -> None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..frame import WireLayout
+from ..hermite import hermite
 
 
 @dataclass(frozen=True)
@@ -26,9 +27,10 @@ class WireCurve:
     def offset(self, node: np.ndarray, s: np.ndarray) -> np.ndarray:
         """(m, 3) [m] from their node of the points at s (m,) on the segments behind nodes (m,)."""
         s = s[:, None]
-        hermite = s * (1 - s) ** 2 * self.begin[node] + s * s * (3 - 2 * s) * self.edge[node] + s * s * (s - 1) * self.end[node]
+        h10, h01, h11 = hermite(s)
+        smooth = h10 * self.begin[node] + h01 * self.edge[node] + h11 * self.end[node]
         powers = s ** np.arange(self.bump.shape[1])
-        return hermite + (s * (1 - s)) ** 2 * np.einsum("mp,mpa->ma", powers, self.bump[node])
+        return smooth + (s * (1 - s)) ** 2 * np.einsum("mp,mpa->ma", powers, self.bump[node])
 
     def between(self, parts: int) -> np.ndarray:
         """(node, parts - 1, 3) [m] the same at even steps of s, as `Frame.between` wants it."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
+from ..hermite import hermite
 from ..kernels.bend import BOW
 from ..knit.cloth import Cloth
 from .thread_curve import ThreadCurve
@@ -145,11 +146,11 @@ def _fit_rest_curve(centre_line: Callable[[np.ndarray], np.ndarray], nodes: int,
     slope = (centre_line(k * spacing + apart) - centre_line(k * spacing - apart))[:, :2] / (2.0 * SLOPE_SHARE)
     correction = np.stack(_parts(slope - m0, m0), axis=1)
     next_slope = m1 + _turned(np.roll(correction, -1, axis=0), m1)
-    h10, h01, h11 = u * (1 - u) ** 2, u * u * (3 - 2 * u), u * u * (u - 1)
-    hermite = h10[:, None] * slope[:, None] + h01[:, None] * chord[:, None] + h11[:, None] * next_slope[:, None]
+    h10, h01, h11 = hermite(u)
+    smooth = h10[:, None] * slope[:, None] + h01[:, None] * chord[:, None] + h11[:, None] * next_slope[:, None]
     arcs = ((k[:, None] + u) * spacing).ravel()
     true = centre_line(arcs)[:, :2].reshape(nodes, len(u), 2) - corner[1][:, None]
-    miss = true - hermite
+    miss = true - smooth
     tangent = centre_line(arcs + apart)[:, :2] - centre_line(arcs - apart)[:, :2]
     tangent = (tangent / np.linalg.norm(tangent, axis=1)[:, None]).reshape(miss.shape)
     normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)

@@ -30,6 +30,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..hermite import hermite
 from ..kernels import control as c
 from .observables import PlanarObservables
 
@@ -134,7 +135,7 @@ def near_contacts(reading: PlanarObservables, approach: float) -> Contacts:
 
 def _curve_weights(u: np.ndarray) -> np.ndarray:
     """Weights (contact, 4) of the nodes in p(u) of kernels/contact.py, without the corrections of a table."""
-    h10, h01, h11 = u * (1.0 - u) ** 2, u * u * (3.0 - 2.0 * u), u * u * (u - 1.0)
+    h10, h01, h11 = hermite(u)
     return np.stack([-0.5 * h10, 1.0 - h01 - 0.5 * h11, h01 + 0.5 * h10, 0.5 * h11], axis=1)
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from ..frame import Frame, WireLayout
 from ..solve.simulate import Record, Simulation
+from ..spatial.contact_places import frame
 from .history import HookRow, Row
 from .recorder import Recorder
 from .spatial_summary import row_of, spatial_summary, stage_summary
@@ -34,12 +35,16 @@ class SpatialRecorder(Recorder):
         return row_of(record)
 
     def frame_of(self, record: Record, row: Row) -> Frame:
-        frame = record.observables.frame(
-            index=record.index, stage=record.stage, load_factor=record.load_factor, temperature=record.temperature
+        found = frame(
+            record.observables,
+            index=record.index,
+            stage=record.stage,
+            load_factor=record.load_factor,
+            temperature=record.temperature,
         )
         if isinstance(row, HookRow):
-            frame.body_position[0, :2] = row.body_x_m, row.body_y_m  # where the wires press, once they do
-        return frame
+            found.body_position[0, :2] = row.body_x_m, row.body_y_m  # where the wires press, once they do
+        return found
 
     def stage_summary(self, record: Record, *, ended: bool) -> dict[str, Any]:
         return stage_summary(record, self.rows)

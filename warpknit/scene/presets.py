@@ -33,9 +33,9 @@ class Preset:
 
 
 # `error_percent` is the largest error in active share, tension, sum of contact forces and largest stress over the 12 loads of one
-# repeat of the double atlas mesh in tools/results/presets.csv (python tools/preset_study.py): 2 to 25 % strain, even and uneven,
-# 15 and 30 um wire, lenses merged or not. `node_steps` is the median there. Other knits and grips are in docs/trade.md;
-# `run --error` measures on the scene itself.
+# repeat of the double atlas mesh in tools/studies/results/presets.csv (python tools/studies/accuracy.py presets): 2 to 25 %
+# strain, even and uneven, 15 and 30 um wire, lenses merged or not. `node_steps` is the median there. Other knits and grips are
+# in docs/trade.md; `run --error` measures on the scene itself.
 PRESETS = {
     "draft": Preset(
         nodes_per_loop=12,

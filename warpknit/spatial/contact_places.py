@@ -1,33 +1,38 @@
-"""What pictures show of wires in space: the smooth curve between the nodes, and where wires touch or are nearest."""
+"""What exports show of wires in space: the recorded state, and where wires touch or are nearest."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from ..frame import WireLayout
-from ..measure.wire_curve import WireCurve, curve_of, edges_of
+from ..frame import Frame
+from ..measure.strain import rotation
 from ..wires.overlaps import segment_distances
-from .rest_curve import RestCurve
+from .observables import SpatialObservables
 from .sites import NOWHERE
 
-if TYPE_CHECKING:
-    from .observables import SpatialObservables
 
-
-def spatial_curve(
-    layout: WireLayout, position: np.ndarray, deformation: np.ndarray, director: np.ndarray, rest: RestCurve, grown: float
-) -> WireCurve:
-    """The curve on which wires touch, of nodes at `position` (node, 3) [m] with sections at `director` (node, 3); wires are
-    `grown` times as thick as at rest, by warmth."""
-    edges = edges_of(layout, position, deformation)
-    tangent = edges.behind / np.linalg.norm(edges.behind, axis=1, keepdims=True)
-    section = np.stack([director, np.cross(tangent, director)], axis=2)  # (node, 3, 2)
-    previous = np.arange(len(position)) - 1
-    previous[edges.following[edges.has_segment]] = np.flatnonzero(edges.has_segment)
-    rise = np.einsum("nac,nc->na", 0.5 * grown * (section[previous] + section), rest.slope)
-    return curve_of(edges, rise, np.einsum("nac,npc->npa", grown * section, rest.bump.reshape(-1, 2, 2)))
+def frame(r: SpatialObservables, *, index: int, stage: str, load_factor: float, temperature: float) -> Frame:
+    """The recorded state for the exports. A site is shown where its wires touch or are nearest to each other."""
+    panel, f = r.mesh.panel, r.stretch
+    rest = r.mesh.rods.position[:, :2] if panel.boundary == "periodic" else panel.clamp_position
+    corner = np.append(f @ rest.min(axis=0), 0.0)
+    back = np.eye(3)
+    back[:2, :2] = rotation(r.clamp_rotation)
+    return Frame(
+        index=index,
+        stage=stage,
+        load_factor=load_factor,
+        strain_weft=float(f[0, 0] - 1.0),
+        strain_warp=float(f[1, 1] - 1.0),
+        shear=float(f[0, 1]),
+        temperature=temperature,
+        node_position=r.place - corner,
+        node_stress=r.stress,
+        body_position=site_places(r) @ back.T - corner,
+        pair_force=np.repeat(r.site_force, 2),
+        pair_active=np.repeat(r.site_active, 2),
+        between=r.curve.between(r.mesh.layout().curve_parts) @ back.T.astype(np.float32),
+    )
 
 
 def site_places(r: SpatialObservables) -> np.ndarray:

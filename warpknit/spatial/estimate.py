@@ -1,6 +1,6 @@
 """What a run of the spatial model would take, and which physics it switches on, without running it.
 
-Measured by tools/spatial_plan.py on the scenes that it lists, with and without contact.
+Measured by tools/benchmarks/plan.py on the scenes that it lists, with and without contact.
 """
 
 from __future__ import annotations

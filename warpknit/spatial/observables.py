@@ -11,16 +11,15 @@ from functools import cached_property
 
 import numpy as np
 
-from ..frame import Frame
+from ..hermite import hermite
 from ..kernels import control as c
 from ..measure import strain
 from ..measure.wire_curve import WireCurve
 from ..planar.measures import INTERIOR
 from .contact import TouchingPairs, WireContact
-from .contact_places import site_places, spatial_curve
 from .mesh import SpatialMesh
 from .rest import Rest
-from .rest_curve import offsets_at
+from .rest_curve import offsets_at, spatial_curve
 from .sites import NOWHERE, Sites
 
 NEAR = 1.25  # thicknesses: the distance of centre lines at which the paper takes a contact for active
@@ -158,8 +157,7 @@ class SpatialObservables:
         here = edge[node]
         before = np.where((rods.previous[node] >= 0)[:, None], edge[rods.previous[node]], here)
         behind = np.where((rods.following[after] >= 0)[:, None], edge[after], here)
-        s = place[:, None]
-        h10, h01, h11 = s * (1 - s) ** 2, s * s * (3 - 2 * s), s * s * (s - 1)
+        h10, h01, h11 = hermite(place[:, None])
         return rods.position[node] + 0.5 * h10 * (before + here) + h01 * here + 0.5 * h11 * (here + behind)
 
     @property
@@ -268,29 +266,6 @@ class SpatialObservables:
             mean = 0.5 * (abs(weft) * knit.course_spacing + abs(warp) * knit.wale_spacing)
         free = np.delete(self.force, held, axis=0)
         return float(np.sqrt(np.mean(np.sum(free**2, axis=1))) / max(mean, self.force_scale))
-
-    def frame(self, *, index: int, stage: str, load_factor: float, temperature: float) -> Frame:
-        """The recorded state for the exports. A site is shown where its wires touch or are nearest to each other."""
-        panel, f = self.mesh.panel, self.stretch
-        rest = self.mesh.rods.position[:, :2] if panel.boundary == "periodic" else panel.clamp_position
-        corner = np.append(f @ rest.min(axis=0), 0.0)
-        back = np.eye(3)
-        back[:2, :2] = strain.rotation(self.clamp_rotation)
-        return Frame(
-            index=index,
-            stage=stage,
-            load_factor=load_factor,
-            strain_weft=float(f[0, 0] - 1.0),
-            strain_warp=float(f[1, 1] - 1.0),
-            shear=float(f[0, 1]),
-            temperature=temperature,
-            node_position=self.place - corner,
-            node_stress=self.stress,
-            body_position=site_places(self) @ back.T - corner,
-            pair_force=np.repeat(self.site_force, 2),
-            pair_active=np.repeat(self.site_active, 2),
-            between=self.curve.between(self.mesh.layout().curve_parts) @ back.T.astype(np.float32),
-        )
 
 
 def read(mesh: SpatialMesh, sites: Sites, rest: Rest, contact: WireContact) -> SpatialObservables:

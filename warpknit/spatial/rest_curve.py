@@ -11,6 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
+from ..frame import WireLayout
+from ..hermite import hermite
+from ..measure.wire_curve import WireCurve, curve_of, edges_of
 from .rods import Rods
 
 FIT_PLACES = 0.5 * (leggauss(12)[0] + 1.0)  # on a segment, 0 .. 1, at which the centre line is given
@@ -47,6 +50,20 @@ def catmull_rom(rods: Rods) -> RestCurve:
     )
 
 
+def spatial_curve(
+    layout: WireLayout, position: np.ndarray, deformation: np.ndarray, director: np.ndarray, rest: RestCurve, grown: float
+) -> WireCurve:
+    """The curve on which wires touch, of nodes at `position` (node, 3) [m] with sections at `director` (node, 3); wires are
+    `grown` times as thick as at rest, by warmth."""
+    edges = edges_of(layout, position, deformation)
+    tangent = edges.behind / np.linalg.norm(edges.behind, axis=1, keepdims=True)
+    section = np.stack([director, np.cross(tangent, director)], axis=2)  # (node, 3, 2)
+    previous = np.arange(len(position)) - 1
+    previous[edges.following[edges.has_segment]] = np.flatnonzero(edges.has_segment)
+    rise = np.einsum("nac,nc->na", 0.5 * grown * (section[previous] + section), rest.slope)
+    return curve_of(edges, rise, np.einsum("nac,npc->npa", grown * section, rest.bump.reshape(-1, 2, 2)))
+
+
 def offsets_at(
     rods: Rods, curve: RestCurve, tangent: np.ndarray, director: np.ndarray, node: np.ndarray, place: np.ndarray
 ) -> np.ndarray:
@@ -64,7 +81,8 @@ def offsets_at(
     end = across(node, second) + np.where(has_more, across(after, second), 0.0)
     s = place[:, None]
     own = across(node, bump[:, :2]) + s * across(node, bump[:, 2:])
-    return s * (1 - s) ** 2 * begin + s * s * (s - 1) * end + (s * (1 - s)) ** 2 * own
+    h10, _, h11 = hermite(s)
+    return h10 * begin + h11 * end + (s * (1 - s)) ** 2 * own
 
 
 def fit_rest_curve(rods: Rods, line: CentreLine) -> RestCurve:
@@ -77,7 +95,7 @@ def fit_rest_curve(rods: Rods, line: CentreLine) -> RestCurve:
     slope, rise = _slopes(0.5 * (section[before] + section), mean, line.slope, is_inside)
     one, two = (mean + rise)[:, None], (mean + rise)[after][:, None]
     s = FIT_PLACES[:, None]
-    h10, h01, h11 = s * (1 - s) ** 2, s * s * (3 - 2 * s), s * s * (s - 1)
+    h10, h01, h11 = hermite(s)
     along = (1 - s) * (1 - 3 * s) * one + 6 * s * (1 - s) * edge[:, None] + s * (3 * s - 2) * two
     along /= np.linalg.norm(along, axis=2, keepdims=True)
     missed = _across(line.between - (h10 * one + h01 * edge[:, None] + h11 * two), along)
@@ -117,8 +135,8 @@ def _across(vector: np.ndarray, along: np.ndarray) -> np.ndarray:
 
 def _shares(slope: np.ndarray, own: np.ndarray, length: np.ndarray, before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
     """`share` and `lever` of a RestCurve; own (node, place, 3) [m] is what bumps add to the curve."""
-    s = FIT_PLACES
-    h10, h01, h11 = s * (1 - s) ** 2, s * s * (3 - 2 * s), s * s * (1 - s)  # h11 without its sign
+    h10, h01, h11 = hermite(FIT_PLACES)
+    h11 = -h11
     half = 0.5 * np.linalg.norm(slope, axis=1)
     first, last = h10 * half[:, None], h11 * half[after][:, None]  # of the section before and of the one behind
     middle = first + last + np.linalg.norm(own, axis=2)

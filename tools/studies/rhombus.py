@@ -1,16 +1,15 @@
 """The central rhombus: 12 bodies, 24 pairs, against the size of the panel, the nodes of the wire, body mass and loading time.
 
-    python tools/rhombus_study.py DIR [--quick]
+    python tools/studies/rhombus.py [DIR] [--quick] [--fine]
 
 Panels are gripped, N x N repeats of scenes/atlas_patch.toml; nodes, mass and time are of the periodic cell of
 scenes/atlas_cell.toml, which has the same rhombus without a rim. A primary portion (a circular loop and an oval loop along
-the warp) is two loops, so its nodes are twice `model.nodes_per_loop`. Prints a table and leaves rhombus.csv and rhombus.png
-in DIR. About five minutes on one core; --fine adds 800 nodes a portion, and about five more.
+the warp) is two loops, so its nodes are twice `model.nodes_per_loop`. Prints a table and leaves rhombus.csv and
+rhombus.png.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 import time
@@ -20,11 +19,23 @@ from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
-from study import COLOURS, new_figure, run_model, scene_of, show_rows, tidy, write_rows
+from study import (
+    COLOURS,
+    add_directory,
+    new_figure,
+    new_parser,
+    picture_path,
+    run_model,
+    scene_of,
+    show_rows,
+    table_path,
+    tidy,
+    write_rows,
+)
 
 from warpknit import measure
 from warpknit.device import start_warp
-from warpknit.planar.model import (build_model)
+from warpknit.planar.model import build_model
 from warpknit.planar.observables import PlanarObservables
 from warpknit.scene import Scene
 
@@ -209,23 +220,21 @@ def draw(path: Path, rows: list[Row]) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("directory", type=Path, help="where results go")
+    parser = new_parser(__doc__)
+    add_directory(parser)
     parser.add_argument("--quick", action="store_true", help="fewer and smaller cases")
-    parser.add_argument("--fine", action="store_true", help="800 nodes a primary portion too")
-    arguments = parser.parse_args()
+    parser.add_argument("--fine", action="store_true", help="800 nodes a primary portion too, five minutes more")
+    given = parser.parse_args()
     start_warp()
-    arguments.directory.mkdir(parents=True, exist_ok=True)
-    rows = sizes(SIZES[:3] if arguments.quick else SIZES)
+    rows = sizes(SIZES[:3] if given.quick else SIZES)
     show_rows(rows)
-    of_nodes = nodes(PORTIONS[:2] if arguments.quick else (*PORTIONS, *((800,) if arguments.fine else ())))
+    of_nodes = nodes(PORTIONS[:2] if given.quick else (*PORTIONS, *((800,) if given.fine else ())))
     show_rows(of_nodes)
-    of_time = masses_and_times(MASSES[-2:] if arguments.quick else MASSES, TIMES[:1] if arguments.quick else TIMES)
+    of_time = masses_and_times(MASSES[-2:] if given.quick else MASSES, TIMES[:1] if given.quick else TIMES)
     show_rows(of_time)
     rows += of_nodes + of_time
-    write_rows(arguments.directory / "rhombus.csv", rows)
-    draw(arguments.directory / "rhombus.png", rows)
-    print(f"results in {arguments.directory}")
+    write_rows(table_path(given, "rhombus.csv"), rows)
+    draw(picture_path(given, "rhombus.png"), rows)
     return 0
 
 

@@ -1,7 +1,8 @@
-"""What the studies of the paper share: running a scene without files, rows of a table as CSV and on the screen."""
+"""What studies share: their command line, running a scene without files, tables as CSV and on the screen, figures."""
 
 from __future__ import annotations
 
+import argparse
 import csv
 import os
 import sys
@@ -15,11 +16,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from warpknit.kernels import control as c
-from warpknit.planar.model import (Model, build_model)
-from warpknit.planar.neighbours import NeighbourSearch
+from warpknit.planar.model import Model, build_model
 from warpknit.planar.state import initial_state
-from warpknit.planar.step import Stepper
 from warpknit.scene import Scene, make_scene
 from warpknit.solve.simulate import Record, Simulation
 
@@ -28,10 +26,30 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-SCENES = Path(__file__).parents[1] / "scenes"
+SCENES = Path(__file__).parents[2] / "scenes"
+RESULTS = Path(__file__).parent / "results"
+PICTURES = Path(__file__).parents[2] / "docs" / "images"
 T = TypeVar("T")
-FOLLOWED = 20  # steps between two searches, at least
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+
+
+def new_parser(text: str | None) -> argparse.ArgumentParser:
+    """The command line of a study, described by the docstring of its file."""
+    return argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
+
+
+def add_directory(parser: argparse.ArgumentParser) -> None:
+    """The argument DIR."""
+    text = "where tables and pictures go.  [default: tools/studies/results and docs/images, where they are kept]"
+    parser.add_argument("directory", metavar="DIR", nargs="?", type=Path, help=text)
+
+
+def table_path(given: argparse.Namespace, name: str) -> Path:
+    return (given.directory or RESULTS) / name
+
+
+def picture_path(given: argparse.Namespace, name: str) -> Path:
+    return (given.directory or PICTURES) / name
 
 
 def scene_of(file: str, *overrides: str, path: Sequence[dict[str, Any]] = (), **tables: dict[str, Any]) -> Scene:
@@ -52,24 +70,6 @@ def run(scene: Scene) -> Iterator[Record]:
 def run_model(model: Model) -> Iterator[Record]:
     """The same of a model."""
     yield from Simulation(model, initial_state(model)).run()
-
-
-def advance(stepper: Stepper, neighbours: NeighbourSearch, steps: int) -> bool:
-    """Take steps without a drive, searching neighbours where the last search no longer holds; False where the mesh diverges or
-    moves too fast to be followed."""
-    state = stepper.state
-    now = float(state.read_control()[int(c.STEP)])
-    end, searched = now + steps, -FOLLOWED
-    while now < end:
-        stepper.step(int(min(50_000, end - now)))
-        control = state.read_control()
-        status, now = control[int(c.STATUS)], float(control[int(c.STEP)])
-        if status == 2.0 or (status == 1.0 and now < searched + FOLLOWED):
-            return False
-        if status == 1.0:
-            neighbours.search()
-            searched = now
-    return True
 
 
 def write_rows(path: Path, rows: Sequence[Any]) -> None:

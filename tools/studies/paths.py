@@ -1,24 +1,34 @@
 """Paths: hysteresis by friction, and contacts that an overload costs for good.
 
-    python tools/path_study.py DIR [--quick]
+    python tools/studies/paths.py [DIR] [--quick]
 
 Hysteresis: scenes/friction_cycle.toml, 0 -> 16 % -> 0 -> 16 % both ways in steps of 0.03 %, by the friction coefficient.
-Overload:
-scenes/overload.toml, 0 -> overload -> 0 both ways, a mesh as knitted each time, for 30 um tungsten and molybdenum wire that
-yields at the limit in warpknit/materials.py, and for molybdenum as if it never yielded. Prints tables and leaves
-hysteresis.csv, overload.csv and paths.png in DIR.
+Overload: scenes/overload.toml, 0 -> overload -> 0 both ways, a mesh as knitted each time, for 30 um tungsten and molybdenum wire
+that yields at the limit in warpknit/scene/materials.py, and for molybdenum as if it never yielded. Prints tables and leaves
+hysteresis.csv, overload.csv and paths.png.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from study import COLOURS, new_figure, run, scene_of, show_rows, tidy, write_rows
+from study import (
+    COLOURS,
+    add_directory,
+    new_figure,
+    new_parser,
+    picture_path,
+    run,
+    scene_of,
+    show_rows,
+    table_path,
+    tidy,
+    write_rows,
+)
 
 from warpknit import measure
 from warpknit.device import start_warp
@@ -168,20 +178,19 @@ def draw(path: Path, cycles: list[tuple[Hysteresis, list[State]]], overloads: li
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("directory", type=Path, help="where results go")
+    parser = new_parser(__doc__)
+    add_directory(parser)
     parser.add_argument("--quick", action="store_true", help="fewer cases")
-    arguments = parser.parse_args()
+    given = parser.parse_args()
     start_warp()
-    few = slice(None, None, 3) if arguments.quick else slice(None)
+    few = slice(None, None, 3) if given.quick else slice(None)
     cycles = [cycle(mu, FINE) for mu in FRICTIONS[few]]
     show_rows([row for row, _ in cycles])
     overloads = [overload(*wire, strain, *YIELDING) for wire in WIRES for strain in OVERLOADS[few]]
     show_rows([row for row, _ in overloads])
-    write_rows(arguments.directory / "hysteresis.csv", [row for row, _ in cycles])
-    write_rows(arguments.directory / "overload.csv", [row for row, _ in overloads])
-    draw(arguments.directory / "paths.png", cycles, overloads)
-    print(f"results in {arguments.directory}")
+    write_rows(table_path(given, "hysteresis.csv"), [row for row, _ in cycles])
+    write_rows(table_path(given, "overload.csv"), [row for row, _ in overloads])
+    draw(picture_path(given, "paths.png"), cycles, overloads)
     return 0
 
 

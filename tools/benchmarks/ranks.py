@@ -1,7 +1,7 @@
-"""Time of a step where ranks share a mesh, and what of it they spend on each other: one JSON line a case.
+"""Time of a step where ranks share a mesh, and what of it they spend on each other.
 
-    python tools/bench_ranks.py --threads 1 2                     one rank
-    mpirun -n 2 python tools/bench_ranks.py --nodes 1e5 1e6       two ranks
+    python tools/bench.py --ranks --threads 1 2                     one rank
+    mpirun -n 2 python tools/bench.py --ranks --nodes 1e5 1e6       two ranks
 
 The mesh is the periodic tile of scenes/atlas_cell.toml at rest under 12 % both ways, with about as many columns as rows of
 repeats, or `--rows` of them. `step_us` is the best of `--rounds` turns, `swap_us` the swap of forces at the borders and `rows_us`
@@ -13,11 +13,10 @@ numbers of ranks, take turns.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -25,7 +24,7 @@ import numpy as np
 
 from warpknit.device import find_device
 from warpknit.kernels import control as c
-from warpknit.planar.model import (build_model)
+from warpknit.planar.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.planar.strip_step import StripStepper
 from warpknit.ranks.launch import join_ranks
@@ -33,7 +32,7 @@ from warpknit.ranks.ranks import Ranks
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 
-CELL = Path(__file__).parent.parent / "scenes/atlas_cell.toml"
+CELL = Path(__file__).parents[2] / "scenes/atlas_cell.toml"
 LOAD = ("load.strain_weft=0.12", "load.strain_warp=0.12", "output.frames=1")
 SWAPS = 5000
 
@@ -52,55 +51,45 @@ def best(work: Callable[[], object], times: int, rounds: int, ranks: Ranks, cloc
     return 1e6 * found / times
 
 
-def measure(args: argparse.Namespace, nodes: int, threads: int, ranks: Ranks) -> dict[str, Any]:
+def measure(options: argparse.Namespace, nodes: int, threads: int, ranks: Ranks) -> dict[str, Any]:
     one = build_model(load_scene(CELL)).panel.node_count
-    rows = args.rows or max(1, round(math.sqrt(nodes / one)))
+    rows = options.rows or max(1, round(math.sqrt(nodes / one)))
     columns = max(1, round(nodes / one / rows))
     os.environ["WARPKNIT_THREADS"] = str(threads)
-    model = build_model(load_scene(CELL, [*LOAD, f"knit.repeats=[{columns}, {rows}]"]), args.device, ranks)
+    model = build_model(load_scene(CELL, [*LOAD, f"knit.repeats=[{columns}, {rows}]"]), options.device, ranks)
     state = initial_state(model)
     simulation = Simulation(model, state)
     for _record in simulation.run():
         pass
     state.write_control({c.TRAVEL_LIMIT: np.inf})
     stepper = simulation.drive.stepper
-    steps = max(1, round(args.seconds * 1e8 * ranks.count / nodes / 50)) * 50
+    steps = max(1, round(options.seconds * 1e8 * ranks.count / nodes / 50)) * 50
     found = {
+        "case": "ranks",
         "nodes": model.whole.panel.node_count,
         "repeats": [columns, rows],
         "ranks": ranks.count,
         "threads": stepper.threads,
-        "step_us": round(best(lambda: stepper.step(steps), 1, args.rounds, ranks) / steps, 2),
+        "step_us": round(best(lambda: stepper.step(steps), 1, options.rounds, ranks) / steps, 2),
         "border_bytes": 0,
         "swap_us": 0.0,
         "rows_us": 0.0,
     }
     if isinstance(stepper, StripStepper):
         found["border_bytes"] = max(ranks.everyone(stepper.border_bytes))
-        found["swap_us"] = round(best(stepper._swap_forces, SWAPS, args.rounds, ranks), 2)
-        found["rows_us"] = round(best(stepper._collect_rows, SWAPS, args.rounds, ranks), 2)
+        found["swap_us"] = round(best(stepper._swap_forces, SWAPS, options.rounds, ranks), 2)
+        found["rows_us"] = round(best(stepper._collect_rows, SWAPS, options.rounds, ranks), 2)
         stepper._swap_forces = stepper._collect_rows = lambda: None
-    found["work_us"] = round(best(lambda: stepper.step(steps), 1, args.rounds, ranks, time.process_time) / steps, 2)
+    found["work_us"] = round(best(lambda: stepper.step(steps), 1, options.rounds, ranks, time.process_time) / steps, 2)
     return found
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--nodes", type=float, nargs="+", default=[1e4, 1e5, 1e6])
-    parser.add_argument("--rows", type=int, help="rows of repeats: the length of a border")
-    parser.add_argument("--threads", type=int, nargs="+", default=[1], help="of each rank")
-    parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--seconds", type=float, default=0.3, help="about how long a turn takes")
-    parser.add_argument("--device", default="cpu")
-    args = parser.parse_args()
+def cases(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """A dictionary a size and number of threads, on the first rank."""
     ranks = join_ranks()
-    args.device = find_device(args.device, ranks.place)
-    for nodes in args.nodes:
-        for threads in args.threads:
-            found = measure(args, int(nodes), threads, ranks)
+    options.device = find_device(options.device, ranks.place)
+    for nodes in options.nodes:
+        for threads in options.threads:
+            found = measure(options, int(nodes), threads, ranks)
             if ranks.is_first:
-                print(json.dumps(found), flush=True)
-
-
-if __name__ == "__main__":
-    main()
+                yield found

@@ -1,15 +1,15 @@
 """What `warpknit plan` says of scenes in space beside what they take: steps and computing time, alone on a core.
 
-    python tools/spatial_plan.py [PART OF A NAME]...
-
-Five minutes for all. Times are those of the process, so that other work on the machine shows little.
+Times are those of the process, so that other work on the machine shows little.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from warpknit.errors import Diverged
 from warpknit.plan import make_plan
@@ -18,7 +18,7 @@ from warpknit.scene.load import load_scene
 from warpknit.spatial.mesh import build_mesh
 from warpknit.spatial.relax import SpatialRelaxation
 
-SCENES = Path(__file__).parent.parent / "scenes"
+SCENES = Path(__file__).parents[2] / "scenes"
 CELL, COARSE = "atlas_cell_spatial.toml", "model.nodes_per_loop=48"
 SPATIAL = "model.kind=spatial"
 # a tight knit: two full bars
@@ -32,7 +32,7 @@ TRICOT = {
     "load": {"strain_weft": 0.1, "strain_warp": 0.1},
     "output": {"frames": 5},
 }  # fmt: skip
-CASES: dict[str, tuple[str | dict, tuple[str, ...]]] = {
+KNITS: dict[str, tuple[str | dict, tuple[str, ...]]] = {
     "cell": (CELL, ()),
     "cell, 1 %: no contact": (CELL, (COARSE, "load.strain_weft=0.01", "load.strain_warp=0.01", "output.frames=2")),
     "cell, 20 %": (CELL, ("solver.preset=draft", "load.strain_weft=0.2", "load.strain_warp=0.2", "output.frames=4")),
@@ -51,33 +51,35 @@ CASES: dict[str, tuple[str | dict, tuple[str, ...]]] = {
 }
 
 
-def main() -> None:
-    wanted = sys.argv[1:]
-    print(f"{'':26}{'nodes':>7}{'steps':>12}{'planned':>12}{'':>7}{'time':>9}{'planned':>9}{'':>7}  per step")
-    for name, (source, overrides) in CASES.items():
-        if wanted and not any(part in name for part in wanted):
-            continue
-        scene = make_scene(source, overrides) if isinstance(source, dict) else load_scene(SCENES / source, overrides)
-        print(f"{name:26}{_compared(scene)}", flush=True)
+def cases(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """A dictionary a scene whose name has `options.only` in it."""
+    for name, (source, overrides) in KNITS.items():
+        if options.only in name:
+            scene = make_scene(source, overrides) if isinstance(source, dict) else load_scene(SCENES / source, overrides)
+            yield {"case": name} | compared(scene)
 
 
-def _compared(scene: Scene) -> str:
+def compared(scene: Scene) -> dict[str, Any]:
+    """Planned and taken steps and seconds."""
     planned = make_plan(scene, "cpu")
     assert planned.wall_s is not None
     relaxation = SpatialRelaxation(build_mesh(scene))
     relaxation.warm_up()
-    begin, note = time.process_time(), ""
+    begin, note = time.process_time(), None
     try:
         for _record in relaxation.run():
             pass
     except Diverged as error:
-        note = f"  {error}"
+        note = str(error)
     took, steps = time.process_time() - begin, relaxation.progress.steps
-    return (
-        f"{planned.nodes:7,}{steps:12,}{planned.steps:12,}{planned.steps / steps:6.2f}x"
-        f"{took:8.1f}s{planned.wall_s:8.1f}s{planned.wall_s / took:6.2f}x  {1e6 * took / steps:.0f} us{note}"
-    )
-
-
-if __name__ == "__main__":
-    main()
+    return {
+        "nodes": planned.nodes,
+        "steps": steps,
+        "steps_planned": planned.steps,
+        "steps_planned_over_taken": planned.steps / steps,
+        "processor_s": took,
+        "processor_s_planned": planned.wall_s,
+        "time_planned_over_taken": planned.wall_s / took,
+        "step_us": 1e6 * took / steps,
+        "diverged": note,
+    }

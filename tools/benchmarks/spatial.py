@@ -1,20 +1,14 @@
 """Where the time of a step in space goes: with and without contact, kernel by kernel, and the search of pairs.
 
-    python tools/spatial_cost.py [--nodes-per-loop 64] [--repeats 1] [--json] [--set KEY=VALUE]...
-
-Runs the spatial cell to 10 % roughly, then times its steps in the state reached. Each round times everything once, one after the
-other, and the best round of each counts, as other work slows a machine. Kernels alone are timed with a time step of zero, which
-leaves the state where it is. `tools/bench.py --space` prints the same as its JSON lines.
+Runs the spatial cell to 10 % roughly, then times its steps in the state reached. Kernels alone are timed with a time step of
+zero, which leaves the state where it is. Times are in us, that of the search spread over all steps.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import math
-import sys
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -26,9 +20,11 @@ from warpknit.scene import load_scene
 from warpknit.spatial.mesh import build_mesh
 from warpknit.spatial.relax import SpatialRelaxation
 
-SCENE = Path(__file__).parent.parent / "scenes" / "atlas_cell_spatial.toml"
+from .turns import best
+
+SCENE = Path(__file__).parents[2] / "scenes" / "atlas_cell_spatial.toml"
 STEPS = 200
-ROUNDS = 7
+NODES_PER_LOOP = 64
 PARTS = {
     "follow_rods": "rods",
     "bend_rods": "rods",
@@ -38,13 +34,13 @@ PARTS = {
 }
 
 
-def at_load(nodes_per_loop: int, repeats: int, overrides: list[str]) -> SpatialRelaxation:
+def at_load(repeats: int, overrides: list[str]) -> SpatialRelaxation:
     """The cell at rest, roughly."""
     options = [
         "solver.preset=draft",
         "solver.residual_tolerance=0.05",
         "output.frames=3",
-        f"model.nodes_per_loop={nodes_per_loop}",
+        f"model.nodes_per_loop={NODES_PER_LOOP}",
         f"knit.repeats=[{repeats}, {repeats}]",
     ]
     relaxation = SpatialRelaxation(build_mesh(load_scene(SCENE, [*options, *overrides])))
@@ -73,23 +69,9 @@ def kernels_alone(relaxation: SpatialRelaxation, rounds: int) -> dict[str, float
     return {name: seconds / STEPS for name, seconds in taken.items()}
 
 
-def best(works: dict[str, Callable[[], Any]], rounds: int) -> dict[str, float]:
-    """[s] of the best round of each, taken in turn."""
-    found = dict.fromkeys(works, math.inf)
-    for _ in range(rounds):
-        for name, work in works.items():
-            begin = time.perf_counter()
-            work()
-            wp.synchronize()
-            found[name] = min(found[name], time.perf_counter() - begin)
-    return found
-
-
-def measure(
-    nodes_per_loop: int = 64, repeats: int = 1, overrides: list[str] | None = None, rounds: int = ROUNDS
-) -> dict[str, Any]:
-    """What a step takes, and which share of it its parts take; times in us, those of the search spread over all steps."""
-    relaxation = at_load(nodes_per_loop, repeats, overrides or [])
+def measure(repeats: int, overrides: list[str], rounds: int) -> dict[str, Any]:
+    """What a step takes, and its parts."""
+    relaxation = at_load(repeats, overrides)
     stepper, contact, steps = relaxation.stepper, relaxation.contact, relaxation.progress.steps
     nodes, searches = relaxation.mesh.rods.node_count, contact.searches
     contact.search()
@@ -126,35 +108,8 @@ def measure(
     }
 
 
-def print_table(found: dict[str, Any]) -> None:
-    total = sum(found[f"{name}_us"] for name in ("broad_phase", *dict.fromkeys(PARTS.values())))
-    print(f"nodes {found['nodes']}, pairs {found['pairs']}, contacts {found['contacts']}")
-    print(f"a step {found['step_us']:.0f} us, {found['node_steps_per_s']:.3g} node-steps/s")
-    print(f"without contact {found['node_steps_per_s_without_contact']:.3g} node-steps/s")
-    for part in ("rods", "contact_forces", "narrow_phase", "broad_phase"):
-        taken = found[f"{part}_us"]
-        print(f"{part:20s} {taken:7.1f} us {100 * taken / total:5.1f} %")
-        for name, seconds in found["kernels_us"].items():
-            if PARTS[name] == part:
-                print(f"  {name:18s} {seconds:7.1f} us")
-    print(f"{found['searches']} searches in {found['steps']} steps")
-
-
-def main(arguments: list[str]) -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--nodes-per-loop", type=int, default=64)
-    parser.add_argument("--repeats", type=int, default=1)
-    parser.add_argument("--rounds", type=int, default=ROUNDS)
-    parser.add_argument("--json", action="store_true", help="one JSON object in place of a table")
-    parser.add_argument("--set", dest="overrides", action="append", default=[])
-    given = parser.parse_args(arguments)
-    found = measure(given.nodes_per_loop, given.repeats, given.overrides, given.rounds)
-    if given.json:
-        print(json.dumps(found))
-    else:
-        print_table(found)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+def cases(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """A dictionary a size, of as many columns as rows of repeats."""
+    one = build_mesh(load_scene(SCENE, [f"model.nodes_per_loop={NODES_PER_LOOP}"])).rods.node_count
+    for nodes in options.nodes:
+        yield measure(max(1, round(math.sqrt(nodes / one))), options.overrides, options.rounds)

@@ -1,6 +1,6 @@
 """How near the step that is taken comes to the step at which a mesh really diverges.
 
-    python tools/step_bound.py [--scenes N] [--first N] [--seed S] [--out DIR] [--picture FILE]
+    python tools/studies/step_bound.py [DIR] [--scenes N] [--first N] [--seed S]
 
 Random scenes: pattern, proportions, wire, boundary, nodes, strain, shear, temperature, contact stiffness, body mass, softening,
 mass scaling. Each is brought to rest twice, and stepped from there with small random speeds and no damping, by a step that is
@@ -11,12 +11,11 @@ longer from trial to trial:
 
 The true limit is the shortest step tried, to RESOLUTION, at which the kinetic energy grows to GROWTH times what it reaches with
 steps a third as long. `ratio` is the step that is taken, margin included, over the limit; `bound_ratio` leaves the margin out.
-Prints what the ratios are, leaves step_bound.csv in DIR and draws their histogram.
+Prints what the ratios are, and leaves step_bound.csv and their histogram, step_bound.png.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 from collections.abc import Sequence
@@ -25,23 +24,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from study import COLOURS, advance, new_figure, read_rows, tidy, write_rows
+from stepping import advance, as_ramp, at_rest
+from study import COLOURS, add_directory, new_figure, new_parser, picture_path, read_rows, table_path, tidy, write_rows
 
 from warpknit import measure
 from warpknit.errors import Diverged, WarpknitError
 from warpknit.kernels import control as c
-from warpknit.planar.model import (Model, build_model)
+from warpknit.planar.model import Model, build_model
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.numerics import MASS_MARGIN, STEP_MARGIN
-from warpknit.planar.observables import read
-from warpknit.planar.state import LOOK_AHEAD, State, initial_state
+from warpknit.planar.state import LOOK_AHEAD, State
 from warpknit.planar.step import Stepper
 from warpknit.planar.time_step import largest_step
 from warpknit.scene import make_scene
-from warpknit.solve.simulate import Simulation
 
-RESULTS = Path(__file__).parent / "results"
-PICTURE = Path(__file__).parents[1] / "docs" / "images" / "step_bound.png"
 BARS = {
     "double atlas": (("1-0/1-2/2-3/2-1", "|.", 0), ("2-3/2-1/1-0/1-2", "|.", 1)),
     "pillar": (("0-1/1-0", "|", 0),),
@@ -132,35 +128,6 @@ def random_table(random: np.random.Generator) -> tuple[str, dict[str, Any]]:
     }  # fmt: skip
 
 
-def at_rest(table: dict[str, Any], **solver: Any) -> tuple[Model, State]:
-    """The mesh at rest under its load. Raises Diverged."""
-    model = build_model(make_scene({**table, "solver": {**table["solver"], "drive": "relax", **solver}}))
-    state = initial_state(model)
-    for _ in Simulation(model, state).run():
-        pass
-    return model, state
-
-
-def as_ramp(table: dict[str, Any], softening: float, scaling: dict[str, float]) -> tuple[Model, State]:
-    """At rest without multipliers, so with the stiffnesses that it is stepped with, and then with the masses of a ramp."""
-    _, rest = at_rest(table, axial_softening=softening, multipliers=False)
-    solver = {**table["solver"], "drive": "ramp", "axial_softening": softening, "mass_scaling": scaling["mass_scaling"]}
-    model = build_model(
-        make_scene({**table, "solver": solver, "contact": {**table["contact"], "body_mass": scaling["body_mass"]}})
-    )
-    state = initial_state(model)
-    control = rest.read_control()
-    kept = rest.arrays()
-    del kept["control"]
-    state.restore({**kept, "wire_mass": np.ones_like(kept["wire_mass"]), "control": state.arrays()["control"]})
-    where = range(int(c.GRADIENT), int(c.LENGTH_FACTOR) + 1)
-    state.write_control({k: float(control[k]) for k in where})
-    state.write_control({int(end) + k: float(control[int(c.GRADIENT) + k]) for end in (c.FROM, c.TO) for k in range(5)})
-    NeighbourSearch(model, state).search()
-    Stepper(model, state).evaluate_contact()
-    return model, state
-
-
 class Trials:
     """Steps a state from where it stands, by steps of any size."""
 
@@ -238,7 +205,7 @@ def measured(number: int, seed: int) -> list[Row]:
     scene = drawn(number, random)
     rows = []
     for drive, (model, state) in (("ramp", scene.moving), ("relax", scene.relaxed)):
-        reading = read(model, state)
+        reading = measure.read(model, state)
         control = reading.control
         if drive == "ramp":
             bound, margin = largest_step(reading, 0), STEP_MARGIN
@@ -279,18 +246,18 @@ def draw(rows: Sequence[Row], path: Path) -> None:
     figure.savefig(path)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+def main() -> int:
+    parser = new_parser(__doc__)
+    add_directory(parser)
     parser.add_argument("--scenes", type=int, default=200)
     parser.add_argument("--first", type=int, default=0, help="number of the first scene; rows of others are kept")
     parser.add_argument("--seed", type=int, default=5)
-    parser.add_argument("--out", type=Path, default=RESULTS)
-    parser.add_argument("--picture", type=Path, default=PICTURE)
-    given = parser.parse_args(arguments)
-    rows = read_rows(given.out / "step_bound.csv", Row) if given.first else []
+    given = parser.parse_args()
+    path = table_path(given, "step_bound.csv")
+    rows = read_rows(path, Row) if given.first else []
     for number in range(given.first, given.first + given.scenes):
         rows += measured(number, given.seed)
-        write_rows(given.out / "step_bound.csv", rows)
+        write_rows(path, rows)
         for row in rows[-2:]:
             print(
                 f"{row.scene:4d} {row.drive:5s} {row.pattern:18s} {row.boundary:9s} {row.nodes_per_loop:3d} nodes, softened"
@@ -306,7 +273,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
               f" above 1: {np.count_nonzero(ratio > 1)} of {len(ratio)}; median without margin {bound:.3f}")  # fmt: skip
         for begin, number in zip(edges, count, strict=False):
             print(f"  {begin:.2f} {'#' * int(number)} {number}")
-    draw(rows, given.picture)
+    draw(rows, picture_path(given, "step_bound.png"))
     return 0
 
 

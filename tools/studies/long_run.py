@@ -1,6 +1,6 @@
 """Long runs stay right: the cell at rest and at load over ten million steps.
 
-    python tools/long_run.py [--steps N] [--only DRIVE] [--out DIR]
+    python tools/studies/long_run.py [DIR] [--steps N] [--only DRIVE]
 
 One repeat of the double atlas mesh, periodic, as knitted and at 14 % both ways. Three ways to step it on:
 
@@ -14,26 +14,23 @@ of 1e-3 lets through: 1e-3 of its tension and of its largest strain. No more tha
 status 1 where one of them went further.
 
 Prints how far energy, the largest axial strain, tension and active contacts, averaged over fiftieths of the steps, come from
-those of the first, and leaves long_run.csv in DIR, and those averages in long_run_course.csv. --only runs one drive and keeps the
+those of the first, and leaves long_run.csv, and those averages in long_run_course.csv. --only runs one drive and keeps the
 rows of the others.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-from step_bound import as_ramp
-from study import advance, read_rows, scene_of, write_rows
+from stepping import advance, as_ramp
+from study import add_directory, new_parser, read_rows, scene_of, table_path, write_rows
 
 from warpknit import measure
 from warpknit.kernels import control as c
-from warpknit.planar.model import (Model, build_model)
+from warpknit.planar.model import Model, build_model
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.observables import PlanarObservables, read
 from warpknit.planar.state import State, initial_state
@@ -41,7 +38,6 @@ from warpknit.planar.step import Stepper
 from warpknit.planar.time_step import stable_step
 from warpknit.solve.simulate import Simulation
 
-RESULTS = Path(__file__).parent / "results"
 RUNS = (("shaken", "double"), ("ramp", "double"), ("relax", "single"), ("relax", "double"))
 STRAINS = (0.0, 0.14)
 LOOKS = 50  # parts of a run
@@ -180,13 +176,13 @@ def kinetic(model: Model, state: State, reading: PlanarObservables, before: np.n
     return 0.5 * float(mass @ np.einsum("na,na->n", before, speeds_of(state)))
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+def main() -> int:
+    parser = new_parser(__doc__)
+    add_directory(parser)
     parser.add_argument("--steps", type=int, default=10_000_000)
     parser.add_argument("--only", choices=sorted({drive for drive, _ in RUNS}), help="rows of the other drives are kept")
-    parser.add_argument("--out", type=Path, default=RESULTS)
-    given = parser.parse_args(arguments)
-    table, course = given.out / "long_run.csv", given.out / "long_run_course.csv"
+    given = parser.parse_args()
+    table, course = table_path(given, "long_run.csv"), table_path(given, "long_run_course.csv")
     rows = [row for row in read_rows(table, Row) if given.only and row.drive != given.only]
     parts = [part for part in read_rows(course, Part) if given.only and part.drive != given.only]
     for drive, precision in RUNS:

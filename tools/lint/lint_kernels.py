@@ -1,6 +1,6 @@
 """Checks the rules that kernels follow and that no general linter knows.
 
-    python tools/lint_kernels.py [FILE]...          all of kernels/ without a FILE; exit status 1 where a rule is broken
+    python tools/lint/lint_kernels.py [FILE]...          all of kernels/ without a FILE; exit status 1 where a rule is broken
 
 * A kernel file begins with a docstring and does not print.
 * It imports `typing`, `warp` and its neighbours, nothing else.
@@ -18,7 +18,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-KERNELS = Path(__file__).parent.parent / "kernels"
+KERNELS = Path(__file__).parents[2] / "kernels"
 ALLOWED_IMPORTS = {"typing", "warp"}
 
 

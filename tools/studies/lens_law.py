@@ -18,19 +18,27 @@ span is what two wires in one plane would be held apart by, by a body in their m
     span = X_0 + F G(0, 0)
 
 To leading order, for long arms a, F = 4 EI d^2/(a kappa c^4) and span = kappa c^2/2, so span = d sqrt(EI kappa/(a F)). Nothing is
-fitted.
+fitted. `Law` puts the boundary value problem of the plane (hook_reference.py) at that span.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
-from scipy.optimize import fsolve
+from hook_reference import Contact, Hook
+from scipy.optimize import brentq, fsolve
+
+from warpknit.scene import Hook as SceneHook
+from warpknit.spatial.hook import tilt
 
 STEPS = 12  # of the force, from one that hardly presses: each is the start of the next
 LEAST = 1e-3  # of the force: where they begin
+WIDEST = 8.0  # diameters: spans that are tried
+NARROWEST = 0.3
 
 
 @dataclass(frozen=True)
@@ -107,3 +115,43 @@ def _clamped_beam(stiffness: float, length: float, x: float, at: float) -> tuple
     b = length - at
     value = b**2 * x**2 * (3 * at * length - x * (3 * at + b)) / (6 * stiffness * length**3)
     return value, b**2 * (6 * at * length * x - 3 * x**2 * (3 * at + b)) / (6 * stiffness * length**3)
+
+
+class Law:
+    """The planar hook at the span that its wires keep in space."""
+
+    def __init__(self, hook: SceneHook, bending_stiffness: float, thickness: float) -> None:
+        """thickness [m] where they touch."""
+        self.length, self.thickness, self.bending_stiffness = hook.length, thickness, bending_stiffness
+        self.slope = 2.0 * math.tan(tilt(hook))
+        self.planar = Hook(radius=hook.radius, length=hook.length, overlap=hook.overlap)
+
+    def contact(self, displacement: float, span: float) -> Contact:
+        """Of the plane, at a span [m]."""
+        return _solved(replace(self.planar, span=span), displacement)
+
+    def lens(self, c: Contact, force: float | None = None) -> Lens:
+        """What the wires in space do where they stand as in the plane, under its force or another one [N]."""
+        arms = [(arc, self.length - arc) for arc in (c.arc_left, c.arc_right)]
+        wires = Wires(self.bending_stiffness, self.thickness, arms, 1.0, self.slope)
+        step = 1e-4 * self.length
+        turned = (wires.deflection(-step, 0.0)[1] - wires.deflection(step, 0.0)[1]) / (2.0 * step)
+        return press(c.force if force is None else force, replace(wires, curvature=c.curvature - c.force * turned))
+
+    def solve(self, displacement: float) -> tuple[Contact, Lens] | None:
+        """Plane and lens of equal force and span; None where the wires do not press."""
+
+        def miss(span: float) -> float:
+            c = self.contact(displacement, span)
+            return self.lens(c).span - span if c.force > 0.0 else self.thickness
+
+        narrowest, widest = NARROWEST * self.thickness, WIDEST * self.thickness
+        if miss(widest) > 0.0:
+            return None
+        c = self.contact(displacement, brentq(miss, narrowest, widest, xtol=1e-4 * self.thickness))
+        return c, self.lens(c)
+
+
+@cache
+def _solved(hook: Hook, displacement: float) -> Contact:
+    return hook.solve([displacement])[0]

@@ -1,17 +1,16 @@
 """The matrix of extremes: scenes far from the usual, and how each ends.
 
-    python tools/extremes.py [--only WORD] [--out DIR] [--quick]
+    python tools/studies/extremes.py [DIR] [--only WORD] [--quick]
 
 Each has to end in one of three ways: in a right answer, which is checked against another run (a mesh that is similar, the same
 mesh finer, mirrored, or by another way); in such an answer with a warning that tells of what is out of range; or with exit
 status 2 or 3 and a line that says why. A case that is warned of and not compared has wires far beyond their strength, where a
-mesh has several states or depends on every node. Tensions are T C^3/EI. Prints the table and keeps it in DIR/extremes.csv; ends
+mesh has several states or depends on every node. Tensions are T C^3/EI. Prints the table and leaves it in extremes.csv; ends
 with status 1 where a case did not end as it has to. --quick leaves out what takes minutes.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 import tempfile
@@ -22,12 +21,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from study import read_rows, show_rows, write_rows
+from study import add_directory, new_parser, read_rows, show_rows, table_path, write_rows
 
 from warpknit import measure
 from warpknit.errors import WarpknitError
 from warpknit.knit.chain import KnitError
-from warpknit.planar.model import (build_model)
+from warpknit.planar.model import build_model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.run.run import run_scene
@@ -35,7 +34,6 @@ from warpknit.scene import Scene, make_scene
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Simulation
 
-RESULTS = Path(__file__).parent / "results"
 BASE: dict[str, dict[str, Any]] = {
     "wire": {"material": "tungsten", "diameter": 15e-6},
     "knit": {"wale_spacing": 1.7e-3, "course_spacing": 1e-3},
@@ -313,17 +311,18 @@ def ending(case: Case, outcome: Outcome, other: Outcome | None, difference: floa
 
 def in_order(rows: list[Row], path: Path, names: list[tuple[str, str]]) -> list[Row]:
     """The rows and those of cases that were run before, in the order of the cases."""
-    known = {(row.group, row.case): row for row in (read_rows(path, Row) if path.exists() else [])}
+    known = {(row.group, row.case): row for row in read_rows(path, Row)}
     known |= {(row.group, row.case): row for row in rows}
     return [known[name] for name in names if name in known]
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+def main() -> int:
+    parser = new_parser(__doc__)
+    add_directory(parser)
     parser.add_argument("--only", default="", help="cases whose group or name has this in it")
-    parser.add_argument("--out", type=Path, default=RESULTS)
-    parser.add_argument("--quick", action="store_true")
-    given = parser.parse_args(arguments)
+    parser.add_argument("--quick", action="store_true", help="leave out what takes minutes")
+    given = parser.parse_args()
+    path = table_path(given, "extremes.csv")
     rows, cases = [], matrix()
     for case in cases:
         if given.only not in f"{case.group}: {case.name}" or (case.slow and given.quick):
@@ -336,7 +335,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             f"  {row.ending:13s} {row.said[:90]}",
             flush=True,
         )
-        write_rows(given.out / "extremes.csv", in_order(rows, given.out / "extremes.csv", [(c.group, c.name) for c in cases]))
+        write_rows(path, in_order(rows, path, [(c.group, c.name) for c in cases]))
     wrong = [row for row in rows if row.ending == "WRONG"]
     print(f"{len(rows)} cases: {len(rows) - len(wrong)} end as they have to, {len(wrong)} do not")
     show_rows(wrong) if wrong else None

@@ -1,4 +1,4 @@
-"""What writing USD costs: its speed beside `numpy.tofile`, and by how much it slows the steps. See `bench.py --usd`.
+"""What writing USD costs: its speed beside `numpy.tofile`, and by how much it slows the steps.
 
 Write speed: frames of a gripped panel go through `StageWriter`, and the same number of bytes through `numpy.tofile` with
 fsync, in turns. Slowdown: stretches of steps with a frame handed over to the writer process before each, in turns with
@@ -9,6 +9,7 @@ the processors, over what the steps take.
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import math
 import os
@@ -30,13 +31,13 @@ from warpknit.export.usd import StageWriter
 from warpknit.export.writer_process import WriterProcess
 from warpknit.frame import Frame
 from warpknit.kernels import control as c
-from warpknit.planar.model import (Model, build_model)
+from warpknit.planar.model import Model, build_model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
 from warpknit.scene import load_scene
 
-PANEL = Path(__file__).parent.parent / "scenes/panel_million.toml"
+PANEL = Path(__file__).parents[2] / "scenes/panel_million.toml"
 
 
 def panel(nodes: int) -> Model:
@@ -144,3 +145,12 @@ def slowdown(model: Model, *, frames: int, steps: int, threads: int, on: Path | 
         "writer_processor_s_a_frame": writing / frames,
         "slowdown_by_processor_time": (handing + writing) / stepping,
     }  # fmt: skip
+
+
+def cases(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """Of each size the write speed, and the slowdown by number of threads."""
+    for nodes in options.nodes:
+        model = panel(int(nodes))
+        yield write_speed(model, frames=options.frames, rounds=options.rounds, on=options.folder)
+        for threads in options.threads:
+            yield slowdown(model, frames=options.frames, steps=options.steps, threads=threads, on=options.folder)

@@ -1,37 +1,33 @@
 """What a contact map costs as one batch, beside the same cells run one by one.
 
-    python tools/map_cost.py [SCENE] [--sample N] [--rounds N]       default: scenes/contact_map.toml, every 10th cell one by one
-
-Prints one JSON object a round: cell-steps per second of the batch on one and on all threads and of `Simulation` cell by cell (the
-time loop alone, without building and files), measured in turn, and the seconds that all cells take or would take: of wall time,
-and of all cores together, which says more on a machine that others use too.
+A round gives cell-steps per second of the batch on one and on all threads and of `Simulation` cell by cell (the time loop alone,
+without building and files), measured in turn, and the seconds that all cells take or would take: of wall time, and of all cores
+together, which says more on a machine that others use too.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 
-from warpknit.planar.model import (Model, build_model)
+from warpknit.planar.model import Model, build_model
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import CORES
 from warpknit.scene import Scene, Stage, load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.sweep.batch import Batch
 
+SCENE = Path(__file__).parents[2] / "scenes/contact_map.toml"
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scene", nargs="?", default="scenes/contact_map.toml")
-    parser.add_argument("--sample", type=int, default=10, metavar="N", help="run every Nth cell one by one")
-    parser.add_argument("--rounds", type=int, default=2, metavar="N")
-    options = parser.parse_args()
-    scene = load_scene(options.scene)
+
+def cases(options: argparse.Namespace) -> Iterator[dict[str, str | float]]:
+    """A dictionary a round."""
+    scene = load_scene(options.scene or SCENE)
     if scene.sweep is None:
-        parser.error(f"{options.scene} has no [sweep]")
+        raise SystemExit(f"{scene.path} has no [sweep]")
     stages = [
         replace(scene.stages[0], strain_weft=x, strain_warp=y, tension_weft=None, tension_warp=None)
         for y in scene.sweep.strain_warp
@@ -54,7 +50,7 @@ def main() -> None:
         share = batch.steps / steps
         row["one_by_one_cell_steps_per_s"] = steps / wall
         row |= {"one_by_one_s": wall * share, "one_by_one_cpu_s": (time.process_time() - begin_cpu) * share}
-        print(json.dumps({key: float(f"{value:.4g}") for key, value in row.items()}), flush=True)
+        yield {"case": "map"} | {key: float(f"{value:.4g}") for key, value in row.items()}
 
 
 def one_by_one(scene: Scene, model: Model, stages: Sequence[Stage]) -> tuple[int, float]:
@@ -66,7 +62,3 @@ def one_by_one(scene: Scene, model: Model, stages: Sequence[Stage]) -> tuple[int
             pass
         steps += simulation.progress.steps
     return steps, time.perf_counter() - begin
-
-
-if __name__ == "__main__":
-    main()

@@ -1,23 +1,34 @@
 """Heat: a mesh cooled and heated between edges of different metals, against the same stretch without heat.
 
-    python tools/heat_study.py DIR [--quick]
+    python tools/studies/heat.py [DIR] [--quick]
 
 scenes/heat.toml (the periodic cell) with `model.frame_expansion` of edges that stand still, of the wire's own metal, of
 aluminium and of carbon fibre, at 10 % and 14 % both ways. *Equivalent* is an isothermal run: at temperature T the mesh is the
 one at 20 degC stretched by (1 + a_frame (T - T0)) (1 + e)/(1 + a_wire (T - T0)) - 1, all lengths rescaled by f = 1 + a_wire
 (T - T0). Forces of bending go with 1/f^2 and tension, a force a width, with 1/f^3. Prints a table, leaves heat.csv and
-heat.png in DIR.
+heat.png.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from study import COLOURS, new_figure, run, scene_of, show_rows, tidy, write_rows
+from study import (
+    COLOURS,
+    add_directory,
+    new_figure,
+    new_parser,
+    picture_path,
+    run,
+    scene_of,
+    show_rows,
+    table_path,
+    tidy,
+    write_rows,
+)
 
 from warpknit import measure
 from warpknit.device import start_warp
@@ -92,17 +103,16 @@ def draw(path: Path, rows: Sequence[Heated]) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("directory", type=Path, help="where results go")
+    parser = new_parser(__doc__)
+    add_directory(parser)
     parser.add_argument("--quick", action="store_true", help="10 % only".replace("%", "%%"))
-    arguments = parser.parse_args()
+    given = parser.parse_args()
     start_warp()
-    strains = STRAINS[:1] if arguments.quick else STRAINS
+    strains = STRAINS[:1] if given.quick else STRAINS
     rows = [row for strain in strains for name, expansion in FRAMES for row in heated(name, expansion, strain)]
-    write_rows(arguments.directory / "heat.csv", rows)
-    draw(arguments.directory / "heat.png", rows)
+    write_rows(table_path(given, "heat.csv"), rows)
+    draw(picture_path(given, "heat.png"), rows)
     show_rows(rows)
-    print(f"results in {arguments.directory}")
     return 0
 
 

@@ -1,11 +1,11 @@
 """The statements of the paper on its mesh, one by one: what it says, our figure, holds or not.
 
-    python tools/paper_statements.py DIR [--cells N] [--quick]
+    python tools/studies/statements.py [DIR] [--cells N] [--quick]
 
 Every statement is read from a map of 11 x 11 strain pairs from 0 to 20 %: of the periodic cell (scenes/atlas_cell.toml), of
 the gripped 7 x 6 patch (scenes/atlas_patch.toml; all contacts, and the central rhombus), of cells with other proportions of
 the loops, one changed at a time, and of the mean of N cells whose proportions are all scattered by 10 %. A row of a map is
-one path: warp strain first, then weft strain. Leaves statements.csv, sweep.csv and statements.png in DIR. --quick leaves out
+one path: warp strain first, then weft strain. Leaves statements.csv, sweep.csv and statements.png. --quick leaves out
 the patch.
 
 The criteria, fixed before looking: a share is *few* below a quarter of that at 10 % both ways; *significant* is half of all
@@ -14,19 +14,18 @@ contacts; *around 10 %* is 7 to 13 %; *quickly* is at least 1.5 times as much as
 
 from __future__ import annotations
 
-import argparse
 import sys
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 import numpy as np
-from study import new_figure, run, scene_of, show_rows, write_rows
+from study import add_directory, new_figure, new_parser, picture_path, run, scene_of, show_rows, table_path, write_rows
 
 from warpknit import measure
 from warpknit.device import start_warp
 from warpknit.errors import Diverged, SceneError
-from warpknit.planar.model import (build_model)
+from warpknit.planar.model import build_model
 from warpknit.scene import Scene
 
 STRAINS = np.linspace(0.0, 0.2, 11)
@@ -253,13 +252,12 @@ def draw(path: Path, maps: dict[str, ContactMap]) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("directory", type=Path, help="where results go")
+    parser = new_parser(__doc__)
+    add_directory(parser)
     parser.add_argument("--cells", type=int, default=16, help="cells with scattered proportions")
     parser.add_argument("--quick", action="store_true", help="leave out the gripped patch")
-    arguments = parser.parse_args()
+    given = parser.parse_args()
     start_warp()
-    arguments.directory.mkdir(parents=True, exist_ok=True)
     cell = "atlas_cell.toml"
     sweep, maps, table = [], {}, []
     for name, overrides in geometries().items():
@@ -273,13 +271,13 @@ def main() -> int:
         if name == "default":
             maps["periodic cell"] = m
             table += statements("periodic cell", sweep[0], heat_shares(cell))
-    if arguments.cells:
-        cells = [contact_maps(cell, *overrides)[0] for overrides in scattered(arguments.cells)]
+    if given.cells:
+        cells = [contact_maps(cell, *overrides)[0] for overrides in scattered(given.cells)]
         maps[f"mean of {len(cells)} scattered cells"] = m = mean_map(cells)
         sweep.append(sweep_row(f"mean of {len(cells)} scattered cells", sweep[0].bodies, m))
-        heat = np.mean([heat_shares(cell, *overrides) for overrides in scattered(arguments.cells)], axis=0)
+        heat = np.mean([heat_shares(cell, *overrides) for overrides in scattered(given.cells)], axis=0)
         table += statements("scattered cells", sweep[-1], list(heat))
-    if not arguments.quick:
+    if not given.quick:
         patch, rhombus = contact_maps("atlas_patch.toml")
         maps["gripped patch, all contacts"] = patch
         maps["gripped patch, central rhombus"] = rhombus
@@ -289,12 +287,11 @@ def main() -> int:
         table += statements("gripped patch, all", sweep[-1], heat)
         sweep.append(sweep_row("gripped patch, rhombus", 12, rhombus))
         table += statements("gripped patch, rhombus", sweep[-1], None)
-    write_rows(arguments.directory / "statements.csv", table)
-    write_rows(arguments.directory / "sweep.csv", sweep)
-    draw(arguments.directory / "statements.png", maps)
+    write_rows(table_path(given, "statements.csv"), table)
+    write_rows(table_path(given, "sweep.csv"), sweep)
+    draw(picture_path(given, "statements.png"), maps)
     show_rows(table)
     show_rows(sweep)
-    print(f"results in {arguments.directory}")
     return 0
 
 

@@ -1,7 +1,7 @@
 """The optimum tension of a mesh for the wires in use: the tensile load with the most active contacts while no wire passes the
 elastic limit.
 
-    python tools/optimum_tension.py [SCENE] [--out DIR] [--set KEY=VALUE]...       default: scenes/contact_map.toml
+    python tools/studies/optimum_tension.py [SCENE] [--out DIR] [--set KEY=VALUE]...       default: scenes/contact_map.toml
 
 Makes the contact map of SCENE for tungsten and for gold-plated molybdenum of 15, 17, 27 and 30 um, each in DIR/<wire>, and prints
 a line a wire as comma separated values, which are left in DIR/optimum.csv too: strains, tensions, share of active contacts,
@@ -10,11 +10,12 @@ largest stress and what it leaves of the elastic limit.
 
 from __future__ import annotations
 
-import argparse
 import csv
 import io
 import sys
 from pathlib import Path
+
+from study import SCENES, new_parser
 
 from warpknit.files import write_aside
 from warpknit.scene import load_scene
@@ -33,8 +34,8 @@ COLUMNS = ("wire", "diameter_um", "yield_stress_Pa", "strain_weft", "strain_warp
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scene", nargs="?", default="scenes/contact_map.toml")
+    parser = new_parser(__doc__)
+    parser.add_argument("scene", nargs="?", default=SCENES / "contact_map.toml")
     parser.add_argument("--out", type=Path, default=Path("runs/optimum_tension"))
     parser.add_argument("--set", action="append", default=[], dest="overrides", metavar="KEY=VALUE")
     options = parser.parse_args()

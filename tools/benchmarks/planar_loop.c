@@ -1,9 +1,9 @@
-/* The planar step of kernels/wires.py for free wires, as a plain C loop: the reference that tools/bench.py measures beside.
+/* The planar step of kernels/wires.py for free wires, as a plain C loop: the reference that tools/benchmarks/planar.py measures beside.
 
    Structure of arrays, chunks of 512 nodes, rest data of one repeat read over and over. Stretch, exact discrete bending by
    the angle between edges, central differences with damping; displacements u, velocities v. One closed wire of n nodes.
 
-   gcc -O3 -march=native -ffast-math -fopenmp -shared -fPIC -DREAL=float bench_loop.c
+   gcc -O3 -march=native -ffast-math -fopenmp -shared -fPIC -DREAL=float planar_loop.c
 */
 #include <math.h>
 #include <stdint.h>
