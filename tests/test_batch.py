@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warpknit import measure
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.scene import Scene, make_scene
 from warpknit.solve.simulate import Simulation

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.run.cautions import cautions
 from warpknit.scene import load_scene
 

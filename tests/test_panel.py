@@ -10,7 +10,8 @@ import pytest
 
 from warpknit import measure
 from warpknit.kernels import clamp
-from warpknit.planar.model import Model, build_model
+from warpknit.model import build_model
+from warpknit.planar.model import Model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene

@@ -8,7 +8,7 @@ import pytest
 
 from warpknit import measure
 from warpknit.mesh.rim import Rim, build_rim
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.planar.observables import read
 from warpknit.planar.panel_map import PanelMap, panel_map
 from warpknit.planar.state import initial_state

@@ -15,8 +15,8 @@ from warpknit.errors import DeviceError, InputError, MemoryNeeded
 from warpknit.knit.chain import KnitError
 from warpknit.memory import MEMORY_PER_NODE
 from warpknit.mesh import layout
+from warpknit.model import build_model
 from warpknit.plan import ESTIMATE_FACTOR, make_plan
-from warpknit.planar.model import build_model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.run.run import run_scene
@@ -24,7 +24,6 @@ from warpknit.scene import load_scene, make_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.estimate import size_of_mesh, spatial_time
 from warpknit.spatial.mesh import build_mesh
-from warpknit.spatial.relax import SpatialRelaxation
 
 ROOT = Path(__file__).parent.parent
 CELL = ROOT / "scenes" / "atlas_cell.toml"
@@ -140,7 +139,7 @@ def test_steps_are_within_the_factor_that_is_promised(path, overrides, preset):
 )
 def test_steps_in_space_are_within_the_factor_that_is_promised(name, overrides):
     scene = load_scene(ROOT / "scenes" / name, overrides)
-    relaxation = SpatialRelaxation(build_mesh(scene))
+    relaxation = Simulation(build_model(scene))
     for _record in relaxation.run():
         pass
     planned = make_plan(scene, "cpu")
@@ -152,10 +151,10 @@ def test_time_in_space_goes_by_the_pairs_that_a_run_begins_with(bars):
     """Up to those of curves whose chords pass farther from each other, which are not counted: by 4/27 of an edge at most."""
     overrides = ["model.nodes_per_loop=48"] + ([f"knit.bars={bars}", "knit.repeats=[2, 1]"] if bars else [])
     mesh = build_mesh(load_scene(ROOT / "scenes" / "atlas_cell_spatial.toml", overrides))
-    relaxation = SpatialRelaxation(mesh)
-    relaxation.contact.search()
+    relaxation = Simulation(mesh)
+    relaxation.mechanics.contact.search()
     planned = size_of_mesh(mesh)
-    assert 0.6 < planned.near / relaxation.contact.pair_count <= 1.0
+    assert 0.6 < planned.near / relaxation.mechanics.contact.pair_count <= 1.0
     fewer = replace(planned, near=0)
     assert spatial_time(1000, planned) > spatial_time(1000, fewer)
 
@@ -197,7 +196,7 @@ def test_memory_per_node_covers_the_arrays(precision, share):
     built = build_model(scene)
     state = initial_state(built)
     simulation = Simulation(built, state)
-    simulation.drive.neighbours.search()
+    simulation.mechanics.neighbours.search()
     reading = read(built, state)
     total = array_bytes([built, state, simulation, reading], set())
     assert total / built.panel.node_count / MEMORY_PER_NODE[precision] == pytest.approx(share, abs=0.1)

@@ -8,14 +8,15 @@ import warp as wp
 
 from warpknit import measure
 from warpknit.mesh.rim import Rim, build_rim
-from warpknit.planar.model import Model, build_model
+from warpknit.model import build_model
+from warpknit.planar.model import Model
 from warpknit.planar.observables import PlanarObservables, read
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
 from warpknit.planar.thermal import wire_warmth
 from warpknit.run.run import run_scene
 from warpknit.scene import make_scene
-from warpknit.solve.large import EDGE_TOLERANCE, MEMBRANE_TOLERANCE
+from warpknit.solve.multilevel import EDGE_TOLERANCE, MEMBRANE_TOLERANCE
 from warpknit.solve.simulate import Record, Simulation
 
 CORD = {"grip_pitch": 0.0136, "cord": {"tension": 0.5, "stiffness": 50.0}}

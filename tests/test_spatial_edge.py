@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 
 from warpknit import measure
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
-from warpknit.solve.simulate import Simulation
-from warpknit.spatial.drive import SpatialRecord
+from warpknit.solve.simulate import Record, Simulation
 from warpknit.spatial.edge import Edge
 from warpknit.spatial.mesh import build_mesh
-from warpknit.spatial.relax import SpatialRelaxation
 
 SCENES = Path(__file__).parents[1] / "scenes"
 HEXAGON = ["model.boundary=gripped", "panel.outline=hexagon", "output.frames=1", "solver.residual_tolerance=0.01"]
@@ -29,9 +27,9 @@ def pull(by: str, at: str = "3 mm") -> str:
     return f'load.pull=[{{at=["{at}", "0 mm"], by=["{by}", "0 mm"], width="3 mm"}}]'
 
 
-def at_rest(*settings: str) -> tuple[SpatialRelaxation, SpatialRecord]:
-    relaxation = SpatialRelaxation(build_mesh(scene_of(*settings)))
-    relaxation.warm_up()
+def at_rest(*settings: str) -> tuple[Simulation, Record]:
+    relaxation = Simulation(build_model(scene_of(*settings)))
+    relaxation.compile()
     *_, last = relaxation.run()
     return relaxation, last
 
@@ -62,7 +60,7 @@ def test_a_cord_carries_what_the_clamps_between_net_nodes_do():
     """At every free station the cord and its clamps balance within the tolerance of what the clamps carry, the cord hangs
     inwards, and the net nodes, which hold all of it, hold nothing more."""
     relaxation, last = at_rest(*SMALL, *CORD, "load.strain_weft=0.02", "load.strain_warp=0.02")
-    edge, r = relaxation.edge, last.observables
+    edge, r = relaxation.mechanics.edge, last.observables
     free = ~edge.rim.given
     balance = edge.balance(r.gradient, r.force)
     carried = edge.rim.clamps.T @ edge.grip_forces(r.force)
@@ -77,16 +75,16 @@ def test_a_cord_carries_what_the_clamps_between_net_nodes_do():
 
 def test_an_edge_is_taken_up_where_it_was_left():
     """What a checkpoint keeps gives the same stations and shares."""
-    relaxation = SpatialRelaxation(build_mesh(scene_of(*SMALL, *CORD)))
-    edge = relaxation.edge
+    relaxation = Simulation(build_model(scene_of(*SMALL, *CORD)))
+    edge = relaxation.mechanics.edge
     edge.set_off(edge.moved + 1e-6)
     edge.pull(0.5)
     edge.follow(np.eye(2), relaxation.state.force.numpy() + 1e-6)
-    other = SpatialRelaxation(build_mesh(scene_of(*SMALL, *CORD)))
-    other.edge.recall(edge.memory())
+    other = Simulation(build_model(scene_of(*SMALL, *CORD)))
+    other.mechanics.edge.recall(edge.memory())
     force = np.random.default_rng(0).normal(size=(edge.mesh.rods.node_count, 3))
-    assert np.array_equal(other.edge.follow(np.eye(2), force), edge.follow(np.eye(2), force))
-    assert np.array_equal(other.edge.pull(0.7), edge.pull(0.7))
+    assert np.array_equal(other.mechanics.edge.follow(np.eye(2), force), edge.follow(np.eye(2), force))
+    assert np.array_equal(other.mechanics.edge.pull(0.7), edge.pull(0.7))
 
 
 @pytest.mark.slow

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from warpknit import measure
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.mesh import build_mesh
 from warpknit.spatial.observables import SpatialObservables
-from warpknit.spatial.relax import SpatialRelaxation
 
 SCENES = Path(__file__).parents[1] / "scenes"
 OUTLINES = {
@@ -32,8 +31,8 @@ def scene_of(outline: str, *settings: str):
 
 
 def at_rest(outline: str, *settings: str) -> SpatialObservables:
-    relaxation = SpatialRelaxation(build_mesh(scene_of(outline, *settings)))
-    relaxation.warm_up()
+    relaxation = Simulation(build_model(scene_of(outline, *settings)))
+    relaxation.compile()
     *_, last = relaxation.run()
     return last.observables
 

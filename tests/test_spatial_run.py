@@ -11,13 +11,13 @@ from reference.interrupted import assert_parts_are_the_whole
 from warpknit.cli import main
 from warpknit.errors import SceneError
 from warpknit.frame import Frame, WireLayout
+from warpknit.model import build_model
 from warpknit.run.run import run_scene
 from warpknit.run.spatial_summary import row_of
 from warpknit.run.warnings_of import warnings_of
 from warpknit.scene import load_scene
+from warpknit.solve.simulate import Simulation
 from warpknit.solve.tension import TOLERANCE
-from warpknit.spatial.mesh import build_mesh
-from warpknit.spatial.relax import SpatialRelaxation
 from warpknit.spatial.steadiness import tension_scale
 
 SCENES = Path(__file__).parent.parent / "scenes"
@@ -85,9 +85,9 @@ def test_states_are_in_space_and_whole(finished: Path) -> None:
 
 def test_a_compressed_mesh_is_not_warned_of_the_plane() -> None:
     """What wrinkles is said to be too small here, and not to be planar."""
-    relaxation = SpatialRelaxation(build_mesh(load_scene(CELL, QUICK)))
+    relaxation = Simulation(build_model(load_scene(CELL, QUICK)))
     row = replace(row_of(next(relaxation.run())), strain_weft=-0.02)
-    [warning] = [line for line in warnings_of(relaxation.mesh, [row], []) if "compressed" in line]
+    [warning] = [line for line in warnings_of(relaxation.model, [row], []) if "compressed" in line]
     assert "planar" not in warning
 
 
@@ -102,10 +102,10 @@ def test_tension_is_found_and_let_go_again() -> None:
     """Warp by tension, there and back to none, weft held: to the 0.2 % that the search allows, or 1e-2 of that of EI/C^3."""
     path = ["load.strain_weft=0.0", "load.tension_warp='3 mN/m'", "path=[{tension_warp='1 mN/m', strain_weft=0.005}]"]
     coarse = [o for o in QUICK if not o.startswith("load")]
-    relaxation = SpatialRelaxation(build_mesh(load_scene(CELL, [*coarse, *path])))
+    relaxation = Simulation(build_model(load_scene(CELL, [*coarse, *path])))
     _, loaded, unloaded = relaxation.run()
     for record, warp, weft in ((loaded, 3e-3, 0.0), (unloaded, 1e-3, 0.005)):
-        least = 1e-2 * TOLERANCE * tension_scale(relaxation.mesh)
+        least = 1e-2 * TOLERANCE * tension_scale(relaxation.model)
         assert record.observables.mesh_tension[1] == pytest.approx(warp, rel=TOLERANCE, abs=least)
         assert record.observables.gradient[0, 0] == 1.0 + weft
     assert loaded.observables.gradient[1, 1] > unloaded.observables.gradient[1, 1] > 1.0

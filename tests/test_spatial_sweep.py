@@ -12,14 +12,15 @@ from click.testing import CliRunner
 
 from warpknit.cli import main
 from warpknit.errors import OutOfResources
+from warpknit.model import build_model
 from warpknit.processes import start_process
 from warpknit.run.interrupts import Interrupts
 from warpknit.scene import load_scene
+from warpknit.solve.simulate import Simulation
 from warpknit.spatial.mesh import build_mesh
-from warpknit.spatial.relax import SpatialRelaxation
-from warpknit.sweep import spatial_states
+from warpknit.sweep import state_processes
 from warpknit.sweep.outcome import measured
-from warpknit.sweep.spatial_states import SpatialStates
+from warpknit.sweep.state_processes import StateProcesses
 
 SCENES = Path(__file__).parents[1] / "scenes"
 SMALL = [
@@ -43,17 +44,17 @@ def rows(path: Path) -> list[dict[str, str]]:
 def states(processes: int, **more):
     scene = load_scene(SCENES / "contact_map.toml", SMALL)
     stages = [replace(scene.stages[0], strain_weft=x, strain_warp=y) for x, y in STRAINS]
-    return SpatialStates(build_mesh(scene), stages, processes=processes, **more)
+    return StateProcesses(build_mesh(scene), stages, processes=processes, **more)
 
 
 def test_every_state_is_that_of_a_run_whichever_process_has_it():
-    """To the bit: here, in two processes, and as SpatialRelaxation takes the load alone."""
+    """To the bit: here, in two processes, and as Simulation takes the load alone."""
     here, there = ({outcome.index: outcome for outcome in states(processes).run()} for processes in (1, 2))
     assert set(here) == set(there) == {0, 1}
     for index, (weft, warp) in enumerate(STRAINS):
         load = [f"load.strain_weft={weft}", f"load.strain_warp={warp}"]
-        relaxation = SpatialRelaxation(build_mesh(load_scene(SCENES / "contact_map.toml", SMALL + load)))
-        relaxation.warm_up()
+        relaxation = Simulation(build_model(load_scene(SCENES / "contact_map.toml", SMALL + load)))
+        relaxation.compile()
         *_, last = relaxation.run()
         for outcome in (here[index], there[index]):
             assert outcome.observables is not None and outcome.steps == last.steps
@@ -72,7 +73,7 @@ def test_a_map_in_space_leaves_the_files_of_a_planar_one_and_goes_on_when_interr
     assert (whole / "figures" / "contact_map.png").stat().st_size > 0
     assert len((whole / "map.csv").read_text().splitlines()) == 3
 
-    check, run, finished = Interrupts.check, SpatialStates.run, []
+    check, run, finished = Interrupts.check, StateProcesses.run, []
 
     def stop(self):
         if finished:
@@ -84,7 +85,7 @@ def test_a_map_in_space_leaves_the_files_of_a_planar_one_and_goes_on_when_interr
             finished.append(outcome)
             yield outcome
 
-    monkeypatch.setattr(SpatialStates, "run", noting)
+    monkeypatch.setattr(StateProcesses, "run", noting)
     monkeypatch.setattr(Interrupts, "check", stop)
     stopped = make_map(cut, *plain)
     monkeypatch.undo()
@@ -104,7 +105,7 @@ def test_a_process_that_is_gone_is_said(monkeypatch):
         started.append(found[0])
         return found
 
-    monkeypatch.setattr(spatial_states, "start_process", starting)
+    monkeypatch.setattr(state_processes, "start_process", starting)
 
     def end(_states):
         os.kill(started[0].pid, 9)

@@ -11,13 +11,14 @@ import pytest
 from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.mesh.smaller import smaller_scene
+from warpknit.model import build_model, mechanics_of
 from warpknit.planar.membrane import Correction
-from warpknit.planar.model import Model, build_model
+from warpknit.planar.model import Model
 from warpknit.planar.observables import node_entries, read
 from warpknit.planar.response import STRAIN, carried_values
 from warpknit.planar.state import State, initial_state
 from warpknit.scene import load_scene
-from warpknit.solve.large import MEMBRANE_TOLERANCE
+from warpknit.solve.multilevel import MEMBRANE_TOLERANCE
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Progress, Simulation
 
@@ -40,7 +41,7 @@ def settled(repeats: tuple[int, int], boundary: str, alone: bool) -> tuple[Model
     state = initial_state(model)
     simulation = Simulation(model, state)
     if alone:
-        simulation.drive = Relaxation(model, state, simulation.progress, lambda _progress: None)
+        simulation.drive = Relaxation(mechanics_of(model, state), simulation.progress)
     *_, last = simulation.run()
     return model, state, simulation, last.steps
 
@@ -130,7 +131,7 @@ def test_response_is_the_derivative_of_the_stress() -> None:
     assert tangent == pytest.approx(tangent.transpose(2, 3, 0, 1))
     cell = simulation.drive.cell
     gradient = np.diag([1.1, 1.1])
-    stress, _ = cell.rest_at(gradient, model.scene.wire.reference_temperature)
+    stress, _ = cell.equilibrium_at(gradient, model.scene.wire.reference_temperature)
     turn = np.array([[0.0, -1.0], [1.0, 0.0]])
     turned = np.einsum("abcd,cd->ab", tangent, turn @ gradient)
     assert turned == pytest.approx(turn @ stress, abs=STRAIN / 0.1 * np.abs(tangent).max())

@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 from reference.thread_ranks import run_ranks
 from warpknit import measure
 from warpknit.errors import ModelError
+from warpknit.mesh.load_point import LoadPoint
 from warpknit.mesh.panel import Panel
 from warpknit.mesh.strip import Strip, cut_strip
+from warpknit.model import build_model
 from warpknit.planar.membrane import Correction
-from warpknit.planar.model import build_model
 from warpknit.planar.observables import PlanarObservables, read
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
@@ -24,7 +25,6 @@ from warpknit.planar.strip_step import StripStepper
 from warpknit.ranks.ranks import One, Ranks, exact_parts
 from warpknit.scene import Scene, load_scene, make_scene
 from warpknit.solve import simulate
-from warpknit.solve.drive import LoadPoint
 from warpknit.solve.simulate import Simulation
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"
@@ -175,7 +175,7 @@ def test_strips_remember_friction_and_yield() -> None:
         model = build_model(here, "cpu", ranks)
         simulation = Simulation(model, initial_state(model))
         *_, last = simulation.run()
-        return last.observables, simulation.drive.path.dissipated
+        return last.observables, simulation.mechanics.history.dissipated
 
     alone, heat = at_the_end(One())
     (shared, shared_heat), _ = run_ranks(2, at_the_end)

@@ -58,11 +58,6 @@ class Model(Protocol):
         """[s] of a stage of a ramp."""
 
     def layout(self) -> WireLayout: ...
-    def initial_state(self) -> Any:
-        """The knitted shape, no velocity, no load."""
-
-    def mechanics(self, state: Any) -> Mechanics:
-        """What steps a state of the model."""
 
 
 class State(Protocol):

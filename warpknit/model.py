@@ -1,12 +1,20 @@
-"""The model that a scene asks for, planar or spatial: the one place that chooses between the two."""
+"""The model that a scene asks for, planar or spatial: the one place that chooses between the two.
+
+Each kind is a package of that name, whose module `kind` holds what stands here in its own form.
+"""
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any
 
-from .mechanics import Model
+from .mechanics import Group, Mechanics, Model
 from .ranks.ranks import Ranks
 from .scene import Scene
+
+
+def _kind(scene: Scene) -> Any:
+    return import_module(f".{scene.model.kind}.kind", __package__)
 
 
 def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -> Model:
@@ -14,15 +22,22 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
 
     Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`.
     """
-    if scene.model.kind == "spatial":
-        from .spatial.mesh import build_mesh
-
-        return build_mesh(scene, device, ranks)
-    from .planar.model import build_model as build_planar
-
-    return build_planar(scene, device, ranks)
+    model: Model = _kind(scene).build_model(scene, device, ranks)
+    return model
 
 
 def initial_state(model: Model) -> Any:
     """The state of a model to start from: the knitted shape, no velocity, no load."""
-    return model.initial_state()
+    return _kind(model.scene).initial_state(model)
+
+
+def mechanics_of(model: Model, state: Any) -> Mechanics:
+    """What steps a state of a model."""
+    mechanics: Mechanics = _kind(model.scene).mechanics(model, state)
+    return mechanics
+
+
+def replicas_of(model: Model, count: int, threads: int | None = None) -> Group:
+    """So many states of a model that has replicas, stepped by one launch and shared by `threads`; default: one a core."""
+    replicas: Group = _kind(model.scene).replicas(model, count, threads)
+    return replicas

@@ -28,6 +28,7 @@ from .run.plane_limits import tight_loops
 from .scene import Scene
 from .scene.presets import PRESETS
 from .solve.estimate import ESTIMATE_FACTOR, ramp_steps, relax_steps, wall_time
+from .solve.simulate import Simulation
 from .spatial.estimate import (
     HOOK_ENDS,
     SLOW_LEVELS,
@@ -270,7 +271,7 @@ def _size_in_space(scene: Scene, file: WireReport | None) -> SpatialSize:
     size = replace(size, time_step=mesh.time_step, limited_by=mesh.limited_by, loading_time=mesh.loading_time)
     closest = None if file is None else file.overlaps.closest
     if closest is not None and closest < DOUBTFUL * CLOSEST * scene.wire.thickness:
-        mesh.mechanics(mesh.initial_state()).compile()
+        Simulation(mesh).compile()
     return size
 
 

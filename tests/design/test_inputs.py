@@ -14,7 +14,7 @@ from warpknit.design.sections import mesh_section
 from warpknit.design.states import states_at
 from warpknit.errors import InputError
 from warpknit.mesh.layout import knit_scene
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene, make_scene

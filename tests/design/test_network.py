@@ -6,7 +6,7 @@ import pytest
 from warpknit.design.network import contact_resistances, holm_resistance, sheet_conductance, sheet_resistance, wire_resistance
 from warpknit.design.states import states_at
 from warpknit.measure import pair_active, positions
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.planar.observables import PlanarObservables
 from warpknit.scene import make_scene
 from warpknit.scene.materials import MATERIALS

@@ -9,7 +9,7 @@ from reference.meshes import SCENES, Mesh, settled, shaken
 from reference.plane_wires import CLOSEST_POINT_TOLERANCE, EPSILON
 from warpknit.knit.clasps import Arm
 from warpknit.mesh.thread_curve import ThreadCurve
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.planar.observables import read
 from warpknit.scene import load_scene
 

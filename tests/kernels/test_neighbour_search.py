@@ -88,12 +88,12 @@ def test_sleeping_pairs_touch_nothing(mesh: str) -> None:
         if kept["control"][int(c.STATUS)] != 0.0:
             return
         stepper.state.parity = state.parity
-        simulation.drive.stepper.evaluate_contact()
+        simulation.mechanics.stepper.evaluate_contact()
         sleeping = state.pair_wake.numpy() > state.read_control()[int(c.TRAVEL)]
         before = state.pair_force.numpy().copy()
         state.pair_wake.zero_()
         for _ in range(10):  # an open pair's point moves once a step; give it time to arrive
-            simulation.drive.stepper.evaluate_contact()
+            simulation.mechanics.stepper.evaluate_contact()
         after = state.pair_force.numpy()
         assert not np.any(after[sleeping] > 0.0)
         assert np.array_equal(before[sleeping], after[sleeping])

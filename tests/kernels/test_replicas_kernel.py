@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from warpknit.kernels import control as c
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.state import State, initial_state
 from warpknit.planar.step import Stepper

@@ -9,7 +9,7 @@ from warpknit.knit.chain import KnitError
 from warpknit.knit.cloth import knit_cloth
 from warpknit.knit.loops import RANGES, LoopProportions
 from warpknit.knit.scatter import MOST, scattered_proportions
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.scene import make_scene
 
 DIAMETER = 15e-6

@@ -1,11 +1,9 @@
 """Kernels compiled before the tests share the cores, as processes that start together would each compile them."""
 
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.scene import make_scene
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.mesh import build_mesh
-from warpknit.spatial.relax import SpatialRelaxation
 
 
 def compile_kernels() -> None:
@@ -13,6 +11,6 @@ def compile_kernels() -> None:
     solver = {"preset": "draft"}
     for precision in ("single", "double"):
         model = build_model(make_scene({"solver": {**solver, "precision": precision}}), "cpu")
-        Simulation(model, initial_state(model)).warm_up()
+        Simulation(model, initial_state(model)).compile()
     in_space = {"model": {"kind": "spatial", "boundary": "periodic", "nodes_per_loop": 24}, "solver": solver}
-    SpatialRelaxation(build_mesh(make_scene(in_space))).warm_up()
+    Simulation(build_model(make_scene(in_space))).compile()

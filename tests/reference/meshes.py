@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from reference.solved import solved
-from warpknit.planar.model import Model, build_model
+from warpknit.model import build_model
+from warpknit.planar.model import Model
 from warpknit.planar.observables import node_entries
 from warpknit.planar.state import State, initial_state
 from warpknit.planar.step import ForceProbe, Stepper

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from warpknit import measure
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.planar.multiplier_rules import AXIAL_ERROR
 from warpknit.planar.observables import PlanarObservables
 from warpknit.planar.state import initial_state

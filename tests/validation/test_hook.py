@@ -16,8 +16,8 @@ from hook_reference import Contact, Hook
 from warpknit import measure
 from warpknit.kernels.control import KINETIC_TWICE
 from warpknit.mesh.hook import LEFT_TOP, RIGHT_TOP
+from warpknit.model import build_model
 from warpknit.planar.hook_contact import HookContact, hook_contact
-from warpknit.planar.model import build_model
 from warpknit.planar.observables import PlanarObservables, node_entries
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
@@ -278,9 +278,9 @@ def test_a_hook_goes_on_from_where_it_was_kept(treatment: str) -> None:
     whole = Simulation(model, initial_state(model))
     for record in whole.run():
         if record.index == 4:
-            kept = whole.drive.everything()
+            kept = whole.drive.snapshot()
     resumed = Simulation(model, initial_state(model))
-    resumed.drive.put_back(kept)
+    resumed.drive.restore(kept)
     resumed.resumed = True
     for _ in resumed.run():
         pass

@@ -11,11 +11,11 @@ import pytest
 from lens_law import Law, Wires, press
 
 from warpknit.mesh.hook import LEFT, LEFT_TOP, RIGHT, RIGHT_TOP
+from warpknit.model import build_model
 from warpknit.scene import SceneError, load_scene
+from warpknit.solve.simulate import Simulation
 from warpknit.spatial.hook_contact import hook_contact
-from warpknit.spatial.mesh import build_mesh
 from warpknit.spatial.observables import SpatialObservables
-from warpknit.spatial.relax import SpatialRelaxation
 
 SCENE = Path(__file__).parents[2] / "scenes" / "hook_spatial.toml"
 DIAMETER = 15e-6
@@ -25,7 +25,7 @@ QUICK = ("model.nodes_per_loop=24", "output.frames=2", "solver.residual_toleranc
 @cache
 def readings() -> list[SpatialObservables]:
     """The hook at rest, at 0.4 and at 0.8 mm."""
-    return [record.observables for record in SpatialRelaxation(build_mesh(load_scene(SCENE, QUICK))).run()]
+    return [record.observables for record in Simulation(build_model(load_scene(SCENE, QUICK))).run()]
 
 
 def test_wires_pass_over_and_under_each_other_and_touch_nowhere_at_rest() -> None:

@@ -7,13 +7,12 @@ from tight_knits import PLANAR, SINGLE_ATLAS
 
 from warpknit.measure.sliding import wires_slid
 from warpknit.mesh.layout import knit_scene
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.run.plane_limits import slid_wires, tight_loops
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.mesh import build_mesh
-from warpknit.spatial.relax import SpatialRelaxation
 
 
 def strained(strain: float) -> list[str]:
@@ -24,7 +23,7 @@ def test_lenses_of_a_cell_in_space() -> None:
     """The cell is its own mirror image, which carries its first clasp to its eighth and the second to its seventh: their lenses
     are alike, where the state is at rest within a percent. Wires that have begun to touch have gone part of the way together."""
     mesh = build_mesh(load_scene(SCENE, [*strained(0.04), *SPATIAL]))
-    relaxation = SpatialRelaxation(mesh)
+    relaxation = Simulation(mesh)
     *_, record = relaxation.run()
     found = [lens_of(relaxation, record.observables, site) for site in (0, 1, 6, 7)]
     for one, two in ((found[0], found[3]), (found[1], found[2])):

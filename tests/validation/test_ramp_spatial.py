@@ -14,12 +14,11 @@ import pytest
 
 from reference.interrupted import assert_parts_are_the_whole
 from warpknit.errors import Diverged
+from warpknit.model import build_model
 from warpknit.scene import load_scene
-from warpknit.spatial.drive import SpatialRecord
+from warpknit.solve.simulate import Record, Simulation
 from warpknit.spatial.mesh import build_mesh
-from warpknit.spatial.ramp import SpatialRamp
 from warpknit.spatial.ramp_masses import ramp_numbers
-from warpknit.spatial.relax import SpatialRelaxation
 from warpknit.spatial.step_bound import TWIST_SHARE
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -30,7 +29,7 @@ GRIPPED = ("model.boundary=gripped", "knit.repeats=[1,2]", "model.nodes_per_loop
 PATCH = (*RAMP, *HEATED, *GRIPPED)
 
 
-def missing(record: SpatialRecord) -> float:
+def missing(record: Record) -> float:
     """What is not on the books, over the work."""
     r = record.observables
     return (record.work - r.stored - r.kinetic_energy - record.dissipated) / record.work
@@ -40,7 +39,7 @@ def test_a_patch_that_is_pulled_sheared_and_heated_keeps_its_books() -> None:
     """Clamps that move, contacts that close, wires that grow: the leapfrog keeps energy to second order of the step, and the work
     is by the trapezoidal rule over looks of 50 steps: 1e-3 of it."""
     load = ("load.strain_warp=0.03", "solver.loading_time='1 ms'", "output.frames=4")
-    first, *records = SpatialRamp(build_mesh(load_scene(CELL, [*PATCH, *load]))).run()
+    first, *records = Simulation(build_model(load_scene(CELL, [*PATCH, *load]))).run()
     assert first.work < 1e-30
     assert len(records) == 4 and records[-1].steady
     assert records[1].observables.kinetic_energy > 1e-3 * records[1].work  # it moves
@@ -53,7 +52,7 @@ def test_a_load_that_is_too_fast_says_which_key_makes_it_slower() -> None:
     """Over in a microsecond: nodes move farther than half a wire in one step before any can pass another unseen."""
     load = ("load.strain_weft=0.5", "load.strain_warp=0.5", "solver.loading_time='1 us'", "output.frames=1")
     with pytest.raises(Diverged, match=r"raise solver\.loading_time"):
-        list(SpatialRamp(build_mesh(load_scene(CELL, [*RAMP, "model.nodes_per_loop=24", *load]))).run())
+        list(Simulation(build_model(load_scene(CELL, [*RAMP, "model.nodes_per_loop=24", *load]))).run())
 
 
 @pytest.mark.slow
@@ -63,8 +62,8 @@ def test_a_ramp_ends_where_a_relaxation_does() -> None:
     ends = [
         [*drive(build_mesh(load_scene(CELL, [*load, *more]))).run()][-1].observables
         for drive, more in (
-            (SpatialRamp, ("solver.drive=ramp", "solver.loading_time='5 ms'", "solver.axial_softening=50")),
-            (SpatialRelaxation, ()),
+            (Simulation, ("solver.drive=ramp", "solver.loading_time='5 ms'", "solver.axial_softening=50")),
+            (Simulation, ()),
         )
     ]
     assert ends[0].mesh_tension == pytest.approx(ends[1].mesh_tension, rel=0.02, abs=0.02 * max(ends[1].mesh_tension))
@@ -102,6 +101,6 @@ def test_interrupt_and_resume_give_the_same_bits(tmp_path: Path, monkeypatch: py
 def test_a_ramp_finds_the_strains_that_carry_a_tension() -> None:
     """A patch pulled by tension alone in real time: carried at rest to the 0.5 % of the stage's end, or 5e-5 EI/C^3."""
     load = (*RAMP, *GRIPPED, "load.tension_weft='5 mN/m'", "load.tension_warp='10 mN/m'", "solver.loading_time='8 ms'")
-    *_, last = SpatialRamp(build_mesh(load_scene(CELL, [*load, "output.frames=1"]))).run()
+    *_, last = Simulation(build_model(load_scene(CELL, [*load, "output.frames=1"]))).run()
     assert last.steady
     assert last.observables.mesh_tension == pytest.approx((5e-3, 1e-2), abs=5.1e-5)

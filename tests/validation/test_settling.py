@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from warpknit import measure
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene

@@ -9,22 +9,20 @@ import pytest
 
 from warpknit import measure
 from warpknit.kernels import control as c
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.mesh import build_mesh
 from warpknit.spatial.observables import SpatialObservables, read
-from warpknit.spatial.relax import SpatialRelaxation
 
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell_spatial.toml"
 DRAFT = ("solver.preset=draft", "model.nodes_per_loop=40", "solver.residual_tolerance=0.02")
 
 
 @functools.cache
-def relaxed(*overrides: str) -> tuple[SpatialRelaxation, list[SpatialObservables]]:
+def relaxed(*overrides: str) -> tuple[Simulation, list[SpatialObservables]]:
     """The cell run to its end at so few nodes that it takes seconds, and the readings of all its records."""
-    relaxation = SpatialRelaxation(build_mesh(load_scene(CELL, [*DRAFT, *overrides])))
+    relaxation = Simulation(build_model(load_scene(CELL, [*DRAFT, *overrides])))
     return relaxation, [record.observables for record in relaxation.run()]
 
 
@@ -64,15 +62,15 @@ def test_cell_in_space_is_near_the_planar_one() -> None:
     assert spatial.stress.max() == pytest.approx(measure.stress_extremes(record.observables)[0], rel=0.25)
 
 
-def assert_stress_is_the_derivative_of_the_energy(relaxation: SpatialRelaxation) -> None:
+def assert_stress_is_the_derivative_of_the_energy(relaxation: Simulation) -> None:
     """A0 P = dE/dF at held displacements, stretch, bending, twist and contact, clamps carried: by central differences.
 
     They are off by (step)^2 times the third derivative, which contact of overlap o makes E/o^3: a hundredth of o is taken for
     the step of the places, F by that over the size of the cell.
     """
-    stepper, contact, mesh = relaxation.stepper, relaxation.contact, relaxation.mesh
+    stepper, contact, mesh = relaxation.mechanics.stepper, relaxation.mechanics.contact, relaxation.model
     stepper.state.write_control({c.BOW_MOMENT: 0.0})  # chords: the length of arcs is kept by multipliers, at rest only
-    last = read(mesh, relaxation.sites, relaxation.rest, contact)
+    last = read(mesh, relaxation.mechanics.sites, relaxation.mechanics.rest, contact)
     assert len(last.touching.force) > 4
     step = 0.01 * float(last.touching.overlap.min()) / mesh.panel.size.max()
     gradient, found = last.gradient.copy(), np.zeros((2, 2))
@@ -98,21 +96,21 @@ def test_nominal_stress_of_a_tile_is_the_derivative_of_the_energy() -> None:
     assert_stress_is_the_derivative_of_the_energy(relaxed("output.frames=3")[0])
 
 
-def patch(*overrides: str) -> SpatialRelaxation:
+def patch(*overrides: str) -> Simulation:
     """A small gripped patch as knitted."""
-    return SpatialRelaxation(build_mesh(load_scene(CELL, [*DRAFT, "model.boundary=gripped", "knit.repeats=[1,2]", *overrides])))
+    return Simulation(build_model(load_scene(CELL, [*DRAFT, "model.boundary=gripped", "knit.repeats=[1,2]", *overrides])))
 
 
 def test_nominal_stress_of_a_patch_is_the_derivative_of_the_energy() -> None:
     """Clamps included, in a state that is not at rest: strained affinely, with wires so thick that they touch."""
     relaxation = patch("wire.diameter='30 um'")
     gradient = np.array([[1.15, 0.02], [0.0, 1.1]])
-    place = np.zeros((relaxation.mesh.rods.node_count, 3))
-    place[:, 2] = -0.5 * relaxation.mesh.rods.position[:, 2]
-    place[relaxation.mesh.wires.held_node, :2] = relaxation.mesh.held_shift(gradient)
-    relaxation.stepper.state.displacement.assign(place)
-    relaxation.stepper.state.write_control({int(c.GRADIENT) + k: float(v) for k, v in enumerate(gradient.ravel())})
-    relaxation.contact.search()
+    place = np.zeros((relaxation.model.rods.node_count, 3))
+    place[:, 2] = -0.5 * relaxation.model.rods.position[:, 2]
+    place[relaxation.model.wires.held_node, :2] = relaxation.model.held_shift(gradient)
+    relaxation.mechanics.stepper.state.displacement.assign(place)
+    relaxation.mechanics.stepper.state.write_control({int(c.GRADIENT) + k: float(v) for k, v in enumerate(gradient.ravel())})
+    relaxation.mechanics.contact.search()
     assert_stress_is_the_derivative_of_the_energy(relaxation)
 
 
@@ -157,7 +155,7 @@ def test_rhombus_of_a_patch_is_that_of_the_cell() -> None:
     load = ("model.nodes_per_loop=56", "output.frames=4", "contact.threshold='10 uN'", *strain)
     relaxation = patch("knit.repeats=[2,2]", *load)
     *_, last = relaxation.run()
-    rhombus = last.observables.site_active[relaxation.mesh.panel.rhombus_bodies]
+    rhombus = last.observables.site_active[relaxation.model.panel.rhombus_bodies]
     assert len(rhombus) == 12
     assert rhombus.mean() == readings(*load)[-1].site_active.mean()
 

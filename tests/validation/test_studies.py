@@ -17,7 +17,7 @@ from rhombus import Row, both_ways, curve_of, nodes, rows_of, sizes
 from statements import ContactMap, contact_maps, heat_shares, statements, sweep_row
 from study import run_model, scene_of
 
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.run.history import row_of
 from warpknit.run.warnings_of import warnings_of
 from warpknit.solve.relax import PATIENCE, PATIENT_NODES, patience_of

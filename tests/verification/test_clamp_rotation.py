@@ -22,7 +22,7 @@ from warpknit import measure
 from warpknit.errors import SceneError
 from warpknit.kernels import clamp
 from warpknit.kernels import control as c
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.run.run import run_scene
 from warpknit.scene import make_scene

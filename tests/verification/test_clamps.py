@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from warpknit.kernels import clamp
+from warpknit.model import build_model
 from warpknit.planar.diagnostics import Look
-from warpknit.planar.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
 from warpknit.scene import load_scene

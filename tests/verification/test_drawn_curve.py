@@ -11,14 +11,13 @@ from warpknit import measure
 from warpknit.frame import MOST_PARTS, POINTS_DRAWN, curve_parts, drawn_frame, drawn_layout
 from warpknit.measure.wire_curve import edges_of, planar_curve
 from warpknit.mesh.thread_curve import ThreadCurve
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial import contact_places
 from warpknit.spatial.mesh import build_mesh
-from warpknit.spatial.relax import SpatialRelaxation
 from warpknit.spatial.rest_curve import FIT_PLACES, spatial_curve
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -38,7 +37,7 @@ def planar():
 def spatial():
     """Observables and frame of a hook whose wires press each other, and are thicker than at rest by warmth."""
     scene = load_scene(SCENES / "hook_spatial.toml", [*LOADED, "load.displacement=0.5 mm", "load.temperature=600 degC"])
-    *_, last = SpatialRelaxation(build_mesh(scene)).run()
+    *_, last = Simulation(build_model(scene)).run()
     return last.observables, contact_places.frame(last.observables, index=0, stage="load", load_factor=1.0, temperature=293.15)
 
 
@@ -107,9 +106,9 @@ def test_the_curve_in_space_is_the_one_that_wires_touch_on(spatial):
 def test_an_open_contact_is_marked_between_the_nearest_points_of_its_wires():
     """Both wires of a hook at rest are at one distance of the mark: half of what they pass each other at."""
     scene = load_scene(SCENES / "hook_spatial.toml")
-    relaxation = SpatialRelaxation(build_mesh(scene))
-    relaxation.warm_up()
-    reading = relaxation._reading()
+    relaxation = Simulation(build_model(scene))
+    relaxation.compile()
+    reading = relaxation.mechanics.observe()
     frame = contact_places.frame(reading, index=0, stage="", load_factor=0.0, temperature=293.15)
     mark = frame.body_position[0]
     left, right = np.split(frame.node_position, reading.mesh.rods.wire_first[1:])

@@ -9,9 +9,9 @@ import warp as wp
 from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.kernels.friction import LOOSE, TANGENTIAL
+from warpknit.model import build_model
 from warpknit.planar.bending import normal_forces
 from warpknit.planar.history_variables import Path
-from warpknit.planar.model import build_model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper

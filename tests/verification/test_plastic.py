@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from warpknit import measure
+from warpknit.model import build_model
 from warpknit.planar.history_variables import Path
-from warpknit.planar.model import Model, build_model
+from warpknit.planar.model import Model
 from warpknit.planar.observables import read
 from warpknit.planar.state import State, initial_state
 from warpknit.scene import make_scene

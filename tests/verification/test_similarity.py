@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from warpknit import measure
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation

@@ -15,11 +15,12 @@ import pytest
 
 from reference.rods import SECTION
 from warpknit.kernels import control as c
+from warpknit.model import build_model
 from warpknit.run.run import run_scene
 from warpknit.scene import load_scene
+from warpknit.solve.simulate import Simulation
 from warpknit.spatial.mesh import build_mesh
 from warpknit.spatial.observables import read
-from warpknit.spatial.relax import SpatialRelaxation
 from warpknit.spatial.rest import Rest
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import rods_of
@@ -64,9 +65,9 @@ def test_a_wire_that_is_even_again_lets_go_after_a_resume() -> None:
     assert np.abs(other.tension()).max() < 1e-8 * SECTION.axial_stiffness
 
 
-def pressed() -> SpatialRelaxation:
+def pressed() -> Simulation:
     """A patch whose wires are so thick that they press, strained affinely and flattened: not at rest."""
-    relaxation = SpatialRelaxation(
+    relaxation = Simulation(
         build_mesh(
             load_scene(
                 CELL,
@@ -76,14 +77,14 @@ def pressed() -> SpatialRelaxation:
             )
         )
     )  # fmt: skip
-    mesh, stepper = relaxation.mesh, relaxation.stepper
+    mesh, stepper = relaxation.model, relaxation.mechanics.stepper
     gradient = np.diag([1.15, 1.1])
     place = np.zeros((mesh.rods.node_count, 3))
     place[:, 2] = -0.5 * mesh.rods.position[:, 2]
     place[mesh.wires.held_node, :2] = mesh.held_shift(gradient)
     stepper.state.displacement.assign(place)
     stepper.state.write_control({int(c.GRADIENT) + k: float(v) for k, v in enumerate(gradient.ravel())})
-    relaxation.contact.search()
+    relaxation.mechanics.contact.search()
     stepper.evaluate()
     return relaxation
 
@@ -93,21 +94,21 @@ def test_thermal_force_is_the_derivative_of_the_energy() -> None:
     grow. Differences are of a hundredth of the least overlap over the thickness: contact of overlap o has the third derivative
     E/o^3."""
     relaxation = pressed()
-    stepper, contact, mesh = relaxation.stepper, relaxation.contact, relaxation.mesh
-    last = read(mesh, relaxation.sites, relaxation.rest, contact)
+    stepper, contact, mesh = relaxation.mechanics.stepper, relaxation.mechanics.contact, relaxation.model
+    last = read(mesh, relaxation.mechanics.sites, relaxation.mechanics.rest, contact)
     assert len(last.touching.force) > 4
     step = 0.01 * float(last.touching.overlap.min()) / mesh.rods.section.thickness
     place = stepper.state.displacement.numpy().copy()
 
-    rods, held = mesh.rods, ~relaxation.rest.stretches & (mesh.rods.following >= 0)
+    rods, held = mesh.rods, ~relaxation.mechanics.rest.stretches & (mesh.rods.following >= 0)
 
     def energies(factor: float) -> np.ndarray:
         stepper.state.write_control({c.LENGTH_FACTOR: factor})
         place[mesh.wires.held_node, :2] = mesh.held_shift(last.gradient, factor)
         stepper.state.displacement.assign(place)
         stepper.evaluate()
-        natural, strain = rods.natural_length[held] * factor, relaxation.rest.strain()[held]
-        rigid = 0.5 * relaxation.rest.stretch * float(np.sum(natural * strain**2))  # that clamps hold
+        natural, strain = rods.natural_length[held] * factor, relaxation.mechanics.rest.strain()[held]
+        rigid = 0.5 * relaxation.mechanics.rest.stretch * float(np.sum(natural * strain**2))  # that clamps hold
         return np.array([stepper.energy() - rigid, 0.5 * mesh.contact_stiffness * float(np.sum(contact.near().overlap ** 2))])
 
     slope = (energies(1.0 + step) - energies(1.0 - step)) / (2.0 * step)
@@ -118,14 +119,14 @@ def test_thermal_force_is_the_derivative_of_the_energy() -> None:
 def test_what_grows_alike_touches_alike() -> None:
     """Wires heated by f in a frame f times as large, all displacements too: the same picture, f times as large, to round-off."""
     relaxation, by = pressed(), 1.02
-    state, contact = relaxation.state, relaxation.contact
+    state, contact = relaxation.state, relaxation.mechanics.contact
     before = contact.near()
     place, gradient = state.displacement.numpy() * by, by * state.gradient
-    place[:, 2] += (by - 1.0) * relaxation.mesh.rods.position[:, 2]
+    place[:, 2] += (by - 1.0) * relaxation.model.rods.position[:, 2]
     state.displacement.assign(place)
     state.write_control({int(c.GRADIENT) + k: float(v) for k, v in enumerate(gradient.ravel())} | {int(c.LENGTH_FACTOR): by})
     contact.search()
-    relaxation.stepper.evaluate()
+    relaxation.mechanics.stepper.evaluate()
     after = contact.near()
     order = [np.lexsort((t.second, t.first)) for t in (before, after)]
     assert len(before.force) > 4
@@ -141,7 +142,7 @@ def test_cooling_in_a_rigid_frame_is_stretching() -> None:
     heated = (*heat, "load.strain_weft=0.095", "load.strain_warp=0.095")
     strained = tuple(f"load.strain_{side}={1.095 / factor - 1.0}" for side in ("weft", "warp"))
     found = [
-        np.array([r.observables.mesh_tension for r in SpatialRelaxation(build_mesh(load_scene(CELL, [*DRAFT, *o]))).run()][-1])
+        np.array([r.observables.mesh_tension for r in Simulation(build_model(load_scene(CELL, [*DRAFT, *o]))).run()][-1])
         for o in (heated, strained)
     ]
     assert found[0] * factor**3 == pytest.approx(found[1], rel=0.03, abs=0)

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from warpknit.errors import ModelError, SceneError
+from warpknit.model import build_model
 from warpknit.scene import Scene, load_scene
 from warpknit.scene.load import make_scene
+from warpknit.solve.simulate import Simulation
 from warpknit.spatial.mesh import build_mesh
-from warpknit.spatial.relax import SpatialRelaxation
 from warpknit.spatial.steadiness import AXIAL_ERROR
 
 KNIT = Path(__file__).parents[2] / "scenes" / "wires" / "plain_knit_spatial.toml"
@@ -27,8 +28,8 @@ def crossing(folder: Path, height: float, **tables) -> Scene:
     return make_scene(table | {"output": {"frames": 1}} | tables, path=folder / "scene.toml")
 
 
-def settled(scene: Scene) -> tuple[list, SpatialRelaxation]:
-    relaxation = SpatialRelaxation(build_mesh(scene))
+def settled(scene: Scene) -> tuple[list, Simulation]:
+    relaxation = Simulation(build_model(scene))
     return list(relaxation.run()), relaxation
 
 
@@ -55,7 +56,7 @@ def test_open_wires_are_clamped_in_the_middle_of_their_end_segments(tmp_path):
     stiffness = scene.wire.axial_stiffness * apart**2 / (apart - DIAMETER) / PERIOD**2
     stress = np.diag(records[-1].observables.nominal_stress)
     assert stress == pytest.approx(stiffness * np.array([0.01, 0.02]), rel=0, abs=stiffness * AXIAL_ERROR)
-    assert len(relaxation.mesh.wires.held_node) == 8
+    assert len(relaxation.model.wires.held_node) == 8
 
 
 def test_wires_that_nothing_holds_are_refused(tmp_path):
@@ -71,7 +72,7 @@ def test_wires_that_overlap_are_pushed_apart_and_said(tmp_path):
     records, relaxation = settled(scene)
     [note] = relaxation.notes
     assert "overlap in 1 places, by 0.2 of their thickness" in note
-    rods, position = relaxation.mesh.rods, records[0].observables.position
+    rods, position = relaxation.model.rods, records[0].observables.position
     weft, warp = np.split(position, rods.wire_first[1:])
     # they are far from each other but at the crossing, where the gap is their difference in height
     gap = np.interp(0.25 * PERIOD, warp[:, 1], warp[:, 2]) - np.interp(0.5 * PERIOD, weft[:, 0], weft[:, 2])
@@ -81,16 +82,16 @@ def test_wires_that_overlap_are_pushed_apart_and_said(tmp_path):
 @pytest.mark.parametrize("height", [0.0, 1e-5])
 def test_wires_that_pass_through_each_other_are_refused(tmp_path, height):
     """Which of them lies over the other is not for round-off to say."""
-    relaxation = SpatialRelaxation(build_mesh(crossing(tmp_path, height * DIAMETER)))
+    relaxation = Simulation(build_model(crossing(tmp_path, height * DIAMETER)))
     with pytest.raises(ModelError, match=r"wires 1 and 2 pass through each other near x = 0.001 m, y = 0.0005 m"):
-        relaxation.warm_up()
+        relaxation.compile()
 
 
 def test_a_knit_from_a_file_stores_the_work_done_on_it():
     """Plain knit drawn by 2 % in weft; energy over work within a per cent, the spline of the work through three states
     being exact for a quadratic energy, which it nearly is."""
     records, relaxation = settled(load_scene(KNIT, ["load.strain_weft=0.02", "load.strain_warp=0.0", "output.frames=2"]))
-    area = relaxation.mesh.panel.area
+    area = relaxation.model.panel.area
     force = [area * record.observables.nominal_stress[0, 0] for record in records]
     work = 0.01 * (force[0] + 4.0 * force[1] + force[2]) / 3.0
     assert records[-1].observables.stored - records[0].observables.stored == pytest.approx(work, rel=0.01)

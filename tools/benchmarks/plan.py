@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from warpknit.errors import Diverged
+from warpknit.model import build_model
 from warpknit.plan import make_plan
 from warpknit.scene import Scene, make_scene
 from warpknit.scene.load import load_scene
-from warpknit.spatial.mesh import build_mesh
-from warpknit.spatial.relax import SpatialRelaxation
+from warpknit.solve.simulate import Simulation
 
 SCENES = Path(__file__).parents[2] / "scenes"
 CELL, COARSE = "atlas_cell_spatial.toml", "model.nodes_per_loop=48"
@@ -63,8 +63,8 @@ def compared(scene: Scene) -> dict[str, Any]:
     """Planned and taken steps and seconds."""
     planned = make_plan(scene, "cpu")
     assert planned.wall_s is not None
-    relaxation = SpatialRelaxation(build_mesh(scene))
-    relaxation.warm_up()
+    relaxation = Simulation(build_model(scene))
+    relaxation.compile()
     begin, note = time.process_time(), None
     try:
         for _record in relaxation.run():

@@ -23,7 +23,8 @@ import numpy as np
 import warp as wp
 
 from warpknit.kernels import control as c
-from warpknit.planar.model import Model, assemble_model, build_model
+from warpknit.model import build_model
+from warpknit.planar.model import Model, assemble_model
 from warpknit.planar.state import State, initial_state
 from warpknit.planar.step import Stepper
 from warpknit.scene import load_scene

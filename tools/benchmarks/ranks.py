@@ -24,7 +24,7 @@ import numpy as np
 
 from warpknit.device import find_device
 from warpknit.kernels import control as c
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.planar.strip_step import StripStepper
 from warpknit.ranks.launch import join_ranks
@@ -62,7 +62,7 @@ def measure(options: argparse.Namespace, nodes: int, threads: int, ranks: Ranks)
     for _record in simulation.run():
         pass
     state.write_control({c.TRAVEL_LIMIT: np.inf})
-    stepper = simulation.drive.stepper
+    stepper = simulation.mechanics.stepper
     steps = max(1, round(options.seconds * 1e8 * ranks.count / nodes / 50)) * 50
     found = {
         "case": "ranks",

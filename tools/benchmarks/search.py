@@ -16,7 +16,7 @@ import numpy as np
 
 from warpknit import measure
 from warpknit.device import start_warp
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
@@ -31,11 +31,11 @@ def cases(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     start_warp()
     model = build_model(load_scene(options.scene or SCENE, ["output.frames=4", *options.overrides]), options.device)
     simulation = Simulation(model, initial_state(model))
-    simulation.warm_up()
+    simulation.compile()
     for record in simulation.run():
         last = record
-    state, steps, neighbours = simulation.state, simulation.progress.steps, simulation.drive.neighbours
-    stepper, searches = simulation.drive.stepper, neighbours.searches
+    state, steps, neighbours = simulation.state, simulation.progress.steps, simulation.mechanics.neighbours
+    stepper, searches = simulation.mechanics.stepper, neighbours.searches
 
     def seconds(work: Callable[[], object], times: int) -> float:
         return best({"": work}, options.rounds, times, options.device)[""]

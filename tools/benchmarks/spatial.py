@@ -16,9 +16,10 @@ import numpy as np
 import warp as wp
 
 from warpknit.kernels import control as c
+from warpknit.model import build_model
 from warpknit.scene import load_scene
+from warpknit.solve.simulate import Simulation
 from warpknit.spatial.mesh import build_mesh
-from warpknit.spatial.relax import SpatialRelaxation
 
 from .turns import best
 
@@ -34,7 +35,7 @@ PARTS = {
 }
 
 
-def at_load(repeats: int, overrides: list[str]) -> SpatialRelaxation:
+def at_load(repeats: int, overrides: list[str]) -> Simulation:
     """The cell at rest, roughly."""
     options = [
         "solver.preset=draft",
@@ -43,24 +44,24 @@ def at_load(repeats: int, overrides: list[str]) -> SpatialRelaxation:
         f"model.nodes_per_loop={NODES_PER_LOOP}",
         f"knit.repeats=[{repeats}, {repeats}]",
     ]
-    relaxation = SpatialRelaxation(build_mesh(load_scene(SCENE, [*options, *overrides])))
+    relaxation = Simulation(build_model(load_scene(SCENE, [*options, *overrides])))
     for _record in relaxation.run():
         pass
     return relaxation
 
 
-def repeated(relaxation: SpatialRelaxation, kernel: wp.Kernel, dim: int, inputs: list) -> Callable[[], None]:
+def repeated(relaxation: Simulation, kernel: wp.Kernel, dim: int, inputs: list) -> Callable[[], None]:
     """One kernel alone, STEPS times."""
-    device = relaxation.stepper.device
+    device = relaxation.mechanics.stepper.device
     with wp.ScopedCapture(device=device) as capture:
         for _ in range(STEPS):
             wp.launch(kernel, dim=dim, inputs=inputs, device=device)
     return lambda: wp.capture_launch(capture.graph)
 
 
-def kernels_alone(relaxation: SpatialRelaxation, rounds: int) -> dict[str, float]:
+def kernels_alone(relaxation: Simulation, rounds: int) -> dict[str, float]:
     """[s] of each kernel of a step."""
-    stepper = relaxation.stepper
+    stepper = relaxation.mechanics.stepper
     kept = {c.TIME_STEP: float(stepper.state.read_control()[int(c.TIME_STEP)])}
     stepper.state.write_control({c.TIME_STEP: 0.0})
     works = {kernel.key: repeated(relaxation, kernel, dim, inputs) for kernel, dim, inputs in stepper.launches()}
@@ -72,8 +73,8 @@ def kernels_alone(relaxation: SpatialRelaxation, rounds: int) -> dict[str, float
 def measure(repeats: int, overrides: list[str], rounds: int) -> dict[str, Any]:
     """What a step takes, and its parts."""
     relaxation = at_load(repeats, overrides)
-    stepper, contact, steps = relaxation.stepper, relaxation.contact, relaxation.progress.steps
-    nodes, searches = relaxation.mesh.rods.node_count, contact.searches
+    stepper, contact, steps = relaxation.mechanics.stepper, relaxation.mechanics.contact, relaxation.progress.steps
+    nodes, searches = relaxation.model.rods.node_count, contact.searches
     contact.search()
     stepper.state.write_control({c.TRAVEL_LIMIT: np.inf})
     stepper.step(STEPS)

@@ -31,7 +31,8 @@ from warpknit.export.usd import StageWriter
 from warpknit.export.writer_process import WriterProcess
 from warpknit.frame import Frame
 from warpknit.kernels import control as c
-from warpknit.planar.model import Model, build_model
+from warpknit.model import build_model
+from warpknit.planar.model import Model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper

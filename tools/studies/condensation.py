@@ -43,14 +43,12 @@ from study import (
 
 from warpknit import measure
 from warpknit.measure.sliding import wires_slid
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.planar.state import State, initial_state
 from warpknit.scene import load_scene
-from warpknit.solve.simulate import Simulation
-from warpknit.spatial.drive import SpatialRecord
+from warpknit.solve.simulate import Record, Simulation
 from warpknit.spatial.mesh import SpatialMesh, build_mesh, rods_of_wires
-from warpknit.spatial.observables import SpatialReading
-from warpknit.spatial.relax import SpatialRelaxation
+from warpknit.spatial.observables import SpatialObservables
 from warpknit.spatial.rest_curve import CentreLine, fit_rest_curve
 from warpknit.spatial.rods import Rods
 
@@ -97,13 +95,13 @@ def planar_rows(name: str, scene: str, overrides: list[str]) -> Iterator[Row]:
 
 
 def spatial_rows(scene: str, overrides: list[str]) -> Iterator[Row]:
-    relaxation = SpatialRelaxation(build_mesh(load_scene(scene, [*overrides, "model.kind=spatial"])))
+    relaxation = Simulation(build_model(load_scene(scene, [*overrides, "model.kind=spatial"])))
     begin = time.perf_counter()
     for record in relaxation.run():
         yield record_row("spatial", relaxation, record, time.perf_counter() - begin)
 
 
-def record_row(name: str, relaxation: SpatialRelaxation, record: SpatialRecord, wall: float = float("nan")) -> Row:
+def record_row(name: str, relaxation: Simulation, record: Record, wall: float = float("nan")) -> Row:
     """The row of a record in space."""
     r = record.observables
     return Row(
@@ -114,7 +112,7 @@ def record_row(name: str, relaxation: SpatialRelaxation, record: SpatialRecord, 
         float(r.site_force.sum()),
         float(r.site_force.max(initial=0.0)),
         float(r.stress.max()),
-        float(record.steps) * relaxation.mesh.rods.node_count,
+        float(record.steps) * relaxation.model.rods.node_count,
         wall,
     )
 
@@ -175,14 +173,14 @@ def with_high_crossings(mesh: SpatialMesh, height: float = HIGH) -> SpatialMesh:
     return replace(mesh, wires=wires, rods=rods, curve=fit_rest_curve(rods, line))
 
 
-def lens_of(relaxation: SpatialRelaxation, reading: SpatialReading, site: int) -> Clasp:
+def lens_of(relaxation: Simulation, reading: SpatialObservables, site: int) -> Clasp:
     """The lens in which the wires of a site touch: how wide it is, and what the slopes and curvatures in it ask for."""
-    touching, d = reading.touching, relaxation.mesh.rods.section.thickness
+    touching, d = reading.touching, relaxation.model.rods.section.thickness
     here = np.flatnonzero(reading.touching_site[0] == site)
     k = here[np.argmax(touching.force[here])]
     shift = touching.shift[k].copy()
     shift[:2] = reading.gradient @ shift[:2]
-    rods = relaxation.mesh.rods
+    rods = relaxation.model.rods
     one = curve_about(rods, reading, int(touching.first[k]))
     two = curve_about(rods, reading, int(touching.second[k])) + shift
     apart = np.linalg.norm(one[:, None, :2] - two[None, :, :2], axis=2)
@@ -212,7 +210,7 @@ def lens_of(relaxation: SpatialRelaxation, reading: SpatialReading, site: int) -
     )
 
 
-def curve_about(rods: Rods, reading: SpatialReading, node: int) -> np.ndarray:
+def curve_about(rods: Rods, reading: SpatialObservables, node: int) -> np.ndarray:
     """Points (n, 3) [m] of the curve of a wire about a node, evenly along each segment."""
     segments = [node]
     for _ in range(SEEN):
@@ -234,7 +232,7 @@ def runs() -> Iterator[tuple[KnitRow, list[Clasp]]]:
             if knit == "tricot" and change is with_high_crossings:
                 continue
             mesh = build_mesh(load_scene(SCENE, [*load, *SPATIAL, "model.kind=spatial"]))
-            relaxation = SpatialRelaxation(mesh if change is None else change(mesh))
+            relaxation = Simulation(mesh if change is None else change(mesh))
             for record in relaxation.run():
                 sites = np.flatnonzero(record.observables.site_force > LEAST) if knit == "double atlas" and change is None else []
                 clasps = [lens_of(relaxation, record.observables, int(site)) for site in sites]
@@ -317,25 +315,25 @@ def tight_in_space(
     mesh = build_mesh(load_scene(SCENE, overrides))
     if height != 1.0:
         mesh = with_high_crossings(mesh, height)
-    relaxation = SpatialRelaxation(mesh)
+    relaxation = Simulation(mesh)
     if only is not None:
-        relaxation.contact.search = searching_only(relaxation, mesh, only)  # type: ignore[method-assign]
+        relaxation.mechanics.contact.search = searching_only(relaxation, mesh, only)  # type: ignore[method-assign]
     for record in relaxation.run():
         r = record.observables
         slid = wires_slid(r.moved, mesh.rods.wire_first) / mesh.scene.wire.diameter
         yield TightLevel(knit, name, float(r.gradient[0, 0] - 1.0), *r.mesh_tension, float(r.site_force.max(initial=0.0)), slid)
 
 
-def searching_only(relaxation: SpatialRelaxation, mesh: SpatialMesh, clasps: set[int]) -> Callable[[], None]:
+def searching_only(relaxation: Simulation, mesh: SpatialMesh, clasps: set[int]) -> Callable[[], None]:
     """A search for contacts after which wires elsewhere than in these clasps of a repeat are far apart."""
-    contact, search = relaxation.contact, relaxation.contact.search
+    contact, search = relaxation.mechanics.contact, relaxation.mechanics.contact.search
     assert mesh.cloth is not None
     of_repeat = len(mesh.cloth.clasps)
 
     def renew() -> None:
         search()
         pairs, count = contact._list, contact.pair_count
-        site, _ = relaxation.sites.of(pairs.first.numpy()[:count], pairs.second.numpy()[:count])
+        site, _ = relaxation.mechanics.sites.of(pairs.first.numpy()[:count], pairs.second.numpy()[:count])
         shift = pairs.shift.numpy()
         shift[:count][~np.isin(np.where(site >= 0, site % of_repeat, -1), list(clasps))] = FAR
         pairs.shift.assign(shift)

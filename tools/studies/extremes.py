@@ -26,7 +26,7 @@ from study import add_directory, new_parser, read_rows, show_rows, table_path, w
 from warpknit import measure
 from warpknit.errors import WarpknitError
 from warpknit.knit.chain import KnitError
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.run.run import run_scene
@@ -142,7 +142,7 @@ def rotated(angle: float) -> tuple[Outcome, Outcome]:
         for share in np.linspace(0.0, 1.0, 9)[1:]:
             part = share * angle if rotation is turn else 0.0
             step = np.array([[math.cos(part), -math.sin(part)], [math.sin(part), math.cos(part)]])
-            simulation.drive.rest_at(step @ gradient, made.wire.reference_temperature)
+            simulation.drive.equilibrium_at(step @ gradient, made.wire.reference_temperature)
         reading = read(model, simulation.state)
         stress = rotation.T @ measure.true_stress(measure.nominal_stress(reading), reading.gradient) @ rotation
         steps = simulation.progress.steps

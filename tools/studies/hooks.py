@@ -33,14 +33,14 @@ from study import COLOURS, SCENES, add_directory, new_figure, new_parser, pictur
 
 from warpknit.device import start_warp
 from warpknit.errors import Diverged
+from warpknit.model import build_model
 from warpknit.planar.hook_contact import HookContact, hook_contact
-from warpknit.planar.model import Model, build_model
+from warpknit.planar.model import Model
 from warpknit.planar.state import initial_state
 from warpknit.scene import Scene, load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.hook_contact import hook_contact as spatial_hook_contact
 from warpknit.spatial.mesh import SpatialMesh, build_mesh
-from warpknit.spatial.relax import SpatialRelaxation
 
 CROSSES: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 8}
 
@@ -103,7 +103,7 @@ def run(treatment: str, parameter: str, value: float, *overrides: str) -> Finish
     scene = load_scene(SCENES / f"hook_{treatment}.toml", overrides)
     model = build_model(scene)
     simulation = Simulation(model, initial_state(model))
-    simulation.warm_up()
+    simulation.compile()
     begin = time.perf_counter()
     states, note = [], ""
     try:
@@ -309,7 +309,7 @@ def spatial(overrides: Sequence[str], friction: float = 0.0, thickness: float = 
 
 def _spatial_rows(mesh: SpatialMesh, friction: float, thickness: float, twist: float) -> Iterator[Row]:
     begin = time.perf_counter()
-    for record in SpatialRelaxation(mesh).run():
+    for record in Simulation(mesh).run():
         found, t = spatial_hook_contact(record.observables), record.observables.touching
         total = float(t.force.sum())
         row = Row(

@@ -30,7 +30,8 @@ from study import add_directory, new_parser, read_rows, scene_of, table_path, wr
 
 from warpknit import measure
 from warpknit.kernels import control as c
-from warpknit.planar.model import Model, build_model
+from warpknit.model import build_model
+from warpknit.planar.model import Model
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.observables import PlanarObservables, read
 from warpknit.planar.state import State, initial_state

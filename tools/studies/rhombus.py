@@ -35,7 +35,7 @@ from study import (
 
 from warpknit import measure
 from warpknit.device import start_warp
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.planar.observables import PlanarObservables
 from warpknit.scene import Scene
 

@@ -25,7 +25,7 @@ from study import add_directory, new_figure, new_parser, picture_path, run, scen
 from warpknit import measure
 from warpknit.device import start_warp
 from warpknit.errors import Diverged, SceneError
-from warpknit.planar.model import build_model
+from warpknit.model import build_model
 from warpknit.scene import Scene
 
 STRAINS = np.linspace(0.0, 0.2, 11)

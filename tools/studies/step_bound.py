@@ -30,9 +30,11 @@ from study import COLOURS, add_directory, new_figure, new_parser, picture_path, 
 from warpknit import measure
 from warpknit.errors import Diverged, WarpknitError
 from warpknit.kernels import control as c
-from warpknit.planar.model import Model, build_model
+from warpknit.model import build_model
+from warpknit.planar.model import Model
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.numerics import MASS_MARGIN, STEP_MARGIN
+from warpknit.planar.observables import read
 from warpknit.planar.state import LOOK_AHEAD, State
 from warpknit.planar.step import Stepper
 from warpknit.planar.time_step import largest_step
@@ -205,7 +207,7 @@ def measured(number: int, seed: int) -> list[Row]:
     scene = drawn(number, random)
     rows = []
     for drive, (model, state) in (("ramp", scene.moving), ("relax", scene.relaxed)):
-        reading = measure.read(model, state)
+        reading = read(model, state)
         control = reading.control
         if drive == "ramp":
             bound, margin = largest_step(reading, 0), STEP_MARGIN

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from warpknit.kernels import control as c
-from warpknit.planar.model import Model, build_model
+from warpknit.model import build_model
+from warpknit.planar.model import Model
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.state import State, initial_state
 from warpknit.planar.step import Stepper

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+PATH_STRAIN = 0.005  # between equilibria where the state depends on the load history, at most
+
 
 @dataclass(frozen=True)
 class LoadPoint:

@@ -90,24 +90,6 @@ class Model:
         """Nodes that are stepped."""
         return self.panel.node_count
 
-    def initial_state(self) -> Any:
-        """The knitted shape, no velocity, no load."""
-        from .state import initial_state
-
-        return initial_state(self)
-
-    def mechanics(self, state: Any) -> Any:
-        """What steps a state of the model (mechanics.py)."""
-        from .mechanics import PlanarMechanics
-
-        return PlanarMechanics(self, state)
-
-    def replicas(self, count: int, threads: int | None = None) -> Any:
-        """So many states of the model, stepped by one launch and shared by `threads` (mechanics.py)."""
-        from .replicas import ReplicaGroup
-
-        return ReplicaGroup(self, count, threads=threads)
-
     @property
     def is_gripped(self) -> bool:
         """Whether two clamps hold every wire (kernels/clamp.py)."""

@@ -87,7 +87,7 @@ def run_scene(
 def _simulation(scene: Scene, device: str, ranks: Ranks, checkpoint: Checkpoint | None) -> Simulation:
     """What runs the scene, from where a checkpoint stands."""
     model = build_model(scene, device, ranks)
-    return Simulation(model, model.initial_state(), progress=checkpoint.progress if checkpoint else None)
+    return Simulation(model, progress=checkpoint.progress if checkpoint else None)
 
 
 def _finished_run(scene: Scene, out: Path, resume: bool, force: bool) -> Ending | None:

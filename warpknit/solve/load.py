@@ -7,12 +7,10 @@ import math
 import numpy as np
 
 from ..measure.strain import clamp_rotation, rotation, stretch
-from ..mesh.load_point import LoadPoint
+from ..mesh.load_point import PATH_STRAIN, LoadPoint
 from ..mesh.rim import Rim
 from ..scene import Scene, Stage
 from .progress import LoadStart
-
-PATH_STRAIN = 0.005  # between equilibria where the state depends on the load history, at most
 
 
 def stage_before(scene: Scene, stage_index: int) -> Stage | None:

@@ -10,7 +10,7 @@ import numpy as np
 from ..mechanics import Model
 from ..mesh.layout import estimated_nodes
 from ..mesh.smaller import one_repeat, smaller_scene
-from ..model import build_model
+from ..model import build_model, initial_state, mechanics_of
 from ..ranks.ranks import One, Ranks
 from ..scene import Scene
 from .drive import Drive
@@ -26,10 +26,9 @@ NODES_A_STRIP = 4_000  # of a smaller mesh: fewer are not worth the waiting for 
 
 
 class Simulation:
-    """A run of a model through the stages of its scene.
+    """A run of a model through the stages of its scene, from a state; default: the mesh as knitted.
 
-        model = build_model(scene)
-        for record in Simulation(model, initial_state(model)).run():
+        for record in Simulation(build_model(scene)).run():
             print(record.load_factor, measure.mesh_tension(record.observables))
 
     `watch` is called after every convergence check with the progress, and may raise to stop the run.
@@ -38,20 +37,20 @@ class Simulation:
     def __init__(
         self,
         model: Model,
-        state: Any,
+        state: Any = None,
         *,
         progress: Progress | None = None,
         watch: Callable[[Progress], None] | None = None,
     ) -> None:
         self.model = model
-        self.state = state
+        self.state = initial_state(model) if state is None else state
         self.resumed = progress is not None
         self.progress = progress or Progress()
         self.watch = watch or (lambda _progress: None)
         if model.scene.solver.drive == "relax":
-            self.drive: Drive = self._relaxation(model, state, self.progress, self._cell_of(model))
+            self.drive: Drive = self._relaxation(model, self.state, self.progress, self._cell_of(model))
         else:
-            self.drive = Ramp(model.mechanics(state), self.progress, self._watched)
+            self.drive = Ramp(mechanics_of(model, self.state), self.progress, self._watched)
 
     def __repr__(self) -> str:
         progress = self.progress
@@ -59,6 +58,11 @@ class Simulation:
 
     def _watched(self, _progress: Progress) -> None:
         self.watch(self.progress)
+
+    @property
+    def mechanics(self) -> Any:
+        """What steps the state."""
+        return self.drive.mechanics
 
     @property
     def notes(self) -> list[str]:
@@ -69,14 +73,14 @@ class Simulation:
 
     def _relaxation(self, model: Model, state: Any, progress: Progress, cell: Relaxation | None) -> Relaxation:
         """A relaxation with the smaller meshes that it starts from."""
-        mechanics = model.mechanics(state)
+        mechanics = mechanics_of(model, state)
         scene = smaller_scene(model.scene) if model.has_multilevel and model.cloth is not None else None
         if scene is None:
             if cell is None or not model.scene.has_moving_edge:
                 return Relaxation(mechanics, progress, self._watched)
             return MultilevelRelaxation(mechanics, progress, self._watched, cell=cell)
         smaller = build_model(scene, model.device, self._sharing(model, scene))
-        below = self._relaxation(smaller, smaller.initial_state(), Progress(), cell)
+        below = self._relaxation(smaller, initial_state(smaller), Progress(), cell)
         return MultilevelRelaxation(mechanics, progress, self._watched, smaller=below, cell=cell)
 
     @staticmethod
@@ -95,7 +99,7 @@ class Simulation:
         if smaller_scene(scene) is None and not scene.has_moving_edge:
             return None
         cell = build_model(one_repeat(scene), model.device)
-        return Relaxation(cell.mechanics(cell.initial_state()))
+        return Relaxation(mechanics_of(cell, initial_state(cell)))
 
     # --- the run
 

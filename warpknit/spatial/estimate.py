@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..mesh.load_point import PATH_STRAIN
 from ..planar.step import CORES
 from ..scene import Scene, Stage
-from ..solve.load import PATH_STRAIN
 from .mesh import SpatialMesh
 from .nearby import pair_gaps
 from .search_cells import search_cells

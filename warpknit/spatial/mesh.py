@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -89,16 +89,6 @@ class SpatialMesh:
         """Nodes that are stepped: clamped wires are divided anew."""
         return self.rods.node_count
 
-    def initial_state(self) -> RodState:
-        """The knitted shape, no velocity, no load."""
-        return rest_state(self.rods, self.device)
-
-    def mechanics(self, state: RodState) -> Any:
-        """What steps a state of the model (mechanics.py)."""
-        from .mechanics import SpatialMechanics
-
-        return SpatialMechanics(self, state)
-
     @property
     def bending_stiffness(self) -> float:
         """EI [N m2]."""
@@ -141,6 +131,11 @@ class SpatialMesh:
             wire_closing=self.rods.wire_period[:, :2],
             curve_parts=curve_parts(rods.node_count, self.scene.model.nodes_per_loop),
         )
+
+
+def initial_state(model: SpatialMesh) -> RodState:
+    """The knitted shape, no velocity, no load."""
+    return rest_state(model.rods, model.device)
 
 
 def wire_section(wire: Wire) -> Section:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import Diverged
+from ..model import replicas_of
 from ..scene import Stage
 from ..solve.equilibrium import Equilibrium
 from ..solve.relax import Relaxation, Unsolved
@@ -28,7 +29,7 @@ class Batch:
         """`stages`: the load of each mesh, by strain in both directions. `watch` is called at every convergence check, and may
         raise to stop. `threads` share the work; default: WARPKNIT_THREADS, or one a core."""
         self.model, self.stages = model, tuple(stages)
-        self.group = model.replicas(len(self.stages), threads)
+        self.group = replicas_of(model, len(self.stages), threads)
         self.members: list[Relaxation] = []
         self.equilibrium = Equilibrium(self.group, self.members)
         for row, mechanics in enumerate(self.group.members):

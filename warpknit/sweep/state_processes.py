@@ -37,9 +37,7 @@ def equilibrium_under(model: Any, index: int, stage: Stage, watch: Callable[[Way
     """The mesh in equilibrium under the load of `stage`, reached from the mesh as knitted. `watch` is called at every convergence
     check."""
     one = replace(model, scene=replace(model.scene, stages=(stage,)))
-    simulation = Simulation(
-        one, one.initial_state(), watch=lambda progress: watch(Way(index, progress.steps, progress.load_factor))
-    )
+    simulation = Simulation(one, watch=lambda progress: watch(Way(index, progress.steps, progress.load_factor)))
     simulation.compile()
     observables: Any = None
     error: Diverged | None = None
@@ -97,7 +95,7 @@ class StateProcesses:
             yield equilibrium_under(self.model, index, stage, watch)
 
     def _in_processes(self) -> Iterator[Outcome]:
-        self.model.mechanics(self.model.initial_state()).compile()  # kernels are compiled once, not by all processes
+        Simulation(self.model).compile()  # kernels are compiled once, not by all processes
         waiting = list(enumerate(self.stages))[::-1]
         with ExitStack() as stack:
             workers = [stack.enter_context(_Worker(self.model.scene)) for _ in range(self.processes)]

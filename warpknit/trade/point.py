@@ -72,7 +72,7 @@ def run_point(
     except InputError as error:
         return Outcome(settings, None, "refused", str(error))
     settings = settings_of(model)
-    simulation = Simulation(model, model.initial_state())
+    simulation = Simulation(model)
     simulation.compile()
 
     def look(progress: Progress) -> None:

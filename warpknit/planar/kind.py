@@ -1,0 +1,8 @@
+"""The planar model by the names that every kind of model has (model.py)."""
+
+from .mechanics import PlanarMechanics as mechanics
+from .model import build_model
+from .replicas import ReplicaGroup as replicas
+from .state import initial_state
+
+__all__ = ["build_model", "initial_state", "mechanics", "replicas"]

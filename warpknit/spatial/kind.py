@@ -1,0 +1,7 @@
+"""The spatial model by the names that every kind of model has (model.py)."""
+
+from .mechanics import SpatialMechanics as mechanics
+from .mesh import build_mesh as build_model
+from .mesh import initial_state
+
+__all__ = ["build_model", "initial_state", "mechanics"]
