@@ -29,7 +29,7 @@ LAYERS = (
     # ranks that share a mesh; the pattern; the form in which results leave
     {"ranks", "knit", "frame"},
     {"scene"},
-    {"wires", "memory", "device"},
+    {"wires", "memory", "device", "numerics"},
     {"mesh"},
     {"measure"},
     {"mechanics"},

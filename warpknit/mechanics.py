@@ -21,8 +21,6 @@ from .mesh.rim import Rim
 from .ranks.ranks import Ranks
 from .scene import Scene
 
-CHECK_STEPS = 50  # steps between convergence checks
-
 
 class Model(Protocol):
     """A mesh ready to run: everything that does not move."""

@@ -14,9 +14,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from warpknit.model import build_model
+from warpknit.numerics import CORES
 from warpknit.planar.model import Model
 from warpknit.planar.state import initial_state
-from warpknit.planar.step import CORES
 from warpknit.scene import Scene, Stage, load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.sweep.batch import Batch

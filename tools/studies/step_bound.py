@@ -31,11 +31,11 @@ from warpknit import measure
 from warpknit.errors import Diverged, WarpknitError
 from warpknit.kernels import control as c
 from warpknit.model import build_model
+from warpknit.numerics import LOOK_AHEAD, MASS_MARGIN, STEP_MARGIN
 from warpknit.planar.model import Model
 from warpknit.planar.neighbours import NeighbourSearch
-from warpknit.planar.numerics import MASS_MARGIN, STEP_MARGIN
 from warpknit.planar.observables import read
-from warpknit.planar.state import LOOK_AHEAD, State
+from warpknit.planar.state import State
 from warpknit.planar.step import Stepper
 from warpknit.planar.time_step import largest_step
 from warpknit.scene import make_scene

@@ -10,6 +10,7 @@ from types import EllipsisType
 
 import numpy as np
 
+from ..numerics import AXIAL_ERROR
 from .diagnostics import Sums
 from .model import Model
 from .numerics import TURN_ALLOWANCE, contact_along, unit_step_mass
@@ -28,7 +29,6 @@ TAUT_NODES = 24  # up to so many nodes a loop; above, they grow with the square 
 TAUT_LENGTH = 8.0  # loops: a longer wire always has slack
 MASS_HEADROOM = 1.1  # a renewed mass over the least that is stable
 TURNS = (TURN_ALLOWANCE, 0.5 * np.pi)  # [rad] the least and the most that the masses of the rest table are made for
-AXIAL_ERROR = 2e-5  # strain by which a softened segment may miss its true stretch in a steady state
 
 Rows = np.ndarray | EllipsisType
 

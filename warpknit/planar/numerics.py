@@ -13,17 +13,15 @@ import numpy as np
 from ..kernels.bend import BEND_EIGENVALUE, BOW
 from ..kernels.friction import TANGENTIAL
 from ..mesh.table import Table
+from ..numerics import LOADING_PERIODS, MASS_MARGIN, STEP_MARGIN, slowest_rate
 from ..scene import Scene
 
 CONTACT_TO_AXIAL = 0.25  # contact stiffness over the softened axial stiffness of a segment, where the scene gives none
-MASS_MARGIN = 1.5  # fictitious masses over the least that is stable at unit step, in relax
-LOADING_PERIODS = 10.0  # slowest periods over which a stage of a ramp loads, where the scene gives no time
 CONTACT_SHARE = 1.0  # of the penalty that a fictitious mass leaves room for: half of what two pairs at one node push with
 HOOK_CONTACT = 100.0  # the same of two hooked wires in relax, over EI/R^3: stiff against the wires, and yet the mass that a body
 # needs for it leaves a body that only a soft spring holds quick enough
 TURN_ALLOWANCE = 0.3  # [rad] by which load may sharpen a turn
 BODY_MASS_SHARE = 0.5  # body mass over that of half a loop of wire, in a ramp (the paper: less than that)
-STEP_MARGIN = 0.9  # time step over the bound
 
 
 @dataclass(frozen=True)
@@ -39,17 +37,6 @@ class Numbers:
     limited_by: str
     loading_time: float = 0.0  # [s] ramp
     damping: float = 0.0  # [1/s] ramp
-
-
-def slowest_rate(scene: Scene, loop_length: float) -> float:
-    """Angular frequency [1/s] of the slowest bending mode: a wave of about three loops of wire.
-
-    w = sqrt(EI/mu) (2 pi/(3 L))^2; the softest mode of the double atlas cell has a wave length of 2.75 L (measured on the
-    stiffness matrix of its relaxed state at 10 %).
-    """
-    wire = scene.wire
-    wave = math.sqrt(wire.bending_stiffness / (wire.linear_density * scene.solver.mass_scaling))
-    return wave * (2.0 * math.pi / (3.0 * loop_length)) ** 2
 
 
 def choose_numbers(scene: Scene, table: Table, loop_length: float) -> Numbers:

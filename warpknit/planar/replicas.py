@@ -5,7 +5,6 @@ The steps of all are one launch (kernels/replicas.py), and what a convergence ch
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -18,12 +17,13 @@ from ..kernels import control as c
 from ..kernels.replicas import step_replicas
 from ..launch import bind
 from ..mechanics import Check
+from ..numerics import CORES, thread_count
 from .diagnostics import Sums, first_blocks, sum_up
 from .mechanics import NEARLY_CONVERGED, PlanarMechanics
 from .model import Model, body_blocks, contact_batches
 from .multiplier_rules import MultiplierRules
 from .state import State, initial_state
-from .step import CORES, PROBING
+from .step import PROBING
 
 
 class Replicas:
@@ -43,9 +43,7 @@ class Replicas:
         self.states: list[State] = [self.state.replica(r) for r in range(count)]
         self._parity = wp.zeros(count, dtype=wp.int32, device=device)
         self._last_step = wp.zeros(count, dtype=wp.float64, device=device)
-        given = os.environ.get("WARPKNIT_THREADS", "")
-        wanted = threads or (int(given) if given.isdecimal() else len(CORES))
-        self.threads = max(1, min(wanted, len(CORES), count))
+        self.threads = min(threads, len(CORES), count) if threads else thread_count(count)
         self._rows = [wp.zeros(count, dtype=wp.int32, device=device) for _ in range(self.threads)]
         self._launches = [self._record(rows) for rows in self._rows]
         self._pool = ThreadPoolExecutor(self.threads, "replicas")

@@ -5,17 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernels import control as c
+from ..numerics import ENERGY_FLOOR, FORCE_FLOOR, LOCAL_ALLOWANCE
 from . import measures as measure
 from .diagnostics import Sums
 from .model import Model
 
-ENERGY_FLOOR = 1e-5  # of EI/W a loop: what kinetic energy is compared with where less is stored
-FORCE_FLOOR = 0.05  # of EI/W^2: what the residual is compared with where contacts carry less
 ROUND_OFF_RMS = 3.0  # rms residual that counts as round-off, over that of an edge: 1.7 of its length, a force has two edges
 ROUND_OFF_LARGEST = 4.0  # the same of the largest residual, which is allowed LOCAL_ALLOWANCE times more
 ROUND_OFF_SHARE = 0.1  # of the mean contact force: more round-off than this is no balance, and needs double precision
-LOCAL_ALLOWANCE = 10.0  # times the tolerance that the largest residual may be; the fourth root of their number if that is more,
-# which is as much as one that is alone adds to the mean fourth power of all
 
 
 class Steadiness:
@@ -45,7 +42,7 @@ class Steadiness:
         free = mesh.node_count + mesh.body_count - len(mesh.held_node)
         rms, largest = np.sqrt(control[..., int(c.FORCE_SQUARE)] / free), control[..., int(c.FORCE_MAX)]
         most = ROUND_OFF_SHARE * scale
-        local = max(LOCAL_ALLOWANCE, free**0.25)
+        local = max(LOCAL_ALLOWANCE, free**0.25)  # as much as one that is alone adds to the mean fourth power of all
         balance = np.maximum(
             rms / np.maximum(scale, np.minimum(round_off_rms, most) / tolerance),
             largest / (local * np.maximum(scale, np.minimum(round_off_max, most) / tolerance)),

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import warp as wp
 
 from ..kernels import control as c
 from ..kernels.relax import sum_rayleigh
 from ..launch import bind
+from ..numerics import SLOWEST_WAVE, renewed_damping, slowest_damping
 from .model import Model
 from .state import State
 from .step import ForceProbe, Stepper
-
-SLOWEST_WAVE = 3.0  # loops of wire: bending waves longer than this are left overdamped; they carry next to nothing
-FASTEST = 0.2
-TINY = 1e-300  # keeps a quotient finite that nothing uses
 
 
 class SlowestMode:
@@ -27,9 +22,9 @@ class SlowestMode:
         self.state = state
         self.probe = ForceProbe(model, state, stepper)
         h = float(model.table.spacing.min())
-        wave_number = 2.0 * math.pi / (SLOWEST_WAVE * model.scene.model.nodes_per_loop * h)
+        wave = SLOWEST_WAVE * model.scene.model.nodes_per_loop * h
         heaviest = 1.0 / float(model.rest.inverse_mass.numpy().min())
-        self._slowest = 2.0 * math.sqrt(model.bending_stiffness * wave_number**4 * h / heaviest)  # [1/s]
+        self._slowest = slowest_damping(model.bending_stiffness, wave, h, heaviest)
         nodes, device = model.panel.node_count, model.device
         kinds = [model.precision.coordinate] * 2 + [model.precision.real] * 2
         self._last = [wp.zeros(nodes, dtype=kind, device=device) for kind in kinds]
@@ -69,7 +64,4 @@ class SlowestMode:
     def renewed(self, damping: np.ndarray, total: np.ndarray) -> np.ndarray:
         """Damping (...) [1/s] after one of `damping`, by the sums (..., 2) over what kernels/relax.py left; unchanged where
         nothing moved. A leading axis counts replicas."""
-        force, moved = total[..., 0], total[..., 1]
-        tells = (moved > 0.0) & (force > 0.0)
-        mode = 2.0 * np.sqrt(force * tells / np.maximum(moved, TINY))
-        return np.where(tells, np.sqrt(damping * np.minimum(np.maximum(mode, self._slowest), FASTEST)), damping)
+        return renewed_damping(damping, total[..., 0], total[..., 1], self._slowest)

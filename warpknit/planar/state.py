@@ -16,11 +16,10 @@ from ..kernels import contact_by_batch as b
 from ..kernels import control as c
 from ..kernels.bend import BOW, SLOPE_SHARE
 from ..kernels.friction import LOOSE
+from ..numerics import FIRST_DAMPING, LOOK_AHEAD, MASS_MARGIN, SPEED_SHARE
 from .model import Model, body_blocks, contact_batches
-from .numerics import MASS_MARGIN
 
 STEP_LIMIT = 0.1  # course spacings in one step: a move beyond it, and beyond a node spacing, is a divergence
-LOOK_AHEAD = 0.12  # steps; stable up to 4/(1 + 2 LOOK_AHEAD) of the unit-step mass, see numerics.MASS_MARGIN
 ASLEEP = 1e30  # [m] travel at which a foreign pair would be looked at: never
 WIRE_STATE = ("node_vx", "node_vy", "tension_offset", "wire_axial", "wire_mass", "slide_vy")
 BODY_STATE = ("body_ux", "body_uy", "body_vx", "body_vy", "anchor_x", "anchor_y")
@@ -210,14 +209,14 @@ def initial_state(model: Model, replicas: int | None = None) -> State:
             c.BODY_INVERSE_MASS: 1.0 / model.body_mass,
             c.DRIVE: 0.0 if relax else 1.0,
             c.TIME_STEP: model.time_step,
-            c.DAMPING: 0.02 if relax else model.damping,
+            c.DAMPING: FIRST_DAMPING if relax else model.damping,
             c.BOW_MOMENT: 2.0 * BOW if relax and model.scene.solver.multipliers else 0.0,
             c.SLOPE_FACTOR: SLOPE_SHARE / model.bending_stiffness,
             c.LOOK_AHEAD: LOOK_AHEAD if relax else 0.0,
             c.FORCE_FACTOR: model.time_step,
             c.VELOCITY_FACTOR: 1.0,
             c.RAMP_SHARE: 1.0,
-            c.SPEED_LIMIT: 0.05 * spacing,
+            c.SPEED_LIMIT: SPEED_SHARE * spacing,
             c.STEP_LIMIT: max(spacing, STEP_LIMIT * model.scene.knit.course_spacing),
         }
     )

@@ -8,7 +8,6 @@ sums are taken in the same order whatever their number, so results do not depend
 from __future__ import annotations
 
 import ctypes
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -29,11 +28,10 @@ from ..kernels.slide import slide_clamps
 from ..kernels.wires import step_wires_by_node
 from ..kernels.wires_by_block import BLOCK_SIZE, step_wires_by_block
 from ..launch import Launch, bind
+from ..numerics import GRAPH_STEPS, thread_count
 from .model import Model, body_blocks, contact_batches
 from .state import State
 
-GRAPH_STEPS = (50, 10, 1)  # steps that are replayed at once
-CORES = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
 NODES_A_THREAD = 4_000  # fewer nodes are not worth the waiting
 PROBING = {c.VELOCITY_FACTOR: 0.0, c.FORCE_FACTOR: 1.0, c.TIME_STEP: 0.0}  # a step leaves f/m as velocities and moves nothing
 
@@ -52,7 +50,7 @@ class Stepper:
         self.by_node = model.device != "cpu" if by_node is None else by_node
         # what a treatment does to its few bodies is in no part of a step that threads could share
         alone = model.device != "cpu" or not model.treatment.is_free
-        self.threads = 1 if alone else threads or thread_count(model.panel.node_count)
+        self.threads = 1 if alone else threads or thread_count(model.panel.node_count // NODES_A_THREAD)
         self._barrier = wp.zeros(64, dtype=wp.int32, device=model.device)
         self._launches = [[self._record(parity, part) for parity in (0, 1)] for part in range(self.threads)]
         self._contact = [
@@ -196,14 +194,6 @@ def _yield_address() -> int:
         return ctypes.cast(ctypes.CDLL(None).sched_yield, ctypes.c_void_p).value or 0
     except (AttributeError, OSError, TypeError):
         return 0
-
-
-def thread_count(nodes: int) -> int:
-    """Threads that share a step of so many nodes on the CPU: WARPKNIT_THREADS, or one a core that has NODES_A_THREAD."""
-    cores = len(CORES)
-    given = os.environ.get("WARPKNIT_THREADS", "")
-    wanted = int(given) if given.isdecimal() else cores
-    return max(1, min(wanted, cores, nodes // NODES_A_THREAD))
 
 
 class ForceProbe:

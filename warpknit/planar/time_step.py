@@ -12,9 +12,9 @@ from __future__ import annotations
 import math
 
 from ..kernels import control as c
+from ..numerics import STEP_MARGIN
 from .frequency import frequency_square
 from .model import Model
-from .numerics import STEP_MARGIN
 from .observables import PlanarObservables, read
 from .state import State
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from ..errors import Diverged
 from ..measure.scales import tension_scale
-from ..mechanics import CHECK_STEPS, Group
+from ..mechanics import Group
+from ..numerics import CHECK_STEPS
 from .convergence import TENSION_FLOOR, Convergence
 
 if TYPE_CHECKING:

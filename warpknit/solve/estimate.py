@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from ..mesh.smaller import smaller_scene
-from ..planar.step import thread_count
+from ..numerics import thread_count
+from ..planar.step import NODES_A_THREAD
 from ..scene import Scene
 
 ESTIMATE_FACTOR = 3  # steps and time may be off by so much either way
@@ -72,7 +73,7 @@ def ramp_steps(scene: Scene, loading_time: float, time_step: float) -> int:
 def wall_time(scene: Scene, steps: int, nodes: int) -> float:
     """Time [s] of so many steps on this machine's cores, without compilation and files."""
     rates = NODE_STEPS_PER_S if nodes < MEMORY_RULES else NODE_STEPS_PER_S_FROM_MEMORY
-    time = steps * (STEP_TIME + nodes / (rates[scene.solver.precision] * thread_count(nodes)))
+    time = steps * (STEP_TIME + nodes / (rates[scene.solver.precision] * thread_count(nodes // NODES_A_THREAD)))
     if scene.solver.drive == "relax" and smaller_scene(scene) is not None:
         time *= SMALLER_SHARE
     return time

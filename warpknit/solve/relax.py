@@ -15,8 +15,9 @@ import numpy as np
 from ..errors import Diverged
 from ..measure.scales import tension_scale
 from ..measure.strain import clamp_rotation, rotation, stretch
-from ..mechanics import CHECK_STEPS, Alone, Mechanics
+from ..mechanics import Alone, Mechanics
 from ..mesh.load_point import LoadPoint
+from ..numerics import CHECK_STEPS
 from ..scene import Stage
 from .drive import Drive
 from .equilibrium import Equilibrium

@@ -6,14 +6,13 @@ Measured by tools/benchmarks/plan.py on the scenes that it lists, with and witho
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..mesh.load_point import PATH_STRAIN
-from ..planar.step import CORES
+from ..numerics import thread_count
 from ..scene import Scene, Stage
 from .mesh import SpatialMesh
 from .nearby import pair_gaps
@@ -113,19 +112,12 @@ def spatial_accuracy(scene: Scene) -> str:
     )
 
 
-def process_count(loads: int) -> int:
-    """Processes of one core each that share so many loads: WARPKNIT_THREADS, or one a core."""
-    given = os.environ.get("WARPKNIT_THREADS", "")
-    wanted = int(given) if given.isdecimal() else len(CORES)
-    return max(1, min(wanted, len(CORES), loads))
-
-
 def spatial_map_time(scene: Scene, size: SpatialSize) -> float:
-    """Time [s] of the map of a scene with a sweep: its loads by strain, one after the other in `process_count` processes."""
+    """Time [s] of the map of a scene with a sweep: its loads by strain, one after the other in `thread_count` processes."""
     assert scene.sweep is not None
     loads = len(set(scene.sweep.strain_weft)) * len(set(scene.sweep.strain_warp))
     one = replace(scene, stages=(replace(scene.stages[0], tension_weft=None, tension_warp=None),))
-    return scene.sweep.seeds * math.ceil(loads / process_count(loads)) * spatial_time(spatial_steps(one), size)
+    return scene.sweep.seeds * math.ceil(loads / thread_count(loads)) * spatial_time(spatial_steps(one), size)
 
 
 def spatial_physics(scene: Scene, sites: int) -> Iterator[str]:

@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 import json
-import math
 from typing import Any
 
 import numpy as np
 
 from ..errors import ModelError
 from ..kernels import control as c
-from ..mechanics import CHECK_STEPS, Check, Drift, beyond_strength
+from ..mechanics import Check, Drift, beyond_strength
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
+from ..numerics import AXIAL_ERROR, CHECK_STEPS, SLOWEST_WAVE, slowest_damping
 from .clamps import MovingClamps
 from .contact import STICK_SHARE, WireContact
 from .edge import Edge
 from .mesh import SpatialMesh
 from .observables import SpatialObservables, read
 from .ramp_masses import step_now
-from .residual import AXIAL_ERROR, Residual
+from .residual import Residual
 from .rest import Rest
 from .rod_arrays import RodState
 from .rod_step import RodStepper
 from .sites import Sites
 from .warmth import segment_warmth
 
-SLOWEST_WAVE = 3.0  # loops of wire: bending waves longer than this are left overdamped
 CLOSEST = 1e-3  # of the thickness: a smaller overlap as knitted is none, and a smaller distance of centre lines
 MASS_CHECKS = 20  # convergence checks between renewals of the fictitious masses
 LOAD_STEPS = 500  # over which the load of a level comes on
@@ -61,8 +60,8 @@ class SpatialMechanics:
             multipliers=model.ramp is None,
         )
         mass = float(self.state.node_mass.numpy().max())
-        wave = 2.0 * math.pi / (SLOWEST_WAVE * model.loop_length)
-        self.rest.slowest = 2.0 * math.sqrt(model.bending_stiffness * wave**4 * self.rest.spacing / mass)
+        wave = SLOWEST_WAVE * model.loop_length
+        self.rest.slowest = slowest_damping(model.bending_stiffness, wave, self.rest.spacing, mass)
         self.residual = Residual(model, self.rest, self.contact)
         self.edge = Edge(model) if scene.has_moving_edge else None
         self._last: tuple[np.ndarray, np.ndarray] | None = None  # gradient and displacement of the level before

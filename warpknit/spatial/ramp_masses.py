@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..kernels import control as c
-from ..planar.numerics import LOADING_PERIODS, STEP_MARGIN, slowest_rate
+from ..numerics import LOADING_PERIODS, STEP_MARGIN, slowest_rate
 from .step_bound import Rates, largest_rates, masses_for_step, stable_step
 
 if TYPE_CHECKING:

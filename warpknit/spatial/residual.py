@@ -7,14 +7,10 @@ import math
 import numpy as np
 
 from ..kernels import control as c
+from ..numerics import AXIAL_ERROR, ENERGY_FLOOR, FORCE_FLOOR, LOCAL_ALLOWANCE
 from .contact import WireContact
 from .mesh import SpatialMesh
 from .rest import Rest
-
-FORCE_FLOOR = 0.05  # of EI/W^2: what the residual is compared with where contacts carry less
-LOCAL_ALLOWANCE = 10.0  # times the tolerance that the largest residual may be
-ENERGY_FLOOR = 1e-5  # of EI/W a loop
-AXIAL_ERROR = 2e-5  # strain that the softening may still hide
 
 
 class Residual:

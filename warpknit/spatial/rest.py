@@ -1,9 +1,6 @@
 """Rods brought to rest: damped steps of one second with fictitious masses.
 
-The damping follows the slowest mode that still moves, as in a planar relaxation: from the changes du of displacement and
-d(f/m) of acceleration between two looks,
-
-    lambda = - sum m du . d(f/m) / sum m du . du        c -> sqrt(c 2 sqrt(lambda))
+The damping follows the slowest mode that still moves (numerics.renewed_damping).
 
 Segments may be softer than they are in truth: a running multiplier moves towards the tension that belongs to their strain,
 
@@ -24,17 +21,13 @@ from ..errors import Diverged
 from ..kernels import control as c
 from ..kernels.bend import BOW
 from ..kernels.rod_step import HELD_NODE, HELD_TURN
+from ..numerics import FIRST_DAMPING, LOOK_AHEAD, SPEED_SHARE, renewed_damping
 from .clamps import MovingClamps
 from .rest_curve import RestCurve
 from .rod_step import RodStepper
-from .step_bound import LOOK_AHEAD, unit_step_masses
+from .step_bound import unit_step_masses
 
-CHECK_STEPS = 50  # steps between looks at the state
-SPEED_SHARE = 0.05  # of a node spacing: farthest move a step
-FIRST_DAMPING = 0.02  # [1/s]
-FASTEST_DAMPING = 0.2  # [1/s]
 MULTIPLIER_RATE = 0.05  # more of it shakes the wires, which the damping would take for a stiff mode
-TINY = 1e-300
 
 
 class Rest:
@@ -183,10 +176,8 @@ class Rest:
         if self._last is not None:
             du, da = moved - self._last[0], pushed - self._last[1]
             force, way = -float(np.sum(mass * du * da)), float(np.sum(mass * du * du))
-            if force > 0.0 and way > 0.0:
-                now = float(state.read_control()[int(c.DAMPING)])
-                wanted = math.sqrt(max(now, TINY) * 2.0 * math.sqrt(force / way))
-                state.write_control({c.DAMPING: float(np.clip(wanted, self.slowest, FASTEST_DAMPING))})
+            renewed = renewed_damping(state.read_control()[int(c.DAMPING)], np.float64(force), np.float64(way), self.slowest)
+            state.write_control({c.DAMPING: float(renewed)})
         self._last = (moved, pushed)
 
     def begin(self) -> None:

@@ -21,11 +21,11 @@ import warp as wp
 from ..kernels import control as c
 from ..kernels.control import update_control
 from ..launch import Launch, bind
+from ..numerics import GRAPH_STEPS
 from .rod_arrays import RodArrays, RodState, bend_launch, follow_launch, rest_state, step_launch, upload_rods
 from .rods import Rods
 from .yielding import Yielding
 
-GRAPH_STEPS = (50, 10, 1)  # steps that are replayed at once
 FROZEN = 3.0  # a status with which a step finds forces and moves nothing
 
 

@@ -21,11 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..kernels.rod_step import HELD_NODE
+from ..numerics import MASS_MARGIN
 from .rest_curve import RestCurve
 from .rods import Rods
 
-MASS_MARGIN = 1.5  # fictitious masses over the least that is stable at unit step without a look-ahead
-LOOK_AHEAD = 0.12  # steps; stable up to 4/(1 + 2 LOOK_AHEAD) of the unit-step mass
 TURN_ALLOWANCE = 0.3  # [rad] by which load may sharpen a turn
 STEEPEST = 0.5 * math.pi  # [rad] turn from which on nothing couples more
 TWIST_SHARE = 0.25  # largest rate of twist over that of motion, in relax: what couples them then stays below the limit

@@ -14,10 +14,10 @@ from types import TracebackType
 from typing import Any
 
 from ..errors import Diverged, OutOfResources
+from ..numerics import thread_count
 from ..processes import ending_of, start_process
 from ..scene import Scene, Stage
 from ..solve.simulate import Simulation
-from ..spatial.estimate import process_count
 from .outcome import Outcome
 
 PROCESS = f"{__package__}.state_process"
@@ -61,9 +61,9 @@ class StateProcesses:
         watch: Callable[[StateProcesses], None] | None = None,
         processes: int | None = None,
     ) -> None:
-        """`stages`: each load. `watch` is called again and again, and may raise to stop. `processes`: default `process_count`."""
+        """`stages`: each load. `watch` is called again and again, and may raise to stop. `processes`: default `thread_count`."""
         self.model, self.stages = model, tuple(stages)
-        self.processes = processes or process_count(len(self.stages))
+        self.processes = processes or thread_count(len(self.stages))
         self._watch = watch or (lambda _states: None)
         self._under_way: dict[int, Way] = {}
         self._finished = self._finished_steps = 0

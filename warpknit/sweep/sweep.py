@@ -20,12 +20,13 @@ from ..files import write_aside
 from ..memory import available_memory, required_memory
 from ..mesh.layout import refuse_wire_file
 from ..mesh.smaller import smaller_scene
+from ..numerics import thread_count
 from ..run.interrupts import Interrupted, Interrupts
 from ..run.progress import Progress as Display
 from ..run.run_directory import Ending, finished_before, goes_on, open_directory
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.messages import scene_error
-from ..spatial.estimate import process_count, size_of_mesh, spatial_map_time
+from ..spatial.estimate import size_of_mesh, spatial_map_time
 from ..text import duration, engineering
 from .contact_map import STEADY, Cell, Detail, MapRow, find_optimum, grid, mean_map, read_map, write_map
 from .outcome import Outcome, measured
@@ -102,7 +103,7 @@ def _checked(scene: Scene, device: str | None) -> Sweep:
 def _refuse_too_many(mesh: Any, sweep: Sweep) -> None:
     """Refuse what does not fit: in the plane all loads of a seed are under way at once, in space one a core."""
     loads, nodes = len(set(sweep.strain_weft)) * len(set(sweep.strain_warp)), mesh.node_count
-    together = loads if mesh.has_replicas else process_count(loads)
+    together = loads if mesh.has_replicas else thread_count(loads)
     needed, available = together * required_memory(mesh.scene, nodes), available_memory()
     if needed > available:
         raise MemoryNeeded(

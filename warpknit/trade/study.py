@@ -17,8 +17,8 @@ from ..device import find_device
 from ..errors import Diverged, InputError, ModelError
 from ..files import write_aside, write_table
 from ..mesh.layout import refuse_wire_file
+from ..numerics import slowest_rate
 from ..planar.model import Model, build_model
-from ..planar.numerics import slowest_rate
 from ..run.interrupts import Interrupted, Interrupts
 from ..run.progress import Progress as Display
 from ..run.run_directory import Ending, finished_before, goes_on, open_directory

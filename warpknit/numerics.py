@@ -1,0 +1,72 @@
+"""Solver constants and estimates that hold for every model: dynamic relaxation, ramps, the cores of this machine."""
+
+from __future__ import annotations
+
+import math
+import os
+
+import numpy as np
+
+from .scene import Scene
+
+# --- steps
+GRAPH_STEPS = (50, 10, 1)  # steps that are replayed at once
+CHECK_STEPS = 50  # steps between convergence checks
+CORES = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
+
+# --- dynamic relaxation
+LOOK_AHEAD = 0.12  # steps; stable up to 4/(1 + 2 LOOK_AHEAD) of the unit-step mass
+MASS_MARGIN = 1.5  # fictitious masses over the least that is stable at unit step without a look-ahead
+FIRST_DAMPING = 0.02  # [1/s]
+FASTEST_DAMPING = 0.2  # [1/s]
+SLOWEST_WAVE = 3.0  # loops of wire: bending waves longer than this are left overdamped; they carry next to nothing
+SPEED_SHARE = 0.05  # of a node spacing: farthest move a step
+TINY = 1e-300  # keeps a quotient finite that nothing uses
+
+# --- convergence of a relaxation
+FORCE_FLOOR = 0.05  # of EI/W^2: what the residual is compared with where contacts carry less
+ENERGY_FLOOR = 1e-5  # of EI/W a loop: what kinetic energy is compared with where less is stored
+LOCAL_ALLOWANCE = 10.0  # times the tolerance that the largest residual may be
+AXIAL_ERROR = 2e-5  # strain by which a softened segment may miss its true stretch
+
+# --- ramps
+STEP_MARGIN = 0.9  # time step over the bound
+LOADING_PERIODS = 10.0  # slowest periods over which a stage of a ramp loads, where the scene gives no time
+
+
+def slowest_rate(scene: Scene, loop_length: float) -> float:
+    """Angular frequency [1/s] of the slowest bending mode: a wave of about three loops of wire.
+
+    w = sqrt(EI/mu) (2 pi/(3 L))^2; the softest mode of the double atlas cell has a wave length of 2.75 L (measured on the
+    stiffness matrix of its relaxed state at 10 %).
+    """
+    wire = scene.wire
+    wave = math.sqrt(wire.bending_stiffness / (wire.linear_density * scene.solver.mass_scaling))
+    return wave * (2.0 * math.pi / (SLOWEST_WAVE * loop_length)) ** 2
+
+
+def slowest_damping(bending_stiffness: float, wave_length: float, spacing: float, mass: float) -> float:
+    """[1/s] critical damping of a bending wave [m], of nodes `spacing` [m] apart with masses [kg]."""
+    wave_number = 2.0 * math.pi / wave_length
+    return 2.0 * math.sqrt(bending_stiffness * wave_number**4 * spacing / mass)
+
+
+def renewed_damping(damping: np.ndarray, force: np.ndarray, moved: np.ndarray, slowest: float) -> np.ndarray:
+    """Damping [1/s] near critical for the slowest mode that still moves; arrays of any shape.
+
+    From the changes du of displacement and d(f/m) of acceleration between two convergence checks, Rayleigh's quotient is
+
+        lambda = force/moved = - sum m du . d(f/m) / sum m du . du          c -> sqrt(c 2 sqrt(lambda))
+
+    with 2 sqrt(lambda) between `slowest` and FASTEST_DAMPING. Unchanged where nothing moved.
+    """
+    tells = (moved > 0.0) & (force > 0.0)
+    mode = 2.0 * np.sqrt(force * tells / np.maximum(moved, TINY))
+    return np.asarray(np.where(tells, np.sqrt(damping * np.minimum(np.maximum(mode, slowest), FASTEST_DAMPING)), damping))
+
+
+def thread_count(wanted_by: int) -> int:
+    """Threads or processes that share so many pieces of work: WARPKNIT_THREADS, or one a core."""
+    given = os.environ.get("WARPKNIT_THREADS", "")
+    wanted = int(given) if given.isdecimal() else len(CORES)
+    return max(1, min(wanted, len(CORES), wanted_by))
