@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from warpknit.spatial.rest import CHECK_STEPS, Rest
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, round_section
 
@@ -82,3 +83,15 @@ def helix(radius: float, pitch: float, nodes: int, turns: float = 1.0) -> np.nda
     """Nodes (nodes, 3) of a helix about z without its last point; `pitch` a turn."""
     angle = 2 * np.pi * turns * np.arange(nodes) / nodes
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), pitch * angle / (2 * np.pi)], axis=1)
+
+
+def relaxed(rest: Rest, tolerance: float, strain_tolerance: float = 1e-6, most_steps: int = 500_000) -> int:
+    """Steps taken until no force out of balance is above `tolerance` [N] and what softening does is below `strain_tolerance`."""
+    for steps in range(0, most_steps, CHECK_STEPS):
+        rest.stepper.step(CHECK_STEPS)
+        rest.look()
+        if steps % (20 * CHECK_STEPS) == 0:
+            rest.take_masses()
+        if rest.left() < tolerance and rest.stretch_error() < strain_tolerance:
+            return steps + CHECK_STEPS
+    raise AssertionError(f"{rest.left():.3g} N out of balance after {most_steps:,} steps")

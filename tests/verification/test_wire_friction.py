@@ -20,9 +20,7 @@ ROUND_OFF = 1e-12
 def test_contact_with_friction_has_no_net_force_and_moment() -> None:
     """Normal force, friction at the surfaces, its couples and torques: their sums vanish over both wires."""
     rng = np.random.default_rng(2)
-    stepper, contact = touching(
-        [line([0, 0, 0], [2, 0, 0], 6), line([4.3, -4.2, 0.7], [0.5, 2, 0.1], 6)], friction=0.4, damping=0.1
-    )
+    stepper, contact = touching([line([0, 0, 0], [2, 0, 0], 6), line([4.3, -4.2, 0.7], [0.5, 2, 0.1], 6)], friction=0.4)
     state = stepper.state
     state.velocity.assign(rng.normal(size=(12, 3)))
     state.spin.assign(rng.normal(size=12))

@@ -83,12 +83,11 @@ class WireContact:
         stiffness: float,
         *,
         friction: float = 0.0,
-        damping: float = 0.0,
         curve: RestCurve | None = None,
     ) -> None:
-        """stiffness [N/m] penalty; damping [N s/m] of a contact along its normal; curve: Catmull-Rom's where left out."""
+        """stiffness [N/m] penalty; curve: Catmull-Rom's where left out."""
         self.stepper = stepper
-        self.friction, self.damping = friction, damping
+        self.friction = friction
         rods, device = stepper.rods, stepper.device
         self.searches = 0
         self._expected = 0.0  # [m] by which the load brings things nearer beside their own travel
@@ -145,7 +144,7 @@ class WireContact:
                     pairs.found, pairs.place,
                     arrays.previous, arrays.following, arrays.natural_length, self._node_radius,
                     self._rest_slope, self._rest_bump, state.control,
-                    wp.float64(APART), wp.float64(self.damping), wp.float64(self.friction), wp.float64(STICK_SHARE),
+                    wp.float64(APART), wp.float64(self.friction), wp.float64(STICK_SHARE),
                     state.position, state.length, state.tangent, state.director,
                     state.displacement, state.velocity, state.spin,
                     pairs.stuck_step, pairs.stuck_place, pairs.slip,
