@@ -25,8 +25,7 @@ class Sums:
     """What a look gave; of many replicas, the replica is the first axis of everything, and numbers are arrays [replica]."""
 
     strain_max: np.ndarray  # [wire] largest |strain| of an arc
-    error_max: np.ndarray  # [wire] largest |strain - tension/EA|
-    error_mean: np.ndarray  # [wire] |mean| of the same
+    error_mean: np.ndarray  # [wire] |mean of strain - tension/EA|
     tension_max: np.ndarray  # [wire] [N]
     turning_max: np.ndarray  # [wire] [rad] largest change of a turning angle
     error_largest: np.ndarray | float  # the largest over all wires of the mesh
@@ -65,7 +64,6 @@ def sum_up(model: Model, first: np.ndarray, wires: np.ndarray, pairs: np.ndarray
     *most, gap_max = ranks.largest(np.stack([*most, pairs[..., int(k.GAP_MAX)].max(axis=-1)]))
     return Sums(
         strain_max=largest[..., int(k.STRAIN_MAX)],
-        error_max=largest[..., int(k.ERROR_MAX)],
         error_mean=np.abs(error_sum) / panel.wire_count,
         tension_max=largest[..., int(k.TENSION_MAX)],
         turning_max=largest[..., int(k.TURNING_MAX)],

@@ -150,11 +150,6 @@ class Rest:
         """[free segment] [N m] torque out of balance, of the state last evaluated."""
         return self.stepper.state.torque.numpy()[self.turning_free]
 
-    def left(self) -> float:
-        """[N] the largest force out of balance, torques taken as couples of a segment's length."""
-        couple = float(np.abs(self.untwisted()).max(initial=0.0)) / self.spacing
-        return max(float(np.linalg.norm(self.out_of_balance(), axis=1).max(initial=0.0)), couple)
-
     def stretch_error(self) -> float:
         """Largest difference between strain and T/EA: what the softening still does."""
         return float(np.abs(self._overstretched()[self.stretches]).max(initial=0.0))
