@@ -1,9 +1,9 @@
-"""Contact of round wires: penalty with damping, and Coulomb friction with a memory of where a contact sticks.
+"""Contact of round wires: penalty, and Coulomb friction with a memory of where a contact sticks.
 
 At the closest points p and q of two curves (wire_curve.py), with n from q to p, the wires overlap by o = r_p + r_q - |p - q|,
 r their radii, which grow with temperature as the wires do, and
 
-    N = max(0, k o + c do/dt)                     pushes p along n and q back
+    N = k o where o > 0                           pushes p along n and q back
     z' = z + dt v_t    T = - k_t z    |T| <= mu N   friction, where z is cut back when it would exceed its limit
 
 v_t is the part across n of the velocity of one surface over the other, what the load carries both by included, and spin and tilt
@@ -83,7 +83,6 @@ def push_wires_apart(
     # what steers the step
     control: wp.array(dtype=wp.float64),
     apart: wp.float64,
-    damping: wp.float64,
     friction: wp.float64,
     stick_share: wp.float64,
     # state in
@@ -196,40 +195,38 @@ def push_wires_apart(
         drag = wp.vec3d()
         couple_p = wp.vec3d()
         couple_q = wp.vec3d()
-        if damping > zero or friction > zero:
+        if friction > zero and a < 2:
             velocity_p = node_velocities(i, p, previous, following, control, displacement, velocity)
             velocity_q = node_velocities(j, q, previous, following, control, displacement, velocity)
             apart_speed = point_velocity(i, w, velocity_p, levers_p, previous, following, length, tangent, spin)
             apart_speed -= point_velocity(j, v, velocity_q, levers_q, previous, following, length, tangent, spin)
-            normal_force = share * wp.max(zero, stiffness * overlap - damping * wp.dot(apart_speed, n))
-            if friction > zero and a < 2:
-                lever_p = -(grown * node_radius[i] / touch) * r
-                lever_q = (grown * node_radius[j] / touch) * r
-                rate_p = section_rate(i, row(velocity_p, 2) - row(velocity_p, 1), length, tangent, spin)
-                rate_q = section_rate(j, row(velocity_q, 2) - row(velocity_q, 1), length, tangent, spin)
-                over = apart_speed + wp.cross(rate_p, lever_p) - wp.cross(rate_q, lever_q)
-                over = over - wp.dot(over, n) * n
-                slip = stuck_slip(pair, i, j, near, step, previous, following, pair_start, pair_count_of, pair_second,
-                                  stuck_step, stuck_place, stuck_by)  # fmt: skip
-                slip = slip - wp.dot(slip, n) * n
-                if is_running:
-                    slip = slip + control[TIME_STEP] * over
-                own = share
-                if found != ONE_PLACE:
-                    own = share * share_of_friction(overlap, overlaps[1 - a], -counted[2] * overlaps[2])
-                drag = -(stick_share * stiffness * own) * slip
-                limit = friction * own * normal_force / share
-                size = wp.length(drag)
-                if size > limit:
-                    slip = slip * (limit / size)
-                    drag = drag * (limit / size)
-                couple_p = wp.cross(lever_p, drag)
-                couple_q = wp.cross(lever_q, -drag)
-                if is_running:
-                    after = (step + 1) % 2
-                    stuck_step[after, 2 * pair + a] = step + 1
-                    stuck_place[after, 2 * pair + a] = near
-                    stuck_by[after, 2 * pair + a] = slip
+            lever_p = -(grown * node_radius[i] / touch) * r
+            lever_q = (grown * node_radius[j] / touch) * r
+            rate_p = section_rate(i, row(velocity_p, 2) - row(velocity_p, 1), length, tangent, spin)
+            rate_q = section_rate(j, row(velocity_q, 2) - row(velocity_q, 1), length, tangent, spin)
+            over = apart_speed + wp.cross(rate_p, lever_p) - wp.cross(rate_q, lever_q)
+            over = over - wp.dot(over, n) * n
+            slip = stuck_slip(pair, i, j, near, step, previous, following, pair_start, pair_count_of, pair_second,
+                              stuck_step, stuck_place, stuck_by)  # fmt: skip
+            slip = slip - wp.dot(slip, n) * n
+            if is_running:
+                slip = slip + control[TIME_STEP] * over
+            own = share
+            if found != ONE_PLACE:
+                own = share * share_of_friction(overlap, overlaps[1 - a], -counted[2] * overlaps[2])
+            drag = -(stick_share * stiffness * own) * slip
+            limit = friction * own * normal_force / share
+            size = wp.length(drag)
+            if size > limit:
+                slip = slip * (limit / size)
+                drag = drag * (limit / size)
+            couple_p = wp.cross(lever_p, drag)
+            couple_q = wp.cross(lever_q, -drag)
+            if is_running:
+                after = (step + 1) % 2
+                stuck_step[after, 2 * pair + a] = step + 1
+                stuck_place[after, 2 * pair + a] = near
+                stuck_by[after, 2 * pair + a] = slip
         if a < 2:
             wp.atomic_max(deepest, 0, overlap)
         pair_force[k] = normal_force

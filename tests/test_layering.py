@@ -1,13 +1,15 @@
 """The rules of the code: how modules may depend on each other, what the linter of kernels finds, and the documents.
 
 Data flows one way and there are no circles, read from the imports. An import inside a function counts as much as one at
-the top; only what stands under `if TYPE_CHECKING` does not.
+the top; what stands under `if TYPE_CHECKING` counts for circles alone.
 """
 
 import ast
 import graphlib
 import importlib.util
+import io
 import re
+import tokenize
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -68,25 +70,25 @@ def layer(name: str) -> int:
     return next(number for number, members in enumerate(LAYERS) if package in members)
 
 
-def statements(tree: ast.AST, inside: bool = False):
-    """Imports with whether they stand in a function, without those for type checking."""
+def statements(tree: ast.AST, inside: bool = False, *, types: bool = False):
+    """Imports with whether they stand in a function, those for type checking only where `types` asks for them."""
     for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING"):
+        if not types and isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING"):
             continue
         if isinstance(node, ast.Import | ast.ImportFrom):
             yield node, inside
-        yield from statements(node, inside or isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda))
+        yield from statements(node, inside or isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda), types=types)
 
 
 @cache
-def imports(name: str) -> list[tuple[str, bool]]:
+def imports(name: str, types: bool = False) -> list[tuple[str, bool]]:
     """(name, lazy) of all that a module imports; modules of this project begin with a dot: .knit.cloth."""
     path = FILES[name]
     package = ["warpknit", *name.split(".")]
     if path.name != "__init__.py":
         package = package[:-1]
     everything = []
-    for node, lazy in statements(ast.parse(path.read_text(encoding="utf-8"))):
+    for node, lazy in statements(ast.parse(path.read_text(encoding="utf-8")), types=types):
         if isinstance(node, ast.Import):
             found = [alias.name for alias in node.names]
         else:
@@ -101,8 +103,8 @@ def imports(name: str) -> list[tuple[str, bool]]:
     return everything
 
 
-def own_imports(name: str) -> set[str]:
-    return {item[1:] for item, _ in imports(name) if item.startswith(".")}
+def own_imports(name: str, *, types: bool = False) -> set[str]:
+    return {item[1:] for item, _ in imports(name, types=types) if item.startswith(".")}
 
 
 def offenders(name: str, refused: Callable[[str, bool], bool]) -> list[str]:
@@ -135,7 +137,7 @@ def test_imports_point_one_way():
 
 
 def test_there_are_no_import_circles():
-    graph = {name: own_imports(name) - {name} for name in MODULES}
+    graph = {name: own_imports(name, types=True) - {name} for name in MODULES}
     try:
         graphlib.TopologicalSorter(graph).prepare()
     except graphlib.CycleError as error:
@@ -276,3 +278,43 @@ def test_links_between_documents_lead_somewhere():
     for path in [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "scenes" / "README.md", *(ROOT / "docs").glob("*.md")]:
         for target in re.findall(r"\]\(([^)#\s]+)", path.read_text(encoding="utf-8")):
             assert target.startswith("https://") or (path.parent / target).exists(), f"{path.name}: {target}"
+
+
+PLACES = ("docs", "kernels", "scenes", "tests", "tools", "warpknit")  # folders of the project
+PATH = re.compile(r"(?<![\w./<{*-])(?:[\w.-]+/)*[\w-]+\.(?:py|c|h|md|toml|csv|png)\b(?![\w/*(])")
+
+
+def project_files() -> list[Path]:
+    """All of them, but for what Python leaves beside its modules."""
+    inside = [path for folder in PLACES for path in (ROOT / folder).rglob("*") if path.is_file()]
+    return [path for path in [*ROOT.glob("*.*"), *inside] if "__pycache__" not in path.parts]
+
+
+def test_files_named_in_docstrings_and_documents_exist():
+    """Modules by their name, other files where a folder of the project stands before them.
+
+    A name may leave out the folders in front, as in spatial/rods.py.
+    """
+    files = project_files()
+    ends = {"/".join(path.relative_to(ROOT).parts[-n:]) for path in files for n in range(1, 7)}
+    missing = []
+    for path in files:
+        if path.suffix not in (".py", ".md", ".toml", ".c") or path.name == "test_layering.py":
+            continue
+        text = path.read_text(encoding="utf-8")
+        if path.suffix == ".py":
+            text = "\n".join(prose(text))
+        for name in PATH.findall(text):
+            is_module = name.endswith((".py", ".c", ".h")) and path.name != "CHANGELOG.md"
+            if (is_module or name.split("/")[0] in PLACES) and name not in ends:
+                missing.append(f"{path.relative_to(ROOT)}: {name}")
+    assert missing == []
+
+
+def prose(source: str) -> list[str]:
+    """Docstrings and comments of a module."""
+    tokens = list(tokenize.generate_tokens(io.StringIO(source).readline))
+    comments = [token.string for token in tokens if token.type == tokenize.COMMENT]
+    documented = (ast.Module, ast.ClassDef, ast.FunctionDef)
+    nodes = [node for node in ast.walk(ast.parse(source)) if isinstance(node, documented)]
+    return [*comments, *(ast.get_docstring(node) or "" for node in nodes)]

@@ -94,7 +94,7 @@ def test_the_cord_balances_the_mesh() -> None:
     # the membrane's tolerance is that of the stress over the whole mesh; the edge is a band of some cells of it
     assert np.sqrt(np.mean((wires + cord)[free] ** 2)) < 5.0 * MEMBRANE_TOLERANCE * nominal * spacing
     assert tension.min() > 0.0
-    outward = rim.place - rim.outline.centroid
+    outward = rim.place - rim.outline.corners.mean(axis=0)
     assert np.all(np.sum(record.stations[free] * outward[free], axis=1) < 0.0)  # the mesh draws its edge in
     assert np.all(record.stations[rim.given] == 0.0)
 

@@ -4,8 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
+from warpknit.spatial.rest import CHECK_STEPS, Rest
 from warpknit.spatial.rod_step import RodStepper
-from warpknit.spatial.rods import Rods, round_section
+from warpknit.spatial.rods import Rods, Section
+
+
+def round_section(diameter: float, youngs_modulus: float, poissons_ratio: float, density: float) -> Section:
+    """The section of a solid round wire; SI units."""
+    area = np.pi * diameter**2 / 4
+    inertia = np.pi * diameter**4 / 64
+    shear = youngs_modulus / (2 * (1 + poissons_ratio))
+    return Section(
+        axial_stiffness=youngs_modulus * area,
+        bending_stiffness=youngs_modulus * inertia,
+        twist_stiffness=shear * 2 * inertia,
+        linear_density=density * area,
+        rotary_inertia=density * 2 * inertia,
+        thickness=diameter,
+    )
+
 
 SECTION = round_section(1.0, 1e4, 0.3, 1.0)
 
@@ -82,3 +99,21 @@ def helix(radius: float, pitch: float, nodes: int, turns: float = 1.0) -> np.nda
     """Nodes (nodes, 3) of a helix about z without its last point; `pitch` a turn."""
     angle = 2 * np.pi * turns * np.arange(nodes) / nodes
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), pitch * angle / (2 * np.pi)], axis=1)
+
+
+def residual_of(rest: Rest) -> float:
+    """[N] the largest force out of balance, torques taken as couples of a segment's length."""
+    couple = float(np.abs(rest.untwisted()).max(initial=0.0)) / rest.spacing
+    return max(float(np.linalg.norm(rest.out_of_balance(), axis=1).max(initial=0.0)), couple)
+
+
+def relaxed(rest: Rest, tolerance: float, strain_tolerance: float = 1e-6, most_steps: int = 500_000) -> int:
+    """Steps taken until no force out of balance is above `tolerance` [N] and what softening does is below `strain_tolerance`."""
+    for steps in range(0, most_steps, CHECK_STEPS):
+        rest.stepper.step(CHECK_STEPS)
+        rest.look()
+        if steps % (20 * CHECK_STEPS) == 0:
+            rest.take_masses()
+        if residual_of(rest) < tolerance and rest.stretch_error() < strain_tolerance:
+            return steps + CHECK_STEPS
+    raise AssertionError(f"{residual_of(rest):.3g} N out of balance after {most_steps:,} steps")

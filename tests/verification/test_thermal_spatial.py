@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reference.rods import SECTION
+from reference.rods import SECTION, relaxed
 from warpknit.kernels import control as c
 from warpknit.model import build_model
 from warpknit.run.run import run_scene
@@ -40,7 +40,7 @@ def test_a_wire_that_is_cold_at_one_end_pulls_as_its_mean(softening: float) -> N
     rest = Rest(RodStepper(rods), softening=softening)
     warmth = -1e-3 * np.linspace(0.0, 1.0, count)
     rest.warm(warmth)
-    rest.settle(1e-6 * SECTION.axial_stiffness, strain_tolerance=1e-9)
+    relaxed(rest, 1e-6 * SECTION.axial_stiffness, strain_tolerance=1e-9)
     between = slice(1, count - 2)
     wanted = SECTION.axial_stiffness * (1.0 / np.mean(1.0 + warmth[between]) - 1.0)
     assert rest.tension()[between] == pytest.approx(wanted, rel=1e-4, abs=0)
@@ -54,13 +54,13 @@ def test_a_wire_that_is_even_again_lets_go_after_a_resume() -> None:
     rods = rods_of(SECTION, [points]).holding([0, 1, count - 2, count - 1], [0, count - 2])
     rest = Rest(RodStepper(rods))
     rest.warm(-1e-3 * np.linspace(0.0, 1.0, count))
-    rest.settle(1e-6 * SECTION.axial_stiffness, strain_tolerance=1e-9)
+    relaxed(rest, 1e-6 * SECTION.axial_stiffness, strain_tolerance=1e-9)
     rest.warm(np.zeros(count))
     other = Rest(RodStepper(rods))
     other.stepper.state.restore(rest.stepper.state.arrays())
     other.recall(rest.memory())
     for one in (rest, other):
-        one.settle(1e-6 * SECTION.axial_stiffness, strain_tolerance=1e-9)
+        relaxed(one, 1e-6 * SECTION.axial_stiffness, strain_tolerance=1e-9)
     assert np.array_equal(other.tension(), rest.tension())
     assert np.abs(other.tension()).max() < 1e-8 * SECTION.axial_stiffness
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reference.rods import SECTION
+from reference.rods import SECTION, residual_of
 from reference.touching import STIFFNESS, line, plies, touching
 from warpknit.errors import OutOfResources
 from warpknit.kernels import control as c
@@ -57,7 +57,7 @@ def test_two_plies_come_to_rest(spacing: float) -> None:
     what is out of balance falls below a millionth of what they press with."""
     contact, rest, nodes = plies(spacing)
     assert (contact.near().force > 0.0).sum() >= nodes - 1
-    assert rest.left() < 1e-6 * contact.near().force.sum()
+    assert residual_of(rest) < 1e-6 * contact.near().force.sum()
 
 
 def tangle(seed: int, wires: int, nodes: int) -> Rods:
@@ -146,12 +146,12 @@ def energy_of(stepper: RodStepper, contact: WireContact) -> float:
     return stored + 0.25 * float(np.sum(mass * (before**2 + after**2)))
 
 
-@pytest.mark.parametrize(("friction", "damping"), [(0.0, 0.0), (0.0, 3.0), (0.3, 0.0)])
-def test_energy_goes_by_friction_and_damping_alone(friction: float, damping: float) -> None:
-    """Two wires fly into each other, bounce and swing: without friction and damping the energy of leapfrog stays within (w
-    dt)^2/4 of what moves, with either it only falls, but for that."""
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_energy_goes_by_friction_alone(friction: float) -> None:
+    """Two wires fly into each other, bounce and swing: without friction the energy of leapfrog stays within (w dt)^2/4 of what
+    moves, with friction it only falls, but for that."""
     lower, upper = line([0, 0, 0], [2, 0, 0], 8), line([7.2, -6.7, 1.3], [0.2, 2, 0], 8)
-    stepper, contact = touching([lower, upper], friction=friction, damping=damping)
+    stepper, contact = touching([lower, upper], friction=friction)
     state = stepper.state
     mass, inertia = state.node_mass.numpy(), state.spin_inertia.numpy()
     share = 0.1
@@ -165,7 +165,7 @@ def test_energy_goes_by_friction_and_damping_alone(friction: float, damping: flo
         hits += len(contact.near().force) > 0
     assert hits > 3
     error = share**2 * start
-    if friction == damping == 0.0:
+    if friction == 0.0:
         assert np.abs(np.array(energies) - start).max() < error
     else:
         assert np.diff(energies).max() < error

@@ -89,7 +89,9 @@ def test_every_leg_of_plain_knit_hooks(scene: str, overrides: tuple[str, ...], h
 def test_contacts_of_a_file_belong_to_their_hooks(repeats: list[int]) -> None:
     """What touches in the middle of a lens is that hook's, whichever of its wires comes first; else is none's."""
     mesh = build_mesh(load_scene(SCENES / "plain_knit_spatial.toml", [f"wires.repeats={repeats}"]))
-    sites, nodes = Sites(mesh.wires, mesh.rods), mesh.site_node
+    wires, rods = mesh.wires, mesh.rods
+    sites, place = Sites(wires, rods), np.rint(wires.site_seed).astype(np.int64)
+    nodes = rods.wire_first[wires.site_wire] + np.clip(place, 0, rods.wire_count[wires.site_wire] - 1)
     assert sites.count == mesh.panel.body_count == 2 * np.prod(repeats)
     assert mesh.layout().body_wires.shape == (sites.count, 2)
     for first, second, side in ((nodes[:, 0], nodes[:, 1], 1.0), (nodes[:, 1], nodes[:, 0], -1.0)):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -55,7 +54,7 @@ class Known:
     areal_mass: float | None = None  # [kg/m2] as knitted: compared only
 
 
-def with_known(scene: Scene, known: Known, progress: Callable[[float], None] = lambda _: None) -> Fitted:
+def with_known(scene: Scene, known: Known) -> Fitted:
     """`scene` with all that is `known` put in, and notes that say so. Raises `InputError`, `KnitError`, `ModelError`."""
     notes: tuple[str, ...] = ()
     if known.openings is not None:
@@ -65,7 +64,7 @@ def with_known(scene: Scene, known: Known, progress: Callable[[float], None] = l
         fitted = fit_loop_length(scene, known.loop_length)
         scene, notes = fitted.scene, notes + fitted.notes
     if known.curve is not None:
-        fitted = fit_curve(scene, known.curve, progress)
+        fitted = fit_curve(scene, known.curve)
         scene, notes = fitted.scene, notes + fitted.notes
     if known.areal_mass is not None:
         cloth = knit_scene(scene)
@@ -123,17 +122,16 @@ def fit_loop_length(scene: Scene, wanted: float) -> Fitted:
     return _fitted(scene, factor, "the wire length a loop")
 
 
-def fit_curve(scene: Scene, path: Path, progress: Callable[[float], None] = lambda _: None) -> Fitted:
+def fit_curve(scene: Scene, path: Path) -> Fitted:
     """Loops whose tensions come nearest to a measured biaxial curve in the CSV file `path`, with COLUMNS.
 
-    Least squares over all tensions, by one factor. `progress` is called with each factor that is tried. Raises `InputError` for
-    the file, and where no factor brings the mesh to rest at all of its strains.
+    Least squares over all tensions, by one factor. Raises `InputError` for the file, and where no factor brings the mesh to
+    rest at all of its strains.
     """
     strains, tensions = _read_curve(path)
     gradients = [np.diag(1.0 + strain) for strain in strains]
 
     def misfit(factor: float) -> float:
-        progress(factor)
         states = states_at(mesh_of(_scaled(scene, factor)), gradients)
         if any(isinstance(state, Diverged) for state in states):
             return math.inf

@@ -66,7 +66,6 @@ def hook_panel(
     count = int(table.nodes[LEFT])
     first = np.array([0, count])
     held = np.array([0, 1, count - 2, count - 1])
-    spacing = float(table.spacing[LEFT])
     # the two nodes of an upper clamp are a block of their own (kernels/slide.py)
     low = [*range(0, count - 2, BLOCK_SIZE), count - 2]
     block_low = np.tile(low, 2)
@@ -95,7 +94,7 @@ def hook_panel(
         wire_closed=np.zeros(2, dtype=bool),
         wire_thread=_as32([LEFT, RIGHT]),
         wire_length=np.full(2, hook.length),
-        wire_clamp=_clamp_numbers(hook, table, spacing, set_fraction),
+        wire_clamp=_clamp_numbers(hook, table, set_fraction),
         block_first=_as32(first[block_wire] + block_low),
         block_count=_as32(block_count),
         block_table=_as32(table.start[block_wire] + block_low),
@@ -130,7 +129,7 @@ def _segment_nearest(place: np.ndarray, body: np.ndarray) -> int:
     return int(np.argmin(np.linalg.norm(middle - body, axis=1))) + END_NODES
 
 
-def _clamp_numbers(hook: Hook, table: Table, spacing: float, set_fraction: float) -> np.ndarray:
+def _clamp_numbers(hook: Hook, table: Table, set_fraction: float) -> np.ndarray:
     """[wire, 2, CLAMP_NUMBERS]: clamps stand at nodes, so their hinge turns half as far as one between two segments."""
     numbers = np.zeros((2, 2, clamp.CLAMP_NUMBERS))
     for wire in (LEFT, RIGHT):

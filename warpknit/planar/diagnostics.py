@@ -26,7 +26,7 @@ class Sums:
     """What a look gave; of many replicas, the replica is the first axis of everything, and numbers are arrays [replica]."""
 
     strain_max: np.ndarray  # [wire] largest |strain| of an arc
-    error_mean: np.ndarray  # [wire] |mean| of strain - tension/EA
+    error_mean: np.ndarray  # [wire] |mean of strain - tension/EA|
     tension_max: np.ndarray  # [wire] [N]
     turning_max: np.ndarray  # [wire] [rad] largest change of a turning angle
     error_largest: np.ndarray | float  # largest |strain - tension/EA| over all wires of the mesh

@@ -1,6 +1,6 @@
 """A reading: the state of a mesh on the host, and what follows from it node by node.
 
-`read(model, state)` brings what is needed to the host once; what is measured on it is in measure.py.
+`read(model, state)` brings what is needed to the host once; what is measured on it is in whole.py.
 """
 
 from __future__ import annotations

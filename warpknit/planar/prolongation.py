@@ -66,7 +66,7 @@ class Prolongation:
         body_table[small.body_clasp, body_place[:, 0], body_place[:, 1]] = np.arange(small.body_count)
         many, few = np.array(self.large.scene.knit.repeats), np.array(self.small.scene.knit.repeats)
         self._offset = np.zeros(2, dtype=np.int64) if periodic else (many - few) // 2 - low
-        self._node_table, self._body_table = node_table, body_table
+        self._node_table = node_table
         device = self.large.device
 
         def index(a: np.ndarray) -> wp.array:

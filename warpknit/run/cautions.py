@@ -30,7 +30,7 @@ def cautions(model: Model, rows: list[Row]) -> Iterator[str]:
     if scene.hook is None and nodes < FEWEST_NODES:
         yield f"{nodes} nodes a loop are few: tensions and contact forces may be off by more than 10 %"
     if scene.solver.drive == "ramp" and rows:
-        yield from _about_ramp(scene, rows)
+        yield from _about_ramp(rows)
     if scene.solver.drive == "relax" and scene.contact.friction > STEADY_FRICTION:
         yield from _about_friction(scene)
 
@@ -66,7 +66,7 @@ def _about_friction(scene: Scene) -> Iterator[str]:
         )
 
 
-def _about_ramp(scene: Scene, rows: list[Row]) -> Iterator[str]:
+def _about_ramp(rows: list[Row]) -> Iterator[str]:
     moving = max((row.energy_kinetic_J / row.stored for row in rows if row.load_factor > 0.1 and row.stored > 0.0), default=0.0)
     if not rows[-1].steady and rows[-1].load_factor == 1.0:
         yield (

@@ -35,13 +35,6 @@ class Outline:
         """[m2]"""
         return signed_area(self.corners)
 
-    @property
-    def centroid(self) -> np.ndarray:
-        """(2,) [m] of the area."""
-        a, b = self.corners, np.roll(self.corners, -1, axis=0)
-        cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-        return ((a + b) * cross[:, None]).sum(axis=0) / (6.0 * self.area)
-
     @cached_property
     def edges(self) -> np.ndarray:
         """(corner, 2) [m] from each corner to the next."""

@@ -118,12 +118,11 @@ class WireContact:
         stiffness: float,
         *,
         friction: float = 0.0,
-        damping: float = 0.0,
         curve: RestCurve | None = None,
     ) -> None:
-        """stiffness [N/m] penalty; damping [N s/m] of a contact along its normal; curve: Catmull-Rom's where left out."""
+        """stiffness [N/m] penalty; curve: Catmull-Rom's where left out."""
         self.stepper = stepper
-        self.friction, self.damping = friction, damping
+        self.friction = friction
         rods, device = stepper.rods, stepper.device
         self.searches = 0
         self._expected = 0.0  # [m] by which the load brings things nearer beside their own travel
@@ -159,7 +158,7 @@ class WireContact:
         return [
             bind(find_closest_places, pairs.room, *sources, reach=wp.float64(REACH), **named, **pairs.named("wake", "renewal")),
             bind(
-                push_wires_apart, pairs.room, *sources, apart=wp.float64(APART), damping=wp.float64(self.damping),
+                push_wires_apart, pairs.room, *sources, apart=wp.float64(APART),
                 friction=wp.float64(self.friction), stick_share=wp.float64(STICK_SHARE), deepest=self.deepest,
                 **named, **own, **stuck,
             ),

@@ -104,13 +104,6 @@ class SpatialMesh:
         """Two for each place where wires hook each other, as in the planar model."""
         return 2 * self.panel.body_count
 
-    @property
-    def site_node(self) -> np.ndarray:
-        """(site, 2) the nodes of both wires next to it as knitted."""
-        wire = self.wires.site_wire
-        place = np.rint(self.wires.site_seed).astype(np.int64)
-        return self.rods.wire_first[wire] + np.clip(place, 0, self.rods.wire_count[wire] - 1)
-
     def held_shift(self, gradient: np.ndarray, length_factor: float = 1.0) -> np.ndarray:
         """(held, 2) [m] displacement of held nodes from the affinely carried place: their clamp is carried, they keep its
         direction, and their distance from it grows as the wire does."""

@@ -13,11 +13,9 @@ is (`warm`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
-from ..errors import Diverged
 from ..kernels import control as c
 from ..kernels.bend import BOW
 from ..kernels.rod_step import HELD_NODE, HELD_TURN
@@ -31,7 +29,7 @@ MULTIPLIER_RATE = 0.05  # more of it shakes the wires, which the damping would t
 
 
 class Rest:
-    """Steps rods until they are at rest."""
+    """Masses, damping and multipliers with which steps bring rods to rest."""
 
     def __init__(
         self,
@@ -145,11 +143,6 @@ class Rest:
         """[free segment] [N m] torque out of balance, of the state last evaluated."""
         return self.stepper.state.torque.numpy()[self.turning_free]
 
-    def left(self) -> float:
-        """[N] the largest force out of balance, torques taken as couples of a segment's length."""
-        couple = float(np.abs(self.untwisted()).max(initial=0.0)) / self.spacing
-        return max(float(np.linalg.norm(self.out_of_balance(), axis=1).max(initial=0.0)), couple)
-
     def stretch_error(self) -> float:
         """Largest difference between strain and T/EA: what the softening still does."""
         return float(np.abs(self._overstretched()[self.stretches]).max(initial=0.0))
@@ -207,30 +200,3 @@ class Rest:
         self._last = (kept["rest_moved"], kept["rest_pushed"]) if "rest_moved" in kept else None
         if self.clamps is not None:
             self.clamps.velocity.assign(kept["clamp_velocity"])
-
-    def settle(
-        self,
-        tolerance: float,
-        *,
-        strain_tolerance: float = 1e-6,
-        most_steps: int = 500_000,
-        advance: Callable[[int], None] | None = None,
-    ) -> int:
-        """Step until the largest force out of balance is below `tolerance` [N] and what softening does below
-        `strain_tolerance`; returns the steps taken.
-
-        Raises:
-            Diverged: it takes more than `most_steps`, or numbers are no longer finite.
-        """
-        advance = advance or self.stepper.step
-        for steps in range(0, most_steps, CHECK_STEPS):
-            advance(CHECK_STEPS)
-            self.look()
-            if self.stepper.state.read_control()[int(c.STATUS)] == 2.0:
-                raise Diverged("rods: a node moved farther than a segment in one step")
-            if steps % (20 * CHECK_STEPS) == 0:
-                self.take_masses()
-            left = self.left()
-            if left < tolerance and self.stretch_error() < strain_tolerance:
-                return steps + CHECK_STEPS
-        raise Diverged(f"rods: {left:.3g} N out of balance after {most_steps:,} steps")

@@ -28,21 +28,6 @@ class Section:
     hardening: float = 1.0  # bending stiffness beyond, over the elastic one
 
 
-def round_section(diameter: float, youngs_modulus: float, poissons_ratio: float, density: float) -> Section:
-    """The section of a solid round wire; SI units."""
-    area = np.pi * diameter**2 / 4
-    inertia = np.pi * diameter**4 / 64
-    shear = youngs_modulus / (2 * (1 + poissons_ratio))
-    return Section(
-        axial_stiffness=youngs_modulus * area,
-        bending_stiffness=youngs_modulus * inertia,
-        twist_stiffness=shear * 2 * inertia,
-        linear_density=density * area,
-        rotary_inertia=density * 2 * inertia,
-        thickness=diameter,
-    )
-
-
 @dataclass(frozen=True)
 class Rods:
     """Wires of one section. Arrays run over the nodes of all wires, wire after wire, those of segments too."""

@@ -7,7 +7,6 @@ the path or on what is done to the edge, the mesh itself is taken as it is, with
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 
@@ -74,11 +73,10 @@ def with_setting(scene: Scene, setting: Setting) -> Scene:
 class Pilot:
     """The small mesh of a scene."""
 
-    def __init__(self, scene: Scene, watch: Callable[[object], None] = lambda _progress: None) -> None:
+    def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.kind = kind_of(scene)
         self.small = _small(scene)
-        self.watch = watch
         self.node_steps = 0
 
     @cached_property
@@ -116,7 +114,7 @@ class Pilot:
         return errors_of(one, self.fine, self.scales)
 
     def _run(self, setting: Setting) -> Outcome:
-        outcome = run_point(lambda: with_setting(self.small, setting), watch=self.watch)
+        outcome = run_point(lambda: with_setting(self.small, setting), watch=lambda _progress: None)
         self.node_steps += outcome.node_steps
         return outcome
 

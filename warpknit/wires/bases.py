@@ -25,7 +25,6 @@ MATRICES = {
 }
 BASES = tuple(MATRICES)
 WRAPS = ("nonperiodic", "periodic", "pinned")
-INTERPOLATIONS = ("spline", "linear")
 SAME = 1e-6  # points nearer than this, over the size of the curve, are one
 
 
