@@ -82,13 +82,13 @@ _CONSTANTS = STEERING + constants(BODY_BLOCK=BODY_BLOCK, FREE_FLIGHT=FREE_FLIGHT
 
 @wp.func_native(_CONSTANTS + _STEP)
 def step_block_of_bodies(
-    # what steers the step
+    # in: what steers the step
     block: wp.int32,
     control: wp.array(dtype=wp.float64),
     phase: Any,
     unit: Any,
     slow_when_free: wp.int32,
-    # contact
+    # in: contact
     pair_force: wp.array(dtype=Any),
     pair_body_x: wp.array(dtype=Any),
     pair_body_y: wp.array(dtype=Any),
@@ -104,12 +104,12 @@ def step_block_of_bodies(
 
 @wp.kernel
 def step_bodies(
-    # what steers the step
+    # in: what steers the step
     control: wp.array(dtype=wp.float64),
     unit: Any,
     first_block: int,
     slow_when_free: int,
-    # contact
+    # in: contact
     pair_force: wp.array(dtype=Any),
     pair_body_x: wp.array(dtype=Any),
     pair_body_y: wp.array(dtype=Any),

@@ -286,18 +286,18 @@ _CONSTANTS = STEERING + constants(
 
 @wp.func_native(_CONSTANTS + _BATCH)
 def contact_of_batch(
-    # what steers the step
+    # in: what steers the step
     batch: wp.int32,
     control: wp.array(dtype=wp.float64),
     unit: Any,
     reach_at_rest: Any,
-    # rest data of one repeat
+    # in: rest data of one repeat
     table_x: wp.array(dtype=Any),
     table_y: wp.array(dtype=Any),
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
     curve: wp.array2d(dtype=Any),
-    # pairs
+    # in: pairs
     pair_wire: wp.array(dtype=wp.int32),
     pair_seed: wp.array(dtype=wp.int32),
     pair_table: wp.array(dtype=wp.int32),
@@ -335,18 +335,18 @@ def contact_of_batch(
 
 @wp.kernel
 def find_contact_forces_by_batch(
-    # what steers the step
+    # in: what steers the step
     control: wp.array(dtype=wp.float64),
     unit: Any,
     reach_at_rest: Any,
     first_batch: int,
-    # rest data of one repeat
+    # in: rest data of one repeat
     table_x: wp.array(dtype=Any),
     table_y: wp.array(dtype=Any),
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
     curve: wp.array2d(dtype=Any),
-    # pairs
+    # in: pairs
     pair_wire: wp.array(dtype=wp.int32),
     pair_seed: wp.array(dtype=wp.int32),
     pair_table: wp.array(dtype=wp.int32),

@@ -20,7 +20,7 @@ from .wires_by_block import block_step
 
 @wp.kernel
 def step_replicas(
-    # which replicas, and up to which step [replica]
+    # in: which replicas, and up to which step [replica]
     replicas: wp.array(dtype=wp.int32),
     last_step: wp.array(dtype=wp.float64),
     # how
@@ -30,7 +30,7 @@ def step_replicas(
     batches: int,
     body_blocks: int,
     reach_at_rest: Any,
-    # rest data of one repeat
+    # in: rest data of one repeat
     table_x: wp.array(dtype=Any),
     table_y: wp.array(dtype=Any),
     rest_x: wp.array(dtype=Any),
@@ -42,7 +42,7 @@ def step_replicas(
     inverse_mass: wp.array(dtype=Any),
     node_mass: wp.array(dtype=Any),
     curve: wp.array2d(dtype=Any),
-    # blocks and wires
+    # in: blocks and wires
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_table: wp.array(dtype=wp.int32),
@@ -54,7 +54,7 @@ def step_replicas(
     wire_count: wp.array(dtype=wp.int32),
     wire_closed: wp.array(dtype=wp.int32),
     wire_clamp: wp.array2d(dtype=Any),
-    # pairs
+    # in: pairs
     pair_wire: wp.array(dtype=wp.int32),
     pair_seed: wp.array(dtype=wp.int32),
     pair_table: wp.array(dtype=wp.int32),
@@ -63,7 +63,7 @@ def step_replicas(
     pair_side: wp.array(dtype=wp.int32),
     pair_rest_x: wp.array(dtype=Any),
     pair_rest_y: wp.array(dtype=Any),
-    # grips
+    # in: grips
     held_node: wp.array(dtype=wp.int32),
     held_lever_x: wp.array(dtype=wp.float64),
     held_lever_y: wp.array(dtype=wp.float64),
@@ -79,7 +79,7 @@ def step_replicas(
     parity: wp.array(dtype=wp.int32),
     node_ux: wp.array3d(dtype=Any),
     node_uy: wp.array3d(dtype=Any),
-    # ... and the rest [replica, ...]
+    # in and out: the rest [replica, ...]
     node_vx: wp.array2d(dtype=Any),
     node_vy: wp.array2d(dtype=Any),
     body_ux: wp.array2d(dtype=Any),
@@ -92,9 +92,8 @@ def step_replicas(
     cached_node: wp.array2d(dtype=wp.int32),
     cached_number: wp.array2d(dtype=Any),
     control: wp.array2d(dtype=wp.float64),
-    # out: [replica, ...]
+    # in and out: what a step leaves for its next part [replica, ...]
     pair_node: wp.array2d(dtype=wp.int32),
-    pair_gap: wp.array2d(dtype=Any),
     pair_force: wp.array2d(dtype=Any),
     pair_body_x: wp.array2d(dtype=Any),
     pair_body_y: wp.array2d(dtype=Any),
@@ -102,6 +101,8 @@ def step_replicas(
     pair_nodal_y: wp.array2d(dtype=Any),
     wire_partial: wp.array3d(dtype=wp.float64),
     body_partial: wp.array3d(dtype=wp.float64),
+    # out
+    pair_gap: wp.array2d(dtype=Any),
 ):
     r = replicas[wp.tid()]
     while control[r, STATUS] == STATUS_RUNNING and control[r, STEP] < last_step[r]:

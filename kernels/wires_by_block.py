@@ -368,13 +368,13 @@ _SNIPPET = _CONSTANTS + _BLOCK_STEP.replace("ATAN_SINGLE", _polynomial(ATAN_SING
 
 @wp.func_native(_SNIPPET)
 def block_step(
-    # what steers the step
+    # in: what steers the step
     block: wp.int32,
     control: wp.array(dtype=wp.float64),
     phase: Any,
     unit: Any,
     gripped: wp.int32,
-    # blocks and wires
+    # in: blocks and wires
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_table: wp.array(dtype=wp.int32),
@@ -387,7 +387,7 @@ def block_step(
     wire_clamp: wp.array2d(dtype=Any),
     wire_axial: wp.array(dtype=Any),
     wire_mass: wp.array(dtype=Any),
-    # rest data
+    # in: rest data
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
     rest_length: wp.array(dtype=Any),
@@ -401,18 +401,20 @@ def block_step(
     kept_stiffness: Any,
     plastic_turn: wp.array(dtype=Any),
     back_turn: wp.array(dtype=Any),
-    # contact and grips
+    # in: contact and grips
     block_pair: wp.array(dtype=wp.int32),
     pair_node: wp.array(dtype=wp.int32),
     pair_force: wp.array(dtype=Any),
     pair_nodal_x: wp.array(dtype=Any),
     pair_nodal_y: wp.array(dtype=Any),
     held_node: wp.array(dtype=wp.int32),
-    # state in, state out
+    # state in
     ux_in: wp.array(dtype=Any),
     uy_in: wp.array(dtype=Any),
+    # state in and out
     vx: wp.array(dtype=Any),
     vy: wp.array(dtype=Any),
+    # out
     ux_out: wp.array(dtype=Any),
     uy_out: wp.array(dtype=Any),
     partial: wp.array2d(dtype=wp.float64),
@@ -421,7 +423,7 @@ def block_step(
 
 @wp.kernel
 def step_wires_by_block(
-    # blocks and wires
+    # in: blocks and wires
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_table: wp.array(dtype=wp.int32),
@@ -434,12 +436,12 @@ def step_wires_by_block(
     wire_clamp: wp.array2d(dtype=Any),
     wire_axial: wp.array(dtype=Any),
     wire_mass: wp.array(dtype=Any),
-    # what steers the step
+    # in: what steers the step
     control: wp.array(dtype=wp.float64),
     unit: Any,
     first_block: int,
     gripped: int,
-    # rest data
+    # in: rest data
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
     rest_length: wp.array(dtype=Any),
@@ -453,7 +455,7 @@ def step_wires_by_block(
     kept_stiffness: Any,
     plastic_turn: wp.array(dtype=Any),
     back_turn: wp.array(dtype=Any),
-    # contact and grips
+    # in: contact and grips
     block_pair: wp.array(dtype=wp.int32),
     pair_node: wp.array(dtype=wp.int32),
     pair_force: wp.array(dtype=Any),
