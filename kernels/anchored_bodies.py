@@ -51,11 +51,11 @@ def slipped(d: wp.vec2d, stiffness: wp.float64, limit: wp.float64):
 
 @wp.kernel
 def step_anchored_bodies(
-    # what steers the step
+    # in: what steers the step
     control: wp.array(dtype=wp.float64),
     stiffness: wp.float64,
     limit: wp.float64,
-    # rest data and contact
+    # in: rest data and contact
     body_origin_x: wp.array(dtype=wp.float64),
     body_origin_y: wp.array(dtype=wp.float64),
     pair_force: wp.array(dtype=wp.float64),
@@ -68,7 +68,7 @@ def step_anchored_bodies(
     body_uy: wp.array(dtype=wp.float64),
     body_vx: wp.array(dtype=wp.float64),
     body_vy: wp.array(dtype=wp.float64),
-    # out
+    # in and out: anew
     body_partial: wp.array2d(dtype=wp.float64),
 ):
     """One thread steps all bodies: there are few. `anchor` [m] is a displacement on the ground."""

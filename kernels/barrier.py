@@ -23,7 +23,13 @@ import warp as wp
         }
     }
 """)
-def arrive_and_wait(threads: wp.int32, yield_address: wp.uint64, state: wp.array(dtype=wp.int32)): ...
+def arrive_and_wait(
+    # in
+    threads: wp.int32,
+    yield_address: wp.uint64,
+    # in and out
+    state: wp.array(dtype=wp.int32),
+): ...
 
 
 @wp.kernel

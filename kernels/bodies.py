@@ -11,22 +11,8 @@ from typing import Any
 
 import warp as wp
 
-from .control import (
-    BODY_INVERSE_MASS,
-    FORCE_FACTOR,
-    FORCE_PART,
-    KINETIC_PART,
-    LOOK_AHEAD,
-    PARTIAL_COUNT,
-    SPEED_PART,
-    STATUS,
-    STATUS_RUNNING,
-    STEP,
-    STRONGEST_PART,
-    TIME_STEP,
-    VELOCITY_FACTOR,
-)
-from .native import constants
+from .control import STATUS, STATUS_RUNNING, STEP
+from .native import STEERING, constants
 from .wires import rounding_phase
 
 BODY_BLOCK = 32
@@ -36,7 +22,11 @@ _STEP = r"""
     typedef decltype(unit) real;
     typedef decltype(ux.data[0] + ux.data[0]) coordinate;
     const bool counted = coordinate(0.5) == coordinate(0);  // see wires_by_block.py
-    const real zero = 0, counts = time_step / unit;
+    const double* steer = control.data;
+    const real inverse_mass = real(steer[BODY_INVERSE_MASS]), velocity_factor = real(steer[VELOCITY_FACTOR]);
+    const real force_factor = real(steer[FORCE_FACTOR]) * inverse_mass, look_ahead = real(steer[LOOK_AHEAD]);
+    const real zero = 0, counts = real(steer[TIME_STEP]) / unit;
+    const int begin = BODY_BLOCK * block, left = ux.shape[0] - begin, count = left < BODY_BLOCK ? left : BODY_BLOCK;
     const real still = sizeof(real) == 4 ? real(1e-18) : real(1e-150);
     const real* __restrict force = pair_force.data + 2 * begin;
     const real* __restrict on_x = pair_body_x.data + 2 * begin;
@@ -45,7 +35,6 @@ _STEP = r"""
     coordinate* __restrict moved_y = uy.data + begin;
     real* __restrict speed_x = vx.data + begin;
     real* __restrict speed_y = vy.data + begin;
-    const int count = end - begin;
     real square = 0, speed = 0, ff[BODY_BLOCK], qq[BODY_BLOCK];
     {
     #pragma clang fp reassociate(on) contract(fast)
@@ -88,33 +77,18 @@ _STEP = r"""
 """
 
 
-_CONSTANTS = constants(
-    BODY_BLOCK=BODY_BLOCK,
-    FREE_FLIGHT=FREE_FLIGHT,
-    PARTIAL_COUNT=PARTIAL_COUNT,
-    KINETIC_PART=KINETIC_PART,
-    SPEED_PART=SPEED_PART,
-    STRONGEST_PART=STRONGEST_PART,
-    FORCE_PART=FORCE_PART,
-)
+_CONSTANTS = STEERING + constants(BODY_BLOCK=BODY_BLOCK, FREE_FLIGHT=FREE_FLIGHT)
 
 
 @wp.func_native(_CONSTANTS + _STEP)
 def step_block_of_bodies(
-    # bodies of the block
+    # in: what steers the step
     block: wp.int32,
-    begin: wp.int32,
-    end: wp.int32,
-    slow_when_free: wp.int32,
-    # what steers the step
-    unit: Any,
-    inverse_mass: Any,
-    velocity_factor: Any,
-    force_factor: Any,
-    time_step: Any,
-    look_ahead: Any,
+    control: wp.array(dtype=wp.float64),
     phase: Any,
-    # contact
+    unit: Any,
+    slow_when_free: wp.int32,
+    # in: contact
     pair_force: wp.array(dtype=Any),
     pair_body_x: wp.array(dtype=Any),
     pair_body_y: wp.array(dtype=Any),
@@ -130,13 +104,12 @@ def step_block_of_bodies(
 
 @wp.kernel
 def step_bodies(
-    # what steers the step
+    # in: what steers the step
     control: wp.array(dtype=wp.float64),
     unit: Any,
-    body_block: int,
     first_block: int,
     slow_when_free: int,
-    # contact
+    # in: contact
     pair_force: wp.array(dtype=Any),
     pair_body_x: wp.array(dtype=Any),
     pair_body_y: wp.array(dtype=Any),
@@ -151,19 +124,12 @@ def step_bodies(
     block = first_block + wp.tid()
     if control[STATUS] != STATUS_RUNNING:
         return
-    inverse_mass = type(unit)(control[BODY_INVERSE_MASS])
     step_block_of_bodies(
         block,
-        block * body_block,
-        wp.min((block + 1) * body_block, ux.shape[0]),
-        slow_when_free,
-        unit,
-        inverse_mass,
-        type(unit)(control[VELOCITY_FACTOR]),
-        type(unit)(control[FORCE_FACTOR]) * inverse_mass,
-        type(unit)(control[TIME_STEP]),
-        type(unit)(control[LOOK_AHEAD]),
+        control,
         type(unit)(rounding_phase(control[STEP])),
+        unit,
+        slow_when_free,
         pair_force,
         pair_body_x,
         pair_body_y,

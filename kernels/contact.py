@@ -69,18 +69,18 @@ def turned(a: Any, b: Any, x: Any, y: Any):
 
 @wp.kernel
 def find_contact_forces(
-    # what steers the step
+    # in: what steers the step
     control: wp.array(dtype=wp.float64),
     unit: Any,
     reach_at_rest: Any,
     first_pair: int,
-    # rest data of one repeat
+    # in: rest data of one repeat
     table_x: wp.array(dtype=Any),
     table_y: wp.array(dtype=Any),
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
     curve: wp.array2d(dtype=Any),
-    # pairs
+    # in: pairs
     pair_wire: wp.array(dtype=wp.int32),
     pair_seed: wp.array(dtype=wp.int32),
     pair_table: wp.array(dtype=wp.int32),

@@ -12,8 +12,8 @@ from typing import Any
 import warp as wp
 
 from .contact import CLOSEST_POINT_DOUBLE, CLOSEST_POINT_ITERATIONS, CLOSEST_POINT_SINGLE, CURVE_COEFFICIENTS
-from .control import CONTACT_STIFFNESS, GRADIENT, LENGTH_FACTOR, STATUS, STATUS_RUNNING, TRAVEL
-from .native import constants
+from .control import STATUS, STATUS_RUNNING
+from .native import STEERING, constants
 
 PAIR_BATCH = wp.constant(16)  # pairs
 CACHED_NODES = 4  # indices a pair: the nodes whose place the curve depends on
@@ -26,7 +26,12 @@ _BATCH = r"""
     const real zero = 0, one = 1, half = 0.5, two = 2, three = 3, four = 4, six = 6;
     const real open_square = real(9) * reach_at_rest * reach_at_rest;
     const real tolerance = sizeof(real) == 8 ? CLOSEST_POINT_DOUBLE : CLOSEST_POINT_SINGLE;
-    const int begin = LANES * batch;
+    const int begin = LANES * batch, pairs = pair_wire.shape[0];
+    const double* steer = control.data;
+    const double travel = steer[TRAVEL];
+    const real fxx = real(steer[GRADIENT]), fxy = real(steer[GRADIENT + 1]);
+    const real fyx = real(steer[GRADIENT + 2]), fyy = real(steer[GRADIENT + 3]);
+    const real reach = reach_at_rest * real(steer[LENGTH_FACTOR]), stiffness = real(steer[CONTACT_STIFFNESS]);
     const int count = pairs - begin < LANES ? pairs - begin : LANES;
     int awake[LANES], any = 0;
     for (int l = count; l < LANES; ++l) awake[l] = 0;
@@ -268,7 +273,7 @@ _BATCH = r"""
 
 UNCACHED = -(2**30)  # in cached_slide: nothing is kept yet
 
-_CONSTANTS = constants(
+_CONSTANTS = STEERING + constants(
     PAIR_BATCH=PAIR_BATCH,
     CACHED_NODES=CACHED_NODES,
     CACHED_NUMBERS=CACHED_NUMBERS,
@@ -281,26 +286,18 @@ _CONSTANTS = constants(
 
 @wp.func_native(_CONSTANTS + _BATCH)
 def contact_of_batch(
-    # batch of pairs
+    # in: what steers the step
     batch: wp.int32,
-    pairs: wp.int32,
-    # what steers the step
-    travel: wp.float64,
+    control: wp.array(dtype=wp.float64),
     unit: Any,
-    fxx: Any,
-    fxy: Any,
-    fyx: Any,
-    fyy: Any,
     reach_at_rest: Any,
-    reach: Any,
-    stiffness: Any,
-    # rest data of one repeat
+    # in: rest data of one repeat
     table_x: wp.array(dtype=Any),
     table_y: wp.array(dtype=Any),
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
     curve: wp.array2d(dtype=Any),
-    # pairs
+    # in: pairs
     pair_wire: wp.array(dtype=wp.int32),
     pair_seed: wp.array(dtype=wp.int32),
     pair_table: wp.array(dtype=wp.int32),
@@ -338,18 +335,18 @@ def contact_of_batch(
 
 @wp.kernel
 def find_contact_forces_by_batch(
-    # what steers the step
+    # in: what steers the step
     control: wp.array(dtype=wp.float64),
     unit: Any,
     reach_at_rest: Any,
     first_batch: int,
-    # rest data of one repeat
+    # in: rest data of one repeat
     table_x: wp.array(dtype=Any),
     table_y: wp.array(dtype=Any),
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
     curve: wp.array2d(dtype=Any),
-    # pairs
+    # in: pairs
     pair_wire: wp.array(dtype=wp.int32),
     pair_seed: wp.array(dtype=wp.int32),
     pair_table: wp.array(dtype=wp.int32),
@@ -388,16 +385,9 @@ def find_contact_forces_by_batch(
         return
     contact_of_batch(
         first_batch + wp.tid(),
-        pair_wire.shape[0],
-        control[TRAVEL],
+        control,
         unit,
-        type(unit)(control[GRADIENT]),
-        type(unit)(control[GRADIENT + 1]),
-        type(unit)(control[GRADIENT + 2]),
-        type(unit)(control[GRADIENT + 3]),
         reach_at_rest,
-        reach_at_rest * type(unit)(control[LENGTH_FACTOR]),
-        type(unit)(control[CONTACT_STIFFNESS]),
         table_x,
         table_y,
         rest_x,

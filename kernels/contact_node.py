@@ -21,11 +21,12 @@ def lend_contact_force(
     pair_slide: wp.array(dtype=wp.int32),
     pair_u: wp.array(dtype=wp.float64),
     # in and out
-    pair_node: wp.array(dtype=wp.int32),
     pair_gap: wp.array(dtype=wp.float64),
     pair_force: wp.array(dtype=wp.float64),
     pair_body_x: wp.array(dtype=wp.float64),
     pair_body_y: wp.array(dtype=wp.float64),
+    # out
+    pair_node: wp.array(dtype=wp.int32),
     pair_nodal_x: wp.array(dtype=wp.float64),
     pair_nodal_y: wp.array(dtype=wp.float64),
 ):

@@ -16,7 +16,7 @@ from .wires import node_at
 
 @wp.kernel
 def evaluate_wires(
-    # blocks and wires
+    # in: blocks and wires
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_table: wp.array(dtype=wp.int32),
@@ -29,17 +29,17 @@ def evaluate_wires(
     wire_clamp: wp.array2d(dtype=Any),
     wire_axial: wp.array(dtype=Any),
     wire_warmth: wp.array(dtype=wp.vec2d),
-    # what steers the step
+    # in: what steers the step
     control: wp.array(dtype=wp.float64),
     unit: Any,
-    # rest data
+    # in: rest data
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
     rest_length: wp.array(dtype=Any),
     rest_angle: wp.array(dtype=Any),
     rest_bow: wp.array(dtype=Any),
     tension_offset: wp.array(dtype=Any),
-    # state
+    # state in
     ux: wp.array(dtype=Any),
     uy: wp.array(dtype=Any),
     gripped: int,
@@ -49,7 +49,7 @@ def evaluate_wires(
     edge_y: wp.array(dtype=Any),
     strain: wp.array(dtype=Any),
     tension: wp.array(dtype=Any),
-    # ... and at the node itself (zero at the ends of an open wire)
+    # out: ... and at the node itself (zero at the ends of an open wire)
     turning: wp.array(dtype=Any),
 ):
     """Edge [m], strain of the curved segment [-], tension [N], and theta - theta0 [rad]."""

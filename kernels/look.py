@@ -84,7 +84,7 @@ def bend_at(
 
 @wp.kernel
 def sum_wires(
-    # blocks and wires
+    # in: blocks and wires
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_table: wp.array(dtype=wp.int32),
@@ -95,11 +95,11 @@ def sum_wires(
     wire_closed: wp.array(dtype=wp.int32),
     wire_clamp: wp.array2d(dtype=Any),
     gripped: int,
-    # what steers the step
+    # in: what steers the step
     control: wp.array(dtype=wp.float64),
     unit: Any,
     true_stiffness: wp.float64,
-    # rest data
+    # in: rest data
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
     rest_length: wp.array(dtype=Any),
@@ -113,7 +113,7 @@ def sum_wires(
     kept_stiffness: Any,
     plastic_turn: wp.array(dtype=Any),
     back_turn: wp.array(dtype=Any),
-    # in: edges [m]; out: forces of the segments [N]
+    # in and out: edges [m], then forces of the segments [N]
     force_x: wp.array(dtype=Any),
     force_y: wp.array(dtype=Any),
     # out
@@ -225,7 +225,7 @@ def sum_wires(
 
 @wp.kernel
 def sum_pairs(
-    # pairs
+    # in: pairs
     pair_block: int,
     unit: Any,
     pair_wire: wp.array(dtype=wp.int32),
@@ -234,7 +234,7 @@ def sum_pairs(
     pair_rest_y: wp.array(dtype=Any),
     table_x: wp.array(dtype=Any),
     table_y: wp.array(dtype=Any),
-    # state
+    # state in
     pair_slide: wp.array(dtype=wp.int32),
     pair_force: wp.array(dtype=Any),
     pair_gap: wp.array(dtype=Any),
@@ -278,7 +278,7 @@ def sum_pairs(
 
 @wp.kernel
 def sum_distances_from_chords(
-    # blocks and wires
+    # in: blocks and wires
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_table: wp.array(dtype=wp.int32),

@@ -83,7 +83,7 @@ def spread(grid: Grid, x: wp.float64, y: wp.float64, displacement: wp.array2d(dt
 
 @wp.kernel
 def gather_node_forces(
-    # blocks
+    # in: blocks
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_table: wp.array(dtype=wp.int32),
@@ -94,7 +94,7 @@ def gather_node_forces(
     place_x: wp.array(dtype=wp.float64),
     place_y: wp.array(dtype=wp.float64),
     grid: Grid,
-    # masses and accelerations
+    # in: masses and accelerations
     wire_mass: wp.array(dtype=Any),
     node_mass: wp.array(dtype=Any),
     acceleration_x: wp.array(dtype=Any),
@@ -118,11 +118,11 @@ def gather_node_forces(
 
 @wp.kernel
 def gather_body_forces(
-    # bodies
+    # in: bodies
     body_origin_x: wp.array(dtype=wp.float64),
     body_origin_y: wp.array(dtype=wp.float64),
     grid: Grid,
-    # contact
+    # in: contact
     pair_force: wp.array(dtype=Any),
     pair_body_x: wp.array(dtype=Any),
     pair_body_y: wp.array(dtype=Any),
@@ -138,7 +138,7 @@ def gather_body_forces(
 
 @wp.kernel
 def spread_to_nodes(
-    # blocks
+    # in: blocks
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_table: wp.array(dtype=wp.int32),
@@ -186,7 +186,7 @@ def spread_to_nodes(
 
 @wp.kernel
 def spread_to_bodies(
-    # bodies
+    # in: bodies
     body_origin_x: wp.array(dtype=wp.float64),
     body_origin_y: wp.array(dtype=wp.float64),
     body_clasp: wp.array(dtype=wp.int32),

@@ -18,7 +18,7 @@ from .control import MULTIPLIER_RATE
 
 @wp.kernel
 def update_tension_offset(
-    # where
+    # in: where
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_wire: wp.array(dtype=wp.int32),

@@ -19,19 +19,19 @@ from .wires import node_at
 
 @wp.kernel
 def place_nodes_in_hash(
-    # where
+    # in: where
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_table: wp.array(dtype=wp.int32),
     block_origin_x: wp.array(dtype=wp.float64),
     block_origin_y: wp.array(dtype=wp.float64),
     block_size: int,
-    # how
+    # in: how
     control: wp.array(dtype=wp.float64),
     unit: Any,
     cell_x: wp.float64,
     cell_y: wp.float64,
-    # rest data and state
+    # in: rest data and state
     place_x: wp.array(dtype=wp.float64),
     place_y: wp.array(dtype=wp.float64),
     ux: wp.array(dtype=Any),
@@ -62,7 +62,7 @@ def place_nodes_in_hash(
 
 @wp.kernel
 def find_nearest_segments(
-    # how
+    # in: how
     grid: wp.uint64,
     hash_radius: float,
     radius: Any,
@@ -74,12 +74,12 @@ def find_nearest_segments(
     unit: Any,
     cell_x: wp.float64,
     cell_y: wp.float64,
-    # rest data
+    # in: rest data
     table_x: wp.array(dtype=Any),
     table_y: wp.array(dtype=Any),
     body_origin_x: wp.array(dtype=wp.float64),
     body_origin_y: wp.array(dtype=wp.float64),
-    # pairs
+    # in: pairs
     pair_wire: wp.array(dtype=wp.int32),
     pair_seed: wp.array(dtype=wp.int32),
     pair_table: wp.array(dtype=wp.int32),
@@ -92,15 +92,15 @@ def find_nearest_segments(
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
     wire_closed: wp.array(dtype=wp.int32),
-    # state
+    # state in
     ux: wp.array(dtype=Any),
     uy: wp.array(dtype=Any),
     body_ux: wp.array(dtype=Any),
     body_uy: wp.array(dtype=Any),
     # in and out
     pair_slide: wp.array(dtype=wp.int32),
-    pair_u: wp.array(dtype=Any),
     # out
+    pair_u: wp.array(dtype=Any),
     pair_wake: wp.array(dtype=Any),
 ):
     """`pair_wake` [m] is the travel at which the pair wakes up: 0 in touch, beyond any travel where no wire is near."""

@@ -127,7 +127,7 @@ def found(table: wp.array3d(dtype=wp.int32), a: int, b: int, c: int) -> int:
 
 @wp.kernel
 def prolong_nodes(
-    # blocks of the large mesh; column and row are those of the repeat of the first node
+    # in: blocks of the large mesh; column and row are those of the repeat of the first node
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_table: wp.array(dtype=wp.int32),
@@ -141,10 +141,10 @@ def prolong_nodes(
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
     wire_axial: wp.array(dtype=Any),
-    # rest places
+    # in: rest places
     place_x: wp.array(dtype=wp.float64),
     place_y: wp.array(dtype=wp.float64),
-    # the two meshes
+    # in: the two meshes
     m: Meshes,
     small_node: wp.array3d(dtype=wp.int32),
     # in: what changed on the small mesh [m], [m], [N], [-]
@@ -221,14 +221,14 @@ def prolong_nodes(
 
 @wp.kernel
 def prolong_bodies(
-    # bodies of the large mesh
+    # in: bodies of the large mesh
     body_clasp: wp.array(dtype=wp.int32),
     body_column: wp.array(dtype=wp.int32),
     body_row: wp.array(dtype=wp.int32),
     body_origin_x: wp.array(dtype=wp.float64),
     body_origin_y: wp.array(dtype=wp.float64),
     body_from_end: wp.array(dtype=wp.int32),
-    # the two meshes
+    # in: the two meshes
     m: Meshes,
     small_body: wp.array3d(dtype=wp.int32),
     # in: what changed on the small mesh [m], [m], [N]

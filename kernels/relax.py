@@ -14,7 +14,7 @@ import warp as wp
 
 @wp.kernel
 def sum_rayleigh(
-    # blocks
+    # in: blocks
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_table: wp.array(dtype=wp.int32),
@@ -27,7 +27,7 @@ def sum_rayleigh(
     uy: wp.array(dtype=Any),
     acceleration_x: wp.array(dtype=Any),
     acceleration_y: wp.array(dtype=Any),
-    # in: of the last look, out: of this one
+    # in and out: of the last look, then of this one
     last_ux: wp.array(dtype=Any),
     last_uy: wp.array(dtype=Any),
     last_acceleration_x: wp.array(dtype=Any),

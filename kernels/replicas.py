@@ -12,23 +12,7 @@ import warp as wp
 
 from .bodies import step_block_of_bodies
 from .contact_by_batch import contact_of_batch
-from .control import (
-    BODY_INVERSE_MASS,
-    BOW_MOMENT,
-    CONTACT_STIFFNESS,
-    FORCE_FACTOR,
-    GRADIENT,
-    LENGTH_FACTOR,
-    LOOK_AHEAD,
-    SLOPE_FACTOR,
-    STATUS,
-    STATUS_RUNNING,
-    STEP,
-    TIME_STEP,
-    TRAVEL,
-    VELOCITY_FACTOR,
-    renew_control,
-)
+from .control import STATUS, STATUS_RUNNING, STEP, renew_control
 from .grip import count_of, held_move
 from .wires import rounding_phase
 from .wires_by_block import block_step
@@ -36,7 +20,7 @@ from .wires_by_block import block_step
 
 @wp.kernel
 def step_replicas(
-    # which replicas, and up to which step [replica]
+    # in: which replicas, and up to which step [replica]
     replicas: wp.array(dtype=wp.int32),
     last_step: wp.array(dtype=wp.float64),
     # how
@@ -44,10 +28,9 @@ def step_replicas(
     gripped: int,
     slow_when_free: int,
     batches: int,
-    body_block: int,
     body_blocks: int,
     reach_at_rest: Any,
-    # rest data of one repeat
+    # in: rest data of one repeat
     table_x: wp.array(dtype=Any),
     table_y: wp.array(dtype=Any),
     rest_x: wp.array(dtype=Any),
@@ -59,7 +42,7 @@ def step_replicas(
     inverse_mass: wp.array(dtype=Any),
     node_mass: wp.array(dtype=Any),
     curve: wp.array2d(dtype=Any),
-    # blocks and wires
+    # in: blocks and wires
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_table: wp.array(dtype=wp.int32),
@@ -71,7 +54,7 @@ def step_replicas(
     wire_count: wp.array(dtype=wp.int32),
     wire_closed: wp.array(dtype=wp.int32),
     wire_clamp: wp.array2d(dtype=Any),
-    # pairs
+    # in: pairs
     pair_wire: wp.array(dtype=wp.int32),
     pair_seed: wp.array(dtype=wp.int32),
     pair_table: wp.array(dtype=wp.int32),
@@ -80,7 +63,7 @@ def step_replicas(
     pair_side: wp.array(dtype=wp.int32),
     pair_rest_x: wp.array(dtype=Any),
     pair_rest_y: wp.array(dtype=Any),
-    # grips
+    # in: grips
     held_node: wp.array(dtype=wp.int32),
     held_lever_x: wp.array(dtype=wp.float64),
     held_lever_y: wp.array(dtype=wp.float64),
@@ -96,7 +79,7 @@ def step_replicas(
     parity: wp.array(dtype=wp.int32),
     node_ux: wp.array3d(dtype=Any),
     node_uy: wp.array3d(dtype=Any),
-    # ... and the rest [replica, ...]
+    # in and out: the rest [replica, ...]
     node_vx: wp.array2d(dtype=Any),
     node_vy: wp.array2d(dtype=Any),
     body_ux: wp.array2d(dtype=Any),
@@ -109,9 +92,8 @@ def step_replicas(
     cached_node: wp.array2d(dtype=wp.int32),
     cached_number: wp.array2d(dtype=Any),
     control: wp.array2d(dtype=wp.float64),
-    # out: [replica, ...]
+    # in and out: what a step leaves for its next part [replica, ...]
     pair_node: wp.array2d(dtype=wp.int32),
-    pair_gap: wp.array2d(dtype=Any),
     pair_force: wp.array2d(dtype=Any),
     pair_body_x: wp.array2d(dtype=Any),
     pair_body_y: wp.array2d(dtype=Any),
@@ -119,34 +101,20 @@ def step_replicas(
     pair_nodal_y: wp.array2d(dtype=Any),
     wire_partial: wp.array3d(dtype=wp.float64),
     body_partial: wp.array3d(dtype=wp.float64),
+    # out
+    pair_gap: wp.array2d(dtype=Any),
 ):
     r = replicas[wp.tid()]
     while control[r, STATUS] == STATUS_RUNNING and control[r, STEP] < last_step[r]:
         now = parity[r]
         then = 1 - now
-        fxx = type(unit)(control[r, GRADIENT])
-        fxy = type(unit)(control[r, GRADIENT + 1])
-        fyx = type(unit)(control[r, GRADIENT + 2])
-        fyy = type(unit)(control[r, GRADIENT + 3])
-        length_factor = type(unit)(control[r, LENGTH_FACTOR])
-        velocity_factor = type(unit)(control[r, VELOCITY_FACTOR])
-        force_factor = type(unit)(control[r, FORCE_FACTOR])
-        time_step = type(unit)(control[r, TIME_STEP])
-        look_ahead = type(unit)(control[r, LOOK_AHEAD])
         phase = type(unit)(rounding_phase(control[r, STEP]))
         for batch in range(batches):
             contact_of_batch(
                 batch,
-                pair_wire.shape[0],
-                control[r, TRAVEL],
+                control[r],
                 unit,
-                fxx,
-                fxy,
-                fyx,
-                fyy,
                 reach_at_rest,
-                reach_at_rest * length_factor,
-                type(unit)(control[r, CONTACT_STIFFNESS]),
                 table_x,
                 table_y,
                 rest_x,
@@ -183,38 +151,24 @@ def step_replicas(
                 pair_nodal_y[r],
             )
         for block in range(block_first.shape[0]):
-            wire = block_wire[block]
             block_step(
                 block,
-                block_first[block],
-                block_count[block],
-                block_table[block],
-                wire_first[wire],
-                wire_count[wire],
-                wire_closed[wire],
-                block_pair_start[block],
-                block_pair_start[block + 1],
-                block_held_start[block],
-                block_held_start[block + 1],
-                gripped,
-                wire,
-                wire_clamp,
-                unit,
-                fxx,
-                fxy,
-                fyx,
-                fyy,
-                length_factor,
-                type(unit)(wp.float64(1.0) / control[r, LENGTH_FACTOR]),
-                type(unit)(control[r, BOW_MOMENT] * control[r, LENGTH_FACTOR]),
-                type(unit)(control[r, SLOPE_FACTOR]),
-                wire_axial[r, wire],
-                type(unit)(1.0) / wire_mass[r, wire],
-                velocity_factor,
-                force_factor,
-                time_step,
-                look_ahead,
+                control[r],
                 phase,
+                unit,
+                gripped,
+                block_first,
+                block_count,
+                block_table,
+                block_wire,
+                block_pair_start,
+                block_held_start,
+                wire_first,
+                wire_count,
+                wire_closed,
+                wire_clamp,
+                wire_axial[r],
+                wire_mass[r],
                 rest_x,
                 rest_y,
                 rest_length,
@@ -242,20 +196,13 @@ def step_replicas(
                 node_uy[then, r],
                 wire_partial[r],
             )
-        body_inverse_mass = type(unit)(control[r, BODY_INVERSE_MASS])
         for block in range(body_blocks):
             step_block_of_bodies(
                 block,
-                block * body_block,
-                wp.min((block + 1) * body_block, body_ux.shape[1]),
-                slow_when_free,
-                unit,
-                body_inverse_mass,
-                velocity_factor,
-                force_factor * body_inverse_mass,
-                time_step,
-                look_ahead,
+                control[r],
                 phase,
+                unit,
+                slow_when_free,
                 pair_force[r],
                 pair_body_x[r],
                 pair_body_y[r],

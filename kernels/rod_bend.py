@@ -79,7 +79,7 @@ def elastic_turn(turn: wp.vec2d, plastic: wp.vec2d, most: wp.float64, kept: wp.f
 
 @wp.kernel
 def bend_rods(
-    # wires
+    # in: wires
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
     natural_length: wp.array(dtype=wp.float64),
@@ -90,7 +90,7 @@ def bend_rods(
     twist_stiffness: wp.float64,
     yield_curvature: wp.float64,
     hardening: wp.float64,
-    # what steers the step
+    # in: what steers the step
     control: wp.array(dtype=wp.float64),
     # state in
     stretch_stiffness: wp.array(dtype=wp.float64),

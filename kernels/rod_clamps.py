@@ -31,12 +31,12 @@ from .rod_step import NODE_BLOCK
 
 @wp.kernel
 def move_clamps(
-    # clamps
+    # in: clamps
     clamp_node: wp.array2d(dtype=wp.int32),
     clamp_lever: wp.array2d(dtype=wp.vec2d),
     clamp_slides: wp.array(dtype=wp.int32),
     node_mass: wp.array(dtype=wp.float64),
-    # what steers the step
+    # in: what steers the step
     control: wp.array(dtype=wp.float64),
     # in: the sums without holding
     force: wp.array(dtype=wp.vec3d),

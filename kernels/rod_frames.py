@@ -38,11 +38,11 @@ def transported(vector: wp.vec3d, before: wp.vec3d, now: wp.vec3d) -> wp.vec3d:
 
 @wp.kernel
 def follow_rods(
-    # wires
+    # in: wires
     following: wp.array(dtype=wp.int32),
     rest_position: wp.array(dtype=wp.vec3d),
     rest_edge: wp.array(dtype=wp.vec3d),
-    # what steers the step
+    # in: what steers the step
     control: wp.array(dtype=wp.float64),
     # state in
     displacement: wp.array(dtype=wp.vec3d),

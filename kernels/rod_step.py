@@ -49,7 +49,7 @@ def segment_pull(
 
 @wp.kernel
 def step_rods(
-    # wires
+    # in: wires
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
     held: wp.array(dtype=wp.int32),
@@ -59,7 +59,7 @@ def step_rods(
     stretch_stiffness: wp.array(dtype=wp.float64),
     load_force: wp.array(dtype=wp.vec3d),
     load_torque: wp.array(dtype=wp.float64),
-    # what steers the step
+    # in: what steers the step
     control: wp.array(dtype=wp.float64),
     # state in
     tension_offset: wp.array(dtype=wp.float64),
@@ -70,7 +70,7 @@ def step_rods(
     torque_before: wp.array(dtype=wp.float64),
     torque_after: wp.array(dtype=wp.float64),
     contact_couple: wp.array(dtype=wp.vec3d),
-    # in: what contact adds; out: zero, for the next step
+    # in and out: what contact adds, then zero for the next step
     contact_force: wp.array(dtype=wp.vec3d),
     # state in and out
     displacement: wp.array(dtype=wp.vec3d),

@@ -39,10 +39,11 @@ def slide_clamps(
     wire_mass: wp.array(dtype=wp.float64),
     # state in and out
     slide_vy: wp.array(dtype=wp.float64),
-    vx: wp.array(dtype=wp.float64),
     vy: wp.array(dtype=wp.float64),
-    ux: wp.array(dtype=wp.float64),
     uy: wp.array(dtype=wp.float64),
+    # state out
+    vx: wp.array(dtype=wp.float64),
+    ux: wp.array(dtype=wp.float64),
     # out
     partial: wp.array2d(dtype=wp.float64),
 ):

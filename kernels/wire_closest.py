@@ -215,19 +215,19 @@ def are_apart(one: wp.vec2d, other: wp.vec2d) -> bool:
 
 @wp.kernel
 def find_closest_places(
-    # pairs
+    # in: pairs
     pair_count: wp.array(dtype=wp.int32),
     pair_first: wp.array(dtype=wp.int32),
     pair_second: wp.array(dtype=wp.int32),
     pair_shift: wp.array(dtype=wp.vec3d),
-    # wires
+    # in: wires
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
     node_radius: wp.array(dtype=wp.float64),
     rest_slope: wp.array(dtype=wp.vec2d),
     rest_bump: wp.array(dtype=wp.vec4d),
     rest_bulge: wp.array(dtype=wp.float64),
-    # what steers the step
+    # in: what steers the step
     control: wp.array(dtype=wp.float64),
     reach: wp.float64,
     # state in

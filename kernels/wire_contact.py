@@ -63,7 +63,7 @@ def add_to_wire(
 
 @wp.kernel
 def push_wires_apart(
-    # pairs
+    # in: pairs
     pair_count: wp.array(dtype=wp.int32),
     pair_start: wp.array(dtype=wp.int32),
     pair_count_of: wp.array(dtype=wp.int32),
@@ -73,14 +73,14 @@ def push_wires_apart(
     pair_way: wp.array(dtype=wp.float64),
     pair_found: wp.array(dtype=wp.int32),
     pair_place: wp.array(dtype=wp.vec2d),
-    # wires
+    # in: wires
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
     natural_length: wp.array(dtype=wp.float64),
     node_radius: wp.array(dtype=wp.float64),
     rest_slope: wp.array(dtype=wp.vec2d),
     rest_bump: wp.array(dtype=wp.vec4d),
-    # what steers the step
+    # in: what steers the step
     control: wp.array(dtype=wp.float64),
     apart: wp.float64,
     friction: wp.float64,

@@ -91,7 +91,7 @@ def find_segment_pairs(
     most_sag: wp.float64,
     tile: wp.vec3d,
     is_filling: int,
-    # wires
+    # in: wires
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
     node_wire: wp.array(dtype=wp.int32),

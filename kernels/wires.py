@@ -80,7 +80,7 @@ def node_at(i: int, wire_first: int, wire_count: int, closed: int) -> int:
 
 @wp.kernel
 def step_wires_by_node(
-    # blocks and wires
+    # in: blocks and wires
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_table: wp.array(dtype=wp.int32),
@@ -93,26 +93,24 @@ def step_wires_by_node(
     wire_clamp: wp.array2d(dtype=Any),
     wire_axial: wp.array(dtype=Any),
     wire_mass: wp.array(dtype=Any),
-    # what steers the step
+    # in: what steers the step
     control: wp.array(dtype=wp.float64),
     unit: Any,
     first_block: int,
     gripped: int,
-    # rest data
+    # in: rest data
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
     rest_length: wp.array(dtype=Any),
-    inverse_length: wp.array(dtype=Any),
     rest_angle: wp.array(dtype=Any),
     hinge_stiffness: wp.array(dtype=Any),
     inverse_mass: wp.array(dtype=Any),
-    node_mass: wp.array(dtype=Any),
     tension_offset: wp.array(dtype=Any),
     yield_moment: Any,
     kept_stiffness: Any,
     plastic_turn: wp.array(dtype=Any),
     back_turn: wp.array(dtype=Any),
-    # contact and grips
+    # in: contact and grips
     block_pair: wp.array(dtype=wp.int32),
     pair_node: wp.array(dtype=wp.int32),
     pair_force: wp.array(dtype=Any),

@@ -10,25 +10,8 @@ from typing import Any
 
 import warp as wp
 
-from .control import (
-    BOW_MOMENT,
-    FORCE_FACTOR,
-    FORCE_PART,
-    GRADIENT,
-    KINETIC_PART,
-    LENGTH_FACTOR,
-    LOOK_AHEAD,
-    PARTIAL_COUNT,
-    SLOPE_FACTOR,
-    SPEED_PART,
-    STATUS,
-    STATUS_RUNNING,
-    STEP,
-    STRONGEST_PART,
-    TIME_STEP,
-    VELOCITY_FACTOR,
-)
-from .native import constants
+from .control import STATUS, STATUS_RUNNING, STEP
+from .native import STEERING, constants
 from .wires import rounding_phase
 
 BLOCK_SIZE = 128
@@ -43,12 +26,24 @@ _BLOCK_STEP = r"""
     const bool counted = coordinate(0.5) == coordinate(0);
     // loops run over whole vectors: PAD places behind the last node hold numbers that nothing uses
     enum { LANES = 16, PAD = BLOCK_PAD, HALO = 3, SPAN = BLOCK_SIZE + 2 * HALO + PAD };
-    const int count = block_count;
+    const int first = block_first.data[block], count = block_count.data[block], table = block_table.data[block];
+    const int wire = block_wire.data[block];
+    const int wire_begin = wire_first.data[wire], wire_nodes = wire_count.data[wire], closed = wire_closed.data[wire];
+    const int pair_begin = block_pair_start.data[block], pair_end = block_pair_start.data[block + 1];
+    const int held_begin = block_held_start.data[block], held_end = block_held_start.data[block + 1];
+    const double* steer = control.data;
+    const real fxx = real(steer[GRADIENT]), fxy = real(steer[GRADIENT + 1]);
+    const real fyx = real(steer[GRADIENT + 2]), fyy = real(steer[GRADIENT + 3]);
+    const real length_factor = real(steer[LENGTH_FACTOR]), hinge_factor = real(1.0 / steer[LENGTH_FACTOR]);
+    const real bow_moment = real(steer[BOW_MOMENT] * steer[LENGTH_FACTOR]), slope_factor = real(steer[SLOPE_FACTOR]);
+    const real velocity_factor = real(steer[VELOCITY_FACTOR]), force_factor = real(steer[FORCE_FACTOR]);
+    const real time_step = real(steer[TIME_STEP]), look_ahead = real(steer[LOOK_AHEAD]);
+    const real axial_stiffness = wire_axial.data[wire], mass_factor = real(1) / wire_mass.data[wire];
     const int nodes = count + 2 * HALO, segments = nodes - 1;
     const int whole = (segments + LANES) / LANES * LANES;
     const int lanes = (count + LANES - 1) / LANES * LANES;
     const int offset_of_block = first - HALO;
-    const int wire_end = wire_first + wire_count;
+    const int wire_end = wire_begin + wire_nodes;
     for (int q = pair_begin; q < pair_end; ++q) {
         // needed below, from far apart
         const int p = block_pair.data[q];
@@ -69,10 +64,10 @@ _BLOCK_STEP = r"""
         const int k = q < HALO ? q : count + q;
         int i = offset_of_block + k;
         if (closed) {
-            while (i < wire_first) i += wire_count;
-            while (i >= wire_end) i -= wire_count;
+            while (i < wire_begin) i += wire_nodes;
+            while (i >= wire_end) i -= wire_nodes;
         } else {
-            i = i < wire_first ? wire_first : (i >= wire_end ? wire_end - 1 : i);
+            i = i < wire_begin ? wire_begin : (i >= wire_end ? wire_end - 1 : i);
         }
         cx[k] = ux_in.data[i];
         cy[k] = uy_in.data[i];
@@ -108,7 +103,7 @@ _BLOCK_STEP = r"""
         tension[k] = shift[k] + axial_by_factor * (length - rl[k] * length_factor) * ri[k];
     }
     }
-    const int begin = wire_first - offset_of_block, end = wire_end - offset_of_block;
+    const int begin = wire_begin - offset_of_block, end = wire_end - offset_of_block;
     // the numbers of a clamp: see clamp.py
     enum { LEVER_X, LEVER_Y, TANGENT_X, TANGENT_Y, LENGTH, ANGLE, NEXT_ANGLE, HINGE, NEXT_HINGE };
     enum { BOW_WEIGHT = 11, NEXT_BOW_WEIGHT, BEYOND_BOW_WEIGHT, CLAMP_NUMBERS };
@@ -184,9 +179,9 @@ _BLOCK_STEP = r"""
         for (int j = 1; j < segments; ++j) {
             int i = offset_of_block + j;
             if (closed) {
-                while (i < wire_first) i += wire_count;
-                while (i >= wire_end) i -= wire_count;
-            } else if (i < wire_first || i >= wire_end) {
+                while (i < wire_begin) i += wire_nodes;
+                while (i >= wire_end) i -= wire_nodes;
+            } else if (i < wire_begin || i >= wire_end) {
                 continue;
             }
             const real stiffness = share[j] * hinge_factor * rb[j];
@@ -258,8 +253,8 @@ _BLOCK_STEP = r"""
         for (int c = 0; c < 4; ++c) {
             int i = pair_node.data[p] - 1 + c;
             if (closed) {
-                if (i < wire_first) i += wire_count;
-                if (i >= wire_end) i -= wire_count;
+                if (i < wire_begin) i += wire_nodes;
+                if (i >= wire_end) i -= wire_nodes;
             }
             const int k = i - offset_of_block;
             if (k >= HALO && k < count + HALO) {
@@ -364,15 +359,7 @@ ATAN_DOUBLE = (
 )
 
 
-_CONSTANTS = constants(
-    BLOCK_SIZE=BLOCK_SIZE,
-    BLOCK_PAD=BLOCK_PAD,
-    PARTIAL_COUNT=PARTIAL_COUNT,
-    KINETIC_PART=KINETIC_PART,
-    SPEED_PART=SPEED_PART,
-    STRONGEST_PART=STRONGEST_PART,
-    FORCE_PART=FORCE_PART,
-)
+_CONSTANTS = STEERING + constants(BLOCK_SIZE=BLOCK_SIZE, BLOCK_PAD=BLOCK_PAD)
 
 _SNIPPET = _CONSTANTS + _BLOCK_STEP.replace("ATAN_SINGLE", _polynomial(ATAN_SINGLE, "z")).replace(
     "ATAN_DOUBLE", _polynomial(ATAN_DOUBLE, "z")
@@ -381,73 +368,13 @@ _SNIPPET = _CONSTANTS + _BLOCK_STEP.replace("ATAN_SINGLE", _polynomial(ATAN_SING
 
 @wp.func_native(_SNIPPET)
 def block_step(
-    # where
+    # in: what steers the step
     block: wp.int32,
-    first: wp.int32,
-    block_count: wp.int32,
-    table: wp.int32,
-    wire_first: wp.int32,
-    wire_count: wp.int32,
-    closed: wp.int32,
-    pair_begin: wp.int32,
-    pair_end: wp.int32,
-    held_begin: wp.int32,
-    held_end: wp.int32,
-    gripped: wp.int32,
-    wire: wp.int32,
-    wire_clamp: wp.array2d(dtype=Any),
-    # what steers the step
-    unit: Any,
-    fxx: Any,
-    fxy: Any,
-    fyx: Any,
-    fyy: Any,
-    length_factor: Any,
-    hinge_factor: Any,
-    bow_moment: Any,
-    slope_factor: Any,
-    axial_stiffness: Any,
-    mass_factor: Any,
-    velocity_factor: Any,
-    force_factor: Any,
-    time_step: Any,
-    look_ahead: Any,
+    control: wp.array(dtype=wp.float64),
     phase: Any,
-    # rest data
-    rest_x: wp.array(dtype=Any),
-    rest_y: wp.array(dtype=Any),
-    rest_length: wp.array(dtype=Any),
-    inverse_length: wp.array(dtype=Any),
-    rest_angle: wp.array(dtype=Any),
-    hinge_stiffness: wp.array(dtype=Any),
-    inverse_mass: wp.array(dtype=Any),
-    node_mass: wp.array(dtype=Any),
-    tension_offset: wp.array(dtype=Any),
-    yield_moment: Any,
-    kept_stiffness: Any,
-    plastic_turn: wp.array(dtype=Any),
-    back_turn: wp.array(dtype=Any),
-    # contact and grips
-    block_pair: wp.array(dtype=wp.int32),
-    pair_node: wp.array(dtype=wp.int32),
-    pair_force: wp.array(dtype=Any),
-    pair_nodal_x: wp.array(dtype=Any),
-    pair_nodal_y: wp.array(dtype=Any),
-    held_node: wp.array(dtype=wp.int32),
-    # state in, state out
-    ux_in: wp.array(dtype=Any),
-    uy_in: wp.array(dtype=Any),
-    vx: wp.array(dtype=Any),
-    vy: wp.array(dtype=Any),
-    ux_out: wp.array(dtype=Any),
-    uy_out: wp.array(dtype=Any),
-    partial: wp.array2d(dtype=wp.float64),
-): ...
-
-
-@wp.kernel
-def step_wires_by_block(
-    # blocks and wires
+    unit: Any,
+    gripped: wp.int32,
+    # in: blocks and wires
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_table: wp.array(dtype=wp.int32),
@@ -460,12 +387,7 @@ def step_wires_by_block(
     wire_clamp: wp.array2d(dtype=Any),
     wire_axial: wp.array(dtype=Any),
     wire_mass: wp.array(dtype=Any),
-    # what steers the step
-    control: wp.array(dtype=wp.float64),
-    unit: Any,
-    first_block: int,
-    gripped: int,
-    # rest data
+    # in: rest data
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
     rest_length: wp.array(dtype=Any),
@@ -479,7 +401,61 @@ def step_wires_by_block(
     kept_stiffness: Any,
     plastic_turn: wp.array(dtype=Any),
     back_turn: wp.array(dtype=Any),
-    # contact and grips
+    # in: contact and grips
+    block_pair: wp.array(dtype=wp.int32),
+    pair_node: wp.array(dtype=wp.int32),
+    pair_force: wp.array(dtype=Any),
+    pair_nodal_x: wp.array(dtype=Any),
+    pair_nodal_y: wp.array(dtype=Any),
+    held_node: wp.array(dtype=wp.int32),
+    # state in
+    ux_in: wp.array(dtype=Any),
+    uy_in: wp.array(dtype=Any),
+    # state in and out
+    vx: wp.array(dtype=Any),
+    vy: wp.array(dtype=Any),
+    # out
+    ux_out: wp.array(dtype=Any),
+    uy_out: wp.array(dtype=Any),
+    partial: wp.array2d(dtype=wp.float64),
+): ...
+
+
+@wp.kernel
+def step_wires_by_block(
+    # in: blocks and wires
+    block_first: wp.array(dtype=wp.int32),
+    block_count: wp.array(dtype=wp.int32),
+    block_table: wp.array(dtype=wp.int32),
+    block_wire: wp.array(dtype=wp.int32),
+    block_pair_start: wp.array(dtype=wp.int32),
+    block_held_start: wp.array(dtype=wp.int32),
+    wire_first: wp.array(dtype=wp.int32),
+    wire_count: wp.array(dtype=wp.int32),
+    wire_closed: wp.array(dtype=wp.int32),
+    wire_clamp: wp.array2d(dtype=Any),
+    wire_axial: wp.array(dtype=Any),
+    wire_mass: wp.array(dtype=Any),
+    # in: what steers the step
+    control: wp.array(dtype=wp.float64),
+    unit: Any,
+    first_block: int,
+    gripped: int,
+    # in: rest data
+    rest_x: wp.array(dtype=Any),
+    rest_y: wp.array(dtype=Any),
+    rest_length: wp.array(dtype=Any),
+    inverse_length: wp.array(dtype=Any),
+    rest_angle: wp.array(dtype=Any),
+    hinge_stiffness: wp.array(dtype=Any),
+    inverse_mass: wp.array(dtype=Any),
+    node_mass: wp.array(dtype=Any),
+    tension_offset: wp.array(dtype=Any),
+    yield_moment: Any,
+    kept_stiffness: Any,
+    plastic_turn: wp.array(dtype=Any),
+    back_turn: wp.array(dtype=Any),
+    # in: contact and grips
     block_pair: wp.array(dtype=wp.int32),
     pair_node: wp.array(dtype=wp.int32),
     pair_force: wp.array(dtype=Any),
@@ -504,38 +480,24 @@ def step_wires_by_block(
             ux_out[i] = ux_in[i]
             uy_out[i] = uy_in[i]
         return
-    wire = block_wire[block]
     block_step(
         block,
-        block_first[block],
-        block_count[block],
-        block_table[block],
-        wire_first[wire],
-        wire_count[wire],
-        wire_closed[wire],
-        block_pair_start[block],
-        block_pair_start[block + 1],
-        block_held_start[block],
-        block_held_start[block + 1],
-        gripped,
-        wire,
-        wire_clamp,
-        unit,
-        type(unit)(control[GRADIENT]),
-        type(unit)(control[GRADIENT + 1]),
-        type(unit)(control[GRADIENT + 2]),
-        type(unit)(control[GRADIENT + 3]),
-        type(unit)(control[LENGTH_FACTOR]),
-        type(unit)(wp.float64(1.0) / control[LENGTH_FACTOR]),
-        type(unit)(control[BOW_MOMENT] * control[LENGTH_FACTOR]),
-        type(unit)(control[SLOPE_FACTOR]),
-        wire_axial[wire],
-        type(unit)(1.0) / wire_mass[wire],
-        type(unit)(control[VELOCITY_FACTOR]),
-        type(unit)(control[FORCE_FACTOR]),
-        type(unit)(control[TIME_STEP]),
-        type(unit)(control[LOOK_AHEAD]),
+        control,
         type(unit)(rounding_phase(control[STEP])),
+        unit,
+        gripped,
+        block_first,
+        block_count,
+        block_table,
+        block_wire,
+        block_pair_start,
+        block_held_start,
+        wire_first,
+        wire_count,
+        wire_closed,
+        wire_clamp,
+        wire_axial,
+        wire_mass,
         rest_x,
         rest_y,
         rest_length,

@@ -48,7 +48,6 @@ class Constants:
     true_stiffness: wp.float64  # [N] EA
     friction: wp.float64  # [-] coefficient
     block_size: int = BLOCK_SIZE
-    body_block: int = BODY_BLOCK
 
 
 @dataclass(frozen=True)
