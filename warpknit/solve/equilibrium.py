@@ -5,9 +5,9 @@ It serves one mesh or many side by side; each decides for itself, so its answer 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
@@ -16,11 +16,28 @@ from ..measure.scales import tension_scale
 from ..mechanics import Group
 from ..numerics import CHECK_STEPS
 from .convergence import TENSION_FLOOR, Convergence
-
-if TYPE_CHECKING:
-    from .relax import Relaxation
+from .progress import Progress
 
 DEEPEST = 0.5  # of the thickness: an overlap from which wires may pass through each other
+
+
+class Relaxing(Protocol):
+    """A relaxation of one mesh, as the loop sees it (relax.py)."""
+
+    progress: Progress
+    watch: Callable[[Progress], None]
+
+    @property
+    def most_steps(self) -> int:
+        """Steps of a level after which it counts as never converging."""
+
+    def corrected(self, ratio: float) -> float:
+        """The ratio of all criteria, after what a drive does beside the steps."""
+
+    def divergence(self) -> Diverged: ...
+    def overlap_error(self) -> Diverged | None: ...
+    def stalled(self) -> Diverged: ...
+    def too_long(self) -> Diverged: ...
 
 
 @dataclass(frozen=True)
@@ -34,7 +51,7 @@ class Advanced:
 class Equilibrium:
     """Brings the meshes of a group to equilibrium, each under the load that its relaxation has put on."""
 
-    def __init__(self, group: Group, relaxations: Sequence[Relaxation]) -> None:
+    def __init__(self, group: Group, relaxations: Sequence[Relaxing]) -> None:
         self.group, self.relaxations = group, relaxations
         scene = group.model.scene
         self.convergence = Convergence(

@@ -18,7 +18,6 @@ from .contact import STICK_SHARE, WireContact
 from .edge import Edge
 from .mesh import SpatialMesh
 from .observables import SpatialObservables, read
-from .ramp_masses import step_now
 from .residual import Residual
 from .rest import Rest
 from .rod_arrays import RodState
@@ -248,7 +247,7 @@ class SpatialMechanics:
 
     def renew_time_step(self, steps: int) -> float:
         self.stepper.evaluate()
-        step = step_now(self.model, self.rest)
+        step = self.rest.stable_time_step()
         self.state.write_control({c.TIME_STEP: step})
         return step
 

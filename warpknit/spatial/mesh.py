@@ -216,7 +216,14 @@ def _mesh(
         precision=precision_of("double", 1.0),
         ranks=One(),
     )
-    return mesh if scene.solver.drive == "relax" else replace(mesh, ramp=ramp_numbers(mesh))
+    return mesh if scene.solver.drive == "relax" else replace(mesh, ramp=_ramp_numbers(mesh))
+
+
+def _ramp_numbers(mesh: SpatialMesh) -> RampNumbers:
+    stiffness, length = mesh.contact_stiffness, mesh.loop_length
+    return ramp_numbers(
+        mesh.scene, mesh.rods, mesh.curve, softening=mesh.softening, contact_stiffness=stiffness, loop_length=length
+    )
 
 
 def rods_of_wires(section: Section, panel: Panel, wires: SpatialWires) -> Rods:

@@ -9,17 +9,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from ..kernels import control as c
 from ..numerics import LOADING_PERIODS, STEP_MARGIN, slowest_rate
+from ..scene import Scene
+from .rest_curve import RestCurve
+from .rods import Rods
 from .step_bound import Rates, largest_rates, masses_for_step, stable_step
-
-if TYPE_CHECKING:
-    from .mesh import SpatialMesh
-    from .rest import Rest
 
 
 @dataclass(frozen=True)
@@ -35,15 +33,16 @@ class RampNumbers:
     damping: float  # [1/s]
 
 
-def ramp_numbers(mesh: SpatialMesh) -> RampNumbers:
-    """The numbers for a mesh as knitted."""
-    scene, rods = mesh.scene, mesh.rods
+def ramp_numbers(
+    scene: Scene, rods: Rods, curve: RestCurve, *, softening: float, contact_stiffness: float, loop_length: float
+) -> RampNumbers:
+    """The numbers for rods as knitted; contact_stiffness [N/m], loop_length [m] of wire."""
     solver = scene.solver
     stiff: dict[str, Any] = {
-        "stretch_stiffness": rods.section.axial_stiffness / mesh.softening,
+        "stretch_stiffness": rods.section.axial_stiffness / softening,
         "turning": rods.widest_turn(rods.rest_turning),
-        "contact_stiffness": mesh.contact_stiffness,
-        "curve": mesh.curve,
+        "contact_stiffness": contact_stiffness,
+        "curve": curve,
     }
     true_mass = rods.section.linear_density * rods.node_length
     mass = true_mass * solver.mass_scaling
@@ -53,7 +52,7 @@ def ramp_numbers(mesh: SpatialMesh) -> RampNumbers:
     spinless = largest_rates(rods, mass, np.full(len(spin), np.inf), **stiff)
     spin = np.maximum(spin, masses_for_step(rods, stable_step(spinless), **stiff)[1])
     rates = largest_rates(rods, mass, spin, **stiff)
-    slowest = slowest_rate(scene, mesh.loop_length)
+    slowest = slowest_rate(scene, loop_length)
     return RampNumbers(
         node_mass=mass,
         spin_inertia=spin,
@@ -63,19 +62,3 @@ def ramp_numbers(mesh: SpatialMesh) -> RampNumbers:
         loading_time=solver.loading_time or LOADING_PERIODS * 2.0 * math.pi / slowest,
         damping=slowest if solver.damping is None else solver.damping,
     )
-
-
-def step_now(mesh: SpatialMesh, rest: Rest) -> float:
-    """[s] that turns and tensions allow as they are in the state last evaluated."""
-    state = rest.stepper.state
-    rates = largest_rates(
-        mesh.rods,
-        state.node_mass.numpy(),
-        state.spin_inertia.numpy(),
-        stretch_stiffness=rest.stretch,
-        turning=rest.turning(),
-        tension=float(np.max(rest.tension(), initial=0.0)),
-        contact_stiffness=float(state.read_control()[int(c.CONTACT_STIFFNESS)]),
-        curve=mesh.curve,
-    )
-    return STEP_MARGIN * stable_step(rates)

@@ -19,11 +19,11 @@ import numpy as np
 from ..kernels import control as c
 from ..kernels.bend import BOW
 from ..kernels.rod_step import HELD_NODE, HELD_TURN
-from ..numerics import FIRST_DAMPING, LOOK_AHEAD, SPEED_SHARE, renewed_damping
+from ..numerics import FIRST_DAMPING, LOOK_AHEAD, SPEED_SHARE, STEP_MARGIN, renewed_damping
 from .clamps import MovingClamps
 from .rest_curve import RestCurve
 from .rod_step import RodStepper
-from .step_bound import unit_step_masses
+from .step_bound import largest_rates, stable_step, unit_step_masses
 
 MULTIPLIER_RATE = 0.05  # more of it shakes the wires, which the damping would take for a stiff mode
 
@@ -105,6 +105,21 @@ class Rest:
             return math.inf
         heaviest = float(np.add.reduceat(mass, rods.wire_first).max())
         return float(rods.wire_radius.min()) * math.sqrt(self.contact_stiffness / (2.0 * heaviest))
+
+    def stable_time_step(self) -> float:
+        """[s] that turns and tensions allow as they are in the state last evaluated, with the masses as they are."""
+        state = self.stepper.state
+        rates = largest_rates(
+            self.stepper.rods,
+            state.node_mass.numpy(),
+            state.spin_inertia.numpy(),
+            stretch_stiffness=self.stretch,
+            turning=self.turning(),
+            tension=float(np.max(self.tension(), initial=0.0)),
+            contact_stiffness=float(state.read_control()[int(c.CONTACT_STIFFNESS)]),
+            curve=self.curve,
+        )
+        return STEP_MARGIN * stable_step(rates)
 
     def turning(self) -> np.ndarray:
         """[node] [rad] the largest angle between segments at a node and its neighbours, of the state last evaluated."""
