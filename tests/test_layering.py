@@ -34,7 +34,7 @@ LAYERS = (
     {"wires", "memory", "device", "numerics"},
     {"mesh"},
     {"measure"},
-    {"mechanics"},
+    {"mechanics", "estimate"},
     {"planar"},
     {"spatial"},
     {"model"},

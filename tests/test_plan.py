@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpknit import plan
 from warpknit.errors import DeviceError, InputError, MemoryNeeded
 from warpknit.knit.chain import KnitError
 from warpknit.memory import MEMORY_PER_NODE
 from warpknit.mesh import layout
 from warpknit.model import build_model
-from warpknit.plan import ESTIMATE_FACTOR, make_plan
+from warpknit.plan import make_plan
+from warpknit.planar import estimate
+from warpknit.planar.estimate import ESTIMATE_FACTOR
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.run.run import run_scene
@@ -53,7 +54,7 @@ def test_estimated_sizes_of_large_meshes(monkeypatch, boundary):
     """
     scene = load_scene(PATCH, [f'model.boundary="{boundary}"'])
     counted = make_plan(scene, "cpu")
-    monkeypatch.setattr(plan, "COUNTED_NODES", 0)
+    monkeypatch.setattr(estimate, "COUNTED_NODES", 0)
     estimated = make_plan(scene, "cpu")
     assert not estimated.counted and "about" in estimated.lines()[2]
     allowed = 0.0 if boundary == "periodic" else 0.5 * (1 / 7 + 1 / 6)

@@ -52,6 +52,10 @@ class Model(Protocol):
     @property
     def node_count(self) -> int: ...
     @property
+    def time_step(self) -> float:
+        """[s] that a run starts with."""
+
+    @property
     def loading_time(self) -> float:
         """[s] of a stage of a ramp."""
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
+from .estimate import Estimates
 from .mechanics import Group, Mechanics, Model
 from .ranks.ranks import Ranks
 from .scene import Scene
@@ -41,3 +42,9 @@ def replicas_of(model: Model, count: int, threads: int | None = None) -> Group:
     """So many states of a model that has replicas, stepped by one launch and shared by `threads`; default: one a core."""
     replicas: Group = _kind(model.scene).replicas(model, count, threads)
     return replicas
+
+
+def estimates_of(scene: Scene) -> Estimates:
+    """What the kind of model that a scene asks for says of a run of it."""
+    estimates: Estimates = _kind(scene).estimate
+    return estimates

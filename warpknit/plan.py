@@ -3,8 +3,8 @@
     plan = make_plan(load_scene("scenes/atlas_patch.toml"))
     print("\n".join(plan.lines()))
 
-Sizes are those of the real model, built without compiling a kernel, up to COUNTED_NODES nodes, and those of the endless
-cloth above. Steps and time are estimates: see solve/estimate.py and spatial/estimate.py for what they go by.
+Sizes are those of the real model, built without compiling a kernel, and those of the endless cloth where it is large. Steps and
+time are estimates: see planar/estimate.py and spatial/estimate.py for what they go by.
 """
 
 from __future__ import annotations
@@ -14,42 +14,19 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from .device import find_device
+from .estimate import Size
 from .knit.chain import parse_chain
 from .knit.cloth import Cloth
 from .memory import available_memory, required_memory
-from .mesh.layout import SLIDE_ALLOWANCE, copies_of_cloth, estimated_nodes, knit_scene
-from .mesh.panel import table_lead
+from .mesh.layout import knit_scene
 from .mesh.rim import net_nodes
-from .mesh.smaller import smaller_scene
-from .mesh.table import rest_table
-from .planar.model import Model, build_model
-from .planar.numerics import Numbers, choose_numbers
-from .run.plane_limits import tight_loops
+from .model import build_model, estimates_of
 from .scene import Scene
-from .scene.presets import PRESETS
-from .solve.estimate import ESTIMATE_FACTOR, ramp_steps, relax_steps, wall_time
 from .solve.simulate import Simulation
-from .spatial.estimate import (
-    HOOK_ENDS,
-    SLOW_LEVELS,
-    SPATIAL_FACTOR,
-    SpatialSize,
-    endless_size,
-    size_of_mesh,
-    spatial_accuracy,
-    spatial_map_time,
-    spatial_physics,
-    spatial_steps,
-    spatial_time,
-)
-from .spatial.mechanics import CLOSEST
-from .spatial.mesh import build_mesh
 from .text import duration, memory, rounded
 from .wires.report import WireReport, wire_report
 
-COUNTED_NODES = 2_000_000  # meshes up to here are laid out to be counted: a second or two
-COUNTED_IN_SPACE = 50_000  # the same in space, five seconds
-DOUBTFUL = 100.0  # times the distance at which centre lines meet: nearer than this a run is asked whether they do
+DOUBTFUL = 0.1  # thicknesses between centre lines of wires from a file: nearer than this a run is asked whether they meet
 PROGRAM_MEMORY = 430 * 2**20  # [bytes] of a run of few nodes, its libraries included
 
 
@@ -131,72 +108,51 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
     name = find_device(device)
     file = None if scene.wires is None else wire_report(scene, scene.wire.thickness)
     cloth = knit_scene(scene) if scene.hook is None and scene.wires is None else None
-    most = COUNTED_NODES if scene.model.kind == "planar" else COUNTED_IN_SPACE
-    counted = cloth is None or estimated_nodes(scene, cloth) <= most
-    mesh: MeshSize | SpatialSize
-    is_ramp = scene.solver.drive == "ramp"
-    if scene.model.kind == "spatial":
-        laid_out = cloth is None or counted or is_ramp
-        mesh = _size_in_space(scene, file) if cloth is None or laid_out else _endless_in_space(scene, cloth)
-        steps = ramp_steps(scene, mesh.loading_time, mesh.time_step) if is_ramp else spatial_steps(scene)
-        time, factor = spatial_time(steps, mesh), SPATIAL_FACTOR
-    else:
-        mesh = _count(build_model(scene, "cpu")) if cloth is None or counted else _estimate(scene, cloth)
-        steps = ramp_steps(scene, mesh.loading_time, mesh.time_step) if is_ramp else relax_steps(scene, mesh.spacing)
-        time, factor = wall_time(scene, steps, mesh.nodes), ESTIMATE_FACTOR
-    in_space = isinstance(mesh, SpatialSize)
+    estimates = estimates_of(scene)
+    size, counted = estimates.size_of(scene, cloth)
+    _refuse_wires_in_one_place(scene, file)
+    cost, notes = estimates.cost_of(scene, size), estimates.notes(scene, size)
     return Plan(
         scene=scene.name,
         device=name,
-        nodes=mesh.nodes,
-        wires=mesh.wires,
-        bodies=mesh.bodies,
-        pairs=2 * mesh.bodies,
-        memory_bytes=PROGRAM_MEMORY + required_memory(scene, mesh.nodes),
+        nodes=size.nodes,
+        wires=size.wires,
+        bodies=size.bodies,
+        pairs=2 * size.bodies,
+        memory_bytes=PROGRAM_MEMORY + required_memory(scene, size.nodes),
         available_bytes=available_memory(),
-        time_step_s=mesh.time_step,
-        limited_by=mesh.limited_by,
-        steps=steps,
-        wall_s=time if name == "cpu" else None,
-        physics=(*physics_of(scene, mesh), *_left_out(scene, cloth)),
+        time_step_s=size.time_step,
+        limited_by=size.limited_by,
+        steps=cost.steps,
+        wall_s=cost.seconds if name == "cpu" else None,
+        physics=(*estimates.physics(scene, size), *physics_of(scene, size), *estimates.left_out(scene, cloth)),
         counted=counted,
         relaxes=scene.solver.drive == "relax",
         knit="" if cloth is None else _repeat(scene, cloth),
-        sweep=_sweep(scene, mesh),
-        accuracy=spatial_accuracy(scene) if in_space else _accuracy(scene),
-        factor=factor,
-        hooked_by="places where wires hook each other" if in_space else f"bodies, {2 * mesh.bodies:,} pairs",
-        exception=SLOW_LEVELS if in_space else "",
+        sweep=_sweep(scene, size),
+        accuracy=notes.accuracy,
+        factor=notes.factor,
+        hooked_by=notes.hooked_by,
+        exception=notes.exception,
         file=file,
     )
 
 
-def _left_out(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
-    """What a planar run of this knit would not show."""
-    if cloth is not None and scene.model.kind == "planar":
-        yield from tight_loops(scene, cloth)
+def _refuse_wires_in_one_place(scene: Scene, file: WireReport | None) -> None:
+    """Raise `ModelError` where a run would, as wires of a file pass through each other."""
+    closest = None if file is None else file.overlaps.closest
+    if closest is not None and closest < DOUBTFUL * scene.wire.thickness:
+        Simulation(build_model(scene)).compile()
 
 
-def _accuracy(scene: Scene) -> str:
-    """What is known of the error of the scene's settings."""
-    name = scene.preset_in_force
-    if name is None:
-        return "no preset has these settings; `run --error` takes some that it measures on this scene"
-    preset = PRESETS[name]
-    grips = ", more where short wires between grips carry it" if scene.model.boundary == "gripped" and scene.hook is None else ""
-    return (
-        f"{name}: within {preset.error_percent:g} % on a repeat of the double atlas mesh{grips}, for {preset.node_steps:.2g}"
-        " node-steps a load level; `run --error` measures it on this scene"
-    )
-
-
-def _sweep(scene: Scene, mesh: MeshSize | SpatialSize) -> str:
+def _sweep(scene: Scene, size: Size) -> str:
     """What `warpknit map` would run of the scene, in words; this plan is of one run of its load."""
     if scene.sweep is None:
         return ""
     pairs = len(set(scene.sweep.strain_weft)) * len(set(scene.sweep.strain_warp))
     meshes = f" of {scene.sweep.seeds} meshes" if scene.sweep.seeds > 1 else ""
-    took = f" in about {duration(spatial_map_time(scene, mesh))}" if isinstance(mesh, SpatialSize) else ""
+    seconds = estimates_of(scene).map_time(scene, size)
+    took = "" if seconds is None else f" in about {duration(seconds)}"
     return f"warpknit map brings {pairs:,} pairs of strains{meshes} to rest{took}; the numbers here are for one run of [load]"
 
 
@@ -209,112 +165,13 @@ def _repeat(scene: Scene, cloth: Cloth) -> str:
     return text
 
 
-# --- size -------------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class MeshSize:
-    """What the rest of the plan goes by."""
-
-    nodes: int
-    wires: int
-    bodies: int
-    spacing: float  # [m] of the nodes, the least
-    softening: float
-    time_step: float  # [s]
-    limited_by: str
-    loading_time: float  # [s] of a stage of a ramp
-
-
-def _count(model: Model) -> MeshSize:
-    """The sizes of a model."""
-    panel = model.panel
-    return MeshSize(
-        panel.node_count,
-        len(panel.wire_first),
-        panel.body_count,
-        float(model.table.spacing.min()),
-        model.softening,
-        model.time_step,
-        model.limited_by,
-        model.loading_time,
-    )
-
-
-def _estimate(scene: Scene, cloth: Cloth) -> MeshSize:
-    """The sizes of so many repeats of endless cloth: right for a tile, and but for its edges for a gripped mesh."""
-    columns, rows = copies_of_cloth(scene)
-    spacing = cloth.stitch_length / scene.model.nodes_per_loop
-    table = rest_table(
-        cloth,
-        nodes_per_loop=scene.model.nodes_per_loop,
-        set_fraction=scene.wire.set_fraction,
-        lead=table_lead(cloth, 0.8 * spacing, SLIDE_ALLOWANCE * cloth.stitch_length),
-    )
-    numbers: Numbers = choose_numbers(scene, table, cloth.stitch_length)
-    return MeshSize(
-        estimated_nodes(scene, cloth),
-        len(cloth.threads) * columns,
-        len(cloth.clasps) * columns * rows,
-        float(table.spacing.min()),
-        numbers.softening,
-        numbers.time_step,
-        numbers.limited_by,
-        numbers.loading_time,
-    )
-
-
-def _size_in_space(scene: Scene, file: WireReport | None) -> SpatialSize:
-    """The sizes of the rods; what a run of them would refuse is refused."""
-    mesh = build_mesh(scene)
-    size = size_of_mesh(mesh)
-    size = replace(size, time_step=mesh.time_step, limited_by=mesh.limited_by, loading_time=mesh.loading_time)
-    closest = None if file is None else file.overlaps.closest
-    if closest is not None and closest < DOUBTFUL * CLOSEST * scene.wire.thickness:
-        Simulation(mesh).compile()
-    return size
-
-
-def _endless_in_space(scene: Scene, cloth: Cloth) -> SpatialSize:
-    """The same from so many repeats of endless cloth."""
-    columns, rows = copies_of_cloth(scene)
-    return endless_size(estimated_nodes(scene, cloth), len(cloth.threads) * columns, len(cloth.clasps) * columns * rows)
-
-
 # --- physics ----------------------------------------------------------------------------------------------------------
 
 
-def physics_of(scene: Scene, mesh: MeshSize | SpatialSize) -> Iterator[str]:
-    """What the scene switches on and why, a sentence each."""
-    if isinstance(mesh, SpatialSize):
-        yield from spatial_physics(scene, mesh.bodies)
+def physics_of(scene: Scene, size: Size) -> Iterator[str]:
+    """What the panel, the wire, the stages and the solver switch on and why, a sentence each."""
+    if scene.hook is None:
         yield from _panel_physics(scene)
-        yield from _solving_of(scene, mesh)
-        return
-    wire, solver = scene.wire, scene.solver
-    yield f"stretching: wires carry tension, EA = {wire.axial_stiffness:.3g} N"
-    yield f"bending: wires resist a change of curvature, EI = {wire.bending_stiffness:.3g} N m2"
-    if scene.hook is not None:
-        yield f"contact: one place, carried by contact.treatment = {scene.contact.treatment!r}"
-        yield HOOK_ENDS
-        yield from _solving_of(scene, mesh)
-        return
-    if mesh.bodies:
-        merged = "nested lenses merged" if scene.model.merge_lenses else "one for each lens, model.merge_lenses = false"
-        yield f"contact: wires hook in {mesh.bodies:,} places, each with a body between its two wires ({merged})"
-    if scene.model.boundary == "periodic":
-        yield "periodic boundary: one tile of an endless mesh, model.boundary = 'periodic'"
-    else:
-        yield "grips: every cut wire end is held in position and direction, model.boundary = 'gripped'"
-        yield from _panel_physics(scene)
-    yield "affine carry: the interior moves with the boundary, so that only what differs from it has to be solved"
-    if solver.drive == "relax" and (smaller := smaller_scene(scene)) is not None:
-        yield f"start: a smaller mesh of {' x '.join(map(str, smaller.knit.repeats))} repeats comes to rest first, and so on down"
-    yield from _solving_of(scene, mesh)
-
-
-def _solving_of(scene: Scene, mesh: MeshSize | SpatialSize) -> Iterator[str]:
-    """What the wire, the stages and the solver add."""
     wire, solver = scene.wire, scene.solver
     if wire.set_fraction != 1.0:
         yield f"set: a wire let free keeps {wire.set_fraction:g} of its knitted curvature, wire.set_fraction"
@@ -343,15 +200,11 @@ def _solving_of(scene: Scene, mesh: MeshSize | SpatialSize) -> Iterator[str]:
         path = "" if scene.contact.treatment != "friction-plane" else "the plane's friction apart, "
         yield f"relaxation: {path}no state depends on the path, so each load level is brought to rest, solver.drive = 'relax'"
     else:
-        yield f"ramp: {mesh.loading_time:.3g} s of real time a stage, solver.drive = 'ramp'"
+        yield f"ramp: {size.loading_time:.3g} s of real time a stage, solver.drive = 'ramp'"
     if solver.drive == "ramp" and solver.mass_scaling != 1.0:
         yield f"mass scaling: all masses {solver.mass_scaling:g} times the real ones, solver.mass_scaling"
     if solver.drive == "ramp" and solver.target_time_step is not None:
         yield f"mass scaling: masses raised until a step of {solver.target_time_step:.3g} s is stable"
-    if isinstance(mesh, MeshSize) and mesh.softening != 1.0:
-        yield f"softening: wires stretch {mesh.softening:g} times as easily in the dynamics, solver.axial_softening"
-    if solver.drive == "relax" and solver.multipliers and isinstance(mesh, MeshSize):
-        yield "running multipliers: take out again what softening and contact penalty change, solver.multipliers"
     if solver.precision == "single":
         yield "single precision: displacements are 32-bit fixed point, the rest is float32, solver.precision"
     else:

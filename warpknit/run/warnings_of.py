@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from ..planar.limits import slid_wires, tight_loops
 from ..planar.model import Model
 from ..text import engineering
 from .cautions import cautions
 from .history import HookRow, Row
-from .plane_limits import slid_wires, tight_loops
 
 STEEP = 0.3  # slope from which its square is no longer small
 LEVELS_FOLLOWED = 4  # of a stage: with fewer the work along them is too rough to tell of a snap

@@ -7,17 +7,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from ..estimate import HOOK_ENDS, Cost, Notes, Size, boundary_physics, endless_counts, ramp_steps
+from ..knit.cloth import Cloth
+from ..mesh.layout import estimated_nodes
 from ..mesh.load_point import PATH_STRAIN
 from ..numerics import thread_count
 from ..scene import Scene, Stage
-from .mesh import SpatialMesh
+from .mesh import SpatialMesh, build_mesh
 from .nearby import pair_gaps
 from .search_cells import search_cells
 
+COUNTED_NODES = 50_000  # meshes up to here are laid out to be counted: five seconds
 SPATIAL_FACTOR = 2  # steps and time of the scenes measured are off by so much either way
 SLOW_LEVELS = "a level at which contacts of a tight knit come and go may take ten times as long"  # seen on a locknit
 
@@ -38,34 +42,59 @@ SITE_TIME = 0.5e-6  # of a place of hooking, whose wires touch for some of the l
 CLOSE = 0.3  # thicknesses between surfaces
 PAIRS_OF_NODE = 0.45  # pairs of segments near each other: 0.40 and 0.44 on the double atlas, 3.3 on a tight tricot
 
-HOOK_ENDS = "ends: the lower ones are clamped; the upper ones keep their direction, slide up and down, the right one is driven"
+
+def size_of(scene: Scene, cloth: Cloth | None) -> tuple[Size, bool]:
+    """The sizes of a scene's mesh, and whether they are exact: large meshes are not built to be counted. What a run would
+    refuse is refused."""
+    counted = cloth is None or estimated_nodes(scene, cloth) <= COUNTED_NODES
+    if cloth is not None and not counted and scene.solver.drive == "relax":
+        nodes, wires, bodies = endless_counts(scene, cloth)
+        return endless_size(nodes, wires, bodies), False
+    return size_of_mesh(build_mesh(scene)), counted
 
 
-@dataclass(frozen=True)
-class SpatialSize:
-    """What estimates go by."""
-
-    nodes: int
-    wires: int
-    bodies: int  # places where wires hook each other
-    near: int  # pairs of segments near each other at rest
-    close: int  # of these, nearer than CLOSE
-    time_step: float = 1.0  # [s]
-    limited_by: str = "unit step"
-    loading_time: float = 0.0  # [s] of a stage of a ramp
-
-
-def size_of_mesh(mesh: SpatialMesh) -> SpatialSize:
+def size_of_mesh(mesh: SpatialMesh) -> Size:
     """The sizes of a mesh. Raises `ModelError` where its tile is too small for its segments."""
     rods = mesh.rods
     gaps = pair_gaps(rods, search_cells(rods, mesh.curve))
-    close = int(np.count_nonzero(gaps < CLOSE * rods.section.thickness))
-    return SpatialSize(rods.node_count, len(rods.wire_first), mesh.panel.body_count, len(gaps), close)
+    return Size(
+        nodes=rods.node_count,
+        wires=len(rods.wire_first),
+        bodies=mesh.panel.body_count,
+        near=len(gaps),
+        close=int(np.count_nonzero(gaps < CLOSE * rods.section.thickness)),
+        time_step=mesh.time_step,
+        limited_by=mesh.limited_by,
+        loading_time=mesh.loading_time,
+    )
 
 
-def endless_size(nodes: int, wires: int, bodies: int) -> SpatialSize:
-    """The sizes of a mesh too large to be laid out for a plan."""
-    return SpatialSize(nodes, wires, bodies, round(PAIRS_OF_NODE * nodes), 0)
+def endless_size(nodes: int, wires: int, bodies: int) -> Size:
+    """The sizes of a mesh too large to be laid out for an estimate."""
+    return Size(nodes, wires, bodies, near=round(PAIRS_OF_NODE * nodes))
+
+
+def cost_of(scene: Scene, size: Size) -> Cost:
+    """What a run takes, on one core."""
+    if scene.solver.drive == "ramp":
+        steps = ramp_steps(scene, size.loading_time, size.time_step)
+    else:
+        steps = spatial_steps(scene)
+    near = size.near or round(PAIRS_OF_NODE * size.nodes)
+    return Cost(steps, spatial_time(steps, replace(size, near=near)))
+
+
+def map_time(scene: Scene, size: Size) -> float | None:
+    """[s] of the map of a scene with a sweep: its loads by strain, one after the other in `thread_count` processes."""
+    assert scene.sweep is not None
+    loads = len(set(scene.sweep.strain_weft)) * len(set(scene.sweep.strain_warp))
+    one = replace(scene, stages=(replace(scene.stages[0], tension_weft=None, tension_warp=None),))
+    return scene.sweep.seeds * math.ceil(loads / thread_count(loads)) * cost_of(one, size).seconds
+
+
+def notes(scene: Scene, size: Size) -> Notes:
+    """What is known of these estimates, and of the accuracy."""
+    return Notes(SPATIAL_FACTOR, SLOW_LEVELS, "places where wires hook each other", spatial_accuracy(scene))
 
 
 def spatial_steps(scene: Scene) -> int:
@@ -96,7 +125,7 @@ def _states(scene: Scene, stage: Stage, before: Stage | None) -> int:
     return levels * max(1, math.ceil(farthest / levels / PATH_STRAIN - 1e-9))
 
 
-def spatial_time(steps: int, size: SpatialSize) -> float:
+def spatial_time(steps: int, size: Size) -> float:
     """Time [s] of so many steps on one core."""
     nodes = NODE_TIME * size.nodes + SITE_TIME * size.bodies
     return steps * (STEP_TIME + nodes + PAIR_TIME * size.near + CLOSE_TIME * size.close)
@@ -112,15 +141,7 @@ def spatial_accuracy(scene: Scene) -> str:
     )
 
 
-def spatial_map_time(scene: Scene, size: SpatialSize) -> float:
-    """Time [s] of the map of a scene with a sweep: its loads by strain, one after the other in `thread_count` processes."""
-    assert scene.sweep is not None
-    loads = len(set(scene.sweep.strain_weft)) * len(set(scene.sweep.strain_warp))
-    one = replace(scene, stages=(replace(scene.stages[0], tension_weft=None, tension_warp=None),))
-    return scene.sweep.seeds * math.ceil(loads / thread_count(loads)) * spatial_time(spatial_steps(one), size)
-
-
-def spatial_physics(scene: Scene, sites: int) -> Iterator[str]:
+def physics(scene: Scene, size: Size) -> Iterator[str]:
     """What the scene switches on and why, a sentence each."""
     wire = scene.wire
     yield f"stretching: wires carry tension, EA = {wire.axial_stiffness:.3g} N"
@@ -128,17 +149,18 @@ def spatial_physics(scene: Scene, sites: int) -> Iterator[str]:
     yield f"twist: wires resist being twisted, GJ = {wire.twist_stiffness:.3g} N m2"
     softer = "softening: wires stretch more easily in the dynamics"
     if scene.solver.drive == "relax":
-        softer += "; running multipliers take that out again"
+        softer += "; multipliers take that out again"
     softer += ", solver.axial_softening"
     if scene.hook is not None:
         yield "contact: round wires touch each other anywhere; two wires hook once, over and under each other"
         yield softer
         yield HOOK_ENDS
         return
-    yield f"contact: round wires touch each other anywhere; they hook in {sites:,} places, which shares are counted by"
+    yield f"contact: round wires touch each other anywhere; they hook in {size.bodies:,} places, which shares are counted by"
     yield softer
-    if scene.model.boundary == "periodic":
-        yield "periodic boundary: one tile of an endless mesh, model.boundary = 'periodic'"
-    else:
-        yield "grips: every cut wire end is held in position and direction, model.boundary = 'gripped'"
-    yield "affine carry: the interior moves with the boundary, so that only what differs from it has to be solved"
+    yield from boundary_physics(scene)
+
+
+def left_out(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
+    """What a run in space would not show."""
+    yield from ()

@@ -20,13 +20,13 @@ from ..files import write_aside
 from ..memory import available_memory, required_memory
 from ..mesh.layout import refuse_wire_file
 from ..mesh.smaller import smaller_scene
+from ..model import estimates_of
 from ..numerics import thread_count
 from ..run.interrupts import Interrupted, Interrupts
 from ..run.progress import Progress as Display
 from ..run.run_directory import Ending, finished_before, goes_on, open_directory
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.messages import scene_error
-from ..spatial.estimate import size_of_mesh, spatial_map_time
 from ..text import duration, engineering
 from .contact_map import STEADY, Cell, Detail, MapRow, find_optimum, grid, mean_map, read_map, write_map
 from .outcome import Outcome, measured
@@ -69,8 +69,10 @@ def run_map(
     seeds = [replace(scene, knit=replace(scene.knit, seed=scene.knit.seed + number)) for number in range(sweep.seeds)]
     meshes = [mesh_of(one) for one in seeds]
     _refuse_too_many(meshes[0], sweep)
-    if not meshes[0].has_replicas:
-        _log.info("about %s for the whole map", duration(spatial_map_time(scene, size_of_mesh(meshes[0]))))
+    estimates = estimates_of(scene)
+    seconds = estimates.map_time(scene, estimates.size_of(scene, meshes[0].cloth)[0])
+    if seconds is not None:
+        _log.info("about %s for the whole map", duration(seconds))
     open_directory(out, resolved, keep=keep)
     return _Mapper(meshes, sweep, out, progress or Display()).run()
 

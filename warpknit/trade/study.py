@@ -15,16 +15,15 @@ from typing import Any
 
 from ..device import find_device
 from ..errors import Diverged, InputError, ModelError
+from ..estimate import Size
 from ..files import write_aside, write_table
 from ..mesh.layout import refuse_wire_file
+from ..model import build_model, estimates_of
 from ..numerics import slowest_rate
-from ..planar.model import Model, build_model
 from ..run.interrupts import Interrupted, Interrupts
 from ..run.progress import Progress as Display
 from ..run.run_directory import Ending, finished_before, goes_on, open_directory
 from ..scene import Scene, resolved_toml
-from ..solve.estimate import ESTIMATE_FACTOR, ramp_steps, relax_steps, wall_time
-from ..spatial.estimate import endless_size, spatial_steps, spatial_time
 from ..text import duration
 from . import knobs
 from .convergence import extrapolate
@@ -83,7 +82,7 @@ def run_trade(
 class _Study:
     """Runs the points that are left and writes what they found."""
 
-    def __init__(self, load: Loader, base: Model, of_reference: Overrides, device: str, out: Path, display: Display) -> None:
+    def __init__(self, load: Loader, base: Any, of_reference: Overrides, device: str, out: Path, display: Display) -> None:
         self.load, self.base, self.device, self.out, self.display = load, base, device, out, display
         self.of_reference = of_reference
         self.scales = scales_of(base)
@@ -142,7 +141,8 @@ class _Study:
             total += time * min(1.0, dearest / max(work, 1.0))
             if point.group == "reference" and dearest == math.inf:
                 dearest = DEAREST * work
-        about = f"about {duration(total)} on this CPU, within a factor of {ESTIMATE_FACTOR}"
+        factor = estimates_of(self.base.scene).notes(self.base.scene, Size(0, 0, 0)).factor
+        about = f"about {duration(total)} on this CPU, within a factor of {factor:g}"
         _log.info("%d points to run: %s", len(left), "not estimated on a GPU" if self.device != "cpu" else about)
 
     def _expected(self, point: Point) -> tuple[float, float]:
@@ -155,15 +155,16 @@ class _Study:
             return 0.0, 0.0
         base, finer = self.base, scene.model.nodes_per_loop / self.base.scene.model.nodes_per_loop
         share = math.prod(scene.knit.repeats) / math.prod(base.scene.knit.repeats)
-        nodes = round(base.panel.node_count * finer * share)
-        if scene.model.kind == "spatial":
-            steps = spatial_steps(scene)
-            return spatial_time(steps, endless_size(nodes, len(base.panel.wire_first), base.panel.body_count)), steps * nodes
-        if ramp is not None:
-            steps = ramp_steps(scene, ramp.loading_time, ramp.time_step)
-        else:
-            steps = relax_steps(scene, float(base.table.spacing.min()) / finer)
-        return wall_time(scene, steps, nodes), steps * nodes
+        size = Size(
+            nodes=round(base.panel.node_count * finer * share),
+            wires=len(base.panel.wire_first),
+            bodies=base.panel.body_count,
+            spacing=float(base.table.spacing.min()) / finer,
+            time_step=1.0 if ramp is None else ramp.time_step,
+            loading_time=0.0 if ramp is None else ramp.loading_time,
+        )
+        cost = estimates_of(scene).cost_of(scene, size)
+        return cost.seconds, cost.steps * size.nodes
 
     def _points_of_ramp(self) -> Iterator[Point]:
         if self.base.panel.node_count > RAMP_NODES:
@@ -178,7 +179,7 @@ class _Study:
         yield from knobs.points_of_ramp(self.base, 2.0 * math.pi / rate, model.time_step)
 
     @staticmethod
-    def _loop_length(model: Model) -> float:
+    def _loop_length(model: Any) -> float:
         """Wire of a loop [m], as the model has it: the nodes of a loop are evenly spaced."""
         return float(model.table.spacing.mean()) * model.scene.model.nodes_per_loop
 
