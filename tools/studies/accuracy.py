@@ -32,7 +32,7 @@ from statistics import median
 from typing import Any
 
 import numpy as np
-from study import add_directory, new_parser, read_rows, run, scene_of, show_rows, table_path, write_rows
+from study import add_directory, read_rows, run, run_one_of, scene_of, show_rows, table_path, write_rows
 
 from warpknit import measure
 from warpknit.kernels import control as c
@@ -374,24 +374,19 @@ def study_precision(given: argparse.Namespace) -> None:
     write_rows(table_path(given, "precision.csv"), rows)
 
 
-def main() -> int:
-    parser = new_parser(__doc__)
-    studies = parser.add_subparsers(required=True, metavar="presets | estimate | precision")
-    for name, study, quick in (
-        ("presets", study_presets, "a coarser reference and three scenes"),
-        ("estimate", study_estimate, "34 nodes count as true, and two scenes are run"),
-        ("precision", study_precision, "leave out the strip"),
-    ):
-        each = studies.add_parser(name)
-        each.set_defaults(study=study)
-        add_directory(each)
-        each.add_argument("--quick", action="store_true", help=quick)
-        if name == "estimate":
-            each.add_argument("--error", type=float, default=2.0, metavar="PERCENT")
-    given = parser.parse_args()
-    given.study(given)
-    return 0
+QUICK = {
+    "presets": "a coarser reference and three scenes",
+    "estimate": "34 nodes count as true, and two scenes are run",
+    "precision": "leave out the strip",
+}
+
+
+def add_options(name: str, parser: argparse.ArgumentParser) -> None:
+    add_directory(parser, quick=QUICK[name])
+    if name == "estimate":
+        parser.add_argument("--error", type=float, default=2.0, metavar="PERCENT")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    studies = {"presets": study_presets, "estimate": study_estimate, "precision": study_precision}
+    sys.exit(run_one_of(__doc__, studies, add_options))

@@ -32,9 +32,9 @@ from study import (
     SCENES,
     add_directory,
     new_figure,
-    new_parser,
     picture_path,
     read_rows,
+    run_one_of,
     show_rows,
     table_path,
     tidy,
@@ -400,24 +400,17 @@ def study_tight(given: argparse.Namespace) -> None:
     show_rows(rows)
 
 
-def main() -> int:
-    parser = new_parser(__doc__)
-    studies = parser.add_subparsers(required=True, metavar="levels | causes | tight")
-    levels, causes, tight = (studies.add_parser(name) for name in ("levels", "causes", "tight"))
-    levels.set_defaults(study=study_levels)
-    levels.add_argument("--scene", default=SCENE)
-    levels.add_argument("--strain", type=float, default=0.2)
-    levels.add_argument("--levels", type=int, default=10)
-    levels.add_argument("--set", dest="overrides", action="append", default=[], metavar="KEY=VALUE")
-    causes.set_defaults(study=study_causes)
-    add_directory(causes)
-    causes.add_argument("--draw", action="store_true", help="draw from the tables, without running anything")
-    tight.set_defaults(study=study_tight)
-    add_directory(tight)
-    given = parser.parse_args()
-    given.study(given)
-    return 0
+def add_options(name: str, parser: argparse.ArgumentParser) -> None:
+    if name == "levels":
+        parser.add_argument("--scene", default=SCENE)
+        parser.add_argument("--strain", type=float, default=0.2)
+        parser.add_argument("--levels", type=int, default=10)
+        parser.add_argument("--set", dest="overrides", action="append", default=[], metavar="KEY=VALUE")
+    else:
+        add_directory(parser)
+    if name == "causes":
+        parser.add_argument("--draw", action="store_true", help="draw from the tables, without running anything")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_one_of(__doc__, {"levels": study_levels, "causes": study_causes, "tight": study_tight}, add_options))

@@ -318,9 +318,8 @@ def in_order(rows: list[Row], path: Path, names: list[tuple[str, str]]) -> list[
 
 def main() -> int:
     parser = new_parser(__doc__)
-    add_directory(parser)
+    add_directory(parser, quick="leave out what takes minutes")
     parser.add_argument("--only", default="", help="cases whose group or name has this in it")
-    parser.add_argument("--quick", action="store_true", help="leave out what takes minutes")
     given = parser.parse_args()
     path = table_path(given, "extremes.csv")
     rows, cases = [], matrix()

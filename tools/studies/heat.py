@@ -104,8 +104,7 @@ def draw(path: Path, rows: Sequence[Heated]) -> None:
 
 def main() -> int:
     parser = new_parser(__doc__)
-    add_directory(parser)
-    parser.add_argument("--quick", action="store_true", help="10 % only".replace("%", "%%"))
+    add_directory(parser, quick="10 %% only")
     given = parser.parse_args()
     start_warp()
     strains = STRAINS[:1] if given.quick else STRAINS

@@ -29,9 +29,8 @@ import numpy as np
 from hook_reference import Contact, Hook
 from lens_law import Law
 from matplotlib.axes import Axes
-from study import COLOURS, SCENES, add_directory, new_figure, new_parser, picture_path, table_path, tidy, write_rows
+from study import COLOURS, SCENES, add_directory, new_figure, picture_path, run_one_of, table_path, tidy, write_rows
 
-from warpknit.device import start_warp
 from warpknit.errors import Diverged
 from warpknit.model import build_model
 from warpknit.planar.hook_contact import HookContact, hook_contact
@@ -436,20 +435,12 @@ def study_space(given: argparse.Namespace) -> None:
     draw_space(picture_path(given, "hook_spatial.png"), rows)
 
 
-def main() -> int:
-    parser = new_parser(__doc__)
-    studies = parser.add_subparsers(required=True, metavar="plane | space")
-    for name, study in (("plane", study_plane), ("space", study_space)):
-        each = studies.add_parser(name)
-        each.set_defaults(study=study)
-        add_directory(each)
-        each.add_argument("--nodes", type=int, default=48, help="segments a wire")
-    each.add_argument("--levels", type=int, default=8)
-    given = parser.parse_args()
-    start_warp()
-    given.study(given)
-    return 0
+def add_options(name: str, parser: argparse.ArgumentParser) -> None:
+    add_directory(parser)
+    parser.add_argument("--nodes", type=int, default=48, help="segments a wire")
+    if name == "space":
+        parser.add_argument("--levels", type=int, default=8)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_one_of(__doc__, {"plane": study_plane, "space": study_space}, add_options))

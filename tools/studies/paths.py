@@ -179,8 +179,7 @@ def draw(path: Path, cycles: list[tuple[Hysteresis, list[State]]], overloads: li
 
 def main() -> int:
     parser = new_parser(__doc__)
-    add_directory(parser)
-    parser.add_argument("--quick", action="store_true", help="fewer cases")
+    add_directory(parser, quick="fewer cases")
     given = parser.parse_args()
     start_warp()
     few = slice(None, None, 3) if given.quick else slice(None)

@@ -221,8 +221,7 @@ def draw(path: Path, rows: list[Row]) -> None:
 
 def main() -> int:
     parser = new_parser(__doc__)
-    add_directory(parser)
-    parser.add_argument("--quick", action="store_true", help="fewer and smaller cases")
+    add_directory(parser, quick="fewer and smaller cases")
     parser.add_argument("--fine", action="store_true", help="800 nodes a primary portion too, five minutes more")
     given = parser.parse_args()
     start_warp()

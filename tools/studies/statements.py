@@ -253,9 +253,8 @@ def draw(path: Path, maps: dict[str, ContactMap]) -> None:
 
 def main() -> int:
     parser = new_parser(__doc__)
-    add_directory(parser)
+    add_directory(parser, quick="leave out the gripped patch")
     parser.add_argument("--cells", type=int, default=16, help="cells with scattered proportions")
-    parser.add_argument("--quick", action="store_true", help="leave out the gripped patch")
     given = parser.parse_args()
     start_warp()
     cell = "atlas_cell.toml"

@@ -6,16 +6,17 @@ import argparse
 import csv
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from warpknit.device import start_warp
 from warpknit.model import build_model
 from warpknit.planar.model import Model
 from warpknit.planar.state import initial_state
@@ -31,6 +32,7 @@ SCENES = Path(__file__).parents[2] / "scenes"
 RESULTS = Path(__file__).parent / "results"
 PICTURES = Path(__file__).parents[2] / "docs" / "images"
 T = TypeVar("T")
+Options: TypeAlias = Callable[[str, argparse.ArgumentParser], None]
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 
 
@@ -39,10 +41,26 @@ def new_parser(text: str | None) -> argparse.ArgumentParser:
     return argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
 
 
-def add_directory(parser: argparse.ArgumentParser) -> None:
-    """The argument DIR."""
+def add_directory(parser: argparse.ArgumentParser, quick: str | None = None) -> None:
+    """The argument DIR, and the option --quick where it has one, with what that does."""
     text = "where tables and pictures go.  [default: tools/studies/results and docs/images, where they are kept]"
     parser.add_argument("directory", metavar="DIR", nargs="?", type=Path, help=text)
+    if quick:
+        parser.add_argument("--quick", action="store_true", help=quick)
+
+
+def run_one_of(text: str | None, studies: dict[str, Callable[[argparse.Namespace], None]], add: Options) -> int:
+    """Run the study that the command line names, of those of a file; `add` gives each its arguments."""
+    parser = new_parser(text)
+    parsers = parser.add_subparsers(required=True, metavar=" | ".join(studies))
+    for name, study in studies.items():
+        each = parsers.add_parser(name)
+        each.set_defaults(study=study)
+        add(name, each)
+    given = parser.parse_args()
+    start_warp()
+    given.study(given)
+    return 0
 
 
 def table_path(given: argparse.Namespace, name: str) -> Path:
