@@ -16,7 +16,6 @@ from pathlib import Path
 import pytest
 
 from warpknit.cli import main
-from warpknit.scene.messages import known_keys
 
 ROOT = Path(__file__).parent.parent
 HOST = ROOT / "warpknit"
@@ -217,12 +216,6 @@ def test_ruff_finds_nothing():
 
 
 # --- documents
-
-
-def test_every_key_of_a_scene_is_described():
-    text = (ROOT / "docs" / "scenes.md").read_text(encoding="utf-8")
-    missing = [key for key in known_keys() if f"{key.rsplit('.', 1)[-1]}`" not in text and "." in key]
-    assert missing == []
 
 
 def test_every_command_and_option_is_in_the_readme():

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from pydantic_core import PydanticCustomError
 
-from warpknit.scene.file import SceneFile, StageTable
+from warpknit.scene.file import SceneFile
 from warpknit.scene.hook import Hook, hook_loads
+from warpknit.scene.keys import given_values
 from warpknit.scene.objects import Knit, Pull, Stage
 from warpknit.scene.outline import Outline
 from warpknit.scene.panel import PanelOptions
@@ -30,7 +31,8 @@ def mesh_stages(source: Source, file: SceneFile, wire: Wire, knit: Knit, panel: 
     outline = panel.shape(knit.size)
     by_path = file.contact.friction > 0.0 or file.wire.plastic
     for location, name, table in _named_stages(source, file):
-        given = table.model_dump(exclude={"name"}, exclude_none=True)
+        given = given_values(table)
+        given.pop("name", None)
         if "displacement" in given:
             load |= _displaced(source, (*location, "displacement"), given.pop("displacement"), knit)
         for side in ("weft", "warp"):
@@ -38,7 +40,6 @@ def mesh_stages(source: Source, file: SceneFile, wire: Wire, knit: Knit, panel: 
                 load |= _direction(side, given.pop(f"strain_{side}", None), given.pop(f"tension_{side}", None))
         _check_uneven(source, file, location, given)
         if "pull" in given:
-            given["pull"] = tuple(Pull(**pull) for pull in table.model_dump()["pull"])
             for index, pull in enumerate(given["pull"]):
                 _check_pull(source, file, (*location, "pull", index), pull, outline)
         load |= given
@@ -117,9 +118,9 @@ def _unloaded(wire: Wire) -> dict[str, Any]:
     }
 
 
-def _named_stages(source: Source, file: SceneFile) -> Iterator[tuple[tuple[int | str, ...], str, StageTable]]:
+def _named_stages(source: Source, file: SceneFile) -> Iterator[tuple[tuple[int | str, ...], str, Stage]]:
     """Where each stage stands in the file, its name and its table."""
-    tables: list[tuple[tuple[int | str, ...], StageTable]] = [(("load",), file.load)]
+    tables: list[tuple[tuple[int | str, ...], Stage]] = [(("load",), file.load)]
     tables += [(("path", index), table) for index, table in enumerate(file.path)]
     names: set[str] = set()
     for number, (location, table) in enumerate(tables, start=1):
