@@ -26,6 +26,7 @@ from .planar.numerics import Numbers, choose_numbers
 from .planar.prolongation import smaller_scene
 from .run.plane_limits import tight_loops
 from .scene import Scene
+from .scene.capabilities import without_effect
 from .scene.presets import PRESETS
 from .solve.estimate import ESTIMATE_FACTOR, ramp_steps, relax_steps, wall_time
 from .spatial.drive import CLOSEST
@@ -159,7 +160,7 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         limited_by=mesh.limited_by,
         steps=steps,
         wall_s=time if name == "cpu" else None,
-        physics=(*physics_of(scene, mesh), *_left_out(scene, cloth)),
+        physics=(*physics_of(scene, mesh), *_left_out(scene, cloth), *without_effect(scene)),
         counted=counted,
         relaxes=scene.solver.drive == "relax",
         knit="" if cloth is None else _repeat(scene, cloth),

@@ -15,13 +15,14 @@ from typing import Any
 
 from .. import measure
 from ..device import find_device
-from ..errors import ModelError, RunDirectoryError
+from ..errors import RunDirectoryError
 from ..files import held_directory, write_table
 from ..frame import Frame, WireLayout
 from ..planar.model import Model, build_model
 from ..planar.state import initial_state
 from ..ranks.ranks import One, Ranks
 from ..scene import Scene
+from ..scene.capabilities import refuse
 from ..solve.simulate import Record, Simulation
 from ..spatial.drive import SpatialDrive, SpatialRecord
 from ..spatial.mesh import build_mesh
@@ -64,6 +65,7 @@ def run_scene(
     exit_code 3, an interrupt with 130; what was finished by then is kept.
     """
     ranks = ranks or One()
+    refuse(scene, "run", ranks=ranks.count)
     finished = ranks.from_first(lambda: _finished_run(scene, out, resume, force))
     if finished is not None:
         return finished
@@ -95,8 +97,6 @@ def _simulation(scene: Scene, device: str, ranks: Ranks, checkpoint: Checkpoint 
     if scene.model.kind != "spatial":
         model = build_model(scene, device, ranks)
         return Simulation(model, initial_state(model), progress=progress)
-    if ranks.count > 1:
-        raise ModelError(f"model.kind: given 'spatial', which {ranks.count} ranks cannot share: run without mpirun")
     drive = SpatialRelaxation if scene.solver.drive == "relax" else SpatialRamp
     return drive(build_mesh(scene, device), progress=progress)
 

@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import TypeAdapter, model_validator
 
 from warpknit.scene.hook import Hook
-from warpknit.scene.keys import Table, key
+from warpknit.scene.keys import Table, given_values, key
 from warpknit.scene.objects import Contact, KnitTable, ModelOptions, Output, Solver, Stage, Sweep
 from warpknit.scene.panel import PanelTable
 from warpknit.scene.values import Name, exclusive
@@ -41,6 +41,20 @@ class SceneFile(Table):
     @classmethod
     def _one_kind_of_mesh(cls, data: Any) -> Any:
         return exclusive(data, ("knit", "hook", "wires"))
+
+    @property
+    def stages(self) -> tuple[Stage, ...]:
+        """[load], then each [[path]], with what they take over; of a direction, the way that was given last."""
+        stages: list[Stage] = []
+        so_far: dict[str, Any] = {}
+        for table in (self.load, *self.path):
+            given = given_values(table)
+            for direction in (("strain_weft", "tension_weft"), ("strain_warp", "tension_warp")):
+                if "displacement" in given or any(key in given for key in direction):
+                    so_far = {key: value for key, value in so_far.items() if key not in direction}
+            so_far = {key: value for key, value in so_far.items() if key not in ("name", "displacement")} | given
+            stages.append(Stage(**so_far))
+        return tuple(stages)
 
 
 def checked_file(table: dict[str, Any]) -> SceneFile:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 SHORTEST = 0.5  # radii of wire
 LEAST_OVERLAP = 1.5  # diameters of the wire
 LEAST_RADIUS = 4.0  # diameters of the wire
-CROSSING = 1.3  # thicknesses of the wire by which hooked wires pass each other at rest, as in a knit
+CROSSING = {"planar": None, "spatial": 1.3}  # thicknesses of the wire by which hooked wires pass each other at rest, as in a knit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,29 +70,20 @@ def hook_of(source: Source, file: SceneFile, wire: Wire) -> Hook | None:
             " the wires must cross twice, with room for a body in between"
         )
         raise source.refusal(("hook", "overlap"), overlap, allowed)
-    if file.model.boundary != "gripped":
-        raise source.refusal(("model", "boundary"), file.model.boundary, "'gripped' with [hook]: its ends are held")
-    if file.solver.precision == "single":
-        raise source.refusal(("solver", "precision"), "single", "'double' with [hook], whose few nodes need no less")
-    if file.sweep is not None:
-        raise source.refusal(("sweep",), {}, "no [sweep] with [hook]: it has no strains")
-    if file.panel != type(file.panel)():
-        raise source.refusal(("panel",), {}, "no [panel] with [hook]: its ends are where its wires end")
-    crossing = _crossing_distance(source, file, wire, overlap)
+    crossing = _crossing_distance(source, file, table, wire, overlap)
     return replace(table, length=length, overlap=overlap, crossing_distance=crossing)
 
 
-def _crossing_distance(source: Source, file: SceneFile, wire: Wire, overlap: float) -> float | None:
+def _crossing_distance(source: Source, file: SceneFile, table: Hook, wire: Wire, overlap: float) -> float | None:
     """[m] with its default, None in the plane."""
-    given, location = file.hook.crossing_distance if file.hook else None, ("hook", "crossing_distance")
-    if file.model.kind != "spatial":
-        if given is not None:
-            raise source.refusal(location, given, "left out with model.kind = 'planar', where both wires lie in one plane")
+    usual = CROSSING[file.model.kind]
+    if usual is None:
         return None
-    distance = CROSSING * wire.thickness if given is None else given
+    given = table.crossing_distance
+    distance = usual * wire.thickness if given is None else given
     if not wire.thickness <= distance <= overlap:
         allowed = f"the thickness of the wire to hook.overlap, {wire.thickness:g} to {overlap:g} m"
-        raise source.refusal(location, distance, allowed)
+        raise source.refusal(("hook", "crossing_distance"), distance, allowed)
     return distance
 
 
@@ -105,9 +96,6 @@ def hook_loads(
     for location, name, table in stages:
         given = given_values(table)
         given.pop("name", None)
-        for one in given:
-            if one not in ("displacement", "temperature"):
-                raise source.refusal((*location, one), given[one], "displacement and temperature only with [hook]")
         displacement, temperature = given.get("displacement", displacement), given.get("temperature", temperature)
         if abs(displacement) > hook.length:
             allowed = f"at most the length of a wire, {hook.length:g} m"

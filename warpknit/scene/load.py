@@ -12,18 +12,18 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from warpknit.scene.capabilities import refuse
 from warpknit.scene.file import SceneFile, checked_file
 from warpknit.scene.hook import hook_of
 from warpknit.scene.keys import as_object
 from warpknit.scene.materials import MATERIALS
 from warpknit.scene.messages import dotted, first_error, scene_error
-from warpknit.scene.objects import TREATMENT_KEYS, Contact, Knit, KnitTable, ModelOptions, Scene, Solver, Sweep
+from warpknit.scene.objects import TREATMENT_KEYS, Contact, Knit, KnitTable, ModelOptions, Scene, Solver
 from warpknit.scene.overrides import Override, with_overrides
 from warpknit.scene.panel import PanelError, PanelOptions, covering_repeats, panel_options
 from warpknit.scene.presets import PRESETS, Preset
 from warpknit.scene.source import Source
-from warpknit.scene.spatial import refuse_unsupported
-from warpknit.scene.stages import hook_stages, mesh_stages, wire_stages
+from warpknit.scene.stages import hook_stages, mesh_stages
 from warpknit.scene.units import shown
 from warpknit.scene.wire import Wire
 from warpknit.scene.wires import wire_file
@@ -75,13 +75,13 @@ def make_scene(
         file = checked_file(table)
     except ValidationError as error:
         raise first_error(path, error) from error
-    source = Source(path, table)
     if file.wires is not None and "kind" not in table.get("model", {}):
         file = replace(file, model=replace(file.model, kind="spatial"))
+    source = Source(path, table)
+    refuse(file, source=source)
     wire = _wire(source, file.wire)
     hook = None if file.hook is None else hook_of(source, file, wire)
     wires = wire_file(source, file, wire)
-    refuse_unsupported(source, file)
     if hook is not None:
         knit = _nothing_knitted(file, hook.radius)
     elif wires is not None:
@@ -95,15 +95,13 @@ def make_scene(
             allowed = f"nothing where panel.outline = {panel.outline!r} says how large the mesh is ({list(repeats)} cover it)"
             raise source.refusal(("knit", "repeats"), list(file.knit.repeats), allowed)
         knit = replace(knit, repeats=repeats)
-    numerics = PRESETS[file.solver.preset].driven_by(file.solver.drive)
-    if file.model.kind == "spatial":
-        numerics = replace(numerics, nodes_per_loop=numerics.spatial_nodes_per_loop, precision="double")
+    numerics = PRESETS[file.solver.preset].of(file.model.kind, file.solver.drive)
     if wires is not None:
         numerics = replace(numerics, nodes_per_loop=wires.nodes_per_loop)
     if hook is not None:
         stages = tuple(hook_stages(source, file, wire, hook))
     else:
-        stages = tuple((mesh_stages if wires is None else wire_stages)(source, file, wire, knit, panel))
+        stages = tuple(mesh_stages(source, file, wire, knit, panel))
     return Scene(
         name=file.name or path.stem,
         path=path,
@@ -117,7 +115,7 @@ def make_scene(
         contact=_contact(source, file, wire),
         solver=_solver(source, file, numerics, wire.diameter / knit.wale_spacing),
         output=file.output,
-        sweep=_sweep(source, file.sweep, knit),
+        sweep=file.sweep,
     )
 
 
@@ -176,19 +174,10 @@ def _model(source: Source, table: ModelOptions, wire: Wire, numerics: Preset) ->
 
 def _contact(source: Source, file: SceneFile, wire: Wire) -> Contact:
     """[contact] with the defaults of its treatment; what the treatment does not have is None."""
-    table, drive = file.contact, file.solver.drive
-    if file.hook is None and table.treatment != "free-body":
-        allowed = "'free-body' for a knit; the others are for the two wires of [hook]"
-        raise source.refusal(("contact", "treatment"), table.treatment, allowed)
-    if table.body_mass is not None and drive == "relax":
-        allowed = "only with solver.drive = 'ramp' (the masses of a relaxation are fictitious)"
-        raise source.refusal(("contact", "body_mass"), table.body_mass, allowed)
+    table = file.contact
     if table.ring_radius is not None and table.ring_radius < wire.radius:
         allowed = f"at least the radius of the wire, {wire.radius:g} m: the wires pass through the ring"
         raise source.refusal(("contact", "ring_radius"), table.ring_radius, allowed)
-    if table.friction and table.treatment != "free-body":
-        allowed = "0 but with contact.treatment = 'free-body': a study of one thing at a time"
-        raise source.refusal(("contact", "friction"), table.friction, allowed)
     defaults: dict[str, Any] = {
         "spring_stiffness": 1e-3,
         "ring_radius": wire.diameter,
@@ -202,14 +191,6 @@ def _contact(source: Source, file: SceneFile, wire: Wire) -> Contact:
 
 
 def _panel(source: Source, file: SceneFile) -> PanelOptions:
-    if file.model.boundary == "periodic" and file.panel != type(file.panel)():
-        raise source.refusal(("model", "boundary"), "periodic", "'gripped' with [panel]: a periodic tile has no outline")
-    if file.solver.drive == "ramp" and file.contact.friction:
-        raise source.refusal(("contact", "friction"), file.contact.friction, "0 with solver.drive = 'ramp'")
-    if file.solver.drive == "ramp" and file.wire.plastic:
-        raise source.refusal(("wire", "plastic"), file.wire.plastic, "false with solver.drive = 'ramp'")
-    if file.solver.drive == "ramp" and file.panel.cord is not None:
-        raise scene_error(source.path, "panel.cord", "a cord", "nothing with solver.drive = 'ramp'")
     try:
         panel = panel_options(file.panel, source.path.parent)
     except PanelError as error:
@@ -221,14 +202,6 @@ def _panel(source: Source, file: SceneFile) -> PanelOptions:
 def _solver(source: Source, file: SceneFile, numerics: Preset, slenderness: float) -> Solver:
     """The options of [solver]; `slenderness` is the diameter of the wire over the wale spacing."""
     table = file.solver
-    if table.drive == "relax":
-        for key, value in (("target_time_step", table.target_time_step), ("loading_time", table.loading_time)):
-            if value is not None:
-                allowed = "only with drive = 'ramp' (a relaxation has no real time)"
-                raise source.refusal(("solver", key), value, allowed)
-        if table.mass_scaling != 1.0:
-            allowed = "1 with drive = 'relax' (its masses are fictitious), 1 or more with drive = 'ramp'"
-            raise source.refusal(("solver", "mass_scaling"), table.mass_scaling, allowed)
     given = {}
     for key in ("precision", "axial_softening", "residual_tolerance"):
         given[key] = getattr(numerics if getattr(table, key) is None else table, key)
@@ -240,11 +213,3 @@ def _solver(source: Source, file: SceneFile, numerics: Preset, slenderness: floa
         allowed = f'{SINGLE_TOLERANCE:g} or more in single precision, whose round-off hides less; or precision = "double"'
         raise source.refusal(("solver", "residual_tolerance"), given["residual_tolerance"], allowed)
     return replace(table, **given)
-
-
-def _sweep(source: Source, table: Sweep | None, knit: Knit) -> Sweep | None:
-    if table is None:
-        return None
-    if table.seeds > 1 and knit.scatter == 0.0:
-        raise source.refusal(("sweep", "seeds"), table.seeds, "1, as without knit.scatter all seeds knit the same mesh")
-    return table

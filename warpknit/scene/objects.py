@@ -198,7 +198,8 @@ class ModelOptions(Table):
 
     kind: Kind = key(
         "With `[wires]` `spatial`, and nothing else. `planar`: two coordinates a node, bodies where wires hook. `spatial`: three,"
-        " with twist and contact of round wires ([physics.md](physics.md#the-spatial-model)).",
+        " with twist and contact of round wires ([physics.md](physics.md#the-spatial-model)). [capabilities.md](capabilities.md)"
+        " says what goes with which.",
         "planar",
     )
     boundary: Boundary = key(

@@ -19,7 +19,6 @@ from warpknit.scene.source import Source
 from warpknit.scene.units import tidy
 from warpknit.scene.values import STRAIN
 from warpknit.scene.wire import Wire
-from warpknit.scene.wires import check_wire_stages
 
 FARTHEST_PULL = 0.5  # of the width of a panel
 NEAR_EDGE = 0.1  # of the width of a panel: a pull farther from its edge is a mistake
@@ -29,7 +28,6 @@ def mesh_stages(source: Source, file: SceneFile, wire: Wire, knit: Knit, panel: 
     """[load] and each [[path]], a stage taking over from the one before what it leaves out."""
     load = _unloaded(wire)
     outline = panel.shape(knit.size)
-    by_path = file.contact.friction > 0.0 or file.wire.plastic
     for location, name, table in _named_stages(source, file):
         given = given_values(table)
         given.pop("name", None)
@@ -38,35 +36,12 @@ def mesh_stages(source: Source, file: SceneFile, wire: Wire, knit: Knit, panel: 
         for side in ("weft", "warp"):
             if f"strain_{side}" in given or f"tension_{side}" in given:
                 load |= _direction(side, given.pop(f"strain_{side}", None), given.pop(f"tension_{side}", None))
-        _check_uneven(source, file, location, given)
         if "pull" in given:
             for index, pull in enumerate(given["pull"]):
                 _check_pull(source, file, (*location, "pull", index), pull, outline)
         load |= given
         _check_warmth(source, location, load, outline)
-        if load["clamp_rotation"] and load["pull"]:
-            raise source.refusal((*location, "clamp_rotation"), load["clamp_rotation"], "nothing together with a pull")
-        for side in ("weft", "warp"):
-            if by_path and load[f"tension_{side}"] is not None:
-                allowed = "strains with friction or yield: a search for tension would be part of the path"
-                raise source.refusal((*location, f"tension_{side}"), load[f"tension_{side}"], allowed)
         yield Stage(name=name, **load)
-
-
-def _check_uneven(source: Source, file: SceneFile, location: tuple[int | str, ...], given: dict[str, Any]) -> None:
-    """Refuse what differs from place to place where nothing can follow it."""
-    for key in ("temperature_gradient", "pull", "clamp_rotation"):
-        value = given.get(key)
-        if not value or value == (0.0, 0.0):
-            continue
-        if file.model.boundary == "periodic":
-            raise source.refusal((*location, key), value, "nothing with model.boundary = 'periodic', which has no edge")
-        if file.solver.drive == "ramp":
-            raise source.refusal((*location, key), value, "nothing with solver.drive = 'ramp'")
-        if key == "clamp_rotation" and file.panel.cord is not None:
-            raise source.refusal((*location, key), value, "nothing with panel.cord, which clamps hang on")
-        if key == "temperature_gradient" and not file.solver.multipliers:
-            raise source.refusal((*location, key), value, "nothing with solver.multipliers = false, which bring it in")
 
 
 def _check_warmth(source: Source, location: tuple[int | str, ...], load: dict[str, Any], outline: Outline) -> None:
@@ -91,12 +66,6 @@ def _check_pull(source: Source, file: SceneFile, location: tuple[int | str, ...]
     if (pull.width is None) == (file.panel.grip_pitch is None):
         allowed = "left out with panel.grip_pitch (net nodes are moved)" if pull.width else "a length: how much of the edge moves"
         raise source.refusal((*location, "width"), pull.width or 0.0, allowed)
-
-
-def wire_stages(source: Source, file: SceneFile, wire: Wire, knit: Knit, panel: PanelOptions) -> Iterator[Stage]:
-    """The stages of wires from a file."""
-    check_wire_stages(source, _named_stages(source, file))
-    yield from mesh_stages(source, file, wire, knit, panel)
 
 
 def hook_stages(source: Source, file: SceneFile, wire: Wire, hook: Hook) -> Iterator[Stage]:

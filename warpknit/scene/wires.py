@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import stat
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,7 +14,6 @@ from warpknit.scene.wire import Wire
 
 if TYPE_CHECKING:
     from warpknit.scene.file import SceneFile
-    from warpknit.scene.objects import Stage
     from warpknit.scene.source import Source
 
 USD = (".usd", ".usda", ".usdc", ".usdz")
@@ -107,8 +105,6 @@ def wire_file(source: Source, file: SceneFile, wire: Wire) -> WireFile | None:
     table = file.wires
     if table is None:
         return None
-    if file.model.kind != "spatial":
-        raise source.refusal(("model", "kind"), file.model.kind, "'spatial' with [wires], whose wires are curves in space")
     path = source.path.parent / table.file
     try:
         data = checked_bytes(path)
@@ -125,13 +121,6 @@ def wire_file(source: Source, file: SceneFile, wire: Wire) -> WireFile | None:
         raise source.refusal(("wires", "period"), table.period, "nothing with a .pyp file, which has a period")
     if table.time is not None and suffix not in USD:
         raise source.refusal(("wires", "time"), table.time, f"only with a USD file ({', '.join(USD)})")
-    if table.repeats != (1, 1) and file.model.boundary != "periodic":
-        raise source.refusal(("wires", "repeats"), list(table.repeats), "[1, 1] but with model.boundary = 'periodic'")
-    for name, given, default in (("panel", file.panel, type(file.panel)()), ("sweep", file.sweep, None)):
-        if given != default:
-            raise source.refusal((name,), {}, f"no [{name}] with [wires]")
-    if file.solver.drive == "ramp":
-        raise source.refusal(("solver", "drive"), "ramp", "'relax' with [wires]")
     return as_object(
         WireFile,
         table,
@@ -140,15 +129,6 @@ def wire_file(source: Source, file: SceneFile, wire: Wire) -> WireFile | None:
         node_spacing=wire.diameter if table.node_spacing is None else table.node_spacing,
         loop_size=LOOP_SIZE * wire.diameter if table.loop_size is None else table.loop_size,
     )
-
-
-def check_wire_stages(source: Source, stages: Iterator[tuple[tuple[int | str, ...], str, Stage]]) -> None:
-    """Refuse loads that need to know the size of the mesh, which is known when its file is read."""
-    for location, _, table in stages:
-        for name in ("displacement", "temperature_gradient", "pull"):
-            value = getattr(table, name)
-            if value not in (None, (), (0.0, 0.0)):
-                raise source.refusal((*location, name), value, "strains, tensions, shear and temperature with [wires]")
 
 
 def checked_bytes(path: Path) -> bytes:

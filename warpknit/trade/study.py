@@ -14,15 +14,15 @@ from pathlib import Path
 from typing import Any
 
 from ..device import find_device
-from ..errors import Diverged, InputError, ModelError
+from ..errors import Diverged, InputError
 from ..files import write_aside, write_table
-from ..mesh.layout import refuse_wire_file
 from ..planar.model import Model, build_model
 from ..planar.numerics import slowest_rate
 from ..run.interrupts import Interrupted, Interrupts
 from ..run.progress import Progress as Display
 from ..run.run_directory import Ending, finished_before, goes_on, open_directory
 from ..scene import Scene, resolved_toml
+from ..scene.capabilities import refuse
 from ..solve.estimate import ESTIMATE_FACTOR, ramp_steps, relax_steps, wall_time
 from ..spatial.estimate import endless_size, spatial_steps, spatial_time
 from ..text import duration
@@ -64,10 +64,7 @@ def run_trade(
     the reference does. An interrupt ends with exit_code 130 and keeps the finished points.
     """
     scene = load((), None)
-    refuse_wire_file(scene)
-    if scene.model.kind != "planar":
-        allowed = "'planar', and --against spatial for a reference in space"
-        raise ModelError(f"model.kind: given {scene.model.kind!r}, allowed for a trade: {allowed}")
+    refuse(scene, "trade")
     of_reference: Overrides = (("model.kind", against),) if against else ()
     load(of_reference, None)  # refused before anything is written
     if resume and (finished := finished_before(out, "trade.json", scene.hash)) is not None:
