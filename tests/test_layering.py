@@ -17,7 +17,6 @@ from pathlib import Path
 import pytest
 
 from warpknit.cli import main
-from warpknit.scene.messages import known_keys
 
 TESTS = Path(__file__).parent
 ROOT = TESTS.parent
@@ -257,12 +256,6 @@ def test_the_linter_finds(tmp_path, before, after, fault):
 
 
 # --- documents
-
-
-def test_every_key_of_a_scene_is_described():
-    text = (ROOT / "docs" / "scenes.md").read_text(encoding="utf-8")
-    missing = [key for key in known_keys() if f"{key.rsplit('.', 1)[-1]}`" not in text and "." in key]
-    assert missing == []
 
 
 def test_every_command_and_option_is_in_the_readme():

@@ -8,8 +8,9 @@ import pytest
 from pydantic_core import PydanticCustomError
 
 from warpknit.scene import SceneError, load_scene, make_scene
-from warpknit.scene.file import LoopTable
+from warpknit.scene.keys import keys_of
 from warpknit.scene.materials import MATERIALS
+from warpknit.scene.objects import Loop
 from warpknit.scene.presets import PRESETS
 
 SCENES = Path(__file__).parent.parent / "scenes"
@@ -160,11 +161,11 @@ def test_an_override_makes_the_stage_it_names():
 def test_loop_defaults_and_ranges_are_those_of_the_knit():
     loops = pytest.importorskip("warpknit.knit.loops")
     defaults = make_scene({}).knit.loop
-    assert {f.name for f in fields(loops.LoopProportions)} == set(LoopTable.model_fields)
+    assert {f.name for f in fields(loops.LoopProportions)} == set(keys_of(Loop))
     for proportion in fields(loops.LoopProportions):
         assert getattr(defaults, proportion.name) == proportion.default
     for name, (low, high) in loops.RANGES.items():
-        check = LoopTable.model_fields[name].metadata[0].func
+        check = keys_of(Loop)[name].check
         for value in (low, high):
             assert check(value) == value
         for value in (low - 1e-6, high + 1e-6):

@@ -72,12 +72,9 @@ def _refuse_error(percent: float, preset: str | None, scene: Scene) -> None:
         raise click.UsageError("--error and --preset: both given, allowed: one of them.")
     if not 0.0 < percent <= 100.0:
         raise click.UsageError(f"--error: given {percent:g}, allowed: a percentage above 0, up to 100.")
-    if scene.wires is not None:
-        raise click.UsageError(f"--error: given with wires.file = {scene.wires.path.name!r}, allowed with [knit] or [hook].")
-    if scene.model.kind != "planar" and scene.hook is not None:
-        raise click.UsageError(f"--error: given with a hook and model.kind = {scene.model.kind!r}, allowed with 'planar'.")
-    if scene.solver.drive != "relax":
-        raise click.UsageError(f"--error: given with solver.drive = {scene.solver.drive!r}, allowed with 'relax'.")
+    from warpknit.scene.capabilities import refuse
+
+    refuse(scene, "error")
 
 
 def result_options(command: Any) -> Any:
@@ -174,11 +171,10 @@ def contact_map(
     loaded, directory = open_scene(scene, overrides, preset, out, quiet=quiet)
 
     from warpknit.run.progress import progress_for
+    from warpknit.scene.capabilities import refuse
     from warpknit.sweep.sweep import map_lines, run_map
 
-    if ranks.count > 1:
-        raise ModelError(f"a map is not shared by {ranks.count} ranks: run it without mpirun")
-
+    refuse(loaded, "map", ranks=ranks.count)
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         result = run_map(loaded, out=directory, device=device, resume=resume, force=force, progress=progress)
     if result.exit_code != FINISHED:

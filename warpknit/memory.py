@@ -7,14 +7,14 @@ import psutil
 from .scene import Scene
 
 LIBRARY_MEMORY = 512 * 2**20  # [bytes] of addresses that libraries may still take: threads, compiler, USD
-MEMORY_PER_NODE = {"single": 420, "double": 520}  # bytes, at the peak of a run on the CPU
-SPATIAL_MEMORY_PER_NODE = 1_500  # the same of the spatial model, with the pairs of segments near each other
+# bytes at the peak of a run on the CPU, by model.kind and solver.precision; in space with the pairs of segments near each other
+MEMORY_PER_NODE = {("planar", "single"): 420, ("planar", "double"): 520, ("spatial", "double"): 1_500}
 USD_MEMORY_PER_NODE = 60  # bytes, of the process that writes scene.usda and of the frame that is handed to it
 
 
 def required_memory(scene: Scene, nodes: int) -> int:
     """Bytes for so many nodes with their share of bodies."""
-    wire = SPATIAL_MEMORY_PER_NODE if scene.model.kind == "spatial" else MEMORY_PER_NODE[scene.solver.precision]
+    wire = MEMORY_PER_NODE[scene.model.kind, scene.solver.precision]
     return (wire + USD_MEMORY_PER_NODE * scene.output.usd) * nodes
 
 

@@ -22,6 +22,7 @@ from .mesh.layout import knit_scene
 from .mesh.rim import net_nodes
 from .model import build_model, estimates_of
 from .scene import Scene
+from .scene.capabilities import without_effect
 from .solve.simulate import Simulation
 from .text import duration, memory, rounded
 from .wires.report import WireReport, wire_report
@@ -125,7 +126,12 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         limited_by=size.limited_by,
         steps=cost.steps,
         wall_s=cost.seconds if name == "cpu" else None,
-        physics=(*estimates.physics(scene, size), *physics_of(scene, size), *estimates.left_out(scene, cloth)),
+        physics=(
+            *estimates.physics(scene, size),
+            *physics_of(scene, size),
+            *estimates.left_out(scene, cloth),
+            *without_effect(scene),
+        ),
         counted=counted,
         relaxes=scene.solver.drive == "relax",
         knit="" if cloth is None else _repeat(scene, cloth),

@@ -11,10 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import Diverged, SceneError
+from ..errors import Diverged
 from ..files import write_aside, write_table
 from ..run.progress import Progress
 from ..scene import Scene, Sweep
+from ..scene.capabilities import refuse
 from ..sweep.contact_map import MapRow, Optimum, find_optimum, grid
 from ..sweep.outcome import AnyReading
 from ..sweep.states import Mesh, mesh_of
@@ -62,14 +63,10 @@ class Findings:
 
 
 def report_scene(scene: Scene) -> Scene:
-    """`scene` with a sweep, if it has none. Raises SceneError for a mesh that is not endless, and for one with friction."""
-    if scene.model.boundary != "periodic":
-        allowed = "'periodic' for a report (a card is that of endless cloth)"
-        raise SceneError(f"{scene.path}: model.boundary: given {scene.model.boundary!r}, allowed: {allowed}")
-    if scene.contact.friction > 0.0:
-        allowed = "0 for a report (a card is that of states that do not depend on the path)"
-        raise SceneError(f"{scene.path}: contact.friction: given {scene.contact.friction:g}, allowed: {allowed}")
-    return replace(scene, sweep=scene.sweep or Sweep(DEFAULT_STRAINS, DEFAULT_STRAINS, 1))
+    """`scene` with a sweep, if it has none. Raises SceneError for what no report is made of."""
+    scene = replace(scene, sweep=scene.sweep or Sweep(DEFAULT_STRAINS, DEFAULT_STRAINS, 1))
+    refuse(scene, "report")
+    return scene
 
 
 def make_report(

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..errors import MemoryNeeded, ModelError
+from ..errors import MemoryNeeded
 from ..knit.chain import KnitError
 from ..knit.cloth import Cloth, knit_cloth
 from ..memory import available_memory, required_memory
@@ -34,9 +34,8 @@ def copies_of_cloth(scene: Scene) -> tuple[int, int]:
 
 def knit_scene(scene: Scene) -> Cloth:
     """One repeat of the scene's cloth, or all of it where loops differ; refuses (`MemoryNeeded`) a mesh that cannot fit before
-    anything is laid out, (`ModelError`) wires from a file, and (`KnitError`) loops so far from the mean that they hook
+    anything is laid out, and (`KnitError`) loops so far from the mean that they hook
     otherwise."""
-    refuse_wire_file(scene)
     cloth = knit_cloth(scene.knit, scene.wire.diameter, scene.model.merge_lenses, _tiles(scene))
     _refuse_other_hooks(scene, cloth)
     nodes = estimated_nodes(scene, cloth)
@@ -46,12 +45,6 @@ def knit_scene(scene: Scene) -> Cloth:
             f"{_size_of(scene)}: {nodes:.3g} nodes need {needed / 2**30:.3g} GiB, available {available / 2**30:.3g} GiB"
         )
     return cloth
-
-
-def refuse_wire_file(scene: Scene) -> None:
-    """Raise `ModelError` where the scene's wires come from a file."""
-    if scene.wires is not None:
-        raise ModelError("wires: given a file, allowed: [knit] here: wires from a file are planned and run, no more")
 
 
 def _tiles(scene: Scene) -> tuple[int, int]:

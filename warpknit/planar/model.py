@@ -162,8 +162,6 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
     """
     start_warp()
     if scene.hook is not None:
-        if ranks is not None and ranks.count > 1:
-            raise ModelError(f"hook: two wires are not shared by {ranks.count} ranks: run without mpirun")
         return _build_hook(scene, scene.hook, device)
     cloth = knit_scene(scene)
     table, panel, loop_length = lay_out(scene, cloth)

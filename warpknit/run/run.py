@@ -21,6 +21,7 @@ from ..frame import Frame, WireLayout
 from ..model import build_model
 from ..ranks.ranks import One, Ranks
 from ..scene import Scene
+from ..scene.capabilities import refuse
 from ..solve.simulate import Record, Simulation
 from .checkpoint import Checkpoint, has_checkpoint
 from .history import Row, row_of
@@ -59,6 +60,7 @@ def run_scene(
     exit_code 3, an interrupt with 130; what was finished by then is kept.
     """
     ranks = ranks or One()
+    refuse(scene, "run", ranks=ranks.count)
     finished = ranks.from_first(lambda: _finished_run(scene, out, resume, force))
     if finished is not None:
         return finished

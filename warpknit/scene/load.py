@@ -12,19 +12,20 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from warpknit.scene.file import KnitTable, ModelTable, SceneFile, SweepTable, WireTable
-from warpknit.scene.hook import contact_values, hook_of
+from warpknit.scene.capabilities import refuse
+from warpknit.scene.file import SceneFile, checked_file
+from warpknit.scene.hook import hook_of
+from warpknit.scene.keys import as_object
 from warpknit.scene.materials import MATERIALS
 from warpknit.scene.messages import dotted, first_error, scene_error
-from warpknit.scene.objects import Bar, Contact, Knit, Loop, ModelOptions, Output, Scene, Solver, Sweep
+from warpknit.scene.objects import TREATMENT_KEYS, Contact, Knit, KnitTable, ModelOptions, Scene, Solver
 from warpknit.scene.overrides import Override, with_overrides
 from warpknit.scene.panel import PanelError, PanelOptions, covering_repeats, panel_options
 from warpknit.scene.presets import PRESETS, Preset
 from warpknit.scene.source import Source
-from warpknit.scene.spatial import refuse_unsupported
-from warpknit.scene.stages import hook_stages, mesh_stages, wire_stages
+from warpknit.scene.stages import hook_stages, mesh_stages
 from warpknit.scene.units import shown
-from warpknit.scene.wire import Plating, Wire
+from warpknit.scene.wire import Wire
 from warpknit.scene.wires import wire_file
 
 if sys.version_info >= (3, 11):
@@ -35,6 +36,7 @@ else:
 SPACING_RATIO = 10.0  # largest ratio of wale and course spacing, either way
 SINGLE_NODES = 48  # nodes a loop above which double is the default: round-off grows as EI/h^2
 SINGLE_SLENDERNESS = 1e-3  # of s (d/W)^2, s being the softening, below which it is too: round-off grows as EA/s, forces as EI/W^2
+OF_THE_METAL = ("youngs_modulus", "poissons_ratio", "density", "expansion", "yield_stress", "tensile_strength")
 SINGLE_TOLERANCE = 1e-3  # least residual tolerance that single precision can meet
 
 
@@ -70,16 +72,16 @@ def make_scene(
         overrides = [*overrides, ("solver.preset", preset)]
     table = with_overrides(path, table, overrides)
     try:
-        file = SceneFile.model_validate(table)
+        file = checked_file(table)
     except ValidationError as error:
         raise first_error(path, error) from error
+    if file.wires is not None and "kind" not in table.get("model", {}):
+        file = replace(file, model=replace(file.model, kind="spatial"))
     source = Source(path, table)
-    if file.wires is not None and "kind" not in file.model.model_fields_set:
-        file = file.model_copy(update={"model": file.model.model_copy(update={"kind": "spatial"})})
+    refuse(file, source=source)
     wire = _wire(source, file.wire)
     hook = None if file.hook is None else hook_of(source, file, wire)
     wires = wire_file(source, file, wire)
-    refuse_unsupported(source, file)
     if hook is not None:
         knit = _nothing_knitted(file, hook.radius)
     elif wires is not None:
@@ -93,15 +95,13 @@ def make_scene(
             allowed = f"nothing where panel.outline = {panel.outline!r} says how large the mesh is ({list(repeats)} cover it)"
             raise source.refusal(("knit", "repeats"), list(file.knit.repeats), allowed)
         knit = replace(knit, repeats=repeats)
-    numerics = PRESETS[file.solver.preset].driven_by(file.solver.drive)
-    if file.model.kind == "spatial":
-        numerics = replace(numerics, nodes_per_loop=numerics.spatial_nodes_per_loop, precision="double")
+    numerics = PRESETS[file.solver.preset].of(file.model.kind, file.solver.drive)
     if wires is not None:
         numerics = replace(numerics, nodes_per_loop=wires.nodes_per_loop)
     if hook is not None:
         stages = tuple(hook_stages(source, file, wire, hook))
     else:
-        stages = tuple((mesh_stages if wires is None else wire_stages)(source, file, wire, knit, panel))
+        stages = tuple(mesh_stages(source, file, wire, knit, panel))
     return Scene(
         name=file.name or path.stem,
         path=path,
@@ -112,21 +112,20 @@ def make_scene(
         model=_model(source, file.model, wire, numerics),
         panel=panel,
         stages=stages,
-        contact=Contact(**contact_values(source, file, wire)),
+        contact=_contact(source, file, wire),
         solver=_solver(source, file, numerics, wire.diameter / knit.wale_spacing),
-        output=Output(**file.output.model_dump()),
-        sweep=_sweep(source, file.sweep, knit),
+        output=file.output,
+        sweep=file.sweep,
     )
 
 
-def _wire(source: Source, table: WireTable) -> Wire:
-    given = table.model_dump(exclude={"plating"})
-    if table.hardness is None and table.plating is not None:
-        given["hardness"] = MATERIALS[table.plating.material].hardness
-    for key, value in given.items():
-        if value is None:
-            given[key] = getattr(MATERIALS[table.material], key)
-    wire = Wire(**given, plating=None if table.plating is None else Plating(**table.plating.model_dump()))
+def _wire(source: Source, table: Wire) -> Wire:
+    metal = MATERIALS[table.material]
+    surface = metal if table.plating is None else MATERIALS[table.plating.material]
+    left_out = {name: getattr(metal, name) for name in OF_THE_METAL if getattr(table, name) is None}
+    if table.hardness is None:
+        left_out["hardness"] = surface.hardness
+    wire = replace(table, **left_out)
     if wire.yield_stress > wire.tensile_strength:
         allowed = f"at most the tensile strength, {wire.tensile_strength:g} Pa"
         raise source.refusal(("wire", "yield_stress"), wire.yield_stress, allowed)
@@ -138,11 +137,11 @@ def _wire(source: Source, table: WireTable) -> Wire:
 
 def _knit(source: Source, table: KnitTable, wire: Wire) -> Knit:
     spacing = {}
-    for key, length, count_key, count, default in (
-        ("wale_spacing", table.wale_spacing, "wales", table.wales, 1.7e-3),
-        ("course_spacing", table.course_spacing, "courses", table.courses, 1.0e-3),
+    for key, length, count_key, count in (
+        ("wale_spacing", table.wale_spacing, "wales", table.wales),
+        ("course_spacing", table.course_spacing, "courses", table.courses),
     ):
-        spacing[key] = length if length is not None else default if count is None else 1 / count
+        spacing[key] = length if count is None else 1 / count
         if not 2 * wire.diameter <= spacing[key] < math.inf:
             least = 2 * wire.diameter
             allowed = f"two diameters of the wire or more between loops, {least:g} m (wire.diameter is {wire.diameter:g} m)"
@@ -156,50 +155,42 @@ def _knit(source: Source, table: KnitTable, wire: Wire) -> Knit:
             " (bare numbers are SI)"
         )
         raise source.refusal(("knit", key), spacing["wale_spacing"], allowed)
-    return Knit(
-        bars=tuple(Bar(**bar.model_dump()) for bar in table.bars),
-        **spacing,
-        repeats=table.repeats,
-        scatter=table.scatter,
-        seed=table.seed,
-        loop=Loop(**table.loop.model_dump()),
-    )
+    return as_object(Knit, table, **spacing)
 
 
 def _nothing_knitted(file: SceneFile, scale: float) -> Knit:
     """The knit of a scene without one: nothing, but a scale of lengths [m]."""
-    return Knit(
-        bars=(),
-        wale_spacing=scale,
-        course_spacing=scale,
-        repeats=(1, 1),
-        scatter=0.0,
-        seed=0,
-        loop=Loop(**file.knit.loop.model_dump()),
-    )
+    return Knit(bars=(), wale_spacing=scale, course_spacing=scale, loop=file.knit.loop)
 
 
-def _model(source: Source, table: ModelTable, wire: Wire, numerics: Preset) -> ModelOptions:
-    given = table.model_dump()
-    if given["nodes_per_loop"] is None:
-        given["nodes_per_loop"] = numerics.nodes_per_loop
-    if given["body_radius"] is None:
-        given["body_radius"] = wire.diameter / 8
-    elif given["body_radius"] > wire.diameter:
+def _model(source: Source, table: ModelOptions, wire: Wire, numerics: Preset) -> ModelOptions:
+    nodes = numerics.nodes_per_loop if table.nodes_per_loop is None else table.nodes_per_loop
+    radius = wire.diameter / 8 if table.body_radius is None else table.body_radius
+    if radius > wire.diameter:
         allowed = f"at most the diameter of the wire, {wire.diameter:g} m"
-        raise source.refusal(("model", "body_radius"), given["body_radius"], allowed)
-    return ModelOptions(**given)
+        raise source.refusal(("model", "body_radius"), radius, allowed)
+    return replace(table, nodes_per_loop=nodes, body_radius=radius)
+
+
+def _contact(source: Source, file: SceneFile, wire: Wire) -> Contact:
+    """[contact] with the defaults of its treatment; what the treatment does not have is None."""
+    table = file.contact
+    if table.ring_radius is not None and table.ring_radius < wire.radius:
+        allowed = f"at least the radius of the wire, {wire.radius:g} m: the wires pass through the ring"
+        raise source.refusal(("contact", "ring_radius"), table.ring_radius, allowed)
+    defaults: dict[str, Any] = {
+        "spring_stiffness": 1e-3,
+        "ring_radius": wire.diameter,
+        "plane_friction": 0.1,
+        "plane_load": 1e-5,
+        "contact_point": 0.5,
+        "target_share": 1.0,
+    }
+    chosen = {name for name in defaults if table.treatment in TREATMENT_KEYS[name] and getattr(table, name) is None}
+    return replace(table, **{name: defaults[name] for name in chosen})
 
 
 def _panel(source: Source, file: SceneFile) -> PanelOptions:
-    if file.model.boundary == "periodic" and file.panel != type(file.panel)():
-        raise source.refusal(("model", "boundary"), "periodic", "'gripped' with [panel]: a periodic tile has no outline")
-    if file.solver.drive == "ramp" and file.contact.friction:
-        raise source.refusal(("contact", "friction"), file.contact.friction, "0 with solver.drive = 'ramp'")
-    if file.solver.drive == "ramp" and file.wire.plastic:
-        raise source.refusal(("wire", "plastic"), file.wire.plastic, "false with solver.drive = 'ramp'")
-    if file.solver.drive == "ramp" and file.panel.cord is not None:
-        raise scene_error(source.path, "panel.cord", "a cord", "nothing with solver.drive = 'ramp'")
     try:
         panel = panel_options(file.panel, source.path.parent)
     except PanelError as error:
@@ -211,10 +202,9 @@ def _panel(source: Source, file: SceneFile) -> PanelOptions:
 def _solver(source: Source, file: SceneFile, numerics: Preset, slenderness: float) -> Solver:
     """The options of [solver]; `slenderness` is the diameter of the wire over the wale spacing."""
     table = file.solver
-    given = table.model_dump()
+    given = {}
     for key in ("precision", "axial_softening", "residual_tolerance"):
-        if given[key] is None:
-            given[key] = getattr(numerics, key)
+        given[key] = getattr(numerics if getattr(table, key) is None else table, key)
     nodes = file.model.nodes_per_loop or numerics.nodes_per_loop
     coarse = nodes <= SINGLE_NODES and given["axial_softening"] * slenderness**2 >= SINGLE_SLENDERNESS
     if file.hook is not None or (table.precision is None and not coarse):
@@ -222,12 +212,4 @@ def _solver(source: Source, file: SceneFile, numerics: Preset, slenderness: floa
     if given["precision"] == "single" and given["residual_tolerance"] < SINGLE_TOLERANCE:
         allowed = f'{SINGLE_TOLERANCE:g} or more in single precision, whose round-off hides less; or precision = "double"'
         raise source.refusal(("solver", "residual_tolerance"), given["residual_tolerance"], allowed)
-    return Solver(**given)
-
-
-def _sweep(source: Source, table: SweepTable | None, knit: Knit) -> Sweep | None:
-    if table is None:
-        return None
-    if table.seeds > 1 and knit.scatter == 0.0:
-        raise source.refusal(("sweep", "seeds"), table.seeds, "1, as without knit.scatter all seeds knit the same mesh")
-    return Sweep(tuple(table.strain_weft), tuple(table.strain_warp), table.seeds)
+    return replace(table, **given)

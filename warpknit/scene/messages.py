@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import difflib
 import re
-import typing
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Sequence
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from warpknit.errors import SceneError
 from warpknit.scene.file import SceneFile
+from warpknit.scene.keys import Table, keys_below, keys_of
 from warpknit.scene.units import shown
-from warpknit.scene.values import Check
 
 Location = tuple[int | str, ...]
+UNKNOWN = ("unexpected_keyword_argument", "invalid_key")  # what pydantic calls an unknown key
 
 
 def scene_error(file: object, key: str, given: str, allowed: str, more: int = 0) -> SceneError:
@@ -26,7 +25,7 @@ def scene_error(file: object, key: str, given: str, allowed: str, more: int = 0)
 
 def first_error(file: object, error: ValidationError) -> SceneError:
     """The first of the errors that pydantic found; unknown keys come first, as they often cause the others."""
-    found = sorted(error.errors(include_url=False), key=lambda item: item["type"] != "extra_forbidden")
+    found = sorted(error.errors(include_url=False), key=lambda item: item["type"] not in UNKNOWN)
     item, more = found[0], len(found) - 1
     location: Location = item["loc"]
     context = item.get("ctx", {})
@@ -35,12 +34,12 @@ def first_error(file: object, error: ValidationError) -> SceneError:
         case "refused":
             key = (*location, context["key"]) if "key" in context else location
             return scene_error(file, dotted(key), context.get("given", given), context["allowed"], more)
-        case "extra_forbidden":
+        case "unexpected_keyword_argument" | "invalid_key":
             unknown = f"{dotted(location)}: unknown key, the nearest is {_nearest_key(location)}"
             return scene_error(file, unknown, given, ", ".join(_fields(location[:-1])), more)
         case "missing":
             return scene_error(file, dotted(location), "nothing", _allowed_at(location), more)
-        case "list_type":
+        case "tuple_type":
             return scene_error(file, dotted(location), given, "a list", more)
         case "too_short":
             return scene_error(file, dotted(location), given, "a list with at least one entry", more)
@@ -61,35 +60,19 @@ def dotted(location: Sequence[int | str]) -> str:
 
 def known_keys() -> list[str]:
     """Every key of a scene file, dotted; an entry of a list of tables as list[0]."""
-    return list(_keys_below(SceneFile, ""))
+    return [name for name, _ in keys_below(SceneFile)]
 
 
-def _keys_below(table: type[BaseModel], prefix: str) -> Iterator[str]:
-    for name, field in table.model_fields.items():
-        yield prefix + name
-        below = _table_in(field.annotation)
-        if below is not None:
-            is_list = list in (typing.get_origin(field.annotation), *map(typing.get_origin, typing.get_args(field.annotation)))
-            yield from _keys_below(below, f"{prefix}{name}{'[0]' if is_list else ''}.")
-
-
-def _table_in(annotation: Any) -> type[BaseModel] | None:
-    """The table type within an annotation such as `list[BarTable]` or `PlatingTable | None`."""
-    if typing.get_origin(annotation) is None and isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    return next((table for part in typing.get_args(annotation) if (table := _table_in(part))), None)
-
-
-def _table_at(location: Location) -> type[BaseModel]:
-    table: type[BaseModel] = SceneFile
+def _table_at(location: Location) -> type[Table]:
+    table: type[Table] = SceneFile
     for part in location:
         if isinstance(part, str):
-            table = _table_in(table.model_fields[part].annotation) or table
+            table = keys_of(table)[part].table or table
     return table
 
 
 def _fields(location: Location) -> list[str]:
-    return list(_table_at(location).model_fields)
+    return list(keys_of(_table_at(location)))
 
 
 def _nearest_key(location: Location) -> str:
@@ -109,9 +92,8 @@ def _nearest_key(location: Location) -> str:
 
 def _allowed_at(location: Location) -> str:
     """What a required key allows."""
-    field = _table_at(location[:-1]).model_fields[str(location[-1])]
-    checks = (getattr(entry, "func", None) for entry in field.metadata)
-    return next((check.allowed for check in checks if isinstance(check, Check)), "a list with at least one entry")
+    entry = keys_of(_table_at(location[:-1]))[str(location[-1])]
+    return "a list with at least one entry" if entry.is_list or entry.check is None else entry.check.allowed
 
 
 def _one_line(text: str) -> str:

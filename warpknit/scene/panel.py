@@ -6,38 +6,56 @@ import csv
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
-from warpknit.scene.file import PanelTable
+from warpknit.scene.keys import Table, as_object, key
 from warpknit.scene.outline import Outline, disc, is_simple, rectangle, regular, signed_area, turned
 from warpknit.scene.units import QuantityError, si
+from warpknit.scene.values import Angle, AxialStiffness, FileName, Force, Length, OutlineName, Percent, Tension, Vector
 
 MOST_CORNERS = 1000  # of a polygon
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cord:
-    """An elastic cord along the outline, fixed at the net nodes; `tension` where it lies on the outline."""
+class Cord(Table):
+    """[panel.cord]: an elastic cord along the outline, fixed at the net nodes."""
 
-    tension: Annotated[float, "N"]
-    stiffness: Annotated[float, "N"]
+    tension: Force = key(
+        "Tension of the cord between the net nodes where it lies on the strained outline. Write"
+        ' `cord = {tension = "1 N", stiffness = "1 kN"}`.'
+    )
+    stiffness: AxialStiffness = key("Axial stiffness EA of the cord.")
 
 
 @dataclass(frozen=True, kw_only=True)
-class PanelOptions:
-    """What a gripped mesh is cut along and held by. None: not asked for."""
+class PanelOptions(Table):
+    """[panel]: what a gripped mesh is cut along and held by, and the surface it should make. None: not asked for."""
 
-    outline: str = "rectangle"  # rectangle | hexagon | triangle | disc | polygon
-    size: Annotated[float, "m"] | None = None  # side of a hexagon or triangle, diameter of a disc
-    corners: tuple[tuple[float, float], ...] | None = None  # [m] of a polygon, counter-clockwise
-    rotation: Annotated[float, "rad"] = 0.0
-    grip_pitch: Annotated[float, "m"] | None = None  # distance of net nodes along the outline; None: held all along
-    cord: Cord | None = None
-    focal_length: Annotated[float, "m"] | None = None  # of the paraboloid that the panel should lie on
-    tension_threshold: Annotated[float, "N/m"] | None = None
-    active_threshold: float | None = None  # percent of the contacts
+    outline: OutlineName = key(
+        "The shape that is cut from endless cloth; weft is horizontal. With all but `rectangle`, `knit.repeats` is left out: it"
+        " follows.",
+        "rectangle",
+    )
+    size: Length | None = key("Side of a hexagon or triangle, diameter of a disc.", None)
+    corners: tuple[Vector, ...] | None = key(
+        "Of a polygon, round its edge, in either direction. Their origin is the middle of an opening of the knit.",
+        None,
+        allowed="a list of pairs, each a length, such as ['1 mm', '2 mm']",
+    )
+    rotation: Angle = key("Counter-clockwise, of the outline over the knit.", 0.0)
+    grip_pitch: Length | None = key(
+        "Distance of net nodes along the outline, the nearest that divides each side evenly. Needs `cord`.",
+        None,
+        left_out="held all along",
+    )
+    cord: Cord | None = key("Between the net nodes.", None)
+    focal_length: Length | None = key(
+        "Of the paraboloid on which the edge is held, its apex under the middle of the panel.", None
+    )
+    tension_threshold: Tension | None = key("The summary says which share of the area carries less, in weft or in warp.", None)
+    active_threshold: Percent | None = key("Percent: the summary says which share of the area has fewer active contacts.", None)
 
     def shape(self, rectangle_size: tuple[float, float]) -> Outline:
         """The outline round the origin (a polygon where its corners say); `rectangle_size` [m] is that of all repeats."""
@@ -52,6 +70,17 @@ class PanelOptions:
                 disc(self.size) if self.outline == "disc" else regular({"triangle": 3, "hexagon": 6}[self.outline], self.size)
             )
         return turned(outline, self.rotation) if self.rotation else outline
+
+
+@dataclass(frozen=True, kw_only=True)
+class PanelTable(PanelOptions):
+    """[panel] as it stands in a file, with what says the same in another way."""
+
+    file: FileName | None = key(
+        "Instead of `corners`: a CSV file of two columns x and y beside the scene, `12.5 mm, 3 mm` a line, or numbers under a"
+        " line of headings with the unit in brackets: `x [mm], y [mm]`.",
+        None,
+    )
 
 
 class PanelError(Exception):
@@ -70,7 +99,7 @@ def panel_options(table: PanelTable, folder: Path) -> PanelOptions:
             raise PanelError("outline", "polygon", "with corners, or with a file")
         key = "corners" if table.file is None else "file"
         found = table.corners if table.file is None else _read_corners(folder / table.file, table.file)
-        corners = _checked_corners(key, found or [])
+        corners = _checked_corners(key, list(found or ()))
     elif table.corners is not None or table.file is not None:
         key = "corners" if table.corners is not None else "file"
         raise PanelError(key, getattr(table, key), "only with outline = 'polygon'")
@@ -83,17 +112,7 @@ def panel_options(table: PanelTable, folder: Path) -> PanelOptions:
     if (table.grip_pitch is None) != (table.cord is None):
         missing = "cord" if table.cord is None else "grip_pitch"
         raise PanelError(missing, "nothing", "cord and grip_pitch together: between net nodes the edge hangs on its cord")
-    return PanelOptions(
-        outline=table.outline,
-        size=table.size,
-        corners=corners,
-        rotation=table.rotation,
-        grip_pitch=table.grip_pitch,
-        cord=None if table.cord is None else Cord(**table.cord.model_dump()),
-        focal_length=table.focal_length,
-        tension_threshold=table.tension_threshold,
-        active_threshold=table.active_threshold,
-    )
+    return as_object(PanelOptions, table, corners=corners)
 
 
 def _checked_corners(key: str, corners: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:

@@ -20,16 +20,21 @@ class Preset:
     error_percent: float  # measured, see below
     node_steps: float  # of a repeat of the double atlas mesh and a load level, measured
 
-    def driven_by(self, drive: str) -> Preset:
-        """The preset with the values that `drive` (relax | ramp) takes."""
-        if drive == "relax":
-            return self
-        return replace(
-            self,
-            nodes_per_loop=self.ramp_nodes_per_loop,
-            axial_softening=self.ramp_axial_softening,
-            precision=self.ramp_precision,
-        )
+    def of(self, kind: str, drive: str) -> Preset:
+        """The preset with the values that `drive` (relax | ramp) takes in a model of this kind (planar | spatial)."""
+        numerics = {
+            "relax": self,
+            "ramp": replace(
+                self,
+                nodes_per_loop=self.ramp_nodes_per_loop,
+                axial_softening=self.ramp_axial_softening,
+                precision=self.ramp_precision,
+            ),
+        }[drive]
+        return {
+            "planar": numerics,
+            "spatial": replace(numerics, nodes_per_loop=self.spatial_nodes_per_loop, precision="double"),
+        }[kind]
 
 
 # `error_percent` is the largest error in active share, tension, sum of contact forces and largest stress over the 12 loads of one

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import typing
-from dataclasses import fields, is_dataclass
-from typing import Annotated, Any
+from typing import Any
 
+from warpknit.scene.keys import Table, keys_of
 from warpknit.scene.objects import Scene
 from warpknit.scene.units import si_text
 
@@ -19,8 +18,6 @@ def resolved_toml(scene: Scene) -> str:
     mesh = "hook" if scene.hook is not None else "wires" if scene.wires is not None else "knit"
     for key in ("wire", mesh, "model", *(("panel",) if mesh == "knit" else ())):
         table[key] = _written(getattr(scene, key), key, left_out)
-    if scene.wires is not None:
-        del table["wires"]["digest"]  # of what is in the file
     table["load"], *path = [_written(stage, "", []) for stage in scene.stages]
     if scene.hook is not None:
         kept = ("name", "displacement", "temperature")
@@ -39,22 +36,13 @@ def _written(value: Any, key: str, left_out: list[str]) -> Any:
     """A frozen object as a table of TOML values. Keys without a value are named in `left_out`."""
     if isinstance(value, tuple):
         return [_written(entry, f"{key}[{index}]", left_out) for index, entry in enumerate(value)]
-    if not is_dataclass(value):
+    if not isinstance(value, Table):
         return value
     table = {}
-    hints = typing.get_type_hints(type(value), include_extras=True)
-    for entry in fields(value):
-        content, below = getattr(value, entry.name), f"{key}.{entry.name}"
+    for name, entry in keys_of(type(value)).items():
+        content, below = getattr(value, name), f"{key}.{name}"
         if content is None:
             left_out.append(below)
         else:
-            unit = _unit(hints[entry.name])
-            table[entry.name] = si_text(content, unit) if unit else _written(content, below, left_out)
+            table[name] = si_text(content, entry.unit) if entry.unit else _written(content, below, left_out)
     return table
-
-
-def _unit(hint: Any) -> str | None:
-    """The unit in an annotation such as `Annotated[float, "m"] | None`."""
-    if typing.get_origin(hint) is Annotated:
-        return str(hint.__metadata__[0])
-    return next((unit for part in typing.get_args(hint) if (unit := _unit(part))), None)

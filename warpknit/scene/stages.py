@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from pydantic_core import PydanticCustomError
 
-from warpknit.scene.file import SceneFile, StageTable
+from warpknit.scene.file import SceneFile
 from warpknit.scene.hook import Hook, hook_loads
+from warpknit.scene.keys import given_values
 from warpknit.scene.objects import Knit, Pull, Stage
 from warpknit.scene.outline import Outline
 from warpknit.scene.panel import PanelOptions
@@ -18,7 +19,6 @@ from warpknit.scene.source import Source
 from warpknit.scene.units import tidy
 from warpknit.scene.values import STRAIN
 from warpknit.scene.wire import Wire
-from warpknit.scene.wires import check_wire_stages
 
 FARTHEST_PULL = 0.5  # of the width of a panel
 NEAR_EDGE = 0.1  # of the width of a panel: a pull farther from its edge is a mistake
@@ -28,44 +28,20 @@ def mesh_stages(source: Source, file: SceneFile, wire: Wire, knit: Knit, panel: 
     """[load] and each [[path]], a stage taking over from the one before what it leaves out."""
     load = _unloaded(wire)
     outline = panel.shape(knit.size)
-    by_path = file.contact.friction > 0.0 or file.wire.plastic
     for location, name, table in _named_stages(source, file):
-        given = table.model_dump(exclude={"name"}, exclude_none=True)
+        given = given_values(table)
+        given.pop("name", None)
         if "displacement" in given:
             load |= _displaced(source, (*location, "displacement"), given.pop("displacement"), knit)
         for side in ("weft", "warp"):
             if f"strain_{side}" in given or f"tension_{side}" in given:
                 load |= _direction(side, given.pop(f"strain_{side}", None), given.pop(f"tension_{side}", None))
-        _check_uneven(source, file, location, given)
         if "pull" in given:
-            given["pull"] = tuple(Pull(**pull) for pull in table.model_dump()["pull"])
             for index, pull in enumerate(given["pull"]):
                 _check_pull(source, file, (*location, "pull", index), pull, outline)
         load |= given
         _check_warmth(source, location, load, outline)
-        if load["clamp_rotation"] and load["pull"]:
-            raise source.refusal((*location, "clamp_rotation"), load["clamp_rotation"], "nothing together with a pull")
-        for side in ("weft", "warp"):
-            if by_path and load[f"tension_{side}"] is not None:
-                allowed = "strains with friction or yield: a search for tension would be part of the path"
-                raise source.refusal((*location, f"tension_{side}"), load[f"tension_{side}"], allowed)
         yield Stage(name=name, **load)
-
-
-def _check_uneven(source: Source, file: SceneFile, location: tuple[int | str, ...], given: dict[str, Any]) -> None:
-    """Refuse what differs from place to place where nothing can follow it."""
-    for key in ("temperature_gradient", "pull", "clamp_rotation"):
-        value = given.get(key)
-        if not value or value == (0.0, 0.0):
-            continue
-        if file.model.boundary == "periodic":
-            raise source.refusal((*location, key), value, "nothing with model.boundary = 'periodic', which has no edge")
-        if file.solver.drive == "ramp":
-            raise source.refusal((*location, key), value, "nothing with solver.drive = 'ramp'")
-        if key == "clamp_rotation" and file.panel.cord is not None:
-            raise source.refusal((*location, key), value, "nothing with panel.cord, which clamps hang on")
-        if key == "temperature_gradient" and not file.solver.multipliers:
-            raise source.refusal((*location, key), value, "nothing with solver.multipliers = false, which bring it in")
 
 
 def _check_warmth(source: Source, location: tuple[int | str, ...], load: dict[str, Any], outline: Outline) -> None:
@@ -92,12 +68,6 @@ def _check_pull(source: Source, file: SceneFile, location: tuple[int | str, ...]
         raise source.refusal((*location, "width"), pull.width or 0.0, allowed)
 
 
-def wire_stages(source: Source, file: SceneFile, wire: Wire, knit: Knit, panel: PanelOptions) -> Iterator[Stage]:
-    """The stages of wires from a file."""
-    check_wire_stages(source, _named_stages(source, file))
-    yield from mesh_stages(source, file, wire, knit, panel)
-
-
 def hook_stages(source: Source, file: SceneFile, wire: Wire, hook: Hook) -> Iterator[Stage]:
     """The stages of a hook."""
     for load in hook_loads(source, _named_stages(source, file), wire, hook):
@@ -117,9 +87,9 @@ def _unloaded(wire: Wire) -> dict[str, Any]:
     }
 
 
-def _named_stages(source: Source, file: SceneFile) -> Iterator[tuple[tuple[int | str, ...], str, StageTable]]:
+def _named_stages(source: Source, file: SceneFile) -> Iterator[tuple[tuple[int | str, ...], str, Stage]]:
     """Where each stage stands in the file, its name and its table."""
-    tables: list[tuple[tuple[int | str, ...], StageTable]] = [(("load",), file.load)]
+    tables: list[tuple[tuple[int | str, ...], Stage]] = [(("load",), file.load)]
     tables += [(("path", index), table) for index, table in enumerate(file.path)]
     names: set[str] = set()
     for number, (location, table) in enumerate(tables, start=1):

@@ -10,8 +10,9 @@ from typing import Annotated, Any, TypeVar
 from pydantic import BeforeValidator
 from pydantic_core import PydanticCustomError
 
+from warpknit.scene.materials import MATERIALS
 from warpknit.scene.presets import PRESETS
-from warpknit.scene.units import DIMENSIONS, QuantityError, si
+from warpknit.scene.units import DIMENSIONS, QuantityError, shown, si
 
 T = TypeVar("T")
 
@@ -179,6 +180,20 @@ class Text(Check):
         return value
 
 
+def exclusive(data: Any, *groups: tuple[str, ...]) -> Any:
+    """Refuse two keys of one group in the raw table `data`."""
+    for group in groups:
+        given = [key for key in group if isinstance(data, dict) and key in data]
+        if len(given) > 1:
+            first, second = given[:2]
+            raise refused(
+                f"one of {', '.join(group)}",
+                key=second,
+                given=f"{shown(data[second])} beside {first} = {shown(data[first])}",
+            )
+    return data
+
+
 def proportion(least: float, most: float) -> BeforeValidator:
     """The check of a proportion of the loops."""
     return BeforeValidator(Quantity("number", least=least, most=most))
@@ -253,3 +268,12 @@ Name = Annotated[
     str,
     BeforeValidator(Text(r"(?!\.{1,2}$)[^/\\\x00-\x1f\x7f]{1,100}", "a name of 1 to 100 characters that can name a directory")),
 ]
+MaterialName = Annotated[str, BeforeValidator(Choice(tuple(MATERIALS)))]
+Drive = Annotated[str, BeforeValidator(Choice(("relax", "ramp")))]
+Precision = Annotated[str, BeforeValidator(Choice(("single", "double")))]
+Kind = Annotated[str, BeforeValidator(Choice(("planar", "spatial")))]
+Boundary = Annotated[str, BeforeValidator(Choice(("gripped", "periodic")))]
+OutlineName = Annotated[str, BeforeValidator(Choice(("rectangle", "hexagon", "triangle", "disc", "polygon")))]
+Treatment = Annotated[str, BeforeValidator(Choice(TREATMENTS))]
+Interpolation = Annotated[str, BeforeValidator(Choice(("spline", "linear")))]
+LoopShape = Annotated[str, BeforeValidator(Choice(("auto", "circular-oval", "general")))]

@@ -5,38 +5,84 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated
 
+from warpknit.scene.keys import Table, key
 from warpknit.scene.materials import MATERIALS
+from warpknit.scene.values import (
+    Density,
+    Ends,
+    Expansion,
+    Flag,
+    Fraction,
+    Length,
+    MaterialName,
+    PoissonsRatio,
+    Stress,
+    Temperature,
+)
+
+ROOM_TEMPERATURE = 293.15  # [K]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plating:
-    """A coat of another metal around each wire, outside its diameter."""
+class Plating(Table):
+    """[wire] plating: a coat of another metal around each wire, outside its diameter."""
 
-    material: str
-    thickness: Annotated[float, "m"]
+    material: MaterialName = key('Metal of the coat. Write `plating = {material = "gold", thickness = "0.2 um"}`.', "gold")
+    thickness: Length = key("Adds stiffness, mass and thickness.")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wire:
-    """The yarn: `ends` parallel round wires. Stiffness and mass are those of all ends together, plating included."""
+class Wire(Table):
+    """[wire]: the yarn of `ends` parallel round wires. Stiffness and mass are those of all ends, plating included."""
 
-    material: str
-    youngs_modulus: Annotated[float, "Pa"]
-    poissons_ratio: float
-    density: Annotated[float, "kg/m^3"]
-    expansion: Annotated[float, "1/K"]
-    yield_stress: Annotated[float, "Pa"]
-    tensile_strength: Annotated[float, "Pa"]
-    hardness: Annotated[float, "Pa"]  # of the metal at the surface, that of the plating where there is one
-    diameter: Annotated[float, "m"]  # of one end, without its plating
-    ends: int
-    plating: Plating | None
-    plastic: bool  # whether it yields in bending
-    hardening: float  # bending stiffness of a wire that yields, over the elastic one
-    set_fraction: float  # rest curvature over knitted curvature
-    reference_temperature: Annotated[float, "K"]  # where thermal strain is zero
+    material: MaterialName = key(
+        "Sets modulus, Poisson's ratio, density, expansion, yield stress and strength, each of which can be given instead.",
+        "tungsten",
+    )
+    youngs_modulus: Stress = key("Young's modulus.", None, left_out="the material's")
+    poissons_ratio: PoissonsRatio = key(
+        "Sets the stiffness against twist, in the spatial model; the planar one does not use it.",
+        None,
+        left_out="the material's",
+    )
+    density: Density = key('Mass per volume: for `drive = "ramp"` and the mass per area.', None, left_out="the material's")
+    expansion: Expansion = key(
+        "Thermal expansion, of a plated wire too: 0.2 um of gold on 15 um would add 2 %, which is left out.",
+        None,
+        left_out="the material's",
+    )
+    yield_stress: Stress = key(
+        "Elastic limit, for warnings and `yield_fraction`. The wire stays elastic whatever its stress, unless `plastic` is set.",
+        None,
+        left_out="the material's",
+    )
+    tensile_strength: Stress = key("Strength, for warnings.", None, left_out="the material's")
+    hardness: Stress = key(
+        "Of the surface, plating included: for the contact resistance of a report, which goes with its root. Soft plated gold"
+        " has 0.2 to 0.9 GPa, hard plated gold 1.3 to 2 GPa.",
+        None,
+        left_out="that of the metal at the surface",
+    )
+    diameter: Length = key("Of one wire, without plating.", 15e-6)
+    ends: Ends = key(
+        "Parallel wires knitted as one yarn. Stiffness and mass add up; for contact the yarn is as thick as a round bundle of the"
+        " same section.",
+        1,
+    )
+    plating: Plating | None = key("A coat of another metal.", None)
+    plastic: Flag = key(
+        "Let the wire yield in bending at `yield_stress`; gripped or periodic, by relaxation. The state then depends on the"
+        " path.",
+        False,
+    )
+    hardening: Fraction = key("Bending stiffness of a wire that yields, over the elastic one.", 0.1)
+    set_fraction: Fraction = key(
+        "Curvature that a wire let free keeps, over its knitted curvature. 1: the knitted shape is free of stress.", 1.0
+    )
+    reference_temperature: Temperature = key(
+        "Temperature without thermal strain, and that of the mesh where no stage gives one.", ROOM_TEMPERATURE
+    )
 
     @property
     def radius(self) -> float:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import stat
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from warpknit.scene.file import PanelTable, SceneFile, StageTable
+from warpknit.scene.keys import Table, as_object, key
+from warpknit.scene.values import FileName, Flag, Interpolation, Length, LengthUnit, Number, Period, WireRepeats
 from warpknit.scene.wire import Wire
 
 if TYPE_CHECKING:
+    from warpknit.scene.file import SceneFile
     from warpknit.scene.source import Source
 
 USD = (".usd", ".usda", ".usdc", ".usdz")
@@ -33,19 +34,57 @@ class WireFileError(Exception):
 
 
 @dataclass(frozen=True, kw_only=True)
-class WireFile:
-    """A file of centre lines and how it is read."""
+class WiresTable(Table):
+    """[wires], in place of [knit]: a file of centre lines and how it is read."""
 
-    file: str = field(compare=False)  # where it is; what is in it is compared
-    digest: str  # SHA-256 of it, in hex
-    unit: Annotated[float, "m"] | None  # None: the file says it
-    node_spacing: Annotated[float, "m"]
-    loop_size: Annotated[float, "m"]  # what a wale spacing is to a knit: forces and energies are compared with EI over it
-    interpolation: str  # spline | linear
-    closed: bool  # whether the ends of all wires are joined
-    period: tuple[float, float] | None  # [m] along weft and warp; None: the file says it, or the wires do not repeat
-    repeats: tuple[int, int]  # of the file's, along weft and warp
-    time: float | None  # time code of points that move; None: the first
+    file: FileName = key(
+        "A file beside the scene: `.usd`, `.usda`, `.usdc`, `.usdz`, `.bcc`, `.pyp`, `.csv` or `.npz`, of at most 256 MiB and two"
+        " million points.",
+        compare=False,  # where it is: what is in it is compared
+    )
+    unit: LengthUnit | None = key(
+        "Unit of a file that does not say it: required with `.bcc`, `.npz` and a `.csv` without units, not possible with USD. A"
+        " `.pyp` is in m.",
+        None,
+        left_out="the file's",
+    )
+    node_spacing: Length = key(
+        "Distance of the nodes, which are put at equal arc length along each wire; at most four million nodes. A run takes half a"
+        " diameter or more.",
+        None,
+        left_out="the wire's diameter",
+    )
+    loop_size: Length = key(
+        "What the wale spacing W is to a knit: forces are compared with EI/W^2, energies with EI/W a loop, and lenses of hooked"
+        " wires are sought up to 1.65 of it.",
+        None,
+        left_out="20 diameters of the wire",
+    )
+    interpolation: Interpolation = key(
+        "Between the points of polylines (`.csv`, `.npz`, `.pyp`, linear USD curves, `PL` of a `.bcc`): a smooth curve, or"
+        " straight lines with corners.",
+        "spline",
+    )
+    closed: Flag = key(
+        "Join the ends of all wires of a `.csv` or `.npz`. A wire whose last point repeats its first is closed anyway.", False
+    )
+    period: Period | None = key(
+        "Repeat along weft and warp of a mesh that repeats: open wires, whose ends must lie whole repeats apart, then go on in"
+        " the next one. A `.pyp` says it.",
+        None,
+        left_out="the file's",
+    )
+    repeats: WireRepeats = key("So many of the file's repeats, along weft and warp, make the tile.", (1, 1))
+    time: Number | None = key(
+        "Time code of a USD stage whose points move, such as the `scene.usda` of a run.", None, left_out="the first"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class WireFile(WiresTable):
+    """A file of centre lines that was found."""
+
+    digest: str  # SHA-256 of what is in it, in hex
 
     @property
     def loop_length(self) -> float:
@@ -66,8 +105,6 @@ def wire_file(source: Source, file: SceneFile, wire: Wire) -> WireFile | None:
     table = file.wires
     if table is None:
         return None
-    if file.model.kind != "spatial":
-        raise source.refusal(("model", "kind"), file.model.kind, "'spatial' with [wires], whose wires are curves in space")
     path = source.path.parent / table.file
     try:
         data = checked_bytes(path)
@@ -84,34 +121,14 @@ def wire_file(source: Source, file: SceneFile, wire: Wire) -> WireFile | None:
         raise source.refusal(("wires", "period"), table.period, "nothing with a .pyp file, which has a period")
     if table.time is not None and suffix not in USD:
         raise source.refusal(("wires", "time"), table.time, f"only with a USD file ({', '.join(USD)})")
-    if table.repeats != (1, 1) and file.model.boundary != "periodic":
-        raise source.refusal(("wires", "repeats"), list(table.repeats), "[1, 1] but with model.boundary = 'periodic'")
-    for key, given, default in (("panel", file.panel, PanelTable()), ("sweep", file.sweep, None)):
-        if given != default:
-            raise source.refusal((key,), {}, f"no [{key}] with [wires]")
-    if file.solver.drive == "ramp":
-        raise source.refusal(("solver", "drive"), "ramp", "'relax' with [wires]")
-    return WireFile(
+    return as_object(
+        WireFile,
+        table,
         file=str(path.resolve()),
         digest=hashlib.sha256(data).hexdigest(),
-        unit=table.unit,
         node_spacing=wire.diameter if table.node_spacing is None else table.node_spacing,
         loop_size=LOOP_SIZE * wire.diameter if table.loop_size is None else table.loop_size,
-        interpolation=table.interpolation,
-        closed=table.closed,
-        period=table.period,
-        repeats=table.repeats,
-        time=table.time,
     )
-
-
-def check_wire_stages(source: Source, stages: Iterator[tuple[tuple[int | str, ...], str, StageTable]]) -> None:
-    """Refuse loads that need to know the size of the mesh, which is known when its file is read."""
-    for location, _, table in stages:
-        for key in ("displacement", "temperature_gradient", "pull"):
-            value = getattr(table, key)
-            if value not in (None, [], (0.0, 0.0)):
-                raise source.refusal((*location, key), value, "strains, tensions, shear and temperature with [wires]")
 
 
 def checked_bytes(path: Path) -> bytes:

@@ -15,10 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from ..device import find_device
-from ..errors import MemoryNeeded, ModelError, SceneError
+from ..errors import MemoryNeeded, ModelError
 from ..files import write_aside
 from ..memory import available_memory, required_memory
-from ..mesh.layout import refuse_wire_file
 from ..mesh.smaller import smaller_scene
 from ..model import estimates_of
 from ..numerics import thread_count
@@ -26,7 +25,7 @@ from ..run.interrupts import Interrupted, Interrupts
 from ..run.progress import Progress as Display
 from ..run.run_directory import Ending, finished_before, goes_on, open_directory
 from ..scene import Scene, Sweep, resolved_toml
-from ..scene.messages import scene_error
+from ..scene.capabilities import refuse
 from ..text import duration, engineering
 from .contact_map import STEADY, Cell, Detail, MapRow, find_optimum, grid, mean_map, read_map, write_map
 from .outcome import Outcome, measured
@@ -78,27 +77,10 @@ def run_map(
 
 
 def _checked(scene: Scene, device: str | None) -> Sweep:
-    refuse_wire_file(scene)
-    if scene.sweep is None:
-        raise scene_error(scene.path, "sweep", "nothing", "a table [sweep] with strain_weft and strain_warp, for `warpknit map`")
-    if scene.solver.drive != "relax":
-        raise SceneError(f"{scene.path}: solver.drive: given {scene.solver.drive!r}, allowed for a map: 'relax'")
-    if device is not None and find_device(device) != "cpu":
-        raise ModelError(f"--device: given {device}, allowed for a map: cpu (its meshes are small, and fit a CPU's caches)")
-    load = scene.stages[0]
-    for key, given in (
-        ("hook", scene.hook is not None),
-        ("contact.friction", scene.contact.friction > 0.0 and scene.model.kind == "planar"),
-        ("wire.plastic", scene.wire.plastic),
-        ("load.pull", len(load.pull)),
-        ("load.clamp_rotation", load.clamp_rotation != 0.0),
-        ("load.temperature_gradient", any(load.temperature_gradient)),
-        ("panel.grip_pitch", scene.panel.grip_pitch is not None),
-    ):
-        if given:
-            raise ModelError(f"{key}: given, allowed for a map: left out (meshes are elastic, without friction, strained evenly)")
+    refuse(scene, "map", device=None if device is None else find_device(device))
     if scene.model.boundary == "gripped" and smaller_scene(scene) is not None:
         raise ModelError(f"knit.repeats: given {list(scene.knit.repeats)}, allowed for a map: about ten repeats a side")
+    assert scene.sweep is not None
     return scene.sweep
 
 

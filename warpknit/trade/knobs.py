@@ -61,7 +61,7 @@ def preset_points(base: Model) -> list[Point]:
             ("model.nodes_per_loop", preset.nodes_per_loop), ("solver.axial_softening", preset.axial_softening),
             ("solver.residual_tolerance", preset.residual_tolerance),
         ), preset=name)
-        for name, preset in ((name, preset.driven_by(drive)) for name, preset in PRESETS.items())
+        for name, preset in ((name, preset.of("planar", drive)) for name, preset in PRESETS.items())
     ]  # fmt: skip
 
 

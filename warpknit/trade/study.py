@@ -14,16 +14,16 @@ from pathlib import Path
 from typing import Any
 
 from ..device import find_device
-from ..errors import Diverged, InputError, ModelError
+from ..errors import Diverged, InputError
 from ..estimate import Size
 from ..files import write_aside, write_table
-from ..mesh.layout import refuse_wire_file
 from ..model import build_model, estimates_of
 from ..numerics import slowest_rate
 from ..run.interrupts import Interrupted, Interrupts
 from ..run.progress import Progress as Display
 from ..run.run_directory import Ending, finished_before, goes_on, open_directory
 from ..scene import Scene, resolved_toml
+from ..scene.capabilities import refuse
 from ..text import duration
 from . import knobs
 from .convergence import extrapolate
@@ -63,10 +63,7 @@ def run_trade(
     the reference does. An interrupt ends with exit_code 130 and keeps the finished points.
     """
     scene = load((), None)
-    refuse_wire_file(scene)
-    if scene.model.kind != "planar":
-        allowed = "'planar', and --against spatial for a reference in space"
-        raise ModelError(f"model.kind: given {scene.model.kind!r}, allowed for a trade: {allowed}")
+    refuse(scene, "trade")
     of_reference: Overrides = (("model.kind", against),) if against else ()
     load(of_reference, None)  # refused before anything is written
     if resume and (finished := finished_before(out, "trade.json", scene.hash)) is not None:

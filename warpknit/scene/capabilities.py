@@ -1,0 +1,474 @@
+"""What goes with what: meshes, models, drives, boundaries, features and commands, in one table.
+
+`TRAITS` are what a scene or a command may ask for, `RULES` which of them exclude each other. From these follow what is refused
+(`refuse`, which reading a scene asks and each command for itself), what `warpknit plan` says has no effect (`without_effect`),
+and docs/capabilities.md (reference.py). Limits that go by a size, a file or the numbers of a model are refused where those are
+known: in wires/read.py, mesh/, planar/model.py, spatial/.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any, cast
+
+from warpknit.errors import SceneError
+from warpknit.scene.keys import Table
+from warpknit.scene.materials import MATERIALS
+from warpknit.scene.messages import dotted, scene_error
+from warpknit.scene.units import shown
+from warpknit.scene.wire import Wire
+
+if TYPE_CHECKING:
+    from warpknit.scene.file import SceneFile
+    from warpknit.scene.objects import Scene, Stage
+    from warpknit.scene.source import Source
+
+Location = tuple[int | str, ...]
+Place = tuple[Location, Any]  # a key, and its value
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene, as its file says it or resolved, and what is to be done with it."""
+
+    scene: Scene | SceneFile
+    command: str = ""
+    device: str | None = None  # that was named
+    ranks: int = 1
+
+    @property
+    def stages(self) -> Iterator[tuple[Location, Stage]]:
+        """Where each stage stands, and the stage; of a map and a report the first one, which is all that they run."""
+        for number, stage in enumerate(self.scene.stages[:1] if self.command in ("map", "report") else self.scene.stages):
+            yield ("load",) if number == 0 else ("path", number - 1), stage
+
+
+Asked = Callable[[Case], Iterable[Place]]
+
+
+@dataclass(frozen=True)
+class Trait:
+    """Something that a scene or a command may ask for."""
+
+    words: str
+    key: str  # how it is asked for
+    asked: Asked  # the keys that ask for it, none where nothing does
+    example: dict[str, Any] = field(default_factory=dict)  # tables of a scene that asks for it
+    needs: tuple[str, ...] = ()  # traits that always come with it
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A trait that is not to be had together with others."""
+
+    trait: str  # the one whose key is named
+    others: tuple[str, ...]  # all of them together; the first is the one that it is shown beside
+    allowed: str  # what the message says
+    why: str  # for the documents
+    refused: bool = True  # else it has no effect
+
+    @property
+    def traits(self) -> frozenset[str]:
+        return frozenset((self.trait, *self.others))
+
+
+def refuse(
+    scene: Scene | SceneFile, command: str = "", *, device: str | None = None, ranks: int = 1, source: Source | None = None
+) -> None:
+    """Raise SceneError for the first rule that forbids this scene, or this command with it.
+
+    command: run | map | trade | report | error (`run --error`); empty: what no command takes. device: the one that was named.
+    ranks: processes that are to share it. source: for messages with the values as they were written.
+    """
+    case = Case(scene, command, device, ranks)
+    for rule in RULES:
+        if rule.refused and bool(command) == bool(rule.traits & AT_COMMAND):
+            for location, value in _places(rule, case):
+                raise _refusal(case, rule, location, value, source)
+
+
+def without_effect(scene: Scene) -> Iterator[str]:
+    """What the scene asks for to no effect, a sentence each."""
+    case = Case(scene)
+    for rule in RULES:
+        if not rule.refused:
+            for location, _ in _places(rule, case):
+                yield f"without effect: {dotted(location)}, {rule.allowed}"
+
+
+def _places(rule: Rule, case: Case) -> Iterable[Place]:
+    """The keys that a rule names, where the case has all its traits."""
+    if any(not list(TRAITS[name].asked(case)) for name in rule.others):
+        return ()
+    return TRAITS[rule.trait].asked(case)
+
+
+def _refusal(case: Case, rule: Rule, location: Location, value: Any, source: Source | None) -> SceneError:
+    if source is not None:
+        return source.refusal(location, value, rule.allowed)
+    given = "a table" if isinstance(value, Table) else value if isinstance(value, Words) else shown(value)
+    return scene_error(cast("Scene", case.scene).path, dotted(location), given, rule.allowed)
+
+
+def with_needs(names: Iterable[str]) -> frozenset[str]:
+    """Traits and all that always come with them."""
+    found: set[str] = set()
+    left = list(names)
+    while left:
+        name = left.pop()
+        if name not in found:
+            found.add(name)
+            left += TRAITS[name].needs
+    return frozenset(found)
+
+
+def goes_together(one: str, other: str) -> str:
+    """Whether two traits go together, whatever else a scene has: "yes", "no", "partly" (it depends on a third one), or "no
+    effect"."""
+    both = with_needs((one, other))
+    if any(len(both & set(group)) > 1 for group in GROUPS) or any(rule.refused and rule.traits <= both for rule in RULES):
+        return "no"
+    between = [rule for rule in RULES if {one, other} == {rule.trait, *rule.others[:1]}]
+    if any(rule.refused for rule in between):
+        return "partly"
+    return "no effect" if between else "yes"
+
+
+class Words(str):
+    """A value that is shown as it is, as it is none of a key."""
+
+
+# --- how a trait is asked for -----------------------------------------------------------------------------------------
+
+
+def _value(key: str, case: Case) -> Any:
+    """The value of a dotted key, None where there is no such table."""
+    value: Any = case.scene
+    for part in key.split("."):
+        value = None if value is None else getattr(value, part)
+    return value
+
+
+def _is(key: str, wanted: Any) -> Asked:
+    """Where a key has this value."""
+    return lambda case: [(tuple(key.split(".")), wanted)] if _value(key, case) == wanted else []
+
+
+def _given(key: str, *nothing: Any) -> Asked:
+    """Where a key has another value than these that ask for nothing; so does None."""
+    return lambda case: (
+        [(tuple(key.split(".")), value)] if (value := _value(key, case)) is not None and value not in nothing else []
+    )
+
+
+def _staged(*keys: str, nothing: tuple[Any, ...] = ()) -> Asked:
+    """Where a stage has one of these keys."""
+    return lambda case: [
+        ((*location, key), value)
+        for location, stage in case.stages
+        for key in keys
+        if (value := getattr(stage, key)) is not None and value not in nothing
+    ]
+
+
+def _is_knit(case: Case) -> bool:
+    return case.scene.hook is None and case.scene.wires is None
+
+
+def _wires(case: Case) -> Iterable[Place]:
+    wires = case.scene.wires
+    return [] if wires is None else [(("wires", "file"), PurePath(wires.file).name)]
+
+
+def _panel(case: Case) -> Iterable[Place]:
+    panel = case.scene.panel
+    return [(("panel",), panel)] if panel != type(panel)() else []
+
+
+def _turned_and_pulled(case: Case) -> Iterable[Place]:
+    for location, stage in case.stages:
+        if stage.clamp_rotation and stage.pull:
+            yield (*location, "clamp_rotation"), stage.clamp_rotation
+
+
+def _other_poisson(case: Case) -> Iterable[Place]:
+    wire = case.scene.wire
+    usual = wire.poissons_ratio in (None, MATERIALS[wire.material].poissons_ratio)
+    return [] if usual else [(("wire", "poissons_ratio"), wire.poissons_ratio)]
+
+
+def _other_body_radius(case: Case) -> Iterable[Place]:
+    radius = case.scene.model.body_radius
+    usual = radius is None or math.isclose(radius, case.scene.wire.diameter / 8)
+    return [] if usual else [(("model", "body_radius"), radius)]
+
+
+# --- the traits -------------------------------------------------------------------------------------------------------
+
+
+def _choice(key: str, value: str) -> Trait:
+    table, name = key.split(".")
+    return Trait(f'`{key} = "{value}"`', key, _is(key, value), {table: {name: value}})
+
+
+def _key(words: str, key: str, value: Any, *nothing: Any, needs: tuple[str, ...] = ()) -> Trait:
+    """Asked for by a key of another value than `nothing`, such as `value`."""
+    *above, last = key.split(".")
+    example: dict[str, Any] = {last: value}
+    for part in reversed(above):
+        example = {part: example}
+    return Trait(words, key, _given(key, *nothing), example, needs)
+
+
+def _load(words: str, key: str, value: Any, *others: str, nothing: tuple[Any, ...] = ()) -> Trait:
+    """Asked for by a key of a stage."""
+    return Trait(words, f"load.{key}", _staged(key, *others, nothing=nothing), {"load": {key: value}})
+
+
+def _command(words: str, *commands: str, needs: tuple[str, ...] = (), example: dict[str, Any] | None = None) -> Trait:
+    asked: Asked = lambda case: [((case.command,), Words("a scene"))] if case.command in commands else []  # noqa: E731
+    return Trait(words, commands[0], asked, example or {}, needs)
+
+
+PULL = {"at": ["1.7 mm", "0 mm"], "by": ["0.1 mm", "0 mm"], "width": "1 mm"}  # one repeat of the default knit is 3.4 mm wide
+CORD = {"grip_pitch": "2 mm", "cord": {"tension": "1 N", "stiffness": "1 kN"}}
+SWEEP = {"strain_weft": [0.0, 0.1], "strain_warp": [0.0]}
+
+# Of each group a scene has one, the first where it says nothing.
+GROUPS = (
+    ("knit", "hook", "wires"),
+    ("planar", "spatial"),
+    ("gripped", "periodic"),
+    ("relax", "ramp"),
+    ("no sweep", "sweep"),
+    ("even loops", "scatter"),
+    ("elastic", "plastic"),
+)
+TRAITS = {
+    # the mesh, the model, its edge, how it is driven
+    "knit": Trait("a knit", "knit", lambda case: [(("knit",), case.scene.knit)] if _is_knit(case) else []),
+    "hook": Trait("two hooked wires", "hook", _given("hook"), {"hook": {}}, ("gripped",)),
+    "wires": Trait("wires from a file", "wires", _wires, {"wires": {"file": "plain_knit.csv"}}, ("spatial",)),
+    "planar": _choice("model.kind", "planar"),
+    "spatial": _choice("model.kind", "spatial"),
+    "gripped": _choice("model.boundary", "gripped"),
+    "periodic": _choice("model.boundary", "periodic"),
+    "relax": _choice("solver.drive", "relax"),
+    "ramp": _choice("solver.drive", "ramp"),
+    # loads
+    "strain": _load("loads by strain", "strain_weft", 0.1, "strain_warp"),
+    "tension": _load("loads by tension", "tension_weft", 0.1, "tension_warp"),
+    "displacement": _load("load by displacement", "displacement", "0.1 mm"),
+    "shear": _load("shear", "shear", 0.1),
+    "temperature": _load("temperature", "temperature", "-190 degC"),
+    "gradient": _load("gradient of temperature", "temperature_gradient", [100.0, 0.0], nothing=((0.0, 0.0),)),
+    "pull": _load("pulls at the edge", "pull", [PULL], nothing=((),)),
+    "rotation": _load("turned clamps", "clamp_rotation", 0.1, nothing=(0.0,)),
+    "rotation and pull": Trait(
+        "turned clamps and pulls in one stage",
+        "load.clamp_rotation",
+        _turned_and_pulled,
+        {"load": {"clamp_rotation": 0.1, "pull": [PULL]}},
+        ("rotation", "pull"),
+    ),
+    "path": Trait(
+        "stages after the first",
+        "path",
+        lambda case: [(("path",), Words("stages"))] if len(case.scene.stages) > 1 else [],
+        {"path": [{"name": "second"}]},
+    ),
+    # the wire and the knit
+    "friction": _key("friction", "contact.friction", 0.2, 0.0),
+    "elastic": Trait("elastic wire", "wire.plastic", _is("wire.plastic", False)),
+    "plastic": _key("wire that yields", "wire.plastic", True, False),
+    "hardening": _key("hardening", "wire.hardening", 0.2, Wire.hardening),
+    "poisson": Trait("another Poisson's ratio", "wire.poissons_ratio", _other_poisson, {"wire": {"poissons_ratio": 0.4}}),
+    "plating": _key("plating", "wire.plating", {"thickness": "0.2 um"}),
+    "even loops": Trait("loops alike", "knit.scatter", _is("knit.scatter", 0.0)),
+    "scatter": _key("loops that scatter", "knit.scatter", 0.05, 0.0, needs=("knit",)),
+    "seed": _key("another seed", "knit.seed", 3, 0, needs=("knit",)),
+    # the edge
+    "panel": Trait("an outline, net, or surface", "panel", _panel, {"panel": {"active_threshold": 50}}),
+    "outline": Trait(
+        "an outline that is no rectangle",
+        "panel.outline",
+        _given("panel.outline", "rectangle"),
+        {"panel": {"outline": "disc", "size": "10 mm"}},
+        ("panel",),
+    ),
+    "cord": Trait("edge cords", "panel.cord", _given("panel.cord"), {"panel": CORD}, ("panel",)),
+    "focal length": _key("held on a paraboloid", "panel.focal_length", "1 m", needs=("panel",)),
+    # contact
+    "stiffness": _key("contact penalty", "contact.stiffness", "10 N/m"),
+    "body radius": Trait("another body radius", "model.body_radius", _other_body_radius, {"model": {"body_radius": "3 um"}}),
+    "treatment": _key("treatments of a contact", "contact.treatment", "ring", "free-body", needs=("hook",)),
+    "body mass": _key("mass of the bodies", "contact.body_mass", 0.3, needs=("ramp",)),
+    "crossing distance": _key("distance of hooked wires", "hook.crossing_distance", "20 um", needs=("hook", "spatial")),
+    "file repeats": _key("repeats of a file", "wires.repeats", [2, 1], (1, 1), needs=("wires", "periodic")),
+    # the solver
+    "single": _key("single precision", "solver.precision", "single", "double"),
+    "no multipliers": Trait(
+        "no multipliers", "solver.multipliers", _is("solver.multipliers", False), {"solver": {"multipliers": False}}
+    ),
+    "mass scaling": _key("scaled masses", "solver.mass_scaling", 100.0, 1.0, needs=("ramp",)),
+    "target time step": _key("a wanted time step", "solver.target_time_step", "1 us", needs=("ramp",)),
+    "loading time": _key("a wanted loading time", "solver.loading_time", "10 ms", needs=("ramp",)),
+    "damping": _key("a wanted damping", "solver.damping", "100 /s"),
+    "max steps": _key("a limit of steps", "solver.max_steps", 10_000),
+    # the sweep
+    "no sweep": Trait("no sweep", "sweep", lambda case: [(("sweep",), Words("nothing"))] if case.scene.sweep is None else []),
+    "sweep": Trait("a sweep", "sweep", _given("sweep"), {"sweep": SWEEP}),
+    "seeds": Trait(
+        "several seeds", "sweep.seeds", _given("sweep.seeds", 1), {"sweep": {**SWEEP, "seeds": 2}}, ("sweep", "scatter")
+    ),
+    # commands, and what is asked for beside the scene
+    "map": _command("`warpknit map`", "map", "report", needs=("sweep", "relax")),
+    "trade": _command("`warpknit trade`", "trade"),
+    "report": _command("`warpknit report`", "report", needs=("map", "periodic")),
+    "error": _command("`run --error`", "error", needs=("relax",)),
+    "ranks": Trait("`mpirun`", "mpirun", lambda case: [(("mpirun",), Words(f"{case.ranks} ranks"))] if case.ranks > 1 else []),
+    "cuda": Trait("a GPU", "--device", lambda case: [(("--device",), case.device)] if case.device not in (None, "cpu") else []),
+}
+AT_COMMAND = frozenset({"map", "trade", "report", "error", "ranks", "cuda"})
+COLUMNS = (*GROUPS[1], *GROUPS[2], *GROUPS[3], *GROUPS[0], "map", "trade", "report", "error", "ranks", "cuda")
+
+# --- the rules --------------------------------------------------------------------------------------------------------
+
+NOT_BUILT = "not built"
+SPATIAL = "with model.kind = 'spatial'"
+HOOK_LOADS = "displacement and temperature only with [hook]"
+WIRE_LOADS = "strains, tensions, shear and temperature with [wires]"
+NO_EDGE = "nothing with model.boundary = 'periodic', which has no edge"
+NOT_IN_A_RAMP = "nothing with solver.drive = 'ramp'"
+STRAINS_ONLY = "strains with friction or yield: a search for tension would be part of the path"
+ON_THE_PATH = "left out for a map (its meshes are elastic, without friction, strained evenly)"
+ENDS = "the two upper ends of a hook are all that moves"
+SIZE = "the size of the mesh is known only when the file is read"
+SYMMETRY = "one tile stands for all others, which a load that differs from place to place does not allow"
+ALONE = "a map strains its mesh evenly"
+REAL_TIME = "only with drive = 'ramp' (a relaxation has no real time)"
+FICTITIOUS = "the masses of a relaxation are chosen for speed"
+OWN_CONTACT = "in space wires touch each other: there are no bodies"
+
+RULES = (
+    # the mesh and its model
+    Rule("planar", ("wires",), "'spatial' with [wires], whose wires are curves in space", "its wires are curves in space"),
+    Rule("periodic", ("hook",), "'gripped' with [hook]: its ends are held", "its ends are held"),
+    Rule("panel", ("hook",), "no [panel] with [hook]: its ends are where its wires end", "it ends where its wires end"),
+    Rule("panel", ("wires",), "no [panel] with [wires]", "it ends where its wires end"),
+    Rule("sweep", ("hook",), "no [sweep] with [hook]: it has no strains", "it has no strains"),
+    Rule("sweep", ("wires",), "no [sweep] with [wires]", NOT_BUILT),
+    Rule("ramp", ("wires",), "'relax' with [wires]", NOT_BUILT),
+    Rule("file repeats", ("gripped",), "[1, 1] but with model.boundary = 'periodic'", "wires held at their ends do not repeat"),
+    Rule(
+        "crossing distance",
+        ("planar",),
+        "left out with model.kind = 'planar', where both wires lie in one plane",
+        "both wires lie in one plane",
+    ),
+    Rule("seeds", ("even loops",), "1, as without knit.scatter all seeds knit the same mesh", "all seeds knit the same mesh"),
+    # contact
+    Rule("treatment", ("spatial",), f"left out {SPATIAL}, whose wires touch each other themselves", OWN_CONTACT),
+    Rule(
+        "treatment",
+        ("knit",),
+        "'free-body' for a knit; the others are for the two wires of [hook]",
+        "the others are there to compare with it on one contact",
+    ),
+    Rule("body mass", ("spatial",), f"left out {SPATIAL}, whose wires touch each other themselves", OWN_CONTACT),
+    Rule(
+        "body mass",
+        ("relax",),
+        "only with solver.drive = 'ramp' (the masses of a relaxation are fictitious)",
+        FICTITIOUS,
+    ),
+    Rule("body radius", ("spatial",), "which only the planar model has bodies for", OWN_CONTACT, refused=False),
+    Rule(
+        "friction",
+        ("treatment",),
+        "0 but with contact.treatment = 'free-body': a study of one thing at a time",
+        "each treatment is a study of one thing",
+    ),
+    # friction and yield
+    Rule("friction", ("ramp",), "0 with solver.drive = 'ramp'", NOT_BUILT),
+    Rule("plastic", ("ramp",), "false with solver.drive = 'ramp'", NOT_BUILT),
+    Rule("hardening", ("elastic",), "which counts only with wire.plastic = true", "a wire that does not yield", refused=False),
+    Rule("poisson", ("planar",), "as in the plane wires do not twist", "in the plane wires do not twist", refused=False),
+    Rule("seed", ("even loops",), "which counts only with knit.scatter", "loops alike need no seed", refused=False),
+    # loads
+    *(Rule(trait, ("hook",), HOOK_LOADS, ENDS) for trait in ("strain", "tension", "shear", "gradient", "pull", "rotation")),
+    *(Rule(trait, ("wires",), WIRE_LOADS, SIZE) for trait in ("displacement", "gradient", "pull")),
+    *(Rule(trait, ("periodic",), NO_EDGE, SYMMETRY) for trait in ("gradient", "pull", "rotation")),
+    *(Rule(trait, ("ramp",), NOT_IN_A_RAMP, NOT_BUILT) for trait in ("gradient", "pull", "rotation", "cord")),
+    Rule("rotation", ("cord",), "nothing with panel.cord, which clamps hang on", "the clamps hang on the cord"),
+    Rule("rotation", ("spatial", "pull"), f"0 with pulls {SPATIAL}", NOT_BUILT),
+    Rule("rotation and pull", (), "nothing together with a pull", "each of them moves the clamps"),
+    Rule(
+        "gradient",
+        ("no multipliers",),
+        "nothing with solver.multipliers = false, which bring it in",
+        "the multipliers bring it in",
+    ),
+    *(
+        Rule("tension", (trait,), STRAINS_ONLY, "a search for tension would be part of the path")
+        for trait in ("friction", "plastic")
+    ),
+    Rule("path", ("sweep",), "which `warpknit map` does not run", "each strain of a map has a way of its own", refused=False),
+    # the solver
+    Rule("single", ("hook",), "'double' with [hook], whose few nodes need no less", "its few nodes cost nothing"),
+    Rule("single", ("spatial",), f"'double' {SPATIAL}", NOT_BUILT),
+    Rule("no multipliers", ("spatial",), f"true {SPATIAL}", NOT_BUILT),
+    Rule("focal length", ("spatial",), f"left out {SPATIAL}", NOT_BUILT),
+    Rule("target time step", ("relax",), REAL_TIME, FICTITIOUS),
+    Rule("loading time", ("relax",), REAL_TIME, FICTITIOUS),
+    Rule(
+        "mass scaling",
+        ("relax",),
+        "1 with drive = 'relax' (its masses are fictitious), 1 or more with drive = 'ramp'",
+        FICTITIOUS,
+    ),
+    Rule("damping", ("relax",), "which only a ramp takes", FICTITIOUS, refused=False),
+    Rule("max steps", ("ramp",), "which only a relaxation takes", "a ramp ends when its time is over", refused=False),
+    # what holds for a table as a whole, behind what holds for keys of it
+    Rule("periodic", ("panel",), "'gripped' with [panel]: a periodic tile has no outline", "a tile has no outline"),
+    # commands
+    Rule("wires", ("map",), "[knit] for a map", NOT_BUILT),
+    Rule("wires", ("trade",), "[knit] or [hook] for a trade", NOT_BUILT),
+    Rule("wires", ("error",), "[knit] or [hook] with --error", "a smaller mesh to try settings on is made of a knit"),
+    Rule("hook", ("map",), "[knit] for a map", "it has no strains"),
+    Rule("hook", ("ranks",), "[knit] for several ranks: run without mpirun", "two wires are too few to share"),
+    Rule("no sweep", ("map",), "a table [sweep] with strain_weft and strain_warp, for `warpknit map`", "it says which strains"),
+    Rule("ramp", ("map",), "'relax' for a map", "a map is of states at rest"),
+    Rule("ramp", ("error",), "'relax' with --error", "errors are those of states at rest"),
+    Rule(
+        "spatial",
+        ("trade",),
+        "'planar' for a trade; --against spatial takes a reference in space",
+        "its knobs are the planar model's",
+    ),
+    Rule("spatial", ("error", "hook"), "'planar' for a hook with --error", "hooks in space were not measured for it"),
+    Rule("spatial", ("ranks",), "'planar' for several ranks: run without mpirun", NOT_BUILT),
+    Rule("gripped", ("report",), "'periodic' for a report (a card is that of endless cloth)", "a card is that of endless cloth"),
+    Rule(
+        "friction",
+        ("report",),
+        "0 for a report (a card is that of states that do not depend on the path)",
+        "a card is that of states that do not depend on the path",
+    ),
+    Rule("friction", ("map", "planar"), ON_THE_PATH, NOT_BUILT),
+    *(
+        Rule(trait, ("map",), ON_THE_PATH, why)
+        for trait, why in (
+            ("plastic", NOT_BUILT),
+            ("pull", ALONE),
+            ("rotation", ALONE),
+            ("gradient", ALONE),
+            ("cord", ALONE),
+        )
+    ),
+    Rule("cuda", ("map",), "cpu for a map (its meshes are small, and fit a CPU's caches)", "small meshes fit a CPU's caches"),
+    Rule("ranks", ("map",), "1 for a map: run it without mpirun", "its meshes are small"),
+)

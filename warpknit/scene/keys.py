@@ -1,0 +1,145 @@
+"""One declaration a key of a scene file: type with unit and range, default, and a sentence on what it means.
+
+    class Solver(Table):
+        damping: Rate | None = key("Ramp: mass-proportional damping.", None, left_out="chosen")
+
+`Rate` (values.py) is the unit and the range. From this line follow how the file is checked, the attribute of the scene, the
+resolved file, the nearest known key of an unknown one, and the row in docs/scenes.md (reference.py). A class that derives
+from `Table` is a table of the file as it was checked, where what was left out may be None, and then the frozen object of the
+scene, where `warpknit.scene.load` has filled it in; so its annotations are those of the object.
+"""
+
+from __future__ import annotations
+
+import typing
+from collections.abc import Iterator
+from dataclasses import MISSING, dataclass, field, fields
+from functools import cache
+from typing import Any, TypeVar, cast
+
+from pydantic import ConfigDict
+
+from warpknit.scene.units import DIMENSIONS
+from warpknit.scene.values import Check, Quantity, Unit
+
+ABOUT = "about"  # where a field keeps its sentence: a field without one is no key
+
+
+class Table:
+    """Base of the frozen dataclasses that tables of a scene file are checked as: unknown keys are errors."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
+
+def key(about: str, default: Any = MISSING, *, left_out: str = "", allowed: str = "", compare: bool = True) -> Any:
+    """The field of a key.
+
+    about: what it means, as docs/scenes.md shows it.
+    default: required if not given; None: nothing, or that it follows from others.
+    left_out: what stands where it is left out, in words, if the default does not say it.
+    allowed: what may stand there, in words, if its type does not say it.
+    compare: whether scenes that differ in it differ.
+    """
+    return field(default=default, compare=compare, metadata={ABOUT: about, "left_out": left_out, "allowed": allowed})
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key of a table."""
+
+    name: str
+    about: str
+    default: Any  # MISSING: required
+    left_out: str
+    allowed_words: str
+    annotation: Any
+
+    @property
+    def check(self) -> Check | None:
+        """The check of its value, or of each entry of its list."""
+        return next(_metadata(self.annotation, Check), None)
+
+    @property
+    def is_list(self) -> bool:
+        """Whether it takes a list of values or of tables."""
+        return any(part is not ... and ... in typing.get_args(part) for part in _parts(self.annotation))
+
+    @property
+    def table(self) -> type[Table] | None:
+        """The table that it holds, or that the entries of its list are."""
+        found = (part for part in _parts(self.annotation) if isinstance(part, type) and issubclass(part, Table))
+        return next(found, None)
+
+    @property
+    def unit(self) -> str:
+        """The SI unit that its value is written back with, none for numbers, pairs and lists."""
+        if isinstance(self.check, Quantity) and not self.is_list:
+            return DIMENSIONS[self.check.dimension].unit
+        return DIMENSIONS["length"].unit if isinstance(self.check, Unit) else ""
+
+    @property
+    def allowed(self) -> str:
+        """What may stand there, in words."""
+        words = self.allowed_words or ("" if self.check is None else self.check.allowed)
+        return f"a list, each {words}" if self.is_list and not self.allowed_words else words
+
+
+Object = TypeVar("Object", bound=Table)
+
+
+def as_object(kind: type[Object], table: Table, **filled_in: Any) -> Object:
+    """The object of a class of the scene from the table of a file, with other values where they are given."""
+    names = {entry.name for entry in fields(cast(Any, kind))}
+    values = {entry.name: getattr(table, entry.name) for entry in fields(cast(Any, table)) if entry.name in names}
+    return kind(**(values | filled_in))
+
+
+def given_values(table: Table) -> dict[str, Any]:
+    """The values of the table of a file that were given, and those of defaults."""
+    values = {name: getattr(table, name) for name in keys_of(type(table))}
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def keys_of(table: type[Table]) -> dict[str, Key]:
+    """The keys of a table by their names."""
+    return _keys_of(cast(Any, table))
+
+
+@cache
+def _keys_of(table: Any) -> dict[str, Key]:
+    hints = typing.get_type_hints(table, include_extras=True)
+    return {
+        entry.name: Key(
+            entry.name,
+            entry.metadata[ABOUT],
+            entry.default,
+            entry.metadata["left_out"],
+            entry.metadata["allowed"],
+            hints[entry.name],
+        )
+        for entry in fields(table)
+        if ABOUT in entry.metadata
+    }
+
+
+def keys_below(table: type[Table], prefix: str = "") -> Iterator[tuple[str, Key]]:
+    """Every key of a table and of those it holds, dotted; an entry of a list of tables as list[0]."""
+    for name, entry in keys_of(table).items():
+        yield prefix + name, entry
+        if entry.table is not None:
+            yield from keys_below(entry.table, f"{prefix}{name}{'[0]' if entry.is_list else ''}.")
+
+
+def _parts(annotation: Any) -> Iterator[Any]:
+    """An annotation and all that it is made of."""
+    yield annotation
+    for part in typing.get_args(annotation):
+        yield from _parts(part)
+
+
+def _metadata(annotation: Any, kind: type[Check]) -> Iterator[Check]:
+    """The checks among the metadata of an annotation."""
+    for part in _parts(annotation):
+        for entry in getattr(part, "__metadata__", ()):
+            if isinstance(found := getattr(entry, "func", None), kind):
+                yield found

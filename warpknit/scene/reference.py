@@ -1,0 +1,144 @@
+"""The parts of the documents that follow from the code: the tables of keys in docs/scenes.md, and docs/capabilities.md.
+
+python -m warpknit.scene.reference docs        writes them anew
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterable, Iterator
+from dataclasses import MISSING
+from pathlib import Path
+
+from warpknit.scene.capabilities import AT_COMMAND, COLUMNS, GROUPS, RULES, TRAITS, goes_together
+from warpknit.scene.file import SceneFile
+from warpknit.scene.keys import Key, keys_below, keys_of
+from warpknit.text import engineering
+
+BEGIN, END = "<!-- keys of {}, written by warpknit.scene.reference -->", "<!-- end of keys -->"
+SECTIONS = ("the file", *(name for name, entry in keys_of(SceneFile).items() if entry.table is not None and name != "path"))
+ZERO_CELSIUS = 273.15  # [K]
+HEADINGS = {"error": "run --error", "ranks": "mpirun", "cuda": "GPU"}  # of columns that are not named as their trait
+UNSAID = {"elastic", "even loops", "no sweep"}  # what a scene has where it asks for nothing
+
+
+def with_key_tables(text: str) -> str:
+    """The text of docs/scenes.md with each table of keys, between its two marks, as the code says it."""
+    for section in SECTIONS:
+        begin = BEGIN.format(section)
+        if text.count(begin) != 1:
+            raise ValueError(f"{begin}: stands {text.count(begin)} times, allowed: once")
+        before, _, rest = text.partition(begin)
+        _, end, after = rest.partition(END)
+        text = "\n".join([before + begin, *key_rows(section), end + after])
+    return text
+
+
+def key_rows(section: str) -> Iterator[str]:
+    """The table of the keys of one table of a scene file, line by line."""
+    yield "| key | default | allowed | meaning |"
+    yield "|---|---|---|---|"
+    for name, entry in _keys(section):
+        cells = (f"`{name}`", default_text(entry), allowed_text(entry), entry.about)
+        yield row(cells)
+
+
+def row(cells: Iterable[str]) -> str:
+    """A row of a table in Markdown."""
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def _keys(section: str) -> Iterator[tuple[str, Key]]:
+    if section == SECTIONS[0]:
+        yield from ((name, entry) for name, entry in keys_of(SceneFile).items() if entry.table is None)
+        return
+    table = keys_of(SceneFile)[section].table
+    assert table is not None
+    for name, entry in keys_below(table, "" if section == "load" else f"{section}."):
+        if entry.table is None:
+            yield name.replace("[0]", "[]"), entry
+
+
+def default_text(entry: Key) -> str:
+    """What stands where a key is left out, in words."""
+    value = entry.default
+    if entry.left_out or value is None:
+        return entry.left_out
+    if value is MISSING:
+        return "required"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f'`"{value}"`'
+    if isinstance(value, tuple):
+        return str(list(value))
+    if entry.unit == "K":
+        return f"{value - ZERO_CELSIUS:g} degC"
+    return engineering(value, entry.unit) if value and entry.unit else f"{value:.6g}"
+
+
+def allowed_text(entry: Key) -> str:
+    """What may stand there; what is typed, as code."""
+    return re.sub(r"\['[^]]*'\]|'[^']*'", _as_code, entry.allowed)
+
+
+def _as_code(found: re.Match[str]) -> str:
+    text = found[0]
+    return f"`{text[1:-1]}`" if text.startswith("'") else f"`{text.replace(chr(39), chr(34))}`"
+
+
+CAPABILITIES = """# What goes with what
+
+Written from the table in `warpknit/scene/capabilities.py` by `python -m warpknit.scene.reference docs`. What the table excludes
+is refused in one line, with exit status 2. Limits that go by a size, a file or the numbers of a model are not in it; the line of
+the refusal says those.
+
+Empty: the two are alternatives. *no effect*: what is asked for changes nothing, and `warpknit plan` says so. *partly*: not
+together with a third one, see below. A report makes a map: what goes with no map goes with no report.
+
+"""
+
+
+def capabilities_page() -> str:
+    """The text of docs/capabilities.md."""
+    return CAPABILITIES + "\n".join([*_matrix(), "", "## The limits", "", *_limits(), ""])
+
+
+def _matrix() -> Iterator[str]:
+    """Every trait that is no command against models, boundaries, drives, meshes and commands."""
+    headings = [HEADINGS.get(name, name) for name in COLUMNS]
+    yield row(["", "asked for by", *headings])
+    yield "|" + "---|" * (len(COLUMNS) + 2)
+    for name, trait in TRAITS.items():
+        if name not in AT_COMMAND and name not in UNSAID:
+            cells = ("" if _alternatives(name, column) else goes_together(name, column) for column in COLUMNS)
+            yield row([trait.words, f"`{trait.key}`", *cells])
+
+
+def _limits() -> Iterator[str]:
+    """The rules, those alike in one row, with what is allowed and why."""
+    yield row(["", "not with", "allowed", "why"])
+    yield "|---|---|---|---|"
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for rule in RULES:
+        others = " and ".join(TRAITS[name].words for name in rule.others)
+        allowed = rule.allowed if rule.refused else f"without effect, {rule.allowed}"
+        alike.setdefault((others, allowed, rule.why), []).append(TRAITS[rule.trait].words)
+    for limit, traits in alike.items():
+        yield row([", ".join(traits), *limit])
+
+
+def _alternatives(one: str, other: str) -> bool:
+    return one == other or any({one, other} <= set(group) for group in GROUPS)
+
+
+def main(folder: Path) -> None:
+    """Write what follows from the code into the documents in `folder`."""
+    path = folder / "scenes.md"
+    path.write_text(with_key_tables(path.read_text(encoding="utf-8")), encoding="utf-8")
+    (folder / "capabilities.md").write_text(capabilities_page(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs"))
