@@ -20,7 +20,7 @@ from ..errors import MemoryNeeded, ModelError
 from ..frame import WireLayout, curve_parts
 from ..kernels.bodies import BODY_BLOCK
 from ..kernels.contact_by_batch import PAIR_BATCH
-from ..kernels.wires_by_block import BLOCK_SIZE
+from ..kernels.wire_forces import BLOCK_SIZE
 from ..knit.chain import KnitError
 from ..knit.cloth import Cloth, knit_cloth
 from ..mesh.hook import hook_panel, hook_table
