@@ -21,7 +21,7 @@ FREE_FLIGHT = 0.9  # of its speed that a free body keeps a step: it flies nine s
 _STEP = r"""
     typedef decltype(unit) real;
     typedef decltype(ux.data[0] + ux.data[0]) coordinate;
-    const bool counted = coordinate(0.5) == coordinate(0);  // see wires_by_block.py
+    const bool counted = coordinate(0.5) == coordinate(0);  // see wires.py
     const double* steer = control.data;
     const real inverse_mass = real(steer[BODY_INVERSE_MASS]), velocity_factor = real(steer[VELOCITY_FACTOR]);
     const real force_factor = real(steer[FORCE_FACTOR]) * inverse_mass, look_ahead = real(steer[LOOK_AHEAD]);

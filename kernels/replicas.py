@@ -3,7 +3,7 @@
 Replicas are states of one mesh that know nothing of each other: every array of the state has the replica as its first axis, and
 each has its own row of numbers that steer its steps (control.py). Wires are elastic and contacts free of friction. A thread
 takes all steps of its replica one after the other, so that a small mesh stays in the first cache; it stops where the replica
-is frozen. Each step is that of contact_by_batch.py, wires_by_block.py, bodies.py, grip.py and control.py, in this order.
+is frozen. Each step is that of contact_by_batch.py, wires.py, bodies.py, grip.py and control.py, in this order.
 """
 
 from typing import Any
@@ -14,8 +14,7 @@ from .bodies import step_block_of_bodies
 from .contact_by_batch import contact_of_batch
 from .control import STATUS, STATUS_RUNNING, STEP, renew_control
 from .grip import count_of, held_move
-from .wires import rounding_phase
-from .wires_by_block import block_step
+from .wires import block_step, rounding_phase
 
 
 @wp.kernel
@@ -153,6 +152,7 @@ def step_replicas(
         for block in range(block_first.shape[0]):
             block_step(
                 block,
+                wp.int32(0),
                 control[r],
                 phase,
                 unit,

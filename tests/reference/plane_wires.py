@@ -14,7 +14,7 @@ from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.kernels.clamp import CLAMP_NUMBERS
 from warpknit.kernels.contact import CLOSEST_POINT_DOUBLE, CURVE_COEFFICIENTS
-from warpknit.kernels.wires_by_block import BLOCK_SIZE
+from warpknit.kernels.wire_forces import BLOCK_SIZE
 from warpknit.mesh.panel import END_NODES, Panel
 from warpknit.mesh.table import Table, _fit_rest_curve
 from warpknit.planar.model import Model, assemble_model

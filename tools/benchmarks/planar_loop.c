@@ -13,7 +13,7 @@
 #endif
 enum { CHUNK = 512, HALO = 2, SPAN = CHUNK + 2 * HALO };
 
-/* angle from edge a to edge b of unit length, by tan(angle / 2) folded once; see wires_by_block.py for the polynomial */
+/* angle from edge a to edge b of unit length, by tan(angle / 2) folded once; see wire_forces.py for the polynomial */
 static inline REAL turning(REAL sine, REAL cosine) {
     const REAL below = 1 + cosine;
     const REAL a = sine < 0 ? -sine : sine;

@@ -212,9 +212,21 @@ class KernelFile:
             if isinstance(part, ast.Constant) and isinstance(part.value, str):
                 yield part.value
             if isinstance(part, ast.Name):
-                for statement in self.tree.body:
-                    if isinstance(statement, ast.Assign) and ast.unparse(statement.targets[0]) == part.id:
-                        yield from self._strings(statement.value)
+                yield from self._strings_of(part.id)
+
+    def _strings_of(self, name: str) -> Iterator[str]:
+        """The same of what a name of the module stands for: a constant, a function that makes text, one of a neighbour."""
+        for statement in self.tree.body:
+            if isinstance(statement, ast.Assign) and ast.unparse(statement.targets[0]) == name:
+                yield from self._strings(statement.value)
+            if isinstance(statement, ast.FunctionDef) and statement.name == name and not is_a(statement, "wp.func_native"):
+                for inside in statement.body:
+                    yield from self._strings(inside)
+            if isinstance(statement, ast.ImportFrom) and statement.level == 1 and statement.module:
+                for alias in statement.names:
+                    path = self.path.parent / f"{statement.module}.py"
+                    if (alias.asname or alias.name) == name and path.exists():
+                        yield from self.known.setdefault(path, KernelFile(path))._strings_of(alias.name)
 
 
 def closing(text: str, begin: int) -> int:

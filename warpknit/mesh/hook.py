@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernels import clamp
-from ..kernels.wires_by_block import BLOCK_PAD, BLOCK_SIZE
+from ..kernels.wire_forces import BLOCK_PAD, BLOCK_SIZE
 from ..scene import Hook
 from .panel import END_NODES, Panel
 from .table import Line, Table, table_of_lines

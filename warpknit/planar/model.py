@@ -19,7 +19,7 @@ from ..errors import ModelError
 from ..frame import WireLayout, curve_parts
 from ..kernels.bodies import BODY_BLOCK
 from ..kernels.contact_by_batch import PAIR_BATCH
-from ..kernels.wires_by_block import BLOCK_SIZE
+from ..kernels.wire_forces import BLOCK_SIZE
 from ..knit.cloth import Cloth
 from ..mesh.hook import hook_panel, hook_table
 from ..mesh.layout import knit_scene, lay_out

@@ -14,7 +14,7 @@ import warp as wp
 from ..kernels import clamp
 from ..kernels import control as c
 from ..kernels.energy import evaluate_wires
-from ..kernels.wires_by_block import BLOCK_SIZE
+from ..kernels.wire_forces import BLOCK_SIZE
 from ..launch import bind
 from ..measure.strain import clamp_rotation, stretch
 from .join import Join

@@ -25,8 +25,8 @@ from ..kernels.control import update_control
 from ..kernels.friction import add_friction
 from ..kernels.grip import move_held_nodes
 from ..kernels.slide import slide_clamps
-from ..kernels.wires import step_wires_by_node
-from ..kernels.wires_by_block import BLOCK_SIZE, step_wires_by_block
+from ..kernels.wire_forces import BLOCK_SIZE
+from ..kernels.wires import step_wires
 from ..launch import Launch, bind
 from ..numerics import GRAPH_STEPS, thread_count
 from .model import Model, body_blocks, contact_batches
@@ -59,11 +59,6 @@ class Stepper:
         ]
         self._graphs: dict[tuple[int, int], list[wp.Graph]] = {}
         self._helpers = ThreadPoolExecutor(self.threads - 1, "step") if self.threads > 1 else None
-
-    @property
-    def wire_kernel(self) -> tuple[wp.Kernel, int]:
-        """The wire kernel, and its threads a block."""
-        return (step_wires_by_node, BLOCK_SIZE) if self.by_node else (step_wires_by_block, 1)
 
     def step(self, count: int) -> None:
         """Take `count` steps; they do nothing once the state is frozen (see kernels/control.py)."""
@@ -169,9 +164,10 @@ class Stepper:
     ) -> Launch:
         """The step of so many blocks of wires, from the displacements of one parity on; `vx`, `vy` go in and come out."""
         model, state = self.model, self.state
-        kernel, size = self.wire_kernel
+        threads = wp.int64(BLOCK_SIZE) if self.by_node else wp.int32(1)  # see kernels/wire_forces.py
         return bind(
-            kernel, blocks * size, model.rest, model.mesh, state, model.constants, first_block=first_block,
+            step_wires, blocks * int(threads), model.rest, model.mesh, state, model.constants, first_block=first_block,
+            threads_a_block=threads,
             ux_in=state.node_ux[now], uy_in=state.node_uy[now], vx=vx, vy=vy, ux_out=ux_out, uy_out=uy_out,
             partial=state.wire_partial,
         )  # fmt: skip

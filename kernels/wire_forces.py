@@ -1,0 +1,294 @@
+"""Forces in the plane wires: one text, which steps, energies and what is read of a state share, on the CPU as on a GPU.
+
+    e = F E0 + (u_next - u)                 T = offset + (EA/s) (|e|/L - 1)             stretch
+    g = EI/l (theta - theta0)                                                          bending at a node
+        + EI/l [L_before (g - g_before) - L (g_next - g)]/(6 EI)                        slope of the moment
+        + 2 BOW theta (T L + T_before L_before)                                         bow of arcs that keep their length
+    n = T t + (g - g_next)/|e| nu                                                       force of a segment
+
+with t and nu the unit tangent and left normal of the segment from a node to the next one; see stretch.py, bend.py and clamp.py.
+
+It is C++, as loops of a Warp kernel do not vectorise on the CPU: loops over short arrays, in which every segment and angle of a
+block is computed once. A block holds at most BLOCK_SIZE consecutive nodes of one wire; the rest data of its first node stand
+at `block_table` of the table of one repeat, whose entries unroll in step with the nodes. A thread works on a block, or, as on
+a GPU, on one node of it: the type of `lane` says which, 32 bits for all nodes, 64 bits for the node at `lane` alone.
+"""
+
+from . import clamp
+from .native import STEERING, constants
+
+BLOCK_SIZE = 128
+BLOCK_PAD = 32  # table entries behind a block that may be read
+
+# Local indices: node k is global node first - HALO + k, segment k joins nodes k and k + 1, angle k sits at node k between
+# segments k - 1 and k. KEEPS: whether edges, angles and turnings are wanted beside forces.
+_FORCES = r"""
+    typedef decltype(unit) real;
+    typedef decltype(ux_in.data[0] + ux_in.data[0]) coordinate;
+    // loops run over whole vectors: PAD places behind the last node hold numbers that nothing uses
+    enum { ALONE = sizeof(lane) == 8, LANES = ALONE ? 1 : 16, PAD = ALONE ? 2 : BLOCK_PAD };
+    enum { HALO = 3, SPAN = (ALONE ? 1 : BLOCK_SIZE) + 2 * HALO + PAD };
+    // places that are known when a thread runs only: an array with such an index cannot stay in registers on a GPU
+    #define OVER(k, low, high) \
+        for (int k = ALONE ? 0 : (low); k < (ALONE ? whole : (high)); ++k) if (!ALONE || (k >= (low) && k < (high)))
+    const int first = block_first.data[block] + (int)lane, table = block_table.data[block] + (int)lane;
+    const int count = ALONE ? 1 : block_count.data[block];
+    const int wire = block_wire.data[block];
+    const int wire_begin = wire_first.data[wire], wire_nodes = wire_count.data[wire], closed = wire_closed.data[wire];
+    const double* steer = control.data;
+    const real fxx = real(steer[GRADIENT]), fxy = real(steer[GRADIENT + 1]);
+    const real fyx = real(steer[GRADIENT + 2]), fyy = real(steer[GRADIENT + 3]);
+    const real length_factor = real(steer[LENGTH_FACTOR]), hinge_factor = real(1.0 / steer[LENGTH_FACTOR]);
+    const real bow_moment = real(steer[BOW_MOMENT] * steer[LENGTH_FACTOR]), slope_factor = real(steer[SLOPE_FACTOR]);
+    const real axial_stiffness = wire_axial.data[wire];
+    const int nodes = count + 2 * HALO, segments = nodes - 1;
+    const int whole = (segments + LANES) / LANES * LANES;
+    const int offset_of_block = first - HALO;
+    const int wire_end = wire_begin + wire_nodes;
+    coordinate cx[SPAN], cy[SPAN];
+    real shift[SPAN];
+    for (int k = HALO; k < count + HALO; ++k) {
+        cx[k] = ux_in.data[offset_of_block + k];
+        cy[k] = uy_in.data[offset_of_block + k];
+        shift[k] = tension_offset.data[offset_of_block + k];
+    }
+    for (int q = 0; q < 2 * HALO; ++q) {
+        // nodes of the wire before the block and behind it
+        const int k = q < HALO ? q : count + q;
+        int i = offset_of_block + k;
+        if (closed) {
+            while (i < wire_begin) i += wire_nodes;
+            while (i >= wire_end) i -= wire_nodes;
+        } else {
+            i = i < wire_begin ? wire_begin : (i >= wire_end ? wire_end - 1 : i);
+        }
+        cx[k] = ux_in.data[i];
+        cy[k] = uy_in.data[i];
+        shift[k] = tension_offset.data[i];
+    }
+    for (int k = nodes; k <= whole; ++k) {
+        cx[k] = cx[nodes - 1];
+        cy[k] = cy[nodes - 1];
+        shift[k] = real(0);
+    }
+    const real* __restrict rx = rest_x.data + table - HALO;
+    const real* __restrict ry = rest_y.data + table - HALO;
+    const real* __restrict rl = rest_length.data + table - HALO;
+    const real* __restrict ri = inverse_length.data + table - HALO;
+    const real* __restrict ra = rest_angle.data + table - HALO;
+    const real* __restrict rb = hinge_stiffness.data + table - HALO;
+    // stretch: edges, unit tangents and tensions
+    const real axial_by_factor = axial_stiffness * hinge_factor;
+    real tx[SPAN], ty[SPAN], il[SPAN], tension[SPAN], bend[SPAN], moment[SPAN], unbending[SPAN], share[SPAN], rise[SPAN];
+    real chord_x[KEEPS ? SPAN : 1], chord_y[KEEPS ? SPAN : 1], angles[KEEPS ? SPAN : 1], turn[KEEPS ? SPAN : 1];
+    {
+    #pragma clang fp reassociate(on) contract(fast)
+    #pragma clang loop vectorize(enable)
+    for (int k = 0; k < whole; ++k) {
+        const real ex = fxx * rx[k] + fxy * ry[k] + unit * real(cx[k + 1] - cx[k]);
+        const real ey = fyx * rx[k] + fyy * ry[k] + unit * real(cy[k + 1] - cy[k]);
+        const real length = sqrt(ex * ex + ey * ey);
+        const real inverse = real(1) / length;
+        tx[k] = ex * inverse;
+        ty[k] = ey * inverse;
+        il[k] = inverse;
+        tension[k] = shift[k] + axial_by_factor * (length - rl[k] * length_factor) * ri[k];
+        if (KEEPS) { chord_x[k] = ex; chord_y[k] = ey; }
+    }
+    }
+    const int begin = wire_begin - offset_of_block, end = wire_end - offset_of_block;
+    const real* __restrict clamps = wire_clamp.data + 2 * CLAMP_NUMBERS * wire;
+    if (gripped) {
+        for (int far = 0; far < 2; ++far) {
+            const real* clamp = clamps + far * CLAMP_NUMBERS;
+            const int rigid = far ? end - 2 : begin, k = far ? end - 3 : begin + 1;
+            if (rigid >= 0 && rigid < segments) OVER(j, rigid, rigid + 1) {
+                tx[j] = clamp[TANGENT_X];
+                ty[j] = clamp[TANGENT_Y];
+                tension[j] = real(0);
+                if (KEEPS) { chord_x[j] = tx[j]; chord_y[j] = ty[j]; il[j] = real(1); }
+            }
+            if (k >= 0 && k < segments) OVER(j, k, k + 1) {
+                const real ex = tx[j] / il[j] + clamp[LEVER_X], ey = ty[j] / il[j] + clamp[LEVER_Y];
+                const real length = sqrt(ex * ex + ey * ey);
+                tx[j] = ex / length;
+                ty[j] = ey / length;
+                il[j] = real(1) / length;
+                tension[j] = shift[j] + axial_by_factor * (length - clamp[LENGTH] * length_factor) / clamp[LENGTH];
+                if (KEEPS) { chord_x[j] = ex; chord_y[j] = ey; }
+            }
+        }
+    }
+    // bending: turning angles, moments of the turns, and what the tension of arcs adds
+    tx[whole] = ty[whole] = tension[whole] = bend[0] = moment[0] = unbending[0] = real(0);
+    share[0] = real(1);
+    {
+    #pragma clang fp reassociate(on) contract(fast)
+    #pragma clang loop vectorize(enable)
+    for (int j = 0; j < whole; ++j) {
+        const real sine = tx[j] * ty[j + 1] - ty[j] * tx[j + 1];
+        const real cosine = tx[j] * tx[j + 1] + ty[j] * ty[j + 1];
+        // angle = 2 atan(sine / (1 + cosine)), the quotient folded into [-tan(pi/8), tan(pi/8)] before the one division
+        const real below = real(1) + cosine;
+        const real a = sine < real(0) ? -sine : sine;
+        const real steep = a > real(2.414213562373095) * below ? real(1) : real(0);
+        const real middle = (a > real(0.4142135623730951) * below ? real(1) : real(0)) - steep;
+        const real top = steep > real(0) ? -below : (middle > real(0) ? a - below : a);
+        const real bottom = steep > real(0) ? a : (middle > real(0) ? a + below : below);
+        const real x = top / (bottom > real(1e-12) ? bottom : real(1e-12));
+        const real z = x * x;
+        real series;
+        if (sizeof(real) == 4) {
+            series = ATAN_SINGLE;
+        } else {
+            series = ATAN_DOUBLE;
+        }
+        const real folded = x * series + middle * real(0.7853981633974483) + steep * real(1.5707963267948966);
+        const real angle = real(2) * (sine < real(0) ? -folded : folded);
+        bend[j + 1] = hinge_factor * rb[j + 1] * (angle - ra[j + 1]);
+        share[j + 1] = real(1);
+        unbending[j + 1] = bow_moment * angle * (tension[j] * rl[j] + tension[j + 1] * rl[j + 1]);
+        if (KEEPS) { angles[j + 1] = angle; turn[j + 1] = angle - ra[j + 1]; }
+    }
+    }
+    if (gripped) {
+        for (int far = 0; far < 2; ++far) {
+            const real* clamp = clamps + far * CLAMP_NUMBERS;
+            for (int next = 0; next < 2; ++next) {
+                const int at = far ? end - 2 - next : begin + 1 + next;
+                if (at < 1 || at >= segments) continue;
+                OVER(k, at, at + 1) {
+                    // segment from the clamp, and the one beyond the first free node
+                    const int own = far == next ? k : k - 1, other = far ? k - 1 : k;
+                    const real angle = bend[k] / (hinge_factor * rb[k]) + ra[k];
+                    const real counts_own = real(1) + clamp[BOW_WEIGHT + next], counts_other = real(1) + clamp[BEYOND_BOW_WEIGHT];
+                    const real pull = counts_own * tension[own] * clamp[LENGTH];
+                    unbending[k] = bow_moment * angle * (pull + (next ? counts_other * tension[other] * rl[other] : real(0)));
+                    share[k] = clamp[HINGE + next];
+                    bend[k] = share[k] * hinge_factor * rb[k] * (angle - clamp[ANGLE + next]);
+                    if (KEEPS) turn[k] = angle - clamp[ANGLE + next];
+                }
+            }
+        }
+    }
+    // what yields: beyond the yield moment on either side of back_turn, a wire keeps the share kept_stiffness
+    if (yield_moment > real(0)) {
+        for (int j = 1; j < segments; ++j) {
+            int i = offset_of_block + j;
+            if (closed) {
+                while (i < wire_begin) i += wire_nodes;
+                while (i >= wire_end) i -= wire_nodes;
+            } else if (i < wire_begin || i >= wire_end) {
+                continue;
+            }
+            const real stiffness = share[j] * hinge_factor * rb[j];
+            const real trial = bend[j] / stiffness - plastic_turn.data[i], beyond = trial - back_turn.data[i];
+            const real over = (beyond < real(0) ? -beyond : beyond) - yield_moment / stiffness;
+            const real off = over > real(0) ? over * (real(1) - kept_stiffness) : real(0);
+            bend[j] = stiffness * (trial - (beyond < real(0) ? -off : off));
+        }
+    }
+    if (!closed) {
+        // beyond the ends of an open wire there is nothing
+        OVER(k, 0, begin + 1) { bend[k] = unbending[k] = share[k] = real(0); }
+        OVER(k, 0, begin) { tension[k] = real(0); }
+        OVER(k, end - 1, segments + 1) { tension[k] = bend[k] = unbending[k] = share[k] = real(0); }
+    }
+    // what the slope of the moment along the segments adds
+    {
+    #pragma clang fp reassociate(on) contract(fast)
+    #pragma clang loop vectorize(enable)
+    for (int k = 0; k < whole; ++k) {
+        rise[k] = rl[k] * (bend[k + 1] - bend[k]);
+    }
+    }
+    if (!closed) {
+        OVER(k, 0, begin) { rise[k] = real(0); }
+        OVER(k, end - 1, segments) { rise[k] = real(0); }
+    }
+    if (gripped) {
+        for (int far = 0; far < 2; ++far) {
+            const int rigid = far ? end - 2 : begin, k = far ? end - 3 : begin + 1;
+            if (rigid >= 0 && rigid < segments) OVER(j, rigid, rigid + 1) rise[j] = real(0);
+            if (k >= 0 && k < segments) {
+                const real length = clamps[far * CLAMP_NUMBERS + LENGTH];
+                OVER(j, k, k + 1) rise[j] = length * (bend[j + 1] - bend[j]);
+            }
+        }
+    }
+    rise[whole] = moment[0] = moment[whole] = real(0);
+    {
+    #pragma clang fp reassociate(on) contract(fast)
+    #pragma clang loop vectorize(enable)
+    for (int k = 0; k < whole; ++k) {
+        moment[k + 1] = bend[k + 1] + slope_factor * share[k + 1] * rb[k + 1] * (rise[k] - rise[k + 1]);
+    }
+    }
+    // forces of the segments
+    real nx[SPAN], ny[SPAN];
+    {
+    #pragma clang fp reassociate(on) contract(fast)
+    #pragma clang loop vectorize(enable)
+    for (int k = 0; k < whole; ++k) {
+        const real shear = (moment[k] - moment[k + 1] + unbending[k] - unbending[k + 1]) * il[k];
+        nx[k] = tension[k] * tx[k] - shear * ty[k];
+        ny[k] = tension[k] * ty[k] + shear * tx[k];
+    }
+    }
+"""
+
+
+def _polynomial(coefficients: tuple[float, ...], variable: str) -> str:
+    """Horner form in C++."""
+    text = f"real({coefficients[-1]!r})"
+    for c in reversed(coefficients[:-1]):
+        text = f"(real({c!r}) + {variable} * {text})"
+    return text
+
+
+# atan(x)/x in powers of x^2 on |x| <= tan(pi/8): interpolation at Chebyshev nodes; errors 6e-10 and below 1e-16.
+ATAN_SINGLE = (
+    0.9999999993712282,
+    -0.33333306893048514,
+    0.19998183041083206,
+    -0.14239532669648974,
+    0.10569828806414448,
+    -0.06026305227658459,
+)
+ATAN_DOUBLE = (
+    1.0,
+    -0.3333333333333312,
+    0.19999999999940893,
+    -0.14285714279250245,
+    0.11111110744919658,
+    -0.09090896809064027,
+    0.07692045330902225,
+    -0.06662951813629191,
+    0.05846878297330872,
+    -0.05035102456601552,
+    0.03796525745386593,
+    -0.017805397205419446,
+)
+
+
+_CLAMP = constants(
+    LEVER_X=clamp.LEVER_X,
+    LEVER_Y=clamp.LEVER_Y,
+    TANGENT_X=clamp.TANGENT_X,
+    TANGENT_Y=clamp.TANGENT_Y,
+    LENGTH=clamp.LENGTH,
+    ANGLE=clamp.ANGLE,
+    HINGE=clamp.HINGE,
+    BOW_CHANGE=clamp.BOW_CHANGE,
+    BOW_WEIGHT=clamp.BOW_WEIGHT,
+    NEXT_BOW_WEIGHT=clamp.NEXT_BOW_WEIGHT,
+    BEYOND_BOW_WEIGHT=clamp.BEYOND_BOW_WEIGHT,
+    CLAMP_NUMBERS=clamp.CLAMP_NUMBERS,
+)
+
+
+def forces(keeps: bool) -> str:
+    """The text, to stand before what uses it."""
+    series = {"ATAN_SINGLE": _polynomial(ATAN_SINGLE, "z"), "ATAN_DOUBLE": _polynomial(ATAN_DOUBLE, "z")}
+    text = _FORCES.replace("ATAN_SINGLE", series["ATAN_SINGLE"]).replace("ATAN_DOUBLE", series["ATAN_DOUBLE"])
+    return STEERING + _CLAMP + constants(BLOCK_SIZE=BLOCK_SIZE, BLOCK_PAD=BLOCK_PAD, KEEPS=keeps) + text
