@@ -212,7 +212,7 @@ def test_strips_ramp_like_the_whole_mesh() -> None:
 
 @pytest.mark.parametrize(("precision", "threads", "by_node"), [("single", 2, False), ("double", 1, False), ("single", 1, True)])
 def test_threads_and_kernels_of_strips(precision: str, threads: int, by_node: bool) -> None:
-    """300 steps of a tile under load, in strips of one and two threads and with the kernels of a GPU."""
+    """150 steps of a tile under load, in strips of one and two threads and with the kernels of a GPU."""
     here = scene([4, 2], "periodic", *STRAIN, f"solver.precision={precision}")
 
     def displacements(ranks: Ranks) -> np.ndarray:
@@ -221,8 +221,8 @@ def test_threads_and_kernels_of_strips(precision: str, threads: int, by_node: bo
         drive = Simulation(model, state).drive
         kind = Stepper if model.strip is None else StripStepper
         drive.stepper = kind(model, state, by_node=by_node, threads=threads)
-        drive._set_ramp(LoadPoint(np.diag([1.1, 1.1]), model.scene.wire.reference_temperature), 200)
-        drive._advance(300)
+        drive._set_ramp(LoadPoint(np.diag([1.1, 1.1]), model.scene.wire.reference_temperature), 100)
+        drive._advance(150)
         reading = measure.read(model, state)
         if ranks.is_first:
             assert np.count_nonzero(reading.pair_force) > 0
