@@ -92,7 +92,7 @@ def numbers(value: Any) -> Iterator[float]:
 DRAWS: dict[str, Any] = {"deadline": None, "derandomize": True, "database": None, "phases": [Phase.generate]}
 
 
-@settings(max_examples=24, **DRAWS)
+@settings(max_examples=16, **DRAWS)
 @given(scenes())
 def test_any_scene_ends_well(table: Table) -> None:
     """No other exception than a refusal, no number that is not finite, and the warnings that what was asked for calls for."""
@@ -153,7 +153,7 @@ def test_a_thin_wire_is_computed_in_double_precision() -> None:
     thin = merged(BASE, {"wire": {"diameter": 1e-6}})
     assert make_scene(thin).solver.precision == "double"
     assert make_scene(BASE).solver.precision == "single"
-    with_single = merged(thin, {"solver": {"precision": "single", "max_steps": 5000}})
+    with_single = merged(thin, {"solver": {"precision": "single", "max_steps": 1000}})
     found = run_of(with_single)
     assert found.exit_code == 3
     assert "round-off in single precision" in found.message

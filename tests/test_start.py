@@ -72,11 +72,11 @@ def test_periodic_mesh_starts_at_its_answer() -> None:
 
 
 def test_start_from_smaller_meshes_gives_the_same_answer_in_fewer_steps() -> None:
-    """14 x 14 repeats with a start from 8 x 8, against the same mesh that begins undeformed: tensions within what both may still
+    """12 x 12 repeats with a start from 8 x 8, against the same mesh that begins undeformed: tensions within what both may still
     drift; contact forces, which rise about three times as steeply, within three times the local tension's MEMBRANE_TOLERANCE;
     all in less than half of the steps."""
-    model, state, _, steps = settled((14, 14), "gripped", False)
-    _, alone, _, many = settled((14, 14), "gripped", True)
+    model, state, _, steps = settled((12, 12), "gripped", False)
+    _, alone, _, many = settled((12, 12), "gripped", True)
     assert tension(model, state) == pytest.approx(tension(model, alone), rel=3 * TOLERANCE)
     force, expected = state.pair_force.numpy(), alone.pair_force.numpy()
     assert np.sqrt(np.mean((force - expected) ** 2)) < 3 * MEMBRANE_TOLERANCE * np.sqrt(np.mean(expected**2))
@@ -85,7 +85,7 @@ def test_start_from_smaller_meshes_gives_the_same_answer_in_fewer_steps() -> Non
 
 def test_membrane_moves_and_forces_are_adjoint() -> None:
     """A displacement w of the grid does the work w . R on the grid, R the gathered forces, and f . (w spread) on the mesh."""
-    model, state, simulation, _ = settled((14, 14), "gripped", False)
+    model, state, simulation, _ = settled((12, 12), "gripped", False)
     drive = simulation.drive
     kept = state.arrays()
     state.restore(kept)
@@ -126,7 +126,7 @@ def test_response_is_the_derivative_of_the_stress() -> None:
     """dP/dF of an elastic cloth has the major symmetry, and a rotation W turns the stress: dP/dF : W F = W P.
 
     Differences are one-sided: what they miss is STRAIN over the strain of 10 % by which the stiffness changes by itself."""
-    model, _, simulation, _ = settled((14, 14), "gripped", False)
+    model, _, simulation, _ = settled((12, 12), "gripped", False)
     tangent = simulation.drive._response.tangent
     assert tangent == pytest.approx(tangent.transpose(2, 3, 0, 1))
     cell = simulation.drive.cell
@@ -139,7 +139,7 @@ def test_response_is_the_derivative_of_the_stress() -> None:
 
 def test_interrupted_start_goes_on_to_the_same_bits() -> None:
     """What a look at any time keeps is enough to go on from: in the smaller mesh, the cell and the large mesh alike."""
-    model, whole, _, _ = settled((14, 14), "gripped", False)
+    model, whole, _, _ = settled((12, 12), "gripped", False)
 
     class Stop(Exception):
         pass

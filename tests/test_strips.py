@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from reference.thread_ranks import run_ranks
 from warpknit import measure
 from warpknit.errors import ModelError
+from warpknit.mechanics import advance
 from warpknit.mesh.load_point import LoadPoint
 from warpknit.mesh.panel import Panel
 from warpknit.mesh.strip import Strip, cut_strip
@@ -121,9 +122,9 @@ def test_strips_are_one_membrane() -> None:
         model = build_model(here, "cpu", ranks)
         state = initial_state(model)
         drive = Simulation(model, state).drive
-        drive._set_ramp(LoadPoint(np.diag([1.05, 1.05]), model.scene.wire.reference_temperature), 80)
-        drive._advance(100)
-        drive.slowest_mode.look(use=False)
+        drive.mechanics.set_load(LoadPoint(np.diag([1.05, 1.05]), model.scene.wire.reference_temperature), 80)
+        advance(drive.mechanics, 100)
+        drive.mechanics.slowest_mode.look(use=False)
         drive.membrane.warm_up(drive._response)
         force = drive.membrane.imbalance().copy()
         drive.membrane.move(Correction(1e-6 * np.random.default_rng(3).normal(size=force.shape), np.zeros((0, 2))))
@@ -213,7 +214,7 @@ def test_strips_ramp_like_the_whole_mesh() -> None:
 
 @pytest.mark.parametrize(("precision", "threads", "by_node"), [("single", 2, False), ("double", 1, False), ("single", 1, True)])
 def test_threads_and_kernels_of_strips(precision: str, threads: int, by_node: bool) -> None:
-    """300 steps of a tile under load, in strips of one and two threads and with the kernels of a GPU."""
+    """150 steps of a tile under load, in strips of one and two threads and with the kernels of a GPU."""
     here = scene([4, 2], "periodic", *STRAIN, f"solver.precision={precision}")
 
     def displacements(ranks: Ranks) -> np.ndarray:
@@ -222,8 +223,8 @@ def test_threads_and_kernels_of_strips(precision: str, threads: int, by_node: bo
         drive = Simulation(model, state).drive
         kind = Stepper if model.strip is None else StripStepper
         drive.stepper = kind(model, state, by_node=by_node, threads=threads)
-        drive._set_ramp(LoadPoint(np.diag([1.1, 1.1]), model.scene.wire.reference_temperature), 200)
-        drive._advance(300)
+        drive.mechanics.set_load(LoadPoint(np.diag([1.1, 1.1]), model.scene.wire.reference_temperature), 100)
+        advance(drive.mechanics, 150)
         reading = read(model, state)
         if ranks.is_first:
             assert np.count_nonzero(reading.pair_force) > 0

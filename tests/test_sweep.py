@@ -26,11 +26,18 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def test_a_map_leaves_its_files_and_is_not_overwritten(tmp_path):
-    """map.csv has a row for each pair of strains; a finished map is refused, kept by --resume, replaced by --force."""
-    out = tmp_path / "m"
+@pytest.fixture(scope="module")
+def whole_map(tmp_path_factory):
+    """A map made in one go, and what the program said."""
+    out = tmp_path_factory.mktemp("map") / "m"
     done = make_map(out)
     assert done.exit_code == 0, done.output
+    return out, done
+
+
+def test_a_map_leaves_its_files_and_is_not_overwritten(whole_map):
+    """map.csv has a row for each pair of strains; a finished map is refused, kept by --resume, replaced by --force."""
+    out, done = whole_map
     assert "optimum strain" in done.stdout and "4 of 4 at rest" in done.stdout
     assert [(r["strain_weft"], r["strain_warp"]) for r in rows(out / "map.csv")] == [
         ("0.0", "0.0"), ("0.1", "0.0"), ("0.0", "0.1"), ("0.1", "0.1")
@@ -61,9 +68,8 @@ def test_what_a_map_cannot_do_is_refused(tmp_path, setting, said):
     assert done.exit_code == 2 and said in done.stderr and len(done.stderr.splitlines()) == 1
 
 
-def test_an_interrupted_map_keeps_its_cells_and_goes_on_to_the_same_map(tmp_path, monkeypatch):
-    whole, cut = tmp_path / "whole", tmp_path / "cut"
-    assert make_map(whole).exit_code == 0
+def test_an_interrupted_map_keeps_its_cells_and_goes_on_to_the_same_map(whole_map, tmp_path, monkeypatch):
+    whole, cut = whole_map[0], tmp_path / "cut"
 
     def stop(self):
         if finished:

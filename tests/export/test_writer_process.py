@@ -51,7 +51,7 @@ def write(writer: FrameWriter, frames: list[Frame]) -> None:
         writer.close(complete=True)
 
 
-def wait_until(condition: Callable[[], bool], seconds: float = 30.0) -> None:
+def wait_until(condition: Callable[[], bool], seconds: float = 120.0) -> None:
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end
@@ -217,7 +217,7 @@ def test_run_whose_writer_is_killed_ends_with_4(tmp_path: Path) -> None:
     writer = writer_of(run)
     wait_until(lambda: (tmp_path / "run" / "frames" / "wires.000001.usdc").exists())
     writer.kill()
-    assert run.wait(30) == 4
+    assert run.wait(120) == 4
     assert run.stderr is not None
     error = run.stderr.read()
     assert error.count("\n") == 1 and "the process that writes the frames was ended by signal 9" in error

@@ -12,34 +12,17 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_bvp
 
+from reference.elastica import DEFLECTION, elastica
 from reference.plane_wires import Rig, panel_of_wires, straight, table_of_wires
 from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.kernels.bend import BOW
 
 LENGTH = 40e-3
-DEFLECTION = {1.0: 0.301721, 5.0: 0.713792, 10.0: 0.810609}
 SOFTENING = 1e4
 MULTIPLIER_MOVES = 6  # each leaves about a tenth of what was missing
 BALANCE = 5e-12  # [N] over loads of 6e-7 N and more
-
-
-def elastica(load: float) -> tuple[float, float]:
-    """w/L and the end's angle from the boundary value problem."""
-
-    def slope(_s: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return np.stack([y[1], -load * np.cos(y[0]), np.sin(y[0])])
-
-    def ends(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        return np.array([a[0], a[2], b[1]])
-
-    s = np.linspace(0, 1, 200)
-    guess = np.stack([s * (2 - s), 2 - 2 * s, 0.5 * s])
-    solution = solve_bvp(slope, ends, s, guess, tol=1e-10, max_nodes=20000)
-    assert solution.success
-    return float(solution.y[2, -1]), float(solution.y[0, -1])
 
 
 @cache
