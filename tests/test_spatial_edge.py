@@ -81,7 +81,7 @@ def test_an_edge_is_taken_up_where_it_was_left():
     edge.pull(0.5)
     edge.follow(np.eye(2), relaxation.state.force.numpy() + 1e-6)
     other = Simulation(build_model(scene_of(*SMALL, *CORD)))
-    other.mechanics.edge.recall(edge.memory())
+    other.mechanics.edge.load_state_dict(edge.state_dict())
     force = np.random.default_rng(0).normal(size=(edge.mesh.rods.node_count, 3))
     assert np.array_equal(other.mechanics.edge.follow(np.eye(2), force), edge.follow(np.eye(2), force))
     assert np.array_equal(other.mechanics.edge.pull(0.7), edge.pull(0.7))

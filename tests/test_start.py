@@ -149,7 +149,7 @@ def test_interrupted_start_goes_on_to_the_same_bits() -> None:
         simulation = Simulation(model, state, progress=Progress.from_dict(kept["about"]) if kept else None)
         if kept:
             state.restore(kept["state"])
-            simulation.recall(kept["memory"])
+            simulation.load_state_dict(kept["memory"])
         looks = 0
 
         def watch(progress: Progress) -> None:
@@ -165,7 +165,7 @@ def test_interrupted_start_goes_on_to_the_same_bits() -> None:
         except Stop:
             pass
         about = json.loads(json.dumps(simulation.progress.as_dict()))
-        return {"state": state.arrays(), "memory": simulation.memory(), "about": about}
+        return {"state": state.arrays(), "memory": simulation.state_dict(), "about": about}
 
     expected = whole.arrays()
     for stop_at in (5, 60):

@@ -58,7 +58,7 @@ def test_a_wire_that_is_even_again_lets_go_after_a_resume() -> None:
     rest.warm(np.zeros(count))
     other = Rest(RodStepper(rods))
     other.stepper.state.restore(rest.stepper.state.arrays())
-    other.recall(rest.memory())
+    other.load_state_dict(rest.state_dict())
     for one in (rest, other):
         relaxed(one, 1e-6 * SECTION.axial_stiffness, strain_tolerance=1e-9)
     assert np.array_equal(other.tension(), rest.tension())

@@ -25,11 +25,11 @@ class EdgeWork:
         self._last = now
         return self._work
 
-    def memory(self) -> dict[str, np.ndarray]:
+    def state_dict(self) -> dict[str, np.ndarray]:
         """What a checkpoint keeps."""
         return {"edge_work": np.array(self._work)} | {f"edge_work_{k}": value for k, value in enumerate(self._last)}
 
-    def recall(self, kept: dict[str, np.ndarray]) -> None:
-        """Put back what `memory` returned."""
+    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+        """Put back what `state_dict` returned."""
         self._work = float(kept["edge_work"])
         self._last = [kept[f"edge_work_{k}"] for k in range(len(kept)) if f"edge_work_{k}" in kept]

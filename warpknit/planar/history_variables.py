@@ -59,10 +59,10 @@ class Path:
         """Add energy [J] that is gone in this rank's part of the mesh, and in that of the others."""
         self.dissipated += float(self.model.ranks.sum(np.array([energy]))[0])
 
-    def memory(self) -> dict[str, np.ndarray]:
+    def state_dict(self) -> dict[str, np.ndarray]:
         """What a checkpoint keeps."""
         return {"path_dissipated": np.array(self.dissipated)}
 
-    def recall(self, kept: dict[str, np.ndarray]) -> None:
-        """Put back what `memory` returned."""
+    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+        """Put back what `state_dict` returned."""
         self.dissipated = float(kept["path_dissipated"])

@@ -273,18 +273,18 @@ class PlanarMechanics:
         return [clamps, (measures.warmth_force(observed), observed.warmth)]
 
     def state_dict(self) -> dict[str, np.ndarray]:
-        kept = self.neighbours.memory()
+        kept = self.neighbours.state_dict()
         if self._relaxes:
-            kept |= self.history.memory() | self.multipliers.memory() | self.slowest_mode.memory()
+            kept |= self.history.state_dict() | self.multipliers.state_dict() | self.slowest_mode.state_dict()
             kept |= {f"last_{k}": value.numpy().copy() for k, value in enumerate(self._last or [])}
         return kept
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        self.neighbours.recall(kept)
+        self.neighbours.load_state_dict(kept)
         if self._relaxes:
-            self.history.recall(kept)
-            self.multipliers.recall(kept)
-            self.slowest_mode.recall(kept)
+            self.history.load_state_dict(kept)
+            self.multipliers.load_state_dict(kept)
+            self.slowest_mode.load_state_dict(kept)
             self._last = None
             if "last_0" in kept:
                 self._last = [wp.zeros_like(value) for value in self._level_values()]

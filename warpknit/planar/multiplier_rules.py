@@ -57,7 +57,7 @@ class MultiplierRules:
         self._taut_patience = TAUT_PATIENCE * max(1.0, (model.scene.model.nodes_per_loop / TAUT_NODES) ** 2)
         self._short = (model.panel.wire_count < TAUT_LENGTH * model.scene.model.nodes_per_loop) & ~model.panel.wire_closed
 
-    def memory(self) -> dict[str, np.ndarray]:
+    def state_dict(self) -> dict[str, np.ndarray]:
         """What a checkpoint keeps."""
         numbers = [self._sunk, self._sinking, self.rate, self._best, self._waited]
         return {
@@ -67,8 +67,8 @@ class MultiplierRules:
             "imposed": self._imposed.copy(),
         }
 
-    def recall(self, kept: dict[str, np.ndarray]) -> None:
-        """Put back what `memory` returned."""
+    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+        """Put back what `state_dict` returned."""
         numbers = (self._sunk, self._sinking, self.rate, self._best, self._waited)
         for array, value in zip(numbers, kept["sunk"], strict=True):
             array[...] = value

@@ -41,12 +41,12 @@ class Multipliers:
         """Start with the full rate again."""
         self.rules.begin_level()
 
-    def memory(self) -> dict[str, np.ndarray]:
+    def state_dict(self) -> dict[str, np.ndarray]:
         """What a checkpoint keeps."""
-        return self.rules.memory()
+        return self.rules.state_dict()
 
-    def recall(self, kept: dict[str, np.ndarray]) -> None:
-        self.rules.recall(kept)
+    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+        self.rules.load_state_dict(kept)
 
     def bound_softening(self) -> None:
         """Soften each wire no more than its shape bears."""

@@ -36,11 +36,11 @@ class NeighbourSearch:
         self._expected = 0.0
         self._gradient = np.array([1.0, 0.0, 0.0, 1.0])
 
-    def memory(self) -> dict[str, np.ndarray]:
+    def state_dict(self) -> dict[str, np.ndarray]:
         """What a checkpoint keeps."""
         return {"searches": np.array([self.searches]), "expected": np.array([self._expected, *self._gradient])}
 
-    def recall(self, kept: dict[str, np.ndarray]) -> None:
+    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         self.searches = int(kept["searches"][0])
         self._expected, self._gradient = float(kept["expected"][0]), kept["expected"][1:].copy()
 

@@ -34,11 +34,11 @@ class Prolongation:
         self._last = carried_values(small, small_state)
         self._places()
 
-    def memory(self) -> dict[str, np.ndarray]:
+    def state_dict(self) -> dict[str, np.ndarray]:
         """What a checkpoint keeps."""
         return {f"carried_{name}": value for name, value in self._last.items()}
 
-    def recall(self, kept: dict[str, np.ndarray]) -> None:
+    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         self._last = {name: kept[f"carried_{name}"] for name in self._last}
 
     def _places(self) -> None:

@@ -46,7 +46,7 @@ class Response:
     cell_node: wp.array  # [entry of the rest table] node of the repeat
     change: dict[str, wp.array]  # (4, ...) derivative of each value of a repeat by Fxx, Fxy, Fyx, Fyy
 
-    def memory(self) -> dict[str, np.ndarray]:
+    def state_dict(self) -> dict[str, np.ndarray]:
         """What a checkpoint keeps."""
         return {"response_tangent": self.tangent} | {f"response_{name}": v.numpy().copy() for name, v in self.change.items()}
 
@@ -99,7 +99,7 @@ def no_response(cell: Model) -> Response:
 
 
 def recall_response(kept: dict[str, np.ndarray], cell: Model) -> Response:
-    """The response whose `memory` is among what was kept."""
+    """The response whose `state_dict` is among what was kept."""
     response = no_response(cell)
     for name, value in response.change.items():
         value.assign(kept[f"response_{name}"])

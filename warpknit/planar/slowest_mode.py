@@ -39,11 +39,11 @@ class SlowestMode:
             ux=state.node_ux[parity], uy=state.node_uy[parity], partial=self.partial, **kept,
         ).record(model.device)  # fmt: skip
 
-    def memory(self) -> dict[str, np.ndarray]:
+    def state_dict(self) -> dict[str, np.ndarray]:
         """What a checkpoint keeps."""
         return {f"look_{k}": value.numpy().copy() for k, value in enumerate(self._last)}
 
-    def recall(self, kept: dict[str, np.ndarray]) -> None:
+    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         for k, value in enumerate(self._last):
             value.assign(kept[f"look_{k}"])
 

@@ -81,14 +81,14 @@ class Drive(ABC):
     def state_dict(self) -> dict[str, np.ndarray]:
         """Arrays that are carried from check to check."""
         kept = self.mechanics.state_dict() | {"left_out": np.array(self.left_out)}
-        return kept | (self.edge_work.memory() if self.edge_work is not None else {})
+        return kept | (self.edge_work.state_dict() if self.edge_work is not None else {})
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         """Put back what `state_dict` returned."""
         self.mechanics.load_state_dict(kept)
         self.left_out = float(kept["left_out"])
         if self.edge_work is not None:
-            self.edge_work.recall(kept)
+            self.edge_work.load_state_dict(kept)
 
     # --- loads
 

@@ -96,11 +96,11 @@ class MultilevelRelaxation(Relaxation):
         kept = super().state_dict() | {"last_correction": self._last_correction}
         if self.smaller is not None and self.prolongation is not None:
             kept |= {f"smaller_{name}": value for name, value in self.smaller.snapshot().items()}
-            kept |= self.prolongation.memory()
+            kept |= self.prolongation.state_dict()
         if self.cell is not None:
             kept["stations"] = self.stations
             kept |= {f"cell_{name}": value for name, value in self.cell.snapshot().items()}
-            kept |= self._response.memory()
+            kept |= self._response.state_dict()
         return kept
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
@@ -108,7 +108,7 @@ class MultilevelRelaxation(Relaxation):
         self._last_correction = kept["last_correction"]
         if self.smaller is not None and self.prolongation is not None:
             self.smaller.restore(_under("smaller_", kept))
-            self.prolongation.recall(kept)
+            self.prolongation.load_state_dict(kept)
         if self.cell is not None and self.membrane is not None:
             self._stations = kept["stations"]
             self.cell.restore(_under("cell_", kept))

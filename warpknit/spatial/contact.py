@@ -216,7 +216,7 @@ class WireContact:
         budget = max((self.margin - self._expected) / float(CLOSING), 0.025 * self.margin)
         state.write_control({c.TRAVEL: 0.0, c.TRAVEL_LIMIT: budget, c.STATUS: 0.0})
 
-    def memory(self) -> dict[str, np.ndarray]:
+    def state_dict(self) -> dict[str, np.ndarray]:
         """What a checkpoint needs: the list of pairs, as it was when it was found, with what sticks."""
         pairs, count = self._list, self.pair_count
         kept = {f"pairs_{name}": getattr(pairs, name).numpy()[:count].copy() for name in KEPT_OF_PAIRS}
@@ -225,8 +225,8 @@ class WireContact:
         kept |= {f"pairs_{name}": getattr(pairs, name).numpy().copy() for name in KEPT_OF_NODES}
         return kept | {"contact": np.array([self._expected, self.searches, self.deepest.numpy()[0]])}
 
-    def recall(self, kept: dict[str, np.ndarray]) -> None:
-        """Put back what `memory` returned."""
+    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+        """Put back what `state_dict` returned."""
         total = len(kept["pairs_first"])
         pairs = _List(max(self._room(total), 1), self.stepper.rods.node_count, self.stepper.device, self._list.number + 2)
         for name in (*KEPT_OF_PAIRS, "place", *KEPT_OF_STUCK):

@@ -100,14 +100,14 @@ class Edge:
 
     # --- checkpoints
 
-    def memory(self) -> dict[str, np.ndarray]:
+    def state_dict(self) -> dict[str, np.ndarray]:
         """What a checkpoint needs."""
         return {
             "edge_moved": self.moved, "edge_begin": self.begin_at, "edge_end": self.end_at, "edge_left": self.left,
             "edge_share": np.array(self._share),
         }  # fmt: skip
 
-    def recall(self, kept: dict[str, np.ndarray]) -> None:
-        """Put back what `memory` returned."""
+    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+        """Put back what `state_dict` returned."""
         self.moved, self.begin_at, self.end_at = kept["edge_moved"], kept["edge_begin"], kept["edge_end"]
         self.left, self._share = kept["edge_left"], float(kept["edge_share"])

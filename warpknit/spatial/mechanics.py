@@ -282,9 +282,9 @@ class SpatialMechanics:
 
     def state_dict(self) -> dict[str, np.ndarray]:
         kept: dict[str, Any] = {"notes": np.array(json.dumps(self.notes)), "searched_at": self._searched_at}
-        kept |= self.contact.memory() | self.rest.memory() | self.stepper.yielding.memory()
+        kept |= self.contact.state_dict() | self.rest.state_dict() | self.stepper.yielding.state_dict()
         if self.edge is not None:
-            kept |= self.edge.memory()
+            kept |= self.edge.state_dict()
         if self._last is not None:
             kept |= {"gradient_before": self._last[0], "displacement_before": self._last[1]}
         return kept
@@ -292,11 +292,11 @@ class SpatialMechanics:
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         self.notes[:] = json.loads(str(kept["notes"]))
         self._searched_at = kept["searched_at"].copy()
-        self.contact.recall(kept)
-        self.rest.recall(kept)
-        self.stepper.yielding.recall(kept)
+        self.contact.load_state_dict(kept)
+        self.rest.load_state_dict(kept)
+        self.stepper.yielding.load_state_dict(kept)
         if self.edge is not None:
-            self.edge.recall(kept)
+            self.edge.load_state_dict(kept)
         self._last = None
         if "gradient_before" in kept:
             self._last = kept["gradient_before"].copy(), kept["displacement_before"].copy()

@@ -201,15 +201,15 @@ class Rest:
         """The state has been moved by hand and goes on moving: what is to come is not compared with what was."""
         self._last = None
 
-    def memory(self) -> dict[str, np.ndarray]:
+    def state_dict(self) -> dict[str, np.ndarray]:
         """What a checkpoint needs beside the state of the rods."""
         kept = {"speed_limit": np.array(self.speed_limit), "warmth": self.warmth, "multipliers": np.array(self._has_multipliers)}
         if self._last is not None:
             kept |= {"rest_moved": self._last[0], "rest_pushed": self._last[1]}
         return kept if self.clamps is None else kept | {"clamp_velocity": self.clamps.velocity.numpy().copy()}
 
-    def recall(self, kept: dict[str, np.ndarray]) -> None:
-        """Put back what `memory` returned."""
+    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+        """Put back what `state_dict` returned."""
         self.speed_limit = float(kept["speed_limit"])
         self.warmth, self._has_multipliers = kept["warmth"], bool(kept["multipliers"])
         self._last = (kept["rest_moved"], kept["rest_pushed"]) if "rest_moved" in kept else None

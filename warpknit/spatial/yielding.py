@@ -84,10 +84,10 @@ class Yielding:
         self.dissipated += section.bending_stiffness * section.yield_curvature * float(np.linalg.norm(change, axis=1).sum())
         self.state.plastic_turn.assign(self.plastic + change)
 
-    def memory(self) -> dict[str, np.ndarray]:
+    def state_dict(self) -> dict[str, np.ndarray]:
         """What a checkpoint keeps beside the state of the rods."""
         return {"yield_dissipated": np.array(self.dissipated)}
 
-    def recall(self, kept: dict[str, np.ndarray]) -> None:
-        """Put back what `memory` returned."""
+    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+        """Put back what `state_dict` returned."""
         self.dissipated = float(kept["yield_dissipated"])
