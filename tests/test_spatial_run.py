@@ -11,6 +11,7 @@ from reference.interrupted import assert_parts_are_the_whole
 from warpknit.cli import main
 from warpknit.errors import SceneError
 from warpknit.frame import Frame, WireLayout
+from warpknit.measure.scales import tension_scale
 from warpknit.model import build_model
 from warpknit.run.run import run_scene
 from warpknit.run.spatial_summary import row_of
@@ -18,7 +19,6 @@ from warpknit.run.warnings_of import warnings_of
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.solve.tension import TOLERANCE
-from warpknit.measure.scales import tension_scale
 
 SCENES = Path(__file__).parent.parent / "scenes"
 CELL = SCENES / "atlas_cell_spatial.toml"

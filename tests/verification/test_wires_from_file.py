@@ -7,11 +7,11 @@ import pytest
 
 from warpknit.errors import ModelError, SceneError
 from warpknit.model import build_model
+from warpknit.numerics import AXIAL_ERROR
 from warpknit.scene import Scene, load_scene
 from warpknit.scene.load import make_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.mesh import build_mesh
-from warpknit.numerics import AXIAL_ERROR
 
 KNIT = Path(__file__).parents[2] / "scenes" / "wires" / "plain_knit_spatial.toml"
 DIAMETER, PERIOD = 1e-4, 2e-3  # [m]
