@@ -10,9 +10,10 @@ import pytest
 
 from warpknit import measure
 from warpknit.kernels import control as c
+from warpknit.planar.host_state import node_entries
 from warpknit.planar.membrane import Correction
 from warpknit.planar.model import Model, build_model
-from warpknit.planar.observables import node_entries, read
+from warpknit.planar.observables import read
 from warpknit.planar.prolongation import smaller_scene
 from warpknit.planar.response import STRAIN, carried_values
 from warpknit.planar.state import State, initial_state

@@ -26,7 +26,8 @@ from scipy.optimize import brentq
 from study import new_figure, tidy, write_rows
 
 from warpknit.device import start_warp
-from warpknit.planar.hook_contact import HookContact, hook_contact
+from warpknit.measure.hook_contact import HookContact
+from warpknit.planar.hook_contact import hook_contact
 from warpknit.planar.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.scene import Hook as SceneHook

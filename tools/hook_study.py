@@ -26,7 +26,8 @@ from matplotlib.figure import Figure
 
 from warpknit.device import start_warp
 from warpknit.errors import Diverged
-from warpknit.planar.hook_contact import HookContact, hook_contact
+from warpknit.measure.hook_contact import HookContact
+from warpknit.planar.hook_contact import hook_contact
 from warpknit.planar.model import Model, build_model
 from warpknit.planar.state import initial_state
 from warpknit.scene import Scene, load_scene

@@ -84,8 +84,10 @@ def spatial(knit: str, name: str, overrides: list[str], *, only: set[int] | None
         relaxation.contact.search = searching_only(relaxation, mesh, only)  # type: ignore[method-assign]
     for record in relaxation.run():
         r = record.observables
-        slid = wires_slid(r.moved, mesh.rods.wire_first) / mesh.scene.wire.diameter
-        yield Level(knit, name, float(r.gradient[0, 0] - 1.0), *r.mesh_tension, float(r.site_force.max(initial=0.0)), slid)
+        slid = wires_slid(r.displacement, mesh.rods.wire_first) / mesh.scene.wire.diameter
+        yield Level(
+            knit, name, float(r.gradient[0, 0] - 1.0), *measure.mesh_tension(r), float(r.site_force.max(initial=0.0)), slid
+        )
 
 
 def searching_only(relaxation: SpatialRelaxation, mesh: SpatialMesh, clasps: set[int]) -> Callable[[], None]:

@@ -23,8 +23,8 @@ from .mesh.rim import net_nodes
 from .mesh.table import rest_table
 from .planar.model import Model, build_model
 from .planar.numerics import Numbers, choose_numbers
+from .planar.plane_limits import tight_loops
 from .planar.prolongation import smaller_scene
-from .run.plane_limits import tight_loops
 from .scene import Scene
 from .scene.presets import PRESETS
 from .solve.estimate import ESTIMATE_FACTOR, ramp_steps, relax_steps, wall_time

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from warpknit.planar.host_state import node_entries
 from warpknit.planar.model import Model, build_model
-from warpknit.planar.observables import node_entries
 from warpknit.planar.state import State, initial_state
 from warpknit.planar.step import ForceProbe, Stepper
 from warpknit.scene import load_scene

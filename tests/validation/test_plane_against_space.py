@@ -8,8 +8,8 @@ from tight_knits import PLANAR, SINGLE_ATLAS
 from warpknit.measure.sliding import wires_slid
 from warpknit.mesh.layout import knit_scene
 from warpknit.planar.model import build_model
+from warpknit.planar.plane_limits import slid_wires, tight_loops
 from warpknit.planar.state import initial_state
-from warpknit.run.plane_limits import slid_wires, tight_loops
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.mesh import build_mesh

@@ -7,8 +7,10 @@ uploads the result. Host copies stay in `table` and `panel` (float64) for the me
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +31,7 @@ from ..ranks.ranks import One, Ranks
 from ..scene import Hook, Scene
 from .device_arrays import MeshArrays, Precision, RestArrays, precision_of, upload_mesh, upload_rest
 from .numerics import choose_numbers
+from .plane_limits import slid_wires, tight_loops
 
 CORD_SAG = 0.2  # of the size of a mesh: farther its edge cannot be from its outline
 
@@ -61,7 +64,7 @@ class Model:
 
     @cached_property
     def whole(self) -> Model:
-        """The model of the whole mesh on the host: what readings, measures and results speak of. Its arrays are of the strip."""
+        """The global model on the host: what observables, measures and results speak of. Its arrays are of the strip."""
         return self if self.strip is None else replace(self, panel=self.strip.whole, strip=None)
 
     @property
@@ -86,7 +89,13 @@ class Model:
         return self.table.curve_error
 
     @property
+    def node_count(self) -> int:
+        """Nodes of the panel."""
+        return self.panel.node_count
+
+    @property
     def pair_count(self) -> int:
+        """Two for each body."""
         return 2 * self.panel.body_count
 
     @property
@@ -113,6 +122,17 @@ class Model:
             repeats=np.array(self.scene.knit.repeats if self.cloth is not None else (0, 0)),
             curve_parts=curve_parts(p.node_count, self.scene.model.nodes_per_loop),
         )
+
+    @property
+    def when_compressed(self) -> str:
+        """What a compressed mesh would do and this model does not show."""
+        return "wrinkle out of its plane, which this planar model cannot show"
+
+    def warnings(self, stages: Sequence[dict[str, Any]]) -> Iterator[str]:
+        """Where wires in space may hook far sooner, a line each."""
+        if self.cloth is not None:
+            yield from tight_loops(self.scene, self.cloth)
+            yield from slid_wires(self.scene, stages)
 
 
 def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -> Model:

@@ -18,9 +18,9 @@ from ..kernels import control as c
 from ..kernels.prolong import Meshes, prolong_bodies, prolong_nodes
 from ..kernels.wires_by_block import BLOCK_SIZE
 from ..scene import PanelOptions, Scene, Stage
+from .host_state import node_entries
 from .join import Join
 from .model import Model, block_threads
-from .observables import node_entries
 from .response import Response, carried_values
 from .state import State
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from .. import measure
 from ..kernels import control as c
-from . import measures as measure
 from .diagnostics import Sums
 from .model import Model
 

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import Diverged
-from ..solve.simulate import Progress, Record, Simulation
-from ..spatial.drive import SpatialDrive, SpatialRecord
+from ..measure.table import Record
+from ..solve.simulate import Progress, Simulation
+from ..spatial.drive import SpatialDrive
 from .checkpoint import write_checkpoint
 from .interrupts import Interrupted, Interrupts
 
@@ -55,7 +56,7 @@ class Watch:
         """[s] the run has taken so far."""
         return self._wall_before + time.perf_counter() - self.begin
 
-    def run(self, keep: Callable[[Record | SpatialRecord], None]) -> Ending:
+    def run(self, keep: Callable[[Record], None]) -> Ending:
         """Run to the end; `keep` gets every record."""
         with self.interrupts.caught():
             try:

@@ -43,7 +43,7 @@ class Record:
     temperature: float
     steps: int
     steady: bool
-    work: float | None  # [J] put in since the start, where the drive keeps account of it (ramp)
+    work: float  # [J] put in since the start, where the drive keeps account of it (ramp)
     dissipated: float  # [J] taken out since the start, by the damping of a ramp or by friction
     left_out: float  # of the tension, that the mesh may be out of balance by as a membrane; 0 where that was looked after
     edge_work: float  # [J] put in by what differs from place to place: pulls at the edge, cords, warmth
@@ -210,7 +210,7 @@ class Drive(ABC):
         index = self.progress.stage_index
         return self.scene.stages[index - 1] if index else None
 
-    def record(self, stage: Stage, factor: float, steady: bool, work: float | None = None) -> Record:
+    def record(self, stage: Stage, factor: float, steady: bool, work: float = 0.0) -> Record:
         progress = self.progress
         before = progress.start.temperature
         reading = read(self.model, self.state)
@@ -237,8 +237,8 @@ class Drive(ABC):
         """[J] put in so far by what differs from place to place."""
         if self.edge_work is None:
             return 0.0
-        clamps = measure.edge_force(reading), reading.clamp_shift
-        return self.edge_work.account(clamps, (measure.warmth_force(reading), reading.warmth))
+        clamps = reading.edge_force, reading.clamp_shift
+        return self.edge_work.account(clamps, (reading.thermal_strain_force, reading.thermal_strain))
 
     def _set_ramp(self, target: LoadPoint, steps: int) -> None:
         """Aim at a load; with no steps it is there at once."""

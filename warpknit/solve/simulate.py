@@ -38,6 +38,7 @@ class Simulation:
         self.state = state
         self.resumed = progress is not None
         self.progress = progress or Progress()
+        self.notes: list[str] = []  # what the user should know
         self.watch = watch or (lambda _progress: None)
         if model.scene.solver.drive == "relax":
             self.drive: Drive = self._relaxation(model, state, self.progress, self._cell_of(model))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .. import measure
 from ..errors import Diverged, ModelError
 from ..kernels import control as c
 from ..measure import strain
@@ -46,6 +47,7 @@ class SpatialRecord:
     work: float  # [J] put in since the start, where the drive keeps account of it (ramp)
     dissipated: float  # [J] taken out since the start
     edge_work: float  # [J] put in by what differs from place to place: uneven warmth, pulls and cords at the edge
+    left_out: float  # of the tension, that the mesh may be out of balance by as a membrane: nothing in space
     observables: SpatialObservables
     stations: np.ndarray  # (station, 2) [m] by which the edge is moved beside the load; none where it is not
 
@@ -176,7 +178,7 @@ class SpatialDrive(ABC):
         index = self.progress.stage_index
         before = self.scene.stages[index - 1].temperature if index else self.scene.wire.reference_temperature
         self.stepper.evaluate()
-        tension = self._reading().mesh_tension
+        tension = measure.mesh_tension(self._reading())
         return LoadStart(self.state.gradient.ravel().tolist(), list(tension), before)
 
     def _gradient(self, stage: Stage, factor: float) -> np.ndarray:
@@ -221,7 +223,7 @@ class SpatialDrive(ABC):
         progress = self.progress
         progress.load_factor = factor
         reading, edge = self._reading(), self.edge
-        pushed = [(reading.warmth_force, reading.warmth)]
+        pushed = [(reading.thermal_strain_force, reading.thermal_strain)]
         if edge is not None:
             pushed.append((edge.grip_forces(reading.force), edge.clamp_displacement))
         record = SpatialRecord(
@@ -234,6 +236,7 @@ class SpatialDrive(ABC):
             work=progress.work,
             dissipated=self._dissipated(),
             edge_work=self.edge_work.account(*pushed),
+            left_out=0.0,
             observables=reading,
             stations=edge.moved.copy() if edge is not None else np.zeros((0, 2)),
         )

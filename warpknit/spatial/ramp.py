@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .. import measure
 from ..kernels import control as c
 from ..scene import Stage
 from ..solve.drive import Progress
@@ -67,7 +68,7 @@ class SpatialRamp(SpatialDrive, RampStage):
 
     def _keep(self, stage: Stage, factor: float, *, steady: bool) -> SpatialRecord:
         if self.progress.records == 0:
-            self.progress.work = self._reading().stored  # of wires that are not free of stress as knitted, or overlap
+            self.progress.work = self._reading().energies.stored  # of wires that are not free of stress as knitted, or overlap
         return self._record(stage, factor, steady=steady)
 
     def _dissipated(self) -> float:
@@ -109,7 +110,7 @@ class SpatialRamp(SpatialDrive, RampStage):
 
     def _carried(self) -> tuple[np.ndarray, np.ndarray]:
         reading = self._reading()
-        return np.diag(reading.gradient) - 1.0, np.array(reading.mesh_tension)
+        return np.diag(reading.gradient) - 1.0, np.array(measure.mesh_tension(reading))
 
     # --- steps
 

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from .. import measure
 from ..errors import Diverged
 from ..measure import strain
 from ..scene import Stage
@@ -175,7 +176,7 @@ class SpatialRelaxation(SpatialDrive):
         wanted = start + progress.load_factor * (np.array([stage.tension_weft or 0.0, stage.tension_warp or 0.0]) - start)
         while True:
             reading = self._reading()
-            tension = np.array(reading.mesh_tension)
+            tension = np.array(measure.mesh_tension(reading))
             following = progress.search.next_strain(np.diag(reading.stretch) - 1.0, tension, wanted, driven, scale)
             if following is None:
                 return
@@ -219,7 +220,7 @@ class SpatialRelaxation(SpatialDrive):
             if left >= 1.0 or progress.looks * CHECK_STEPS <= RAMP_STEPS:
                 progress.tensions.clear()
             else:
-                progress.tensions.append(np.diag(self._reading().boundary_stress).tolist())
+                progress.tensions.append(np.diag(measure.boundary_stress(self._reading())).tolist())
                 if self.steadiness.still_to_come(progress.tensions) < 1.0:
                     return
             self.watch(progress)

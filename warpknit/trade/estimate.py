@@ -7,12 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ..errors import Diverged
+from ..measure.table import Record
 from ..run.summary import Estimate
 from ..scene import Scene
-from ..solve.drive import Record
-from ..spatial.drive import SpatialRecord
 from .pilot import Pilot, Setting, bound_percent, choose_setting, kind_of
-from .point import found_at, spatial_found
+from .point import found_at
 
 _log = logging.getLogger(__name__)
 
@@ -29,7 +28,7 @@ class Within:
         """Keys of the scene."""
         return self.setting.overrides
 
-    def judge(self, scene: Scene) -> Callable[[Record | SpatialRecord], Estimate]:
+    def judge(self, scene: Scene) -> Callable[[Record], Estimate]:
         """What estimates the error of a run of `scene` at these settings from its last record."""
         return lambda record: estimate_of(record, scene, self)
 
@@ -47,9 +46,9 @@ def settings_within(scene: Scene, percent: float) -> Within:
     return Within(percent, setting)
 
 
-def estimate_of(record: Record | SpatialRecord, scene: Scene, within: Within) -> Estimate:
+def estimate_of(record: Record, scene: Scene, within: Within) -> Estimate:
     """The estimated error of a run, all relative but the share, which is in points of percent."""
-    found = spatial_found(record.observables) if isinstance(record, SpatialRecord) else found_at(record)
+    found = found_at(record.observables)
     try:
         errors = Pilot(scene).errors_of_run(found, within.setting)
     except Diverged as error:

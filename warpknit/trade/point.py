@@ -5,22 +5,18 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .. import measure
 from ..errors import Diverged, InputError
-from ..planar.hook_contact import hook_contact
-from ..planar.model import Model, build_model
-from ..planar.state import initial_state
+from ..measure import MeshModel, Observables, table
+from ..measure.table import Record
+from ..run.simulations import simulation_of
 from ..scene import Scene
-from ..solve.drive import Drive
-from ..solve.simulate import Progress, Record, Simulation
-from ..spatial.hook_contact import hook_contact as spatial_hook_contact
-from ..spatial.mesh import SpatialMesh, build_mesh
-from ..spatial.observables import SpatialObservables
-from ..spatial.relax import SpatialRelaxation
+from ..solve.simulate import Progress, Simulation
+from ..spatial.drive import SpatialDrive
 
 FORCE_FLOOR = 1e-3  # of EI/W^2 a pair: what contact forces are compared with where contacts carry less
 TENSION_FLOOR = 1e-3  # of EI/C^3: the same of tensions
@@ -69,19 +65,15 @@ def run_point(
     """
     settings: dict[str, object] = {}
     try:
-        scene = load()
-        if scene.model.kind == "spatial":
-            return _run_spatial_point(build_mesh(scene, device), most_node_steps, watch)
-        model = build_model(scene, device)
+        simulation = simulation_of(load(), device)
+        simulation.warm_up()
     except InputError as error:
         return Outcome(settings, None, "refused", str(error))
-    settings = settings_of(model)
-    simulation = Simulation(model, initial_state(model))
-    simulation.warm_up()
+    settings = settings_of(simulation.model)
 
     def look(progress: Progress) -> None:
         watch(progress)
-        if node_steps(simulation.drive) > most_node_steps:
+        if node_steps(simulation) > most_node_steps:
             raise TooDear
 
     simulation.watch = look
@@ -99,85 +91,35 @@ def run_point(
         reason = "finished"
     return Outcome(
         settings=settings,
-        found=None if record is None else found_at(record),
+        found=None if record is None else found_at(record.observables),
         stop_reason=reason,
         message=message,
         wall_s=time.perf_counter() - wall,
         cpu_s=time.process_time() - cpu,
         steps=simulation.progress.steps,
-        node_steps=node_steps(simulation.drive),
+        node_steps=node_steps(simulation),
     )
 
 
-def _run_spatial_point(mesh: SpatialMesh, most_node_steps: float, watch: Callable[[Progress], None]) -> Outcome:
-    """The same of a mesh in space."""
-    nodes = mesh.rods.node_count
-
-    def look(progress: Progress) -> None:
-        watch(progress)
-        if progress.steps * nodes > most_node_steps:
-            raise TooDear
-
-    relaxation = SpatialRelaxation(mesh, look)
-    relaxation.warm_up()
-    wall, cpu = time.perf_counter(), time.process_time()
-    found: Found | None = None
-    reason, message = "steady", ""
-    try:
-        for record in relaxation.run():
-            found = spatial_found(record.observables)
-    except TooDear:
-        reason, message, found = "too dear", f"stopped after {most_node_steps:.2g} node-steps", None
-    except Diverged as error:
-        reason, message, found = "diverged", str(error), None
-    return Outcome(
-        settings=settings_of_scene(mesh.scene) | {"contact_stiffness_N_per_m": mesh.contact_stiffness},
-        found=found,
-        stop_reason=reason,
-        message=message,
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
-        steps=relaxation.progress.steps,
-        node_steps=relaxation.progress.steps * nodes,
-    )
-
-
-def spatial_found(reading: SpatialObservables) -> Found:
-    """What a reading in space says of the mesh; each site has two pairs of equal force."""
-    weft, warp = reading.mesh_tension
-    if reading.mesh.scene.hook is not None:
-        weft, warp = abs(spatial_hook_contact(reading).drive_force), 0.0
-    active = reading.site_active
-    return Found(
-        active_percent=100.0 * float(active.mean()) if len(active) else 0.0,
-        tension_weft_N_per_m=weft,
-        tension_warp_N_per_m=warp,
-        contact_force_sum_N=2.0 * float(reading.site_force.sum()),
-        contact_force_max_N=float(reading.site_force.max(initial=0.0)),
-        stress_max_Pa=float(reading.stress.max()),
-    )
-
-
-def node_steps(drive: Drive) -> int:
+def node_steps(simulation: Simulation | SpatialDrive) -> int:
     """Steps times nodes of a mesh, and of the smaller meshes beside it."""
-    drives, found = [drive], []
+    drives, found = [getattr(simulation, "drive", simulation)], []
     while drives:
         one = drives.pop()
         if one not in found:
             found.append(one)
             drives += [other for other in (getattr(one, "smaller", None), getattr(one, "cell", None)) if other is not None]
-    return sum(one.progress.steps * one.model.panel.node_count for one in found)
+    return sum(one.progress.steps * one.model.node_count for one in found)
 
 
-def settings_of(model: Model) -> dict[str, object]:
+def settings_of(model: MeshModel) -> dict[str, object]:
     """The knobs of a model as they stand, whichever were turned."""
     ramp = model.scene.solver.drive == "ramp"
+    of_ramp = {"loading_time_s": "loading_time", "damping_per_s": "damping", "body_mass_kg": "body_mass"}
     return settings_of_scene(model.scene) | {
         "contact_stiffness_N_per_m": model.contact_stiffness,
         "mass_scaling": 1.0 + model.added_mass if ramp else None,
-        "loading_time_s": model.loading_time if ramp else None,
-        "damping_per_s": model.damping if ramp else None,
-        "body_mass_kg": model.body_mass if ramp else None,
+        **{key: getattr(model, name, None) if ramp else None for key, name in of_ramp.items()},
     }
 
 
@@ -200,20 +142,12 @@ def settings_of_scene(scene: Scene) -> dict[str, object]:
     }
 
 
-def found_at(record: Record) -> Found:
-    """What a record says of the mesh."""
-    r = record.observables
-    tension = measure.mesh_tension(r)
-    if r.model.scene.hook is not None:
-        tension = (abs(hook_contact(r).drive_force), 0.0)
-    return Found(
-        active_percent=measure.contacts(r).active_percent,
-        tension_weft_N_per_m=tension[0],
-        tension_warp_N_per_m=tension[1],
-        contact_force_sum_N=float(r.pair_force.sum()),
-        contact_force_max_N=float(r.pair_force.max(initial=0.0)),
-        stress_max_Pa=measure.stress_extremes(r)[0],
-    )
+def found_at(r: Observables) -> Found:
+    """What a state says of the mesh."""
+    found = Found(**table.values(r, Found.__dataclass_fields__))
+    if r.hook_contact is None:
+        return found
+    return replace(found, tension_weft_N_per_m=abs(r.hook_contact.drive_force), tension_warp_N_per_m=0.0)
 
 
 @dataclass(frozen=True)
@@ -225,7 +159,7 @@ class Scales:
     stress: float
 
 
-def scales_of(model: Model) -> Scales:
+def scales_of(model: MeshModel) -> Scales:
     """The least forces that count: bending by about a wire diameter a loop."""
     wire = model.scene.wire
     bent = wire.youngs_modulus * wire.radius * wire.diameter / model.scene.knit.wale_spacing**2
