@@ -47,6 +47,7 @@ def behind(monkeypatch):
     for name, function in (("run.run", "run_scene"), ("plan", "make_plan"), ("export", "export_run")):
         module = ModuleType(f"warpknit.{name}")
         setattr(module, function, answer)
+        module.FORMATS = ("usd",)
         monkeypatch.setitem(sys.modules, f"warpknit.{name}", module)
     return stand_in
 

@@ -5,14 +5,33 @@ import math
 import numpy as np
 import pytest
 
-from warpknit.sweep.contact_map import Cell, Detail, MapRow, find_optimum, grid, mean_map, read_map, write_map
+from warpknit.sweep.contact_map import MapRow, find_optimum, grid, mean_map, read_map, write_map
 
 
 def row(weft, warp, active=50.0, stress=1e8, tension=(0.1, 0.2), reason="steady", above=0.0) -> MapRow:
-    if reason != "steady":
-        return MapRow(Cell(weft, warp, *[None] * 5, reason), Detail(weft, warp, *[None] * 6, 0, 7, "too fast"))
-    detail = Detail(weft, warp, None, active, None, 1e-6, stress, 1e-3, 1, 5, "")
-    return MapRow(Cell(weft, warp, active, *tension, stress, above, reason), detail)
+    steady = reason == "steady"
+    measures = {
+        "active_percent": active,
+        "tension_weft_N_per_m": tension[0],
+        "tension_warp_N_per_m": tension[1],
+        "stress_max_Pa": stress,
+        "yield_fraction": above,
+        "active_bodies_percent": active,
+        "active_rhombus_percent": None,
+        "contact_force_max_N": 1e-6,
+        "stress_interior_max_Pa": stress,
+        "residual": 1e-3,
+    }
+    return MapRow(
+        strain_weft=weft,
+        strain_warp=warp,
+        stop_reason=reason,
+        active_percent_deviation=None,
+        seeds=int(steady),
+        steps=5 if steady else 7,
+        message="" if steady else "too fast",
+        **(measures if steady else dict.fromkeys(measures)),
+    )
 
 
 def test_rows_come_back_to_the_bit_and_blanks_as_none(tmp_path):
@@ -30,11 +49,11 @@ def test_rows_come_back_to_the_bit_and_blanks_as_none(tmp_path):
 def test_the_mean_is_over_seeds_at_rest_and_stress_is_the_largest():
     """Shares 20 and 40: mean 30, standard deviation sqrt(200)."""
     (mean,) = mean_map([[row(0, 0, 20.0, 1e8)], [row(0, 0, 40.0, 3e8)], [row(0, 0, reason="diverged")]])
-    assert mean.cell.active_percent == 30.0
-    assert mean.cell.stress_max_Pa == 3e8
-    assert mean.cell.stop_reason == "2 of 3 seeds steady"
-    assert mean.detail.active_percent_deviation == pytest.approx(math.sqrt(200.0))
-    assert (mean.detail.seeds, mean.detail.steps, mean.detail.message) == (2, 17, "too fast")
+    assert mean.active_percent == 30.0
+    assert mean.stress_max_Pa == 3e8
+    assert mean.stop_reason == "2 of 3 seeds steady"
+    assert mean.active_percent_deviation == pytest.approx(math.sqrt(200.0))
+    assert (mean.seeds, mean.steps, mean.message) == (2, 17, "too fast")
 
 
 def test_a_grid_is_warp_by_weft_and_unknown_where_there_is_no_row():

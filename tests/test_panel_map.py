@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from warpknit import measure
+from warpknit.measure.panel_map import PanelMap
+from warpknit.measure.surface import find_surface
 from warpknit.mesh.rim import Rim, build_rim
 from warpknit.model import build_model
 from warpknit.planar.observables import read
-from warpknit.planar.panel_map import PanelMap, panel_map
+from warpknit.planar.panel_map import find_panel_map
 from warpknit.planar.state import initial_state
-from warpknit.planar.surface import find_surface
 from warpknit.scene import Cord, make_scene
 from warpknit.scene.outline import Outline, disc, rectangle, turned
 from warpknit.solve.simulate import Record, Simulation
@@ -31,7 +32,7 @@ def stretched() -> Record:
 def test_the_tiles_add_up_to_the_whole() -> None:
     """Virials of the tiles are parts of one sum, and so are the pairs; mean slopes are those of the boundary."""
     reading = stretched().observables
-    found = panel_map(reading)
+    found = find_panel_map(reading)
     assert found.inside.shape == (5, 4)
     assert np.all(found.known)
     assert found.nominal.mean(axis=(0, 1)) == pytest.approx(measure.nominal_stress(reading), rel=1e-9)
@@ -55,7 +56,7 @@ def test_a_uniform_motion_is_a_uniform_map(outline: str) -> None:
     slope = np.array([[0.02, 0.01], [-0.005, 0.03]])
     place = panel.body_rest + panel.body_origin
     own = 1e-4 * np.random.default_rng(0).normal(size=(len(reading.model.cloth.clasps), 2))
-    found = panel_map(replace(reading, body_u=place @ slope.T + own[panel.body_clasp]))
+    found = find_panel_map(replace(reading, body_u=place @ slope.T + own[panel.body_clasp]))
     assert np.all(found.inside > 0.99) == (outline == "rectangle")
     change = found.gradient[found.known] - reading.gradient
     assert change == pytest.approx(np.broadcast_to(slope, change.shape), abs=1e-12)
@@ -142,7 +143,7 @@ def test_the_tension_of_a_tile_is_the_force_per_current_width_under_shear() -> N
     table = {"knit": {"repeats": [4, 4]}, "load": {**LOAD, "shear": 0.1}, "solver": {"preset": "draft"}, "output": {"frames": 1}}
     model = build_model(make_scene(table))
     *_, last = Simulation(model, initial_state(model)).run()
-    found = panel_map(last.observables)
+    found = find_panel_map(last.observables)
     assert found.gradient[..., 0, 1].mean() == pytest.approx(0.1, abs=0.02)
     for tile in np.ndindex(4, 4):
         p, f = found.nominal[tile], found.gradient[tile]

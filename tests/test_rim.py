@@ -85,7 +85,7 @@ def test_the_cord_balances_the_mesh() -> None:
     record = corded()
     model = record.observables.model
     rim = build_rim(model.panel, model.scene)
-    wires = rim.clamps.T @ -measure.edge_force(record.observables)
+    wires = rim.clamps.T @ -record.observables.edge_force
     cord, tension = rim.cord_forces(record.observables.gradient, record.stations)
     free = ~rim.given
     spacing = rim.outline.length / len(rim.arc)
@@ -105,7 +105,7 @@ def test_a_stiff_cord_is_solved_though_the_mesh_hardly_feels_it() -> None:
     model = build_model(make_scene({"panel": panel, "load": LOAD, "solver": QUICK, "output": {"frames": 1}}))
     *_, record = Simulation(model, initial_state(model)).run()
     rim = build_rim(model.panel, model.scene)
-    wires = rim.clamps.T @ -measure.edge_force(record.observables)
+    wires = rim.clamps.T @ -record.observables.edge_force
     cord, _ = rim.cord_forces(record.observables.gradient, record.stations)
     free = ~rim.given
     assert np.abs(record.stations[free]).max() > 1e-7
@@ -177,7 +177,8 @@ def test_a_gradient_of_temperature_strains_each_wire_by_where_it_lies() -> None:
     alpha = model.scene.wire.expansion
     middle = model.panel.low + 0.5 * model.panel.size
     ends = model.panel.clamp_position.reshape(-1, 2, 2) - middle
-    warm = np.stack([reading.warmth[:, 0], reading.warmth[:, 0] + reading.warmth[:, 1] * (model.panel.wire_count - 1)], axis=1)
+    first, growth = reading.thermal_strain.T
+    warm = np.stack([first, first + growth * (model.panel.wire_count - 1)], axis=1)
     # the first and last node stand up to two nodes beyond the clamps
     beyond = 2.0 * float(model.table.spacing.max()) * 3e3 * alpha
     assert warm == pytest.approx(alpha * ends @ np.array([3e3, -2e3]), abs=beyond)
@@ -187,7 +188,7 @@ def test_warmth_strains_as_the_length_factor_does() -> None:
     """The strain that multipliers take out is (l/(l0 (1 + w)) - 1): the same whether all wires are warm by the length factor or
     by their own warmth."""
     from warpknit.kernels import control as c
-    from warpknit.planar.observables import evaluate
+    from warpknit.planar.host_state import evaluate
 
     scene = make_scene({"knit": {"repeats": [2, 2]}, "solver": {"precision": "double"}})
     model = build_model(scene)

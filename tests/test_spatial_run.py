@@ -1,20 +1,19 @@
 """Runs of the spatial model: what it refuses, and what it leaves."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from reference.interrupted import assert_parts_are_the_whole
+from warpknit import measure
 from warpknit.cli import main
 from warpknit.errors import SceneError
 from warpknit.frame import Frame, WireLayout
-from warpknit.measure.scales import tension_scale
 from warpknit.model import build_model
+from warpknit.run.history import Row, row_of
 from warpknit.run.run import run_scene
-from warpknit.run.spatial_summary import row_of
 from warpknit.run.warnings_of import warnings_of
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
@@ -86,7 +85,7 @@ def test_states_are_in_space_and_whole(finished: Path) -> None:
 def test_a_compressed_mesh_is_not_warned_of_the_plane() -> None:
     """What wrinkles is said to be too small here, and not to be planar."""
     relaxation = Simulation(build_model(load_scene(CELL, QUICK)))
-    row = replace(row_of(next(relaxation.run())), strain_weft=-0.02)
+    row = Row(**vars(row_of(next(relaxation.run()))) | {"strain_weft": -0.02})
     [warning] = [line for line in warnings_of(relaxation.model, [row], []) if "compressed" in line]
     assert "planar" not in warning
 
@@ -105,8 +104,8 @@ def test_tension_is_found_and_let_go_again() -> None:
     relaxation = Simulation(build_model(load_scene(CELL, [*coarse, *path])))
     _, loaded, unloaded = relaxation.run()
     for record, warp, weft in ((loaded, 3e-3, 0.0), (unloaded, 1e-3, 0.005)):
-        least = 1e-2 * TOLERANCE * tension_scale(relaxation.model)
-        assert record.observables.mesh_tension[1] == pytest.approx(warp, rel=TOLERANCE, abs=least)
+        least = 1e-2 * TOLERANCE * measure.tension_scale(relaxation.model)
+        assert measure.mesh_tension(record.observables)[1] == pytest.approx(warp, rel=TOLERANCE, abs=least)
         assert record.observables.gradient[0, 0] == 1.0 + weft
     assert loaded.observables.gradient[1, 1] > unloaded.observables.gradient[1, 1] > 1.0
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from warpknit import measure
 from warpknit.cli import main
 from warpknit.errors import OutOfResources
 from warpknit.model import build_model
@@ -19,7 +20,6 @@ from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.mesh import build_mesh
 from warpknit.sweep import state_processes
-from warpknit.sweep.outcome import measured
 from warpknit.sweep.state_processes import StateProcesses
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -59,7 +59,7 @@ def test_every_state_is_that_of_a_run_whichever_process_has_it():
         for outcome in (here[index], there[index]):
             assert outcome.observables is not None and outcome.steps == last.steps
             assert np.array_equal(outcome.observables.position, last.observables.position)
-            assert measured(outcome.observables).tension == last.observables.mesh_tension
+            assert measure.mesh_tension(outcome.observables) == measure.mesh_tension(last.observables)
 
 
 def test_a_map_in_space_leaves_the_files_of_a_planar_one_and_goes_on_when_interrupted(tmp_path, monkeypatch):

@@ -18,6 +18,7 @@ from warpknit.mesh.load_point import LoadPoint
 from warpknit.mesh.panel import Panel
 from warpknit.mesh.strip import Strip, cut_strip
 from warpknit.model import build_model
+from warpknit.planar.friction import friction_energy
 from warpknit.planar.membrane import Correction
 from warpknit.planar.observables import PlanarObservables, read
 from warpknit.planar.state import initial_state
@@ -183,7 +184,7 @@ def test_strips_remember_friction_and_yield() -> None:
     assert heat > 0.0 and np.any(alone.plastic_turn != 0.0)
     assert_same_bits(shared, alone)
     assert np.array_equal(shared.plastic_turn, alone.plastic_turn)
-    assert np.array_equal(shared.pair_stuck, alone.pair_stuck) and measure.friction_energy(alone) > 0.0
+    assert np.array_equal(shared.pair_stuck, alone.pair_stuck) and friction_energy(alone) > 0.0
     assert shared_heat == pytest.approx(heat, rel=1e-12, abs=0)
 
 
@@ -199,7 +200,7 @@ def test_strips_of_a_panel_on_cords() -> None:
     assert np.abs(alone.clamp_shift).max() > 0.0
     assert np.abs(shared.clamp_shift - alone.clamp_shift).max() < 1e-9 * np.abs(alone.clamp_shift).max()
     assert np.abs(shared.u - alone.u).max() < 1e-6 * np.abs(alone.u).max()
-    assert np.array_equal(shared.warmth, alone.warmth)
+    assert np.array_equal(shared.thermal_strain, alone.thermal_strain)
 
 
 def test_strips_ramp_like_the_whole_mesh() -> None:

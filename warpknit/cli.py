@@ -317,9 +317,33 @@ def plan(scene: str, overrides: tuple[str, ...], preset: str | None, device: str
     click.echo(json.dumps(planned.as_dict(), allow_nan=False) if as_json else "\n".join(planned.lines()))
 
 
+class ExportFormat(click.ParamType):
+    """One of the table of export formats, which is imported when it is asked for."""
+
+    name = "format"
+
+    @property
+    def _choice(self) -> click.Choice[str]:
+        from warpknit.export import FORMATS
+
+        return click.Choice(tuple(FORMATS))
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Refuses another name."""
+        return self._choice.convert(value, param, ctx)
+
+    def get_metavar(self, *where: Any, **more: Any) -> str | None:
+        """The names, for the usage line."""
+        return self._choice.get_metavar(*where, **more)
+
+    def get_missing_message(self, *where: Any, **more: Any) -> str | None:
+        """The names, where none is given."""
+        return self._choice.get_missing_message(*where, **more)
+
+
 @main.command()
 @click.argument("run_dir", metavar="RUN_DIR")
-@click.option("--to", type=click.Choice(["usd", "vtk", "csv", "png"]), required=True, help="Which files to write.")
+@click.option("--to", type=ExportFormat(), required=True, help="Which files to write.")
 def export(run_dir: str, to: str) -> None:
     """Write the recorded states of the run in RUN_DIR in another format."""
     configure_logging(logging.INFO)

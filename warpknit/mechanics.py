@@ -12,17 +12,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from .frame import WireLayout
 from .kernels import control as c
-from .knit.cloth import Cloth
+from .measure import MeshModel
 from .mesh.load_point import LoadPoint
-from .mesh.panel import Panel
 from .mesh.rim import Rim
-from .ranks.ranks import Ranks
-from .scene import Scene
 
 
-class Model(Protocol):
+class Model(MeshModel, Protocol):
     """A mesh ready to run: everything that does not move."""
 
     @property
@@ -31,35 +27,11 @@ class Model(Protocol):
 
     @property
     def has_replicas(self) -> bool:
-        """Whether many of its states are stepped by one launch (`replicas`)."""
-
-    @property
-    def scene(self) -> Scene: ...
-    @property
-    def cloth(self) -> Cloth | None: ...
-    @property
-    def panel(self) -> Panel: ...
-    @property
-    def whole(self) -> Any:
-        """The model of the whole mesh, where ranks share it."""
-
-    @property
-    def device(self) -> str: ...
-    @property
-    def ranks(self) -> Ranks: ...
-    @property
-    def bending_stiffness(self) -> float: ...
-    @property
-    def node_count(self) -> int: ...
-    @property
-    def time_step(self) -> float:
-        """[s] that a run starts with."""
+        """Whether many of its states are stepped by one launch."""
 
     @property
     def loading_time(self) -> float:
         """[s] of a stage of a ramp."""
-
-    def layout(self) -> WireLayout: ...
 
 
 class State(Protocol):

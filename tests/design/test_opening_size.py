@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from warpknit.design.opening_size import POINTS_ACROSS, openings, openings_between
-from warpknit.measure import read
 from warpknit.model import build_model
+from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.scene import make_scene
 

@@ -16,7 +16,7 @@ from warpknit.design.card import MaterialCard
 from warpknit.design.card_files import card_values, card_warnings
 from warpknit.design.service import REFINED, equal_tension, strains_at_tension
 from warpknit.scene import load_scene
-from warpknit.sweep.contact_map import Cell, Detail, MapRow
+from warpknit.sweep.contact_map import MapRow
 
 SCENES = Path(__file__).parents[2] / "scenes"
 CARD = MaterialCard(
@@ -118,8 +118,13 @@ def test_another_mesh_in_the_directory_is_refused(reports):
 
 def row(weft: float, warp: float, tension: tuple[float, float] | tuple[None, None]) -> MapRow:
     return MapRow(
-        Cell(weft, warp, 50.0, *tension, 1e9 * warp, 0.0, "steady"),
-        Detail(weft, warp, None, None, None, None, None, 0.0, 1, 1, ""),
+        strain_weft=weft,
+        strain_warp=warp,
+        active_percent=50.0,
+        tension_weft_N_per_m=tension[0],
+        tension_warp_N_per_m=tension[1],
+        stress_max_Pa=1e9 * warp,
+        stop_reason="steady",
     )
 
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from warpknit import measure
 from warpknit.cli import main
 from warpknit.design import curves
 from warpknit.design.card import find_card
 from warpknit.design.network import contact_resistances, sheet_conductance, sheet_resistance, wire_resistance
 from warpknit.design.opening_size import openings
 from warpknit.design.states import exact_model, states_at
-from warpknit.design.touching import touching_of
 from warpknit.scene import load_scene
 from warpknit.scene.materials import MATERIALS
 from warpknit.spatial.observables import SpatialObservables
@@ -38,8 +38,8 @@ def state() -> SpatialObservables:
 def every_segment(r: SpatialObservables):
     """The network from where everything stands: each segment between two nodes a resistor, cut where contacts touch it, and each
     contact one between the two places on it. Ends, reach, conductance, number of points, area."""
-    rods, wire, touching = r.mesh.rods, r.mesh.scene.wire, r.touching
-    periods = r.gradient @ np.diag(r.mesh.panel.size)
+    rods, wire, touching = r.model.rods, r.model.scene.wire, r.touching
+    periods = r.gradient @ np.diag(r.model.panel.size)
     place = [*r.position[:, :2]]
     per_length = 4.0 * MATERIALS[wire.material].resistivity / (np.pi * wire.diameter**2)
     ohms_along = per_length * rods.natural_length * r.length_factor
@@ -51,7 +51,7 @@ def every_segment(r: SpatialObservables):
         stops = [
             (touching.place[k, side], k, side)
             for side, nodes in enumerate((touching.first, touching.second))
-            for k in np.flatnonzero((nodes == node) & (touching.force > r.threshold))
+            for k in np.flatnonzero((nodes == node) & (touching.force > measure.active_threshold(r.model)))
         ]
         here, before = node, 0.0
         for share, contact, side in sorted(stops):
@@ -83,10 +83,10 @@ def test_a_mesh_in_space_is_the_network_of_its_segments(state):
 
 def test_arcs_of_contacts_add_up_to_the_wire(state):
     """Each wire is as long as its segments, all round, and contacts stand on it."""
-    t = touching_of(state)
-    assert t.wire_length == pytest.approx(state.mesh.rods.wire_length, rel=1e-9, abs=0)
+    t = state.contact_places
+    assert t.wire_length == pytest.approx(state.model.rods.wire_length, rel=1e-9, abs=0)
     assert np.all((t.arc >= 0.0) & (t.arc < t.wire_length[t.wire]))
-    assert wire_resistance(state.mesh.scene.wire) > 0.0
+    assert wire_resistance(state.model.scene.wire) > 0.0
 
 
 def test_openings_are_those_of_the_planar_mesh_of_equal_strain(state):
@@ -94,7 +94,7 @@ def test_openings_are_those_of_the_planar_mesh_of_equal_strain(state):
     of the grid of d/5. Drawn through as many nodes, as chords cut off the arcs."""
     (planar,) = states_at(mesh_of(scene_of("planar", "model.nodes_per_loop=48")), [np.diag(1.0 + np.array(STRAINS))])
     mine, other = (max(opening.circle for opening in openings(one)) for one in (state, planar))
-    assert mine == pytest.approx(other, abs=0.6 * state.mesh.scene.wire.thickness)
+    assert mine == pytest.approx(other, abs=0.6 * state.model.scene.wire.thickness)
 
 
 def test_friction_is_refused(tmp_path):

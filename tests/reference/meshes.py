@@ -11,8 +11,8 @@ import numpy as np
 
 from reference.solved import solved
 from warpknit.model import build_model
+from warpknit.planar.host_state import node_entries
 from warpknit.planar.model import Model
-from warpknit.planar.observables import node_entries
 from warpknit.planar.state import State, initial_state
 from warpknit.planar.step import ForceProbe, Stepper
 from warpknit.scene import load_scene

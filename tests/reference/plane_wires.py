@@ -17,8 +17,9 @@ from warpknit.kernels.contact import CLOSEST_POINT_DOUBLE, CURVE_COEFFICIENTS
 from warpknit.kernels.wire_forces import BLOCK_SIZE
 from warpknit.mesh.panel import END_NODES, Panel
 from warpknit.mesh.table import Table, _fit_rest_curve
+from warpknit.planar.host_state import node_entries
 from warpknit.planar.model import Model, assemble_model
-from warpknit.planar.observables import PlanarObservables, node_entries, read
+from warpknit.planar.observables import PlanarObservables, read
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import ForceProbe, Stepper
 from warpknit.scene import Scene, make_scene
@@ -242,7 +243,7 @@ class Rig:
             force[self.nodes :] = on_body.reshape(-1, 2, 2).sum(axis=1)
         return force
 
-    def reading(self, position: np.ndarray | None = None) -> PlanarObservables:
+    def observables(self, position: np.ndarray | None = None) -> PlanarObservables:
         if position is not None:
             self.forces(position)
         return read(self.model, self.state)

@@ -226,7 +226,7 @@ def test_forces_at_the_grips_balance() -> None:
                     "load.strain_warp=0.14", "output.frames=4")[-1].observables  # fmt: skip
     from warpknit.kernels import control as c
 
-    forces = measure.held_forces(patch)
+    forces = patch.held_forces
     left = np.sqrt(patch.control[int(c.FORCE_SQUARE)] * patch.model.panel.node_count)
     assert np.linalg.norm(forces.sum(axis=0)) < left + 1e-6 * np.abs(forces).sum()
 

@@ -15,10 +15,12 @@ from hook_reference import Contact, Hook
 
 from warpknit import measure
 from warpknit.kernels.control import KINETIC_TWICE
+from warpknit.measure.hook_contact import HookContact
 from warpknit.mesh.hook import LEFT_TOP, RIGHT_TOP
 from warpknit.model import build_model
-from warpknit.planar.hook_contact import HookContact, hook_contact
-from warpknit.planar.observables import PlanarObservables, node_entries
+from warpknit.planar.hook_contact import hook_contact
+from warpknit.planar.host_state import node_entries
+from warpknit.planar.observables import PlanarObservables
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
 from warpknit.planar.time_step import stable_step
@@ -145,7 +147,7 @@ def test_upper_ends_are_free_along_the_warp_only(drive: str, device: str) -> Non
     last = readings(scene, device)[-1]
     panel, hook = last.model.panel, scene.hook
     at = np.zeros((4, 2))
-    np.add.at(at, panel.held_clamp, measure.held_forces(last))
+    np.add.at(at, panel.held_clamp, last.held_forces)
     pull = hook_contact(last).drive_force
     allowed = 0.02 if drive == "ramp" else 2e-3
     assert np.abs(at[[LEFT_TOP, RIGHT_TOP], 1]).max() < allowed * abs(pull)

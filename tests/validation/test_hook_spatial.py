@@ -32,8 +32,8 @@ def test_wires_pass_over_and_under_each_other_and_touch_nowhere_at_rest() -> Non
     """Each is the arc of the plane, of its radius to the second order of the spacing and in a plane of its own; they cross twice,
     left over right below and under it above, by the crossing distance."""
     first = readings()[0]
-    assert len(first.touching.force) == 0 and first.stored < 1e-20
-    rods = first.mesh.rods
+    assert len(first.touching.force) == 0 and first.energies.stored < 1e-20
+    rods = first.model.rods
     wires = np.split(rods.position, rods.wire_first[1:])
     spacing = float(rods.natural_length[0])
     for wire in wires:
@@ -52,7 +52,7 @@ def test_upper_ends_slide_along_the_warp_only() -> None:
     """No vertical force is left at either upper end but what the tolerance leaves; both keep direction and place across, and the
     force on the driven one is the work-conjugate of its displacement."""
     last = readings()[-1]
-    mesh, hook = last.mesh, last.mesh.scene.hook
+    mesh, hook = last.model, last.model.scene.hook
     held = mesh.wires.held_node.reshape(4, 2)
     pull = hook_contact(last).drive_force
     at = last.force[held].sum(axis=1)
@@ -73,7 +73,7 @@ def test_wires_press_as_beams_that_wind_round_each_other(level: int, allowed: fl
     twist as they lean): its span is 5 % too wide, worth 1 % of the force at 0.8 mm and 7 % at 0.4 mm, and so few segments add 1.5
     and 4 %. A body of 1.25 d misses the force at 0.4 mm altogether."""
     reading = readings()[level]
-    found, hook, wire = hook_contact(reading), reading.mesh.scene.hook, reading.mesh.scene.wire
+    found, hook, wire = hook_contact(reading), reading.model.scene.hook, reading.model.scene.wire
     law = Law(hook, wire.bending_stiffness, DIAMETER)
     # plane and lens of equal span, between two planar states about it
     spans = [span * DIAMETER for span in ((2.3, 2.7), (1.4, 1.7))[level - 1]]

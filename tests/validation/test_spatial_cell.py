@@ -33,7 +33,11 @@ def readings(*overrides: str) -> list[SpatialObservables]:
 def test_nothing_touches_as_knitted() -> None:
     """The knit's wires pass each other at 1.25 d and more, free of stress: no contact, no tension."""
     unloaded = readings("output.frames=3")[0]
-    assert unloaded.stored < 1e-20 and not unloaded.site_active.any() and len(unloaded.touching.force) == 0
+    assert (
+        measure.energies(unloaded).stored < 1e-20
+        and not measure.pair_active(unloaded).any()
+        and len(unloaded.touching.force) == 0
+    )
 
 
 def test_wires_that_overlap_as_knitted_are_pushed_apart() -> None:
@@ -58,8 +62,8 @@ def test_cell_in_space_is_near_the_planar_one() -> None:
     *_, record = Simulation(model, initial_state(model)).run()
     carrying = spatial.site_force > 0.02 * spatial.site_force.max()
     assert 2 * carrying.sum() == measure.contacts(record.observables).active
-    assert spatial.mesh_tension == pytest.approx(measure.mesh_tension(record.observables), rel=0.25)
-    assert spatial.stress.max() == pytest.approx(measure.stress_extremes(record.observables)[0], rel=0.25)
+    assert measure.mesh_tension(spatial) == pytest.approx(measure.mesh_tension(record.observables), rel=0.25)
+    assert measure.stress_extremes(spatial)[0] == pytest.approx(measure.stress_extremes(record.observables)[0], rel=0.25)
 
 
 def assert_stress_is_the_derivative_of_the_energy(relaxation: Simulation) -> None:
@@ -131,7 +135,7 @@ def test_clamps_sit_where_the_planar_model_has_them() -> None:
 def test_contacts_are_where_the_knit_hooks_its_wires() -> None:
     """Of the active contacts those elsewhere carry a small part."""
     last = readings("output.frames=3")[-1]
-    assert last.elsewhere.sum() < 0.1 * last.site_force.sum()
+    assert last.contact_elsewhere.sum() < 0.1 * last.site_force.sum()
     assert last.penetration < 0.01
 
 
@@ -141,7 +145,7 @@ def test_coarse_cell_comes_to_rest_where_contacts_pass_over_nodes() -> None:
     options = ("load.strain_weft=0.14", "load.strain_warp=0.14", "output.frames=1", "solver.residual_tolerance=0.003")
     coarse, fine = (readings(*options, "solver.max_steps=20000", f"model.nodes_per_loop={n}")[-1] for n in (40, 48))
     assert coarse.site_force.sum() == pytest.approx(fine.site_force.sum(), rel=0.01)
-    assert coarse.mesh_tension == pytest.approx(fine.mesh_tension, rel=0.01)
+    assert measure.mesh_tension(coarse) == pytest.approx(measure.mesh_tension(fine), rel=0.01)
 
 
 @pytest.mark.slow
@@ -155,14 +159,14 @@ def test_rhombus_of_a_patch_is_that_of_the_cell() -> None:
     load = ("model.nodes_per_loop=56", "output.frames=4", "contact.threshold='10 uN'", *strain)
     relaxation = patch("knit.repeats=[2,2]", *load)
     *_, last = relaxation.run()
-    rhombus = last.observables.site_active[relaxation.model.panel.rhombus_bodies]
-    assert len(rhombus) == 12
-    assert rhombus.mean() == readings(*load)[-1].site_active.mean()
+    rhombus = measure.rhombus_contacts(last.observables)
+    assert rhombus.bodies == 12
+    assert rhombus.active_percent == measure.contacts(readings(*load)[-1]).active_percent
 
 
 @pytest.mark.slow
 def test_tile_of_three_by_three_repeats_is_the_cell() -> None:
     """Under even strain a tile of nine repeats rests as one does."""
     one, nine = (readings("output.frames=3", f"knit.repeats=[{n}, {n}]")[-1] for n in (1, 3))
-    assert nine.site_active.mean() == one.site_active.mean()
-    assert nine.mesh_tension == pytest.approx(one.mesh_tension, rel=0.02)
+    assert measure.contacts(nine).active_percent == measure.contacts(one).active_percent
+    assert measure.mesh_tension(nine) == pytest.approx(measure.mesh_tension(one), rel=0.02)

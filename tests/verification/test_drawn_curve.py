@@ -16,7 +16,7 @@ from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial import contact_places
+from warpknit.spatial.contact_places import site_places
 from warpknit.spatial.mesh import build_mesh
 from warpknit.spatial.rest_curve import FIT_PLACES, spatial_curve
 
@@ -38,7 +38,7 @@ def spatial():
     """Observables and frame of a hook whose wires press each other, and are thicker than at rest by warmth."""
     scene = load_scene(SCENES / "hook_spatial.toml", [*LOADED, "load.displacement=0.5 mm", "load.temperature=600 degC"])
     *_, last = Simulation(build_model(scene)).run()
-    return last.observables, contact_places.frame(last.observables, index=0, stage="load", load_factor=1.0, temperature=293.15)
+    return last.observables, measure.frame(last.observables, index=0, stage="load", load_factor=1.0, temperature=293.15)
 
 
 def test_at_rest_planar_wires_are_drawn_along_their_centre_lines():
@@ -92,15 +92,14 @@ def test_the_planar_curve_is_the_one_that_bodies_touch(planar):
 def test_the_curve_in_space_is_the_one_that_wires_touch_on(spatial):
     """|p - q| = d - overlap, and the mark stands at the strongest contact, half of that from either wire."""
     reading, frame = spatial
-    t, thickness = reading.touching, reading.length_factor * reading.mesh.rods.section.thickness
+    t, thickness = reading.touching, reading.length_factor * reading.model.rods.section.thickness
     assert reading.length_factor > 1.002
     assert len(t.force) >= 2
     p = reading.position[t.first] + reading.curve.offset(t.first, t.place[:, 0])
     q = reading.position[t.second] + reading.curve.offset(t.second, t.place[:, 1])
     assert np.linalg.norm(p - q, axis=1) == pytest.approx(thickness - t.overlap, rel=1e-9)
     middle = 0.5 * (p + q)[np.argmax(t.force)]
-    corner = reading.position[0] - frame.node_position[0]
-    assert frame.body_position[0] + corner == pytest.approx(middle, abs=1e-9 * thickness)
+    assert site_places(reading)[0] == pytest.approx(middle, abs=1e-9 * thickness)
 
 
 def test_an_open_contact_is_marked_between_the_nearest_points_of_its_wires():
@@ -109,9 +108,8 @@ def test_an_open_contact_is_marked_between_the_nearest_points_of_its_wires():
     relaxation = Simulation(build_model(scene))
     relaxation.compile()
     reading = relaxation.mechanics.observe()
-    frame = contact_places.frame(reading, index=0, stage="", load_factor=0.0, temperature=293.15)
-    mark = frame.body_position[0]
-    left, right = np.split(frame.node_position, reading.mesh.rods.wire_first[1:])
+    mark, position = site_places(reading)[0], reading.node_position
+    left, right = np.split(position, reading.model.rods.wire_first[1:])
     spacing = scene.hook.length / scene.model.nodes_per_loop
     for wire in (left, right):
         nearest = np.linalg.norm(wire - mark, axis=1).min()
@@ -134,7 +132,7 @@ def test_drawn_curves_pass_through_the_nodes(planar):
 
 def test_edges_of_open_wires_go_on_straight(spatial):
     reading, frame = spatial
-    layout = reading.mesh.layout()
+    layout = reading.model.layout()
     edges = edges_of(layout, reading.position, reading.gradient)
     ends, begins = layout.wire_start[1:] - 1, layout.wire_start[:-1]
     assert np.array_equal(edges.behind[ends], edges.behind[ends - 1])

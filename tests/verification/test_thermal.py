@@ -8,9 +8,8 @@ import pytest
 import warp as wp
 
 from reference.plane_wires import EPSILON, Rig, panel_of_wires, straight, table_of_wires
-from warpknit import measure
 from warpknit.kernels import control as c
-from warpknit.planar.observables import evaluate
+from warpknit.planar.host_state import evaluate
 
 
 @pytest.mark.parametrize("cooled_by", [10.0, 100.0, 210.0])
@@ -25,20 +24,20 @@ def test_cooled_wire_pulls_on_its_grips(cooled_by: float, device: str) -> None:
     tolerance = strain**2 + 10 * EPSILON / strain
     r = rig.observables(rig.rest)
     assert r.tension[:-1] == pytest.approx(np.full(29, expected), rel=tolerance, abs=0)
-    force = measure.held_forces(r)
+    force = r.held_forces
     assert [force[:2, 0].sum(), force[2:, 0].sum()] == pytest.approx([expected, -expected], rel=tolerance, abs=0)
 
 
 def test_warmth_works_against_the_tension_of_the_wire() -> None:
     """With the strain e of each segment less its warmth, E = sum EA e^2 L/2; its derivatives by the warmth at the first node and
-    by its growth, by central differences, against `measure.warmth_force`. What that leaves out goes with the strain: 3e-3."""
+    by its growth, by central differences, against `thermal_strain_force`. What that leaves out goes with the strain: 3e-3."""
     nodes, spacing, by = 24, 40e-6, 1e-6
     table = table_of_wires([straight(nodes, spacing), straight(nodes, spacing, y=1e-3)])
     rig = Rig(table, panel_of_wires(table))
     moved = rig.rest.copy()
     local = np.tile(np.arange(nodes), 2)
     moved[:, 0] += spacing * (1e-3 * local + 5e-5 * local**2) * np.repeat([1.0, -0.5], nodes)  # the second is compressed
-    found = measure.warmth_force(rig.observables(moved))
+    found = rig.observables(moved).thermal_strain_force
     natural = np.tile(np.append(np.full(nodes - 1, spacing), 0.0), 2)
     out = [wp.zeros(2 * nodes, dtype=wp.float64, device=rig.model.device) for _ in range(5)]
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from reference.rods import SECTION, relaxed
+from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.model import build_model
 from warpknit.run.run import run_scene
@@ -142,7 +143,7 @@ def test_cooling_in_a_rigid_frame_is_stretching() -> None:
     heated = (*heat, "load.strain_weft=0.095", "load.strain_warp=0.095")
     strained = tuple(f"load.strain_{side}={1.095 / factor - 1.0}" for side in ("weft", "warp"))
     found = [
-        np.array([r.observables.mesh_tension for r in Simulation(build_model(load_scene(CELL, [*DRAFT, *o]))).run()][-1])
+        np.array([measure.mesh_tension(r.observables) for r in Simulation(build_model(load_scene(CELL, [*DRAFT, *o]))).run()][-1])
         for o in (heated, strained)
     ]
     assert found[0] * factor**3 == pytest.approx(found[1], rel=0.03, abs=0)

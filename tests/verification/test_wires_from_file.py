@@ -94,7 +94,7 @@ def test_a_knit_from_a_file_stores_the_work_done_on_it():
     area = relaxation.model.panel.area
     force = [area * record.observables.nominal_stress[0, 0] for record in records]
     work = 0.01 * (force[0] + 4.0 * force[1] + force[2]) / 3.0
-    assert records[-1].observables.stored - records[0].observables.stored == pytest.approx(work, rel=0.01)
+    assert records[-1].observables.energies.stored - records[0].observables.energies.stored == pytest.approx(work, rel=0.01)
     assert force[2] > force[1] > 0.0
 
 

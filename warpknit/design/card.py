@@ -23,8 +23,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .. import measure
 from ..errors import Diverged
-from ..sweep.outcome import AnyReading, Measured, measured
+from ..measure import Observables
 from ..sweep.states import Mesh
 from .states import states_at
 
@@ -112,7 +113,7 @@ def stretch(strain: np.ndarray) -> np.ndarray:
     return np.array([[a, b], [0.0, np.sqrt(1.0 + 2.0 * strain[1] - b * b)]])
 
 
-def find_card(model: Mesh, weft: float, warp: float) -> tuple[MaterialCard, AnyReading]:
+def find_card(model: Mesh, weft: float, warp: float) -> tuple[MaterialCard, Observables]:
     """The card at the strains `weft` and `warp`, and the tensioned mesh. `model`: periodic, see `exact_model`.
 
     Raises `Diverged` where the mesh does not come to rest.
@@ -126,9 +127,9 @@ def find_card(model: Mesh, weft: float, warp: float) -> tuple[MaterialCard, AnyR
             raise state
         states.append(state)
     area = model.panel.area * float(np.linalg.det(tensioned))
-    found = [measured(state) for state in states]
-    stress = np.array([_stress(one, f, tensioned) for one, f in zip(found, stretches, strict=True)])
-    by_length = np.array([one.thermal_force / area for one in found])
+    stress = np.array([_stress(state, f, tensioned) for state, f in zip(states, stretches, strict=True)])
+    by_length = np.array([measure.thermal_force(state) / area for state in states])
+    tension = measure.mesh_tension(states[0])
 
     def slope(values: np.ndarray, first: int, size: float) -> np.ndarray:
         """(3, ...) derivative by E11, E22, 2 E12 from the states `first` on."""
@@ -140,27 +141,27 @@ def find_card(model: Mesh, weft: float, warp: float) -> tuple[MaterialCard, AnyR
     card = MaterialCard(
         strain_weft=weft,
         strain_warp=warp,
-        tension_weft=found[0].tension[0],
-        tension_warp=found[0].tension[1],
+        tension_weft=tension[0],
+        tension_warp=tension[1],
         stiffness=stiffness,
         asymmetry=float(np.abs(fine - fine.T).max() / largest),
         step_difference=float(np.abs(stiffness - coarser).max() / largest),
         expansion=-np.linalg.solve(stiffness, slope(by_length, 1, STEP)) * model.scene.wire.expansion,
-        areal_mass=found[0].areal_mass,
-        stress_max=found[0].stress_max,
-        active_percent=found[0].active_percent,
+        areal_mass=measure.areal_mass(states[0]),
+        stress_max=measure.stress_extremes(states[0])[0],
+        active_percent=measure.contacts(states[0]).active_percent,
         temperature=model.scene.stages[0].temperature,
     )
     return card, states[0]
 
 
-def _stress(one: Measured, f: np.ndarray, tensioned: np.ndarray) -> tuple[float, float, float]:
+def _stress(r: Observables, f: np.ndarray, tensioned: np.ndarray) -> tuple[float, float, float]:
     """S11, S22, S12 [N/m]."""
-    s = np.linalg.solve(f, one.nominal_stress) @ tensioned.T / np.linalg.det(tensioned)
+    s = np.linalg.solve(f, measure.nominal_stress(r)) @ tensioned.T / np.linalg.det(tensioned)
     return float(s[0, 0]), float(s[1, 1]), 0.5 * float(s[0, 1] + s[1, 0])
 
 
-def find_card_at_tension(model: Mesh, tension: float, start: tuple[float, float]) -> tuple[MaterialCard, AnyReading]:
+def find_card_at_tension(model: Mesh, tension: float, start: tuple[float, float]) -> tuple[MaterialCard, Observables]:
     """The card where the mesh carries `tension` [N/m] both ways within TENSION_TOLERANCE, by Newton from strains `start`.
 
     Raises `Diverged` where no such strains are found.

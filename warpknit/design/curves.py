@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .. import measure
 from ..errors import Diverged
-from ..sweep.outcome import AnyReading, measured
+from ..measure import Observables
 from ..sweep.states import Mesh
 from .network import sheet_resistance
 from .states import states_at
@@ -42,8 +43,8 @@ def tension_strain(model: Mesh, weft: float, warp: float) -> list[CurvePoint]:
     return [_point(*place, state) for place, state in zip(wanted, states, strict=True)]
 
 
-def _point(load: str, weft: float, warp: float, state: AnyReading | Diverged) -> CurvePoint:
+def _point(load: str, weft: float, warp: float, state: Observables | Diverged) -> CurvePoint:
     if isinstance(state, Diverged):
         return CurvePoint(load, weft, warp, None, None, None, None, None, None)
-    found = measured(state)
-    return CurvePoint(load, weft, warp, *found.tension, found.active_percent, found.stress_max, *sheet_resistance(state))
+    active, stress = measure.contacts(state).active_percent, measure.stress_extremes(state)[0]
+    return CurvePoint(load, weft, warp, *measure.mesh_tension(state), active, stress, *sheet_resistance(state))

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
+from .. import measure
 from ..errors import Diverged, InputError
 from ..knit.chain import KnitError
 from ..knit.lapping import lapping_table
@@ -21,7 +22,6 @@ from ..knit.loops import RANGES, LoopProportions, loop_shape
 from ..knit.openings import find_openings
 from ..mesh.layout import knit_scene
 from ..scene import Scene
-from ..sweep.outcome import measured
 from ..sweep.states import mesh_of
 from .states import states_at
 
@@ -135,7 +135,7 @@ def fit_curve(scene: Scene, path: Path) -> Fitted:
         states = states_at(mesh_of(_scaled(scene, factor)), gradients)
         if any(isinstance(state, Diverged) for state in states):
             return math.inf
-        found = np.array([measured(state).tension for state in states if not isinstance(state, Diverged)])
+        found = np.array([measure.mesh_tension(state) for state in states if not isinstance(state, Diverged)])
         return float(np.linalg.norm(found - tensions) / np.linalg.norm(tensions))
 
     best = minimize_scalar(misfit, bounds=_factors(scene), method="bounded", options={"xatol": FIT_TOLERANCE, "maxiter": 20})

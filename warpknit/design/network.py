@@ -1,6 +1,6 @@
 """Sheet resistance of a mesh: its wires and their touching places as a network of resistors.
 
-A stretch of wire between two touching places is a resistor, a place where wires touch (touching.py) another: the
+A stretch of wire between two touching places is a resistor, a place where wires touch (measure/contact_places.py) another: the
 constriction of the current at one round spot between two wires whose surface yields (Holm, Electric Contacts, 1967),
 
     R = (rho / 2) sqrt(pi H / F),      rho resistivity, H hardness, F force of the contact.
@@ -19,10 +19,10 @@ import scipy.sparse as sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
+from ..measure import Observables
+from ..measure.contact_places import ContactPlaces
 from ..scene import Wire
 from ..scene.materials import MATERIALS, Material
-from ..sweep.outcome import AnyReading
-from .touching import Touching, touching_of
 
 SHORTEST = 1e-9  # of a wire: a stretch between two contacts at one place
 CONDUCTS = 1e-9  # of the better direction: a worse conductance is round-off
@@ -71,22 +71,22 @@ def wire_resistance(wire: Wire) -> float:
     return 1.0 / (wire.ends * (core + coat))
 
 
-def contact_resistances(r: AnyReading) -> np.ndarray:
-    """[Ohm] of each place where wires touch (touching.py)."""
-    return holm_resistance(surface(r.model.scene.wire), touching_of(r).force)
+def contact_resistances(r: Observables) -> np.ndarray:
+    """[Ohm] of each place where wires touch (measure/contact_places.py)."""
+    return holm_resistance(surface(r.model.scene.wire), r.contact_places.force)
 
 
-def sheet_resistance(r: AnyReading) -> tuple[float | None, float | None]:
+def sheet_resistance(r: Observables) -> tuple[float | None, float | None]:
     """[Ohm] per square in weft and warp of a periodic mesh, no voltage being put across; None where it does not conduct."""
     area = r.model.panel.area * float(np.linalg.det(r.gradient))
-    ends, reach, conductance, count = _network(touching_of(r), r.model.scene.wire)
+    ends, reach, conductance, count = _network(r.contact_places, r.model.scene.wire)
     conducted = np.diag(sheet_conductance(ends, reach @ r.gradient.T, conductance, count, area))
     least = CONDUCTS * conducted.max()
     weft, warp = (1.0 / g if g > least else None for g in conducted.tolist())
     return weft, warp
 
 
-def _network(t: Touching, wire: Wire) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+def _network(t: ContactPlaces, wire: Wire) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
     """Ends, reach as knitted, conductance and number of points, for `sheet_conductance`. The points are those where wires touch,
     two at each place, and one of each wire that touches none."""
     per_length = wire_resistance(wire)

@@ -11,9 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from .. import measure
-from ..spatial.observables import SpatialObservables
-from ..sweep.outcome import AnyReading
+from ..measure import Observables
 
 POINTS_ACROSS = 5  # grid points on a wire thickness
 MOST_POINTS = 6_000_000  # of the grid over nine tiles: a large repeat of thin wire is looked at more coarsely
@@ -33,10 +31,10 @@ class Opening:
     height: float  # [m] along warp
 
 
-def openings(r: AnyReading) -> list[Opening]:
+def openings(r: Observables) -> list[Opening]:
     """The openings of one tile of a periodic mesh at rest, the largest first."""
     layout = r.model.layout()
-    node = (r.position if isinstance(r, SpatialObservables) else measure.positions(r)[0])[:, :2]
+    node = r.node_position[:, :2]
     starts, counts = layout.wire_start[:-1], np.diff(layout.wire_start)
     period = r.gradient @ [0.0, layout.period[1]]
     wires = [node[first : first + count] for first, count in zip(starts, counts, strict=True)]

@@ -13,11 +13,11 @@ import numpy as np
 
 from ..errors import Diverged
 from ..files import write_aside, write_table
+from ..measure import Observables
 from ..run.progress import Progress
 from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
 from ..sweep.contact_map import MapRow, Optimum, find_optimum, grid
-from ..sweep.outcome import AnyReading
 from ..sweep.states import Mesh, mesh_of
 from .card import MaterialCard, find_card, find_card_at_tension
 from .card_files import card_warnings, celsius, write_card
@@ -29,6 +29,7 @@ from .sections import card_section, curve_section, electric_section, map_section
 from .service import SERVICE_TENSIONS, EqualTension, equal_tension, strains_at_tension, strains_seen_closely
 from .states import DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE, exact_model, states_at
 
+WHERE = {"planar": "", "spatial": ", its wires in space"}  # the wires of a kind of model are
 DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))  # of the map where the scene has no [sweep]
 
 
@@ -47,7 +48,7 @@ class Findings:
     curves: Sequence[CurvePoint]
     where: str  # what the card is for, in words; or why there is none
     card: MaterialCard | None
-    tensioned: AnyReading | None  # the mesh of the card
+    tensioned: Observables | None  # the mesh of the card
     knitted_openings: Sequence[Opening]
     tensioned_openings: Sequence[Opening]
 
@@ -86,7 +87,7 @@ def make_report(
     show = progress or Progress()
     show.stage("tension-strain curves", number=1, of=3)
     model = mesh_of(scene)
-    curves = tension_strain(model, max(row.cell.strain_weft for row in rows), max(row.cell.strain_warp for row in rows))
+    curves = tension_strain(model, max(row.strain_weft for row in rows), max(row.strain_warp for row in rows))
     show.stage("material card", number=2, of=3)
     optimum = find_optimum(rows, scene.wire.yield_stress)
     card, tensioned, where = _card(scene, rows, optimum, tension)
@@ -114,7 +115,7 @@ def make_report(
 
 def _card(
     scene: Scene, rows: Sequence[MapRow], optimum: Optimum | None, tension: float | None
-) -> tuple[MaterialCard | None, AnyReading | None, str]:
+) -> tuple[MaterialCard | None, Observables | None, str]:
     """The card, its mesh, and what it is for; or none, and why."""
     place = None if tension is None else strains_at_tension(rows, tension)
     if tension is not None and place is not None:
@@ -134,7 +135,7 @@ def _card(
     return None, None, f"no card for {text}: {why}"
 
 
-def _card_at(model: Mesh, rows: Sequence[MapRow], tension: float, start: tuple[float, float]) -> tuple[MaterialCard, AnyReading]:
+def _card_at(model: Mesh, rows: Sequence[MapRow], tension: float, start: tuple[float, float]) -> tuple[MaterialCard, Observables]:
     """The card at a tension from strains that the map gives; where contacts close between its points they may be far off."""
     try:
         return find_card_at_tension(model, tension, start)
@@ -158,7 +159,7 @@ def _write(found: Findings, out: Path) -> None:
 
 
 def _page(found: Findings, figures: dict[str, Path]) -> Page:
-    wire, wires = found.scene.wire, ", its wires in space" if found.scene.model.kind == "spatial" else ""
+    wire, wires = found.scene.wire, WHERE[found.scene.model.kind]
     page = Page(f"{found.scene.name}: {wire.material} mesh, {1e6 * wire.diameter:g} um wire")
     page.text(
         f"Computed by warpknit for endless cloth{wires}, without friction, every state reached proportionally from the mesh as"

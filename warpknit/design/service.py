@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
+from .. import measure
 from ..errors import Diverged
 from ..sweep.contact_map import MapRow, grid
-from ..sweep.outcome import measured
 from ..sweep.states import Mesh
 from ..text import engineering
 from .states import states_at
@@ -26,8 +26,8 @@ ROOM = 0.1  # of a step around it, where it is looked for: next to a bound the s
 def strains_at_tension(rows: Sequence[MapRow], tension: float) -> tuple[float, float] | None:
     """Weft and warp strain at which the map, bilinear between its points, carries `tension` [N/m] both ways; None where it
     nowhere does. Of several the one of least strain."""
-    weft = sorted({row.cell.strain_weft for row in rows})
-    warp = sorted({row.cell.strain_warp for row in rows})
+    weft = sorted({row.strain_weft for row in rows})
+    warp = sorted({row.strain_warp for row in rows})
     return strains_on_grid(weft, warp, np.stack([grid(rows, f"tension_{side}_N_per_m", weft, warp) for side in SIDES]), tension)
 
 
@@ -68,7 +68,7 @@ def strains_seen_closely(
         axes.append(np.linspace(max(strains[0], middle - step), min(strains[-1], middle + step), FINER))
     weft, warp = axes
     states = states_at(model, [np.diag([1.0 + x, 1.0 + y]) for y in warp for x in weft])
-    tensions = [(np.nan, np.nan) if isinstance(state, Diverged) else measured(state).tension for state in states]
+    tensions = [(np.nan, np.nan) if isinstance(state, Diverged) else measure.mesh_tension(state) for state in states]
     return strains_on_grid(weft.tolist(), warp.tolist(), np.array(tensions).T.reshape(2, FINER, FINER), tension)
 
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import Diverged
+from ..measure import Observables
 from ..scene import Scene
-from ..sweep.outcome import AnyReading
 from ..sweep.states import Mesh, mesh_of, states_of
 
 # Residual, so that the differences between states hold three digits: the card's stiffness is nearly singular, and its inverse
@@ -27,7 +27,7 @@ def exact_model(scene: Scene, tolerance: float = DIFFERENCE_TOLERANCE) -> Mesh:
     return mesh_of(replace(scene, solver=replace(scene.solver, precision="double", residual_tolerance=tolerance)))
 
 
-def states_at(model: Mesh, gradients: Sequence[np.ndarray]) -> list[AnyReading | Diverged]:
+def states_at(model: Mesh, gradients: Sequence[np.ndarray]) -> list[Observables | Diverged]:
     """The mesh at rest at each of the upper triangular deformation gradients (2, 2), or why it does not come to rest.
 
     Each is reached proportionally from the mesh as knitted, at the temperature of the scene's first stage.
@@ -39,7 +39,7 @@ def states_at(model: Mesh, gradients: Sequence[np.ndarray]) -> list[AnyReading |
         )
         for f in gradients
     ]  # fmt: skip
-    found: dict[int, AnyReading | Diverged] = {}
+    found: dict[int, Observables | Diverged] = {}
     for outcome in states_of(model, stages).run():
         if outcome.observables is not None:
             found[outcome.index] = outcome.observables

@@ -11,10 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warpknit.export.run_record import RunRecord
 from warpknit.files import write_table
 from warpknit.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
 
-__all__ = ["contact_table", "wire_table", "write_tables"]
+__all__ = ["contact_table", "export_tables", "wire_table", "write_tables"]
+
+
+def export_tables(record: RunRecord) -> list[Path]:
+    """Write the frames of a run into tables/; the paths."""
+    return write_tables(record.directory / "tables", record.layout, record.frames())
 
 
 def write_tables(directory: str | os.PathLike[str], layout: WireLayout, frames: Iterable[Frame]) -> list[Path]:

@@ -17,10 +17,17 @@ from xml.sax.saxutils import quoteattr
 import meshio
 import numpy as np
 
+from warpknit.export.run_record import RunRecord
 from warpknit.files import path_aside, write_aside
-from warpknit.frame import Frame, WireLayout, curve_position
+from warpknit.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
 
-__all__ = ["write_vtk"]
+__all__ = ["export_vtk", "write_vtk"]
+
+
+def export_vtk(record: RunRecord) -> list[Path]:
+    """Write the frames of a run into vtk/; the paths."""
+    frames = (drawn_frame(record.layout, frame) for frame in record.frames())
+    return write_vtk(record.directory / "vtk", drawn_layout(record.layout), frames)
 
 
 def write_vtk(directory: str | os.PathLike[str], layout: WireLayout, frames: Iterable[Frame]) -> list[Path]:

@@ -1,4 +1,4 @@
-"""Work of what differs from place to place: clamps that leave the affinely mapped outline, and warmth that is not even.
+"""Work of what differs from place to place: clamps that leave the affinely mapped outline, and temperatures that are not even.
 
 Added up from one recorded state to the next by the mean of the forces at both (the trapezoidal rule).
 """
@@ -13,7 +13,7 @@ class EdgeWork:
 
     def __init__(self) -> None:
         self._work = 0.0
-        self._last: list[np.ndarray] = []  # forces [N], displacements [m], warmth forces [J], warmth
+        self._last: list[np.ndarray] = []  # forces [N], displacements [m], forces [J] on thermal strains, thermal strains
 
     def account(self, *pushed: tuple[np.ndarray, np.ndarray]) -> float:
         """[J] since the first record, this one included: by forces and what they move, such as [N] and [m], of equal shapes."""

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .friction import friction_pull
-from .observables import PlanarObservables, pair_distances
+from .host_state import HostState, pair_distances
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class BendingMoments:
     contact: np.ndarray  # [touching pair] under the body
 
 
-def bending_moments(r: PlanarObservables) -> BendingMoments:
+def bending_moments(r: HostState) -> BendingMoments:
     """Moments at the nodes and under the bodies, in the order of the pairs whose force is not zero."""
     model, panel = r.model, r.model.panel
     moment = r.moment + r.bow_moment
@@ -65,7 +65,7 @@ def bending_moments(r: PlanarObservables) -> BendingMoments:
     return BendingMoments(moment, under)
 
 
-def normal_forces(r: PlanarObservables, pair: np.ndarray) -> np.ndarray:
+def normal_forces(r: HostState, pair: np.ndarray) -> np.ndarray:
     """(pair, 4, 2) [N] forces of contacts on their nodes without friction, which acts at the two nodes beside the contact point
     (kernels/friction.py): the body feels N n + T t of both together, t being n turned by -90 degrees times the side."""
     force = r.pair_nodal[pair]

@@ -1,7 +1,7 @@
 """A look at the whole state between steps: sums over nodes and pairs that the time loop decides by.
 
 Everything is summed on the device (kernels/look.py); what comes to the host is a row a wire and a handful of numbers. A full
-reading for a record is observables.read.
+state on the host that a record keeps is observables.read.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import warp as wp
 from ..kernels import look as k
 from ..launch import bind
 from ..mesh.panel import Panel
+from .host_state import evaluation
 from .model import Model
-from .observables import evaluation
 from .state import State
 from .step import Stepper
 

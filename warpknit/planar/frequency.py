@@ -32,7 +32,7 @@ import numpy as np
 
 from ..hermite import hermite
 from ..kernels import control as c
-from .observables import PlanarObservables
+from .host_state import HostState
 
 PASSES = 2  # of the bound: the second one with the row sums of the first
 LEAST_WEIGHT = 1e-3  # of the largest: terms that hardly count are not divided by next to nothing
@@ -67,68 +67,68 @@ class Contacts:
     body_push: np.ndarray  # [contact, 2]
 
 
-def frequency_square(reading: PlanarObservables, approach: float = 0.0) -> float:
+def frequency_square(host: HostState, approach: float = 0.0) -> float:
     """Bound on w^2 [1/s2] of the mesh as it stands.
 
     `approach` [m]: how much closer a body and a wire may come before the next look. A body that is not free (treatment.py)
     counts as one whose contacts push at one node each, apart from the wires.
     """
-    wires = wire_terms(reading)
-    body_inverse_mass = float(reading.control[int(c.BODY_INVERSE_MASS)])
-    if reading.model.treatment.is_free:
-        return collatz_bound(wires, near_contacts(reading, approach), body_inverse_mass)
-    penalty = float(reading.control[int(c.CONTACT_STIFFNESS)])
+    wires = wire_terms(host)
+    body_inverse_mass = float(host.control[int(c.BODY_INVERSE_MASS)])
+    if host.model.treatment.is_free:
+        return collatz_bound(wires, near_contacts(host, approach), body_inverse_mass)
+    penalty = float(host.control[int(c.CONTACT_STIFFNESS)])
     return collatz_bound(wires, None, 0.0) + 2.0 * penalty * (body_inverse_mass + float(wires.inverse_mass.max()))
 
 
-def wire_terms(reading: PlanarObservables) -> Wires:
+def wire_terms(host: HostState) -> Wires:
     """The terms of the wires, with the stiffnesses and masses of the run."""
-    model, panel = reading.model, reading.model.panel
+    model, panel = host.model, host.model.panel
     nodes = np.arange(panel.node_count)
     last = panel.wire_first + panel.wire_count - 1
     before, after = nodes - 1, nodes + 1
     before[panel.wire_first], after[last] = last, panel.wire_first
-    length = np.hypot(reading.edge[:, 0], reading.edge[:, 1])
+    length = np.hypot(host.edge[:, 0], host.edge[:, 1])
     per_length = np.divide(1.0, length, out=np.zeros_like(length), where=length > 0.0)
-    moment = reading.moment + reading.bow_moment
+    moment = host.moment + host.bow_moment
     shear = np.abs(moment - moment[after]) * per_length**2
-    stretch = np.repeat(reading.wire_axial, panel.wire_count) / (reading.natural_length * reading.length_factor) + shear
-    swing = np.maximum(reading.tension, 0.0) * per_length + shear
-    bend = model.bending_stiffness / (reading.hinge_length * reading.length_factor)
-    hinges = 1.0 / reading.hinge_length
+    stretch = np.repeat(host.wire_axial, panel.wire_count) / (host.natural_length * host.length_factor) + shear
+    swing = np.maximum(host.tension, 0.0) * per_length + shear
+    bend = model.bending_stiffness / (host.hinge_length * host.length_factor)
+    hinges = 1.0 / host.hinge_length
     missing = last[~panel.wire_closed]  # segments behind the ends of open wires, and hinges there
     if model.is_gripped:
         missing = np.concatenate([missing, panel.wire_first, last - 1])  # and what is rigid inside the clamps
     stretch[missing] = swing[missing] = 0.0
     no_hinge = np.concatenate([panel.wire_first, last])[~np.tile(panel.wire_closed, 2)]
     bend[no_hinge] = hinges[no_hinge] = 0.0
-    sloped = reading.natural_length * (hinges + hinges[after])
+    sloped = host.natural_length * (hinges + hinges[after])
     sloped[missing] = 0.0
-    slope_share = float(reading.control[int(c.SLOPE_FACTOR)]) * model.bending_stiffness
+    slope_share = float(host.control[int(c.SLOPE_FACTOR)]) * model.bending_stiffness
     bend *= 1.0 + slope_share * (sloped + sloped[before])
-    inverse_mass = model.rest.inverse_mass.numpy().astype(float)[reading.entry]
+    inverse_mass = model.rest.inverse_mass.numpy().astype(float)[host.entry]
     inverse_mass[panel.held_node] = 0.0
-    tangent = reading.edge * per_length[:, None]
+    tangent = host.edge * per_length[:, None]
     return Wires(before, after, np.sqrt(stretch), np.sqrt(swing), np.sqrt(bend), per_length, tangent, inverse_mass)
 
 
-def near_contacts(reading: PlanarObservables, approach: float) -> Contacts:
+def near_contacts(host: HostState, approach: float) -> Contacts:
     """Closed contacts with the weights they push with; those that are about to close with those of a smooth curve."""
-    panel, control = reading.model.panel, reading.control
-    closed = reading.pair_force > 0.0
+    panel, control = host.model.panel, host.control
+    closed = host.pair_force > 0.0
     # the gap of a pair that sleeps is an old one; what its wire and body must travel before it is looked at is not
-    asleep = 2.0 * (reading.pair_wake - float(control[int(c.TRAVEL)]))
-    near = closed | ((approach > 0.0) & (np.where(asleep > 0.0, asleep, reading.pair_gap) < approach))
+    asleep = 2.0 * (host.pair_wake - float(control[int(c.TRAVEL)]))
+    near = closed | ((approach > 0.0) & (np.where(asleep > 0.0, asleep, host.pair_gap) < approach))
     pair = np.nonzero(near)[0]
     first, count = (of_wire[panel.pair_wire[pair], None] for of_wire in (panel.wire_first, panel.wire_count))
-    begin = panel.pair_seed[pair, None] + reading.pair_slide[pair, None]  # also of pairs that were never in touch
+    begin = panel.pair_seed[pair, None] + host.pair_slide[pair, None]  # also of pairs that were never in touch
     node = first + np.mod(begin + np.arange(-1, 3) - first, count)
     push = np.zeros((len(pair), 4, 2))
-    push[closed[pair]] = reading.pair_nodal[closed] / reading.pair_force[closed, None, None]
+    push[closed[pair]] = host.pair_nodal[closed] / host.pair_force[closed, None, None]
     there = np.nonzero(~closed[pair])[0]
-    edge = reading.edge[node[there, 1]]
+    edge = host.edge[node[there, 1]]
     normal = np.stack([-edge[:, 1], edge[:, 0]], axis=1) / np.maximum(np.hypot(edge[:, 0], edge[:, 1]), 1e-300)[:, None]
-    push[there] = _curve_weights(reading.pair_u[pair[there]])[:, :, None] * normal[:, None, :]
+    push[there] = _curve_weights(host.pair_u[pair[there]])[:, :, None] * normal[:, None, :]
     push *= np.sqrt(float(control[int(c.CONTACT_STIFFNESS)]))
     return Contacts(node, push, pair // 2, -push.sum(axis=1))
 

@@ -6,15 +6,15 @@ import numpy as np
 
 from ..kernels import control as c
 from ..kernels.friction import LOOSE, TANGENTIAL
-from .observables import PlanarObservables
+from .host_state import HostState
 
 
-def friction_stiffness(r: PlanarObservables) -> float:
+def friction_stiffness(r: HostState) -> float:
     """[N/m] of the spring by which a contact sticks to its wire."""
     return float(TANGENTIAL) * float(r.control[int(c.CONTACT_STIFFNESS)])
 
 
-def friction_pull(r: PlanarObservables) -> np.ndarray:
+def friction_pull(r: HostState) -> np.ndarray:
     """[pair] [N] by which friction draws contact points back along their wires."""
     pull = np.zeros(len(r.pair_force))
     if not len(r.pair_stuck):
@@ -26,7 +26,7 @@ def friction_pull(r: PlanarObservables) -> np.ndarray:
     return pull
 
 
-def friction_energy(r: PlanarObservables) -> float:
+def friction_energy(r: HostState) -> float:
     """[J] of the springs by which contacts stick to their wires: F_t^2/(2 k_t) each."""
     if not len(r.pair_stuck):
         return 0.0

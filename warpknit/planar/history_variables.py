@@ -12,8 +12,8 @@ import warp as wp
 from ..kernels.anchored_bodies import draw_anchors
 from ..kernels.friction import stick_contacts
 from ..launch import bind
+from .host_state import read_strip
 from .model import Model
-from .observables import read_strip
 from .state import State
 from .step import anchor_launch
 
@@ -46,13 +46,13 @@ class Path:
 
     def _yield(self) -> None:
         """Take on the set of the wires: backward Euler of bilinear bending with kinematic hardening."""
-        reading = read_strip(self.model, self.state)
+        host = read_strip(self.model, self.state)
         kept = self.model.scene.wire.hardening
-        beyond = reading.turning - reading.plastic_turn - reading.back_turn
-        change = np.sign(beyond) * np.maximum(np.abs(beyond) - reading.yield_turn, 0.0) * (1.0 - kept)
-        self.state.plastic_turn.assign(reading.plastic_turn + change)
+        beyond = host.turning - host.plastic_turn - host.back_turn
+        change = np.sign(beyond) * np.maximum(np.abs(beyond) - host.yield_turn, 0.0) * (1.0 - kept)
+        self.state.plastic_turn.assign(host.plastic_turn + change)
         if kept < 1.0:
-            self.state.back_turn.assign(reading.back_turn + kept / (1.0 - kept) * change)
+            self.state.back_turn.assign(host.back_turn + kept / (1.0 - kept) * change)
         self._dissipate(self.model.yield_moment * np.sum(np.abs(change)))
 
     def _dissipate(self, energy: float) -> None:

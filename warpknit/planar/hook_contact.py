@@ -1,44 +1,28 @@
-"""What is measured of two hooked wires: forces and places of their contact, in the words of hook.py."""
+"""What two hooked wires show in the plane."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..measure.hook_contact import HookContact
+from ..measure.measures import active_threshold
 from ..mesh.hook import LEFT, RIGHT, RIGHT_TOP
-from . import measures as whole
-from .observables import PlanarObservables
 
-
-@dataclass(frozen=True)
-class HookContact:
-    """One state of a hook."""
-
-    displacement: float  # [m] of the driven end
-    drive_force: float  # [N] that holds it there, sideways
-    force_left: float  # [N] between body and left wire
-    force_right: float
-    arc_left: float  # [m] of the place nearest to the body, along the wire at rest, from the lower clamp
-    arc_right: float
-    ground_force: float  # [N] that spring or plane take from the body; 0 where it is free
-    body: np.ndarray  # (2,) [m]
-    threshold: float  # [N] above which a contact counts as one
-
-    @property
-    def is_closed(self) -> bool:
-        return min(self.force_left, self.force_right) > self.threshold
+if TYPE_CHECKING:
+    from .observables import PlanarObservables
 
 
 def hook_contact(r: PlanarObservables) -> HookContact:
-    """The contact of a hook's reading."""
+    """The contact of a hook."""
     model, panel = r.model, r.model.panel
     height = model.scene.hook.height if model.scene.hook is not None else 0.0
     # the first node is one spacing before the lower clamp
     local = panel.pair_seed - panel.wire_first[panel.pair_wire] + r.pair_slide - 1
     arc = (local + r.pair_u) * model.table.spacing[panel.pair_wire]
     at_clamps = np.zeros((len(panel.clamp_position), 2))
-    np.add.at(at_clamps, panel.held_clamp, whole.held_forces(r))
+    np.add.at(at_clamps, panel.held_clamp, r.held_forces)
     on_wires = r.pair_nodal[r.pair_force > 0.0].sum(axis=(0, 1))
     return HookContact(
         displacement=float(r.gradient[0, 1]) * height,
@@ -49,6 +33,6 @@ def hook_contact(r: PlanarObservables) -> HookContact:
         arc_right=float(arc[RIGHT]),
         # of a single contact point both pairs act on wires, and what one gives the other takes
         ground_force=float(np.hypot(*on_wires)) if model.treatment.anchored else 0.0,
-        body=whole.positions(r)[1][0, :2],
-        threshold=whole.active_threshold(model),
+        body=r.body_position[0, :2],
+        threshold=active_threshold(model),
     )

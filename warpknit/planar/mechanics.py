@@ -7,14 +7,14 @@ from functools import cached_property
 import numpy as np
 import warp as wp
 
+from .. import measure
 from ..kernels import control as c
 from ..kernels.multipliers import extrapolate, extrapolate_held_bodies
 from ..launch import bind
-from ..measure.scales import force_scale
+from ..measure import force_scale
 from ..mechanics import Check, Drift, beyond_strength
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
-from . import measures
 from .diagnostics import Look, Sums
 from .history_variables import Path
 from .membrane import Membrane
@@ -205,7 +205,7 @@ class PlanarMechanics:
         return self.look.take().stress
 
     def causes(self) -> str:
-        strength, stress = self.model.scene.wire.tensile_strength, measures.stress_extremes(self.observe())[0]
+        strength, stress = self.model.scene.wire.tensile_strength, measure.stress_extremes(self.observe())[0]
         causes = beyond_strength(stress, strength)
         if self.residual.is_lost_in_round_off(self.look.take(), self.state.wire_axial.numpy()):
             name = self.model.precision.name
@@ -269,8 +269,8 @@ class PlanarMechanics:
         return read(self.model, self.state)
 
     def edge_work_terms(self, observed: PlanarObservables) -> list[tuple[np.ndarray, np.ndarray]]:
-        clamps = measures.edge_force(observed), observed.clamp_shift
-        return [clamps, (measures.warmth_force(observed), observed.warmth)]
+        clamps = observed.edge_force, observed.clamp_shift
+        return [clamps, (observed.thermal_strain_force, observed.thermal_strain)]
 
     def state_dict(self) -> dict[str, np.ndarray]:
         kept = self.neighbours.state_dict()

@@ -7,6 +7,7 @@ uploads the result. Host copies stay in `table` and `panel` (float64) for the me
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -30,6 +31,7 @@ from ..mesh.treatment import Treatment, choose_treatment
 from ..ranks.ranks import One, Ranks
 from ..scene import Hook, Scene
 from .device_arrays import MeshArrays, Precision, RestArrays, precision_of, upload_mesh, upload_rest
+from .limits import slid_wires, tight_loops
 from .numerics import choose_numbers
 
 CORD_SAG = 0.2  # of the size of a mesh: farther its edge cannot be from its outline
@@ -81,7 +83,7 @@ class Model:
 
     @cached_property
     def whole(self) -> Model:
-        """The model of the whole mesh on the host: what readings, measures and results speak of. Its arrays are of the strip."""
+        """The global model on the host: what observables, measures and results speak of. Its arrays are of the strip."""
         return self if self.strip is None else replace(self, panel=self.strip.whole, strip=None)
 
     @property
@@ -127,6 +129,7 @@ class Model:
 
     @property
     def pair_count(self) -> int:
+        """Two for each body."""
         return 2 * self.panel.body_count
 
     @property
@@ -153,6 +156,17 @@ class Model:
             repeats=np.array(self.scene.knit.repeats if self.cloth is not None else (0, 0)),
             curve_parts=curve_parts(p.node_count, self.scene.model.nodes_per_loop),
         )
+
+    @property
+    def when_compressed(self) -> str:
+        """What a compressed mesh would do and this model does not show."""
+        return "wrinkle out of its plane, which this planar model cannot show"
+
+    def warnings(self, stages: Sequence[dict[str, Any]]) -> Iterator[str]:
+        """Where wires in space may hook far sooner, a line each."""
+        if self.cloth is not None:
+            yield from tight_loops(self.scene, self.cloth)
+            yield from slid_wires(self.scene, stages)
 
 
 def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -> Model:

@@ -1,330 +1,293 @@
-"""A reading: the state of a mesh on the host, and what follows from it node by node.
-
-`read(model, state)` brings what is needed to the host once; what is measured on it is in whole.py.
-"""
+"""What a state of a planar mesh shows (measure/observables.py): energies, loads, contacts, stress and places."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
-import warp as wp
 
-from ..kernels import clamp
+from ..frame import curve_parts
 from ..kernels import control as c
-from ..kernels.energy import evaluate_wires
-from ..kernels.wire_forces import BLOCK_SIZE
-from ..launch import bind
-from ..measure.strain import clamp_rotation, stretch
-from .join import Join
+from ..measure.contact_places import ContactPlaces
+from ..measure.hook_contact import HookContact
+from ..measure.measures import active_threshold, section
+from ..measure.observables import Energies, WireStress
+from ..measure.panel_map import PanelMap
+from ..measure.strain import rotation
+from ..measure.wire_curve import planar_curve
+from .bending import bending_moments
+from .contact_places import contact_places
+from .friction import friction_energy
+from .hook_contact import hook_contact
+from .host_state import HostState, joined, pair_levers, read_strip
 from .model import Model
+from .panel_map import find_panel_map, has_map
 from .state import State
 
 
 @dataclass(frozen=True)
-class PlanarObservables:
-    """The state on the host, float64. Segment values stand at the node that starts the segment."""
+class PlanarObservables(HostState):
+    """The state of the global mesh. Arrays [node] but for the stress are worked out when asked for: kept, they would be most of
+    the memory of a large mesh."""
 
-    model: Model
-    control: np.ndarray
-    u: np.ndarray  # [node, 2] [m] displacement from the affinely mapped rest shape
-    body_u: np.ndarray  # [body, 2] [m]
-    clamp_shift: np.ndarray  # [clamp, 2] [m] displacement of the clamps from the affinely mapped outline
-    warmth: np.ndarray  # [wire, 2] see State.wire_warmth
-    edge: np.ndarray  # [node, 2] [m] zero behind the last node of an open wire
-    tension: np.ndarray  # [node] [N]
-    wire_axial: np.ndarray  # [wire] [N] softened axial stiffness
-    turning: np.ndarray  # [node] [rad] turning angle less its natural value
-    plastic_turn: np.ndarray  # [node, or one without yield] [rad] of it, what stayed as of the last state at rest
-    back_turn: np.ndarray  # [node, or one] [rad] elastic turning that the wire yields on either side of
-    pair_force: np.ndarray  # [pair] [N]
-    pair_offset: np.ndarray  # [pair] [N] part of the force that the running multiplier carries
-    pair_stuck: np.ndarray  # [pair, or none without friction] where a contact sticks to its wire (kernels/friction.py)
-    pair_gap: np.ndarray  # [pair] [m] meaningful where the force is not zero
-    pair_node: np.ndarray  # [pair]
-    pair_wake: np.ndarray  # [pair] [m] travel since the last neighbour search up to which the pair sleeps
-    pair_slide: np.ndarray  # [pair]
-    pair_u: np.ndarray  # [pair]
-    pair_nodal: np.ndarray  # [pair, 4, 2] [N] zero where the force is zero
+    # --- energies
+
+    @cached_property
+    def energies(self) -> Energies:
+        """T^2 L/(2 EA) a segment, EI theta^2/(2 l) a node, (F - offset)^2/(2 k) a pair, and what its friction is drawn out by;
+        kinetic from the last step.
+
+        A softened segment stores T^2 L s/(2 EA) unless its running multiplier took the softening out.
+        """
+        natural = self.natural_length * self.length_factor
+        stiffness = self.control[int(c.CONTACT_STIFFNESS)]
+        pressed = np.sum(0.5 * (self.pair_force - self.pair_offset) ** 2 * (self.pair_force > 0))
+        return Energies(
+            stretch=float(np.sum(0.5 * self.tension**2 * natural / self._stretch_stiffness)),
+            bend=float(np.sum(0.5 * self.moment * self.elastic_turning)) + self.hardened_energy,
+            contact=float(pressed / stiffness) + friction_energy(self),
+            kinetic=self.kinetic_energy,
+        )
 
     @property
-    def gradient(self) -> np.ndarray:
-        """Deformation gradient (2, 2) of the boundary."""
-        return self.control[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2)
+    def _stretch_stiffness(self) -> np.ndarray | float:
+        """[N] true axial stiffness where multipliers took the softening out, else the softened one [node]."""
+        solver = self.model.scene.solver
+        if solver.multipliers and solver.drive == "relax":
+            return self.model.axial_stiffness
+        return np.repeat(self.wire_axial, self.model.panel.wire_count)
 
     @property
-    def clamp_rotation(self) -> float:
-        """[rad] by which the clamps are turned against the boundary."""
-        return clamp_rotation(self.gradient)
+    def hardened_energy(self) -> float:
+        """[J] that kinematic hardening stores: H kappa_p^2/2 a length, with H = EI kept/(1 - kept)."""
+        kept = self.model.scene.wire.hardening
+        if not self.model.yield_moment or kept == 1.0:
+            return 0.0
+        hardening = self.model.bending_stiffness * kept / (1.0 - kept)
+        return float(np.sum(0.5 * hardening * self.plastic_turn**2 / (self.hinge_length * self.length_factor)))
 
-    @property
-    def stretch(self) -> np.ndarray:
-        """Deformation gradient (2, 2) of the boundary but for the rotation of the clamps."""
-        return stretch(self.gradient)
+    # --- loads
 
-    @property
-    def length_factor(self) -> float:
-        return float(self.control[int(c.LENGTH_FACTOR)])
-
-    @property
+    @cached_property
     def nominal_stress(self) -> np.ndarray:
-        """(2, 2) [N/m] work-conjugate of the deformation gradient."""
-        from . import measures
+        """(2, 2) [N/m] work-conjugate of the deformation gradient: force per rest width.
 
-        return measures.nominal_stress(self)
+        P = (1/A0) [sum over segments n (x) E0 + sum over pairs and their four nodes f (x) (X_body - X_node)
+        + sum over held nodes f (x) (X - c)], f the forces on the nodes: the derivative of the energy by F, in which a clamp
+        moves with F c.
+        """
+        table, panel = self.model.table, self.model.panel
+        rest_edge = np.stack([table.rest_x[self.entry], table.rest_y[self.entry]], axis=1)
+        inside = np.any(self.edge != 0.0, axis=1)
+        sum_ = np.einsum("ia,ib->ab", self.segment_force[inside], rest_edge[inside])
+        touching = np.nonzero(self.pair_force > 0)[0]
+        if len(touching):
+            sum_ += np.einsum("pka,pkb->ab", self.pair_nodal[touching], pair_levers(self, touching))
+        if len(panel.held_node):
+            sum_ += np.einsum("ia,ib->ab", self.held_forces, panel.held_lever)
+        return sum_ / panel.area
 
     @property
-    def mesh_tension(self) -> tuple[float, float]:
-        """[N/m] weft and warp, force per current width."""
-        from . import measures
+    def held_forces(self) -> np.ndarray:
+        """(held, 2) [N] forces of the wires and of contacts on the held nodes."""
+        panel = self.model.panel
+        node = panel.held_node
+        n = self.segment_force
+        first = np.isin(node, panel.wire_first)
+        closed = panel.wire_closed[np.searchsorted(panel.wire_first, node, side="right") - 1]
+        before = np.where((first & ~closed)[:, None], 0.0, n[node - 1])
+        touching = np.nonzero((self.pair_force > 0) & ~panel.wire_closed[panel.pair_wire])[0]
+        reached = self.pair_node[touching][:, None] + np.arange(-1, 3)
+        place = np.searchsorted(node, reached)
+        held = place < len(node)
+        held[held] = node[place[held]] == reached[held]
+        contact = np.zeros((len(node), 2))
+        np.add.at(contact, place[held], self.pair_nodal[touching][held])
+        return n[node] - before + contact
 
-        return measures.mesh_tension(self)
+    @property
+    def edge_force(self) -> np.ndarray:
+        """(clamp, 2) [N] derivative of the energy by the displacement of the clamps: with what force they hold the wires."""
+        total = np.zeros((len(self.model.panel.clamp_position), 2))
+        np.add.at(total, self.model.panel.held_clamp, self.held_forces)
+        return -total
+
+    @property
+    def clamp_force(self) -> np.ndarray:
+        """[clamp] [N] size of the force with which each clamp holds its wire."""
+        if not len(self.model.panel.held_node):
+            return np.zeros(0)
+        total = self.edge_force
+        return np.hypot(total[:, 0], total[:, 1])
 
     @property
     def thermal_force(self) -> float:
-        """[J] derivative of the energy by the length factor of the wires."""
-        from . import measures
-
-        return measures.thermal_force(self)
+        """[J] derivative of the energy by the length factor of the wires: what heating works against."""
+        stretch = -np.sum(self.natural_length * (self.tension + 0.5 * self.tension**2 / self._stretch_stiffness))
+        bend = -0.5 * np.sum(self.moment * self.elastic_turning) / self.length_factor
+        return float(stretch + bend + np.sum(self.pair_force) * self.model.contact_reach)
 
     @property
-    def stored(self) -> float:
-        """[J] of energy."""
-        from . import measures
+    def thermal_strain_force(self) -> np.ndarray:
+        """(wire, 2) [J] derivative of the energy by `thermal_strain`."""
+        panel = self.model.panel
+        pull = -self.tension * self.natural_length * self.length_factor
+        local = np.arange(panel.node_count) - np.repeat(panel.wire_first, panel.wire_count)
+        return np.stack([np.add.reduceat(pull, panel.wire_first), np.add.reduceat(pull * local, panel.wire_first)], axis=1)
 
-        return measures.energies(self).stored
+    @property
+    def unbalanced_force(self) -> float:
+        """[N] rms over free nodes and bodies."""
+        panel = self.model.panel
+        free = panel.node_count + panel.body_count - len(panel.held_node)
+        return float(np.sqrt(self.control[int(c.FORCE_SQUARE)] / free))
+
+    # --- contacts
+
+    @property
+    def pairs_at_reach_end(self) -> int:
+        """Active pairs whose contact point stands at the end of the stretch of wire that it may slide on.
+
+        Beyond it the wire is continued straight, which pushes a body that has slid off; such contacts are not to be believed.
+        """
+        panel = self.model.panel
+        at_low = (self.pair_slide <= panel.pair_low) & (self.pair_u < 1e-3)
+        at_high = (self.pair_slide >= panel.pair_high) & (self.pair_u > 1.0 - 1e-3)
+        return int(np.count_nonzero((self.pair_force > active_threshold(self.model)) & (at_low | at_high)))
+
+    @property
+    def penetration(self) -> float:
+        """Largest penetration over the wire diameter; negative gaps of closed pairs."""
+        closed = self.pair_force > 0
+        if not closed.any():
+            return 0.0
+        return float(max(0.0, np.max(-self.pair_gap[closed])) / self.model.scene.wire.diameter)
+
+    @property
+    def body_near(self) -> None:
+        """Wires touch by way of a body: how near they are says nothing."""
+
+    @property
+    def contact_elsewhere(self) -> None:
+        """Wires touch at bodies only."""
+
+    @property
+    def contact_places(self) -> ContactPlaces:
+        """One place for each body both of whose pairs are active."""
+        return contact_places(self)
 
     @cached_property
-    def entry(self) -> np.ndarray:
-        """[node] entry of the rest table."""
-        return node_entries(self.model)
+    def hook_contact(self) -> HookContact | None:
+        """The contact of two hooked wires."""
+        return None if self.model.scene.hook is None else hook_contact(self)
+
+    # --- wires
 
     @cached_property
-    def segment_force(self) -> np.ndarray:
-        """[node, 2] [N] gradient of the energy by the edge: n = T t + (g - g_next)/|e| nu (kernels/wires.py)."""
-        panel = self.model.panel
-        moment = self.moment
-        moment += self.bow_moment
-        shear = np.roll(moment, -1)
-        last = panel.wire_first + panel.wire_count - 1
-        shear[last] = np.where(panel.wire_closed, moment[panel.wire_first], 0.0)
-        np.subtract(moment, shear, out=shear)
-        inverse = np.hypot(self.edge[:, 0], self.edge[:, 1])
-        np.divide(1.0, inverse, out=inverse, where=inverse > 0)
-        shear *= inverse
-        pull = self.tension * inverse
-        shear *= inverse
-        force = self.edge * pull[:, None]
-        force[:, 0] -= shear * self.edge[:, 1]
-        force[:, 1] += shear * self.edge[:, 0]
-        return force
-
-    # what follows is worked out when asked for: kept, it would be most of the memory of a large mesh
-
-    @property
-    def moment(self) -> np.ndarray:
-        """[node] [N m] bending moment: that of the turns, and what the slope of the moment adds (kernels/bend.py)."""
-        moment = self.moment_of_turns
-        slope_share = float(self.control[int(c.SLOPE_FACTOR)]) * self.model.bending_stiffness
-        return self._none_at_free_ends(moment - slope_share * self._second_difference(moment) / self.hinge_length)
-
-    def _none_at_free_ends(self, moment: np.ndarray) -> np.ndarray:
-        """The same array, without what stands at the ends of open wires."""
-        panel = self.model.panel
-        for end in (panel.wire_first, panel.wire_first + panel.wire_count - 1):
-            moment[end] = np.where(panel.wire_closed, moment[end], 0.0)
-        return moment
-
-    @property
-    def moment_of_turns(self) -> np.ndarray:
-        """[node] [N m] EI times the elastic turning over the length that the hinge stands for."""
-        return self.model.bending_stiffness * self.elastic_turning / (self.hinge_length * self.length_factor)
-
-    @property
-    def bow_moment(self) -> np.ndarray:
-        """[node] [N m] by which tension unbends arcs that keep their length (kernels/bend.py)."""
-        panel = self.model.panel
-        pull = self.tension * self.natural_length * self.length_factor
-        before = np.roll(pull, 1)
-        last = panel.wire_first + panel.wire_count - 1
-        before[panel.wire_first] = pull[last]
-        for far, following, node in self._hinges_at_clamps:
-            numbers = panel.wire_clamp[:, far]
-            own, other = (pull, before) if far == following else (before, pull)
-            own[node] *= 1.0 + numbers[:, clamp.BOW_WEIGHT + following]
-            if following:
-                other[node] *= 1.0 + numbers[:, clamp.BEYOND_BOW_WEIGHT]
-        moment = float(self.control[int(c.BOW_MOMENT)]) * (self.turning + self.natural_angle) * (pull + before)
-        return self._none_at_free_ends(moment)
-
-    def _second_difference(self, values: np.ndarray) -> np.ndarray:
-        """[node] L (v_next - v) - L_before (v - v_before) of values at the hinges, [m] times their unit."""
+    def wire_stress(self) -> WireStress:
+        """[Pa] E (d/2) |M|/EI + |N| E/EA at the nodes, with the larger tension of the two segments there, and under bodies."""
+        moments = bending_moments(self)
+        before = np.roll(self.tension, 1)
         panel = self.model.panel
         last = panel.wire_first + panel.wire_count - 1
-        rise = np.roll(values, -1)
-        rise[last] = values[panel.wire_first]
-        np.subtract(rise, values, out=rise)
-        rise *= self.natural_length
-        rise[last] = np.where(panel.wire_closed, rise[last], 0.0)
-        if self.model.is_gripped:
-            rise[panel.wire_first] = rise[last - 1] = 0.0
-        before = np.roll(rise, 1)
-        before[panel.wire_first] = rise[last]
-        return np.subtract(rise, before, out=rise)
+        before[panel.wire_first] = np.where(panel.wire_closed, self.tension[last], self.tension[panel.wire_first])
+        axial = np.where(np.abs(self.tension) > np.abs(before), self.tension, before)
+        under = self.tension[self.pair_node[self.pair_force > 0]]
+        return WireStress(self._fibre_stress(moments.node, axial), self._fibre_stress(moments.contact, under))
+
+    def _fibre_stress(self, moment: np.ndarray, tension: np.ndarray) -> np.ndarray:
+        """[Pa] in the outermost fibre."""
+        wire = self.model.scene.wire
+        radius, per_tension = section(wire)
+        bent = wire.youngs_modulus * radius / self.model.bending_stiffness * np.abs(moment)
+        return bent + np.abs(tension) * per_tension
 
     @property
-    def elastic_turning(self) -> np.ndarray:
-        """[node] [rad] part of the turning that is elastic (kernels/bend.py)."""
+    def shear_stress(self) -> None:
+        """Wires in a plane do not twist."""
+
+    @property
+    def axial_strain(self) -> np.ndarray:
+        """[node] mechanical axial strain of the segments, T/EA."""
+        return self.tension / self.model.axial_stiffness
+
+    @property
+    def plastic_strain(self) -> np.ndarray:
+        """[node] of the outermost fibre, that stays; empty where wires do not yield."""
         if not self.model.yield_moment:
-            return self.turning
-        trial = self.turning - self.plastic_turn
-        beyond = trial - self.back_turn
-        over = np.maximum(np.abs(beyond) - self.yield_turn, 0.0)
-        return trial - np.sign(beyond) * over * (1.0 - self.model.scene.wire.hardening)
+            return np.zeros(0)
+        return np.abs(self.plastic_turn) / self.hinge_length * self.model.scene.wire.radius
 
     @property
-    def yield_turn(self) -> np.ndarray:
-        """[node] [rad] by which a node may turn elastically to either side."""
-        return self.model.scene.wire.yield_curvature * self.hinge_length * self.length_factor
+    def wire_length(self) -> float:
+        """[m] of all wires as knitted."""
+        return float(np.sum(self.model.panel.wire_length))
 
-    # rest data of the nodes: those of the table but next to clamps
-
-    @property
-    def natural_length(self) -> np.ndarray:
-        """[node] [m] of the segment that starts there, at the reference temperature."""
-        values = self.model.table.rest_length[self.entry]
-        if self.model.is_gripped:
-            for far, node in enumerate(self._segments_at_clamps):
-                values[node] = self.model.panel.wire_clamp[:, far, clamp.LENGTH]
-        return values
+    # --- places, from the corner of the mesh
 
     @property
-    def natural_angle(self) -> np.ndarray:
-        """[node] [rad] natural turning angle."""
-        values = self.model.table.rest_angle[self.entry]
-        for far, following, node in self._hinges_at_clamps:
-            values[node] = self.model.panel.wire_clamp[:, far, clamp.ANGLE + following]
-        return values
+    def node_position(self) -> np.ndarray:
+        """(node, 3) [m] turned back to where the boundary is strained by `stretch`; z is the rest height."""
+        rest = self._node_rest()
+        turned = rotation(self.clamp_rotation)
+        node = np.einsum("ia,ba->ib", rest - self._rest_corner(rest), self.stretch) + self.u @ turned.T
+        return np.column_stack([node, self.model.table.z[self.entry]])
 
     @property
-    def hinge_length(self) -> np.ndarray:
-        """[node] [m] wire that the hinge at the node stands for, at the reference temperature."""
-        values = self.model.table.hinge_length[self.entry]
-        for far, following, node in self._hinges_at_clamps:
-            values[node] /= self.model.panel.wire_clamp[:, far, clamp.HINGE + following]
-        return values
+    def body_position(self) -> np.ndarray:
+        """(body, 3) [m] in the same frame."""
+        panel, table = self.model.panel, self.model.table
+        turned = rotation(self.clamp_rotation)
+        rest = panel.body_rest + panel.body_origin - self._rest_corner(self._node_rest())
+        body = np.einsum("ia,ba->ib", rest, self.stretch) + self.body_u @ turned.T
+        height = table.z[self.entry][panel.pair_seed].reshape(-1, 2).mean(axis=1)
+        return np.column_stack([body, height])
 
-    @property
-    def _segments_at_clamps(self) -> tuple[np.ndarray, np.ndarray]:
-        """Nodes [wire] that the first and the last segment between clamps start at."""
+    def _node_rest(self) -> np.ndarray:
+        """(node, 2) [m] places at rest."""
+        panel, table = self.model.panel, self.model.table
+        origin = np.repeat(panel.block_origin, panel.block_count, axis=0)
+        return np.stack([table.x[self.entry], table.y[self.entry]], axis=1) + origin
+
+    def _rest_corner(self, rest: np.ndarray) -> np.ndarray:
+        """(2,) [m] lower corner of the mesh whose nodes are at `rest`."""
         panel = self.model.panel
-        return panel.wire_first + 1, panel.wire_first + panel.wire_count - 3
+        return rest.min(axis=0) if panel.boundary == "periodic" else panel.clamp_position.min(axis=0)
 
     @property
-    def _hinges_at_clamps(self) -> list[tuple[int, int, np.ndarray]]:
-        """End of the wire, 0 at the clamp or 1 at the next node, and those nodes [wire]."""
-        if not self.model.is_gripped:
-            return []
-        first, last = self.model.panel.wire_first, self.model.panel.wire_first + self.model.panel.wire_count - 1
-        return [(0, 0, first + 1), (0, 1, first + 2), (1, 0, last - 1), (1, 1, last - 2)]
+    def corner(self) -> np.ndarray:
+        """(3,) [m] where positions count from."""
+        return np.zeros(3)
 
+    @property
+    def between(self) -> np.ndarray:
+        """(node, parts - 1, 3) [m] places on the curve to the next node, from the node; none in a large mesh."""
+        model = self.model
+        parts = curve_parts(model.panel.node_count, model.scene.model.nodes_per_loop)
+        if parts == 1:
+            return np.zeros((0, 0, 3), dtype=np.float32)
+        return planar_curve(model.layout(), self.node_position, self.stretch, model.table.curve[self.entry]).between(parts)
 
-def pair_levers(r: PlanarObservables, pairs: np.ndarray) -> np.ndarray:
-    """(pair, 4, 2) [m] rest position of the body of each of `pairs` less those of the four nodes that it acts on."""
-    model = r.model
-    table, panel = model.table, model.panel
-    body = np.repeat(panel.body_rest, 2, axis=0)[pairs] - panel.pair_shift[pairs]
-    entry = (panel.pair_table[pairs] + r.pair_slide[pairs])[:, None] + np.arange(-1, 3)
-    return body[:, None, :] - np.stack([table.x[entry], table.y[entry]], axis=2)
+    @property
+    def displacement(self) -> np.ndarray:
+        """(node, 2) [m] from the affine prediction."""
+        return self.u
 
+    @property
+    def thickness(self) -> None:
+        """The rest height of a planar mesh is for pictures."""
 
-def pair_distances(r: PlanarObservables, pairs: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-    """(pair, 4, 2) [m] position of the body of each of `pairs` less those of the four `nodes` (pair, 4) that it acts on."""
-    return pair_levers(r, pairs) @ r.gradient.T + r.body_u[pairs // 2][:, None, :] - r.u[nodes]
-
-
-def node_entries(model: Model) -> np.ndarray:
-    """Table entry (node,) of each node."""
-    return model.panel.node_entry
+    @property
+    def panel_map(self) -> PanelMap | None:
+        """The map of a gripped panel of enough repeats."""
+        return find_panel_map(self) if has_map(self) else None
 
 
 def read(model: Model, state: State) -> PlanarObservables:
     """Evaluate the wires and copy the state to the host.
 
-    Where ranks share the mesh, all of them read together; what the first one gets is of the whole mesh.
+    Where ranks share the mesh, all of them read together; what the first one gets is of the global mesh.
     """
-    return _joined(read_strip(model, state))
-
-
-def read_strip(model: Model, state: State) -> PlanarObservables:
-    """The same of what this rank holds, without the others."""
-    nodes = model.panel.node_count
-    out = [wp.zeros(nodes, dtype=model.precision.real, device=model.device) for _ in range(5)]
-    evaluate(model, state, out)
-    edge_x, edge_y, _, tension, turning = (a.numpy().astype(np.float64) for a in out)
-    now = state.parity
-    unit = model.precision.unit
-
-    def metres(ax: wp.array, ay: wp.array) -> np.ndarray:
-        return np.stack([ax.numpy(), ay.numpy()], axis=1).astype(np.float64) * unit
-
-    force = state.pair_force.numpy().astype(np.float64)
-    nodal = np.stack([state.pair_nodal_x.numpy(), state.pair_nodal_y.numpy()], axis=1).astype(np.float64)
-    return PlanarObservables(
-        model=model,
-        control=state.read_control().copy(),
-        u=metres(state.node_ux[now], state.node_uy[now]),
-        body_u=metres(state.body_ux, state.body_uy),
-        clamp_shift=state.clamp_shift,
-        warmth=state.wire_warmth.numpy().copy(),
-        edge=np.stack([edge_x, edge_y], axis=1),
-        tension=tension,
-        wire_axial=state.wire_axial.numpy().astype(np.float64),
-        turning=turning,
-        plastic_turn=state.plastic_turn.numpy().astype(np.float64),
-        back_turn=state.back_turn.numpy().astype(np.float64),
-        pair_force=force,
-        pair_offset=state.pair_offset.numpy().astype(np.float64),
-        pair_stuck=state.pair_stuck.numpy().copy(),
-        pair_gap=state.pair_gap.numpy().astype(np.float64),
-        pair_node=state.pair_node.numpy().copy(),
-        pair_wake=state.pair_wake.numpy().astype(np.float64),
-        pair_slide=state.pair_slide.numpy().copy(),
-        pair_u=state.pair_u.numpy().astype(np.float64),
-        pair_nodal=np.where(force[:, None, None] > 0, nodal.reshape(-1, 4, 2), 0.0),
-    )
-
-
-def _joined(reading: PlanarObservables) -> PlanarObservables:
-    """The reading of the whole mesh on the first rank; that of its strip, as it is, on the others."""
-    model = reading.model
-    join = Join(model)
-    first_node = 0 if model.strip is None else model.strip.nodes.start
-    joined = {name: join.nodes(getattr(reading, name)) for name in ("u", "edge", "tension", "turning")}
-    joined |= {"wire_axial": join.wires(reading.wire_axial), "body_u": join.bodies(reading.body_u)}
-    for name in ("plastic_turn", "back_turn"):
-        values = getattr(reading, name)
-        joined[name] = join.nodes(values) if len(values) == model.panel.node_count else values
-    joined |= {"clamp_shift": join.clamps(reading.clamp_shift), "warmth": join.wires(reading.warmth)}
-    joined["pair_node"] = join.pairs(reading.pair_node + first_node)
-    of_pairs = ("pair_force", "pair_offset", "pair_gap", "pair_wake", "pair_slide", "pair_u", "pair_nodal")
-    joined |= {name: join.pairs(getattr(reading, name)) for name in of_pairs}
-    if len(reading.pair_stuck):
-        joined["pair_stuck"] = join.pairs(reading.pair_stuck)
-    return replace(reading, model=model.whole, **joined) if model.ranks.is_first else reading
-
-
-def evaluate(model: Model, state: State, out: list[wp.array]) -> None:
-    """Run `evaluate_wires` into edge_x, edge_y, strain, tension, turning, each [node]."""
-    evaluation(model, state, state.parity, out, (0, len(model.panel.block_first))).launch()
-
-
-def evaluation(model: Model, state: State, parity: int, out: list[wp.array], blocks: tuple[int, int]) -> wp.Launch:
-    """The launch of `evaluate` for so many blocks from one on, to be repeated where the displacements stand in the buffers of
-    `parity`."""
-    results = dict(zip(("edge_x", "edge_y", "strain", "tension", "turning"), out, strict=True))
-    return bind(
-        evaluate_wires, blocks[1] * BLOCK_SIZE, model.rest, model.mesh, state, model.constants, first_block=blocks[0],
-        ux=state.node_ux[parity], uy=state.node_uy[parity], **results,
-    ).record(model.device)  # fmt: skip
+    host = joined(read_strip(model, state))
+    return PlanarObservables(**{field.name: getattr(host, field.name) for field in fields(host)})

@@ -1,4 +1,4 @@
-"""Maps over a gripped panel: strain, tension, active contacts and stress of each repeat of the knit.
+"""The map of a gripped panel in the plane (measure/panel_map.py), tile by tile.
 
 A tile is one repeat of the cloth at rest. Its nominal stress P is the virial of what lies in it (measure.nominal_stress, tile by
 tile), its deformation gradient F that of the whole plus the slope of the displacement from tile to tile, the mean over the bodies
@@ -7,56 +7,29 @@ of a repeat that both tiles have; the tension is the force per current width, P 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..measure.measures import pair_active
+from ..measure.panel_map import LEAST_SHARE, PanelMap
 from ..measure.strain import rotation
-from . import measures as whole
-from .observables import PlanarObservables
+from .host_state import pair_levers
 
-LEAST_SHARE = 0.5  # of a tile inside the outline, for a value to be given
+if TYPE_CHECKING:
+    from .observables import PlanarObservables
+
 NODES_AT_ONCE = 1_000_000
 FEWEST_TILES = 12  # whole tiles from which a panel has a map
 
 
-@dataclass(frozen=True)
-class PanelMap:
-    """Values on tiles (column, row); nan where less than LEAST_SHARE of the tile is mesh."""
-
-    low: np.ndarray  # (2,) [m] lower corner of the first tile, from the middle of the panel at rest
-    tile: np.ndarray  # (2,) [m] size of a tile at rest
-    inside: np.ndarray  # share of the tile inside the outline
-    gradient: np.ndarray  # (column, row, 2, 2) deformation gradient
-    nominal: np.ndarray  # (column, row, 2, 2) [N/m] force per rest width
-    tension: np.ndarray  # (column, row, 2, 2) [N/m] force per current width
-    active_percent: np.ndarray  # of the pairs of the tile
-    stress_max: np.ndarray  # [Pa]
-
-    @property
-    def known(self) -> np.ndarray:
-        """Whether a tile has values."""
-        return self.inside >= LEAST_SHARE
-
-    @property
-    def place(self) -> np.ndarray:
-        """(column, row, 2) [m] middle of each tile, from the middle of the panel at rest."""
-        column, row = np.indices(self.inside.shape)
-        return self.low + (np.stack([column, row], axis=-1) + 0.5) * self.tile
-
-    def area_share(self, below: np.ndarray) -> float:
-        """Share of the panel's area where a condition (column, row) holds, of what has values."""
-        area = np.where(self.known, self.inside, 0.0)
-        return float(area[below & self.known].sum() / area.sum())
-
-
-def has_map(reading: PlanarObservables) -> bool:
+def has_map(r: PlanarObservables) -> bool:
     """Whether the mesh is a gripped one of enough repeats."""
-    panel, cloth = reading.model.panel, reading.model.cloth
+    panel, cloth = r.model.panel, r.model.cloth
     return panel.outline is not None and cloth is not None and panel.area >= FEWEST_TILES * float(np.prod(cloth.size))
 
 
-def panel_map(r: PlanarObservables) -> PanelMap:
+def find_panel_map(r: PlanarObservables) -> PanelMap:
     """The maps of a gripped panel."""
     panel, table, cloth = r.model.panel, r.model.table, r.model.cloth
     assert panel.outline is not None and cloth is not None
@@ -77,7 +50,7 @@ def panel_map(r: PlanarObservables) -> PanelMap:
         return np.bincount(where, values, minlength=shape[0] * shape[1])
 
     virial, stress_max = np.zeros((shape[0] * shape[1], 2, 2)), np.zeros(shape[0] * shape[1])
-    force, stress = r.segment_force, whole.wire_stress(r)
+    force, stress = r.segment_force, r.wire_stress.node
     inside = np.any(r.edge != 0.0, axis=1)
     origin = np.repeat(np.arange(len(panel.block_first)), panel.block_count)
     for begin in range(0, panel.node_count, NODES_AT_ONCE):
@@ -92,9 +65,9 @@ def panel_map(r: PlanarObservables) -> PanelMap:
     # whole repeats apart, whatever rounding does at the border of a tile
     body_tile = index(np.floor((panel.body_rest - low) / tile) + np.rint(panel.body_origin / tile))
     touching = np.nonzero(r.pair_force > 0)[0]
-    lever = whole.pair_levers(r, touching)
+    lever = pair_levers(r, touching)
     held_tile = number(panel.clamp_position[panel.held_clamp])
-    held = whole.held_forces(r)
+    held = r.held_forces
     for a, b in np.ndindex(2, 2):
         virial[:, a, b] += gather(body_tile[touching // 2], np.einsum("pk,pk->p", r.pair_nodal[touching, :, a], lever[..., b]))
         virial[:, a, b] += gather(held_tile, held[:, a] * panel.held_lever[:, b])
@@ -107,7 +80,7 @@ def panel_map(r: PlanarObservables) -> PanelMap:
         return values
 
     pairs = 2.0 * gather(body_tile, np.ones(panel.body_count))
-    active = gather(body_tile, whole.pair_active(r).reshape(-1, 2).sum(axis=1).astype(float))
+    active = gather(body_tile, pair_active(r).reshape(-1, 2).sum(axis=1).astype(float))
     moved = np.full((len(cloth.clasps), shape[0] * shape[1], 2), np.nan)
     moved[panel.body_clasp, body_tile] = r.body_u
     moved[:, ~known.ravel()] = np.nan

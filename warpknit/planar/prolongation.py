@@ -15,9 +15,9 @@ import warp as wp
 from ..kernels import control as c
 from ..kernels.prolong import Meshes, prolong_bodies, prolong_nodes
 from ..launch import bind
+from .host_state import node_entries
 from .join import Join
 from .model import Model, block_threads
-from .observables import node_entries
 from .response import Response, carried_values
 from .state import State
 

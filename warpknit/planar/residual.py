@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from .. import measure
 from ..kernels import control as c
 from ..numerics import ENERGY_FLOOR, FORCE_FLOOR, LOCAL_ALLOWANCE
-from . import measures as measure
 from .diagnostics import Sums
 from .model import Model
 

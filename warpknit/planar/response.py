@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import warp as wp
 
+from .host_state import read_strip
 from .join import Join
 from .model import Model
-from .observables import read_strip
 from .state import State
 
 STRAIN = 2e-3  # by which one repeat is strained further
@@ -20,16 +20,16 @@ LEAST_STIFFNESS = 1e-2  # of the largest eigenvalue: a softer way to strain the 
 def carried_values(model: Model, state: State) -> dict[str, np.ndarray]:
     """What tells two states of a mesh apart: [node] or [body] displacements [m], tension [N] and softened strain, [pair]
     offset [N]. Of the whole mesh, on all ranks that share it."""
-    reading = read_strip(model, state)
+    host = read_strip(model, state)
     offset = state.tension_offset.numpy().astype(np.float64)
-    strain = (reading.tension - offset) / np.repeat(reading.wire_axial, model.panel.wire_count)
+    strain = (host.tension - offset) / np.repeat(host.wire_axial, model.panel.wire_count)
     join = Join(model, everywhere=True)
-    of_nodes = {"x": reading.u[:, 0], "y": reading.u[:, 1], "tension": reading.tension, "strain": strain}
-    of_bodies = {"body_x": reading.body_u[:, 0], "body_y": reading.body_u[:, 1]}
+    of_nodes = {"x": host.u[:, 0], "y": host.u[:, 1], "tension": host.tension, "strain": strain}
+    of_bodies = {"body_x": host.body_u[:, 0], "body_y": host.body_u[:, 1]}
     return {
         **{name: join.nodes(values) for name, values in of_nodes.items()},
         **{name: join.bodies(values) for name, values in of_bodies.items()},
-        "offset": join.pairs(reading.pair_offset),
+        "offset": join.pairs(host.pair_offset),
     }
 
 

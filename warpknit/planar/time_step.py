@@ -23,17 +23,17 @@ FASTER = 2.0  # times the largest speed now, that something may have before the 
 NEAR = 0.02  # of the reach of a contact: nearer to closing than this counts as closed in any case
 
 
-def largest_step(reading: PlanarObservables, steps: int) -> float:
+def largest_step(host: PlanarObservables, steps: int) -> float:
     """Step [s] up to which the next `steps` steps are stable."""
-    model, control = reading.model, reading.control
+    model, control = host.model, host.control
     move = FASTER * float(control[int(c.SPEED_MAX)] * control[int(c.TIME_STEP)])
     approach = NEAR * abs(model.contact_reach) + 2.0 * steps * move
     body = 2.0 * float(control[int(c.CONTACT_STIFFNESS)] * control[int(c.BODY_INVERSE_MASS)])
-    square = max(frequency_square(reading, approach), BOUNCING * body * (model.pair_count > 0))
+    square = max(frequency_square(host, approach), BOUNCING * body * (model.pair_count > 0))
     return 2.0 / math.sqrt(square)
 
 
 def stable_step(model: Model, state: State, steps: int) -> float:
     """Time step [s] of a ramp for the next `steps` steps from the present state on."""
-    reading = read(model, state)
-    return STEP_MARGIN * model.ranks.from_first(lambda: largest_step(reading, steps))
+    host = read(model, state)
+    return STEP_MARGIN * model.ranks.from_first(lambda: largest_step(host, steps))

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..planar.model import Model
+from ..measure import MeshModel
 from ..scene import Scene
 from ..scene.materials import MATERIALS
 from .history import Row
@@ -22,7 +22,7 @@ STEADY_FRICTION = 0.1  # coefficient up to which it does not matter how far stea
 CONVERGED_STEP = 0.0003125  # of strain between them, from which on it does not matter either
 
 
-def cautions(model: Model, rows: list[Row]) -> Iterator[str]:
+def cautions(model: MeshModel, rows: list[Row]) -> Iterator[str]:
     """A line each."""
     scene = model.scene
     yield from _about_constants(scene)

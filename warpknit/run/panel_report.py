@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from ..measure.panel_map import PanelMap
+from ..measure.surface import Surface, find_surface
+from ..measure.table import Record
 from ..mesh.rim import Rim, build_rim
-from ..planar.panel_map import PanelMap, has_map, panel_map
-from ..planar.surface import Surface, find_surface
-from ..solve.simulate import Record
 
 
 @dataclass(frozen=True)
@@ -65,15 +65,29 @@ def cord_numbers(rim: Rim, gradient: np.ndarray, stations: np.ndarray) -> dict[s
     }
 
 
-def report_panel(record: Record) -> PanelReport | None:
-    """The report of a gripped panel; None for a mesh that is none, or too small for a map."""
-    reading = record.observables
-    if not has_map(reading):
+def cord_summary(record: Record) -> dict[str, Any] | None:
+    """The edge of a mesh that hangs on cords; None of one that does not."""
+    model = record.observables.model
+    if model.scene.panel.cord is None:
         return None
-    model = reading.model
+    rim = build_rim(model.panel, model.scene)
+    cords = cord_numbers(rim, record.observables.stretch, _stations(record, rim))
+    return {"outline": model.scene.panel.outline, "area_m2": model.panel.area} | cords
+
+
+def _stations(record: Record, rim: Rim) -> np.ndarray:
+    """(station, 2) [m] displacement of the rim, where it has none too."""
+    return record.stations if len(record.stations) else np.zeros((len(rim.arc), 2))
+
+
+def report_panel(record: Record) -> PanelReport | None:
+    """The report of a gripped panel; None of a mesh without a map."""
+    r = record.observables
+    found = r.panel_map
+    if found is None:
+        return None
+    model = r.model
     options = model.scene.panel
-    assert model.panel.outline is not None
-    found = panel_map(reading)
     least = np.minimum(found.tension[..., 0, 0], found.tension[..., 1, 1])[found.known]
     numbers: dict[str, Any] = {
         "outline": options.outline,
@@ -94,11 +108,11 @@ def report_panel(record: Record) -> PanelReport | None:
             numbers["area_below_active_percent"] = 100.0 * found.area_share(found.active_percent < options.active_threshold)
     surface = None
     rim = build_rim(model.panel, model.scene)
-    stations = record.stations if len(record.stations) else np.zeros((len(rim.arc), 2))
-    numbers |= cord_numbers(rim, reading.stretch, stations)
+    stations = _stations(record, rim)
+    numbers |= cord_numbers(rim, r.stretch, stations)
     if options.focal_length is not None:
         middle = model.panel.low + 0.5 * model.panel.size
-        surface = find_surface(found, rim, reading.stretch, stations, middle, options.focal_length)
+        surface = find_surface(found, rim, r.stretch, stations, middle, options.focal_length)
         numbers["surface"] = {
             "focal_length_m": options.focal_length,
             "rms_deviation_m": surface.rms_deviation,
@@ -106,6 +120,6 @@ def report_panel(record: Record) -> PanelReport | None:
             "pillowing_m": surface.pillowing,
             "slope_max": float(np.hypot(*surface.point.T).max() / (2.0 * options.focal_length)),
         }
-    at = (rim.place - model.panel.low - 0.5 * model.panel.size) @ reading.stretch.T + stations
+    at = (rim.place - model.panel.low - 0.5 * model.panel.size) @ r.stretch.T + stations
     edge = {"x_m": at[:, 0], "y_m": at[:, 1], "held": rim.given.astype(int)}
-    return PanelReport(found, surface, edge, reading.stretch, numbers)
+    return PanelReport(found, surface, edge, r.stretch, numbers)

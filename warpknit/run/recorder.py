@@ -9,22 +9,25 @@ import json
 import math
 import shutil
 import time
-from abc import ABC, abstractmethod
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .. import measure
 from ..errors import OutOfResources, RunDirectoryError
-from ..files import write_aside
+from ..files import write_aside, write_table
 from ..frame import Frame, WireLayout
-from ..knit.cloth import Cloth
+from ..measure import MeshModel
+from ..measure.table import Record
 from ..memory import available_memory
 from ..scene import Scene, resolved_toml
-from ..solve.simulate import Progress, Record, Simulation
+from ..solve.simulate import Progress, Simulation
 from .checkpoint import Checkpoint
-from .history import Row, account_sliding, account_work, read_history, write_history
+from .history import Row, account_sliding, account_work, read_history, row_of, write_history
+from .panel_report import cord_summary, report_panel
 from .progress import Progress as Display
 from .run_directory import Ending
-from .summary import Estimate
+from .summary import Estimate, run_summary, stage_summary
 from .watch import Watch
 
 if TYPE_CHECKING:
@@ -32,6 +35,8 @@ if TYPE_CHECKING:
 
 RECORD_MEMORY = 400  # bytes a node that writing a record takes: the frame and its tables
 RESERVED_DISK = 64 * 2**10  # [bytes] kept free for summary.json of a run whose disk is full
+
+Judge = Callable[[Record], Estimate]
 
 
 def open_frames(scene: Scene, layout: WireLayout, out: Path, *, resume: bool, hold: int | None) -> FrameWriter:
@@ -51,8 +56,20 @@ def open_frames(scene: Scene, layout: WireLayout, out: Path, *, resume: bool, ho
     return frame_writer(out, layout, stage if scene.output.usd else None, resume=resume, hold=hold)
 
 
-class Recorder(ABC):
-    """Runs a simulation and writes what it yields; what a record says, those for a model know."""
+def frame_of(record: Record) -> Frame:
+    """The state for the exports."""
+    return measure.frame(
+        record.observables,
+        index=record.index,
+        stage=record.stage,
+        load_factor=record.load_factor,
+        temperature=record.temperature,
+    )
+
+
+class Recorder:
+    """Runs a simulation and writes what it yields; `judge` is asked for the errors of the last record of a run that came to its
+    end."""
 
     def __init__(
         self,
@@ -62,12 +79,15 @@ class Recorder(ABC):
         compile_time: float,
         checkpoint: Checkpoint | None,
         hold: int | None,
+        judge: Judge | None = None,
     ) -> None:
-        self.scene: Scene = simulation.model.scene
+        self.model: MeshModel = simulation.model.whole
+        self.scene: Scene = self.model.scene
         self.simulation = simulation
         self.out = out
         self.display = display
         self.compile_time = compile_time
+        self.judge = judge
         self.rows: list[Row] = []
         self.stages: list[dict[str, Any]] = []
         self.last: Record | None = None
@@ -84,10 +104,10 @@ class Recorder(ABC):
         else:
             with write_aside(out / "scene.toml") as file:
                 file.write(resolved_toml(self.scene))
-            self.layout.save(out / "layout.npz")
+            self.model.layout().save(out / "layout.npz")
         self._reserve = out / ".reserve"
         self._reserve.write_bytes(bytes(RESERVED_DISK))
-        self.frames = open_frames(self.scene, self.layout, out, resume=checkpoint is not None, hold=hold)
+        self.frames = open_frames(self.scene, self.model.layout(), out, resume=checkpoint is not None, hold=hold)
 
     def run(self) -> Ending:
         with self.frames:
@@ -100,7 +120,7 @@ class Recorder(ABC):
                 raise
             code, message = ending.exit_code, ending.message
             unsteady = ending.reason == "steady" and not self.rows[-1].steady
-            estimate = self.estimate() if code == 0 else None
+            estimate = self.judge(self.last) if code == 0 and self.judge is not None and self.last is not None else None
             summary = self._write_summary("finished" if unsteady else ending.reason, message, estimate)
             self.frames.close(complete=code == 0)
         self._reserve.unlink(missing_ok=True)
@@ -114,63 +134,38 @@ class Recorder(ABC):
             shutil.rmtree(self.out / "checkpoint", ignore_errors=True)
         return Ending(code, summary, message)
 
-    # --- what a model has of its own
-
-    @property
-    @abstractmethod
-    def layout(self) -> WireLayout:
-        """How the wires of the whole mesh are laid out."""
-
-    @property
-    @abstractmethod
-    def nodes(self) -> int:
-        """Of the whole mesh."""
-
-    @property
-    def cloth(self) -> Cloth | None:
-        """What was knitted; None where nothing was."""
-        return self.simulation.model.cloth
-
-    @abstractmethod
-    def row_of(self, record: Any) -> Row:
-        """The row of history.csv."""
-
-    @abstractmethod
-    def frame_of(self, record: Any, row: Row) -> Frame:
-        """The state for the exports."""
-
-    @abstractmethod
-    def stage_summary(self, record: Any, *, ended: bool) -> dict[str, Any]:
-        """What the summary says of a stage; `ended` where this is its last record."""
-
-    @abstractmethod
-    def summary(self, stages: list[dict[str, Any]], **how: Any) -> dict[str, Any]:
-        """The whole of summary.json; `how` goes to `run_summary`."""
-
-    def estimate(self) -> Estimate | None:
-        """How far the last record may be from the true one, where that is asked for."""
-        return None
-
     # --- records ---
 
     def _keep(self, record: Record) -> None:
         """Write one record: its state, its USD frame, its row; then the stage's summary where the stage ends."""
         self._reserve_memory()
-        row = self.row_of(record)
-        self.frames.add_frame(self.frame_of(record, row))
+        row = row_of(record)
+        self.frames.add_frame(frame_of(record))
         self.rows.append(row)
         account_work(self.rows, self.simulation.model)
         account_sliding(self.rows)
         write_history(self.out / "history.csv", self.rows)
         if record.load_factor == 1.0:
-            self.stages.append(self.stage_summary(record, ended=True))
+            self.stages.append(stage_summary(record, self.rows, self._keep_panel(record)))
             with write_aside(self.out / "stages.json") as file:
                 json.dump(self.stages, file, allow_nan=False)
         self.last = record
 
+    def _keep_panel(self, record: Record) -> dict[str, Any] | None:
+        """Write the maps of a panel at the end of a stage; what the summary says of it."""
+        report = report_panel(record)
+        if report is None:
+            return cord_summary(record)
+        folder = self.out / "panel"
+        write_table(folder / f"map_{record.index:06d}.csv", report.map_table())
+        write_table(folder / f"edge_{record.index:06d}.csv", report.edge)
+        if report.surface is not None:
+            write_table(folder / f"surface_{record.index:06d}.csv", report.surface_table())
+        return report.summary
+
     def _reserve_memory(self) -> None:
         """Raise `OutOfResources` before a library that does not survive it runs out of memory."""
-        needed, available = RECORD_MEMORY * self.nodes, available_memory()
+        needed, available = RECORD_MEMORY * self.model.node_count, available_memory()
         if needed > available:
             raise OutOfResources(
                 f"memory ran out: a record needs {needed / 2**20:,.0f} MiB, {available / 2**20:,.0f} MiB are available"
@@ -179,15 +174,18 @@ class Recorder(ABC):
     def _write_summary(self, reason: str, message: str, estimate: Estimate | None = None) -> dict[str, Any]:
         stages = self.stages
         if reason in ("diverged", "interrupted") and self.last is not None:
-            unfinished = self.stage_summary(self.last, ended=False)
+            unfinished = stage_summary(self.last, self.rows, cord_summary(self.last))
             stages = [s for s in stages if s["name"] != unfinished["name"]] + [unfinished]
-        summary = self.summary(
+        summary = run_summary(
+            self.model,
+            self.rows,
             stages,
             stop_reason=reason,
             wall=self.watch.wall,
             compile_time=self.compile_time,
             steps=self.simulation.progress.steps,
             message=message,
+            notes=self.simulation.notes,
             estimate=estimate,
         )
         with write_aside(self.out / "summary.json") as file:
@@ -215,7 +213,7 @@ class Recorder(ABC):
             self.display.stage(stages[progress.stage_index].name, number=progress.stage_index + 1, of=len(stages))
         elapsed = time.perf_counter() - self.watch.begin
         # none while a large mesh waits for its smaller ones
-        rate = progress.steps * self.nodes / elapsed if elapsed > 0 and progress.steps else None
+        rate = progress.steps * self.model.node_count / elapsed if elapsed > 0 and progress.steps else None
         records = progress.level - (progress.stage_index == 0)  # the first stage begins with the unloaded state
         self.display.update(
             done=min(1.0, max(0, records) / max(1, self.scene.output.frames)),
@@ -229,10 +227,10 @@ class Recorder(ABC):
         from ..export import export_run
 
         export_run(self.out, "png")
-        if self.cloth is not None:
+        if self.model.cloth is not None:
             from ..export.knit_figure import knit_figure
 
-            knit_figure(self.cloth, self.scene.wire.diameter, self.out / "figures" / "knit.png")
+            knit_figure(self.model.cloth, self.scene.wire.diameter, self.out / "figures" / "knit.png")
 
 
 def _finite(tree: Any) -> Any:

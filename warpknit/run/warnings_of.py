@@ -7,18 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from ..planar.limits import slid_wires, tight_loops
-from ..planar.model import Model
+from ..measure import MeshModel
 from ..text import engineering
 from .cautions import cautions
-from .history import HookRow, Row
+from .history import Row
 
 STEEP = 0.3  # slope from which its square is no longer small
 LEVELS_FOLLOWED = 4  # of a stage: with fewer the work along them is too rough to tell of a snap
-COMPRESSED = {
-    "planar": "the mesh is compressed: a real one would wrinkle out of its plane, which this planar model cannot show",
-    "spatial": "the mesh is compressed: a real one would wrinkle over many repeats, for which this one is too small",
-}
 SHORTER = -0.005  # strain imposed on a mesh from which it is compressed; under a tension it only contracts
 UNEVEN = 0.25  # by which the median of a panel may miss the tension that its edges are pulled by
 STRAIN_JUMP = 0.06  # between two recorded states of a relaxation: worth a warning
@@ -27,24 +22,24 @@ UNBALANCED = 0.05  # of the most that was stored, by which work and stored energ
 Stages = Sequence[dict[str, Any]]
 
 
-def warnings_of(model: Model, rows: Sequence[Row], stages: Stages) -> list[str]:
+def warnings_of(model: MeshModel, rows: Sequence[Row], stages: Stages) -> list[str]:
     """A line each; `rows` are those of history.csv, `stages` those of summary.json."""
     return [
         *model.panel.notes,
         *_overstressed(model, rows, stages),
         *_compressed(model, rows),
         *cautions(model, list(rows)),
-        *_beyond_the_plane(model, stages),
+        *model.warnings(stages),
         *_unevenly_pulled(model, stages),
         *_out_of_reach(stages),
         *_pressed_as_knitted(rows),
-        *_lost_contact([row for row in rows if isinstance(row, HookRow)]),
+        *_lost_contact([row for row in rows if row.is_hook]),
         *_jumped(model, rows),
         *_snapped(model, stages),
     ]
 
 
-def _overstressed(model: Model, rows: Sequence[Row], stages: Stages) -> Iterator[str]:
+def _overstressed(model: MeshModel, rows: Sequence[Row], stages: Stages) -> Iterator[str]:
     wire = model.scene.wire
     largest = max((row.stress_max_Pa for row in rows), default=0.0)
     interior = max((stage["wire"]["stress_interior_max_Pa"] for stage in stages), default=largest)
@@ -59,22 +54,15 @@ def _overstressed(model: Model, rows: Sequence[Row], stages: Stages) -> Iterator
         yield f"{stressed} elastic limit of {engineering(wire.yield_stress, 'Pa')}: it {keeps} a set; {law}"
 
 
-def _compressed(model: Model, rows: Sequence[Row]) -> Iterator[str]:
+def _compressed(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
     for row in rows:
         imposed = ~_driven_by_tension(model, row.stage)
         if np.any(imposed & (np.array([row.strain_weft, row.strain_warp]) < SHORTER)):
-            yield COMPRESSED[model.scene.model.kind]
+            yield f"the mesh is compressed: a real one would {model.when_compressed}"
             return
 
 
-def _beyond_the_plane(model: Model, stages: Stages) -> Iterator[str]:
-    """Whether wires in space may hook far sooner."""
-    if model.scene.model.kind == "planar" and model.cloth is not None:
-        yield from tight_loops(model.scene, model.cloth)
-        yield from slid_wires(model.scene, stages)
-
-
-def _unevenly_pulled(model: Model, stages: Stages) -> Iterator[str]:
+def _unevenly_pulled(model: MeshModel, stages: Stages) -> Iterator[str]:
     """Whether most of a panel carries what its edges are pulled by."""
     left_out = max((stage["quality"]["membrane_left_out"] for stage in stages), default=0.0)
     if left_out > 0.0:
@@ -110,7 +98,7 @@ def _pressed_as_knitted(rows: Sequence[Row]) -> Iterator[str]:
         )
 
 
-def _lost_contact(rows: Sequence[HookRow]) -> Iterator[str]:
+def _lost_contact(rows: Sequence[Row]) -> Iterator[str]:
     """Whether two hooked wires have come apart."""
     force = [min(row.force_left_N, row.force_right_N) for row in rows]
     if not force or force[-1] > 0.0 or max(force) == 0.0:
@@ -120,7 +108,7 @@ def _lost_contact(rows: Sequence[HookRow]) -> Iterator[str]:
     yield f"{where}, where they pressed with {engineering(force[most], 'N')}: the contact has slid off its target"
 
 
-def _jumped(model: Model, rows: Sequence[Row]) -> Iterator[str]:
+def _jumped(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
     if model.scene.solver.drive != "relax":
         return
     for a, b in zip(rows, rows[1:], strict=False):
@@ -135,7 +123,7 @@ def _jumped(model: Model, rows: Sequence[Row]) -> Iterator[str]:
             return
 
 
-def _snapped(model: Model, stages: Stages) -> Iterator[str]:
+def _snapped(model: MeshModel, stages: Stages) -> Iterator[str]:
     followed = model.scene.output.frames >= LEVELS_FOLLOWED or model.scene.solver.drive == "ramp"
     if stages and followed and abs(stages[-1]["quality"]["energy_balance_of_stored"]) > UNBALANCED:
         yield (
@@ -144,7 +132,7 @@ def _snapped(model: Model, stages: Stages) -> Iterator[str]:
         )
 
 
-def _driven_by_tension(model: Model, name: str) -> np.ndarray:
+def _driven_by_tension(model: MeshModel, name: str) -> np.ndarray:
     """(2,) whether a stage drives weft and warp by tension: what they are strained by is the mesh's own then."""
     stage = next(stage for stage in model.scene.stages if stage.name == name)
     return np.array(stage.by_tension)

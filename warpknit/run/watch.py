@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import Diverged
-from ..solve.simulate import Progress, Record, Simulation
+from ..measure.table import Record
+from ..solve.simulate import Progress, Simulation
 from .checkpoint import write_checkpoint
 from .interrupts import Interrupted, Interrupts
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import measure
 from ..errors import Diverged
 from ..kernels import control as c
 from ..measure.edge_work import EdgeWork
@@ -110,9 +111,9 @@ class Drive(ABC):
 
     def mesh_tension(self, observed: Any) -> np.ndarray:
         """Tensions (weft, warp) [N/m] of the mesh that the first rank has read."""
-        return np.asarray(self.model.ranks.from_first(lambda: np.array(observed.mesh_tension)))
+        return np.asarray(self.model.ranks.from_first(lambda: np.array(measure.mesh_tension(observed))))
 
-    def record(self, stage: Stage, factor: float, *, steady: bool, work: float | None = None) -> Record:
+    def record(self, stage: Stage, factor: float, *, steady: bool, work: float = 0.0) -> Record:
         """The state as it is."""
         progress = self.progress
         observables = self.mechanics.observe()

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from ..errors import Diverged
-from ..measure.scales import tension_scale
+from ..measure import tension_scale
 from ..mechanics import Group
 from ..numerics import CHECK_STEPS
 from .convergence import TENSION_FLOOR, Convergence

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from ..kernels import control as c
+from ..measure import tension_scale
 from ..measure.edge_work import EdgeWork
-from ..measure.scales import tension_scale
 from ..measure.strain import stretch
 from ..mechanics import advance
 from ..mesh.load_point import LoadPoint

@@ -21,7 +21,7 @@ class Record:
     temperature: float  # [K]
     steps: int
     steady: bool
-    work: float | None  # [J] put in since the start, where the drive keeps account of it (ramp)
+    work: float  # [J] put in since the start, where the drive keeps account of it (ramp)
     dissipated: float  # [J] taken out since the start, by the damping of a ramp, by friction or yield
     left_out: float  # of the tension, that the mesh may be out of balance by as a membrane; 0 where that was looked after
     edge_work: float  # [J] put in by what differs from place to place: pulls at the edge, cords, thermal strain

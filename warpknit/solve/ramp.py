@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from ..kernels import control as c
-from ..measure.scales import tension_scale
+from ..measure import tension_scale
 from ..mechanics import advance
 from ..mesh.load_point import LoadPoint
 from ..numerics import CHECK_STEPS
@@ -53,7 +53,9 @@ class Ramp(Drive):
         progress = self.progress
         unloaded = progress.stage_index == 0
         if progress.level == 0 and unloaded:
-            progress.work = self.mechanics.observe().stored  # of wires that are not free of stress as knitted, or overlap
+            progress.work = (
+                self.mechanics.observe().energies.stored
+            )  # of wires that are not free of stress as knitted, or overlap
             yield self._keep(stage, 0.0, steady=True)
         if not progress.solving:
             driven = any(stage.by_tension)

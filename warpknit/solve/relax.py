@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import Diverged
-from ..measure.scales import tension_scale
+from ..measure import tension_scale
 from ..measure.strain import clamp_rotation, rotation, stretch
 from ..mechanics import Alone, Mechanics
 from ..mesh.load_point import LoadPoint

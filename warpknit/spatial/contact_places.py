@@ -1,38 +1,18 @@
-"""What exports show of wires in space: the recorded state, and where wires touch or are nearest."""
+"""Places of wires in space: the smooth curve between the nodes, where wires touch, and where they are nearest for pictures."""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from ..frame import Frame
-from ..measure.strain import rotation
+from ..measure.contact_places import ContactPlaces, arcs_along
+from ..measure.measures import active_threshold
 from ..wires.overlaps import segment_distances
-from .observables import SpatialObservables
 from .sites import NOWHERE
 
-
-def frame(r: SpatialObservables, *, index: int, stage: str, load_factor: float, temperature: float) -> Frame:
-    """The recorded state for the exports. A site is shown where its wires touch or are nearest to each other."""
-    panel, f = r.mesh.panel, r.stretch
-    rest = r.mesh.rods.position[:, :2] if panel.boundary == "periodic" else panel.clamp_position
-    corner = np.append(f @ rest.min(axis=0), 0.0)
-    back = np.eye(3)
-    back[:2, :2] = rotation(r.clamp_rotation)
-    return Frame(
-        index=index,
-        stage=stage,
-        load_factor=load_factor,
-        strain_weft=float(f[0, 0] - 1.0),
-        strain_warp=float(f[1, 1] - 1.0),
-        shear=float(f[0, 1]),
-        temperature=temperature,
-        node_position=r.place - corner,
-        node_stress=r.stress,
-        body_position=site_places(r) @ back.T - corner,
-        pair_force=np.repeat(r.site_force, 2),
-        pair_active=np.repeat(r.site_active, 2),
-        between=r.curve.between(r.mesh.layout().curve_parts) @ back.T.astype(np.float32),
-    )
+if TYPE_CHECKING:
+    from .observables import SpatialObservables
 
 
 def site_places(r: SpatialObservables) -> np.ndarray:
@@ -54,15 +34,15 @@ def _touched(r: SpatialObservables, contact: int, sign: float) -> np.ndarray:
     """(3,) [m] the place of a contact whose first wire is that of its site where `sign` is 1."""
     t = r.touching
     node, s = (t.first, t.place[:, 0]) if sign > 0.0 else (t.second, t.place[:, 1])
-    half = 0.5 * (r.length_factor * r.mesh.rods.section.thickness - t.overlap[contact])
+    half = 0.5 * (r.length_factor * r.model.rods.section.thickness - t.overlap[contact])
     own = r.position[node[contact]] + r.curve.offset(node[contact : contact + 1], s[contact : contact + 1])[0]
     return np.asarray(own - sign * half * t.normal[contact])
 
 
 def _nearest(r: SpatialObservables, site: int) -> np.ndarray:
     """(3,) [m] between the nearest points of the two wires of a site, within its reach."""
-    wires = r.mesh.wires
-    rest = [_along(r, r.mesh.rods.position, np.eye(2), site, side)[0] for side in (0, 1)]
+    wires = r.model.wires
+    rest = [_along(r, r.model.rods.position, np.eye(2), site, side)[0] for side in (0, 1)]
     lines, rounds = zip(*(_along(r, r.position, r.gradient, site, side) for side in (0, 1)), strict=True)
     apart = rest[0].mean(axis=0) - rest[1].mean(axis=0)
     tiles = np.rint(np.divide(apart, wires.tile, out=np.zeros(3), where=wires.tile > 0))
@@ -81,7 +61,7 @@ def _along(
     r: SpatialObservables, position: np.ndarray, gradient: np.ndarray, site: int, side: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """(n, 3) [m] nodes of one wire of a site within its reach, in turn, and how far each has gone on from where it is drawn."""
-    rods, wires = r.mesh.rods, r.mesh.wires
+    rods, wires = r.model.rods, r.model.wires
     wire = int(wires.site_wire[site, side])
     count, first = int(rods.wire_count[wire]), int(rods.wire_first[wire])
     seed = wires.site_seed[site, side]
@@ -95,3 +75,23 @@ def _along(
     closing[:2] = gradient @ rods.wire_period[wire, :2]
     moved = turns[:, None] * closing
     return position[first + number - turns * count] + moved, moved
+
+
+def contact_places(r: SpatialObservables) -> ContactPlaces:
+    """A place for each contact with more than the threshold."""
+    rods, contacts = r.model.rods, r.touching
+    kept = contacts.force > active_threshold(r.model)
+    node = np.stack([contacts.first, contacts.second], axis=1)[kept]
+    place, shift = contacts.place[kept], contacts.shift[kept]
+    rest = np.stack([r.rest_place(node[:, side], place[:, side]) for side in (0, 1)], axis=1)
+    lengths = rods.natural_length * r.length_factor
+    wire = rods.wire_of[node]
+    return ContactPlaces(
+        force=contacts.force[kept],
+        wire=wire,
+        arc=arcs_along(lengths, rods.wire_first, wire, node, place),
+        rest=rest[..., :2],
+        reach=(rest[:, 1] + shift - rest[:, 0])[:, :2],
+        wire_length=np.add.reduceat(lengths, rods.wire_first),
+        wire_period=rods.wire_period[:, :2],
+    )

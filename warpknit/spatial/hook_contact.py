@@ -7,17 +7,22 @@ to that sum in the plane.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
+from ..measure.hook_contact import HookContact
+from ..measure.measures import active_threshold
 from ..mesh.hook import LEFT, RIGHT, RIGHT_TOP
-from ..planar.hook_contact import HookContact
 from .hook import BETWEEN
-from .observables import SpatialObservables
+
+if TYPE_CHECKING:
+    from .observables import SpatialObservables
 
 
 def hook_contact(r: SpatialObservables) -> HookContact:
-    """The contact of a hook's reading; where the wires do not touch, its places are those of the middle of the lens at rest."""
-    mesh, t = r.mesh, r.touching
+    """The contact of a hook; where the wires do not touch, its places are those of the middle of the lens at rest."""
+    mesh, t = r.model, r.touching
     hook, rods = mesh.scene.hook, mesh.rods
     assert hook is not None
     step = hook.length / mesh.scene.model.nodes_per_loop
@@ -43,5 +48,5 @@ def hook_contact(r: SpatialObservables) -> HookContact:
         arc_right=arc[RIGHT],
         ground_force=0.0,
         body=body,
-        threshold=r.threshold,
+        threshold=active_threshold(r.model),
     )

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import measure
 from ..errors import ModelError
 from ..kernels import control as c
 from ..mechanics import Check, Drift, beyond_strength
@@ -224,7 +225,7 @@ class SpatialMechanics:
         return self.observe().nominal_stress
 
     def causes(self) -> str:
-        return beyond_strength(float(self.observe().stress.max()), self.model.scene.wire.tensile_strength)
+        return beyond_strength(measure.stress_extremes(self.observe())[0], self.model.scene.wire.tensile_strength)
 
     def is_in_equilibrium(self, load: LoadPoint) -> bool:
         """As knitted, where no wires overlap and all are free of stress; says so where some overlap."""
@@ -275,7 +276,7 @@ class SpatialMechanics:
         return read(self.model, self.sites, self.rest, self.contact)
 
     def edge_work_terms(self, observed: SpatialObservables) -> list[tuple[np.ndarray, np.ndarray]]:
-        terms = [(observed.warmth_force, observed.warmth)]
+        terms = [(observed.thermal_strain_force, observed.thermal_strain)]
         if self.edge is not None:
             terms.append((self.edge.grip_forces(observed.force), self.edge.clamp_displacement))
         return terms

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -80,16 +81,6 @@ class SpatialMesh:
         return 0.0 if self.ramp is None else self.ramp.added_mass
 
     @property
-    def whole(self) -> SpatialMesh:
-        """The model of the whole mesh: no ranks share it."""
-        return self
-
-    @property
-    def node_count(self) -> int:
-        """Nodes that are stepped: clamped wires are divided anew."""
-        return self.rods.node_count
-
-    @property
     def bending_stiffness(self) -> float:
         """EI [N m2]."""
         return self.rods.section.bending_stiffness
@@ -98,6 +89,25 @@ class SpatialMesh:
     def curve_error(self) -> float:
         """[m] of the rest curve between the nodes."""
         return self.curve.miss
+
+    @property
+    def whole(self) -> SpatialMesh:
+        """The global mesh: no ranks share it."""
+        return self
+
+    @property
+    def node_count(self) -> int:
+        """Nodes of the rods: wires between clamps are divided anew."""
+        return self.rods.node_count
+
+    @property
+    def when_compressed(self) -> str:
+        """What a compressed mesh would do and this one does not show."""
+        return "wrinkle over many repeats, for which this one is too small"
+
+    def warnings(self, stages: Sequence[dict[str, Any]]) -> Iterator[str]:
+        """Where results are beyond what the model is for: nowhere."""
+        yield from ()
 
     @property
     def pair_count(self) -> int:

@@ -1,4 +1,4 @@
-"""A state of the mesh in space on the host, and what follows from it: energies, tension, contacts, stress.
+"""What a state of a mesh in space shows (measure/observables.py): energies, loads, contacts, stress and places.
 
 A site (sites.py) stands for a body of the planar model and has two pairs of equal force: what one wire pushes with is what the
 other is pushed back with. So counts and shares mean the same in both models.
@@ -11,32 +11,36 @@ from functools import cached_property
 
 import numpy as np
 
-from ..hermite import hermite
 from ..kernels import control as c
 from ..measure import strain
+from ..measure.boundary import Boundary
+from ..measure.contact_places import ContactPlaces
+from ..measure.hook_contact import HookContact
+from ..measure.measures import active_threshold
+from ..measure.observables import Energies, WireStress
 from ..measure.wire_curve import WireCurve
-from ..planar.measures import INTERIOR
 from .contact import TouchingPairs, WireContact
+from .contact_places import contact_places, site_places
+from .hook_contact import hook_contact
 from .mesh import SpatialMesh
 from .rest import Rest
 from .rest_curve import offsets_at, spatial_curve
 from .sites import NOWHERE, Sites
 
 NEAR = 1.25  # thicknesses: the distance of centre lines at which the paper takes a contact for active
-LEAST_FORCE = 1e-4  # of EI/W^2, about what a steady state leaves out of balance: no contact counts below
 
 
 @dataclass(frozen=True)
-class SpatialObservables:
+class SpatialObservables(Boundary):
     """Arrays [node], those of segments too, are of the state last evaluated."""
 
-    mesh: SpatialMesh
+    model: SpatialMesh
     sites: Sites
     control: np.ndarray
     position: np.ndarray  # (node, 3) [m]
     director: np.ndarray  # (node, 3) across the segment
     tension: np.ndarray  # [N] of the segments, 0 of those that a clamp holds rigid
-    clamp_pull: float  # [J] by those: tension times length as knitted, in the plane
+    rigid_pull: float  # [J] by those: tension times length as knitted, in the plane
     curvature_change: np.ndarray  # (node, 2) [1/m] that is elastic
     plastic_curvature: np.ndarray  # (node, 2) [1/m] that stays
     twist_change: np.ndarray  # [1/m]
@@ -47,55 +51,87 @@ class SpatialObservables:
     bend_energy: float  # [J] bending and twist, elastic
     hardened_energy: float  # [J] that wires have hardened by
     contact_growth: float  # [J] derivative of the energy of contact by the length factor: wires grow thicker, and what is curved
-    warmth: np.ndarray  # [node] excess of the length factor of the segments over that of the middle, relative
+    thermal_strain: np.ndarray  # [node] excess of the length factor of the segments over that of the middle, relative
     touching: TouchingPairs  # contacts with a force
     near: TouchingPairs  # contacts closer than NEAR
 
-    @property
-    def model(self) -> SpatialMesh:
-        """What was read, by the name that a planar reading has for it."""
-        return self.mesh
-
-    @property
-    def gradient(self) -> np.ndarray:
-        """(2, 2) deformation gradient of the boundary, against which the clamps keep their direction."""
-        return self.control[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2)
-
-    @property
-    def clamp_rotation(self) -> float:
-        """[rad] by which the clamps are turned against the boundary, as in the plane (measure/reading.py)."""
-        return strain.clamp_rotation(self.gradient)
-
-    @property
-    def stretch(self) -> np.ndarray:
-        """(2, 2) deformation gradient of the boundary but for the rotation of the clamps."""
-        return strain.stretch(self.gradient)
+    # --- energies
 
     @cached_property
-    def place(self) -> np.ndarray:
-        """(node, 3) [m] positions, turned back to where the boundary is strained by `stretch`."""
-        turned = self.position.copy()
-        turned[:, :2] = turned[:, :2] @ strain.rotation(self.clamp_rotation).T
-        return turned
+    def energies(self) -> Energies:
+        """Of the last step the kinetic one; the contact's is that of the penalty."""
+        pressed = float(0.5 * np.sum(self.touching.force * self.touching.overlap))
+        return Energies(self.stretch_energy, self.bend_energy + self.hardened_energy, pressed, self.kinetic_energy)
 
-    @property
-    def length_factor(self) -> float:
-        return float(self.control[int(c.LENGTH_FACTOR)])
-
-    @property
-    def force_scale(self) -> float:
-        """EI/W^2 [N]."""
-        return self.mesh.rods.section.bending_stiffness / self.mesh.scene.knit.wale_spacing**2
-
-    @property
-    def threshold(self) -> float:
-        """[N] above which a contact is active."""
-        return max(self.mesh.scene.contact.threshold, LEAST_FORCE * self.force_scale)
+    # --- loads
 
     @cached_property
-    def curve(self) -> WireCurve:
-        """On which the wires touch."""
-        return spatial_curve(self.mesh.layout(), self.position, self.gradient, self.director, self.mesh.curve, self.length_factor)
+    def nominal_stress(self) -> np.ndarray:
+        """(2, 2) [N/m] work-conjugate of the deformation gradient, force per rest width.
+
+        P = (1/A0) [sum over segments n (x) E0 - sum over contacts f (x) (P0 - Q0) + sum over held nodes f (x) (X - c)], c
+        being the clamp; f of a contact is the force on the first wire at the point
+        whose rest place is P0, Q0 that of the second wire.
+        """
+        rods, t = self.model.rods, self.touching
+        total = np.einsum("ia,ib->ab", self.segment_force[:, :2], rods.rest_edge[:, :2])
+        if len(t.force):
+            lever = self.rest_place(t.first, t.place[:, 0]) - self.rest_place(t.second, t.place[:, 1]) - t.shift
+            push = t.force[:, None] * t.normal + t.friction
+            total = total - np.einsum("ia,ib->ab", push[:, :2], lever[:, :2])
+        held = self.model.wires.held_node
+        total = total + np.einsum("ia,ib->ab", self.force[held, :2], self.model.wires.held_lever)
+        return total / self.model.panel.area
+
+    def rest_place(self, node: np.ndarray, place: np.ndarray) -> np.ndarray:
+        """(contact, 3) [m] at rest of a place on the segment behind a node, by the shares of kernels/wire_curve.py."""
+        rods = self.model.rods
+        edge = rods.rest_edge
+        after = rods.following[node]
+        here = edge[node]
+        before = np.where((rods.previous[node] >= 0)[:, None], edge[rods.previous[node]], here)
+        behind = np.where((rods.following[after] >= 0)[:, None], edge[after], here)
+        s = place[:, None]
+        h10, h01, h11 = s * (1 - s) ** 2, s * s * (3 - 2 * s), s * s * (s - 1)
+        return rods.position[node] + 0.5 * h10 * (before + here) + h01 * here + 0.5 * h11 * (here + behind)
+
+    @property
+    def thermal_force(self) -> float:
+        """[J] derivative of the energy by the length factor of the wires."""
+        rods, ea = self.model.rods, self.stretch_stiffness
+        pull = np.where(rods.following >= 0, rods.natural_length * (self.tension + 0.5 * self.tension**2 / ea), 0.0)
+        held = self.model.wires.held_node
+        clamped = float(np.sum(self.force[held, :2] * self.model.wires.held_lever)) + self.rigid_pull
+        return float(-pull.sum() - self.bend_energy / self.length_factor) + self.contact_growth - clamped
+
+    @property
+    def thermal_strain_force(self) -> np.ndarray:
+        """[node] [J] derivative of the energy by `thermal_strain`."""
+        rods = self.model.rods
+        return np.where(rods.following >= 0, -self.tension * rods.natural_length * self.length_factor, 0.0)
+
+    @property
+    def held_forces(self) -> np.ndarray:
+        """(held, 3) [N] forces of the wires and of contacts on the held nodes."""
+        return self.force[self.model.wires.held_node]
+
+    @property
+    def edge_force(self) -> np.ndarray:
+        """(clamp, 3) [N] with what force the clamps hold the wires, by two nodes each."""
+        return -self.held_forces.reshape(-1, 2, 3).sum(axis=1)
+
+    @property
+    def clamp_force(self) -> np.ndarray:
+        """[clamp] [N] size of the force with which each clamp holds its wire."""
+        return np.linalg.norm(self.edge_force, axis=1)
+
+    @property
+    def unbalanced_force(self) -> float:
+        """[N] rms over free nodes."""
+        free = np.delete(self.force, self.model.wires.held_node, axis=0)
+        return float(np.sqrt(np.mean(np.sum(free**2, axis=1))))
+
+    # --- contacts
 
     @cached_property
     def touching_site(self) -> tuple[np.ndarray, np.ndarray]:
@@ -113,12 +149,12 @@ class SpatialObservables:
         return np.linalg.norm(total, axis=1)
 
     @cached_property
-    def site_active(self) -> np.ndarray:
-        """[site] carries more than the threshold."""
-        return self.site_force > self.threshold
+    def pair_force(self) -> np.ndarray:
+        """[pair] [N] two of equal force for each site."""
+        return np.repeat(self.site_force, 2)
 
     @cached_property
-    def site_near(self) -> np.ndarray:
+    def body_near(self) -> np.ndarray:
         """[site] its wires are closer than NEAR: the paper's measure."""
         found = np.zeros(self.sites.count, dtype=bool)
         site, _ = self.sites.of(self.near.first, self.near.second)
@@ -126,146 +162,121 @@ class SpatialObservables:
         return found
 
     @property
-    def elsewhere(self) -> np.ndarray:
+    def contact_elsewhere(self) -> np.ndarray:
         """[contact] [N] forces of active contacts that belong to no site."""
         force = self.touching.force[self.touching_site[0] == NOWHERE]
-        return force[force > self.threshold]
-
-    @cached_property
-    def nominal_stress(self) -> np.ndarray:
-        """(2, 2) [N/m] work-conjugate of the deformation gradient, force per rest width.
-
-        P = (1/A0) [sum over segments n (x) E0 - sum over contacts f (x) (P0 - Q0) + sum over held nodes f (x) (X - c)], c
-        being the clamp; f of a contact is the force on the first wire at the point
-        whose rest place is P0, Q0 that of the second wire.
-        """
-        rods, t = self.mesh.rods, self.touching
-        total = np.einsum("ia,ib->ab", self.segment_force[:, :2], rods.rest_edge[:, :2])
-        if len(t.force):
-            lever = self.rest_place(t.first, t.place[:, 0]) - self.rest_place(t.second, t.place[:, 1]) - t.shift
-            push = t.force[:, None] * t.normal + t.friction
-            total = total - np.einsum("ia,ib->ab", push[:, :2], lever[:, :2])
-        held = self.mesh.wires.held_node
-        total = total + np.einsum("ia,ib->ab", self.force[held, :2], self.mesh.wires.held_lever)
-        return total / self.mesh.panel.area
-
-    def rest_place(self, node: np.ndarray, place: np.ndarray) -> np.ndarray:
-        """(contact, 3) [m] at rest of a place on the segment behind a node, by the shares of kernels/wire_curve.py."""
-        rods = self.mesh.rods
-        edge = rods.rest_edge
-        after = rods.following[node]
-        here = edge[node]
-        before = np.where((rods.previous[node] >= 0)[:, None], edge[rods.previous[node]], here)
-        behind = np.where((rods.following[after] >= 0)[:, None], edge[after], here)
-        h10, h01, h11 = hermite(place[:, None])
-        return rods.position[node] + 0.5 * h10 * (before + here) + h01 * here + 0.5 * h11 * (here + behind)
+        return force[force > active_threshold(self.model)]
 
     @property
-    def mesh_tension(self) -> tuple[float, float]:
-        """Weft and warp [N/m], force per current width: diagonal of P F^T/det F, in the frame of the boundary."""
-        cauchy = strain.true_stress(self.boundary_stress, self.stretch)
-        return float(cauchy[0, 0]), float(cauchy[1, 1])
-
-    @property
-    def boundary_stress(self) -> np.ndarray:
-        """(2, 2) [N/m] nominal stress in the frame in which the boundary is strained by `stretch`."""
-        return strain.rotation(self.clamp_rotation) @ self.nominal_stress
-
-    @property
-    def clamp_couple(self) -> float:
-        """[N/m] moment that turns the clamps counter-clockwise, over the area at rest."""
-        return strain.couple_of(self.nominal_stress, self.gradient)
-
-    @property
-    def areal_mass(self) -> float:
-        """[kg/m2] of the strained mesh."""
-        mesh = self.mesh
-        length = float(mesh.rods.wire_length.sum())
-        return length * mesh.scene.wire.linear_density / (mesh.panel.area * float(np.linalg.det(self.gradient)))
-
-    @property
-    def thermal_force(self) -> float:
-        """[J] derivative of the energy by the length factor of the wires."""
-        rods, ea = self.mesh.rods, self.stretch_stiffness
-        pull = np.where(rods.following >= 0, rods.natural_length * (self.tension + 0.5 * self.tension**2 / ea), 0.0)
-        held = self.mesh.wires.held_node
-        clamped = float(np.sum(self.force[held, :2] * self.mesh.wires.held_lever)) + self.clamp_pull
-        return float(-pull.sum() - self.bend_energy / self.length_factor) + self.contact_growth - clamped
-
-    @property
-    def warmth_force(self) -> np.ndarray:
-        """[node] [J] derivative of the energy by the warmth of the segments."""
-        rods = self.mesh.rods
-        return np.where(rods.following >= 0, -self.tension * rods.natural_length * self.length_factor, 0.0)
-
-    @property
-    def stress(self) -> np.ndarray:
-        """[node] [Pa] E (d/2) |kappa - kappa0| + N E/EA, with the larger tension of the two segments."""
-        wire, rods = self.mesh.scene.wire, self.mesh.rods
-        bending = wire.youngs_modulus * wire.radius * np.linalg.norm(self.curvature_change, axis=1)
-        own = np.abs(self.tension)
-        before = np.where(rods.previous >= 0, own[rods.previous], 0.0)
-        return bending + np.maximum(own, before) * wire.youngs_modulus / wire.axial_stiffness
-
-    @property
-    def plastic_strain(self) -> np.ndarray:
-        """[node] of the outermost fibre, that stays."""
-        return self.mesh.scene.wire.radius * np.linalg.norm(self.plastic_curvature, axis=1)
-
-    @property
-    def interior_stress(self) -> float:
-        """[Pa] the largest stress farther than INTERIOR of the mesh's size from its edge."""
-        if self.mesh.panel.boundary == "periodic":
-            return float(self.stress.max())
-        place = self.place[:, :2]
-        share = (place - place.min(axis=0)) / np.ptp(place, axis=0)
-        inside = np.all((share > INTERIOR) & (share < 1.0 - INTERIOR), axis=1)
-        return float(self.stress[inside].max(initial=0.0))
-
-    @property
-    def shear_stress(self) -> np.ndarray:
-        """[node] [Pa] G (d/2) |twist - twist0|."""
-        wire = self.mesh.scene.wire
-        return wire.youngs_modulus / (2 * (1 + wire.poissons_ratio)) * wire.radius * np.abs(self.twist_change)
-
-    @property
-    def contact_energy(self) -> float:
-        """[J] of the penalty."""
-        return float(0.5 * np.sum(self.touching.force * self.touching.overlap))
-
-    @property
-    def moved(self) -> np.ndarray:
-        """(node, 2) [m] in the plane, from where the boundary carries the node by itself."""
-        return self.place[:, :2] - self.mesh.rods.position[:, :2] @ self.stretch.T
-
-    @property
-    def kinetic_energy(self) -> float:
-        """[J] of the last step."""
-        return 0.5 * float(self.control[int(c.KINETIC_TWICE)])
-
-    @property
-    def stored(self) -> float:
-        """[J]"""
-        return self.stretch_energy + self.bend_energy + self.hardened_energy + self.contact_energy
+    def pairs_at_reach_end(self) -> int:
+        """Contacts slide as far as they like."""
+        return 0
 
     @property
     def penetration(self) -> float:
         """Largest overlap over the thickness."""
-        return float(self.touching.overlap.max(initial=0.0)) / self.mesh.rods.section.thickness
+        return float(self.touching.overlap.max(initial=0.0)) / self.model.rods.section.thickness
 
     @property
-    def residual(self) -> float:
-        """Rms out-of-balance force of a node over the larger of EI/W^2 and the mean force of a clamp, or of a course and a
-        wale."""
-        held = self.mesh.wires.held_node
-        if len(held):
-            mean = float(np.linalg.norm(self.force[held].reshape(-1, 2, 3).sum(axis=1), axis=1).mean())
-        else:
-            knit = self.mesh.scene.knit
-            weft, warp = self.mesh_tension
-            mean = 0.5 * (abs(weft) * knit.course_spacing + abs(warp) * knit.wale_spacing)
-        free = np.delete(self.force, held, axis=0)
-        return float(np.sqrt(np.mean(np.sum(free**2, axis=1))) / max(mean, self.force_scale))
+    def contact_places(self) -> ContactPlaces:
+        """A place for each contact with more than the threshold."""
+        return contact_places(self)
+
+    @cached_property
+    def hook_contact(self) -> HookContact | None:
+        """The contact of two hooked wires."""
+        return None if self.model.scene.hook is None else hook_contact(self)
+
+    # --- wires
+
+    @cached_property
+    def wire_stress(self) -> WireStress:
+        """[Pa] E (d/2) |kappa - kappa0| + N E/EA at the nodes, with the larger tension of the two segments; contacts are nodes
+        apart."""
+        wire, rods = self.model.scene.wire, self.model.rods
+        bending = wire.youngs_modulus * wire.radius * np.linalg.norm(self.curvature_change, axis=1)
+        own = np.abs(self.tension)
+        before = np.where(rods.previous >= 0, own[rods.previous], 0.0)
+        node = bending + np.maximum(own, before) * wire.youngs_modulus / wire.axial_stiffness
+        return WireStress(node, np.zeros(0))
+
+    @property
+    def shear_stress(self) -> np.ndarray:
+        """[node] [Pa] G (d/2) |twist - twist0|."""
+        wire = self.model.scene.wire
+        return wire.youngs_modulus / (2 * (1 + wire.poissons_ratio)) * wire.radius * np.abs(self.twist_change)
+
+    @property
+    def axial_strain(self) -> np.ndarray:
+        """[node] mechanical axial strain of the segments, T/EA."""
+        return self.tension / self.model.rods.section.axial_stiffness
+
+    @property
+    def plastic_strain(self) -> np.ndarray:
+        """[node] of the outermost fibre, that stays."""
+        return self.model.scene.wire.radius * np.linalg.norm(self.plastic_curvature, axis=1)
+
+    @property
+    def wire_length(self) -> float:
+        """[m] of all wires as knitted."""
+        return float(self.model.rods.wire_length.sum())
+
+    # --- places
+
+    @cached_property
+    def node_position(self) -> np.ndarray:
+        """(node, 3) [m] turned back to where the boundary is strained by `stretch`."""
+        turned = self.position.copy()
+        turned[:, :2] = turned[:, :2] @ strain.rotation(self.clamp_rotation).T
+        return turned
+
+    @property
+    def body_position(self) -> np.ndarray:
+        """(site, 3) [m] where the wires of a site touch or are nearest to each other; of a hook where they press."""
+        place = site_places(self) @ self._turn.T
+        if self.hook_contact is not None:
+            place[0, :2] = self.hook_contact.body + self.corner[:2]
+        return place
+
+    @property
+    def _turn(self) -> np.ndarray:
+        """(3, 3) back to where the boundary is strained by `stretch`."""
+        back = np.eye(3)
+        back[:2, :2] = strain.rotation(self.clamp_rotation)
+        return back
+
+    @property
+    def corner(self) -> np.ndarray:
+        """(3,) [m] lower corner of the mesh."""
+        panel = self.model.panel
+        rest = self.model.rods.position[:, :2] if panel.boundary == "periodic" else panel.clamp_position
+        return np.append(self.stretch @ rest.min(axis=0), 0.0)
+
+    @cached_property
+    def curve(self) -> WireCurve:
+        """On which the wires touch."""
+        return spatial_curve(
+            self.model.layout(), self.position, self.gradient, self.director, self.model.curve, self.length_factor
+        )
+
+    @property
+    def between(self) -> np.ndarray:
+        """(node, parts - 1, 3) [m] places on the curve to the next node, from the node."""
+        return self.curve.between(self.model.layout().curve_parts) @ self._turn.T.astype(np.float32)
+
+    @property
+    def displacement(self) -> np.ndarray:
+        """(node, 2) [m] from the affine prediction, in the plane."""
+        return self.node_position[:, :2] - self.model.rods.position[:, :2] @ self.stretch.T
+
+    @property
+    def thickness(self) -> float:
+        """[m] of the mesh, from the lowest to the highest fibre."""
+        return float(np.ptp(self.position[:, 2])) + self.model.rods.section.thickness
+
+    @property
+    def panel_map(self) -> None:
+        """Meshes in space are too small for one."""
 
 
 def read(mesh: SpatialMesh, sites: Sites, rest: Rest, contact: WireContact) -> SpatialObservables:
@@ -286,13 +297,13 @@ def read(mesh: SpatialMesh, sites: Sites, rest: Rest, contact: WireContact) -> S
     touching = contact.near()
     hinge = section.bending_stiffness * np.sum(bent**2, axis=1) + section.twist_stiffness * twisted**2
     return SpatialObservables(
-        mesh=mesh,
+        model=mesh,
         sites=sites,
         control=state.read_control().copy(),
         position=state.position.numpy().copy(),
         director=state.director.numpy().copy(),
         tension=tension,
-        clamp_pull=float(np.sum((carried - tension)[:, None] * tangent[:, :2] * rods.rest_edge[:, :2])),
+        rigid_pull=float(np.sum((carried - tension)[:, None] * tangent[:, :2] * rods.rest_edge[:, :2])),
         curvature_change=bent,
         plastic_curvature=share[:, None] * yielding.plastic,
         twist_change=twisted,
@@ -303,7 +314,7 @@ def read(mesh: SpatialMesh, sites: Sites, rest: Rest, contact: WireContact) -> S
         bend_energy=float(np.sum(0.5 * hinge * rods.node_length * factor)),
         hardened_energy=yielding.hardened_energy,
         contact_growth=_contact_growth(mesh, touching, tangent, state.director.numpy()),
-        warmth=rest.warmth,
+        thermal_strain=rest.warmth,
         touching=touching,
         near=contact.near((NEAR - 1.0) * section.thickness),
     )

@@ -7,92 +7,91 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from ..files import write_aside
+from ..measure import Observables, table
+from ..measure.table import Measure
 
 STEADY = "steady"
 SAME_SHARE = 0.01  # points of %: shares of contacts that differ by less are the same
 
 
-@dataclass(frozen=True)
-class Cell:
-    """One pair of strains; None where the mesh did not come to rest."""
-
-    strain_weft: float
-    strain_warp: float
-    active_percent: float | None  # of all pairs
-    tension_weft_N_per_m: float | None
-    tension_warp_N_per_m: float | None
-    stress_max_Pa: float | None
-    yield_fraction: float | None  # share of the wire above the yield stress
-    stop_reason: str
-
-
-@dataclass(frozen=True)
-class Detail:
-    """More of the same cell; what seeds differ by is 0 where there is one."""
-
-    strain_weft: float
-    strain_warp: float
-    active_percent_deviation: float | None  # standard deviation over the seeds
-    active_bodies_percent: float | None  # bodies both of whose pairs are active
-    active_rhombus_percent: float | None  # of the pairs at the central rhombus
-    contact_force_max_N: float | None
-    stress_interior_max_Pa: float | None  # away from the grips
-    residual: float | None
-    seeds: int  # meshes at rest that the row stands for
-    steps: int
-    message: str  # why there is no state at rest
-
-
-@dataclass(frozen=True)
-class MapRow:
-    """All that is known of one pair of strains."""
-
-    cell: Cell
-    detail: Detail
+class MapRow(SimpleNamespace):
+    """One pair of strains: the columns of map.csv and map_details.csv by their names, of measures those of the table of measures
+    (measure/table.py). None where the mesh did not come to rest."""
 
     @property
     def strains(self) -> tuple[float, float]:
         """Weft and warp."""
-        return self.cell.strain_weft, self.cell.strain_warp
+        return self.strain_weft, self.strain_warp
+
+
+TEXTS, COUNTS = ("stop_reason", "message"), ("seeds", "steps")
+
+
+def measures_of(part: str) -> list[Measure]:
+    """Lines of the table of measures that stand in "map" or "details"."""
+    return [line for line in table.MEASURES if line.map == part]
+
+
+def columns_of(part: str) -> list[str]:
+    """Columns of map.csv ("map") or map_details.csv ("details")."""
+    names = [line.name for line in measures_of(part)]
+    if part == "map":
+        return ["strain_weft", "strain_warp", *names, "stop_reason"]
+    return ["strain_weft", "strain_warp", "active_percent_deviation", *names, "seeds", "steps", "message"]
+
+
+def map_row(strains: tuple[float, float], observables: Observables | None, *, steps: int, message: str = "") -> MapRow:
+    """What is kept of a state at rest, or of none and why."""
+    lines = measures_of("map") + measures_of("details")
+    found = {line.name: None if observables is None else line.of(observables) for line in lines if not isinstance(line.of, str)}
+    return MapRow(
+        strain_weft=strains[0],
+        strain_warp=strains[1],
+        stop_reason="diverged" if observables is None else STEADY,
+        active_percent_deviation=None,  # standard deviation over the seeds
+        seeds=0 if observables is None else 1,  # meshes at rest that the row stands for
+        steps=steps,
+        message=message,  # why there is no state at rest
+        **found,
+    )
 
 
 def write_map(rows: Sequence[MapRow], path: Path, details: Path) -> None:
     """Write both tables; each file is whole or as it was before."""
-    for kind, target, part in ((Cell, path, "cell"), (Detail, details, "detail")):
+    for target, part in ((path, "map"), (details, "details")):
         with write_aside(target) as file:
-            writer = csv.DictWriter(file, [field.name for field in fields(kind)])
+            writer = csv.DictWriter(file, columns_of(part), extrasaction="ignore")
             writer.writeheader()
-            writer.writerows(asdict(getattr(row, part)) for row in rows)
+            writer.writerows(vars(row) for row in rows)
 
 
 def read_map(path: Path, details: Path) -> list[MapRow]:
     """Rows that `write_map` wrote; none where the files are absent. Numbers come back to the bit."""
     if not (path.exists() and details.exists()):
         return []
-    cells, more = (_read(kind, file) for kind, file in ((Cell, path), (Detail, details)))
-    there = {(detail.strain_weft, detail.strain_warp): detail for detail in more}
-    return [MapRow(cell, there[key]) for cell in cells if (key := (cell.strain_weft, cell.strain_warp)) in there]
+    more = {(row["strain_weft"], row["strain_warp"]): row for row in _read(details)}
+    return [MapRow(**row | more[key]) for row in _read(path) if (key := (row["strain_weft"], row["strain_warp"])) in more]
 
 
-def _read(kind: type, path: Path) -> list[Any]:
-    def value(text: str, annotation: str) -> Any:
-        if annotation == "str":
+def _read(path: Path) -> list[dict[str, Any]]:
+    def value(name: str, text: str) -> Any:
+        if name in TEXTS:
             return text
-        if annotation == "int":
+        if name in COUNTS:
             return int(text)
         return float(text) if text else None
 
-    kinds = {field.name: str(field.type) for field in fields(kind)}
     with open(path, newline="", encoding="utf-8") as file:
-        return [kind(**{name: value(text, kinds[name]) for name, text in row.items()}) for row in csv.DictReader(file)]
+        return [{name: value(name, text) for name, text in row.items()} for row in csv.DictReader(file)]
 
 
 def mean_map(maps: Sequence[Sequence[MapRow]]) -> list[MapRow]:
@@ -106,32 +105,29 @@ def mean_map(maps: Sequence[Sequence[MapRow]]) -> list[MapRow]:
 
 
 def _mean(rows: Sequence[MapRow]) -> MapRow:
-    steady = [row for row in rows if row.cell.stop_reason == STEADY]
-    weft, warp = rows[0].strains
+    steady = [row for row in rows if row.stop_reason == STEADY]
     reason = STEADY if len(steady) == len(rows) else f"{len(steady)} of {len(rows)} seeds steady" if steady else "diverged"
 
-    def over(part: str, name: str, how: Any = np.mean) -> float | None:
-        values = [getattr(getattr(row, part), name) for row in steady]
+    def over(name: str, how: Callable[[list[float]], Any]) -> float | None:
+        values = [getattr(row, name) for row in steady]
         return float(how(values)) if values and None not in values else None
 
-    cell = Cell(
-        weft, warp, over("cell", "active_percent"), over("cell", "tension_weft_N_per_m"), over("cell", "tension_warp_N_per_m"),
-        over("cell", "stress_max_Pa", np.max), over("cell", "yield_fraction"), reason,
-    )  # fmt: skip
-    deviation = over("cell", "active_percent", lambda values: np.std(values, ddof=1)) if len(steady) > 1 else None
-    detail = Detail(
-        weft, warp, deviation, over("detail", "active_bodies_percent"), over("detail", "active_rhombus_percent"),
-        over("detail", "contact_force_max_N", np.max), over("detail", "stress_interior_max_Pa", np.max),
-        over("detail", "residual", np.max), len(steady), sum(row.detail.steps for row in rows),
-        next((row.detail.message for row in rows if row.detail.message), ""),
-    )  # fmt: skip
-    return MapRow(cell, detail)
+    found = {line.name: over(line.name, line.over_seeds) for line in measures_of("map") + measures_of("details")}
+    return MapRow(
+        strain_weft=rows[0].strain_weft,
+        strain_warp=rows[0].strain_warp,
+        stop_reason=reason,
+        active_percent_deviation=over("active_percent", lambda values: np.std(values, ddof=1)) if len(steady) > 1 else None,
+        seeds=len(steady),
+        steps=sum(row.steps for row in rows),
+        message=next((row.message for row in rows if row.message), ""),
+        **found,
+    )
 
 
 def grid(rows: Sequence[MapRow], name: str, weft: Sequence[float], warp: Sequence[float]) -> np.ndarray:
     """Values (warp, weft) of a column of map.csv or map_details.csv; nan where there is none."""
-    part = "cell" if name in {field.name for field in fields(Cell)} else "detail"
-    values = {row.strains: getattr(getattr(row, part), name) for row in rows}
+    values = {row.strains: getattr(row, name) for row in rows}
     found = [[values.get((x, y)) for x in weft] for y in warp]
     return np.array([[math.nan if value is None else float(value) for value in line] for line in found])
 
@@ -158,8 +154,8 @@ def find_optimum(rows: Sequence[MapRow], yield_stress: float) -> Optimum | None:
     """
     if not rows:
         return None
-    weft = sorted({row.cell.strain_weft for row in rows})
-    warp = sorted({row.cell.strain_warp for row in rows})
+    weft = sorted({row.strain_weft for row in rows})
+    warp = sorted({row.strain_warp for row in rows})
     active = np.nan_to_num(grid(rows, "active_percent", weft, warp))
     bearable = grid(rows, "stress_max_Pa", weft, warp) <= yield_stress  # not where it is unknown
     padded = np.pad(np.where(bearable, active, 0.0), 1)
@@ -168,13 +164,12 @@ def find_optimum(rows: Sequence[MapRow], yield_stress: float) -> Optimum | None:
     kept = np.sum(around >= active - SAME_SHARE, axis=0)
     best: tuple[tuple[float, float, float], Optimum] | None = None
     for row in rows:
-        cell = row.cell
-        numbers = (cell.active_percent, cell.tension_weft_N_per_m, cell.tension_warp_N_per_m, cell.stress_max_Pa)
+        numbers = (row.active_percent, row.tension_weft_N_per_m, row.tension_warp_N_per_m, row.stress_max_Pa)
         share, tension_weft, tension_warp, stress = (math.nan if number is None else number for number in numbers)
         tensile = share > 0.0 and tension_weft > 0.0 and tension_warp > 0.0
-        if not (tensile and stress <= yield_stress and cell.stop_reason == STEADY):
+        if not (tensile and stress <= yield_stress and row.stop_reason == STEADY):
             continue
-        neighbours = int(kept[warp.index(cell.strain_warp), weft.index(cell.strain_weft)])
+        neighbours = int(kept[warp.index(row.strain_warp), weft.index(row.strain_weft)])
         order = (round(share / SAME_SHARE), neighbours, -stress)
         if best is None or order > best[0]:
             margin = 1.0 - stress / yield_stress

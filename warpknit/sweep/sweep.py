@@ -27,8 +27,7 @@ from ..run.run_directory import Ending, finished_before, goes_on, open_directory
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.capabilities import refuse
 from ..text import duration, engineering
-from .contact_map import STEADY, Cell, Detail, MapRow, find_optimum, grid, mean_map, read_map, write_map
-from .outcome import Outcome, measured
+from .contact_map import STEADY, MapRow, find_optimum, grid, map_row, mean_map, read_map, write_map
 from .states import States, mesh_of, states_of
 
 _log = logging.getLogger(__name__)
@@ -119,8 +118,8 @@ class _Mapper:
             finally:
                 self._save()
         summary = self._summary(reason)
-        if code == 0 and not any(row.cell.active_percent is not None for row in self.rows):
-            code, message = 3, f"no strains of the sweep were brought to rest: {self.rows[0].detail.message}"
+        if code == 0 and not any(row.active_percent is not None for row in self.rows):
+            code, message = 3, f"no strains of the sweep were brought to rest: {self.rows[0].message}"
             summary["stop_reason"] = "diverged"
         with write_aside(self.out / "map.json") as file:
             json.dump(summary, file, indent=2, allow_nan=False)
@@ -157,7 +156,8 @@ class _Mapper:
                 self._save()
 
         for outcome in states_of(self.meshes[seed], stages, watch).run():
-            done.append(_row(outcome, missing[outcome.index]))
+            message = "" if outcome.error is None else str(outcome.error)
+            done.append(map_row(missing[outcome.index], outcome.observables, steps=outcome.steps, message=message))
 
     # --- files ---
 
@@ -188,7 +188,7 @@ class _Mapper:
 
         wall = time.perf_counter() - self._begin
         rows, wire = self.rows, self.scene.wire
-        failed = [row for row in rows if row.cell.stop_reason != STEADY]
+        failed = [row for row in rows if row.stop_reason != STEADY]
         optimum = find_optimum(rows, wire.yield_stress)
         warnings = []
         if failed:
@@ -243,28 +243,6 @@ class _Mapper:
                 self.out / "figures" / f"{name}.png", weft, warp, column(values, factor),
                 title=mesh, label=f"{label} [{unit}]", percent=name == "contact_map", marks=marks,
             )  # fmt: skip
-
-
-def _row(outcome: Outcome, strains: tuple[float, float]) -> MapRow:
-    """What is kept of a load."""
-    if outcome.observables is None:
-        nothing = Cell(*strains, None, None, None, None, None, "diverged")
-        return MapRow(nothing, Detail(*strains, None, None, None, None, None, None, 0, outcome.steps, str(outcome.error)))
-    found = measured(outcome.observables)
-    cell = Cell(*strains, found.active_percent, *found.tension, found.stress_max, found.yield_fraction, STEADY)
-    detail = Detail(
-        *strains,
-        active_percent_deviation=None,
-        active_bodies_percent=found.active_bodies_percent,
-        active_rhombus_percent=found.active_rhombus_percent,
-        contact_force_max_N=found.contact_force_max,
-        stress_interior_max_Pa=found.stress_interior_max,
-        residual=found.residual,
-        seeds=1,
-        steps=outcome.steps,
-        message="",
-    )
-    return MapRow(cell, detail)
 
 
 def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:

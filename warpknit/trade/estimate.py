@@ -7,11 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ..errors import Diverged
+from ..measure.table import Record
 from ..run.summary import Estimate
 from ..scene import Scene
-from ..solve.simulate import Record
 from .pilot import Pilot, Setting, bound_percent, choose_setting, kind_of
-from .point import found_in
+from .point import found_at
 
 _log = logging.getLogger(__name__)
 
@@ -48,7 +48,7 @@ def settings_within(scene: Scene, percent: float) -> Within:
 
 def estimate_of(record: Record, scene: Scene, within: Within) -> Estimate:
     """The estimated error of a run, all relative but the share, which is in points of percent."""
-    found = found_in(record)
+    found = found_at(record.observables)
     try:
         errors = Pilot(scene).errors_of_run(found, within.setting)
     except Diverged as error:

@@ -5,20 +5,17 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .. import measure
 from ..errors import Diverged, InputError
+from ..measure import MeshModel, Observables, table
+from ..measure.table import Record
 from ..model import build_model
-from ..planar.hook_contact import hook_contact
 from ..scene import Scene
-from ..solve.drive import Drive
-from ..solve.simulate import Progress, Record, Simulation
-from ..spatial.hook_contact import hook_contact as spatial_hook_contact
-from ..spatial.observables import SpatialObservables
+from ..solve.simulate import Progress, Simulation
 
 FORCE_FLOOR = 1e-3  # of EI/W^2 a pair: what contact forces are compared with where contacts carry less
 TENSION_FLOOR = 1e-3  # of EI/C^3: the same of tensions
@@ -67,17 +64,15 @@ def run_point(
     """
     settings: dict[str, object] = {}
     try:
-        scene = load()
-        model = build_model(scene, device)
+        simulation = Simulation(build_model(load(), device))
+        simulation.compile()
     except InputError as error:
         return Outcome(settings, None, "refused", str(error))
-    settings = settings_of(model)
-    simulation = Simulation(model)
-    simulation.compile()
+    settings = settings_of(simulation.model)
 
     def look(progress: Progress) -> None:
         watch(progress)
-        if node_steps(simulation.drive) > most_node_steps:
+        if node_steps(simulation) > most_node_steps:
             raise TooDear
 
     simulation.watch = look
@@ -95,43 +90,19 @@ def run_point(
         reason = "finished"
     return Outcome(
         settings=settings,
-        found=None
-        if record is None
-        else (spatial_found(record.observables) if scene.model.kind == "spatial" else found_at(record)),
+        found=None if record is None else found_at(record.observables),
         stop_reason=reason,
         message=message,
         wall_s=time.perf_counter() - wall,
         cpu_s=time.process_time() - cpu,
         steps=simulation.progress.steps,
-        node_steps=node_steps(simulation.drive),
+        node_steps=node_steps(simulation),
     )
 
 
-def found_in(record: Record) -> Found:
-    """What a record says of the mesh."""
-    in_space = record.observables.model.scene.model.kind == "spatial"
-    return spatial_found(record.observables) if in_space else found_at(record)
-
-
-def spatial_found(reading: SpatialObservables) -> Found:
-    """What a reading in space says of the mesh; each site has two pairs of equal force."""
-    weft, warp = reading.mesh_tension
-    if reading.mesh.scene.hook is not None:
-        weft, warp = abs(spatial_hook_contact(reading).drive_force), 0.0
-    active = reading.site_active
-    return Found(
-        active_percent=100.0 * float(active.mean()) if len(active) else 0.0,
-        tension_weft_N_per_m=weft,
-        tension_warp_N_per_m=warp,
-        contact_force_sum_N=2.0 * float(reading.site_force.sum()),
-        contact_force_max_N=float(reading.site_force.max(initial=0.0)),
-        stress_max_Pa=float(reading.stress.max()),
-    )
-
-
-def node_steps(drive: Drive) -> int:
+def node_steps(simulation: Simulation) -> int:
     """Steps times nodes of a mesh, and of the smaller meshes beside it."""
-    drives, found = [drive], []
+    drives, found = [simulation.drive], []
     while drives:
         one = drives.pop()
         if one not in found:
@@ -140,15 +111,14 @@ def node_steps(drive: Drive) -> int:
     return sum(one.progress.steps * one.model.node_count for one in found)
 
 
-def settings_of(model: Any) -> dict[str, object]:
+def settings_of(model: MeshModel) -> dict[str, object]:
     """The knobs of a model as they stand, whichever were turned."""
     ramp = model.scene.solver.drive == "ramp"
+    of_ramp = {"loading_time_s": "loading_time", "damping_per_s": "damping", "body_mass_kg": "body_mass"}
     return settings_of_scene(model.scene) | {
         "contact_stiffness_N_per_m": model.contact_stiffness,
         "mass_scaling": 1.0 + model.added_mass if ramp else None,
-        "loading_time_s": model.loading_time if ramp else None,
-        "damping_per_s": model.damping if ramp else None,
-        "body_mass_kg": model.body_mass if ramp else None,
+        **{key: getattr(model, name, None) if ramp else None for key, name in of_ramp.items()},
     }
 
 
@@ -171,20 +141,12 @@ def settings_of_scene(scene: Scene) -> dict[str, object]:
     }
 
 
-def found_at(record: Record) -> Found:
-    """What a record says of the mesh."""
-    r = record.observables
-    tension = measure.mesh_tension(r)
-    if r.model.scene.hook is not None:
-        tension = (abs(hook_contact(r).drive_force), 0.0)
-    return Found(
-        active_percent=measure.contacts(r).active_percent,
-        tension_weft_N_per_m=tension[0],
-        tension_warp_N_per_m=tension[1],
-        contact_force_sum_N=float(r.pair_force.sum()),
-        contact_force_max_N=float(r.pair_force.max(initial=0.0)),
-        stress_max_Pa=measure.stress_extremes(r)[0],
-    )
+def found_at(r: Observables) -> Found:
+    """What a state says of the mesh."""
+    found = Found(**table.values(r, Found.__dataclass_fields__))
+    if r.hook_contact is None:
+        return found
+    return replace(found, tension_weft_N_per_m=abs(r.hook_contact.drive_force), tension_warp_N_per_m=0.0)
 
 
 @dataclass(frozen=True)
@@ -196,7 +158,7 @@ class Scales:
     stress: float
 
 
-def scales_of(model: Any) -> Scales:
+def scales_of(model: MeshModel) -> Scales:
     """The least forces that count: bending by about a wire diameter a loop."""
     wire = model.scene.wire
     bent = wire.youngs_modulus * wire.radius * wire.diameter / model.scene.knit.wale_spacing**2

@@ -1,0 +1,80 @@
+"""The table of measures, and that both models offer the observables it draws on."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warpknit import export, measure
+from warpknit.measure import Observables, table
+from warpknit.measure.observables import MeshModel
+from warpknit.measure.table import Measure
+from warpknit.planar.model import Model
+from warpknit.planar.observables import PlanarObservables
+from warpknit.run.run import run_scene
+from warpknit.scene import load_scene
+from warpknit.spatial.mesh import SpatialMesh
+from warpknit.spatial.observables import SpatialObservables
+
+CELL = Path(__file__).parent.parent / "scenes" / "atlas_cell.toml"
+QUICK = ("load.strain_weft=0.01", "load.strain_warp=0.01", "output.frames=1", "output.figures=false", "output.usd=false")
+OF_KIND = {"planar": ("model.nodes_per_loop=12",), "spatial": ("model.kind=spatial", "model.nodes_per_loop=16")}
+
+
+def longest_segment(r: Observables) -> float:
+    """[m] of all wires between two nodes: the recipe's new measure."""
+    layout = r.model.layout()
+    lengths = np.linalg.norm(np.diff(r.node_position, axis=0), axis=1)
+    return float(np.delete(lengths, layout.wire_start[1:-1] - 1).max())
+
+
+@pytest.mark.parametrize("kind", OF_KIND)
+def test_a_line_of_the_table_is_a_column_and_a_key(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One function and one line, in either model: the last column of history.csv, and a key of every stage of summary.json."""
+    line = Measure("longest_segment_m", longest_segment, history=True, summary="wire")
+    nothing = Measure("nothing", lambda r: None, history=True, summary="wire")
+    monkeypatch.setattr(table, "MEASURES", (*table.MEASURES, line, nothing))
+    scene = load_scene(CELL, [*QUICK, *OF_KIND[kind]])
+    assert run_scene(scene, out=tmp_path / "run", device="cpu").exit_code == 0
+    with open(tmp_path / "run" / "history.csv", newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))
+    assert list(rows[-1])[-1] == "longest_segment_m"
+    found = float(rows[-1]["longest_segment_m"])
+    assert found > 0.0
+    assert summary["wire"]["longest_segment_m"] == summary["stages"][0]["wire"]["longest_segment_m"] == found
+    assert "nothing" not in rows[-1] and "nothing" not in summary["wire"]
+
+
+@pytest.mark.parametrize(
+    ("offered", "by"),
+    [(Observables, PlanarObservables), (Observables, SpatialObservables), (MeshModel, Model), (MeshModel, SpatialMesh)],
+)
+def test_both_models_offer_the_same_names(offered: type, by: type) -> None:
+    """Properties, methods and fields of both are those of the protocols."""
+    names = {name for name in vars(offered) if not name.startswith("_")}
+    fields = {name for kind in by.__mro__ for name in getattr(kind, "__annotations__", {})}
+    assert names and names <= {*dir(by), *fields}
+
+
+def test_every_measure_is_named_once_where_it_stands() -> None:
+    for place in ("history", "map", "summary"):
+        named = [(getattr(line, place), line.name) for line in table.MEASURES if getattr(line, place)]
+        assert len(named) == len(set(named))
+
+
+def test_the_door_names_what_it_has() -> None:
+    assert all(hasattr(measure, name) for name in measure.__all__)
+    assert sorted(measure.__all__) == measure.__all__
+
+
+def test_a_line_of_the_formats_is_an_export(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One file and one line: `--to` takes the name, and the function gets the run."""
+    scene = load_scene(CELL, [*QUICK, *OF_KIND["planar"]])
+    run_scene(scene, out=tmp_path / "run", device="cpu")
+    monkeypatch.setitem(export.FORMATS, "csv2", export.FORMATS["csv"])
+    assert export.export_run(tmp_path / "run", "csv2") == export.export_run(tmp_path / "run", "csv") != []

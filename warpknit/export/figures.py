@@ -1,0 +1,55 @@
+"""A run as pictures: the mesh at the end, and at the end of each stage where there are several; the curves."""
+
+import math
+import re
+from pathlib import Path
+
+from warpknit.export.curves_figure import curves_figure
+from warpknit.export.hook_figure import hook_figure
+from warpknit.export.mesh_figure import mesh_figure
+from warpknit.export.panel_figure import panel_figure
+from warpknit.export.run_record import RunRecord
+from warpknit.frame import Frame
+
+__all__ = ["export_figures"]
+
+
+def export_figures(record: RunRecord) -> list[Path]:
+    """The mesh at the end, and at the end of each stage where there are several; the curves."""
+    history = record.history()
+    if "displacement_m" in history[0]:
+        return [hook_figure(record.layout, list(record.frames()), history, record.directory / "figures" / "hook.png")]
+    rows = {row.get("index"): row for row in history}
+    folder = record.directory / "figures"
+    yield_stress = record.quantity("wire", "yield_stress_Pa")
+    last: Frame | None = None
+    stage_ends: list[Frame] = []
+    for frame in record.frames():
+        if last is not None and frame.stage != last.stage:
+            stage_ends.append(last)
+        last = frame
+    assert last is not None  # a record has a state
+    wanted = [("mesh.png", last)]
+    if stage_ends:
+        stage_ends.append(last)
+        wanted += [
+            (f"mesh_{number:02d}_{re.sub(r'[^A-Za-z0-9-]+', '_', frame.stage)}.png", frame)
+            for number, frame in enumerate(stage_ends)
+        ]
+    paths = [curves_figure(history, folder / "curves.png")]
+    for name, frame in wanted:
+        tables = {kind: record.directory / "panel" / f"{kind}_{frame.index:06d}.csv" for kind in ("map", "edge", "surface")}
+        if tables["map"].is_file():
+            title = f"{frame.stage}: strain {frame.strain_weft:.3g} in weft, {frame.strain_warp:.3g} in warp"
+            paths.append(panel_figure(tables, folder / name.replace("mesh", "panel"), title))
+        tension = _tension(rows.get(str(frame.index)))
+        paths.append(mesh_figure(record.layout, frame, folder / name, yield_stress=yield_stress, tension=tension))
+    return paths
+
+
+def _tension(row: dict[str, str] | None) -> tuple[float, float] | None:
+    try:
+        tension = tuple(float((row or {})[f"tension_{name}_N_per_m"]) for name in ("weft", "warp"))
+    except (KeyError, TypeError, ValueError):
+        return None
+    return (tension[0], tension[1]) if all(map(math.isfinite, tension)) else None

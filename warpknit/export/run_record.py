@@ -1,0 +1,89 @@
+"""The directory of a run, read: what every format of an export is made of."""
+
+import csv
+import json
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from warpknit.errors import ExportError
+from warpknit.frame import Frame, WireLayout
+
+__all__ = ["RunRecord", "item", "read_run"]
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """The directory of a run, read."""
+
+    directory: Path
+    summary: dict[str, Any]
+    layout: WireLayout
+    states: tuple[Path, ...]
+
+    def frames(self) -> Iterator[Frame]:
+        """One frame after the other: they need not fit in memory together."""
+        for path in self.states:
+            try:
+                frame = Frame.load(path)
+                frame.require_layout(self.layout)
+                frame.require_finite()
+            except (OSError, ValueError) as error:
+                raise ExportError(f"{path}: {_one_line(error)}") from error
+            yield frame
+
+    def history(self) -> list[dict[str, str]]:
+        path = self.directory / "history.csv"
+        try:
+            with open(path, newline="", encoding="utf-8") as file:
+                rows = list(csv.DictReader(file))
+        except (OSError, ValueError, csv.Error) as error:
+            raise ExportError(f"{path}: {_one_line(error)}") from error
+        if not rows:
+            raise ExportError(f"{path}: no record")
+        return rows
+
+    def quantity(self, *names: str) -> float | None:
+        """A positive number of the summary, the largest over its stages, or None."""
+        values = [item(part, names) for part in (self.summary, *(item(self.summary, ("stages",)) or ()))]
+        numbers = [float(value) for value in values if isinstance(value, int | float) and math.isfinite(value)]
+        return max((number for number in numbers if number > 0.0), default=None)
+
+
+def read_run(directory: Path) -> RunRecord:
+    """Raises `ExportError` where there is no run, or one without states."""
+    if not directory.is_dir():
+        raise ExportError(f"{directory}: no such directory; the directory of a run is expected")
+    layout_path, summary_path = directory / "layout.npz", directory / "summary.json"
+    states = sorted(
+        (path for path in (directory / "states").glob("state_*.npz") if re.fullmatch(r"state_\d+", path.stem)),
+        key=lambda path: int(path.stem[6:]),
+    )
+    if not layout_path.is_file() and not summary_path.is_file():
+        raise ExportError(f"{directory}: not the directory of a run: it has no layout.npz and no summary.json")
+    if not summary_path.is_file():
+        raise ExportError(f"{directory}: the run has not ended: it has no summary.json; go on with --resume")
+    if not layout_path.is_file() or not states:
+        raise ExportError(f"{directory}: the run left no states to export")
+    try:
+        summary = json.loads(summary_path.read_text(encoding="utf-8"))
+        layout = WireLayout.load(layout_path)
+    except (OSError, ValueError) as error:  # JSONDecodeError is a ValueError
+        raise ExportError(f"{directory}: {_one_line(error)}") from error
+    if not isinstance(summary, dict) or not isinstance(item(summary, ("scene", "name")), str):
+        raise ExportError(f"{summary_path}: not the summary of a run: it has no scene name")
+    return RunRecord(directory, summary, layout, tuple(states))
+
+
+def item(tree: Any, names: tuple[str, ...]) -> Any:
+    """What stands under these keys of nested tables; None where nothing does."""
+    for name in names:
+        tree = tree.get(name) if isinstance(tree, dict) else None
+    return tree
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())

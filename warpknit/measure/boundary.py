@@ -1,0 +1,39 @@
+"""What the control array of the kernels says of a state, in both models."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..kernels import control as c
+from . import strain
+
+
+class Boundary:
+    """Deformation of the boundary and length of the wires of a state."""
+
+    control: np.ndarray  # see kernels/control.py
+
+    @property
+    def gradient(self) -> np.ndarray:
+        """(2, 2) deformation gradient of the boundary, against which the clamps keep their direction."""
+        return self.control[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2)
+
+    @property
+    def clamp_rotation(self) -> float:
+        """[rad] by which the clamps are turned against the boundary."""
+        return strain.clamp_rotation(self.gradient)
+
+    @property
+    def stretch(self) -> np.ndarray:
+        """(2, 2) deformation gradient of the boundary but for the rotation of the clamps."""
+        return strain.stretch(self.gradient)
+
+    @property
+    def length_factor(self) -> float:
+        """1 + alpha (T - T0) of the wires."""
+        return float(self.control[int(c.LENGTH_FACTOR)])
+
+    @property
+    def kinetic_energy(self) -> float:
+        """[J] of the last step."""
+        return 0.5 * float(self.control[int(c.KINETIC_TWICE)])

@@ -1,0 +1,253 @@
+"""Measures: functions of the observables of a state, the same for both models.
+
+NumPy in float64. Strain measures refer to the rest shape; the tension of the mesh is a force per current width (Cauchy).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..frame import Frame
+from ..scene import Wire
+from .observables import Energies, MeshModel, Observables
+from .sliding import wires_slid
+from .strain import couple_of, rotation, true_stress
+
+INTERIOR = 0.25  # of the mesh's width and height from each edge
+LEAST_FORCE = 1e-4  # of EI/W^2, about what a steady state leaves out of balance: no contact counts below
+
+
+# --- scales -----------------------------------------------------------------------------------------------------------
+
+
+def energy_scale(model: MeshModel) -> float:
+    """EI/W a loop [J]: what energies are compared with where little is stored."""
+    loops = model.panel.node_count / model.scene.model.nodes_per_loop
+    return model.bending_stiffness / model.scene.knit.wale_spacing * loops
+
+
+def force_scale(model: MeshModel) -> float:
+    """EI/W^2 [N]: what forces are compared with where little is loaded."""
+    return model.bending_stiffness / model.scene.knit.wale_spacing**2
+
+
+def tension_scale(model: MeshModel) -> float:
+    """EI/C^3 [N/m]: the stiffness of a loose mesh, and the measure of a small tension."""
+    return model.bending_stiffness / model.scene.knit.course_spacing**3
+
+
+# --- energies ---------------------------------------------------------------------------------------------------------
+
+
+def energies(r: Observables) -> Energies:
+    """Stored and kinetic energy of the mesh."""
+    return r.energies
+
+
+def hardened_energy(r: Observables) -> float:
+    """[J] that kinematic hardening stores: H kappa_p^2/2 a length, with H = EI kept/(1 - kept)."""
+    return r.hardened_energy
+
+
+# --- loads ------------------------------------------------------------------------------------------------------------
+
+
+def nominal_stress(r: Observables) -> np.ndarray:
+    """Work-conjugate of the deformation gradient (2, 2) [N/m]: force per rest width."""
+    return r.nominal_stress
+
+
+def boundary_stress(r: Observables) -> np.ndarray:
+    """Nominal stress (2, 2) [N/m] in the frame in which the boundary is strained by `stretch`."""
+    return rotation(r.clamp_rotation) @ r.nominal_stress
+
+
+def mesh_tension(r: Observables) -> tuple[float, float]:
+    """Tension in weft and warp [N/m], force per current width: diagonal of P F^T / det F, in the frame of the boundary."""
+    cauchy = true_stress(boundary_stress(r), r.stretch)
+    return float(cauchy[0, 0]), float(cauchy[1, 1])
+
+
+def clamp_couple(r: Observables) -> float:
+    """[N/m] moment that turns the clamps counter-clockwise, over the area at rest: derivative of the energy by their rotation.
+
+    F = R^T U, so the derivative of F by the angle is F turned by a right angle clockwise.
+    """
+    return couple_of(r.nominal_stress, r.gradient)
+
+
+def thermal_force(r: Observables) -> float:
+    """[J] derivative of the energy by the length factor of the wires: what heating works against."""
+    return r.thermal_force
+
+
+def mean_boundary_force(r: Observables) -> float:
+    """Mean force of a clamp [N]; on a periodic tile the tension over one wale and one course, averaged."""
+    if len(r.clamp_force):
+        return float(np.mean(r.clamp_force))
+    weft, warp = mesh_tension(r)
+    knit = r.model.scene.knit
+    return 0.5 * (abs(weft) * knit.course_spacing + abs(warp) * knit.wale_spacing)
+
+
+def residual(r: Observables) -> float:
+    """Rms out-of-balance nodal force over the larger of the mean boundary force and EI/W^2."""
+    return float(r.unbalanced_force / max(mean_boundary_force(r), force_scale(r.model)))
+
+
+# --- contacts ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Active pairs and bodies of a set of bodies."""
+
+    bodies: int
+    pairs: int
+    active: int  # pairs closed with more than the threshold
+    active_bodies: int  # bodies both of whose pairs are
+
+    @property
+    def active_percent(self) -> float:
+        """Of the pairs; 0 where there are none."""
+        return 100.0 * self.active / self.pairs if self.pairs else 0.0
+
+    @property
+    def active_bodies_percent(self) -> float:
+        """Of the bodies; 0 where there are none."""
+        return 100.0 * self.active_bodies / max(1, self.bodies)
+
+
+def active_threshold(model: MeshModel) -> float:
+    """The scene's threshold [N], but not below 1e-4 EI/W^2, about what a steady state leaves out of balance."""
+    return max(model.scene.contact.threshold, LEAST_FORCE * force_scale(model))
+
+
+def pair_active(r: Observables) -> np.ndarray:
+    """[pair] closed with more than the threshold force; a body that drifts against one wire carries none."""
+    return r.pair_force > active_threshold(r.model)
+
+
+def contacts(r: Observables, bodies: np.ndarray | None = None) -> Contacts:
+    """Contacts of `bodies`; default all."""
+    active = pair_active(r).reshape(-1, 2)
+    if bodies is not None:
+        active = active[bodies]
+    return Contacts(len(active), active.size, int(active.sum()), int(active.all(axis=1).sum()))
+
+
+def rhombus_contacts(r: Observables) -> Contacts:
+    """Contacts round the central opening."""
+    return contacts(r, r.model.panel.rhombus_bodies)
+
+
+def largest_contact_force(r: Observables) -> float:
+    """[N] of a pair, active or not."""
+    return float(r.pair_force.max(initial=0.0))
+
+
+def active_forces(r: Observables) -> np.ndarray:
+    """[active pair] [N]"""
+    return r.pair_force[pair_active(r)]
+
+
+def pairs_at_reach_end(r: Observables) -> int:
+    """Active pairs at the end of the stretch of wire that a contact may slide on: not to be believed."""
+    return r.pairs_at_reach_end
+
+
+def penetration(r: Observables) -> float:
+    """Largest overlap over the wire diameter."""
+    return r.penetration
+
+
+# --- wires ------------------------------------------------------------------------------------------------------------
+
+
+def section(wire: Wire) -> tuple[float, float]:
+    """Outer radius [m] and stress per tension [1/m2] of the wire itself: E/EA, plating and parallel ends included."""
+    return wire.diameter / 2, wire.youngs_modulus / wire.axial_stiffness
+
+
+def wire_stress(r: Observables) -> np.ndarray:
+    """[node] [Pa] E (d/2) |M|/EI + |N| E/EA, with the larger tension of the two segments at the node."""
+    return r.wire_stress.node
+
+
+def contact_stress(r: Observables) -> np.ndarray:
+    """[touching pair] [Pa] stress of the wire under a body, where bending peaks between two nodes."""
+    return r.wire_stress.contact
+
+
+def stress_extremes(r: Observables) -> tuple[float, float, float]:
+    """Largest stress and 99th percentile [Pa], and the share of the wire above the yield stress."""
+    stress, peak = r.wire_stress.node, r.wire_stress.contact
+    largest = max(float(stress.max()), float(peak.max(initial=0.0)))
+    above = float(np.mean(stress > r.model.scene.wire.yield_stress))
+    return largest, float(np.percentile(stress, 99)), above
+
+
+def interior_stress(r: Observables) -> float:
+    """Largest stress [Pa] farther than INTERIOR of the mesh's size from its edge, where gripping does not show."""
+    stress = r.wire_stress.node
+    if r.model.panel.boundary == "periodic":
+        return float(stress.max())
+    place = r.node_position[:, :2]
+    low, high = place.min(axis=0), place.max(axis=0)
+    share = (place - low) / (high - low)
+    inside = np.all((share > INTERIOR) & (share < 1.0 - INTERIOR), axis=1)
+    return float(stress[inside].max(initial=0.0))
+
+
+def axial_strain(r: Observables) -> np.ndarray:
+    """[node] mechanical axial strain of the segments, T/EA."""
+    return r.axial_strain
+
+
+def plastic_extremes(r: Observables) -> tuple[float, float]:
+    """Share of the nodes that have yielded, and the largest strain of a fibre that stays."""
+    strain = r.plastic_strain
+    return (float(np.mean(strain > 0.0)), float(strain.max())) if len(strain) else (0.0, 0.0)
+
+
+def slid(r: Observables) -> float:
+    """[m] by which whole wires have slid along each other; 0 where clamps hold them."""
+    periodic = r.model.panel.boundary == "periodic"
+    return wires_slid(r.displacement, r.model.layout().wire_start[:-1]) if periodic else 0.0
+
+
+def areal_mass(r: Observables) -> float:
+    """Mass of wire per current area [kg/m2]."""
+    model = r.model
+    return r.wire_length * model.scene.wire.linear_density / (model.panel.area * float(np.linalg.det(r.gradient)))
+
+
+# --- what is recorded -------------------------------------------------------------------------------------------------
+
+
+def positions(r: Observables) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (node, 3) and bodies (body, 3) [m] relative to the corner of the mesh; z is the rest height in the plane."""
+    return r.node_position - r.corner, r.body_position - r.corner
+
+
+def frame(r: Observables, *, index: int, stage: str, load_factor: float, temperature: float) -> Frame:
+    """The recorded state for the exports."""
+    node, body = positions(r)
+    f = r.stretch
+    return Frame(
+        index=index,
+        stage=stage,
+        load_factor=load_factor,
+        strain_weft=float(f[0, 0] - 1.0),
+        strain_warp=float(f[1, 1] - 1.0),
+        shear=float(f[0, 1]),
+        temperature=temperature,
+        node_position=node,
+        node_stress=r.wire_stress.node,
+        body_position=body,
+        pair_force=r.pair_force,
+        pair_active=pair_active(r),
+        between=r.between,
+    )

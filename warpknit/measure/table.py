@@ -1,0 +1,210 @@
+"""The table of measures: what is written of a recorded state, under which name, and where.
+
+history.csv, summary.json, maps and trades draw on it. A new measure is one line: a function of the observables, which returns
+None where a model or a mesh has none of it; there is no column and no key then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from . import measures as m
+from .observables import Observables
+
+
+class Record(Protocol):
+    """A state worth keeping, of either model."""
+
+    @property
+    def index(self) -> int:
+        """Counts from 0."""
+
+    @property
+    def stage(self) -> str: ...
+    @property
+    def load_factor(self) -> float: ...
+    @property
+    def temperature(self) -> float:
+        """[K]"""
+
+    @property
+    def steps(self) -> int: ...
+    @property
+    def steady(self) -> bool: ...
+    @property
+    def work(self) -> float:
+        """[J] put in since the start, where the drive keeps account of it (ramp)."""
+
+    @property
+    def dissipated(self) -> float:
+        """[J] taken out since the start, by the damping of a ramp, by friction or by yield."""
+
+    @property
+    def edge_work(self) -> float:
+        """[J] put in by what differs from place to place: pulls at the edge, cords, uneven temperature."""
+
+    @property
+    def left_out(self) -> float:
+        """Of the tension, that the mesh may be out of balance by as a membrane."""
+
+    @property
+    def stations(self) -> np.ndarray:
+        """(station, 2) [m] displacement of the rim (mesh/rim.py); empty where it only follows the load."""
+
+    @property
+    def observables(self) -> Observables: ...
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One line of the table."""
+
+    name: str  # with its unit
+    of: Callable[[Observables], Any] | str  # or the field of the record
+    history: bool = False  # a column of history.csv
+    summary: str = ""  # the section of summary.json that has it
+    map: str = ""  # the table of a map that has it: "map" of map.csv, "details" of map_details.csv
+    over_seeds: Callable[[list[float]], Any] = np.mean  # what counts of a map whose loops scatter
+    kind: Callable[[str], Any] = float  # what a column of history.csv holds
+
+    def value(self, record: Record) -> Any:
+        """Of a record; None where it has none."""
+        return getattr(record, self.of) if isinstance(self.of, str) else self.of(record.observables)
+
+
+def _is_true(text: str) -> bool:
+    return text == "True"
+
+
+def _rhombus(r: Observables) -> dict[str, Any]:
+    found = m.rhombus_contacts(r)
+    return {
+        "bodies": found.bodies,
+        "pairs": found.pairs,
+        "active": found.active,
+        "active_percent": found.active_percent if found.bodies else None,
+        "active_bodies": found.active_bodies,
+    }
+
+
+def _mean_force(r: Observables) -> float:
+    force = m.active_forces(r)
+    return float(force.mean()) if len(force) else 0.0
+
+
+def _near(of: Callable[[np.ndarray], Any]) -> Callable[[Observables], Any]:
+    return lambda r: None if r.body_near is None else of(r.body_near)
+
+
+def _elsewhere(of: Callable[[np.ndarray], Any]) -> Callable[[Observables], Any]:
+    return lambda r: None if r.contact_elsewhere is None else of(r.contact_elsewhere)
+
+
+def _hook(name: str) -> Callable[[Observables], Any]:
+    """A number of the contact of two hooked wires."""
+    return lambda r: None if r.hook_contact is None else float(getattr(r.hook_contact, name))
+
+
+def _pressed_at(axis: int) -> Callable[[Observables], Any]:
+    return lambda r: None if r.hook_contact is None else float(r.hook_contact.body[axis])
+
+
+def _slide(r: Observables) -> float | None:
+    """[m] way of a hook's closed contact along its wire: run/history.py adds it up."""
+    return None if r.hook_contact is None else 0.0
+
+
+# Columns of history.csv stand in the order of the lines.
+MEASURES: tuple[Measure, ...] = (
+    # of the record, and its load
+    Measure("index", "index", history=True, kind=int),
+    Measure("stage", "stage", history=True, kind=str),
+    Measure("load_factor", "load_factor", history=True),
+    Measure("strain_weft", lambda r: float(r.stretch[0, 0] - 1.0), history=True, summary="mesh"),
+    Measure("strain_warp", lambda r: float(r.stretch[1, 1] - 1.0), history=True, summary="mesh"),
+    Measure("shear", lambda r: float(r.stretch[0, 1]), history=True, summary="mesh"),
+    Measure("clamp_rotation", lambda r: r.clamp_rotation, history=True),  # [rad]
+    Measure("clamp_rotation_rad", lambda r: r.clamp_rotation, summary="mesh"),
+    Measure("temperature_K", "temperature", history=True, summary="mesh"),
+    # contacts
+    Measure("pairs", lambda r: m.contacts(r).pairs, summary="contacts"),
+    Measure("active", lambda r: m.contacts(r).active, summary="contacts"),
+    Measure("active_pairs", lambda r: m.contacts(r).active, history=True, kind=int),
+    Measure("active_percent", lambda r: m.contacts(r).active_percent, history=True, summary="contacts", map="map"),
+    Measure("bodies", lambda r: m.contacts(r).bodies, summary="contacts"),
+    Measure("active_bodies", lambda r: m.contacts(r).active_bodies, summary="contacts"),
+    Measure("active_bodies_percent", lambda r: m.contacts(r).active_bodies_percent, map="details"),
+    Measure("active_rhombus_percent", lambda r: m.rhombus_contacts(r).active_percent, history=True),
+    Measure("active_rhombus_percent", lambda r: _rhombus(r)["active_percent"], map="details"),  # None where there is none
+    Measure("at_reach_end", m.pairs_at_reach_end, summary="contacts"),
+    Measure("force_max_N", lambda r: float(m.active_forces(r).max(initial=0.0)), summary="contacts"),
+    Measure("force_mean_N", _mean_force, summary="contacts"),
+    Measure("contact_force_sum_N", lambda r: float(r.pair_force.sum())),
+    Measure("threshold_N", lambda r: m.active_threshold(r.model), summary="contacts"),
+    Measure("near_bodies", _near(lambda near: int(near.sum())), summary="contacts"),
+    Measure("near_percent", _near(lambda near: 100.0 * float(near.mean()) if len(near) else 0.0), summary="contacts"),
+    Measure("elsewhere", _elsewhere(len), summary="contacts"),
+    Measure("elsewhere_force_max_N", _elsewhere(lambda force: float(force.max(initial=0.0))), summary="contacts"),
+    Measure("central_rhombus", _rhombus, summary="contacts"),
+    # tensions, force per current width
+    Measure("tension_weft_N_per_m", lambda r: m.mesh_tension(r)[0], history=True, summary="mesh", map="map"),
+    Measure("tension_warp_N_per_m", lambda r: m.mesh_tension(r)[1], history=True, summary="mesh", map="map"),
+    # wires
+    Measure("stress_max_Pa", lambda r: m.stress_extremes(r)[0], history=True, summary="wire", map="map", over_seeds=max),
+    Measure("stress_p99_Pa", lambda r: m.stress_extremes(r)[1], summary="wire"),
+    Measure("shear_stress_max_Pa", lambda r: None if r.shear_stress is None else float(r.shear_stress.max()), summary="wire"),
+    Measure("yield_stress_Pa", lambda r: r.model.scene.wire.yield_stress, summary="wire"),
+    Measure("yield_fraction", lambda r: m.stress_extremes(r)[2], summary="wire", map="map"),
+    Measure("plastic_fraction", lambda r: m.plastic_extremes(r)[0], summary="wire"),
+    Measure("plastic_strain_max", lambda r: m.plastic_extremes(r)[1], summary="wire"),
+    Measure("axial_strain_max", lambda r: float(np.max(np.abs(r.axial_strain))), summary="wire"),
+    Measure("slid_max_m", m.slid, summary="wire"),
+    Measure("contact_force_max_N", m.largest_contact_force, history=True, map="details", over_seeds=max),
+    Measure("stress_interior_max_Pa", m.interior_stress, summary="wire", map="details", over_seeds=max),
+    # energies and work
+    Measure("energy_stretch_J", lambda r: r.energies.stretch, history=True),
+    Measure("energy_bend_J", lambda r: r.energies.bend, history=True),
+    Measure("energy_contact_J", lambda r: r.energies.contact, history=True),
+    Measure("energy_kinetic_J", lambda r: r.energies.kinetic, history=True),
+    Measure("work_J", "work", history=True),  # of a relaxation: run/history.py adds it up
+    Measure("edge_work_J", "edge_work", history=True),
+    Measure("dissipated_J", "dissipated", history=True),
+    # quality
+    Measure("residual", m.residual, history=True, summary="quality", map="details", over_seeds=max),
+    Measure("membrane_left_out", "left_out", summary="quality"),
+    Measure("penetration", m.penetration, history=True),
+    Measure("steps", "steps", history=True, kind=int),
+    Measure("steady", "steady", history=True, kind=_is_true),
+    # conjugates of strains, rotation and length
+    Measure("nominal_weft_N_per_m", lambda r: float(m.boundary_stress(r)[0, 0]), history=True),
+    Measure("nominal_shear_N_per_m", lambda r: float(m.boundary_stress(r)[0, 1]), history=True),
+    Measure("nominal_warp_N_per_m", lambda r: float(m.boundary_stress(r)[1, 1]), history=True),
+    Measure("clamp_couple_N_per_m", m.clamp_couple, history=True),
+    Measure("length_factor", lambda r: r.length_factor, history=True),
+    Measure("thermal_force_J", m.thermal_force, history=True),
+    # mesh
+    Measure("areal_mass_kg_per_m2", m.areal_mass, summary="mesh"),
+    Measure("thickness_m", lambda r: r.thickness, summary="mesh"),
+    # two hooked wires
+    Measure("displacement_m", _hook("displacement"), history=True, summary="hook"),
+    Measure("drive_force_N", _hook("drive_force"), history=True, summary="hook"),
+    Measure("force_left_N", _hook("force_left"), history=True, summary="hook"),
+    Measure("force_right_N", _hook("force_right"), history=True, summary="hook"),
+    Measure("arc_left_m", _hook("arc_left"), history=True, summary="hook"),
+    Measure("arc_right_m", _hook("arc_right"), history=True, summary="hook"),
+    Measure("slide_left_m", _slide, history=True, summary="hook"),
+    Measure("slide_right_m", _slide, history=True, summary="hook"),
+    Measure("ground_force_N", _hook("ground_force"), history=True, summary="hook"),
+    Measure("body_x_m", _pressed_at(0), history=True, summary="hook"),
+    Measure("body_y_m", _pressed_at(1), history=True, summary="hook"),
+)
+
+
+def values(r: Observables, names: Iterable[str]) -> dict[str, Any]:
+    """Measures of a state by their names."""
+    found = {line.name: line.of for line in MEASURES if not isinstance(line.of, str)}
+    return {name: found[name](r) for name in names}

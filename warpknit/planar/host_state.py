@@ -1,0 +1,275 @@
+"""The state of a planar mesh on the host, and what follows from it node by node.
+
+`read_strip` copies what is needed to the host once; observables.py says what a mesh in this state shows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import warp as wp
+
+from ..kernels import clamp
+from ..kernels import control as c
+from ..kernels.energy import evaluate_wires
+from ..kernels.wire_forces import BLOCK_SIZE
+from ..launch import bind
+from ..measure.boundary import Boundary
+from .join import Join
+from .model import Model
+from .state import State
+
+
+@dataclass(frozen=True)
+class HostState(Boundary):
+    """Host copies of a state, float64. Segment values stand at the node that starts the segment."""
+
+    model: Model
+    control: np.ndarray
+    u: np.ndarray  # [node, 2] [m] displacement from the affinely mapped rest shape
+    body_u: np.ndarray  # [body, 2] [m]
+    clamp_shift: np.ndarray  # [clamp, 2] [m] displacement of the clamps from the affinely mapped outline
+    thermal_strain: np.ndarray  # [wire, 2] see State.wire_warmth
+    edge: np.ndarray  # [node, 2] [m] zero behind the last node of an open wire
+    tension: np.ndarray  # [node] [N]
+    wire_axial: np.ndarray  # [wire] [N] softened axial stiffness
+    turning: np.ndarray  # [node] [rad] turning angle less its natural value
+    plastic_turn: np.ndarray  # [node, or one without yield] [rad] of it, what stayed as of the last state at rest
+    back_turn: np.ndarray  # [node, or one] [rad] elastic turning that the wire yields on either side of
+    pair_force: np.ndarray  # [pair] [N]
+    pair_offset: np.ndarray  # [pair] [N] part of the force that the running multiplier carries
+    pair_stuck: np.ndarray  # [pair, or none without friction] where a contact sticks to its wire (kernels/friction.py)
+    pair_gap: np.ndarray  # [pair] [m] meaningful where the force is not zero
+    pair_node: np.ndarray  # [pair]
+    pair_wake: np.ndarray  # [pair] [m] travel since the last neighbour search up to which the pair sleeps
+    pair_slide: np.ndarray  # [pair]
+    pair_u: np.ndarray  # [pair]
+    pair_nodal: np.ndarray  # [pair, 4, 2] [N] zero where the force is zero
+
+    @cached_property
+    def entry(self) -> np.ndarray:
+        """[node] entry of the rest table."""
+        return node_entries(self.model)
+
+    @cached_property
+    def segment_force(self) -> np.ndarray:
+        """[node, 2] [N] gradient of the energy by the edge: n = T t + (g - g_next)/|e| nu (kernels/wires.py)."""
+        panel = self.model.panel
+        moment = self.moment
+        moment += self.bow_moment
+        shear = np.roll(moment, -1)
+        last = panel.wire_first + panel.wire_count - 1
+        shear[last] = np.where(panel.wire_closed, moment[panel.wire_first], 0.0)
+        np.subtract(moment, shear, out=shear)
+        inverse = np.hypot(self.edge[:, 0], self.edge[:, 1])
+        np.divide(1.0, inverse, out=inverse, where=inverse > 0)
+        shear *= inverse
+        pull = self.tension * inverse
+        shear *= inverse
+        force = self.edge * pull[:, None]
+        force[:, 0] -= shear * self.edge[:, 1]
+        force[:, 1] += shear * self.edge[:, 0]
+        return force
+
+    # what follows is worked out when asked for: kept, it would be most of the memory of a large mesh
+
+    @property
+    def moment(self) -> np.ndarray:
+        """[node] [N m] bending moment: that of the turns, and what the slope of the moment adds (kernels/bend.py)."""
+        moment = self.moment_of_turns
+        slope_share = float(self.control[int(c.SLOPE_FACTOR)]) * self.model.bending_stiffness
+        return self._none_at_free_ends(moment - slope_share * self._second_difference(moment) / self.hinge_length)
+
+    def _none_at_free_ends(self, moment: np.ndarray) -> np.ndarray:
+        """The same array, without what stands at the ends of open wires."""
+        panel = self.model.panel
+        for end in (panel.wire_first, panel.wire_first + panel.wire_count - 1):
+            moment[end] = np.where(panel.wire_closed, moment[end], 0.0)
+        return moment
+
+    @property
+    def moment_of_turns(self) -> np.ndarray:
+        """[node] [N m] EI times the elastic turning over the length that the hinge stands for."""
+        return self.model.bending_stiffness * self.elastic_turning / (self.hinge_length * self.length_factor)
+
+    @property
+    def bow_moment(self) -> np.ndarray:
+        """[node] [N m] by which tension unbends arcs that keep their length (kernels/bend.py)."""
+        panel = self.model.panel
+        pull = self.tension * self.natural_length * self.length_factor
+        before = np.roll(pull, 1)
+        last = panel.wire_first + panel.wire_count - 1
+        before[panel.wire_first] = pull[last]
+        for far, following, node in self._hinges_at_clamps:
+            numbers = panel.wire_clamp[:, far]
+            own, other = (pull, before) if far == following else (before, pull)
+            own[node] *= 1.0 + numbers[:, clamp.BOW_WEIGHT + following]
+            if following:
+                other[node] *= 1.0 + numbers[:, clamp.BEYOND_BOW_WEIGHT]
+        moment = float(self.control[int(c.BOW_MOMENT)]) * (self.turning + self.natural_angle) * (pull + before)
+        return self._none_at_free_ends(moment)
+
+    def _second_difference(self, values: np.ndarray) -> np.ndarray:
+        """[node] L (v_next - v) - L_before (v - v_before) of values at the hinges, [m] times their unit."""
+        panel = self.model.panel
+        last = panel.wire_first + panel.wire_count - 1
+        rise = np.roll(values, -1)
+        rise[last] = values[panel.wire_first]
+        np.subtract(rise, values, out=rise)
+        rise *= self.natural_length
+        rise[last] = np.where(panel.wire_closed, rise[last], 0.0)
+        if self.model.is_gripped:
+            rise[panel.wire_first] = rise[last - 1] = 0.0
+        before = np.roll(rise, 1)
+        before[panel.wire_first] = rise[last]
+        return np.subtract(rise, before, out=rise)
+
+    @property
+    def elastic_turning(self) -> np.ndarray:
+        """[node] [rad] part of the turning that is elastic (kernels/bend.py)."""
+        if not self.model.yield_moment:
+            return self.turning
+        trial = self.turning - self.plastic_turn
+        beyond = trial - self.back_turn
+        over = np.maximum(np.abs(beyond) - self.yield_turn, 0.0)
+        return trial - np.sign(beyond) * over * (1.0 - self.model.scene.wire.hardening)
+
+    @property
+    def yield_turn(self) -> np.ndarray:
+        """[node] [rad] by which a node may turn elastically to either side."""
+        return self.model.scene.wire.yield_curvature * self.hinge_length * self.length_factor
+
+    # rest data of the nodes: those of the table but next to clamps
+
+    @property
+    def natural_length(self) -> np.ndarray:
+        """[node] [m] of the segment that starts there, at the reference temperature."""
+        values = self.model.table.rest_length[self.entry]
+        if self.model.is_gripped:
+            for far, node in enumerate(self._segments_at_clamps):
+                values[node] = self.model.panel.wire_clamp[:, far, clamp.LENGTH]
+        return values
+
+    @property
+    def natural_angle(self) -> np.ndarray:
+        """[node] [rad] natural turning angle."""
+        values = self.model.table.rest_angle[self.entry]
+        for far, following, node in self._hinges_at_clamps:
+            values[node] = self.model.panel.wire_clamp[:, far, clamp.ANGLE + following]
+        return values
+
+    @property
+    def hinge_length(self) -> np.ndarray:
+        """[node] [m] wire that the hinge at the node stands for, at the reference temperature."""
+        values = self.model.table.hinge_length[self.entry]
+        for far, following, node in self._hinges_at_clamps:
+            values[node] /= self.model.panel.wire_clamp[:, far, clamp.HINGE + following]
+        return values
+
+    @property
+    def _segments_at_clamps(self) -> tuple[np.ndarray, np.ndarray]:
+        """Nodes [wire] that the first and the last segment between clamps start at."""
+        panel = self.model.panel
+        return panel.wire_first + 1, panel.wire_first + panel.wire_count - 3
+
+    @property
+    def _hinges_at_clamps(self) -> list[tuple[int, int, np.ndarray]]:
+        """End of the wire, 0 at the clamp or 1 at the next node, and those nodes [wire]."""
+        if not self.model.is_gripped:
+            return []
+        first, last = self.model.panel.wire_first, self.model.panel.wire_first + self.model.panel.wire_count - 1
+        return [(0, 0, first + 1), (0, 1, first + 2), (1, 0, last - 1), (1, 1, last - 2)]
+
+
+def pair_levers(r: HostState, pairs: np.ndarray) -> np.ndarray:
+    """(pair, 4, 2) [m] rest position of the body of each of `pairs` less those of the four nodes that it acts on."""
+    model = r.model
+    table, panel = model.table, model.panel
+    body = np.repeat(panel.body_rest, 2, axis=0)[pairs] - panel.pair_shift[pairs]
+    entry = (panel.pair_table[pairs] + r.pair_slide[pairs])[:, None] + np.arange(-1, 3)
+    return body[:, None, :] - np.stack([table.x[entry], table.y[entry]], axis=2)
+
+
+def pair_distances(r: HostState, pairs: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """(pair, 4, 2) [m] position of the body of each of `pairs` less those of the four `nodes` (pair, 4) that it acts on."""
+    return pair_levers(r, pairs) @ r.gradient.T + r.body_u[pairs // 2][:, None, :] - r.u[nodes]
+
+
+def node_entries(model: Model) -> np.ndarray:
+    """Table entry (node,) of each node."""
+    return model.panel.node_entry
+
+
+def read_strip(model: Model, state: State) -> HostState:
+    """Evaluate the wires and copy what this rank holds of the state to the host."""
+    nodes = model.panel.node_count
+    out = [wp.zeros(nodes, dtype=model.precision.real, device=model.device) for _ in range(5)]
+    evaluate(model, state, out)
+    edge_x, edge_y, _, tension, turning = (a.numpy().astype(np.float64) for a in out)
+    now = state.parity
+    unit = model.precision.unit
+
+    def metres(ax: wp.array, ay: wp.array) -> np.ndarray:
+        return np.stack([ax.numpy(), ay.numpy()], axis=1).astype(np.float64) * unit
+
+    force = state.pair_force.numpy().astype(np.float64)
+    nodal = np.stack([state.pair_nodal_x.numpy(), state.pair_nodal_y.numpy()], axis=1).astype(np.float64)
+    return HostState(
+        model=model,
+        control=state.read_control().copy(),
+        u=metres(state.node_ux[now], state.node_uy[now]),
+        body_u=metres(state.body_ux, state.body_uy),
+        clamp_shift=state.clamp_shift,
+        thermal_strain=state.wire_warmth.numpy().copy(),
+        edge=np.stack([edge_x, edge_y], axis=1),
+        tension=tension,
+        wire_axial=state.wire_axial.numpy().astype(np.float64),
+        turning=turning,
+        plastic_turn=state.plastic_turn.numpy().astype(np.float64),
+        back_turn=state.back_turn.numpy().astype(np.float64),
+        pair_force=force,
+        pair_offset=state.pair_offset.numpy().astype(np.float64),
+        pair_stuck=state.pair_stuck.numpy().copy(),
+        pair_gap=state.pair_gap.numpy().astype(np.float64),
+        pair_node=state.pair_node.numpy().copy(),
+        pair_wake=state.pair_wake.numpy().astype(np.float64),
+        pair_slide=state.pair_slide.numpy().copy(),
+        pair_u=state.pair_u.numpy().astype(np.float64),
+        pair_nodal=np.where(force[:, None, None] > 0, nodal.reshape(-1, 4, 2), 0.0),
+    )
+
+
+def joined(state: HostState) -> HostState:
+    """The state of the whole mesh on the first rank; that of its strip, as it is, on the others."""
+    model = state.model
+    join = Join(model)
+    first_node = 0 if model.strip is None else model.strip.nodes.start
+    parts = {name: join.nodes(getattr(state, name)) for name in ("u", "edge", "tension", "turning")}
+    parts |= {"wire_axial": join.wires(state.wire_axial), "body_u": join.bodies(state.body_u)}
+    for name in ("plastic_turn", "back_turn"):
+        values = getattr(state, name)
+        parts[name] = join.nodes(values) if len(values) == model.panel.node_count else values
+    parts |= {"clamp_shift": join.clamps(state.clamp_shift), "thermal_strain": join.wires(state.thermal_strain)}
+    parts["pair_node"] = join.pairs(state.pair_node + first_node)
+    of_pairs = ("pair_force", "pair_offset", "pair_gap", "pair_wake", "pair_slide", "pair_u", "pair_nodal")
+    parts |= {name: join.pairs(getattr(state, name)) for name in of_pairs}
+    if len(state.pair_stuck):
+        parts["pair_stuck"] = join.pairs(state.pair_stuck)
+    return replace(state, model=model.whole, **parts) if model.ranks.is_first else state
+
+
+def evaluate(model: Model, state: State, out: list[wp.array]) -> None:
+    """Run `evaluate_wires` into edge_x, edge_y, strain, tension, turning, each [node]."""
+    evaluation(model, state, state.parity, out, (0, len(model.panel.block_first))).launch()
+
+
+def evaluation(model: Model, state: State, parity: int, out: list[wp.array], blocks: tuple[int, int]) -> wp.Launch:
+    """The launch of `evaluate` for so many blocks from one on, to be repeated where the displacements stand in the buffers of
+    `parity`."""
+    results = dict(zip(("edge_x", "edge_y", "strain", "tension", "turning"), out, strict=True))
+    return bind(
+        evaluate_wires, blocks[1] * BLOCK_SIZE, model.rest, model.mesh, state, model.constants, first_block=blocks[0],
+        ux=state.node_ux[parity], uy=state.node_uy[parity], **results,
+    ).record(model.device)  # fmt: skip
