@@ -23,8 +23,8 @@ def settled(scene: str, nodes: int, most_steps: int, *overrides: str) -> Simulat
     keys = (f"model.nodes_per_loop={nodes}", f"solver.max_steps={most_steps}", "output.frames=1", *overrides)
     model = build_model(load_scene(SCENES / scene, keys))
     simulation = Simulation(model, initial_state(model))
-    for _ in simulation.run():
-        pass
+    *_, last = simulation.run()
+    assert last.steady
     return simulation
 
 
