@@ -33,7 +33,7 @@ LAYERS = (
     {"wires", "memory", "device", "numerics"},
     {"mesh"},
     {"measure"},
-    {"mechanics", "estimate"},
+    {"mechanics", "estimate", "trial"},
     {"planar"},
     {"spatial"},
     {"model"},

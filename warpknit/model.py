@@ -12,6 +12,7 @@ from .estimate import Estimates
 from .mechanics import Group, Mechanics, Model
 from .ranks.ranks import Ranks
 from .scene import Scene
+from .trial import Trials
 
 
 def _kind(scene: Scene) -> Any:
@@ -48,3 +49,9 @@ def estimates_of(scene: Scene) -> Estimates:
     """What the kind of model that a scene asks for says of a run of it."""
     estimates: Estimates = _kind(scene).estimate
     return estimates
+
+
+def trials_of(scene: Scene) -> Trials:
+    """What the kind of model that a scene asks for is tried at, to trade speed for accuracy."""
+    trials: Trials = _kind(scene).trials
+    return trials

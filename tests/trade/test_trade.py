@@ -12,15 +12,18 @@ import pytest
 from click.testing import CliRunner
 
 from warpknit.cli import main
+from warpknit.planar import trials
 from warpknit.run.interrupts import Interrupted
 from warpknit.scene import load_scene
 from warpknit.scene.presets import PRESETS
+from warpknit.spatial import trials as spatial_trials
 from warpknit.trade import knobs, pilot, study
 from warpknit.trade.convergence import LEAST_ORDER, extrapolate
 from warpknit.trade.front import pareto
 from warpknit.trade.point import Errors, Found, Scales, errors_of
 from warpknit.trade.study import run_trade
 from warpknit.trade.table import Row, read_rows
+from warpknit.trial import SOFTENING, Setting
 
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell.toml"
 SMALL = ("load.strain_weft=0.12", "load.strain_warp=0.12", "output.frames=1")
@@ -67,7 +70,7 @@ def test_errors_are_points_of_percent_and_shares() -> None:
 @pytest.fixture
 def few_points(monkeypatch: pytest.MonkeyPatch) -> None:
     """A coarse reference and a handful of points."""
-    monkeypatch.setattr(study, "FINEST", ((math.inf, 24),))
+    monkeypatch.setattr(trials, "REFERENCE", ((math.inf, 24),))
     coarse = {name: replace(preset, nodes_per_loop=min(20, preset.nodes_per_loop)) for name, preset in PRESETS.items()}
     monkeypatch.setattr(knobs, "PRESETS", coarse)
     monkeypatch.setattr(study, "RAMP_NODES", 0)
@@ -157,7 +160,7 @@ def test_setting_within_an_error_is_the_cheapest_that_meets_it(quick_pilot: None
     small = pilot.Pilot(scene)
     loose, missed = pilot.choose_setting(small, 20.0)
     tight, left = pilot.choose_setting(small, 2.0)
-    assert loose.nodes_per_loop == pilot.NODES[0]
+    assert loose.nodes_per_loop == trials.NODES[0]
     assert loose.nodes_per_loop <= tight.nodes_per_loop
     assert pilot.bound_percent(left) <= 2.0 and pilot.bound_percent(missed) <= 20.0
 
@@ -182,7 +185,7 @@ def test_error_of_a_run_in_space_is_found_on_a_small_mesh_in_space(tmp_path: Pat
     scene = load_scene(CELL, ["model.kind=spatial", "load.strain_weft=0.0", "load.strain_warp=0.02", "output.frames=1"])
     small = pilot.Pilot(scene)
     setting, errors = pilot.choose_setting(small, 20.0)
-    assert setting == pilot.Setting(pilot.SPATIAL_NODES[0], pilot.SOFTENING, 1e-2, "double")
+    assert setting == Setting(spatial_trials.NODES[0], SOFTENING, 1e-2, "double")
     assert 0.0 < errors.largest_percent < 5.0 and small.node_steps > 0
     own = small.errors_of_run(small.fine, setting)
     assert own is not None and own.largest_percent == 0.0

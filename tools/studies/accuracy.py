@@ -44,8 +44,8 @@ from warpknit.planar.step import Stepper
 from warpknit.scene.presets import PRESETS
 from warpknit.solve.simulate import Simulation
 from warpknit.trade.estimate import estimate_of, settings_within
-from warpknit.trade.pilot import kind_of
 from warpknit.trade.point import Found, errors_of, found_at, run_point, scales_of
+from warpknit.trial import edge_of
 
 
 def both(weft: float, warp: float) -> tuple[str, str]:
@@ -231,7 +231,7 @@ def checked(name: str, percent: float, quick: bool) -> EstimateRow:
     within = settings_within(scene, percent)
     *_, last = run(scene_of(file, *overrides, *levels, *within.overrides))
     estimate = estimate_of(last, scene, within)
-    kind = kind_of(scene)
+    kind = edge_of(scene)
     tolerance, softening = (1e-3, 300.0) if kind == "gripped" else (1e-4, 64.0)
     fine = [("model.nodes_per_loop", 34 if quick else CHECK_NODES[kind]), ("solver.precision", "double"),
             ("solver.residual_tolerance", tolerance), ("solver.axial_softening", softening)]  # fmt: skip

@@ -1,9 +1,9 @@
 """The planar model by the names that every kind of model has (model.py)."""
 
-from . import estimate
+from . import estimate, trials
 from .mechanics import PlanarMechanics as mechanics
 from .model import build_model
 from .replicas import ReplicaGroup as replicas
 from .state import initial_state
 
-__all__ = ["build_model", "estimate", "initial_state", "mechanics", "replicas"]
+__all__ = ["build_model", "estimate", "initial_state", "mechanics", "replicas", "trials"]

@@ -10,7 +10,8 @@ from ..errors import Diverged
 from ..measure.table import Record
 from ..run.summary import Estimate
 from ..scene import Scene
-from .pilot import Pilot, Setting, bound_percent, choose_setting, kind_of
+from ..trial import Setting, edge_of
+from .pilot import Pilot, bound_percent, choose_setting
 from .point import found_at
 
 _log = logging.getLogger(__name__)
@@ -37,7 +38,7 @@ def settings_within(scene: Scene, percent: float) -> Within:
     """The cheapest settings that miss no more than `percent`, tried on a small mesh. Raises `Diverged`."""
     pilot = Pilot(scene)
     setting, errors = choose_setting(pilot, percent)
-    what = "segments a wire" if kind_of(scene) == "hook" else "nodes a loop"
+    what = "segments a wire" if edge_of(scene) == "hook" else "nodes a loop"
     _log.info(
         "%d %s, softening %g, tolerance %g: a small mesh of this scene misses %.2g %% (%.2g node-steps to find out)",
         setting.nodes_per_loop, what, setting.axial_softening, setting.residual_tolerance, errors.largest_percent,

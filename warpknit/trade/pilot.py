@@ -7,59 +7,19 @@ the path or on what is done to the edge, the mesh itself is taken as it is, with
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import cached_property
 
 from ..errors import Diverged
-from ..planar.model import build_model
+from ..model import build_model, trials_of
 from ..scene import PanelOptions, Scene
+from ..trial import Setting, edge_of
 from .point import Errors, Found, Outcome, Scales, errors_of, run_point, scales_of
 
 PATCH = 2  # repeats a side of the gripped pilot
 LEVELS = 2  # of a pilot whose state does not depend on the path
-FINE = {"periodic": 48, "gripped": 34, "hook": 128}  # nodes of the fine run, a loop or a wire
-TOLERANCE = 1e-4  # of the fine run
-NODES = (10, 12, 14, 16, 18, 20, 24, 30, 40)  # a loop, of settings that are tried
-HOOK_NODES = (16, 24, 32, 48, 64, 96)  # a wire
-SPATIAL_FINE = {"periodic": 96, "gripped": 68}  # the same in space, with a tolerance of SPATIAL_TOLERANCE
-SPATIAL_TOLERANCE = 1e-3
-SPATIAL_NODES = (40, 48, 56, 64)
-SOFTENING = 1000.0
 SAFETY = 1.3  # what an estimate is multiplied by
 FLOOR_PERCENT = 0.2  # added to it: the error of the fine run, and what the tolerance leaves
-
-
-@dataclass(frozen=True)
-class Setting:
-    """Numerics that a pilot is run with."""
-
-    nodes_per_loop: int
-    axial_softening: float
-    residual_tolerance: float
-    precision: str
-
-    @property
-    def overrides(self) -> tuple[tuple[str, object], ...]:
-        """The same as keys of a scene."""
-        tables = {"nodes_per_loop": "model"}
-        return tuple((f"{tables.get(name, 'solver')}.{name}", value) for name, value in asdict(self).items())
-
-
-def kind_of(scene: Scene) -> str:
-    """periodic | gripped | hook: what decides how errors go with the nodes."""
-    return "hook" if scene.hook is not None else scene.model.boundary
-
-
-def settings_for(scene: Scene, percent: float) -> list[Setting]:
-    """Settings to try, the cheapest first; the tolerance leaves a tenth of `percent` or less."""
-    hook = scene.hook is not None
-    if scene.model.kind == "spatial":
-        tolerance = min(1e-2, max(2.0 * SPATIAL_TOLERANCE, percent / 1000.0))
-        return [Setting(n, SOFTENING, tolerance, "double") for n in SPATIAL_NODES]
-    tolerance = min(1e-2, max(1e-4 if hook else 1e-3, percent / 1000.0))
-    nodes = HOOK_NODES if hook else NODES
-    softening = 64.0 if hook else SOFTENING
-    return [Setting(n, softening, tolerance, "double" if hook else "single") for n in nodes]
 
 
 def with_setting(scene: Scene, setting: Setting) -> Scene:
@@ -75,7 +35,7 @@ class Pilot:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self.kind = kind_of(scene)
+        self.edge = edge_of(scene)
         self.small = _small(scene)
         self.node_steps = 0
 
@@ -86,10 +46,7 @@ class Pilot:
     @cached_property
     def fine(self) -> Found:
         """What the small mesh carries with so many nodes that it counts as true. Raises `Diverged`."""
-        if self.scene.model.kind == "spatial":
-            setting = Setting(SPATIAL_FINE[self.kind], SOFTENING, SPATIAL_TOLERANCE, "double")
-        else:
-            setting = Setting(FINE[self.kind], 64.0 if self.kind == "hook" else 300.0, TOLERANCE, "double")
+        setting = trials_of(self.scene).fine(self.scene)
         outcome = self._run(setting)
         if outcome.found is None:
             raise Diverged(f"the run of {setting.nodes_per_loop} nodes a loop that errors are estimated by: {outcome.message}")
@@ -107,7 +64,7 @@ class Pilot:
 
         A periodic tile and a hook are compared with the fine run themselves; of a gripped mesh only a smaller one can be.
         """
-        if self.kind == "gripped":
+        if self.edge == "gripped":
             return self.errors(setting)
         repeats = self._repeats(self.scene) / self._repeats(self.small)
         one = replace(found, contact_force_sum_N=found.contact_force_sum_N / repeats)
@@ -124,7 +81,7 @@ class Pilot:
 
     def _scaled(self, errors: Errors) -> Errors:
         """Errors of a gripped mesh from those of a smaller one: what grips add to means goes with one over the size."""
-        if self.kind != "gripped":
+        if self.edge != "gripped":
             return errors
         share = min(1.0, min(self.small.knit.repeats) / min(self.scene.knit.repeats))
         return replace(errors, active_percent=share * errors.active_percent, tension=share * errors.tension,
@@ -139,7 +96,7 @@ def bound_percent(errors: Errors) -> float:
 def choose_setting(pilot: Pilot, percent: float) -> tuple[Setting, Errors]:
     """The cheapest setting whose errors stay under `percent`, or the best of those tried; and what it misses."""
     best: tuple[Setting, Errors] | None = None
-    for setting in settings_for(pilot.scene, percent):
+    for setting in trials_of(pilot.scene).settings(pilot.scene, percent):
         errors = pilot.errors(setting)
         if errors is None:
             continue

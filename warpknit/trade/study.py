@@ -17,7 +17,7 @@ from ..device import find_device
 from ..errors import Diverged, InputError
 from ..estimate import Size
 from ..files import write_aside, write_table
-from ..model import build_model, estimates_of
+from ..model import build_model, estimates_of, trials_of
 from ..numerics import slowest_rate
 from ..run.interrupts import Interrupted, Interrupts
 from ..run.progress import Progress as Display
@@ -37,11 +37,6 @@ _log = logging.getLogger(__name__)
 Loader = Callable[[Overrides, str | None], Scene]
 
 RATIO = math.sqrt(2.0)  # of the nodes of one reference to the next
-FINEST = ((2_000, 96), (math.inf, 54))  # nodes a loop of the reference, up to so many nodes of the scene
-HOOK_FINEST = 192  # segments a wire of the same, where two wires are hooked
-TOLERANCE = 1e-4  # of the reference
-SPATIAL = (96, 1e-3)  # nodes a loop and tolerance of a reference in space, which takes some fifty times as long
-SPATIAL_HOOK = 68  # segments a wire of the same of a hook, whose lens is a tenth of a wire long
 DEAREST = 4.0  # times what the reference cost, that a point may
 RAMP_NODES = 2_000  # of a mesh, up to which ramps in real time are tried: they take a hundred times the steps
 
@@ -85,13 +80,8 @@ class _Study:
         self.scales = scales_of(base)
         self.path = out / "trade.csv"
         self.rows = read_rows(self.path)
-        self.in_space = ("model.kind", "spatial") in of_reference
-        finest = next(n for most, n in FINEST if base.panel.node_count <= most)
-        hook = base.scene.hook is not None
-        if self.in_space:
-            finest = SPATIAL_HOOK if hook else SPATIAL[0]
-        elif hook:
-            finest = HOOK_FINEST
+        truth = load(of_reference, None)
+        finest, self.tolerance = trials_of(truth).reference(truth, base.node_count)
         self.finest = [round(finest / RATIO**k) for k in range(3)]
         self._interrupts = Interrupts()
 
@@ -118,7 +108,7 @@ class _Study:
     # --- points ---
 
     def _points(self) -> list[Point]:
-        points = knobs.reference_points(self.finest, SPATIAL[1] if self.in_space else TOLERANCE)
+        points = knobs.reference_points(self.finest, self.tolerance)
         points += [*knobs.preset_points(self.base), *knobs.points_alone(self.base)]
         points += self._points_of_ramp()
         points += knobs.points_together(self.base, self.finest[0])

@@ -1,0 +1,33 @@
+"""What the planar model is tried at (trial.py)."""
+
+from __future__ import annotations
+
+from ..scene import Scene
+from ..trial import SOFTENING, Setting, edge_of
+
+NODES = (10, 12, 14, 16, 18, 20, 24, 30, 40)  # a loop
+HOOK_NODES = (16, 24, 32, 48, 64, 96)  # a wire
+FINE = {"periodic": 48, "gripped": 34, "hook": 128}  # nodes of the fine run, a loop or a wire
+TOLERANCE = 1e-4  # of fine runs and references
+REFERENCE = ((2_000, 96), (float("inf"), 54))  # nodes a loop of the reference of a trade, up to so many nodes of the scene
+HOOK_REFERENCE = 192  # segments a wire of the same, where two wires are hooked
+
+
+def settings(scene: Scene, percent: float) -> list[Setting]:
+    """Settings to try, the cheapest first; the tolerance leaves a tenth of `percent` or less."""
+    if scene.hook is not None:
+        tolerance = min(1e-2, max(1e-4, percent / 1000.0))
+        return [Setting(n, 64.0, tolerance, "double") for n in HOOK_NODES]
+    tolerance = min(1e-2, max(1e-3, percent / 1000.0))
+    return [Setting(n, SOFTENING, tolerance, "single") for n in NODES]
+
+
+def fine(scene: Scene) -> Setting:
+    """Of the fine run of a small mesh, which counts as true."""
+    return Setting(FINE[edge_of(scene)], 64.0 if scene.hook is not None else 300.0, TOLERANCE, "double")
+
+
+def reference(scene: Scene, nodes: int) -> tuple[int, float]:
+    """Nodes a loop, or segments of a hooked wire, and tolerance of the reference of a trade."""
+    finest = HOOK_REFERENCE if scene.hook is not None else next(n for most, n in REFERENCE if nodes <= most)
+    return finest, TOLERANCE
