@@ -41,7 +41,7 @@ def mechanics_of(model: Model, state: Any) -> Mechanics:
 
 def replicas_of(model: Model, count: int, threads: int | None = None) -> Group:
     """So many states of a model that has replicas, stepped by one launch and shared by `threads`; default: one a core."""
-    replicas: Group = _kind(model.scene).replicas(model, count, threads)
+    replicas: Group = _kind(model.scene).replicas(model, count, threads=threads)
     return replicas
 
 
