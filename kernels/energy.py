@@ -1,112 +1,214 @@
-"""What the segments and nodes of the wires carry: tension, strain, turning, moment. Read at records, not in the step.
+"""What the segments and nodes of the wires carry, by the forces of wire_forces.py. Read between steps, not in a step.
 
-stretch energy = (EA/L) (|e| - L)^2 / 2 a segment        bend energy = EI/l (theta - theta0)^2 / 2 a node
+    strain = ((|e| - L)/L - w)/(1 + w) + bow - bow at rest
+
+of the curved segment, with w by how much a wire is warmer or cooler there than its mean (relative length); bow: see bend.py.
 """
 
 from typing import Any
 
 import warp as wp
 
-from .bend import bow, turning_angle
-from .clamp import bow_at_clamp, bow_weights_at_clamp, edge_at_clamp, hinge_at_clamp, length_at_clamp
-from .control import GRADIENT, LENGTH_FACTOR
-from .stretch import axial_force, edge_component
-from .wires import node_at
+from .bend import BOW
+from .native import constants
+from .wire_forces import forces
+
+_RESULTS = r"""
+    const real* __restrict natural_bow = rest_bow.data + table - HALO;
+    for (int k = HALO; k < count + HALO; ++k) {
+        const int i = offset_of_block + k, local = i - wire_begin, last = wire_nodes - 1;
+        const bool turns = closed || (local > 0 && local < last), goes_on = closed || local < last;
+        tension_out.data[i] = tension[k];
+        turning_out.data[i] = turns ? turn[k] : real(0);
+        force_x_out.data[i] = goes_on ? nx[k] : real(0);
+        force_y_out.data[i] = goes_on ? ny[k] : real(0);
+        if (moment_out.shape[0]) {
+            edge_x_out.data[i] = goes_on ? chord_x[k] : real(0);
+            edge_y_out.data[i] = goes_on ? chord_y[k] : real(0);
+            elastic_out.data[i] = turns ? bend[k] / (hinge_factor * share[k] * rb[k]) : real(0);
+            moment_out.data[i] = turns ? moment[k] : real(0);
+            bow_moment_out.data[i] = turns ? unbending[k] : real(0);
+        }
+        if (!strain_out.shape[0]) continue;
+        real strain = 0;
+        if (closed || (local >= gripped && local < last - gripped)) {
+            // how often the squares of the angles at both ends count, and the bow at rest: both ends of a wire may change them
+            real weight = 1, next_weight = 1, bow = -natural_bow[k], length = rl[k];
+            for (int far = 0; gripped && far < 2; ++far) {
+                const real* clamp = clamps + far * CLAMP_NUMBERS;
+                const int from_clamp = far ? last - 2 - local : local - 1;  // segments between this one and the clamp
+                real& near = far ? next_weight : weight;
+                real& beyond = far ? weight : next_weight;
+                if (from_clamp == 0) {
+                    near += clamp[BOW_WEIGHT];
+                    beyond += clamp[NEXT_BOW_WEIGHT];
+                    length = clamp[LENGTH];
+                }
+                if (from_clamp == 1) near += clamp[BEYOND_BOW_WEIGHT];
+                if (from_clamp == 0 || from_clamp == 1) bow -= clamp[BOW_CHANGE + from_clamp];
+            }
+            const real angle = turns ? angles[k] : real(0);
+            const real next_angle = closed || local < last - 1 ? angles[k + 1] : real(0);
+            bow += real(BOW) * (weight * angle * angle + next_weight * next_angle * next_angle);
+            const real natural = length * length_factor, chord = sqrt(chord_x[k] * chord_x[k] + chord_y[k] * chord_y[k]);
+            const real warmth = real(wire_warmth.data[wire][0] + wire_warmth.data[wire][1] * local);
+            strain = ((chord - natural) / natural - warmth) / (real(1) + warmth) + bow;
+        }
+        strain_out.data[i] = strain;
+    }
+    #undef OVER
+    #undef UNROLL
+"""
 
 
-@wp.kernel
-def evaluate_wires(
+@wp.func_native(forces(keeps=True) + constants(BOW=BOW) + _RESULTS)
+def evaluate_block(
+    # in: what steers the step
+    block: wp.int32,
+    lane: Any,
+    control: wp.array(dtype=wp.float64),
+    unit: Any,
+    gripped: wp.int32,
     # in: blocks and wires
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_table: wp.array(dtype=wp.int32),
     block_wire: wp.array(dtype=wp.int32),
-    block_size: int,
-    first_block: int,
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
     wire_closed: wp.array(dtype=wp.int32),
     wire_clamp: wp.array2d(dtype=Any),
     wire_axial: wp.array(dtype=Any),
     wire_warmth: wp.array(dtype=wp.vec2d),
-    # in: what steers the step
-    control: wp.array(dtype=wp.float64),
-    unit: Any,
     # in: rest data
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
     rest_length: wp.array(dtype=Any),
+    inverse_length: wp.array(dtype=Any),
     rest_angle: wp.array(dtype=Any),
     rest_bow: wp.array(dtype=Any),
+    hinge_stiffness: wp.array(dtype=Any),
     tension_offset: wp.array(dtype=Any),
+    yield_moment: Any,
+    kept_stiffness: Any,
+    plastic_turn: wp.array(dtype=Any),
+    back_turn: wp.array(dtype=Any),
+    # state in
+    ux_in: wp.array(dtype=Any),
+    uy_in: wp.array(dtype=Any),
+    # out: see evaluate_wires
+    tension_out: wp.array(dtype=Any),
+    turning_out: wp.array(dtype=Any),
+    force_x_out: wp.array(dtype=Any),
+    force_y_out: wp.array(dtype=Any),
+    strain_out: wp.array(dtype=Any),
+    edge_x_out: wp.array(dtype=Any),
+    edge_y_out: wp.array(dtype=Any),
+    elastic_out: wp.array(dtype=Any),
+    moment_out: wp.array(dtype=Any),
+    bow_moment_out: wp.array(dtype=Any),
+): ...
+
+
+@wp.kernel
+def evaluate_wires(
+    # in: what steers the step
+    first_block: int,
+    threads_a_block: Any,
+    control: wp.array(dtype=wp.float64),
+    unit: Any,
+    gripped: int,
+    # in: blocks and wires
+    block_first: wp.array(dtype=wp.int32),
+    block_count: wp.array(dtype=wp.int32),
+    block_table: wp.array(dtype=wp.int32),
+    block_wire: wp.array(dtype=wp.int32),
+    wire_first: wp.array(dtype=wp.int32),
+    wire_count: wp.array(dtype=wp.int32),
+    wire_closed: wp.array(dtype=wp.int32),
+    wire_clamp: wp.array2d(dtype=Any),
+    wire_axial: wp.array(dtype=Any),
+    wire_warmth: wp.array(dtype=wp.vec2d),
+    # in: rest data
+    rest_x: wp.array(dtype=Any),
+    rest_y: wp.array(dtype=Any),
+    rest_length: wp.array(dtype=Any),
+    inverse_length: wp.array(dtype=Any),
+    rest_angle: wp.array(dtype=Any),
+    rest_bow: wp.array(dtype=Any),
+    hinge_stiffness: wp.array(dtype=Any),
+    tension_offset: wp.array(dtype=Any),
+    yield_moment: Any,
+    kept_stiffness: Any,
+    plastic_turn: wp.array(dtype=Any),
+    back_turn: wp.array(dtype=Any),
     # state in
     ux: wp.array(dtype=Any),
     uy: wp.array(dtype=Any),
-    gripped: int,
-    # out: of the segment that starts at the node (zero behind the last node of an open wire; a segment that a clamp holds
-    # rigid has an edge only) ...
+    # out: of the segment that starts at the node: tension [N], force [N] that pulls at the node; zero behind the last node of an
+    # open wire. A segment that a clamp holds rigid has no tension
+    tension: wp.array(dtype=Any),
+    force_x: wp.array(dtype=Any),
+    force_y: wp.array(dtype=Any),
+    # out: at the node: theta - theta0 [rad]; zero at the ends of an open wire
+    turning: wp.array(dtype=Any),
+    # out, where wanted: strain of the curved segment [-]
+    strain: wp.array(dtype=Any),
+    # out, where wanted: edge [m], elastic part of the turning [rad], moment with what its slope adds, and that of bows [N m]
     edge_x: wp.array(dtype=Any),
     edge_y: wp.array(dtype=Any),
-    strain: wp.array(dtype=Any),
-    tension: wp.array(dtype=Any),
-    # out: ... and at the node itself (zero at the ends of an open wire)
-    turning: wp.array(dtype=Any),
+    elastic: wp.array(dtype=Any),
+    moment: wp.array(dtype=Any),
+    bow_moment: wp.array(dtype=Any),
 ):
-    """Edge [m], strain of the curved segment [-], tension [N], and theta - theta0 [rad]."""
+    """A thread a block, or with 64-bit `threads_a_block` = BLOCK_SIZE a thread a node.
+
+    What is wanted has room for all nodes, what is not has none.
+    """
     thread = wp.tid()
-    block = thread / block_size
-    lane = thread - block * block_size
-    block = first_block + block
+    threads = wp.int32(threads_a_block)
+    block = first_block + thread / threads
+    lane = thread % threads
     if lane >= block_count[block]:
         return
-    i = block_first[block] + lane
-    t = block_table[block] + lane
-    wire = block_wire[block]
-    first = wire_first[wire]
-    count = wire_count[wire]
-    closed = wire_closed[wire]
-    fxx = type(unit)(control[GRADIENT])
-    fxy = type(unit)(control[GRADIENT + 1])
-    fyx = type(unit)(control[GRADIENT + 2])
-    fyy = type(unit)(control[GRADIENT + 3])
-    before = node_at(i - 1, first, count, closed)
-    after = node_at(i + 1, first, count, closed)
-    bx = edge_component(fxx, fxy, rest_x[t - 1], rest_y[t - 1], ux[i], ux[before], unit)
-    by = edge_component(fyx, fyy, rest_x[t - 1], rest_y[t - 1], uy[i], uy[before], unit)
-    ex = edge_component(fxx, fxy, rest_x[t], rest_y[t], ux[after], ux[i], unit)
-    ey = edge_component(fyx, fyy, rest_x[t], rest_y[t], uy[after], uy[i], unit)
-    local = i - first
-    bx, by = edge_at_clamp(bx, by, local - 1, count, gripped, wire, wire_clamp)
-    ex, ey = edge_at_clamp(ex, ey, local, count, gripped, wire, wire_clamp)
-    zero = type(unit)(0.0)
-    edge_x[i] = zero
-    edge_y[i] = zero
-    strain[i] = zero
-    tension[i] = zero
-    turning[i] = zero
-    angle = zero
-    if closed != 0 or (local > 0 and local < count - 1):
-        angle = turning_angle(bx, by, ex, ey)
-        natural_angle, _share = hinge_at_clamp(rest_angle[t], local, count, gripped, wire, wire_clamp)
-        turning[i] = angle - natural_angle
-    if closed != 0 or local < count - 1:
-        edge_x[i] = ex
-        edge_y[i] = ey
-    if closed != 0 or (local >= gripped and local < count - 1 - gripped):
-        length = wp.sqrt(ex * ex + ey * ey)
-        natural = length_at_clamp(rest_length[t], local, count, gripped, wire, wire_clamp) * type(unit)(control[LENGTH_FACTOR])
-        tension[i] = axial_force(length, natural, wire_axial[wire], tension_offset[i])
-        beyond = node_at(i + 2, first, count, closed)
-        angle_after = zero
-        if closed != 0 or local < count - 2:
-            ax = edge_component(fxx, fxy, rest_x[t + 1], rest_y[t + 1], ux[beyond], ux[after], unit)
-            ay = edge_component(fyx, fyy, rest_x[t + 1], rest_y[t + 1], uy[beyond], uy[after], unit)
-            ax, ay = edge_at_clamp(ax, ay, local + 1, count, gripped, wire, wire_clamp)
-            angle_after = turning_angle(ex, ey, ax, ay)
-        _, weight = bow_weights_at_clamp(length, local, count, gripped, wire, wire_clamp)
-        weight_after, _ = bow_weights_at_clamp(length, local + 1, count, gripped, wire, wire_clamp)
-        natural_bow = bow_at_clamp(rest_bow[t], local, count, gripped, wire, wire_clamp)
-        # the step itself knows the mean temperature only: multipliers bring in the rest
-        warmth = type(unit)(wire_warmth[wire][0] + wire_warmth[wire][1] * wp.float64(local))
-        longer = bow(angle, angle_after, weight, weight_after) - natural_bow
-        strain[i] = ((length - natural) / natural - warmth) / (type(unit)(1.0) + warmth) + longer
+    evaluate_block(
+        block,
+        type(threads_a_block)(lane),
+        control,
+        unit,
+        gripped,
+        block_first,
+        block_count,
+        block_table,
+        block_wire,
+        wire_first,
+        wire_count,
+        wire_closed,
+        wire_clamp,
+        wire_axial,
+        wire_warmth,
+        rest_x,
+        rest_y,
+        rest_length,
+        inverse_length,
+        rest_angle,
+        rest_bow,
+        hinge_stiffness,
+        tension_offset,
+        yield_moment,
+        kept_stiffness,
+        plastic_turn,
+        back_turn,
+        ux,
+        uy,
+        tension,
+        turning,
+        force_x,
+        force_y,
+        strain,
+        edge_x,
+        edge_y,
+        elastic,
+        moment,
+        bow_moment,
+    )

@@ -28,8 +28,13 @@ _FORCES = r"""
     // loops run over whole vectors: PAD places behind the last node hold numbers that nothing uses
     enum { ALONE = sizeof(lane) == 8, LANES = ALONE ? 1 : 16, PAD = ALONE ? 2 : BLOCK_PAD };
     enum { HALO = 3, SPAN = (ALONE ? 1 : BLOCK_SIZE) + 2 * HALO + PAD };
-    // places that are known when a thread runs only: an array with such an index cannot stay in registers on a GPU
-    #define OVER(k, low, high) \
+    // on a GPU arrays stay in registers where all their indices are known once loops are unrolled
+    #ifdef __CUDA_ARCH__
+    #define UNROLL _Pragma("unroll")
+    #else
+    #define UNROLL
+    #endif
+    #define OVER(k, low, high) UNROLL \
         for (int k = ALONE ? 0 : (low); k < (ALONE ? whole : (high)); ++k) if (!ALONE || (k >= (low) && k < (high)))
     const int first = block_first.data[block] + (int)lane, table = block_table.data[block] + (int)lane;
     const int count = ALONE ? 1 : block_count.data[block];
@@ -47,12 +52,12 @@ _FORCES = r"""
     const int wire_end = wire_begin + wire_nodes;
     coordinate cx[SPAN], cy[SPAN];
     real shift[SPAN];
-    for (int k = HALO; k < count + HALO; ++k) {
+    UNROLL for (int k = HALO; k < count + HALO; ++k) {
         cx[k] = ux_in.data[offset_of_block + k];
         cy[k] = uy_in.data[offset_of_block + k];
         shift[k] = tension_offset.data[offset_of_block + k];
     }
-    for (int q = 0; q < 2 * HALO; ++q) {
+    UNROLL for (int q = 0; q < 2 * HALO; ++q) {
         // nodes of the wire before the block and behind it
         const int k = q < HALO ? q : count + q;
         int i = offset_of_block + k;
@@ -66,7 +71,7 @@ _FORCES = r"""
         cy[k] = uy_in.data[i];
         shift[k] = tension_offset.data[i];
     }
-    for (int k = nodes; k <= whole; ++k) {
+    UNROLL for (int k = nodes; k <= whole; ++k) {
         cx[k] = cx[nodes - 1];
         cy[k] = cy[nodes - 1];
         shift[k] = real(0);
@@ -84,7 +89,7 @@ _FORCES = r"""
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    for (int k = 0; k < whole; ++k) {
+    UNROLL for (int k = 0; k < whole; ++k) {
         const real ex = fxx * rx[k] + fxy * ry[k] + unit * real(cx[k + 1] - cx[k]);
         const real ey = fyx * rx[k] + fyy * ry[k] + unit * real(cy[k + 1] - cy[k]);
         const real length = sqrt(ex * ex + ey * ey);
@@ -99,7 +104,7 @@ _FORCES = r"""
     const int begin = wire_begin - offset_of_block, end = wire_end - offset_of_block;
     const real* __restrict clamps = wire_clamp.data + 2 * CLAMP_NUMBERS * wire;
     if (gripped) {
-        for (int far = 0; far < 2; ++far) {
+        UNROLL for (int far = 0; far < 2; ++far) {
             const real* clamp = clamps + far * CLAMP_NUMBERS;
             const int rigid = far ? end - 2 : begin, k = far ? end - 3 : begin + 1;
             if (rigid >= 0 && rigid < segments) OVER(j, rigid, rigid + 1) {
@@ -125,7 +130,7 @@ _FORCES = r"""
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    for (int j = 0; j < whole; ++j) {
+    UNROLL for (int j = 0; j < whole; ++j) {
         const real sine = tx[j] * ty[j + 1] - ty[j] * tx[j + 1];
         const real cosine = tx[j] * tx[j + 1] + ty[j] * ty[j + 1];
         // angle = 2 atan(sine / (1 + cosine)), the quotient folded into [-tan(pi/8), tan(pi/8)] before the one division
@@ -152,9 +157,9 @@ _FORCES = r"""
     }
     }
     if (gripped) {
-        for (int far = 0; far < 2; ++far) {
+        UNROLL for (int far = 0; far < 2; ++far) {
             const real* clamp = clamps + far * CLAMP_NUMBERS;
-            for (int next = 0; next < 2; ++next) {
+            UNROLL for (int next = 0; next < 2; ++next) {
                 const int at = far ? end - 2 - next : begin + 1 + next;
                 if (at < 1 || at >= segments) continue;
                 OVER(k, at, at + 1) {
@@ -166,14 +171,14 @@ _FORCES = r"""
                     unbending[k] = bow_moment * angle * (pull + (next ? counts_other * tension[other] * rl[other] : real(0)));
                     share[k] = clamp[HINGE + next];
                     bend[k] = share[k] * hinge_factor * rb[k] * (angle - clamp[ANGLE + next]);
-                    if (KEEPS) turn[k] = angle - clamp[ANGLE + next];
+                    if (KEEPS) turn[k] = angles[k] - clamp[ANGLE + next];
                 }
             }
         }
     }
     // what yields: beyond the yield moment on either side of back_turn, a wire keeps the share kept_stiffness
     if (yield_moment > real(0)) {
-        for (int j = 1; j < segments; ++j) {
+        UNROLL for (int j = 1; j < segments; ++j) {
             int i = offset_of_block + j;
             if (closed) {
                 while (i < wire_begin) i += wire_nodes;
@@ -198,7 +203,7 @@ _FORCES = r"""
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    for (int k = 0; k < whole; ++k) {
+    UNROLL for (int k = 0; k < whole; ++k) {
         rise[k] = rl[k] * (bend[k + 1] - bend[k]);
     }
     }
@@ -207,7 +212,7 @@ _FORCES = r"""
         OVER(k, end - 1, segments) { rise[k] = real(0); }
     }
     if (gripped) {
-        for (int far = 0; far < 2; ++far) {
+        UNROLL for (int far = 0; far < 2; ++far) {
             const int rigid = far ? end - 2 : begin, k = far ? end - 3 : begin + 1;
             if (rigid >= 0 && rigid < segments) OVER(j, rigid, rigid + 1) rise[j] = real(0);
             if (k >= 0 && k < segments) {
@@ -220,7 +225,7 @@ _FORCES = r"""
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    for (int k = 0; k < whole; ++k) {
+    UNROLL for (int k = 0; k < whole; ++k) {
         moment[k + 1] = bend[k + 1] + slope_factor * share[k + 1] * rb[k + 1] * (rise[k] - rise[k + 1]);
     }
     }
@@ -229,7 +234,7 @@ _FORCES = r"""
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    for (int k = 0; k < whole; ++k) {
+    UNROLL for (int k = 0; k < whole; ++k) {
         const real shear = (moment[k] - moment[k + 1] + unbending[k] - unbending[k + 1]) * il[k];
         nx[k] = tension[k] * tx[k] - shear * ty[k];
         ny[k] = tension[k] * ty[k] + shear * tx[k];

@@ -58,7 +58,7 @@ _UPDATE = r"""
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    for (int j = 0; j < lanes; ++j) {
+    UNROLL for (int j = 0; j < lanes; ++j) {
         fx[j + HALO] = nx[j + HALO] - nx[j + HALO - 1];
         fy[j + HALO] = ny[j + HALO] - ny[j + HALO - 1];
     }
@@ -111,7 +111,7 @@ _UPDATE = r"""
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    for (int k = HALO; k < count + HALO; ++k) {
+    UNROLL for (int k = HALO; k < count + HALO; ++k) {
         const real im = ri_m[k] * mass_factor;
         const real px = speed_x[k], py = speed_y[k];
         const real f2 = fx[k] * fx[k] + fy[k] * fy[k];
@@ -163,6 +163,7 @@ _UPDATE = r"""
     partial_row[STRONGEST_PART] = strongest;
     partial_row[FORCE_PART] = square;
     #undef OVER
+    #undef UNROLL
 """
 
 

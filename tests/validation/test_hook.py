@@ -15,10 +15,9 @@ from hook_reference import Contact, Hook
 
 from warpknit import measure
 from warpknit.kernels.control import KINETIC_TWICE
-from warpknit.measure.hook_contact import HookContact
 from warpknit.mesh.hook import LEFT_TOP, RIGHT_TOP
 from warpknit.model import build_model
-from warpknit.planar.hook_contact import hook_contact
+from warpknit.planar.hook_contact import HookContact, hook_contact
 from warpknit.planar.host_state import node_entries
 from warpknit.planar.observables import PlanarObservables
 from warpknit.planar.state import initial_state

@@ -87,8 +87,8 @@ def argument_faults(function: ast.FunctionDef, file: KernelFile) -> Iterator[tup
         if is_array(argument):
             for text in array_faults(direction, effects[argument.arg]):
                 yield line, f"array {argument.arg} of group '{group}' {text}"
-            if written and direction == "in":
-                yield line, f"argument {argument.arg} is read but stands behind what is written"
+        if written and direction == "in":
+            yield line, f"argument {argument.arg} is read but stands behind what is written"
         written |= direction == "out"
 
 

@@ -87,12 +87,13 @@ class Look:
         self.model = model
         self.state = state
         panel, real, device = model.panel, model.precision.real, model.device
-        scratch = [wp.zeros(panel.node_count, dtype=real, device=device) for _ in range(5)]
-        self._force_x, self._force_y, self.strain, self.tension, self.turning = scratch
+        names = ("force_x", "force_y", "strain", "tension", "turning")
+        found = {name: wp.zeros(panel.node_count, dtype=real, device=device) for name in names}
+        self._force_x, self._force_y, self.strain, self.tension, self.turning = found.values()
         self._stepper = stepper
         shares = stepper.shares(len(panel.block_first))
         self._evaluate: list[list[Callable[[], object]]] = [
-            [evaluation(model, state, parity, scratch, share).launch for share in shares] for parity in (0, 1)
+            [evaluation(model, state, parity, found, share).launch for share in shares] for parity in (0, 1)
         ]
         self._pairs_at_clamps = _pairs_at_clamps(model)
         self._first_block = first_blocks(panel)
@@ -100,10 +101,9 @@ class Look:
         self._pairs = wp.zeros((max(1, -(-model.pair_count // k.PAIR_BLOCK)), k.PAIR_COLUMNS), dtype=wp.float64, device=device)
         self._squares = wp.zeros(len(panel.block_first), dtype=wp.float64, device=device)
         sources = (model.rest, model.mesh, state, model.constants)
-        wires = {"strain": self.strain, "tension": self.tension, "turning": self.turning, "partial": self._wires}
-        wires |= {"force_x": self._force_x, "force_y": self._force_y}
         self._sum_wires: list[Callable[[], object]] = [
-            bind(k.sum_wires, blocks, *sources, first_block=block, **wires).record(device).launch for block, blocks in shares
+            bind(k.sum_wires, blocks, *sources, first_block=block, partial=self._wires, **found).record(device).launch
+            for block, blocks in shares
         ]
         pairs = {"pair_block": k.PAIR_BLOCK, "partial": self._pairs}
         self._sum_pairs = bind(k.sum_pairs, self._pairs.shape[0], *sources, **pairs).record(device)

@@ -12,7 +12,6 @@ import numpy as np
 import warp as wp
 
 from ..kernels import clamp
-from ..kernels import control as c
 from ..kernels.energy import evaluate_wires
 from ..kernels.wire_forces import BLOCK_SIZE
 from ..launch import bind
@@ -20,6 +19,9 @@ from ..measure.boundary import Boundary
 from .join import Join
 from .model import Model
 from .state import State
+
+WANTED = ("strain", "edge_x", "edge_y", "elastic", "moment", "bow_moment")  # what evaluate_wires finds where it is wanted
+OF_NODES = ("u", "edge", "tension", "segment_force", "moment", "bow_moment", "turning")
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,11 @@ class HostState(Boundary):
     edge: np.ndarray  # [node, 2] [m] zero behind the last node of an open wire
     tension: np.ndarray  # [node] [N]
     wire_axial: np.ndarray  # [wire] [N] softened axial stiffness
+    segment_force: np.ndarray  # [node, 2] [N] gradient of the energy by the edge (kernels/wire_forces.py)
+    moment: np.ndarray  # [node] [N m] bending moment: that of the turns, and what the slope of the moment adds (kernels/bend.py)
+    bow_moment: np.ndarray  # [node] [N m] by which tension unbends arcs that keep their length (kernels/bend.py)
     turning: np.ndarray  # [node] [rad] turning angle less its natural value
+    elastic: np.ndarray  # [node, or none without yield] [rad] part of it that is elastic
     plastic_turn: np.ndarray  # [node, or one without yield] [rad] of it, what stayed as of the last state at rest
     back_turn: np.ndarray  # [node, or one] [rad] elastic turning that the wire yields on either side of
     pair_force: np.ndarray  # [pair] [N]
@@ -53,88 +59,10 @@ class HostState(Boundary):
         """[node] entry of the rest table."""
         return node_entries(self.model)
 
-    @cached_property
-    def segment_force(self) -> np.ndarray:
-        """[node, 2] [N] gradient of the energy by the edge: n = T t + (g - g_next)/|e| nu (kernels/wires.py)."""
-        panel = self.model.panel
-        moment = self.moment
-        moment += self.bow_moment
-        shear = np.roll(moment, -1)
-        last = panel.wire_first + panel.wire_count - 1
-        shear[last] = np.where(panel.wire_closed, moment[panel.wire_first], 0.0)
-        np.subtract(moment, shear, out=shear)
-        inverse = np.hypot(self.edge[:, 0], self.edge[:, 1])
-        np.divide(1.0, inverse, out=inverse, where=inverse > 0)
-        shear *= inverse
-        pull = self.tension * inverse
-        shear *= inverse
-        force = self.edge * pull[:, None]
-        force[:, 0] -= shear * self.edge[:, 1]
-        force[:, 1] += shear * self.edge[:, 0]
-        return force
-
-    # what follows is worked out when asked for: kept, it would be most of the memory of a large mesh
-
-    @property
-    def moment(self) -> np.ndarray:
-        """[node] [N m] bending moment: that of the turns, and what the slope of the moment adds (kernels/bend.py)."""
-        moment = self.moment_of_turns
-        slope_share = float(self.control[int(c.SLOPE_FACTOR)]) * self.model.bending_stiffness
-        return self._none_at_free_ends(moment - slope_share * self._second_difference(moment) / self.hinge_length)
-
-    def _none_at_free_ends(self, moment: np.ndarray) -> np.ndarray:
-        """The same array, without what stands at the ends of open wires."""
-        panel = self.model.panel
-        for end in (panel.wire_first, panel.wire_first + panel.wire_count - 1):
-            moment[end] = np.where(panel.wire_closed, moment[end], 0.0)
-        return moment
-
-    @property
-    def moment_of_turns(self) -> np.ndarray:
-        """[node] [N m] EI times the elastic turning over the length that the hinge stands for."""
-        return self.model.bending_stiffness * self.elastic_turning / (self.hinge_length * self.length_factor)
-
-    @property
-    def bow_moment(self) -> np.ndarray:
-        """[node] [N m] by which tension unbends arcs that keep their length (kernels/bend.py)."""
-        panel = self.model.panel
-        pull = self.tension * self.natural_length * self.length_factor
-        before = np.roll(pull, 1)
-        last = panel.wire_first + panel.wire_count - 1
-        before[panel.wire_first] = pull[last]
-        for far, following, node in self._hinges_at_clamps:
-            numbers = panel.wire_clamp[:, far]
-            own, other = (pull, before) if far == following else (before, pull)
-            own[node] *= 1.0 + numbers[:, clamp.BOW_WEIGHT + following]
-            if following:
-                other[node] *= 1.0 + numbers[:, clamp.BEYOND_BOW_WEIGHT]
-        moment = float(self.control[int(c.BOW_MOMENT)]) * (self.turning + self.natural_angle) * (pull + before)
-        return self._none_at_free_ends(moment)
-
-    def _second_difference(self, values: np.ndarray) -> np.ndarray:
-        """[node] L (v_next - v) - L_before (v - v_before) of values at the hinges, [m] times their unit."""
-        panel = self.model.panel
-        last = panel.wire_first + panel.wire_count - 1
-        rise = np.roll(values, -1)
-        rise[last] = values[panel.wire_first]
-        np.subtract(rise, values, out=rise)
-        rise *= self.natural_length
-        rise[last] = np.where(panel.wire_closed, rise[last], 0.0)
-        if self.model.is_gripped:
-            rise[panel.wire_first] = rise[last - 1] = 0.0
-        before = np.roll(rise, 1)
-        before[panel.wire_first] = rise[last]
-        return np.subtract(rise, before, out=rise)
-
     @property
     def elastic_turning(self) -> np.ndarray:
         """[node] [rad] part of the turning that is elastic (kernels/bend.py)."""
-        if not self.model.yield_moment:
-            return self.turning
-        trial = self.turning - self.plastic_turn
-        beyond = trial - self.back_turn
-        over = np.maximum(np.abs(beyond) - self.yield_turn, 0.0)
-        return trial - np.sign(beyond) * over * (1.0 - self.model.scene.wire.hardening)
+        return self.elastic if len(self.elastic) else self.turning
 
     @property
     def yield_turn(self) -> np.ndarray:
@@ -204,15 +132,20 @@ def node_entries(model: Model) -> np.ndarray:
 
 def read_strip(model: Model, state: State) -> HostState:
     """Evaluate the wires and copy what this rank holds of the state to the host."""
-    nodes = model.panel.node_count
-    out = [wp.zeros(nodes, dtype=model.precision.real, device=model.device) for _ in range(5)]
-    evaluate(model, state, out)
-    edge_x, edge_y, _, tension, turning = (a.numpy().astype(np.float64) for a in out)
+    names = ("tension", "turning", "force_x", "force_y", *WANTED[1:])
+    out = {n: wp.zeros(model.panel.node_count, dtype=model.precision.real, device=model.device) for n in names}
+    evaluation(model, state, state.parity, out, (0, len(model.panel.block_first))).launch()
     now = state.parity
     unit = model.precision.unit
 
+    def double(values: wp.array) -> np.ndarray:
+        return values.numpy().astype(np.float64)
+
+    def columns(ax: wp.array, ay: wp.array) -> np.ndarray:
+        return np.stack([ax.numpy(), ay.numpy()], axis=1).astype(np.float64)
+
     def metres(ax: wp.array, ay: wp.array) -> np.ndarray:
-        return np.stack([ax.numpy(), ay.numpy()], axis=1).astype(np.float64) * unit
+        return columns(ax, ay) * unit
 
     force = state.pair_force.numpy().astype(np.float64)
     nodal = np.stack([state.pair_nodal_x.numpy(), state.pair_nodal_y.numpy()], axis=1).astype(np.float64)
@@ -223,10 +156,14 @@ def read_strip(model: Model, state: State) -> HostState:
         body_u=metres(state.body_ux, state.body_uy),
         clamp_shift=state.clamp_shift,
         thermal_strain=state.wire_warmth.numpy().copy(),
-        edge=np.stack([edge_x, edge_y], axis=1),
-        tension=tension,
+        edge=columns(out["edge_x"], out["edge_y"]),
+        tension=double(out["tension"]),
+        segment_force=columns(out["force_x"], out["force_y"]),
+        moment=double(out["moment"]),
+        bow_moment=double(out["bow_moment"]),
         wire_axial=state.wire_axial.numpy().astype(np.float64),
-        turning=turning,
+        turning=double(out["turning"]),
+        elastic=double(out["elastic"]) if model.yield_moment else np.zeros(0),
         plastic_turn=state.plastic_turn.numpy().astype(np.float64),
         back_turn=state.back_turn.numpy().astype(np.float64),
         pair_force=force,
@@ -246,9 +183,9 @@ def joined(state: HostState) -> HostState:
     model = state.model
     join = Join(model)
     first_node = 0 if model.strip is None else model.strip.nodes.start
-    parts = {name: join.nodes(getattr(state, name)) for name in ("u", "edge", "tension", "turning")}
+    parts = {name: join.nodes(getattr(state, name)) for name in OF_NODES}
     parts |= {"wire_axial": join.wires(state.wire_axial), "body_u": join.bodies(state.body_u)}
-    for name in ("plastic_turn", "back_turn"):
+    for name in ("plastic_turn", "back_turn", "elastic"):
         values = getattr(state, name)
         parts[name] = join.nodes(values) if len(values) == model.panel.node_count else values
     parts |= {"clamp_shift": join.clamps(state.clamp_shift), "thermal_strain": join.wires(state.thermal_strain)}
@@ -260,16 +197,20 @@ def joined(state: HostState) -> HostState:
     return replace(state, model=model.whole, **parts) if model.ranks.is_first else state
 
 
-def evaluate(model: Model, state: State, out: list[wp.array]) -> None:
-    """Run `evaluate_wires` into edge_x, edge_y, strain, tension, turning, each [node]."""
+def strains(model: Model, state: State) -> np.ndarray:
+    """[node] strain of the curved segments (kernels/energy.py)."""
+    names = ("tension", "turning", "force_x", "force_y", "strain")
+    out = {n: wp.zeros(model.panel.node_count, dtype=model.precision.real, device=model.device) for n in names}
     evaluation(model, state, state.parity, out, (0, len(model.panel.block_first))).launch()
+    return out["strain"].numpy().astype(np.float64)
 
 
-def evaluation(model: Model, state: State, parity: int, out: list[wp.array], blocks: tuple[int, int]) -> wp.Launch:
-    """The launch of `evaluate` for so many blocks from one on, to be repeated where the displacements stand in the buffers of
-    `parity`."""
-    results = dict(zip(("edge_x", "edge_y", "strain", "tension", "turning"), out, strict=True))
+def evaluation(model: Model, state: State, parity: int, out: dict[str, wp.array], blocks: tuple[int, int]) -> wp.Launch:
+    """The launch of kernels/energy.py for so many blocks from one on, to be repeated where the displacements stand in the buffers
+    of `parity`. `out`: arrays [node] of what is wanted, by their names there."""
+    threads = wp.int32(1) if model.device == "cpu" else wp.int64(BLOCK_SIZE)
+    unwanted = {name: wp.empty(0, dtype=model.precision.real, device=model.device) for name in WANTED if name not in out}
     return bind(
-        evaluate_wires, blocks[1] * BLOCK_SIZE, model.rest, model.mesh, state, model.constants, first_block=blocks[0],
-        ux=state.node_ux[parity], uy=state.node_uy[parity], **results,
+        evaluate_wires, blocks[1] * int(threads), model.rest, model.mesh, state, model.constants, first_block=blocks[0],
+        threads_a_block=threads, ux=state.node_ux[parity], uy=state.node_uy[parity], **out, **unwanted,
     ).record(model.device)  # fmt: skip
