@@ -1,6 +1,6 @@
 """Where the threads of a step wait for each other on the CPU: none goes on before all have come.
 
-Warp runs a CPU launch on one thread. Several Python threads that replay graphs of launches at a time (warpknit/solve/step.py)
+Warp runs a CPU launch on one thread. Several Python threads that replay graphs of launches at a time (warpknit/planar/step.py)
 each do a part of a step; between the parts each launches `wait_for_all`.
 """
 

@@ -5,7 +5,7 @@ The nominal stress of the mesh, its work-conjugate to the deformation gradient, 
     segments   n (x) E0        n the force of the segment (wire_forces.py), E0 its edge at rest
     pairs      f (x) (X_body - X_node) over their four nodes
 
-over the rest area; held nodes are added by measure/whole.py. The rest goes by wire or over all.
+over the rest area; held nodes are added by planar/observables.py. The rest goes by wire or over all.
 """
 
 from typing import Any

@@ -4,7 +4,7 @@ A softened segment carries T = offset + K e with K = EA/s and e the strain of it
 arc, which is longer than the chord by a bow (bend.py) that changes as the wire bends: the offset grows by K times what the
 arc is stretched too far. Where the mesh is compliant, T stays and e gives way at once. Where a stretch is imposed, as in a
 straight wire between two grips, an update takes only a share K/EA of what is missing: such wires are softened less
-(warpknit/solve/multipliers.py).
+(warpknit/planar/multipliers.py).
 
 A closed pair carries F = offset - k gap; moving the offset to F lets the gap vanish at the same force.
 """

@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-import lint_kernels
 import pytest
+
+from lint import lint_kernels
 
 FILE = '''"""A kernel file."""
 

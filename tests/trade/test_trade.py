@@ -179,8 +179,8 @@ def test_run_within_an_error_says_what_it_may_miss(tmp_path: Path, quick_pilot: 
 
 def test_error_of_a_run_in_space_is_found_on_a_small_mesh_in_space(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As in the plane; here finer meshes that count as true are coarse."""
-    monkeypatch.setattr(pilot, "SPATIAL_FINE", {"periodic": 52})
-    monkeypatch.setattr(pilot, "SPATIAL_TOLERANCE", 1e-2)
+    monkeypatch.setattr(spatial_trials, "FINE", {"periodic": 52})
+    monkeypatch.setattr(spatial_trials, "TOLERANCE", 1e-2)
     monkeypatch.setattr(pilot, "LEVELS", 1)
     scene = load_scene(CELL, ["model.kind=spatial", "load.strain_weft=0.0", "load.strain_warp=0.02", "output.frames=1"])
     small = pilot.Pilot(scene)

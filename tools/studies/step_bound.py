@@ -6,7 +6,7 @@ Random scenes: pattern, proportions, wire, boundary, nodes, strain, shear, tempe
 mass scaling. Each is brought to rest twice, and stepped from there with small random speeds and no damping, by a step that is
 longer from trial to trial:
 
-    ramp    with the masses of a ramp and the softening it keeps, by the step of warpknit/solve/timestep.py
+    ramp    with the masses of a ramp and the softening it keeps, by the step of warpknit/planar/time_step.py
     relax   with fictitious masses, multipliers as they came to rest, by the step of 1 s that they are made for
 
 The true limit is the shortest step tried, to RESOLUTION, at which the kinetic energy grows to GROWTH times what it reaches with

@@ -1,4 +1,4 @@
-"""The mechanics of the planar model: what the engine asks of it (solve/mechanics.py)."""
+"""The mechanics of the planar model: what the engine asks of it (warpknit/mechanics.py)."""
 
 from __future__ import annotations
 
