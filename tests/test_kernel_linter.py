@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-
 from lint import lint_kernels
 
 FILE = '''"""A kernel file."""

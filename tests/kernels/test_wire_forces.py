@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+
 from reference.meshes import MESHES, Mesh, shaken
 from reference.plane_wires import EPSILON
 from reference.wire_forces import WireForces, wire_forces
-
 from warpknit import measure
 from warpknit.kernels import control as c
 

@@ -150,7 +150,7 @@ def test_reference_that_is_refused_is_bad_input(tmp_path: Path) -> None:
 @pytest.fixture
 def quick_pilot(monkeypatch: pytest.MonkeyPatch) -> None:
     """A coarser mesh counts as true."""
-    monkeypatch.setattr(pilot, "FINE", {"periodic": 30})
+    monkeypatch.setattr(trials, "FINE", {"periodic": 30})
     monkeypatch.setattr(pilot, "LEVELS", 1)
 
 

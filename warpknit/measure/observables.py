@@ -153,6 +153,14 @@ class Observables(Protocol):
         """What the length factor of the wires exceeds that in the middle by, place by place, relative; as the model has it."""
 
     @property
+    def held_forces(self) -> np.ndarray:
+        """(held node, 2, or 3 in space) [N] of the wires and of contacts on the nodes that clamps hold."""
+
+    @property
+    def edge_force(self) -> np.ndarray:
+        """(clamp, 2, or 3 in space) [N] derivative of the energy by the displacement of the clamps."""
+
+    @property
     def clamp_force(self) -> np.ndarray:
         """[clamp] [N] size of the force with which each clamp holds its wire; empty where nothing is clamped."""
 

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from ..measure.contact_places import ContactPlaces, arcs_along
 from ..measure.measures import pair_active
 
-if TYPE_CHECKING:
-    from .observables import PlanarObservables
 
-
-def contact_places(r: PlanarObservables) -> ContactPlaces:
+def contact_places(r: Any) -> ContactPlaces:
     """One place for each body both of whose pairs are active."""
     panel, table = r.model.panel, r.model.table
     both = pair_active(r).reshape(-1, 2).all(axis=1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -10,11 +10,8 @@ from ..measure.hook_contact import HookContact
 from ..measure.measures import active_threshold
 from ..mesh.hook import LEFT, RIGHT, RIGHT_TOP
 
-if TYPE_CHECKING:
-    from .observables import PlanarObservables
 
-
-def hook_contact(r: PlanarObservables) -> HookContact:
+def hook_contact(r: Any) -> HookContact:
     """The contact of a hook."""
     model, panel = r.model, r.model.panel
     height = model.scene.hook.height if model.scene.hook is not None else 0.0

@@ -7,7 +7,7 @@ of a repeat that both tiles have; the tension is the force per current width, P 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -16,20 +16,17 @@ from ..measure.panel_map import LEAST_SHARE, PanelMap
 from ..measure.strain import rotation
 from .host_state import pair_levers
 
-if TYPE_CHECKING:
-    from .observables import PlanarObservables
-
 NODES_AT_ONCE = 1_000_000
 FEWEST_TILES = 12  # whole tiles from which a panel has a map
 
 
-def has_map(r: PlanarObservables) -> bool:
+def has_map(r: Any) -> bool:
     """Whether the mesh is a gripped one of enough repeats."""
     panel, cloth = r.model.panel, r.model.cloth
     return panel.outline is not None and cloth is not None and panel.area >= FEWEST_TILES * float(np.prod(cloth.size))
 
 
-def find_panel_map(r: PlanarObservables) -> PanelMap:
+def find_panel_map(r: Any) -> PanelMap:
     """The maps of a gripped panel."""
     panel, table, cloth = r.model.panel, r.model.table, r.model.cloth
     assert panel.outline is not None and cloth is not None

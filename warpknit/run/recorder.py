@@ -100,7 +100,7 @@ class Recorder:
             before_checkpoint=lambda: self.frames.flush(),  # a checkpoint is not ahead of the frames that it counts
         )
         if checkpoint is not None:
-            self._recall()
+            self._load_rows()
         else:
             with write_aside(out / "scene.toml") as file:
                 file.write(resolved_toml(self.scene))
@@ -192,7 +192,7 @@ class Recorder:
             json.dump(_finite(summary), file, indent=2, allow_nan=False)
         return summary
 
-    def _recall(self) -> None:
+    def _load_rows(self) -> None:
         """Take up the rows and stage summaries that stand in the directory, up to the checkpoint."""
         count = self.simulation.progress.records
         self.rows = read_history(self.out / "history.csv")[:count] if count else []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -11,11 +11,8 @@ from ..measure.measures import active_threshold
 from ..wires.overlaps import segment_distances
 from .sites import NOWHERE
 
-if TYPE_CHECKING:
-    from .observables import SpatialObservables
 
-
-def site_places(r: SpatialObservables) -> np.ndarray:
+def site_places(r: Any) -> np.ndarray:
     """(site, 3) [m] where the two wires of each site touch, at the strongest of several contacts, and in the middle between them;
     where they do not, between the nearest points of both. On the first wire as it is drawn, in the first tile."""
     place = np.full((r.sites.count, 3), np.nan)
@@ -30,7 +27,7 @@ def site_places(r: SpatialObservables) -> np.ndarray:
     return place
 
 
-def _touched(r: SpatialObservables, contact: int, sign: float) -> np.ndarray:
+def _touched(r: Any, contact: int, sign: float) -> np.ndarray:
     """(3,) [m] the place of a contact whose first wire is that of its site where `sign` is 1."""
     t = r.touching
     node, s = (t.first, t.place[:, 0]) if sign > 0.0 else (t.second, t.place[:, 1])
@@ -39,7 +36,7 @@ def _touched(r: SpatialObservables, contact: int, sign: float) -> np.ndarray:
     return np.asarray(own - sign * half * t.normal[contact])
 
 
-def _nearest(r: SpatialObservables, site: int) -> np.ndarray:
+def _nearest(r: Any, site: int) -> np.ndarray:
     """(3,) [m] between the nearest points of the two wires of a site, within its reach."""
     wires = r.model.wires
     rest = [_along(r, r.model.rods.position, np.eye(2), site, side)[0] for side in (0, 1)]
@@ -57,9 +54,7 @@ def _nearest(r: SpatialObservables, site: int) -> np.ndarray:
     return np.asarray(0.5 * (own + facing) - rounds[0][a[k]])
 
 
-def _along(
-    r: SpatialObservables, position: np.ndarray, gradient: np.ndarray, site: int, side: int
-) -> tuple[np.ndarray, np.ndarray]:
+def _along(r: Any, position: np.ndarray, gradient: np.ndarray, site: int, side: int) -> tuple[np.ndarray, np.ndarray]:
     """(n, 3) [m] nodes of one wire of a site within its reach, in turn, and how far each has gone on from where it is drawn."""
     rods, wires = r.model.rods, r.model.wires
     wire = int(wires.site_wire[site, side])
@@ -77,7 +72,7 @@ def _along(
     return position[first + number - turns * count] + moved, moved
 
 
-def contact_places(r: SpatialObservables) -> ContactPlaces:
+def contact_places(r: Any) -> ContactPlaces:
     """A place for each contact with more than the threshold."""
     rods, contacts = r.model.rods, r.touching
     kept = contacts.force > active_threshold(r.model)

@@ -7,7 +7,7 @@ to that sum in the plane.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +16,8 @@ from ..measure.measures import active_threshold
 from ..mesh.hook import LEFT, RIGHT, RIGHT_TOP
 from .hook import BETWEEN
 
-if TYPE_CHECKING:
-    from .observables import SpatialObservables
 
-
-def hook_contact(r: SpatialObservables) -> HookContact:
+def hook_contact(r: Any) -> HookContact:
     """The contact of a hook; where the wires do not touch, its places are those of the middle of the lens at rest."""
     mesh, t = r.model, r.touching
     hook, rods = mesh.scene.hook, mesh.rods
