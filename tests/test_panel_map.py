@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from warpknit import measure
+from warpknit.measure.surface import find_surface
 from warpknit.mesh.rim import Rim, build_rim
 from warpknit.model import build_model
 from warpknit.planar.observables import read
 from warpknit.planar.panel_map import PanelMap, find_panel_map
 from warpknit.planar.state import initial_state
-from warpknit.planar.surface import find_surface
 from warpknit.scene import Cord, make_scene
 from warpknit.scene.outline import Outline, disc, rectangle, turned
 from warpknit.solve.simulate import Record, Simulation

@@ -13,8 +13,8 @@ import pytest
 from reference.meshes import MESHES, Mesh, shaken
 from reference.plane_wires import EPSILON
 from reference.wire_forces import WireForces, wire_forces
-from warpknit import measure
 from warpknit.kernels import control as c
+from warpknit.planar.observables import read
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def loaded(mesh: str, bow: bool) -> tuple[Mesh, WireForces]:
 @pytest.mark.parametrize("mesh", MESHES)
 def test_readings_are_those_of_the_formulas(mesh: str, bow: bool) -> None:
     made, expected = loaded(mesh, bow)
-    found, error = measure.read(made.model, made.state), rounding(made, expected)
+    found, error = read(made.model, made.state), rounding(made, expected)
     assert found.edge == pytest.approx(expected.edge, rel=1e-12, abs=error.edge)
     assert found.tension == pytest.approx(expected.tension, rel=1e-12, abs=error.tension)
     assert found.turning == pytest.approx(expected.turning, rel=1e-12, abs=error.angle)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from warpknit.spatial.rest import CHECK_STEPS, Rest
+from warpknit.numerics import CHECK_STEPS
+from warpknit.spatial.rest import Rest
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, Section
 

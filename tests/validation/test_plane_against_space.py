@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from condensation_causes import SCENE, SPATIAL, TRICOT, lens_of
-from tight_knits import PLANAR, SINGLE_ATLAS
+from condensation import PLANAR, SCENE, SINGLE_ATLAS, SPATIAL, TRICOT, lens_of
 
 from warpknit.measure.sliding import wires_slid
 from warpknit.mesh.layout import knit_scene

@@ -19,7 +19,6 @@ from warpknit.model import build_model
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Record, Simulation
 from warpknit.spatial.mesh import build_mesh
-from warpknit.spatial.ramp_masses import ramp_numbers
 from warpknit.spatial.step_bound import TWIST_SHARE
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -76,7 +75,7 @@ def test_masses_make_the_wanted_step_stable() -> None:
     """The step is the one asked for or a little more, and twist never rules it."""
     for wanted, scaling in ((2e-6, 1.0), (None, 1.0), (None, 1e4)):
         options = [] if wanted is None else [f"solver.target_time_step={wanted}"]
-        numbers = ramp_numbers(build_mesh(load_scene(CELL, [*RAMP, *options, f"solver.mass_scaling={scaling}"])))
+        numbers = build_mesh(load_scene(CELL, [*RAMP, *options, f"solver.mass_scaling={scaling}"])).ramp
         assert numbers.rates.twist <= 1.01 * TWIST_SHARE * numbers.rates.all
         if wanted is None:
             assert numbers.added_mass == pytest.approx(scaling - 1.0, rel=1e-9, abs=1e-12)

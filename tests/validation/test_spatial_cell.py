@@ -121,7 +121,7 @@ def test_nominal_stress_of_a_patch_is_the_derivative_of_the_energy() -> None:
 def test_clamps_sit_where_the_planar_model_has_them() -> None:
     """In the middle of the first and last segment, but for the sag of an arc, h^2 kappa/8 with 1/kappa above a tenth of a
     course."""
-    mesh = patch().mesh
+    mesh = patch().model
     rods, clamps = mesh.rods, mesh.panel.clamp_position.reshape(-1, 2, 2)
     last = rods.wire_first + rods.wire_count - 1
     spacing = float(rods.natural_length.max())

@@ -20,7 +20,7 @@ from study import run_model, scene_of
 from warpknit.model import build_model
 from warpknit.run.history import row_of
 from warpknit.run.warnings_of import warnings_of
-from warpknit.solve.relax import PATIENCE, PATIENT_NODES, patience_of
+from warpknit.solve.convergence import PATIENCE, PATIENT_NODES, patience_of
 
 DRAFT = "solver.preset=draft"
 CELL = "atlas_cell.toml"

@@ -15,7 +15,6 @@ import pytest
 
 from reference.elastica import DEFLECTION, elastica
 from reference.plane_wires import Rig, panel_of_wires, straight, table_of_wires
-from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.kernels.bend import BOW
 
@@ -45,7 +44,7 @@ def cantilever(load: float, segments: int) -> tuple[float, np.ndarray]:
         angle = np.append(reading.turning, 0.0)
         bow = BOW * (angle[:-1] ** 2 + angle[1:] ** 2)
         rig.state.tension_offset.assign(reading.tension + rig.model.axial_stiffness / SOFTENING * bow)
-    on_clamp = measure.held_forces(rig.observables(x))
+    on_clamp = rig.observables(x).held_forces
     return (x[-1, 1] - x[segments, 1]) / LENGTH, on_clamp.sum(axis=0) / force
 
 

@@ -4,8 +4,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from wire_forces import wire_forces
 
+from reference.wire_forces import wire_forces
 from warpknit import measure
 from warpknit.model import build_model
 from warpknit.planar.history_variables import Path

@@ -216,8 +216,7 @@ class PlanarMechanics:
 
     def is_in_equilibrium(self, load: LoadPoint) -> bool:
         """As knitted, unless it was knitted under stress."""
-        as_knitted = np.array_equal(load.gradient, np.eye(2))
-        if not as_knitted or load.temperature != self.model.scene.wire.reference_temperature:
+        if not load.is_as_knitted(self.model.scene.wire.reference_temperature):
             return False
         self.stepper.evaluate_contact()
         sums = self.look.take()

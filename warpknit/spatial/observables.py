@@ -59,7 +59,7 @@ class SpatialObservables(Boundary):
 
     @cached_property
     def energies(self) -> Energies:
-        """Of the last step the kinetic one; the contact's is that of the penalty."""
+        """Kinetic energy is of the last step, that of contact is of the penalty."""
         pressed = float(0.5 * np.sum(self.touching.force * self.touching.overlap))
         return Energies(self.stretch_energy, self.bend_energy + self.hardened_energy, pressed, self.kinetic_energy)
 
@@ -191,8 +191,7 @@ class SpatialObservables(Boundary):
 
     @cached_property
     def wire_stress(self) -> WireStress:
-        """[Pa] E (d/2) |kappa - kappa0| + N E/EA at the nodes, with the larger tension of the two segments; contacts are nodes
-        apart."""
+        """[Pa] E (d/2) |kappa - kappa0| + N E/EA at the nodes, with the larger tension of the two segments."""
         wire, rods = self.model.scene.wire, self.model.rods
         bending = wire.youngs_modulus * wire.radius * np.linalg.norm(self.curvature_change, axis=1)
         own = np.abs(self.tension)
