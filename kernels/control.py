@@ -9,7 +9,7 @@ with the factors of central differences under mass-proportional damping c,
     VELOCITY_FACTOR = (1 - c dt/2)/(1 + c dt/2)          FORCE_FACTOR = dt/(1 + c dt/2)
 
 so one set of kernels serves both drives: `ramp` has real (or scaled) masses and a given c, `relax` has fictitious masses
-that are stable at unit step and a c near the critical damping of the slowest mode that still moves (kernels/relax.py).
+that are stable at unit step and a c near the critical damping of the slowest mode that still moves (kernels/rayleigh.py).
 
 With LOOK_AHEAD = g the stored u is the place a mesh at x will reach in g steps, x + g dt v, so that forces are those of a
 moment later. A mode of frequency w then loses g (w dt)^2/2 of its amplitude a step on top of c dt/2: stiff modes die within

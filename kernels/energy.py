@@ -51,7 +51,7 @@ _RESULTS = r"""
             const real next_angle = closed || local < last - 1 ? angles[k + 1] : real(0);
             bow += real(BOW) * (weight * angle * angle + next_weight * next_angle * next_angle);
             const real natural = length * length_factor, chord = sqrt(chord_x[k] * chord_x[k] + chord_y[k] * chord_y[k]);
-            const real warmth = real(wire_warmth.data[wire][0] + wire_warmth.data[wire][1] * local);
+            const real warmth = real(wire_thermal_strain.data[wire][0] + wire_thermal_strain.data[wire][1] * local);
             strain = ((chord - natural) / natural - warmth) / (real(1) + warmth) + bow;
         }
         strain_out.data[i] = strain;
@@ -79,7 +79,7 @@ def evaluate_block(
     wire_closed: wp.array(dtype=wp.int32),
     wire_clamp: wp.array2d(dtype=Any),
     wire_axial: wp.array(dtype=Any),
-    wire_warmth: wp.array(dtype=wp.vec2d),
+    wire_thermal_strain: wp.array(dtype=wp.vec2d),
     # in: rest data
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
@@ -128,7 +128,7 @@ def evaluate_wires(
     wire_closed: wp.array(dtype=wp.int32),
     wire_clamp: wp.array2d(dtype=Any),
     wire_axial: wp.array(dtype=Any),
-    wire_warmth: wp.array(dtype=wp.vec2d),
+    wire_thermal_strain: wp.array(dtype=wp.vec2d),
     # in: rest data
     rest_x: wp.array(dtype=Any),
     rest_y: wp.array(dtype=Any),
@@ -186,7 +186,7 @@ def evaluate_wires(
         wire_closed,
         wire_clamp,
         wire_axial,
-        wire_warmth,
+        wire_thermal_strain,
         rest_x,
         rest_y,
         rest_length,

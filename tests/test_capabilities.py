@@ -19,7 +19,7 @@ from warpknit.scene import load_scene, make_scene
 from warpknit.scene.capabilities import AT_COMMAND, COLUMNS, GROUPS, RULES, TRAITS, Case, goes_together, with_needs
 from warpknit.scene.reference import capabilities_page
 from warpknit.sweep import sweep
-from warpknit.trade import estimate
+from warpknit.trade import error_estimate
 
 ROOT = Path(__file__).parent.parent
 TAKEN = "given a file, allowed: a directory"  # what a command says of --out once it has taken the scene
@@ -67,7 +67,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     def taken(*_: Any) -> None:
         raise InputError(TAKEN)
 
-    monkeypatch.setattr(estimate, "settings_within", taken)
+    monkeypatch.setattr(error_estimate, "settings_within", taken)
     return tmp_path
 
 

@@ -17,7 +17,7 @@ from warpknit.planar.model import Model
 from warpknit.planar.observables import PlanarObservables
 from warpknit.run.run import run_scene
 from warpknit.scene import load_scene
-from warpknit.spatial.mesh import SpatialMesh
+from warpknit.spatial.model import SpatialModel
 from warpknit.spatial.observables import SpatialObservables
 
 CELL = Path(__file__).parent.parent / "scenes" / "atlas_cell.toml"
@@ -52,7 +52,7 @@ def test_a_line_of_the_table_is_a_column_and_a_key(kind: str, tmp_path: Path, mo
 
 @pytest.mark.parametrize(
     ("offered", "by"),
-    [(Observables, PlanarObservables), (Observables, SpatialObservables), (MeshModel, Model), (MeshModel, SpatialMesh)],
+    [(Observables, PlanarObservables), (Observables, SpatialObservables), (MeshModel, Model), (MeshModel, SpatialModel)],
 )
 def test_both_models_offer_the_same_names(offered: type, by: type) -> None:
     """Properties, methods and fields of both are those of the protocols."""

@@ -24,7 +24,6 @@ from warpknit.run.run import run_scene
 from warpknit.scene import load_scene, make_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.estimate import size_of_mesh, spatial_time
-from warpknit.spatial.mesh import build_mesh
 
 ROOT = Path(__file__).parent.parent
 CELL = ROOT / "scenes" / "atlas_cell.toml"
@@ -151,7 +150,7 @@ def test_steps_in_space_are_within_the_factor_that_is_promised(name, overrides):
 def test_time_in_space_goes_by_the_pairs_that_a_run_begins_with(bars):
     """Up to those of curves whose chords pass farther from each other, which are not counted: by 4/27 of an edge at most."""
     overrides = ["model.nodes_per_loop=48"] + ([f"knit.bars={bars}", "knit.repeats=[2, 1]"] if bars else [])
-    mesh = build_mesh(load_scene(ROOT / "scenes" / "atlas_cell_spatial.toml", overrides))
+    mesh = build_model(load_scene(ROOT / "scenes" / "atlas_cell_spatial.toml", overrides))
     relaxation = Simulation(mesh)
     relaxation.mechanics.contact.search()
     planned = size_of_mesh(mesh)

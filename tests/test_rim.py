@@ -12,7 +12,7 @@ from warpknit.planar.model import Model
 from warpknit.planar.observables import PlanarObservables, read
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
-from warpknit.planar.thermal import wire_warmth
+from warpknit.planar.thermal import wire_thermal_strain
 from warpknit.run.run import run_scene
 from warpknit.scene import make_scene
 from warpknit.solve.multilevel import EDGE_TOLERANCE, MEMBRANE_TOLERANCE
@@ -166,7 +166,7 @@ def hot(gradient: tuple[float, float]) -> tuple[Model, PlanarObservables]:
     scene = make_scene({"knit": {"repeats": [3, 3]}, "solver": {"precision": "double"}})
     model = build_model(scene)
     state = initial_state(model)
-    state.wire_warmth.assign(wire_warmth(model, scene.wire.reference_temperature, gradient))
+    state.wire_thermal_strain.assign(wire_thermal_strain(model, scene.wire.reference_temperature, gradient))
     return model, read(model, state)
 
 
@@ -195,7 +195,7 @@ def test_warmth_strains_as_the_length_factor_does() -> None:
     for own in (False, True):
         state = initial_state(model)
         if own:
-            state.wire_warmth.assign(np.tile([1e-3, 0.0], (len(model.panel.wire_first), 1)))
+            state.wire_thermal_strain.assign(np.tile([1e-3, 0.0], (len(model.panel.wire_first), 1)))
         else:
             state.write_control({c.LENGTH_FACTOR: 1.001})
         found.append(strains(model, state))

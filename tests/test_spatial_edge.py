@@ -11,7 +11,6 @@ from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Record, Simulation
 from warpknit.spatial.edge import Edge
-from warpknit.spatial.mesh import build_mesh
 
 SCENES = Path(__file__).parents[1] / "scenes"
 HEXAGON = ["model.boundary=gripped", "panel.outline=hexagon", "output.frames=1", "solver.residual_tolerance=0.01"]
@@ -36,7 +35,7 @@ def at_rest(*settings: str) -> tuple[Simulation, Record]:
 
 def test_stations_that_move_as_one_sheet_carry_the_mesh_as_that_sheet():
     """A thin plate through the clamps gives linear motions back at every node; both nodes of a clamp move as the clamp does."""
-    edge = Edge(build_mesh(scene_of(*SMALL, *CORD)))
+    edge = Edge(build_model(scene_of(*SMALL, *CORD)))
     mesh, rim = edge.mesh, edge.rim
     sheet = np.array([[0.02, 0.03], [-0.01, 0.05]])
     found = edge.displacement(rim.place @ sheet.T)

@@ -10,7 +10,6 @@ from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.mesh import build_mesh
 from warpknit.spatial.observables import SpatialObservables
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -40,7 +39,7 @@ def at_rest(outline: str, *settings: str) -> SpatialObservables:
 @pytest.mark.parametrize("outline", OUTLINES)
 def test_clamps_stand_on_the_outline_in_the_middle_of_their_segments(outline):
     """The middle of a chord is off its arc by h^2 kappa/8: by h/8 times the angle between segments, the sharpest of the mesh."""
-    mesh = build_mesh(scene_of(outline))
+    mesh = build_model(scene_of(outline))
     rods, panel = mesh.rods, mesh.panel
     clamp = panel.clamp_position
     assert clamp.shape == (2 * len(mesh.wires.points), 2)

@@ -18,7 +18,6 @@ from warpknit.processes import start_process
 from warpknit.run.interrupts import Interrupts
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.mesh import build_mesh
 from warpknit.sweep import state_processes
 from warpknit.sweep.state_processes import StateProcesses
 
@@ -44,7 +43,7 @@ def rows(path: Path) -> list[dict[str, str]]:
 def states(processes: int, **more):
     scene = load_scene(SCENES / "contact_map.toml", SMALL)
     stages = [replace(scene.stages[0], strain_weft=x, strain_warp=y) for x, y in STRAINS]
-    return StateProcesses(build_mesh(scene), stages, processes=processes, **more)
+    return StateProcesses(build_model(scene), stages, processes=processes, **more)
 
 
 def test_every_state_is_that_of_a_run_whichever_process_has_it():

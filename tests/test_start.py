@@ -93,7 +93,7 @@ def test_membrane_moves_and_forces_are_adjoint() -> None:
     rng = np.random.default_rng(5)
     for speed in (state.node_vx, state.node_vy):
         speed.zero_()
-    drive.mechanics.slowest_mode.look(use=False)
+    drive.mechanics.slowest_mode.update(use=False)
     probe, membrane = drive.mechanics.slowest_mode.probe, drive.membrane
     shaken = 1e3 * rng.normal(size=(2, model.panel.node_count))
     shaken[:, model.panel.held_node] = 0.0

@@ -125,7 +125,7 @@ def test_strips_are_one_membrane() -> None:
         drive = Simulation(model, state).drive
         drive.mechanics.set_load(LoadPoint(np.diag([1.05, 1.05]), model.scene.wire.reference_temperature), 80)
         advance(drive.mechanics, 100)
-        drive.mechanics.slowest_mode.look(use=False)
+        drive.mechanics.slowest_mode.update(use=False)
         drive.membrane.warm_up(drive._response)
         force = drive.membrane.imbalance().copy()
         drive.membrane.move(Correction(1e-6 * np.random.default_rng(3).normal(size=force.shape), np.zeros((0, 2))))

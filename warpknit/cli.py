@@ -126,14 +126,14 @@ def run(
     quiet = quiet or not ranks.is_first
     loaded, directory = open_scene(scene, overrides, preset, out, quiet=quiet)
 
-    from warpknit.run.progress import progress_for
+    from warpknit.run.progress_display import progress_for
     from warpknit.run.run import run_scene
 
     judge = None
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         if error is not None:
             from warpknit.scene import load_scene
-            from warpknit.trade.estimate import settings_within
+            from warpknit.trade.error_estimate import settings_within
 
             _refuse_error(error, preset, loaded)
             found = ranks.from_first(lambda: settings_within(loaded, error))
@@ -145,7 +145,7 @@ def run(
         return int(result.exit_code)
     if result.exit_code != FINISHED:
         return unfinished(result)
-    from warpknit.run.report import print_summary
+    from warpknit.run.summary_table import print_summary
 
     print_summary(result.summary, directory)
     return FINISHED
@@ -170,7 +170,7 @@ def contact_map(
     _refuse_both(resume, force)
     loaded, directory = open_scene(scene, overrides, preset, out, quiet=quiet)
 
-    from warpknit.run.progress import progress_for
+    from warpknit.run.progress_display import progress_for
     from warpknit.scene.capabilities import refuse
     from warpknit.sweep.sweep import map_lines, run_map
 
@@ -179,7 +179,7 @@ def contact_map(
         result = run_map(loaded, out=directory, device=device, resume=resume, force=force, progress=progress)
     if result.exit_code != FINISHED:
         return unfinished(result, ", --resume goes on from there")
-    from warpknit.run.report import print_table
+    from warpknit.run.summary_table import print_table
 
     print_table([*map_lines(result.summary), ("results in", str(directory))])
     return FINISHED
@@ -204,7 +204,7 @@ def trade(
     _refuse_both(resume, force)
     loaded, directory = open_scene(scene, overrides, preset, out, quiet=quiet)
 
-    from warpknit.run.progress import progress_for
+    from warpknit.run.progress_display import progress_for
     from warpknit.scene import load_scene
     from warpknit.trade.study import run_trade, trade_lines
 
@@ -215,7 +215,7 @@ def trade(
         )  # fmt: skip
     if result.exit_code != FINISHED:
         return unfinished(result)
-    from warpknit.run.report import print_table
+    from warpknit.run.summary_table import print_table
 
     print_table([*trade_lines(result.summary), ("results in", str(directory))])
     return FINISHED
@@ -261,7 +261,7 @@ def report(
     loaded, directory = open_scene(scene, overrides, preset, out, quiet=quiet)
     loaded = report_scene(loaded)
 
-    from warpknit.run.progress import progress_for
+    from warpknit.run.progress_display import progress_for
     from warpknit.sweep.contact_map import read_map
     from warpknit.sweep.sweep import map_lines, run_map
 
@@ -275,7 +275,7 @@ def report(
             return unfinished(result, ", and the same command goes on from there")
         rows = read_map(directory / "map.csv", directory / "map_details.csv")
         found = make_report(loaded, rows, directory, tension=asked, notes=fitted.notes, progress=progress)
-    from warpknit.run.report import print_table
+    from warpknit.run.summary_table import print_table
 
     lines = [("mesh", note) for note in fitted.notes]
     lines += [*map_lines(result.summary), ("material card", found.said)]

@@ -25,7 +25,7 @@ from .scene import Scene
 from .scene.capabilities import without_effect
 from .solve.simulate import Simulation
 from .text import duration, memory, rounded
-from .wires.report import WireReport, wire_report
+from .wires.file_report import WireReport, wire_report
 
 DOUBTFUL = 0.1  # thicknesses between centre lines of wires from a file: nearer than this a run is asked whether they meet
 PROGRAM_MEMORY = 430 * 2**20  # [bytes] of a run of few nodes, its libraries included

@@ -8,7 +8,7 @@ import pytest
 
 from warpknit import measure
 from warpknit.design.card import STEP, find_card, find_card_at_tension, stretch
-from warpknit.design.states import exact_model, states_at
+from warpknit.design.fine_states import exact_model, states_at
 from warpknit.scene import load_scene
 
 SCENE = Path(__file__).parents[2] / "scenes" / "contact_map.toml"

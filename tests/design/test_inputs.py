@@ -8,10 +8,10 @@ import pytest
 
 from warpknit import measure
 from warpknit.design import inputs
+from warpknit.design.fine_states import states_at
 from warpknit.design.inputs import COLUMNS, Known, fit_curve, fit_loop_length, openings_per_length, with_known, with_openings
 from warpknit.design.page import Page
 from warpknit.design.sections import mesh_section
-from warpknit.design.states import states_at
 from warpknit.errors import InputError
 from warpknit.mesh.layout import knit_scene
 from warpknit.model import build_model

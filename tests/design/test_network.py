@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from warpknit.design.fine_states import states_at
 from warpknit.design.network import contact_resistances, holm_resistance, sheet_conductance, sheet_resistance, wire_resistance
-from warpknit.design.states import states_at
 from warpknit.measure import pair_active, positions
 from warpknit.model import build_model
 from warpknit.planar.observables import PlanarObservables

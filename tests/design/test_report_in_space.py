@@ -11,9 +11,9 @@ from warpknit import measure
 from warpknit.cli import main
 from warpknit.design import curves
 from warpknit.design.card import find_card
+from warpknit.design.fine_states import exact_model, states_at
 from warpknit.design.network import contact_resistances, sheet_conductance, sheet_resistance, wire_resistance
 from warpknit.design.opening_size import openings
-from warpknit.design.states import exact_model, states_at
 from warpknit.scene import load_scene
 from warpknit.scene.materials import MATERIALS
 from warpknit.spatial.observables import SpatialObservables

@@ -16,7 +16,7 @@ from warpknit.kernels.clamp import CLAMP_NUMBERS
 from warpknit.kernels.contact import CLOSEST_POINT_DOUBLE, CURVE_COEFFICIENTS
 from warpknit.kernels.wire_forces import BLOCK_SIZE
 from warpknit.mesh.panel import END_NODES, Panel
-from warpknit.mesh.table import Table, _fit_rest_curve
+from warpknit.mesh.rest_table import Table, _fit_rest_curve
 from warpknit.planar.host_state import node_entries
 from warpknit.planar.model import Model, assemble_model
 from warpknit.planar.observables import PlanarObservables, read

@@ -5,7 +5,7 @@ import numpy as np
 from reference.plane_wires import Rig, circle, panel_of_wires, table_of_wires
 from warpknit.kernels import control as c
 from warpknit.kernels.contact import CURVE_COEFFICIENTS
-from warpknit.mesh.table import Table
+from warpknit.mesh.rest_table import Table
 
 NODES = 40
 RADIUS = 0.4e-3

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from warpknit.numerics import CHECK_STEPS
-from warpknit.spatial.rest import Rest
+from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, Section
 
@@ -102,17 +102,17 @@ def helix(radius: float, pitch: float, nodes: int, turns: float = 1.0) -> np.nda
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), pitch * angle / (2 * np.pi)], axis=1)
 
 
-def residual_of(rest: Rest) -> float:
+def residual_of(rest: RodRelaxation) -> float:
     """[N] the largest force out of balance, torques taken as couples of a segment's length."""
     couple = float(np.abs(rest.untwisted()).max(initial=0.0)) / rest.spacing
     return max(float(np.linalg.norm(rest.out_of_balance(), axis=1).max(initial=0.0)), couple)
 
 
-def relaxed(rest: Rest, tolerance: float, strain_tolerance: float = 1e-6, most_steps: int = 500_000) -> int:
+def relaxed(rest: RodRelaxation, tolerance: float, strain_tolerance: float = 1e-6, most_steps: int = 500_000) -> int:
     """Steps taken until no force out of balance is above `tolerance` [N] and what softening does is below `strain_tolerance`."""
     for steps in range(0, most_steps, CHECK_STEPS):
         rest.stepper.step(CHECK_STEPS)
-        rest.look()
+        rest.update()
         if steps % (20 * CHECK_STEPS) == 0:
             rest.take_masses()
         if residual_of(rest) < tolerance and rest.stretch_error() < strain_tolerance:

@@ -3,10 +3,10 @@
 import numpy as np
 
 from reference.rods import SECTION
-from warpknit.spatial.contact import STICK_SHARE, WireContact
-from warpknit.spatial.rest import Rest
+from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import rods_of
+from warpknit.spatial.wire_contact import STICK_SHARE, WireContact
 
 STIFFNESS = 100.0  # [N/m]
 
@@ -25,7 +25,7 @@ def touching(wires: list[np.ndarray], **options: float) -> tuple[RodStepper, Wir
     return stepper, contact
 
 
-def plies(spacing: float, hardness: float = 1.0, friction: float = 0.0) -> tuple[WireContact, Rest, int]:
+def plies(spacing: float, hardness: float = 1.0, friction: float = 0.0) -> tuple[WireContact, RodRelaxation, int]:
     """Two wires wound round each other, pressed into each other by 0.02 d and held at their ends, after 4000 steps towards rest;
     hardness: of contact, over that of bending. And the nodes of each."""
     pitch, turns, radius = 10.0, 3.0, 0.49
@@ -38,9 +38,9 @@ def plies(spacing: float, hardness: float = 1.0, friction: float = 0.0) -> tuple
     stick = STICK_SHARE * stiffness if friction else 0.0
     stepper = RodStepper(rods)
     contact = WireContact(stepper, stiffness, friction=friction)
-    rest = Rest(stepper, softening=max(1.0, 4 * spacing**2), contact_stiffness=stiffness, stick_stiffness=stick)
+    rest = RodRelaxation(stepper, softening=max(1.0, 4 * spacing**2), contact_stiffness=stiffness, stick_stiffness=stick)
     contact.search()
     for _ in range(80):
         contact.advance(50)
-        rest.look()
+        rest.update()
     return contact, rest, nodes

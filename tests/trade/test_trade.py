@@ -18,11 +18,11 @@ from warpknit.scene import load_scene
 from warpknit.scene.presets import PRESETS
 from warpknit.spatial import trials as spatial_trials
 from warpknit.trade import knobs, pilot, study
-from warpknit.trade.convergence import LEAST_ORDER, extrapolate
+from warpknit.trade.extrapolation import LEAST_ORDER, extrapolate
 from warpknit.trade.front import pareto
 from warpknit.trade.point import Errors, Found, Scales, errors_of
 from warpknit.trade.study import run_trade
-from warpknit.trade.table import Row, read_rows
+from warpknit.trade.trade_table import Row, read_rows
 from warpknit.trial import SOFTENING, Setting
 
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell.toml"

@@ -15,7 +15,7 @@ from hook_reference import Contact, Hook
 
 from warpknit import measure
 from warpknit.kernels.control import KINETIC_TWICE
-from warpknit.mesh.hook import LEFT_TOP, RIGHT_TOP
+from warpknit.mesh.hook_mesh import LEFT_TOP, RIGHT_TOP
 from warpknit.model import build_model
 from warpknit.planar.hook_contact import HookContact, hook_contact
 from warpknit.planar.host_state import node_entries

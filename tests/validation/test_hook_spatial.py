@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from lens_law import Law, Wires, press
 
-from warpknit.mesh.hook import LEFT, LEFT_TOP, RIGHT, RIGHT_TOP
+from warpknit.mesh.hook_mesh import LEFT, LEFT_TOP, RIGHT, RIGHT_TOP
 from warpknit.model import build_model
 from warpknit.scene import SceneError, load_scene
 from warpknit.solve.simulate import Simulation

@@ -11,7 +11,6 @@ from warpknit.planar.limits import slid_wires, tight_loops
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.mesh import build_mesh
 
 
 def strained(strain: float) -> list[str]:
@@ -21,7 +20,7 @@ def strained(strain: float) -> list[str]:
 def test_lenses_of_a_cell_in_space() -> None:
     """The cell is its own mirror image, which carries its first clasp to its eighth and the second to its seventh: their lenses
     are alike, where the state is at rest within a percent. Wires that have begun to touch have gone part of the way together."""
-    mesh = build_mesh(load_scene(SCENE, [*strained(0.04), *SPATIAL]))
+    mesh = build_model(load_scene(SCENE, [*strained(0.04), *SPATIAL]))
     relaxation = Simulation(mesh)
     *_, record = relaxation.run()
     found = [lens_of(relaxation, record.observables, site) for site in (0, 1, 6, 7)]
@@ -55,5 +54,5 @@ def test_wires_slid_is_what_whole_wires_have_moved() -> None:
 
 @pytest.mark.parametrize(("knit", "says"), [([], False), (SINGLE_ATLAS, True), (TRICOT, True)])
 def test_tight_loops_are_said(knit: list[str], says: bool) -> None:
-    scene = load_scene(SCENE, [*knit, "model.kind=planar"])
+    scene = load_scene(SCENE, [*knit])
     assert bool(list(tight_loops(scene, knit_scene(scene)))) == says

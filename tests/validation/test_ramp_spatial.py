@@ -18,7 +18,6 @@ from warpknit.errors import Diverged
 from warpknit.model import build_model
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Record, Simulation
-from warpknit.spatial.mesh import build_mesh
 from warpknit.spatial.step_bound import TWIST_SHARE
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -60,7 +59,7 @@ def test_a_ramp_ends_where_a_relaxation_does() -> None:
     """Within the tolerance of both, and what the softening s leaves of the bending of arcs, s (d/4R)^2, R about half a course."""
     load = ("load.strain_weft=0.05", "load.strain_warp=0.05", "model.nodes_per_loop=40", "output.frames=1", RAMP[0])
     ends = [
-        [*drive(build_mesh(load_scene(CELL, [*load, *more]))).run()][-1].observables
+        [*drive(build_model(load_scene(CELL, [*load, *more]))).run()][-1].observables
         for drive, more in (
             (Simulation, ("solver.drive=ramp", "solver.loading_time='5 ms'", "solver.axial_softening=50")),
             (Simulation, ()),
@@ -75,7 +74,7 @@ def test_masses_make_the_wanted_step_stable() -> None:
     """The step is the one asked for or a little more, and twist never rules it."""
     for wanted, scaling in ((2e-6, 1.0), (None, 1.0), (None, 1e4)):
         options = [] if wanted is None else [f"solver.target_time_step={wanted}"]
-        numbers = build_mesh(load_scene(CELL, [*RAMP, *options, f"solver.mass_scaling={scaling}"])).ramp
+        numbers = build_model(load_scene(CELL, [*RAMP, *options, f"solver.mass_scaling={scaling}"])).ramp
         assert numbers.rates.twist <= 1.01 * TWIST_SHARE * numbers.rates.all
         if wanted is None:
             assert numbers.added_mass == pytest.approx(scaling - 1.0, rel=1e-9, abs=1e-12)

@@ -15,7 +15,7 @@ from warpknit import measure
 from warpknit.frame import Frame
 from warpknit.run.run import run_scene
 from warpknit.scene import load_scene
-from warpknit.spatial.mesh import build_mesh
+from warpknit.spatial.model import build_model
 
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell_spatial.toml"
 TURN = 0.1  # [rad]
@@ -54,7 +54,7 @@ def test_the_couple_is_what_turning_the_clamps_takes(turned: Path) -> None:
 
 def test_wires_leave_their_clamps_in_the_turned_direction(turned: Path) -> None:
     """Held nodes stand about a clamp that moves with the boundary, turned by the angle."""
-    mesh = build_mesh(load_scene(CELL, PATCH))
+    mesh = build_model(load_scene(CELL, PATCH))
     clamp = mesh.panel.clamp_position - mesh.panel.clamp_position.min(axis=0)
     wanted = np.repeat(clamp, 2, axis=0) * (1.0 + STRAIN) + mesh.wires.held_lever @ measure.rotation(TURN).T
     place = Frame.load(turned / "states" / "state_000002.npz").node_position[:, :2]

@@ -12,7 +12,7 @@ from warpknit.kernels.friction import LOOSE, TANGENTIAL
 from warpknit.model import build_model
 from warpknit.planar.bending import normal_forces
 from warpknit.planar.friction import friction_energy
-from warpknit.planar.history_variables import Path
+from warpknit.planar.history_variables import HistoryVariables
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
@@ -64,7 +64,7 @@ def test_a_stuck_contact_is_drawn_back_and_slips_at_mu_times_the_force(by_node: 
     normal_x = state.pair_body_x.numpy()[::2].copy()
     closed = state.pair_force.numpy()[::2] > 0
     assert closed.sum() >= 3
-    path = Path(model, state)
+    path = HistoryVariables(model, state)
     path.advance()  # sticks here
     assert path.dissipated == 0.0
     stepper.evaluate_contact()
@@ -102,7 +102,7 @@ def test_friction_acts_at_the_contact_point_of_the_chord() -> None:
     mu = 0.25
     model, state, stepper, moved, tangent = pressed(mu, True)
     stepper.evaluate_contact()
-    Path(model, state).advance()
+    HistoryVariables(model, state).advance()
     along = 0.05 * model.table.spacing.mean()
     state.body_ux.assign(moved[:, 0] + along * tangent[:, 0])
     state.body_uy.assign(moved[:, 1] + along * tangent[:, 1])
@@ -130,7 +130,7 @@ def test_what_friction_is_drawn_out_by_is_stored(share: float) -> None:
     mu = 0.25
     model, state, stepper, moved, tangent = pressed(mu, False)
     stepper.evaluate_contact()
-    Path(model, state).advance()
+    HistoryVariables(model, state).advance()
     stiffness = float(TANGENTIAL) * model.contact_stiffness
     along = share * mu * state.pair_force.numpy()[::2].mean() / stiffness
     state.body_ux.assign(moved[:, 0] + along * tangent[:, 0])
@@ -151,7 +151,7 @@ def test_what_friction_is_drawn_out_by_is_stored(share: float) -> None:
     # taken as a state at rest, it keeps what it is drawn out by
     state.pair_stuck.assign(kept)
     stepper.evaluate_contact()
-    Path(model, state).advance()
+    HistoryVariables(model, state).advance()
     assert friction_energy(read(model, state)) == pytest.approx(expected, rel=1e-9)
 
 
@@ -163,7 +163,7 @@ def test_threads_share_friction_to_the_bit(by_node: bool) -> None:
         model, state, stepper, moved, tangent = pressed(0.25, by_node, repeats=[3, 3], threads=threads)
         assert stepper.threads == threads and model.pair_count > 6 * 16
         stepper.evaluate_contact()
-        Path(model, state).advance()
+        HistoryVariables(model, state).advance()
         along = 0.02 * model.table.spacing.mean()
         state.body_ux.assign(moved[:, 0] + along * tangent[:, 0])
         state.body_uy.assign(moved[:, 1] + along * tangent[:, 1])
@@ -181,7 +181,7 @@ def test_slip_takes_out_the_friction_times_the_way() -> None:
     mu = 0.25
     model, state, stepper, moved, tangent = pressed(mu, False)
     stepper.evaluate_contact()
-    path = Path(model, state)
+    path = HistoryVariables(model, state)
     path.advance()
     stiffness = float(TANGENTIAL) * model.contact_stiffness
     along = 5.0 * mu * state.pair_force.numpy()[::2].mean() / stiffness
@@ -224,7 +224,7 @@ def test_a_contact_that_opens_forgets_where_it_stuck() -> None:
     """And begins anew where it closes next, without having slipped there."""
     model, state, stepper, moved, tangent = pressed(0.25, False)
     stepper.evaluate_contact()
-    path = Path(model, state)
+    path = HistoryVariables(model, state)
     path.advance()
     closed = state.pair_force.numpy() > 0
     stuck = state.pair_stuck.numpy().copy()

@@ -8,7 +8,7 @@ import pytest
 from reference.wire_forces import wire_forces
 from warpknit import measure
 from warpknit.model import build_model
-from warpknit.planar.history_variables import Path
+from warpknit.planar.history_variables import HistoryVariables
 from warpknit.planar.model import Model
 from warpknit.planar.observables import read
 from warpknit.planar.state import State, initial_state
@@ -28,11 +28,11 @@ CYCLE = {
 }
 
 
-def bent() -> tuple[Model, State, Path]:
+def bent() -> tuple[Model, State, HistoryVariables]:
     """One repeat whose nodes can be turned one by one."""
     model = build_model(make_scene({**CYCLE, "solver": {"precision": "double"}}))
     state = initial_state(model)
-    return model, state, Path(model, state)
+    return model, state, HistoryVariables(model, state)
 
 
 def test_one_hinge_goes_round_a_bilinear_loop() -> None:

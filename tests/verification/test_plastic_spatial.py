@@ -17,7 +17,7 @@ from reference.rods import SECTION, Pose, helix, relaxed
 from warpknit.kernels.rod_step import HELD_NODE, HELD_TURN
 from warpknit.run.run import run_scene
 from warpknit.scene import load_scene
-from warpknit.spatial.rest import Rest
+from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, rods_of
 
@@ -64,7 +64,7 @@ def test_pure_bending_beyond_yield_and_springback(lean: float) -> None:
     assert np.linalg.norm(force[-1]) == pytest.approx(stiffness * moment, rel=1e-9)  # a couple over a segment of length 1
     assert np.abs(force[2:-2]).max() < 1e-9 * stiffness  # the arc is in balance
     stays = (1.0 - KEPT) * (turn - YIELD)
-    rest = Rest(stepper)
+    rest = RodRelaxation(stepper)
     relaxed(rest, 1e-9 * stiffness)
     angle = np.linalg.norm(stepper.state.curvature.numpy()[1:-1], axis=1)
     assert angle == pytest.approx(stays, rel=1e-5)

@@ -9,9 +9,9 @@ from scipy.optimize import minimize
 
 from reference.rods import SECTION, Pose
 from warpknit.kernels import control as c
-from warpknit.spatial.contact import TouchingPairs, WireContact
 from warpknit.spatial.rest_curve import FIT_PLACES, CentreLine, fit_rest_curve
 from warpknit.spatial.rods import Rods, rods_of
+from warpknit.spatial.wire_contact import TouchingPairs, WireContact
 
 STIFFNESS = 100.0  # [N/m]
 

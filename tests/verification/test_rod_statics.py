@@ -11,7 +11,7 @@ import pytest
 
 from reference.elastica import DEFLECTION
 from reference.rods import SECTION, relaxed
-from warpknit.spatial.rest import Rest
+from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import rods_of
 
@@ -29,7 +29,7 @@ def deflection(load: float, segments: int, angle: float) -> np.ndarray:
     forces = np.zeros_like(points)
     forces[[0, -1]] = force * np.array([0.0, np.cos(angle), np.sin(angle)])
     stepper.state.load_force.assign(forces)
-    relaxed(Rest(stepper, softening=SOFTENING), BALANCE * force, strain_tolerance=1e-9)
+    relaxed(RodRelaxation(stepper, softening=SOFTENING), BALANCE * force, strain_tolerance=1e-9)
     moved = stepper.state.displacement.numpy()
     return (moved[-1] - moved[segments]) / LENGTH
 

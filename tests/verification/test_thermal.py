@@ -40,7 +40,7 @@ def test_warmth_works_against_the_tension_of_the_wire() -> None:
     natural = np.tile(np.append(np.full(nodes - 1, spacing), 0.0), 2)
 
     def energy(warmth: np.ndarray) -> float:
-        rig.state.wire_warmth.assign(warmth)
+        rig.state.wire_thermal_strain.assign(warmth)
         return float(np.sum(0.5 * rig.model.axial_stiffness * strains(rig.model, rig.state) ** 2 * natural))
 
     expected = np.zeros((2, 2))

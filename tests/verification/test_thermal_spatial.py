@@ -20,9 +20,8 @@ from warpknit.model import build_model
 from warpknit.run.run import run_scene
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.mesh import build_mesh
 from warpknit.spatial.observables import read
-from warpknit.spatial.rest import Rest
+from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import rods_of
 
@@ -38,7 +37,7 @@ def test_a_wire_that_is_cold_at_one_end_pulls_as_its_mean(softening: float) -> N
     count = 12
     points = np.stack([np.arange(count, dtype=float), np.zeros(count), np.zeros(count)], axis=1)
     rods = rods_of(SECTION, [points]).holding([0, 1, count - 2, count - 1], [0, count - 2])
-    rest = Rest(RodStepper(rods), softening=softening)
+    rest = RodRelaxation(RodStepper(rods), softening=softening)
     warmth = -1e-3 * np.linspace(0.0, 1.0, count)
     rest.warm(warmth)
     relaxed(rest, 1e-6 * SECTION.axial_stiffness, strain_tolerance=1e-9)
@@ -53,11 +52,11 @@ def test_a_wire_that_is_even_again_lets_go_after_a_resume() -> None:
     count = 12
     points = np.stack([np.arange(count, dtype=float), np.zeros(count), np.zeros(count)], axis=1)
     rods = rods_of(SECTION, [points]).holding([0, 1, count - 2, count - 1], [0, count - 2])
-    rest = Rest(RodStepper(rods))
+    rest = RodRelaxation(RodStepper(rods))
     rest.warm(-1e-3 * np.linspace(0.0, 1.0, count))
     relaxed(rest, 1e-6 * SECTION.axial_stiffness, strain_tolerance=1e-9)
     rest.warm(np.zeros(count))
-    other = Rest(RodStepper(rods))
+    other = RodRelaxation(RodStepper(rods))
     other.stepper.state.restore(rest.stepper.state.arrays())
     other.load_state_dict(rest.state_dict())
     for one in (rest, other):
@@ -69,7 +68,7 @@ def test_a_wire_that_is_even_again_lets_go_after_a_resume() -> None:
 def pressed() -> Simulation:
     """A patch whose wires are so thick that they press, strained affinely and flattened: not at rest."""
     relaxation = Simulation(
-        build_mesh(
+        build_model(
             load_scene(
                 CELL,
                 [

@@ -7,11 +7,11 @@ from reference.rods import SECTION, residual_of
 from reference.touching import STIFFNESS, line, plies, touching
 from warpknit.errors import OutOfResources
 from warpknit.kernels import control as c
-from warpknit.spatial.contact import WireContact
-from warpknit.spatial.rest import Rest
+from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, rods_of
 from warpknit.spatial.step_bound import largest_rates, stable_step
+from warpknit.spatial.wire_contact import WireContact
 
 
 @pytest.mark.parametrize("at", [3.0, 3.9, 3.999, 4.0, 4.001, 4.3, 5.0])
@@ -106,7 +106,7 @@ def test_every_contact_is_found() -> None:
 def test_a_list_that_memory_has_no_room_for_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     """The list is counted first and never overflows: it grows, or says what it needs (exit status 4)."""
     contact = WireContact(RodStepper(tangle(3, 12, 60)), STIFFNESS)
-    monkeypatch.setattr("warpknit.spatial.contact.available_memory", lambda: 1000)
+    monkeypatch.setattr("warpknit.spatial.wire_contact.available_memory", lambda: 1000)
     with pytest.raises(OutOfResources, match="pairs of segments near each other need"):
         contact.search()
     monkeypatch.undo()
@@ -176,7 +176,7 @@ def test_nothing_passes_through_at_the_speed_limit() -> None:
     """Two wires driven together at the largest move a step that a relaxation permits stay on their sides."""
     lower, upper = line([0, 0, 0], [2, 0, 0], 8), line([7.2, -6.7, 1.5], [0, 2, 0], 8)
     stepper, contact = touching([lower, upper])
-    rest = Rest(stepper, contact_stiffness=STIFFNESS)
+    rest = RodRelaxation(stepper, contact_stiffness=STIFFNESS)
     limit = rest.speed_limit
     stepper.state.velocity.assign(np.where(np.arange(16)[:, None] < 8, [0.0, 0.0, limit], [0.0, 0.0, -limit]))
     rest.stepper.set_time_step(1.0)  # undamped: worse than any relaxation

@@ -8,11 +8,11 @@ import pytest
 from reference.rods import SECTION, residual_of
 from reference.touching import STIFFNESS, line, plies, touching
 from warpknit.kernels import control as c
-from warpknit.spatial.contact import STICK_SHARE, WireContact
-from warpknit.spatial.rest import Rest
+from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import rods_of, straight
 from warpknit.spatial.step_bound import largest_rates, stable_step
+from warpknit.spatial.wire_contact import STICK_SHARE, WireContact
 
 ROUND_OFF = 1e-12
 
@@ -205,7 +205,7 @@ def capstan(share: float, friction: float, wrap: float) -> float:
     ends = (wire[0] - wire[1]) / spacing, (wire[-1] - wire[-2]) / spacing
     low, high = pull, pull * np.exp(friction * wrap * share)
     contact.search()
-    rest = Rest(stepper, contact_stiffness=stiffness)
+    rest = RodRelaxation(stepper, contact_stiffness=stiffness)
     # both ends pulled alike first, then one more and more: a slow way to the ratio
     way = []
     for now in np.append(np.linspace(low, high, 12), [high, high]):
@@ -213,7 +213,7 @@ def capstan(share: float, friction: float, wrap: float) -> float:
         stepper.state.load_force.assign(load)
         for _ in range(6):
             contact.advance(50)
-            rest.look()
+            rest.update()
         way.append(float(stepper.state.displacement.numpy()[-1] @ ends[1]))
     return way[-1] - way[-2]
 

@@ -11,7 +11,6 @@ from warpknit.numerics import AXIAL_ERROR
 from warpknit.scene import Scene, load_scene
 from warpknit.scene.load import make_scene
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.mesh import build_mesh
 
 KNIT = Path(__file__).parents[2] / "scenes" / "wires" / "plain_knit_spatial.toml"
 DIAMETER, PERIOD = 1e-4, 2e-3  # [m]
@@ -64,7 +63,7 @@ def test_wires_that_nothing_holds_are_refused(tmp_path):
     np.savez(tmp_path / "ring.npz", 1e-3 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1))
     wires = {"file": "ring.npz", "unit": "m", "closed": True}
     with pytest.raises(ModelError, match="wires: given rings only"):
-        build_mesh(make_scene({"wires": wires, "model": {"kind": "spatial"}}, path=tmp_path / "scene.toml"))
+        build_model(make_scene({"wires": wires, "model": {"kind": "spatial"}}, path=tmp_path / "scene.toml"))
 
 
 def test_wires_that_overlap_are_pushed_apart_and_said(tmp_path):
@@ -100,4 +99,4 @@ def test_a_knit_from_a_file_stores_the_work_done_on_it():
 
 def test_nodes_finer_than_half_a_diameter_are_refused():
     with pytest.raises(SceneError, match="wires.node_spacing: given 4e-05 m, allowed: half the thickness"):
-        build_mesh(load_scene(KNIT, ["wires.node_spacing=40 um"]))
+        build_model(load_scene(KNIT, ["wires.node_spacing=40 um"]))

@@ -10,7 +10,7 @@ import wire_samples as samples
 from pxr import Sdf, Usd
 
 from warpknit.errors import SceneError
-from warpknit.scene import wires as limits
+from warpknit.scene import wire_file as limits
 from warpknit.wires import curve, read, usd
 from warpknit.wires.curve import BadFile
 from warpknit.wires.read import read_wires

@@ -8,11 +8,11 @@ from scipy.optimize import linear_sum_assignment
 
 from warpknit.knit.cloth import knit_cloth
 from warpknit.scene import load_scene, make_scene
-from warpknit.spatial.mesh import build_mesh
+from warpknit.spatial.model import build_model
 from warpknit.spatial.sites import NOWHERE, Sites
+from warpknit.wires.centre_lines import Wires
 from warpknit.wires.hooks import find_hooks
 from warpknit.wires.read import rest_wires
-from warpknit.wires.wires import Wires
 
 SCENES = Path(__file__).parents[2] / "scenes" / "wires"
 KNITS = {
@@ -88,7 +88,7 @@ def test_every_leg_of_plain_knit_hooks(scene: str, overrides: tuple[str, ...], h
 @pytest.mark.parametrize("repeats", [[1, 2], [2, 2]])
 def test_contacts_of_a_file_belong_to_their_hooks(repeats: list[int]) -> None:
     """What touches in the middle of a lens is that hook's, whichever of its wires comes first; else is none's."""
-    mesh = build_mesh(load_scene(SCENES / "plain_knit_spatial.toml", [f"wires.repeats={repeats}"]))
+    mesh = build_model(load_scene(SCENES / "plain_knit_spatial.toml", [f"wires.repeats={repeats}"]))
     wires, rods = mesh.wires, mesh.rods
     sites, place = Sites(wires, rods), np.rint(wires.site_seed).astype(np.int64)
     nodes = rods.wire_first[wires.site_wire] + np.clip(place, 0, rods.wire_count[wires.site_wire] - 1)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from warpknit.wires.centre_lines import Wires
 from warpknit.wires.overlaps import find_overlaps, segment_distances
-from warpknit.wires.wires import Wires
 
 RNG = np.random.default_rng(3)
 

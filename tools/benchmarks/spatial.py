@@ -19,7 +19,6 @@ from warpknit.kernels import control as c
 from warpknit.model import build_model
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.mesh import build_mesh
 
 from .turns import best
 
@@ -111,6 +110,6 @@ def measure(repeats: int, overrides: list[str], rounds: int) -> dict[str, Any]:
 
 def cases(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """A dictionary a size, of as many columns as rows of repeats."""
-    one = build_mesh(load_scene(SCENE, [f"model.nodes_per_loop={NODES_PER_LOOP}"])).rods.node_count
+    one = build_model(load_scene(SCENE, [f"model.nodes_per_loop={NODES_PER_LOOP}"])).rods.node_count
     for nodes in options.nodes:
         yield measure(max(1, round(math.sqrt(nodes / one))), options.overrides, options.rounds)

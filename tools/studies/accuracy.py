@@ -43,7 +43,7 @@ from warpknit.planar.state import State, initial_state
 from warpknit.planar.step import Stepper
 from warpknit.scene.presets import PRESETS
 from warpknit.solve.simulate import Simulation
-from warpknit.trade.estimate import estimate_of, settings_within
+from warpknit.trade.error_estimate import estimate_of, settings_within
 from warpknit.trade.point import Found, errors_of, found_at, run_point, scales_of
 from warpknit.trial import edge_of
 

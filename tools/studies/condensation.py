@@ -47,7 +47,7 @@ from warpknit.model import build_model
 from warpknit.planar.state import State, initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Record, Simulation
-from warpknit.spatial.mesh import SpatialMesh, build_mesh, rods_of_wires
+from warpknit.spatial.model import SpatialModel, rods_of_wires
 from warpknit.spatial.observables import SpatialObservables
 from warpknit.spatial.rest_curve import CentreLine, fit_rest_curve
 from warpknit.spatial.rods import Rods
@@ -131,7 +131,7 @@ TRICOT = [
     'knit.bars=[{chain="1-0/1-2"},{chain="1-2/1-0"}]', "knit.wale_spacing='1 mm'", "knit.course_spacing='0.8 mm'",
     "knit.repeats=[2,1]", "load.strain_weft=0.1", "load.strain_warp=0.1", "output.frames=5",
 ]  # fmt: skip
-PLANAR = ["model.nodes_per_loop=24", "solver.residual_tolerance=3e-3"]
+PLANAR = ["model.kind=planar", "model.nodes_per_loop=24", "solver.residual_tolerance=3e-3"]
 SPATIAL = ["model.nodes_per_loop=48", "solver.residual_tolerance=1e-2"]
 STIFF_TWIST, HIGH = 20.0, 2.0
 PARTS = 16  # of a segment's curve
@@ -159,12 +159,12 @@ class Clasp:
     law: float  # (q + 1/q)/2 below q = 1, else 1
 
 
-def without_twist(mesh: SpatialMesh) -> SpatialMesh:
+def without_twist(mesh: SpatialModel) -> SpatialModel:
     section = replace(mesh.rods.section, twist_stiffness=STIFF_TWIST * mesh.rods.section.twist_stiffness)
     return replace(mesh, rods=replace(mesh.rods, section=section))
 
 
-def with_high_crossings(mesh: SpatialMesh, height: float = HIGH) -> SpatialMesh:
+def with_high_crossings(mesh: SpatialModel, height: float = HIGH) -> SpatialModel:
     up, wires = np.array([1.0, 1.0, height]), mesh.wires
     assert wires.line is not None
     line = CentreLine(wires.line.slope * up, wires.line.between * up)
@@ -231,7 +231,7 @@ def runs() -> Iterator[tuple[KnitRow, list[Clasp]]]:
         for name, change in (("spatial", None), ("no twist", without_twist), ("doubled heights", with_high_crossings)):
             if knit == "tricot" and change is with_high_crossings:
                 continue
-            mesh = build_mesh(load_scene(SCENE, [*load, *SPATIAL, "model.kind=spatial"]))
+            mesh = build_model(load_scene(SCENE, [*load, *SPATIAL, "model.kind=spatial"]))
             relaxation = Simulation(mesh if change is None else change(mesh))
             for record in relaxation.run():
                 sites = np.flatnonzero(record.observables.site_force > LEAST) if knit == "double atlas" and change is None else []
@@ -312,7 +312,7 @@ def hold_wires(state: State, start: np.ndarray) -> None:
 def tight_in_space(
     knit: str, name: str, overrides: list[str], *, only: set[int] | None = None, height: float = 1.0
 ) -> Iterator[TightLevel]:
-    mesh = build_mesh(load_scene(SCENE, overrides))
+    mesh = build_model(load_scene(SCENE, overrides))
     if height != 1.0:
         mesh = with_high_crossings(mesh, height)
     relaxation = Simulation(mesh)
@@ -324,7 +324,7 @@ def tight_in_space(
         yield TightLevel(knit, name, float(r.gradient[0, 0] - 1.0), *r.mesh_tension, float(r.site_force.max(initial=0.0)), slid)
 
 
-def searching_only(relaxation: Simulation, mesh: SpatialMesh, clasps: set[int]) -> Callable[[], None]:
+def searching_only(relaxation: Simulation, mesh: SpatialModel, clasps: set[int]) -> Callable[[], None]:
     """A search for contacts after which wires elsewhere than in these clasps of a repeat are far apart."""
     contact, search = relaxation.mechanics.contact, relaxation.mechanics.contact.search
     assert mesh.cloth is not None

@@ -39,7 +39,7 @@ from warpknit.planar.state import initial_state
 from warpknit.scene import Scene, load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.hook_contact import hook_contact as spatial_hook_contact
-from warpknit.spatial.mesh import SpatialMesh, build_mesh
+from warpknit.spatial.model import SpatialModel
 
 CROSSES: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 8}
 
@@ -298,7 +298,7 @@ def spatial(overrides: Sequence[str], friction: float = 0.0, thickness: float = 
         assert scene.hook is not None and scene.hook.crossing_distance is not None
         crossing = thickness * scene.hook.crossing_distance
         scene = replace(scene, hook=replace(scene.hook, crossing_distance=crossing))
-    mesh = build_mesh(scene)
+    mesh = build_model(scene)
     section = mesh.rods.section
     section = replace(section, twist_stiffness=twist * section.twist_stiffness)
     radius = np.full(2, 0.5 * thickness * section.thickness)
@@ -306,7 +306,7 @@ def spatial(overrides: Sequence[str], friction: float = 0.0, thickness: float = 
     return list(_spatial_rows(mesh, friction, thickness, twist))
 
 
-def _spatial_rows(mesh: SpatialMesh, friction: float, thickness: float, twist: float) -> Iterator[Row]:
+def _spatial_rows(mesh: SpatialModel, friction: float, thickness: float, twist: float) -> Iterator[Row]:
     begin = time.perf_counter()
     for record in Simulation(mesh).run():
         found, t = spatial_hook_contact(record.observables), record.observables.touching

@@ -27,7 +27,7 @@ from .. import measure
 from ..errors import Diverged
 from ..measure import Observables
 from ..sweep.states import Mesh
-from .states import states_at
+from .fine_states import states_at
 
 STEP = 1e-3  # strain of the differences
 AGREEMENT = 0.05  # of the largest stiffness: differences at STEP and 2 STEP that differ by more are worth a warning

@@ -10,8 +10,8 @@ from .. import measure
 from ..errors import Diverged
 from ..measure import Observables
 from ..sweep.states import Mesh
+from .fine_states import states_at
 from .network import sheet_resistance
-from .states import states_at
 
 POINTS = 12  # of a curve beside the mesh as knitted
 LOADS = (("equal", 1.0, 1.0), ("weft_alone", 1.0, 0.0), ("warp_alone", 0.0, 1.0))

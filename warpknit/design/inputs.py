@@ -23,7 +23,7 @@ from ..knit.openings import find_openings
 from ..mesh.layout import knit_scene
 from ..scene import Scene
 from ..sweep.states import mesh_of
-from .states import states_at
+from .fine_states import states_at
 
 SCALED = {
     "circular-oval": ("closed_radius", "closed_head", "open_head", "open_half_width"),

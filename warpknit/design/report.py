@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import Diverged
 from ..files import write_aside, write_table
 from ..measure import Observables
-from ..run.progress import Progress
+from ..run.progress_display import Progress
 from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
 from ..sweep.contact_map import MapRow, Optimum, find_optimum, grid
@@ -22,12 +22,12 @@ from ..sweep.states import Mesh, mesh_of
 from .card import MaterialCard, find_card, find_card_at_tension
 from .card_files import card_warnings, celsius, write_card
 from .curves import CurvePoint, tension_strain
+from .fine_states import DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE, exact_model, states_at
 from .network import contact_resistances, sheet_resistance
 from .opening_size import BANDS, Opening, openings
 from .page import Page
 from .sections import card_section, curve_section, electric_section, map_section, mesh_section, openings_section
 from .service import SERVICE_TENSIONS, EqualTension, equal_tension, strains_at_tension, strains_seen_closely
-from .states import DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE, exact_model, states_at
 
 WHERE = {"planar": "", "spatial": ", its wires in space"}  # the wires of a kind of model are
 DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))  # of the map where the scene has no [sweep]

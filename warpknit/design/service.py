@@ -13,7 +13,7 @@ from ..errors import Diverged
 from ..sweep.contact_map import MapRow, grid
 from ..sweep.states import Mesh
 from ..text import engineering
-from .states import states_at
+from .fine_states import states_at
 
 SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf. Ser. 402, 66)
 REFINED = 16  # times the strains of a map a side, where equal tensions are looked for

@@ -1,4 +1,4 @@
-"""What two hooked wires show: forces and places of their contact, in the words of mesh/hook.py."""
+"""What two hooked wires show: forces and places of their contact, in the words of mesh/hook_mesh.py."""
 
 from __future__ import annotations
 

@@ -9,8 +9,8 @@ import numpy as np
 from ..kernels import clamp
 from ..kernels.bend import BOW
 from ..knit.cloth import Cloth
+from .rest_table import Table
 from .strands import Strands
-from .table import Table
 from .thread_curve import ThreadCurve
 
 TANGENT_SHARE = 1e-3  # of a node spacing, either side of a clamp: where its direction is taken from

@@ -13,7 +13,7 @@ from ..knit.cloth import Cloth, knit_cloth
 from ..memory import available_memory, required_memory
 from ..scene import Scene
 from .panel import Panel, build_panel, table_lead
-from .table import Table, rest_table
+from .rest_table import Table, rest_table
 
 SLIDE_ALLOWANCE = 0.2  # how far a contact may slide beyond its lens, in wire lengths of a loop
 

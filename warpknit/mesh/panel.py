@@ -17,8 +17,8 @@ from ..kernels.wire_forces import BLOCK_PAD, BLOCK_SIZE
 from ..knit.cloth import Cloth
 from ..scene.outline import Outline
 from .grips import clamps, no_clamps
+from .rest_table import Table
 from .strands import Strands, closed_strands, cut_strands
-from .table import Table
 
 END_NODES = 1  # segments at the end of a wire that a contact point may not come to: its curve needs a node beyond
 SHORTEST = 5  # segments of a cut wire: with less, the two clamps would share a hinge

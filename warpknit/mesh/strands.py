@@ -9,7 +9,7 @@ import numpy as np
 from ..knit.cloth import Cloth
 from ..scene.outline import Outline
 from .cut import cut_cloth
-from .table import Table
+from .rest_table import Table
 
 NEAREST = 0.75  # node spacings from a clamp to the first free node, at least: nearer ones would need smaller steps
 

@@ -10,10 +10,10 @@ import warp as wp
 
 from ..kernels.contact import CURVE_COEFFICIENTS
 from ..mesh.panel import Panel
+from ..mesh.rest_table import Table
 from ..mesh.strip import Strip
-from ..mesh.table import Table
 from ..mesh.treatment import Treatment
-from .numerics import Numbers
+from .numerics import Numerics
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def precision_of(name: str, displacement_range: float) -> Precision:
     return Precision("single", wp.float32, wp.int32, 2.0 ** math.ceil(math.log2(displacement_range / 2**31)))
 
 
-def upload_rest(table: Table, precision: Precision, numbers: Numbers, bending_stiffness: float, device: str) -> RestArrays:
+def upload_rest(table: Table, precision: Precision, numbers: Numerics, bending_stiffness: float, device: str) -> RestArrays:
     """The rest data of a table with the masses of the run; `bending_stiffness` [N m2]."""
 
     def real(a: np.ndarray) -> wp.array:

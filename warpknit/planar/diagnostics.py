@@ -1,6 +1,6 @@
-"""A look at the whole state between steps: sums over nodes and pairs that the time loop decides by.
+"""Diagnostics of a state between steps: sums over nodes and pairs that a convergence check decides by.
 
-Everything is summed on the device (kernels/look.py); what comes to the host is a row a wire and a handful of numbers. A full
+They are summed on the device (kernels/diagnostics.py); a row a wire and a handful of numbers come to the host. The whole
 state on the host that a record keeps is observables.read.
 """
 
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..kernels import look as k
+from ..kernels import diagnostics as k
 from ..launch import bind
 from ..mesh.panel import Panel
 from .host_state import evaluation
@@ -46,7 +46,7 @@ def first_blocks(panel: Panel) -> np.ndarray:
 
 
 def sum_up(model: Model, first: np.ndarray, wires: np.ndarray, pairs: np.ndarray, held_stress: np.ndarray) -> Sums:
-    """The sums of what kernels/look.py left: rows (..., block, WIRE_COLUMNS) and (..., pair block, PAIR_COLUMNS).
+    """The sums of what kernels/diagnostics.py left: rows (..., block, WIRE_COLUMNS) and (..., pair block, PAIR_COLUMNS).
 
     `first` [wire]: see `first_blocks`.
     `held_stress` (..., 2, 2) [N m] is what forces on held nodes add. A leading axis counts replicas.
@@ -80,7 +80,7 @@ def sum_up(model: Model, first: np.ndarray, wires: np.ndarray, pairs: np.ndarray
     )
 
 
-class Look:
+class Diagnostics:
     """`strain`, `tension` and `turning` of the last look stay on the device, [node]; see kernels/energy.py."""
 
     def __init__(self, model: Model, state: State, stepper: Stepper) -> None:
@@ -108,8 +108,8 @@ class Look:
         pairs = {"pair_block": k.PAIR_BLOCK, "partial": self._pairs}
         self._sum_pairs = bind(k.sum_pairs, self._pairs.shape[0], *sources, **pairs).record(device)
 
-    def take(self) -> Sums:
-        """Look at the state as it is. Rows of wires are of this rank's strip, everything else is of the whole mesh."""
+    def sums(self) -> Sums:
+        """Diagnostics at the state as it is. Rows of wires are of this rank's strip, everything else is of the whole mesh."""
         for parts in self.launches():
             self._stepper.together(parts)
         return sum_up(self.model, self._first_block, *self.partial_sums())

@@ -9,14 +9,14 @@ from ..estimate import HOOK_ENDS, Cost, Notes, Size, boundary_physics, endless_c
 from ..knit.cloth import Cloth
 from ..mesh.layout import SLIDE_ALLOWANCE, estimated_nodes
 from ..mesh.panel import table_lead
+from ..mesh.rest_table import rest_table
 from ..mesh.smaller import smaller_scene
-from ..mesh.table import rest_table
 from ..numerics import thread_count
 from ..scene import Scene
 from ..scene.presets import PRESETS
 from .limits import tight_loops
 from .model import build_model
-from .numerics import choose_numbers
+from .numerics import choose_numerics
 from .step import NODES_A_THREAD
 
 COUNTED_NODES = 2_000_000  # meshes up to here are laid out to be counted: a second or two
@@ -110,7 +110,7 @@ def _endless(scene: Scene, cloth: Cloth) -> Size:
         set_fraction=scene.wire.set_fraction,
         lead=table_lead(cloth, 0.8 * spacing, SLIDE_ALLOWANCE * cloth.stitch_length),
     )
-    numbers = choose_numbers(scene, table, cloth.stitch_length)
+    numbers = choose_numerics(scene, table, cloth.stitch_length)
     return Size(
         nodes=nodes,
         wires=wires,

@@ -18,7 +18,7 @@ from .state import State
 from .step import anchor_launch
 
 
-class Path:
+class HistoryVariables:
     """Keeps what depends on the path, and the energy that went with it."""
 
     def __init__(self, model: Model, state: State) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..measure.hook_contact import HookContact
 from ..measure.measures import active_threshold
-from ..mesh.hook import LEFT, RIGHT, RIGHT_TOP
+from ..mesh.hook_mesh import LEFT, RIGHT, RIGHT_TOP
 
 
 def hook_contact(r: Any) -> HookContact:

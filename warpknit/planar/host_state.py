@@ -33,7 +33,7 @@ class HostState(Boundary):
     u: np.ndarray  # [node, 2] [m] displacement from the affinely mapped rest shape
     body_u: np.ndarray  # [body, 2] [m]
     clamp_shift: np.ndarray  # [clamp, 2] [m] displacement of the clamps from the affinely mapped outline
-    thermal_strain: np.ndarray  # [wire, 2] see State.wire_warmth
+    thermal_strain: np.ndarray  # [wire, 2] see State.wire_thermal_strain
     edge: np.ndarray  # [node, 2] [m] zero behind the last node of an open wire
     tension: np.ndarray  # [node] [N]
     wire_axial: np.ndarray  # [wire] [N] softened axial stiffness
@@ -155,7 +155,7 @@ def read_strip(model: Model, state: State) -> HostState:
         u=metres(state.node_ux[now], state.node_uy[now]),
         body_u=metres(state.body_ux, state.body_uy),
         clamp_shift=state.clamp_shift,
-        thermal_strain=state.wire_warmth.numpy().copy(),
+        thermal_strain=state.wire_thermal_strain.numpy().copy(),
         edge=columns(out["edge_x"], out["edge_y"]),
         tension=double(out["tension"]),
         segment_force=columns(out["force_x"], out["force_y"]),

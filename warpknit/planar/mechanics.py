@@ -15,20 +15,20 @@ from ..measure import force_scale
 from ..mechanics import Check, Drift, beyond_strength
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
-from .diagnostics import Look, Sums
-from .history_variables import Path
+from .diagnostics import Diagnostics, Sums
+from .history_variables import HistoryVariables
 from .membrane import Membrane
 from .model import Model
 from .multipliers import Multipliers
 from .neighbours import RAMP_SHARE, NeighbourSearch
 from .observables import PlanarObservables, read
 from .prolongation import Prolongation
-from .residual import Steadiness
+from .residual import Residual
 from .response import carried_values, find_response, no_response, recall_response
 from .slowest_mode import SlowestMode
 from .state import State
 from .strip_step import stepper_of
-from .thermal import wire_warmth
+from .thermal import wire_thermal_strain
 from .time_step import stable_step
 
 SOFTENING_CHECKS = 10  # convergence checks between renewals of the bound on the softening
@@ -58,8 +58,8 @@ class PlanarMechanics:
         self.drift = drift_of(model.scene.model.nodes_per_loop)
         self.stepper = stepper_of(model, state)
         self.neighbours = NeighbourSearch(model, state)
-        self.look = Look(model, state, self.stepper)
-        self.residual = Steadiness(model)
+        self.diagnostics = Diagnostics(model, state, self.stepper)
+        self.residual = Residual(model)
         self._has_temperature_field = any(any(stage.temperature_gradient) for stage in model.scene.stages)
         self._last: list[wp.array] | None = None  # what the level before ended with
         self._pressed = 0  # pairs that carry force in the mesh as knitted
@@ -68,15 +68,15 @@ class PlanarMechanics:
 
     @cached_property
     def multipliers(self) -> Multipliers:
-        return Multipliers(self.model, self.state, self.look)
+        return Multipliers(self.model, self.state, self.diagnostics)
 
     @cached_property
     def slowest_mode(self) -> SlowestMode:
         return SlowestMode(self.model, self.state, self.stepper)
 
     @cached_property
-    def history(self) -> Path:
-        return Path(self.model, self.state)
+    def history(self) -> HistoryVariables:
+        return HistoryVariables(self.model, self.state)
 
     @property
     def _relaxes(self) -> bool:
@@ -90,7 +90,7 @@ class PlanarMechanics:
         if not self._relaxes:
             self.residual_now()
             return
-        self.slowest_mode.look(use=True)
+        self.slowest_mode.update(use=True)
         self.check(1, loading=False)
         self.predict(0.0)
         self.set_load(LoadPoint(np.eye(2), self.model.scene.wire.reference_temperature), LOAD_STEPS)
@@ -112,7 +112,7 @@ class PlanarMechanics:
         values[int(c.EVEN_RAMP)] = float(evenly)
         state.write_control(values)
         if self._has_temperature_field:
-            state.wire_warmth.assign(wire_warmth(self.model, load.temperature, load.temperature_gradient))
+            state.wire_thermal_strain.assign(wire_thermal_strain(self.model, load.temperature, load.temperature_gradient))
         # the affine motion itself brings a body and a wire within the search radius closer by at most this
         self.neighbours.expect(2.0 * float(np.abs(np.subtract(then[:4], now[:4])).max()) * self.neighbours.radius)
 
@@ -183,11 +183,11 @@ class PlanarMechanics:
 
     def check(self, checks: int, *, loading: bool) -> Check:
         control = self.state.read_control()
-        self.slowest_mode.look(use=not loading)
+        self.slowest_mode.update(use=not loading)
         if loading:
             return Check(np.nan, np.inf)
         solver = self.model.scene.solver
-        self.sums = self.look.take()
+        self.sums = self.diagnostics.sums()
         residual = float(self._residual(control, self.sums))
         ratio = residual / solver.residual_tolerance
         if solver.multipliers:
@@ -202,12 +202,12 @@ class PlanarMechanics:
             self.multipliers.bound_softening()
 
     def stress(self) -> np.ndarray:
-        return self.look.take().stress
+        return self.diagnostics.sums().stress
 
     def causes(self) -> str:
         strength, stress = self.model.scene.wire.tensile_strength, measure.stress_extremes(self.observe())[0]
         causes = beyond_strength(stress, strength)
-        if self.residual.is_lost_in_round_off(self.look.take(), self.state.wire_axial.numpy()):
+        if self.residual.is_lost_in_round_off(self.diagnostics.sums(), self.state.wire_axial.numpy()):
             name = self.model.precision.name
             causes += f", round-off in {name} precision is more than the forces: solver.precision = 'double'"
         if self._pressed:
@@ -219,7 +219,7 @@ class PlanarMechanics:
         if not load.is_as_knitted(self.model.scene.wire.reference_temperature):
             return False
         self.stepper.evaluate_contact()
-        sums = self.look.take()
+        sums = self.diagnostics.sums()
         self._pressed = int(sums.closed)
         least = UNLOADED * force_scale(self.model)
         bend = self.model.bending_stiffness / float(self.model.table.hinge_length.min()) ** 2
@@ -242,7 +242,7 @@ class PlanarMechanics:
             self.neighbours.follow(control[int(c.GRADIENT) : int(c.GRADIENT) + 4])
 
     def residual_now(self) -> float:
-        return float(self._residual(self.state.read_control(), self.look.take()))
+        return float(self._residual(self.state.read_control(), self.diagnostics.sums()))
 
     # --- meshes of one knit (solve/multilevel.py)
 

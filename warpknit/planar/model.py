@@ -22,24 +22,24 @@ from ..kernels.bodies import BODY_BLOCK
 from ..kernels.contact_by_batch import PAIR_BATCH
 from ..kernels.wire_forces import BLOCK_SIZE
 from ..knit.cloth import Cloth
-from ..mesh.hook import hook_panel, hook_table
+from ..mesh.hook_mesh import hook_panel, hook_table
 from ..mesh.layout import knit_scene, lay_out
 from ..mesh.panel import Panel
+from ..mesh.rest_table import Table
 from ..mesh.strip import Strip, cut_strip
-from ..mesh.table import Table
 from ..mesh.treatment import Treatment, choose_treatment
 from ..ranks.ranks import One, Ranks
 from ..scene import Hook, Scene
 from .device_arrays import MeshArrays, Precision, RestArrays, precision_of, upload_mesh, upload_rest
 from .limits import slid_wires, tight_loops
-from .numerics import choose_numbers
+from .numerics import choose_numerics
 
 CORD_SAG = 0.2  # of the size of a mesh: farther its edge cannot be from its outline
 
 
 @dataclass(frozen=True)
 class Constants:
-    """Numbers that kernels take, as they take them: in the precision of the run unless the kernel says double."""
+    """Numerics that kernels take, as they take them: in the precision of the run unless the kernel says double."""
 
     unit: Any  # [m] of one count of a coordinate
     gripped: int  # whether two clamps hold every wire
@@ -233,7 +233,7 @@ def assemble_model(
     strip = cut_strip(panel, ranks.rank, ranks.count) if ranks.count > 1 else None
     panel = panel if strip is None else strip.panel
     precision = precision_of(scene.solver.precision, displacement_range)
-    numbers = choose_numbers(scene, table, loop_length)
+    numbers = choose_numerics(scene, table, loop_length)
     treatment = choose_treatment(scene, scene.wire.thickness, numbers.contact_stiffness)
     return Model(
         scene=scene,

@@ -17,7 +17,7 @@ import warp as wp
 from ..kernels import control as c
 from ..kernels.multipliers import update_pair_offset, update_tension_offset
 from ..launch import bind
-from .diagnostics import Look, Sums
+from .diagnostics import Diagnostics, Sums
 from .model import Model, block_threads
 from .multiplier_rules import MultiplierRules
 from .state import State
@@ -28,11 +28,11 @@ BEND_OVER_STRETCH = 3.0  # least ratio of what bending and softened stretch give
 class Multipliers:
     """Moves the multipliers of a state and renews stiffnesses that the load has outgrown."""
 
-    def __init__(self, model: Model, state: State, look: Look) -> None:
+    def __init__(self, model: Model, state: State, diagnostics: Diagnostics) -> None:
         """`look` leaves the tensions and strains that the multipliers move by."""
         self.model = model
         self.state = state
-        self.look = look
+        self.diagnostics = diagnostics
         self.rules = MultiplierRules(model)
         self.axial = wp.zeros_like(state.wire_axial)  # [wire] [N] that a move goes over to
         self._record()
@@ -53,13 +53,13 @@ class Multipliers:
         model, panel = self.model, self.model.panel
         if panel.boundary == "periodic":
             return
-        y = self.look.distance_from_chord()
+        y = self.diagnostics.distance_from_chord()
         most = np.maximum(1.0, y**2 * model.axial_stiffness / (BEND_OVER_STRETCH * model.bending_stiffness))
         now = self.state.wire_axial.numpy().astype(np.float64)
         axial = np.maximum(now, np.minimum(model.axial_stiffness / most, model.axial_stiffness))
         if not model.ranks.any(bool(np.any(axial > now * (1 + 1e-6)))):
             return
-        sums = self.look.take()
+        sums = self.diagnostics.sums()
         self._move_offsets(axial, rate=0.0)
         self.renew(axial, float(self.state.read_control()[int(c.CONTACT_STIFFNESS)]), sums)
 
@@ -82,7 +82,7 @@ class Multipliers:
         """The launches of a move, to be repeated with other numbers."""
         model, state = self.model, self.state
         wires = bind(
-            update_tension_offset, block_threads(model), model.mesh, state, model.constants, self.look,
+            update_tension_offset, block_threads(model), model.mesh, state, model.constants, self.diagnostics,
             axial_before=state.wire_axial, axial=self.axial,
         )  # fmt: skip
         pairs = bind(update_pair_offset, max(1, model.pair_count), state)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..kernels.bend import BEND_EIGENVALUE, BOW
 from ..kernels.friction import TANGENTIAL
-from ..mesh.table import Table
+from ..mesh.rest_table import Table
 from ..numerics import LOADING_PERIODS, MASS_MARGIN, STEP_MARGIN, slowest_rate
 from ..scene import Scene
 
@@ -25,7 +25,7 @@ BODY_MASS_SHARE = 0.5  # body mass over that of half a loop of wire, in a ramp (
 
 
 @dataclass(frozen=True)
-class Numbers:
+class Numerics:
     """What is chosen for the numerics."""
 
     softening: float
@@ -39,7 +39,7 @@ class Numbers:
     damping: float = 0.0  # [1/s] ramp
 
 
-def choose_numbers(scene: Scene, table: Table, loop_length: float) -> Numbers:
+def choose_numerics(scene: Scene, table: Table, loop_length: float) -> Numerics:
     """Softening, contact stiffness, masses and time step of the unloaded mesh.
 
     relax: fictitious masses that are stable at unit step, so a step of 1 s. ramp: real masses, scaled if asked.
@@ -58,7 +58,7 @@ def choose_numbers(scene: Scene, table: Table, loop_length: float) -> Numbers:
             wire.axial_stiffness / softening, wire.bending_stiffness, contact, h, sharpest_turn(table),
             contact_along=contact_along(scene),
         )  # fmt: skip
-        return Numbers(softening, contact, node, MASS_MARGIN * contact, 0.0, 1.0, "unit step")
+        return Numerics(softening, contact, node, MASS_MARGIN * contact, 0.0, 1.0, "unit step")
     true_mass = wire.linear_density * table.node_length
     mass = true_mass * scene.solver.mass_scaling
     contact = 20 * bend if contact is None else contact
@@ -80,7 +80,7 @@ def choose_numbers(scene: Scene, table: Table, loop_length: float) -> Numbers:
     slowest = slowest_rate(scene, loop_length)
     loading_time = scene.solver.loading_time or LOADING_PERIODS * 2.0 * math.pi / slowest
     damping = slowest if scene.solver.damping is None else scene.solver.damping
-    return Numbers(softening, contact, mass, body_mass, added, step, limited_by, loading_time, damping)
+    return Numerics(softening, contact, mass, body_mass, added, step, limited_by, loading_time, damping)
 
 
 def unit_step_mass(

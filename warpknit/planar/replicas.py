@@ -98,7 +98,7 @@ class ReplicaGroup:
         self._mass = self.replicas.state.wire_mass.numpy()
         self._rules = MultiplierRules(model, count)
         self._first_block = first_blocks(model.panel)
-        self._partial = [member.look.partial_sums()[:2] for member in self.members]
+        self._partial = [member.diagnostics.partial_sums()[:2] for member in self.members]
         self._moved = [member.slowest_mode.partial.numpy() for member in self.members]
         self._stiffer = [member.multipliers.axial.numpy() for member in self.members]
         self._graphs: dict[str, list[wp.Graph]] = {}
@@ -160,7 +160,7 @@ class ReplicaGroup:
         wires, pairs = (np.stack(part) for part in zip(*(self._partial[row] for row in rows), strict=True))
         held = np.zeros((len(rows), 2, 2))
         if len(self.model.panel.held_node):
-            held[:] = [self.members[row].look.held_stress() for row in rows]
+            held[:] = [self.members[row].diagnostics.held_stress() for row in rows]
         return sum_up(self.model, self._first_block, wires, pairs, held)
 
     def _move_multipliers(self, rows: np.ndarray, sums: Sums, nearly_steady: np.ndarray) -> np.ndarray:
@@ -195,7 +195,7 @@ class ReplicaGroup:
         if name not in self._graphs:
             graphs = []
             for member in self.members:
-                sums = [launch for parts in member.look.launches() for launch in parts]
+                sums = [launch for parts in member.diagnostics.launches() for launch in parts]
                 probe = [member.slowest_mode.probe.launch, member.slowest_mode.launch_sum]
                 named: dict[str, list[Any]] = {"check": probe + sums, "sums": sums, "move": member.multipliers.launches}
                 with wp.ScopedCapture(device=self.model.device) as capture:

@@ -15,7 +15,7 @@ ROUND_OFF_LARGEST = 4.0  # the same of the largest residual, which is allowed LO
 ROUND_OFF_SHARE = 0.1  # of the mean contact force: more round-off than this is no balance, and needs double precision
 
 
-class Steadiness:
+class Residual:
     """Measures how far a state is from rest, from what a look at it summed up."""
 
     def __init__(self, model: Model) -> None:

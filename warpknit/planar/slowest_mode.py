@@ -1,4 +1,4 @@
-"""The damping of a relaxation: near critical for the slowest mode that still moves (kernels/relax.py)."""
+"""The damping of a relaxation: near critical for the slowest mode that still moves (kernels/rayleigh.py)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 
 from ..kernels import control as c
-from ..kernels.relax import sum_rayleigh
+from ..kernels.rayleigh import sum_rayleigh
 from ..launch import bind
 from ..numerics import SLOWEST_WAVE, renewed_damping, slowest_damping
 from .model import Model
@@ -28,7 +28,7 @@ class SlowestMode:
         nodes, device = model.panel.node_count, model.device
         kinds = [model.precision.coordinate] * 2 + [model.precision.real] * 2
         self._last = [wp.zeros(nodes, dtype=kind, device=device) for kind in kinds]
-        self.partial = wp.zeros((len(model.panel.block_first), 2), dtype=wp.float64, device=device)  # see kernels/relax.py
+        self.partial = wp.zeros((len(model.panel.block_first), 2), dtype=wp.float64, device=device)  # see kernels/rayleigh.py
         self._sum = [self._record(parity) for parity in (0, 1)]
 
     def _record(self, parity: int) -> wp.Launch:
@@ -47,7 +47,7 @@ class SlowestMode:
         for k, value in enumerate(self._last):
             value.assign(kept[f"look_{k}"])
 
-    def look(self, *, use: bool) -> None:
+    def update(self, *, use: bool) -> None:
         """Take in the state; with `use`, set the damping from what happened since the last look."""
         state = self.state
         self.probe.evaluate()
@@ -62,6 +62,6 @@ class SlowestMode:
         self._sum[self.state.parity].launch()
 
     def renewed(self, damping: np.ndarray, total: np.ndarray) -> np.ndarray:
-        """Damping (...) [1/s] after one of `damping`, by the sums (..., 2) over what kernels/relax.py left; unchanged where
+        """Damping (...) [1/s] after one of `damping`, by the sums (..., 2) over what kernels/rayleigh.py left; unchanged where
         nothing moved. A leading axis counts replicas."""
         return renewed_damping(damping, total[..., 0], total[..., 1], self._slowest)

@@ -23,7 +23,7 @@ STEP_LIMIT = 0.1  # course spacings in one step: a move beyond it, and beyond a 
 ASLEEP = 1e30  # [m] travel at which a foreign pair would be looked at: never
 WIRE_STATE = ("node_vx", "node_vy", "tension_offset", "wire_axial", "wire_mass", "slide_vy")
 BODY_STATE = ("body_ux", "body_uy", "body_vx", "body_vy", "anchor_x", "anchor_y")
-CLAMP_STATE = ("clamp_from", "clamp_to", "wire_warmth")
+CLAMP_STATE = ("clamp_from", "clamp_to", "wire_thermal_strain")
 PATH_STATE = ("pair_stuck", "plastic_turn", "back_turn")
 PAIR_STATE = ("pair_slide", "pair_u", "pair_wake", "pair_offset", "pair_force", "pair_gap", "pair_node")
 ARRAYS = WIRE_STATE + BODY_STATE + PAIR_STATE + CLAMP_STATE + PATH_STATE
@@ -63,7 +63,9 @@ class State:
     pair_stuck: wp.array  # [pair, or none without friction] where a contact sticks to its wire (kernels/friction.py)
     plastic_turn: wp.array  # [node, or one without yield] [rad] turning that stays (kernels/bend.py)
     back_turn: wp.array  # [node, or one] [rad] elastic turning that the wire yields on either side of
-    wire_warmth: wp.array  # [wire] vec2d: excess of the length factor at its first node, relative, and growth a node (warmth.py)
+    wire_thermal_strain: (
+        wp.array
+    )  # [wire] vec2d: excess of the length factor at its first node, relative, and its growth (thermal.py)
     cached_slide: wp.array  # what kernels/contact_by_batch.py keeps from step to step; follows from the rest
     cached_node: wp.array
     cached_number: wp.array
@@ -186,7 +188,7 @@ def initial_state(model: Model, replicas: int | None = None) -> State:
         pair_nodal_y=zeros(4 * pairs, real),
         clamp_from=zeros(len(model.panel.clamp_position), wp.vec2d),
         clamp_to=zeros(len(model.panel.clamp_position), wp.vec2d),
-        wire_warmth=zeros(wires, wp.vec2d),
+        wire_thermal_strain=zeros(wires, wp.vec2d),
         plastic_turn=zeros(nodes if model.yield_moment else 1, real),
         back_turn=zeros(nodes if model.yield_moment else 1, real),
         pair_stuck=full(pairs if model.scene.contact.friction else 0, LOOSE, wp.float64),

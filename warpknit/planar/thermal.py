@@ -7,7 +7,7 @@ import numpy as np
 from .model import Model
 
 
-def wire_warmth(model: Model, temperature: float, gradient: tuple[float, float]) -> np.ndarray:
+def wire_thermal_strain(model: Model, temperature: float, gradient: tuple[float, float]) -> np.ndarray:
     """(wire, 2): excess of the length factor over that of the middle, relative, at the first node of each wire, and its growth
     from node to node.
 

@@ -25,7 +25,7 @@ from ..solve.simulate import Progress, Simulation
 from .checkpoint import Checkpoint
 from .history import Row, account_sliding, account_work, read_history, row_of, write_history
 from .panel_report import cord_summary, report_panel
-from .progress import Progress as Display
+from .progress_display import Progress as Display
 from .run_directory import Ending
 from .summary import Estimate, run_summary, stage_summary
 from .watch import Watch

@@ -21,7 +21,7 @@ from ..scene import Scene
 from ..scene.capabilities import refuse
 from ..solve.simulate import Simulation
 from .checkpoint import Checkpoint, has_checkpoint
-from .progress import Progress as Display
+from .progress_display import Progress as Display
 from .recorder import Judge, Recorder
 from .run_directory import Ending, check_directory, clear, finished_before, make_directory
 from .watch import Watch

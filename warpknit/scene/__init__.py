@@ -21,7 +21,7 @@ from warpknit.scene.objects import (
     Stage,
     Sweep,
 )
-from warpknit.scene.panel import Cord, PanelOptions
+from warpknit.scene.panel_options import Cord, PanelOptions
 from warpknit.scene.resolved import resolved_toml
 from warpknit.scene.wire import Plating, Wire
 

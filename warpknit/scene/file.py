@@ -13,10 +13,10 @@ from pydantic import TypeAdapter, model_validator
 from warpknit.scene.hook import Hook
 from warpknit.scene.keys import Table, given_values, key
 from warpknit.scene.objects import Contact, KnitTable, ModelOptions, Output, Solver, Stage, Sweep
-from warpknit.scene.panel import PanelTable
+from warpknit.scene.panel_options import PanelTable
 from warpknit.scene.values import Name, exclusive
 from warpknit.scene.wire import Wire
-from warpknit.scene.wires import WiresTable
+from warpknit.scene.wire_file import WiresTable
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,19 +14,19 @@ from pydantic import ValidationError
 
 from warpknit.scene.capabilities import refuse
 from warpknit.scene.file import SceneFile, checked_file
-from warpknit.scene.hook import hook_of
+from warpknit.scene.hook_defaults import hook_of
 from warpknit.scene.keys import as_object
 from warpknit.scene.materials import MATERIALS
 from warpknit.scene.messages import dotted, first_error, scene_error
 from warpknit.scene.objects import TREATMENT_KEYS, Contact, Knit, KnitTable, ModelOptions, Scene, Solver
 from warpknit.scene.overrides import Override, with_overrides
-from warpknit.scene.panel import PanelError, PanelOptions, covering_repeats, panel_options
+from warpknit.scene.panel_options import PanelError, PanelOptions, covering_repeats, panel_options
 from warpknit.scene.presets import PRESETS, Preset
 from warpknit.scene.source import Source
 from warpknit.scene.stages import hook_stages, mesh_stages
 from warpknit.scene.units import shown
 from warpknit.scene.wire import Wire
-from warpknit.scene.wires import wire_file
+from warpknit.scene.wire_file_defaults import wire_file
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -18,7 +18,7 @@ from warpknit.knit.loops import RANGES, LoopProportions
 from warpknit.scene.digest import digest
 from warpknit.scene.hook import Hook
 from warpknit.scene.keys import Table, key
-from warpknit.scene.panel import PanelOptions
+from warpknit.scene.panel_options import PanelOptions
 from warpknit.scene.presets import DEFAULT_PRESET, preset_like
 from warpknit.scene.units import shown
 from warpknit.scene.values import (
@@ -72,7 +72,7 @@ from warpknit.scene.values import (
     refused,
 )
 from warpknit.scene.wire import Wire
-from warpknit.scene.wires import WireFile
+from warpknit.scene.wire_file import WireFile
 
 # Keys of [contact] that only some treatments have.
 TREATMENT_KEYS = {

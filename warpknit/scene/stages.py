@@ -10,11 +10,12 @@ import numpy as np
 from pydantic_core import PydanticCustomError
 
 from warpknit.scene.file import SceneFile
-from warpknit.scene.hook import Hook, hook_loads
+from warpknit.scene.hook import Hook
+from warpknit.scene.hook_defaults import hook_loads
 from warpknit.scene.keys import given_values
 from warpknit.scene.objects import Knit, Pull, Stage
 from warpknit.scene.outline import Outline
-from warpknit.scene.panel import PanelOptions
+from warpknit.scene.panel_options import PanelOptions
 from warpknit.scene.source import Source
 from warpknit.scene.units import tidy
 from warpknit.scene.values import STRAIN

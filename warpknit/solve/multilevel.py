@@ -209,7 +209,7 @@ class MultilevelRelaxation(Relaxation):
         self.progress.steps += taken
         if diverged:
             raise self.divergence()
-        self.mechanics.slowest_mode.look(use=True)
+        self.mechanics.slowest_mode.update(use=True)
 
     @property
     def least_tension(self) -> float:
@@ -219,7 +219,7 @@ class MultilevelRelaxation(Relaxation):
     def _move_as_membrane(self, membrane: Any) -> None:
         """Move the mesh towards where it balances as a membrane, unless it is there."""
         progress, rim = self.progress, membrane.rim
-        pulled = self.mechanics.look.clamp_forces() if rim.is_free else np.zeros((0, 2))
+        pulled = self.mechanics.diagnostics.clamp_forces() if rim.is_free else np.zeros((0, 2))
         solve = membrane.solve if progress.trust > 0.0 else membrane.solve_rim
         correction, stress = solve(self.state.gradient, self.stations, pulled)
         scale = max(float(np.abs(self.mechanics.sums.stress).max()), self.least_tension)

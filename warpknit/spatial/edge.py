@@ -15,7 +15,7 @@ from scipy.interpolate import RBFInterpolator
 from scipy.sparse.linalg import splu
 
 from ..mesh.rim import Rim, build_rim
-from .mesh import SpatialMesh
+from .model import SpatialModel
 
 SMOOTHING = 1e-8  # of the thin plate, over the size of the mesh: clamps at one place do not make it singular
 MOST_SHARE, LEAST_SHARE = 0.7, 0.02  # of a correction
@@ -26,7 +26,7 @@ FARTHEST = 2.0  # node spacings that a station may move at once
 class Edge:
     """Stations of a gripped mesh in space."""
 
-    def __init__(self, mesh: SpatialMesh) -> None:
+    def __init__(self, mesh: SpatialModel) -> None:
         self.mesh = mesh
         self.rim: Rim = build_rim(mesh.panel, mesh.scene)
         self.moved = np.zeros((len(self.rim.arc), 2))  # [station, 2] [m] beside the load

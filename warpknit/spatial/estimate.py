@@ -17,7 +17,7 @@ from ..mesh.layout import estimated_nodes
 from ..mesh.load_point import PATH_STRAIN
 from ..numerics import thread_count
 from ..scene import Scene, Stage
-from .mesh import SpatialMesh, build_mesh
+from .model import SpatialModel, build_model
 from .nearby import pair_gaps
 from .search_cells import search_cells
 
@@ -50,10 +50,10 @@ def size_of(scene: Scene, cloth: Cloth | None) -> tuple[Size, bool]:
     if cloth is not None and not counted and scene.solver.drive == "relax":
         nodes, wires, bodies = endless_counts(scene, cloth)
         return endless_size(nodes, wires, bodies), False
-    return size_of_mesh(build_mesh(scene)), counted
+    return size_of_mesh(build_model(scene)), counted
 
 
-def size_of_mesh(mesh: SpatialMesh) -> Size:
+def size_of_mesh(mesh: SpatialModel) -> Size:
     """The sizes of a mesh. Raises `ModelError` where its tile is too small for its segments."""
     rods = mesh.rods
     gaps = pair_gaps(rods, search_cells(rods, mesh.curve))

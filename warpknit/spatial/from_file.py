@@ -11,10 +11,10 @@ from ..errors import ModelError
 from ..kernels.clamp import CLAMP_NUMBERS
 from ..mesh.layout import SLIDE_ALLOWANCE
 from ..mesh.panel import Panel
+from ..wires.centre_lines import Wires
 from ..wires.hooks import Hooks, find_hooks
-from ..wires.wires import Wires
+from .placed_wires import SpatialWires
 from .rods import Rods, Section, rods_of
-from .wires import SpatialWires
 
 FEWEST = 5  # nodes of an open wire, of which the clamps hold four
 # what a panel of wires from a file has none of

@@ -13,8 +13,8 @@ import numpy as np
 
 from ..measure.hook_contact import HookContact
 from ..measure.measures import active_threshold
-from ..mesh.hook import LEFT, RIGHT, RIGHT_TOP
-from .hook import BETWEEN
+from ..mesh.hook_mesh import LEFT, RIGHT, RIGHT_TOP
+from .hook_wires import BETWEEN
 
 
 def hook_contact(r: Any) -> HookContact:

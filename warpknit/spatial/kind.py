@@ -2,7 +2,7 @@
 
 from . import estimate, trials
 from .mechanics import SpatialMechanics as mechanics
-from .mesh import build_mesh as build_model
-from .mesh import initial_state
+from .model import build_model as build_model
+from .model import initial_state
 
 __all__ = ["build_model", "estimate", "initial_state", "mechanics", "trials"]

@@ -15,16 +15,16 @@ from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
 from ..numerics import AXIAL_ERROR, CHECK_STEPS, SLOWEST_WAVE, slowest_damping
 from .clamps import MovingClamps
-from .contact import STICK_SHARE, WireContact
 from .edge import Edge
-from .mesh import SpatialMesh
+from .model import SpatialModel
 from .observables import SpatialObservables, read
 from .residual import Residual
-from .rest import Rest
 from .rod_arrays import RodState
+from .rod_relaxation import RodRelaxation
 from .rod_step import RodStepper
 from .sites import Sites
-from .warmth import segment_warmth
+from .thermal import segment_thermal_strain
+from .wire_contact import STICK_SHARE, WireContact
 
 CLOSEST = 1e-3  # of the thickness: a smaller overlap as knitted is none, and a smaller distance of centre lines
 MASS_CHECKS = 20  # convergence checks between renewals of the fictitious masses
@@ -43,14 +43,14 @@ class SpatialMechanics:
     may_overlap = False
     drift = DRIFT
 
-    def __init__(self, model: SpatialMesh, state: RodState) -> None:
+    def __init__(self, model: SpatialModel, state: RodState) -> None:
         self.model, scene = model, model.scene
         self.notes: list[str] = []
         self.sites = Sites(model.wires, model.rods)
         self.stepper = RodStepper(model.rods, model.device, state)
         self.contact = WireContact(self.stepper, model.contact_stiffness, friction=scene.contact.friction, curve=model.curve)
         self.clamps = self._moving_clamps()
-        self.rest = Rest(
+        self.rest = RodRelaxation(
             self.stepper,
             softening=model.softening,
             contact_stiffness=model.contact_stiffness,
@@ -131,7 +131,7 @@ class SpatialMechanics:
         self.contact.wake()
         if self.model.ramp is not None:
             return
-        self.rest.warm(segment_warmth(self.model, load.temperature, np.array(load.temperature_gradient)))
+        self.rest.warm(segment_thermal_strain(self.model, load.temperature, np.array(load.temperature_gradient)))
         if self.clamps is None:
             self._move_clamps(load, factor)
         self.rest.begin()
@@ -191,7 +191,7 @@ class SpatialMechanics:
         self.contact.take_deepest()
 
     def check(self, checks: int, *, loading: bool) -> Check:
-        self.rest.look()
+        self.rest.update()
         if not loading and self.contact.expected > 0.0:
             self.contact.expect(0.0)  # the load is on
         tolerance = self.model.scene.solver.residual_tolerance

@@ -19,13 +19,13 @@ from ..measure.hook_contact import HookContact
 from ..measure.measures import active_threshold
 from ..measure.observables import Energies, WireStress
 from ..measure.wire_curve import WireCurve
-from .contact import TouchingPairs, WireContact
 from .contact_places import contact_places, site_places
 from .hook_contact import hook_contact
-from .mesh import SpatialMesh
-from .rest import Rest
+from .model import SpatialModel
 from .rest_curve import offsets_at, spatial_curve
+from .rod_relaxation import RodRelaxation
 from .sites import NOWHERE, Sites
+from .wire_contact import TouchingPairs, WireContact
 
 NEAR = 1.25  # thicknesses: the distance of centre lines at which the paper takes a contact for active
 
@@ -34,7 +34,7 @@ NEAR = 1.25  # thicknesses: the distance of centre lines at which the paper take
 class SpatialObservables(Boundary):
     """Arrays [node], those of segments too, are of the state last evaluated."""
 
-    model: SpatialMesh
+    model: SpatialModel
     sites: Sites
     control: np.ndarray
     position: np.ndarray  # (node, 3) [m]
@@ -278,7 +278,7 @@ class SpatialObservables(Boundary):
         """Meshes in space are too small for one."""
 
 
-def read(mesh: SpatialMesh, sites: Sites, rest: Rest, contact: WireContact) -> SpatialObservables:
+def read(mesh: SpatialModel, sites: Sites, rest: RodRelaxation, contact: WireContact) -> SpatialObservables:
     """Evaluate the state and copy it to the host."""
     stepper = rest.stepper
     stepper.evaluate()
@@ -319,7 +319,7 @@ def read(mesh: SpatialMesh, sites: Sites, rest: Rest, contact: WireContact) -> S
     )
 
 
-def _contact_growth(mesh: SpatialMesh, t: TouchingPairs, tangent: np.ndarray, director: np.ndarray) -> float:
+def _contact_growth(mesh: SpatialModel, t: TouchingPairs, tangent: np.ndarray, director: np.ndarray) -> float:
     """[J] N (r_p + r_q - n . (a_p - a_q)) over all contacts, a being what sections carry of the curve there as knitted."""
     if not len(t.force):
         return 0.0

@@ -21,7 +21,7 @@ from .step_bound import Rates, largest_rates, masses_for_step, stable_step
 
 
 @dataclass(frozen=True)
-class RampNumbers:
+class RampNumerics:
     """What a ramp starts with."""
 
     node_mass: np.ndarray  # [node] [kg]
@@ -33,9 +33,9 @@ class RampNumbers:
     damping: float  # [1/s]
 
 
-def ramp_numbers(
+def ramp_numerics(
     scene: Scene, rods: Rods, curve: RestCurve, *, softening: float, contact_stiffness: float, loop_length: float
-) -> RampNumbers:
+) -> RampNumerics:
     """The numbers for rods as knitted; contact_stiffness [N/m], loop_length [m] of wire."""
     solver = scene.solver
     stiff: dict[str, Any] = {
@@ -53,7 +53,7 @@ def ramp_numbers(
     spin = np.maximum(spin, masses_for_step(rods, stable_step(spinless), **stiff)[1])
     rates = largest_rates(rods, mass, spin, **stiff)
     slowest = slowest_rate(scene, loop_length)
-    return RampNumbers(
+    return RampNumerics(
         node_mass=mass,
         spin_inertia=spin,
         added_mass=float(mass.sum() / true_mass.sum() - 1.0),

@@ -8,15 +8,15 @@ import numpy as np
 
 from ..kernels import control as c
 from ..numerics import AXIAL_ERROR, ENERGY_FLOOR, FORCE_FLOOR, LOCAL_ALLOWANCE
-from .contact import WireContact
-from .mesh import SpatialMesh
-from .rest import Rest
+from .model import SpatialModel
+from .rod_relaxation import RodRelaxation
+from .wire_contact import WireContact
 
 
 class Residual:
     """Of the state last evaluated; 1 is the most that counts as converged."""
 
-    def __init__(self, mesh: SpatialMesh, rest: Rest, contact: WireContact) -> None:
+    def __init__(self, mesh: SpatialModel, rest: RodRelaxation, contact: WireContact) -> None:
         self.mesh, self.rest, self.contact = mesh, rest, contact
         self.tolerance = mesh.scene.solver.residual_tolerance
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from .placed_wires import SpatialWires
 from .rods import Rods
-from .wires import SpatialWires
 
 NOWHERE = -1
 

@@ -22,7 +22,7 @@ from ..mesh.smaller import smaller_scene
 from ..model import estimates_of
 from ..numerics import thread_count
 from ..run.interrupts import Interrupted, Interrupts
-from ..run.progress import Progress as Display
+from ..run.progress_display import Progress as Display
 from ..run.run_directory import Ending, finished_before, goes_on, open_directory
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.capabilities import refuse

@@ -20,17 +20,17 @@ from ..files import write_aside, write_table
 from ..model import build_model, estimates_of, trials_of
 from ..numerics import slowest_rate
 from ..run.interrupts import Interrupted, Interrupts
-from ..run.progress import Progress as Display
+from ..run.progress_display import Progress as Display
 from ..run.run_directory import Ending, finished_before, goes_on, open_directory
 from ..scene import Scene, resolved_toml
 from ..scene.capabilities import refuse
 from ..text import duration
 from . import knobs
-from .convergence import extrapolate
+from .extrapolation import extrapolate
 from .front import pareto
 from .knobs import Overrides, Point
 from .point import Found, errors_of, run_point, scales_of
-from .table import Row, read_rows, write_rows
+from .trade_table import Row, read_rows, write_rows
 
 _log = logging.getLogger(__name__)
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
+from warpknit.wires.centre_lines import Wires
 from warpknit.wires.overlaps import MOST_IMAGES, images_of, segments_of
-from warpknit.wires.wires import Wires
 
 LONGEST = 0.5  # of the wire of a loop: arcs of a lens at most
 MOST_PAIRS = 50_000_000  # of segments near each other in plan view

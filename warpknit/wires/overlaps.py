@@ -14,7 +14,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from warpknit.wires.wires import Wires
+from warpknit.wires.centre_lines import Wires
 
 REACH = 2.0  # thicknesses up to which the closest places are found
 MOST_PAIRS = 200_000_000  # of segments within reach of each other

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpknit.scene.messages import scene_error
-from warpknit.scene.wires import USD, WireFileError, checked_bytes
+from warpknit.scene.wire_file import USD, WireFileError, checked_bytes
 from warpknit.wires.arc_length import ArcLength, resample, segment_count
 from warpknit.wires.bcc import read_bcc
+from warpknit.wires.centre_lines import Wires
+from warpknit.wires.csv_file import read_table
 from warpknit.wires.curve import BadFile, Curve, CurveFile
 from warpknit.wires.npz import read_npz
 from warpknit.wires.pyp import read_pyp
 from warpknit.wires.repeat import repeated
-from warpknit.wires.table import read_table
 from warpknit.wires.usd import read_usd
-from warpknit.wires.wires import Wires
 
 if TYPE_CHECKING:
     from warpknit.scene import Scene

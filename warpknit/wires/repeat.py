@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from warpknit.wires.wires import Wires
+from warpknit.wires.centre_lines import Wires
 
 
 def repeated(wires: Wires, repeats: tuple[int, int]) -> Wires:

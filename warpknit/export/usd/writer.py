@@ -36,7 +36,7 @@ from warpknit.export.usd.shapes import (
     surface_values,
     wire_values,
 )
-from warpknit.export.usd.surface import Surface
+from warpknit.export.usd.surface_mesh import Surface
 from warpknit.export.usd.thinning import Thinning
 from warpknit.export.usd.tiles import MILLIMETRES, POINTS_PER_TILE, Tile, cut_tiles, from_origin, tile_of
 from warpknit.files import path_aside

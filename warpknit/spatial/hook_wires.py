@@ -1,4 +1,4 @@
-"""Two hooked wires in space: the arcs of a hook (mesh/hook.py), each turned out of the plane so that they pass over and under.
+"""Two hooked wires in space: the arcs of a hook (mesh/hook_mesh.py), each turned out of the plane to pass over and under.
 
 In the plane both arcs lie in one plane and cross twice. Here each is the same arc in a plane of its own, turned by an angle
 about the axis across the hook's middle, the left one one way and the right one the other: at the lower crossing the left wire
@@ -12,11 +12,11 @@ import math
 
 import numpy as np
 
-from ..mesh.hook import LEFT, LEFT_TOP, RIGHT, RIGHT_TOP, Arc
+from ..mesh.hook_mesh import LEFT, LEFT_TOP, RIGHT, RIGHT_TOP, Arc
 from ..mesh.panel import Panel
 from ..scene import Hook
+from .placed_wires import SpatialWires, line_along
 from .rest_curve import CentreLine
-from .wires import SpatialWires, line_along
 
 BETWEEN = 0.5  # of a segment, from the plane's nodes, one of which stands at the clamp, to those here: a clamp is in their middle
 

@@ -28,7 +28,7 @@ from .step_bound import largest_rates, stable_step, unit_step_masses
 MULTIPLIER_RATE = 0.05  # more of it shakes the wires, which the damping would take for a stiff mode
 
 
-class Rest:
+class RodRelaxation:
     """Masses, damping and multipliers with which steps bring rods to rest."""
 
     def __init__(
@@ -167,7 +167,7 @@ class Rest:
         strain = (self.arc_strain() - self.warmth) / (1.0 + self.warmth)
         return strain - self.tension() / self.stepper.rods.section.axial_stiffness
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Take in the state: renew damping and multipliers."""
         stepper, state = self.stepper, self.stepper.state
         stepper.evaluate()

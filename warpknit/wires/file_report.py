@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from warpknit.scene import Scene
+from warpknit.wires.centre_lines import Wires
 from warpknit.wires.hooks import Hooks, find_hooks
 from warpknit.wires.overlaps import Overlaps, find_overlaps
 from warpknit.wires.read import rest_wires
-from warpknit.wires.wires import Wires
 
 SAME_THICKNESS = 0.01  # over the thickness: files keep seven digits, people three
 

@@ -17,7 +17,7 @@ from ..kernels import clamp
 from ..kernels.wire_forces import BLOCK_PAD, BLOCK_SIZE
 from ..scene import Hook
 from .panel import END_NODES, Panel
-from .table import Line, Table, table_of_lines
+from .rest_table import Line, Table, table_of_lines
 
 LEFT, RIGHT = 0, 1  # wires, and pairs of the body
 LEFT_TOP, RIGHT_TOP = 1, 3  # clamps: two a wire, the lower one first

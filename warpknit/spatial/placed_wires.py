@@ -14,7 +14,7 @@ from scipy.optimize import minimize_scalar
 
 from ..knit.cloth import Cloth
 from ..mesh.panel import Panel
-from ..mesh.table import Table
+from ..mesh.rest_table import Table
 from ..mesh.thread_curve import ThreadCurve
 from .rest_curve import FIT_PLACES, CentreLine
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from .mesh import SpatialMesh
+from .model import SpatialModel
 
 
-def segment_warmth(mesh: SpatialMesh, temperature: float, gradient: np.ndarray) -> np.ndarray:
+def segment_thermal_strain(mesh: SpatialModel, temperature: float, gradient: np.ndarray) -> np.ndarray:
     """[node] excess of the length factor over that of the middle, relative, of the segment behind each node.
 
     The temperature [K] is that of the middle of the panel, its gradient (2,) [K/m] is along weft and warp at rest.

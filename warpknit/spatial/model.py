@@ -13,10 +13,10 @@ from ..errors import MemoryNeeded, ModelError
 from ..frame import WireLayout, curve_parts
 from ..knit.cloth import Cloth
 from ..memory import available_memory, required_memory
-from ..mesh.hook import hook_panel, hook_table
+from ..mesh.hook_mesh import hook_panel, hook_table
 from ..mesh.layout import knit_scene, lay_out
 from ..mesh.panel import Panel
-from ..mesh.table import Table
+from ..mesh.rest_table import Table
 from ..planar.device_arrays import Precision, precision_of
 from ..ranks.ranks import One, Ranks
 from ..scene import Scene
@@ -24,19 +24,19 @@ from ..scene.messages import scene_error
 from ..scene.wire import Wire
 from ..wires.read import rest_wires
 from .from_file import mesh_of_wires
-from .hook import hook_wires
-from .ramp_masses import RampNumbers, ramp_numbers
+from .hook_wires import hook_wires
+from .placed_wires import SpatialWires, place_wires
+from .ramp_masses import RampNumerics, ramp_numerics
 from .rest_curve import RestCurve, catmull_rom, fit_rest_curve
 from .rod_arrays import RodState, rest_state
 from .rods import Rods, Section, rods_of
-from .wires import SpatialWires, place_wires
 
 LEAST_SPACING = 0.5  # thicknesses of the wire between the nodes of wires from a file
 CONTACT_TO_BENDING = 1.0  # contact penalty over 4 EI/h^3 or, softened, EA/h, the larger, where the scene gives none
 
 
 @dataclass(frozen=True)
-class SpatialMesh:
+class SpatialModel:
     """A mesh ready to be stepped as rods. `panel` says which wires there are and where they are knitted to hook each other.
 
     Wires from a file have no cloth and no table.
@@ -55,7 +55,7 @@ class SpatialMesh:
     device: str
     precision: Precision
     ranks: Ranks
-    ramp: RampNumbers | None = None  # masses, step and damping of a ramp
+    ramp: RampNumerics | None = None  # masses, step and damping of a ramp
 
     has_multilevel: ClassVar[bool] = False
     has_replicas: ClassVar[bool] = False
@@ -91,7 +91,7 @@ class SpatialMesh:
         return self.curve.miss
 
     @property
-    def whole(self) -> SpatialMesh:
+    def whole(self) -> SpatialModel:
         """The global mesh: no ranks share it."""
         return self
 
@@ -136,7 +136,7 @@ class SpatialMesh:
         )
 
 
-def initial_state(model: SpatialMesh) -> RodState:
+def initial_state(model: SpatialModel) -> RodState:
     """The knitted shape, no velocity, no load."""
     return rest_state(model.rods, model.device)
 
@@ -155,7 +155,7 @@ def wire_section(wire: Wire) -> Section:
     )
 
 
-def build_mesh(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -> SpatialMesh:
+def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -> SpatialModel:
     """The mesh of a scene as rods. Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`."""
     start_warp()
     if ranks is not None and ranks.count > 1:
@@ -204,14 +204,14 @@ def _mesh(
     spacing: float,
     loop_length: float,
     device: str,
-) -> SpatialMesh:
+) -> SpatialModel:
     """The mesh with the numbers that it is stepped with; spacing [m] of its nodes."""
     section, rods = rods.section, replace(rods, set_fraction=scene.wire.set_fraction)
     # beyond this bending rules the step, and softer wires gain nothing
     softening = max(1.0, min(scene.solver.axial_softening, (2.0 * spacing / scene.wire.diameter) ** 2))
     stiffest = max(section.axial_stiffness / softening / spacing, 4.0 * section.bending_stiffness / spacing**3)
     given = scene.contact.stiffness
-    mesh = SpatialMesh(
+    mesh = SpatialModel(
         scene=scene,
         cloth=cloth,
         table=table,
@@ -229,9 +229,9 @@ def _mesh(
     return mesh if scene.solver.drive == "relax" else replace(mesh, ramp=_ramp_numbers(mesh))
 
 
-def _ramp_numbers(mesh: SpatialMesh) -> RampNumbers:
+def _ramp_numbers(mesh: SpatialModel) -> RampNumerics:
     stiffness, length = mesh.contact_stiffness, mesh.loop_length
-    return ramp_numbers(
+    return ramp_numerics(
         mesh.scene, mesh.rods, mesh.curve, softening=mesh.softening, contact_stiffness=stiffness, loop_length=length
     )
 

@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 import stat
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from warpknit.scene.keys import Table, as_object, key
+from warpknit.scene.keys import Table, key
 from warpknit.scene.values import FileName, Flag, Interpolation, Length, LengthUnit, Number, Period, WireRepeats
-from warpknit.scene.wire import Wire
-
-if TYPE_CHECKING:
-    from warpknit.scene.file import SceneFile
-    from warpknit.scene.source import Source
 
 USD = (".usd", ".usda", ".usdc", ".usdz")
 POLYLINES = (".csv", ".npz")
@@ -98,37 +91,6 @@ class WireFile(WiresTable):
     @property
     def path(self) -> Path:
         return Path(self.file)
-
-
-def wire_file(source: Source, file: SceneFile, wire: Wire) -> WireFile | None:
-    """The file of wires, looked for beside the scene, with its defaults; None where there is none. Raises `SceneError`."""
-    table = file.wires
-    if table is None:
-        return None
-    path = source.path.parent / table.file
-    try:
-        data = checked_bytes(path)
-    except WireFileError as error:
-        raise source.refusal(("wires", "file"), table.file, f"{error.allowed}; this is {error.given}") from error
-    suffix = path.suffix.lower()
-    if table.unit is None and suffix in WITHOUT_UNIT:
-        raise source.refusal(("wires", "unit"), "nothing", f"a length, such as 'mm', with a {suffix} file, which has no unit")
-    if table.unit is not None and suffix in USD:
-        raise source.refusal(("wires", "unit"), table.unit, f"nothing with a {suffix} file, which has a unit")
-    if table.closed and suffix not in POLYLINES:
-        raise source.refusal(("wires", "closed"), True, f"only with a {' or '.join(POLYLINES)} file: the others say it")
-    if table.period is not None and suffix == ".pyp":
-        raise source.refusal(("wires", "period"), table.period, "nothing with a .pyp file, which has a period")
-    if table.time is not None and suffix not in USD:
-        raise source.refusal(("wires", "time"), table.time, f"only with a USD file ({', '.join(USD)})")
-    return as_object(
-        WireFile,
-        table,
-        file=str(path.resolve()),
-        digest=hashlib.sha256(data).hexdigest(),
-        node_spacing=wire.diameter if table.node_spacing is None else table.node_spacing,
-        loop_size=LOOP_SIZE * wire.diameter if table.loop_size is None else table.loop_size,
-    )
 
 
 def checked_bytes(path: Path) -> bytes:

@@ -1,0 +1,75 @@
+"""A hook with what its file left out, and its loads; what a hook cannot be is refused."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+from warpknit.scene.file import SceneFile
+from warpknit.scene.hook import Hook
+from warpknit.scene.keys import given_values
+from warpknit.scene.objects import Stage
+from warpknit.scene.source import Source
+from warpknit.scene.wire import Wire
+
+SHORTEST = 0.5  # radii of wire
+LEAST_OVERLAP = 1.5  # diameters of the wire
+LEAST_RADIUS = 4.0  # diameters of the wire
+CROSSING = {"planar": None, "spatial": 1.3}  # thicknesses of the wire by which hooked wires pass each other at rest, as in a knit
+
+
+def hook_of(source: Source, file: SceneFile, wire: Wire) -> Hook | None:
+    """The hook with its defaults, None where there is none. Raises `SceneError` for what a hook cannot be, or have beside it."""
+    table = file.hook
+    if table is None:
+        return None
+    length = 2.0 * math.pi / 3.0 * table.radius if table.length is None else table.length
+    overlap = 0.2 * table.radius if table.overlap is None else table.overlap
+    least = LEAST_RADIUS * wire.diameter
+    if table.radius < least:
+        raise source.refusal(("hook", "radius"), table.radius, f"four diameters of the wire or more, {least:g} m")
+    if not SHORTEST * table.radius <= length <= math.pi * table.radius:
+        allowed = f"half a radius to half a circle, {SHORTEST * table.radius:g} to {math.pi * table.radius:g} m"
+        raise source.refusal(("hook", "length"), length, allowed)
+    rise = table.radius * (1.0 - math.cos(0.5 * length / table.radius))
+    least = LEAST_OVERLAP * wire.diameter
+    if not least <= overlap <= rise:
+        allowed = (
+            f"1.5 diameters of the wire to the rise of the arc, {least:g} to {rise:g} m:"
+            " the wires must cross twice, with room for a body in between"
+        )
+        raise source.refusal(("hook", "overlap"), overlap, allowed)
+    crossing = _crossing_distance(source, file, table, wire, overlap)
+    return replace(table, length=length, overlap=overlap, crossing_distance=crossing)
+
+
+def _crossing_distance(source: Source, file: SceneFile, table: Hook, wire: Wire, overlap: float) -> float | None:
+    """[m] with its default, None in the plane."""
+    usual = CROSSING[file.model.kind]
+    if usual is None:
+        return None
+    given = table.crossing_distance
+    distance = usual * wire.thickness if given is None else given
+    if not wire.thickness <= distance <= overlap:
+        allowed = f"the thickness of the wire to hook.overlap, {wire.thickness:g} to {overlap:g} m"
+        raise source.refusal(("hook", "crossing_distance"), distance, allowed)
+    return distance
+
+
+def hook_loads(
+    source: Source, stages: Iterator[tuple[tuple[int | str, ...], str, Stage]], wire: Wire, hook: Hook
+) -> Iterator[dict[str, Any]]:
+    """Name, displacement, temperature and shear of the frame of each stage, given where it stands in the file, its name and its
+    table; a stage takes over from the one before what it leaves out."""
+    displacement, temperature = 0.0, wire.reference_temperature
+    for location, name, table in stages:
+        given = given_values(table)
+        given.pop("name", None)
+        displacement, temperature = given.get("displacement", displacement), given.get("temperature", temperature)
+        if abs(displacement) > hook.length:
+            allowed = f"at most the length of a wire, {hook.length:g} m"
+            raise source.refusal((*location, "displacement"), displacement, allowed)
+        shear = displacement / hook.height
+        yield {"name": name, "displacement": displacement, "temperature": temperature, "shear": shear}
