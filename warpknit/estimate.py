@@ -12,6 +12,7 @@ from .scene import Scene
 
 RAMP_SHARE = 1.2  # steps of a ramp over loading time/step at the start: 1.15 and 1.20, the step shrinks with the load
 RAMP_BY_TENSION = 2.0  # times that, where the boundary has to find a tension: 1.9 on the cell at 5 mN/m both ways
+HOOKED = 0.5  # times the steps of a tile, of two hooked wires with as many nodes as a loop of it has: 0.3 to 1
 
 HOOK_ENDS = "ends: the lower ones are clamped; the upper ones keep their direction, slide up and down, the right one is driven"
 

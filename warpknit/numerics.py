@@ -12,6 +12,7 @@ from .scene import Scene
 # --- steps
 GRAPH_STEPS = (50, 10, 1)  # steps that are replayed at once
 CHECK_STEPS = 50  # steps between convergence checks
+LOAD_STEPS = 100  # over which a load comes on that no prediction leads to
 CORES = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
 
 # --- dynamic relaxation
@@ -20,6 +21,7 @@ MASS_MARGIN = 1.5  # fictitious masses over the least that is stable at unit ste
 FIRST_DAMPING = 0.02  # [1/s]
 FASTEST_DAMPING = 0.2  # [1/s]
 SLOWEST_WAVE = 3.0  # loops of wire: bending waves longer than this are left overdamped; they carry next to nothing
+TURN_ALLOWANCE = 0.3  # [rad] by which load may sharpen a turn, for the fictitious masses
 SPEED_SHARE = 0.05  # of a node spacing: farthest move a step
 TINY = 1e-300  # keeps a quotient finite that nothing uses
 

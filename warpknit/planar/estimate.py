@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from ..estimate import HOOK_ENDS, Cost, Notes, Size, boundary_physics, endless_counts, ramp_steps
+from ..estimate import HOOK_ENDS, HOOKED, Cost, Notes, Size, boundary_physics, endless_counts, ramp_steps
 from ..knit.cloth import Cloth
 from ..mesh.layout import SLIDE_ALLOWANCE, estimated_nodes
 from ..mesh.panel import table_lead
@@ -33,7 +33,6 @@ STEPS_FROM_SMALLER = 2_000.0  # of a level of a large mesh, which starts from a 
 STEPS_FROM_REPEAT = 15_000.0  # of a level of a mesh cut along another outline than a rectangle: 7,000 to 20,000 measured
 SMALLER_SHARE = 1.4  # time of a large mesh with its looks and its smaller meshes over that of its steps
 GRIPPED = 2.5  # times the steps of a tile: 1 to 4 at the standard preset, 2 to 3 at draft, 2 x 2 to 7 x 6 repeats
-HOOKED = 0.5  # times the steps of a tile with as many nodes a loop as a wire has: 0.3 to 1
 TENSION_STATES = 10.0  # steady states tried for a level that is driven by tension
 
 STEP_TIME = 10e-6  # [s] of a step on the CPU, however few nodes: launches, and a look at the state every 50 steps

@@ -15,6 +15,7 @@ from ..measure import force_scale
 from ..mechanics import Check, Drift, beyond_strength
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
+from ..numerics import LOAD_STEPS
 from .diagnostics import Diagnostics, Sums
 from .history_variables import HistoryVariables
 from .membrane import Membrane
@@ -32,7 +33,6 @@ from .thermal import wire_thermal_strain
 from .time_step import stable_step
 
 SOFTENING_CHECKS = 10  # convergence checks between renewals of the bound on the softening
-LOAD_STEPS = 100  # over which the first load of a stage comes on
 UNLOADED = 1e-3  # of EI/W^2: forces that count as none in a mesh as knitted
 DRIFT_CHECKS = (5, 40)  # over which the tension must stand still, least and most
 DRIFT_NODES = 24  # a loop, from which they grow with the square of the nodes, as periods of bending do

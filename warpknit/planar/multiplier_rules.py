@@ -10,10 +10,10 @@ from types import EllipsisType
 
 import numpy as np
 
-from ..numerics import AXIAL_ERROR
+from ..numerics import AXIAL_ERROR, TURN_ALLOWANCE
 from .diagnostics import Sums
 from .model import Model
-from .numerics import TURN_ALLOWANCE, contact_along, unit_step_mass
+from .numerics import contact_along, unit_step_mass
 
 PATIENCE = 4  # updates in a row that a limit must be passed, without coming down by itself, before numbers are renewed
 RATE = 0.4  # of a multiplier an update, at the start of a level

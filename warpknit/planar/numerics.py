@@ -13,14 +13,13 @@ import numpy as np
 from ..kernels.bend import BEND_EIGENVALUE, BOW
 from ..kernels.friction import TANGENTIAL
 from ..mesh.rest_table import Table
-from ..numerics import LOADING_PERIODS, MASS_MARGIN, STEP_MARGIN, slowest_rate
+from ..numerics import LOADING_PERIODS, MASS_MARGIN, STEP_MARGIN, TURN_ALLOWANCE, slowest_rate
 from ..scene import Scene
 
 CONTACT_TO_AXIAL = 0.25  # contact stiffness over the softened axial stiffness of a segment, where the scene gives none
 CONTACT_SHARE = 1.0  # of the penalty that a fictitious mass leaves room for: half of what two pairs at one node push with
 HOOK_CONTACT = 100.0  # the same of two hooked wires in relax, over EI/R^3: stiff against the wires, and yet the mass that a body
 # needs for it leaves a body that only a soft spring holds quick enough
-TURN_ALLOWANCE = 0.3  # [rad] by which load may sharpen a turn
 BODY_MASS_SHARE = 0.5  # body mass over that of half a loop of wire, in a ramp (the paper: less than that)
 
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..estimate import HOOK_ENDS, Cost, Notes, Size, boundary_physics, endless_counts, ramp_steps
+from ..estimate import HOOK_ENDS, HOOKED, Cost, Notes, Size, boundary_physics, endless_counts, ramp_steps
 from ..knit.cloth import Cloth
 from ..mesh.layout import estimated_nodes
 from ..mesh.load_point import PATH_STRAIN
@@ -30,7 +30,6 @@ MEASURED_NODES, NODES_POWER = 64, 1.8
 MEASURED_TOLERANCE, TOLERANCE_POWER = 1e-2, 1 / 3
 TENSION_STATES = 6  # times the steps of a level that goes by strain: 4 to 9 at 20 mN/m both ways
 GRIPPED = 1.5  # times the steps of a tile
-HOOKED = 0.5  # the same of two hooked wires with as many segments each
 FROM_FILE = 0.7  # the same of wires from a file, by their loop_size
 
 # time [s] of a step on one core

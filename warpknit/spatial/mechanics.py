@@ -13,7 +13,7 @@ from ..kernels import control as c
 from ..mechanics import Check, Drift, beyond_strength
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
-from ..numerics import AXIAL_ERROR, CHECK_STEPS, SLOWEST_WAVE, slowest_damping
+from ..numerics import AXIAL_ERROR, CHECK_STEPS, LOAD_STEPS, SLOWEST_WAVE, slowest_damping
 from .clamps import MovingClamps
 from .edge import Edge
 from .model import SpatialModel
@@ -28,7 +28,6 @@ from .wire_contact import STICK_SHARE, WireContact
 
 CLOSEST = 1e-3  # of the thickness: a smaller overlap as knitted is none, and a smaller distance of centre lines
 MASS_CHECKS = 20  # convergence checks between renewals of the fictitious masses
-LOAD_STEPS = 500  # over which the load of a level comes on
 EDGE_CHECKS = 4  # convergence checks between corrections of what hangs on cords
 EDGE_RATIO = 20.0  # of what counts as converged, below which they begin
 FARTHEST = 0.2  # of the thickness: by how much the state is moved ahead

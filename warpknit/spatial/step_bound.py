@@ -21,11 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..kernels.rod_step import HELD_NODE
-from ..numerics import MASS_MARGIN
+from ..numerics import MASS_MARGIN, TURN_ALLOWANCE
 from .rest_curve import RestCurve
 from .rods import Rods
 
-TURN_ALLOWANCE = 0.3  # [rad] by which load may sharpen a turn
 STEEPEST = 0.5 * math.pi  # [rad] turn from which on nothing couples more
 TWIST_SHARE = 0.25  # largest rate of twist over that of motion, in relax: what couples them then stays below the limit
 
