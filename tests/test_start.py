@@ -13,12 +13,12 @@ from warpknit.kernels import control as c
 from warpknit.mesh.smaller import smaller_scene
 from warpknit.model import build_model, mechanics_of
 from warpknit.planar.host_state import node_entries
-from warpknit.planar.membrane import Correction
 from warpknit.planar.model import Model
 from warpknit.planar.observables import read
 from warpknit.planar.response import STRAIN, carried_values
 from warpknit.planar.state import State, initial_state
 from warpknit.scene import load_scene
+from warpknit.solve.membrane import Correction
 from warpknit.solve.multilevel import MEMBRANE_TOLERANCE
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Progress, Simulation

@@ -19,7 +19,6 @@ from warpknit.mesh.panel import Panel
 from warpknit.mesh.strip import Strip, cut_strip
 from warpknit.model import build_model
 from warpknit.planar.friction import friction_energy
-from warpknit.planar.membrane import Correction
 from warpknit.planar.observables import PlanarObservables, read
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
@@ -27,6 +26,7 @@ from warpknit.planar.strip_step import StripStepper
 from warpknit.ranks.ranks import One, Ranks, exact_parts
 from warpknit.scene import Scene, load_scene, make_scene
 from warpknit.solve import simulate
+from warpknit.solve.membrane import Correction
 from warpknit.solve.simulate import Simulation
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"

@@ -6,7 +6,7 @@ of one model that are stepped by one launch are a `Group`; one alone is a group,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -185,6 +185,81 @@ class Mechanics(Protocol):
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         """Put back what `state_dict` returned."""
+
+
+class Response(Protocol):
+    """How endless cloth answers a change of its deformation gradient F about a load."""
+
+    @property
+    def tangent(self) -> np.ndarray:
+        """(2, 2, 2, 2) [N/m] dP/dF, symmetric and positive; zero before the first load."""
+
+    def state_dict(self) -> dict[str, np.ndarray]:
+        """What a checkpoint keeps."""
+
+
+class Prolongation(Protocol):
+    """Carries what changes on a smaller mesh over to a larger one of the same knit."""
+
+    def carry(self, response: Any) -> None:
+        """Add what changed on the smaller mesh since the last time; `response`: of the cloth at the load."""
+
+    def state_dict(self) -> dict[str, np.ndarray]: ...
+    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None: ...
+
+
+class MembraneGrid(Protocol):
+    """The coarse grid over a mesh, on which it is balanced as a membrane (solve/membrane.py)."""
+
+    def gather(self) -> np.ndarray:
+        """(grid node, 2) [N] out-of-balance forces, as the last convergence check found them."""
+
+    def spread(self, displacement: np.ndarray, response: Any) -> None:
+        """Move the mesh with the grid (grid node, 2) [m], its repeats as endless cloth answers; the clamps stay."""
+
+
+# nominal stress (2, 2) [N/m] of one periodic repeat in equilibrium at a deformation gradient (2, 2) and a temperature [K], and
+# what describes its state (`MultilevelMechanics.carried_values`)
+CellState = Callable[[np.ndarray, float], tuple[np.ndarray, dict[str, np.ndarray]]]
+
+
+class MultilevelMechanics(Mechanics, Protocol):
+    """What a model offers besides, whose large meshes start from smaller ones and are corrected as membranes
+    (solve/multilevel.py)."""
+
+    def prolongation(self, smaller: Any) -> Prolongation:
+        """What carries changes of a smaller mesh of the same knit, by its mechanics, over to this one."""
+
+    def membrane_grid(self, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> MembraneGrid:
+        """A grid of `cells` (2,) from `low` (2,) [m] on, each of size `cell` (2,) [m]."""
+
+    def carried_values(self) -> dict[str, np.ndarray]:
+        """What tells two states of a mesh apart."""
+
+    def find_response(self, cell_at: CellState, cell: Any, gradient: np.ndarray, temperature: float) -> Response:
+        """How endless cloth answers at a load, by states of one repeat, the model `cell`. Raises `Diverged`."""
+
+    def no_response(self, cell: Any) -> Response:
+        """A cloth that does nothing."""
+
+    def load_response(self, kept: dict[str, np.ndarray], cell: Any) -> Response:
+        """The response whose `state_dict` is among what was kept."""
+
+    def move_clamps(self, begin: np.ndarray, end: np.ndarray) -> None:
+        """Have the next load take the clamps from displacements (clamp, 2) [m] to others."""
+
+    def clamp_forces(self) -> np.ndarray:
+        """(clamp, 2) [N] by which the wires pull at their clamps, as the last convergence check found them."""
+
+    def renew_damping(self) -> None:
+        """Set the damping by the motion of the last steps."""
+
+    @property
+    def checked_stress(self) -> np.ndarray:
+        """(2, 2) [N/m] nominal stress, as the last convergence check found it."""
+
+    def stop(self) -> None:
+        """Stop all motion."""
 
 
 class Group(Protocol):

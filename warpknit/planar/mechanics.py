@@ -18,7 +18,7 @@ from ..mesh.rim import Rim
 from ..numerics import LOAD_STEPS
 from .diagnostics import Diagnostics, Sums
 from .history_variables import HistoryVariables
-from .membrane import Membrane
+from .membrane_grid import MembraneGrid
 from .model import Model
 from .multipliers import Multipliers
 from .neighbours import RAMP_SHARE, NeighbourSearch
@@ -247,16 +247,26 @@ class PlanarMechanics:
     # --- meshes of one knit (solve/multilevel.py)
 
     def prolongation(self, smaller: PlanarMechanics) -> Prolongation:
-        """What carries changes of a smaller mesh of the same knit over to this one."""
         return Prolongation(self.model, self.state, smaller.model, smaller.state)
 
-    def membrane(self, rim: Rim) -> Membrane:
-        """The coarse grid that balances the mesh as a membrane within its rim."""
-        return Membrane(self.model, self.state, self.slowest_mode.probe, rim)
+    def membrane_grid(self, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> MembraneGrid:
+        return MembraneGrid(self.model, self.state, self.slowest_mode.probe, low, cell, cells)
 
     def carried_values(self) -> dict[str, np.ndarray]:
-        """What tells two states of a mesh apart."""
         return carried_values(self.model, self.state)
+
+    def move_clamps(self, begin: np.ndarray, end: np.ndarray) -> None:
+        self.state.move_clamps(begin, end)
+
+    def clamp_forces(self) -> np.ndarray:
+        return self.diagnostics.clamp_forces()
+
+    def renew_damping(self) -> None:
+        self.slowest_mode.update(use=True)
+
+    @property
+    def checked_stress(self) -> np.ndarray:
+        return self.sums.stress
 
     find_response = staticmethod(find_response)
     no_response = staticmethod(no_response)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import warp as wp
 
+from ..mechanics import CellState
 from .host_state import read_strip
 from .join import Join
 from .model import Model
@@ -31,11 +31,6 @@ def carried_values(model: Model, state: State) -> dict[str, np.ndarray]:
         **{name: join.bodies(values) for name, values in of_bodies.items()},
         "offset": join.pairs(host.pair_offset),
     }
-
-
-# nominal stress (2, 2) [N/m] of one periodic repeat in equilibrium at a deformation gradient (2, 2) and a temperature [K], and
-# what describes its state (`carried_values`)
-CellState = Callable[[np.ndarray, float], tuple[np.ndarray, dict[str, np.ndarray]]]
 
 
 @dataclass(frozen=True)

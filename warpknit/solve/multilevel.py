@@ -1,14 +1,13 @@
 """The drive `relax` of a large mesh: a multilevel start from a smaller mesh, and corrections of the mesh as a membrane.
 
 Both spare steps: what differs slowly over a mesh spreads from repeat to repeat in a number of steps that grows with the square
-of its size (planar/prolongation.py, planar/membrane.py). An edge that moves by itself moves with the membrane (rim.py).
+of its size (membrane.py). An edge that moves by itself moves with the membrane (mesh/rim.py).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -16,10 +15,11 @@ from ..kernels import control as c
 from ..measure import tension_scale
 from ..measure.edge_work import EdgeWork
 from ..measure.strain import stretch
-from ..mechanics import advance
+from ..mechanics import MultilevelMechanics, advance
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim, build_rim
 from .convergence import TENSION_FLOOR
+from .membrane import Correction, Membrane
 from .progress import LoadStart, Progress
 from .relax import Relaxation, WantedTension
 
@@ -34,14 +34,11 @@ FOLLOWED_STRAIN = 0.005  # by which the levels of the smallest mesh are apart, a
 
 
 class MultilevelRelaxation(Relaxation):
-    """Levels of a mesh that has a smaller one, or one periodic repeat, brought to equilibrium before it.
-
-    Its mechanics offer what carries states between meshes of one knit: `prolongation`, `membrane`, `find_response`.
-    """
+    """Levels of a mesh that has a smaller one, or one periodic repeat, brought to equilibrium before it."""
 
     def __init__(
         self,
-        mechanics: Any,
+        mechanics: MultilevelMechanics,
         progress: Progress | None = None,
         watch: Callable[[Progress], None] = lambda _: None,
         *,
@@ -51,19 +48,19 @@ class MultilevelRelaxation(Relaxation):
         """`smaller`: a smaller mesh of the same knit that each level starts from; `cell`: one periodic repeat, which gives the
         stiffness of the cloth to a large gripped mesh. One of them at least."""
         super().__init__(mechanics, progress, watch)
-        self.mechanics: Any = mechanics
+        self.mechanics: MultilevelMechanics = mechanics
         self.smaller = smaller
         self.cell = cell
         self.prolongation = None if smaller is None else mechanics.prolongation(smaller.mechanics)
         repeated = cell or smaller
         assert repeated is not None
         self._response = mechanics.no_response(repeated.model)
-        self.membrane: Any = None
+        self.membrane: Membrane | None = None
         self._rim: Rim | None = None
         self._stations = np.zeros((0, 2))
         if cell is not None:
             rim = build_rim(self.model.panel, self.scene)
-            self.membrane = mechanics.membrane(rim)
+            self.membrane = Membrane(mechanics, rim)
             self._stations = np.zeros((len(rim.arc), 2))
             if self.scene.has_moving_edge:
                 self._rim, self.edge_work = rim, EdgeWork()
@@ -174,7 +171,7 @@ class MultilevelRelaxation(Relaxation):
             return
         if not self.membrane.tangent.any():
             begin, self._stations = self.stations, self.stations + way
-            self.state.move_clamps(self.rim.clamps @ begin, self.rim.clamps @ self.stations)
+            self.mechanics.move_clamps(self.rim.clamps @ begin, self.rim.clamps @ self.stations)
             self.mechanics.set_load(target, self.mechanics.load_steps(predicted=False))
             return
         left = 1.0
@@ -209,20 +206,20 @@ class MultilevelRelaxation(Relaxation):
         self.progress.steps += taken
         if diverged:
             raise self.divergence()
-        self.mechanics.slowest_mode.update(use=True)
+        self.mechanics.renew_damping()
 
     @property
     def least_tension(self) -> float:
         """[N/m] what tensions are compared with where the mesh carries less."""
         return TENSION_FLOOR * tension_scale(self.model)
 
-    def _move_as_membrane(self, membrane: Any) -> None:
+    def _move_as_membrane(self, membrane: Membrane) -> None:
         """Move the mesh towards where it balances as a membrane, unless it is there."""
         progress, rim = self.progress, membrane.rim
-        pulled = self.mechanics.diagnostics.clamp_forces() if rim.is_free else np.zeros((0, 2))
+        pulled = self.mechanics.clamp_forces() if rim.is_free else np.zeros((0, 2))
         solve = membrane.solve if progress.trust > 0.0 else membrane.solve_rim
         correction, stress = solve(self.state.gradient, self.stations, pulled)
-        scale = max(float(np.abs(self.mechanics.sums.stress).max()), self.least_tension)
+        scale = max(float(np.abs(self.mechanics.checked_stress).max()), self.least_tension)
         progress.imbalance = stress / (MEMBRANE_TOLERANCE * scale)
         if rim.is_free:
             edge = membrane.edge_imbalance(self.state.gradient, self.stations, pulled, self.least_tension)
@@ -247,12 +244,12 @@ class MultilevelRelaxation(Relaxation):
             self.mechanics.search()
             self.mechanics.begin_level()
 
-    def _move_clamps(self, correction: Any) -> None:
+    def _move_clamps(self, correction: Correction) -> None:
         """Move the edge by its part of a correction."""
         if self.rim is not None:
             self._stations = self.stations + correction.stations
             clamps = self.rim.clamps @ self.stations
-            self.state.move_clamps(clamps, clamps)
+            self.mechanics.move_clamps(clamps, clamps)
 
     def _share_of(self, correction: np.ndarray) -> float:
         """Share of a correction to take: Aitken's, from what the last one left of itself.

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
-from ..mechanics import Model
+from ..mechanics import Model, MultilevelMechanics
 from ..mesh.layout import estimated_nodes
 from ..mesh.smaller import one_repeat, smaller_scene
 from ..model import build_model, initial_state, mechanics_of
@@ -74,14 +74,15 @@ class Simulation:
     def _relaxation(self, model: Model, state: Any, progress: Progress, cell: Relaxation | None) -> Relaxation:
         """A relaxation with the smaller meshes that it starts from."""
         mechanics = mechanics_of(model, state)
+        multilevel = cast(MultilevelMechanics, mechanics)  # used where the model has it
         scene = smaller_scene(model.scene) if model.has_multilevel and model.cloth is not None else None
         if scene is None:
             if cell is None or not model.scene.has_moving_edge:
                 return Relaxation(mechanics, progress, self._watched)
-            return MultilevelRelaxation(mechanics, progress, self._watched, cell=cell)
+            return MultilevelRelaxation(multilevel, progress, self._watched, cell=cell)
         smaller = build_model(scene, model.device, self._sharing(model, scene))
         below = self._relaxation(smaller, initial_state(smaller), Progress(), cell)
-        return MultilevelRelaxation(mechanics, progress, self._watched, smaller=below, cell=cell)
+        return MultilevelRelaxation(multilevel, progress, self._watched, smaller=below, cell=cell)
 
     @staticmethod
     def _sharing(model: Model, smaller: Scene) -> Ranks:

@@ -16,16 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
-import warp as wp
 from scipy.sparse.linalg import splu
 
-from ..kernels.membrane import Grid, gather_body_forces, gather_node_forces, spread_to_bodies, spread_to_nodes
-from ..launch import bind
+from ..mechanics import MultilevelMechanics, Response
 from ..mesh.rim import REPEATS_A_CELL, Rim
-from .model import Model, block_threads
-from .response import Response
-from .state import State
-from .step import ForceProbe
 
 MOST_CELLS = 96  # of the grid in a direction
 MOST_STRAIN = 0.02  # of one correction
@@ -51,19 +45,13 @@ class Correction:
 class Membrane:
     """The coarse grid over a gripped mesh."""
 
-    def __init__(self, model: Model, state: State, probe: ForceProbe, rim: Rim) -> None:
-        self.model, self.state, self._probe, self.rim = model, state, probe, rim
+    def __init__(self, mechanics: MultilevelMechanics, rim: Rim) -> None:
+        self.model, self.rim = mechanics.model, rim
         self.tangent = np.zeros((2, 2, 2, 2))
-        size = np.array(model.panel.size)
-        cells = np.clip(np.array(model.scene.knit.repeats) // REPEATS_A_CELL, 1, MOST_CELLS)
-        self._cells, self._cell = cells, size / cells
-        grid = Grid()
-        grid.low, grid.cell, grid.cells = wp.vec2d(*model.panel.low), wp.vec2d(*self._cell), wp.vec2i(*map(int, cells))
-        self._grid = grid
-        count = int(np.prod(cells + 1))
-        self._force = wp.zeros((count, 2), dtype=wp.float64, device=model.device)
-        self._displacement = wp.zeros((count, 2), dtype=wp.float64, device=model.device)
-        self._body_clasp: wp.array = wp.array(model.panel.body_clasp, dtype=wp.int32, device=model.device)
+        size = np.array(self.model.panel.size)
+        self._cells = np.clip(np.array(self.model.scene.knit.repeats) // REPEATS_A_CELL, 1, MOST_CELLS)
+        self._cell = size / self._cells
+        self._grid = mechanics.membrane_grid(self.model.panel.low, self._cell, self._cells)
         self._filled = self._filled_share()
         self._tie_grid()
 
@@ -115,15 +103,8 @@ class Membrane:
         self._solve = None if self.rim.is_free else splu(self._stiffness[self._free][:, self._free].tocsc()).solve
 
     def imbalance(self) -> np.ndarray:
-        """Out-of-balance forces [grid node, 2] [N], from the accelerations that the probe holds."""
-        model, mesh, state = self.model, self.model.mesh, self.state
-        self._force.zero_()
-        onto = {"grid": self._grid, "force": self._force}
-        nodes = (model.rest, mesh, state, model.constants, self._probe)
-        bind(gather_node_forces, block_threads(model), *nodes, **onto).run(model.device)
-        if model.owned_bodies:
-            bind(gather_body_forces, model.owned_bodies, mesh, state, **onto).run(model.device)
-        return model.ranks.sum(self._force.numpy())
+        """Out-of-balance forces (grid node, 2) [N], as the last convergence check found them."""
+        return self._grid.gather()
 
     def warm_up(self, response: Response) -> None:
         """Launch every kernel; the mesh does not move."""
@@ -212,17 +193,4 @@ class Membrane:
 
     def move(self, correction: Correction) -> None:
         """Move the mesh with the grid; the clamps stay."""
-        model, mesh, state = self.model, self.model.mesh, self.state
-        self._displacement.assign(correction.grid)
-        now, response = state.parity, self._response
-        sources = (mesh, state, model.constants)
-        moved = {"grid": self._grid, "displacement": self._displacement}
-        bind(
-            spread_to_nodes, block_threads(model), *sources, model.rest, response, ux=state.node_ux[now], uy=state.node_uy[now],
-            **moved, **response.of_nodes,
-        ).run(model.device)  # fmt: skip
-        if model.panel.body_count:
-            bind(
-                spread_to_bodies, model.panel.body_count, *sources, body_clasp=self._body_clasp,
-                ux=state.body_ux, uy=state.body_uy, **moved, **response.of_bodies,
-            ).run(model.device)  # fmt: skip
+        self._grid.spread(correction.grid, self._response)
