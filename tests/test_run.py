@@ -79,7 +79,7 @@ def test_interrupt_and_resume_give_the_same_bits(tmp_path: Path, drive: str, mon
         nonlocal looks
         looks += 1
         if looks in (7, 31):
-            self.interrupts.ask()
+            self.interrupts.request()
         original(self, progress)
 
     monkeypatch.setattr(Watch, "_look", interrupt_once)

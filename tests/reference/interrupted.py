@@ -20,7 +20,7 @@ def assert_parts_are_the_whole(scene: Scene, directory: Path, monkeypatch: pytes
         nonlocal looks
         looks += 1
         if looks % every == 7:
-            self.interrupts.ask()
+            self.interrupts.request()
         original(self, progress)
 
     monkeypatch.setattr(Watch, "_look", interrupt_now_and_then)
