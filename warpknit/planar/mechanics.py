@@ -12,7 +12,7 @@ from ..kernels import control as c
 from ..kernels.multipliers import extrapolate, extrapolate_held_bodies
 from ..launch import bind
 from ..measure import force_scale
-from ..mechanics import Check, Drift, beyond_strength
+from ..mechanics import Check, Drift, strength_exceeded
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
 from .diagnostics import Diagnostics, Sums
@@ -24,7 +24,7 @@ from .neighbours import RAMP_SHARE, NeighbourSearch
 from .observables import PlanarObservables, read
 from .prolongation import Prolongation
 from .residual import Residual
-from .response import carried_values, find_response, no_response, recall_response
+from .response import find_response, load_response, state_variables, zero_response
 from .slowest_mode import SlowestMode
 from .state import State
 from .strip_step import stepper_of
@@ -191,7 +191,7 @@ class PlanarMechanics:
         residual = float(self._residual(control, self.sums))
         ratio = residual / solver.residual_tolerance
         if solver.multipliers:
-            ratio = max(ratio, self.multipliers.update(self.sums, nearly_steady=ratio < NEARLY_CONVERGED))
+            ratio = max(ratio, self.multipliers.update(self.sums, nearly_converged=ratio < NEARLY_CONVERGED))
         return Check(residual, ratio)
 
     def _residual(self, control: np.ndarray, sums: Sums) -> np.ndarray:
@@ -206,7 +206,7 @@ class PlanarMechanics:
 
     def causes(self) -> str:
         strength, stress = self.model.scene.wire.tensile_strength, measure.stress_extremes(self.observe())[0]
-        causes = beyond_strength(stress, strength)
+        causes = strength_exceeded(stress, strength)
         if self.residual.is_lost_in_round_off(self.diagnostics.sums(), self.state.wire_axial.numpy()):
             name = self.model.precision.name
             causes += f", round-off in {name} precision is more than the forces: solver.precision = 'double'"
@@ -254,13 +254,13 @@ class PlanarMechanics:
         """The coarse grid that balances the mesh as a membrane within its rim."""
         return Membrane(self.model, self.state, self.slowest_mode.probe, rim)
 
-    def carried_values(self) -> dict[str, np.ndarray]:
+    def state_variables(self) -> dict[str, np.ndarray]:
         """What tells two states of a mesh apart."""
-        return carried_values(self.model, self.state)
+        return state_variables(self.model, self.state)
 
     find_response = staticmethod(find_response)
-    no_response = staticmethod(no_response)
-    load_response = staticmethod(recall_response)
+    zero_response = staticmethod(zero_response)
+    load_response = staticmethod(load_response)
 
     # --- observation
 

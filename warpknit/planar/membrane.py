@@ -27,8 +27,8 @@ from .response import Response
 from .state import State
 from .step import ForceProbe
 
-MOST_CELLS = 96  # of the grid in a direction
-MOST_STRAIN = 0.02  # of one correction
+MAX_CELLS = 96  # of the grid in a direction
+MAX_STRAIN = 0.02  # of one correction
 
 
 @dataclass(frozen=True)
@@ -37,14 +37,14 @@ class Correction:
 
     grid: np.ndarray  # (grid node, 2) [m]
     stations: np.ndarray  # (station, 2) [m] of the rim
-    most: float = 1.0  # share of it that should be taken at once
+    max_factor: float = 1.0  # largest share to apply at once
 
-    def times(self, share: float) -> Correction:
+    def scaled(self, share: float) -> Correction:
         return Correction(share * self.grid, share * self.stations)
 
     @property
-    def numbers(self) -> np.ndarray:
-        """All of it in one array [m]."""
+    def vector(self) -> np.ndarray:
+        """All displacements in one array [m]."""
         return np.concatenate([self.grid.ravel(), self.stations.ravel()])
 
 
@@ -55,7 +55,7 @@ class Membrane:
         self.model, self.state, self._probe, self.rim = model, state, probe, rim
         self.tangent = np.zeros((2, 2, 2, 2))
         size = np.array(model.panel.size)
-        cells = np.clip(np.array(model.scene.knit.repeats) // REPEATS_A_CELL, 1, MOST_CELLS)
+        cells = np.clip(np.array(model.scene.knit.repeats) // REPEATS_A_CELL, 1, MAX_CELLS)
         self._cells, self._cell = cells, size / cells
         grid = Grid()
         grid.low, grid.cell, grid.cells = wp.vec2d(*model.panel.low), wp.vec2d(*self._cell), wp.vec2i(*map(int, cells))
@@ -165,7 +165,7 @@ class Membrane:
         matrix = self._matrix(gradient, stations)[first + free][:, first + free]
         moved = np.zeros(pull.size)
         moved[free] = splu(matrix.tocsc()).solve(pull.ravel()[free])
-        farthest = float(np.abs(moved).max()) / (MOST_STRAIN * float(self._cell.min()))
+        farthest = float(np.abs(moved).max()) / (MAX_STRAIN * float(self._cell.min()))
         still = Correction(np.zeros((self._tied.shape[0] // 2, 2)), moved.reshape(-1, 2), 1.0 / max(1.0, farthest))
         return still, 0.0
 
@@ -200,7 +200,7 @@ class Membrane:
         stress = np.einsum("abcd,xycd->xyab", self.tangent, slope)
         share = self._filled / self._filled.sum()
         out_of_balance = float(np.sqrt(np.sum(share * np.sum(stress**2, axis=(2, 3)))))
-        most = min(1.0, MOST_STRAIN / max(float(np.abs(slope).max()), 1e-30))
+        most = min(1.0, MAX_STRAIN / max(float(np.abs(slope).max()), 1e-30))
         there = answer[len(answer) - 2 * len(self.rim.arc) :].reshape(-1, 2)
         return Correction(grid.reshape(-1, 2), there, most), out_of_balance
 
