@@ -67,7 +67,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     def taken(*_: Any) -> None:
         raise InputError(TAKEN)
 
-    monkeypatch.setattr(error_estimate, "settings_within", taken)
+    monkeypatch.setattr(error_estimate, "settings_for_error", taken)
     return tmp_path
 
 

@@ -147,7 +147,7 @@ def test_options_reach_the_run(behind):
     assert scene.solver.preset == "draft"
     assert isinstance(options.pop("progress"), Progress)
     assert options.pop("ranks").count == 1
-    assert options == {"out": Path("runs/atlas_cell"), "device": "cpu", "resume": True, "force": False, "judge": None}
+    assert options == {"out": Path("runs/atlas_cell"), "device": "cpu", "resume": True, "force": False, "error_estimator": None}
 
 
 def test_plan_prints_text_or_one_json_object(behind):

@@ -34,14 +34,14 @@ OUT_OF_MEMORY = """
 import sys
 from warpknit.run import watch
 from warpknit.cli import main
-look, looks = watch.Watch._look, 0
+look, looks = watch.Watch._check, 0
 def fail(self, progress):
     global looks
     looks += 1
     if looks == 5 and self._ranks.rank == 1:
         raise MemoryError("40 GiB needed, 1 GiB available")
     look(self, progress)
-watch.Watch._look = fail
+watch.Watch._check = fail
 main(sys.argv[1:])
 """
 

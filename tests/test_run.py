@@ -72,17 +72,17 @@ def test_interrupt_and_resume_give_the_same_bits(tmp_path: Path, drive: str, mon
         extra += ['solver.loading_time="1 ms"', "solver.damping=30000", "solver.residual_tolerance=0.05"]
     scene = cell(*extra)
     run_scene(scene, out=tmp_path / "whole", device="cpu")
-    original = Watch._look
+    original = Watch._check
     looks = 0
 
     def interrupt_once(self: object, progress: object) -> None:
         nonlocal looks
         looks += 1
         if looks in (7, 31):
-            self.interrupts.ask()
+            self.interrupts.request()
         original(self, progress)
 
-    monkeypatch.setattr(Watch, "_look", interrupt_once)
+    monkeypatch.setattr(Watch, "_check", interrupt_once)
     first = run_scene(scene, out=tmp_path / "parts", device="cpu")
     assert first.exit_code == 130 and first.summary["stop_reason"] == "interrupted"
     with pytest.raises(RunDirectoryError, match="--resume"):

@@ -44,7 +44,7 @@ def test_what_was_interrupted_is_not_replaced_by_something_else(resume, tmp_path
     if resume:
         check_directory(out, "map", resume=True, force=False)
     else:
-        with pytest.raises(RunDirectoryError, match="holds an interrupted map; --resume goes on with it"):
+        with pytest.raises(RunDirectoryError, match="holds an interrupted map; --resume continues it"):
             check_directory(out, "map", resume=False, force=False)
 
 

@@ -76,7 +76,7 @@ def test_a_map_in_space_leaves_the_files_of_a_planar_one_and_goes_on_when_interr
 
     def stop(self):
         if finished:
-            self.ask()
+            self.request()
         check(self)
 
     def noting(self):

@@ -15,7 +15,7 @@ from warpknit.model import build_model, mechanics_of
 from warpknit.planar.host_state import node_entries
 from warpknit.planar.model import Model
 from warpknit.planar.observables import read
-from warpknit.planar.response import STRAIN, carried_values
+from warpknit.planar.response import STRAIN, state_variables
 from warpknit.planar.state import State, initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.membrane import Correction
@@ -101,13 +101,13 @@ def test_membrane_moves_and_forces_are_adjoint() -> None:
     probe.acceleration_y.assign(shaken[1])
     state.pair_force.zero_()
     gathered = membrane.imbalance().copy()
-    before = carried_values(model, state)
+    before = state_variables(model, state)
     displacement = 1e-6 * rng.normal(size=gathered.shape)
     stations = np.zeros((len(membrane.rim.arc), 2))
     response = replace(drive._response, change={name: _nothing(value) for name, value in drive._response.change.items()})
     membrane.warm_up(response)
     membrane.move(Correction(displacement, stations))
-    after = carried_values(model, state)
+    after = state_variables(model, state)
     table = model.rest.node_mass.numpy()[node_entries(model)]
     mass = table * np.repeat(state.wire_mass.numpy(), model.panel.wire_count)
     work = np.sum(mass * (shaken[0] * (after["x"] - before["x"]) + shaken[1] * (after["y"] - before["y"])))

@@ -73,7 +73,7 @@ def test_an_interrupted_map_keeps_its_cells_and_goes_on_to_the_same_map(whole_ma
 
     def stop(self):
         if finished:
-            self.ask()
+            self.request()
         check(self)
 
     check, finished = Interrupts.check, []

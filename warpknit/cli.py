@@ -20,7 +20,7 @@ from warpknit.program import FINISHED, INTERRUPTED, Program, configure_logging
 from warpknit.ranks.ranks import Ranks
 
 if TYPE_CHECKING:
-    from warpknit.run.run_directory import Ending
+    from warpknit.run.run_directory import CommandResult
     from warpknit.scene import Scene
 
 # NumPy's threads are worth nothing here: they would take memory and go on spinning on the cores that the steps need
@@ -98,7 +98,7 @@ def open_scene(scene: str, overrides: tuple[str, ...], preset: str | None, out: 
     return loaded, Path(out) if out else Path("runs") / loaded.name
 
 
-def unfinished(result: Ending, if_interrupted: str = "") -> int:
+def unfinished(result: CommandResult, if_interrupted: str = "") -> int:
     """Say why a command did not finish, and how to go on; its exit status."""
     click.echo(f"warpknit: {result.message}{if_interrupted if result.exit_code == INTERRUPTED else ''}", err=True)
     return int(result.exit_code)
@@ -129,17 +129,24 @@ def run(
     from warpknit.run.progress_display import progress_for
     from warpknit.run.run import run_scene
 
-    judge = None
+    error_estimator = None
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         if error is not None:
             from warpknit.scene import load_scene
-            from warpknit.trade.error_estimate import settings_within
+            from warpknit.trade.error_estimate import settings_for_error
 
             _refuse_error(error, preset, loaded)
-            found = ranks.from_first(lambda: settings_within(loaded, error))
-            loaded, judge = load_scene(scene, (*overrides, *found.overrides)), found.judge(loaded)
+            bound = ranks.from_first(lambda: settings_for_error(loaded, error))
+            loaded, error_estimator = load_scene(scene, (*overrides, *bound.overrides)), bound.error_estimator(loaded)
         result = run_scene(
-            loaded, out=directory, device=device, resume=resume, force=force, progress=progress, ranks=ranks, judge=judge
+            loaded,
+            out=directory,
+            device=device,
+            resume=resume,
+            force=force,
+            progress=progress,
+            ranks=ranks,
+            error_estimator=error_estimator,
         )
     if not ranks.is_first:
         return int(result.exit_code)

@@ -70,7 +70,7 @@ class Estimates(Protocol):
     def physics(self, scene: Scene, size: Size) -> Iterator[str]:
         """What the scene switches on and why, a sentence each."""
 
-    def left_out(self, scene: Scene, cloth: Cloth | None) -> Iterator[str]:
+    def limitations(self, scene: Scene, cloth: Cloth | None) -> Iterator[str]:
         """What a run would not show, a sentence each."""
 
 

@@ -1,7 +1,7 @@
-"""What a model offers to be loaded, stepped, judged and recorded: all that the engine knows of it.
+"""The protocols by which the engine loads, steps, checks and records a model.
 
-A model is built once (`Model`), has a state that moves (`State`), and its mechanics steps that state (`Mechanics`). Many states
-of one model that are stepped by one launch are a `Group`; one alone is a group, too (`Alone`).
+`Model` is constant, `State` moves, `Mechanics` steps a state. A `Group` steps many states of one model side by side;
+`SingleMesh` is a group of one.
 """
 
 from __future__ import annotations
@@ -16,26 +16,27 @@ from .kernels import control as c
 from .measure import MeshModel
 from .mesh.load_point import LoadPoint
 from .mesh.rim import Rim
+from .text import engineering
 
 
 class Model(MeshModel, Protocol):
-    """A mesh ready to run: everything that does not move."""
+    """A mesh ready to run: all constant data."""
 
     @property
     def has_multilevel(self) -> bool:
-        """Whether a large mesh starts from smaller ones, and is corrected as a membrane."""
+        """Whether multilevel starts and membrane corrections are available."""
 
     @property
     def has_replicas(self) -> bool:
-        """Whether many of its states are stepped by one launch."""
+        """Whether one launch can step many states."""
 
     @property
     def loading_time(self) -> float:
-        """[s] of a stage of a ramp."""
+        """Loading time [s] of a stage of a ramp."""
 
 
 class State(Protocol):
-    """Everything that moves."""
+    """All time-dependent data of a mesh."""
 
     @property
     def gradient(self) -> np.ndarray:
@@ -46,46 +47,46 @@ class State(Protocol):
 
     def write_control(self, values: dict[int, float]) -> None: ...
     def arrays(self) -> dict[str, np.ndarray]:
-        """Host copies of all that a run needs to go on."""
+        """Host copies of all arrays, for a checkpoint."""
 
     def restore(self, kept: dict[str, np.ndarray]) -> None:
-        """Put back what `arrays` returned."""
+        """Restore what `arrays` returned."""
 
 
 @dataclass(frozen=True)
 class Drift:
-    """How long the tension must stand still in an equilibrium.
+    """Criterion for the drift of the tension in an equilibrium.
 
-    What it moves over `checks` goes on to fall by the ratio seen from one such time to the next, at most `slowest_fall`; 0 takes
-    what it moved for what is still to come.
+    The change over `checks` checks is extrapolated as a geometric series, with the ratio of two successive changes, at most
+    `max_decay_ratio`. With a ratio of 0 the change itself is the estimate.
     """
 
     checks: int
-    slowest_fall: float = 0.0
+    max_decay_ratio: float = 0.0
 
     @property
-    def needed(self) -> int:
-        """Convergence checks before it can be judged."""
-        return (2 if self.slowest_fall > 0.0 else 1) * self.checks
+    def required_checks(self) -> int:
+        """Convergence checks before the criterion applies."""
+        return (2 if self.max_decay_ratio > 0.0 else 1) * self.checks
 
 
 @dataclass(frozen=True)
 class Check:
-    """What a convergence check found; of many meshes, arrays [mesh]."""
+    """Result of a convergence check; arrays [mesh] for many meshes."""
 
-    residual: Any  # out-of-balance force and motion, to be compared with solver.residual_tolerance; nan while a load comes on
-    ratio: Any  # the largest of all criteria over what is allowed: below 1 all are met; inf while a load comes on
+    residual: Any  # out-of-balance force and motion, for solver.residual_tolerance; nan during loading
+    ratio: Any  # largest of all criteria over its tolerance: converged below 1; inf during loading
 
 
 class Mechanics(Protocol):
-    """Steps one mesh. Methods that take up a state leave it as it is but for what they say."""
+    """Steps one mesh. Methods change only what they document."""
 
-    notes: list[str]  # what the user should know
-    may_overlap: bool  # as knitted, before wires were pushed apart
+    notes: list[str]  # for the user
+    may_overlap: bool  # wires may overlap now, as knitted
 
     @property
     def drift(self) -> Drift:
-        """How long the tension must stand still."""
+        """Criterion for the drift of the tension."""
 
     @property
     def can_overlap(self) -> bool:
@@ -97,94 +98,97 @@ class Mechanics(Protocol):
     def state(self) -> Any: ...
     @property
     def rim(self) -> Rim | None:
-        """The edge that is pulled or hangs on cords, where the mechanics moves it by itself."""
+        """The edge, where the mechanics moves it, else None."""
 
     @property
     def stations(self) -> np.ndarray:
         """(station, 2) [m] displacement of the edge from the affinely mapped outline; empty without a rim."""
 
     def compile(self) -> None:
-        """Launch every kernel that a run needs, so that it is compiled; the state may change."""
+        """Compile every kernel of a run by launching it; the state may change."""
 
     # --- loads
 
     def set_load(self, load: LoadPoint, steps: int, *, evenly: bool = False) -> None:
-        """Have a load come on over so many steps, smoothly or `evenly`; with none it is there at once."""
+        """Apply a load over so many steps, smoothly or `evenly`; at once with 0 steps."""
 
     def load_steps(self, predicted: bool) -> int:
-        """Steps over which the load of a level comes on, whether its state was predicted."""
+        """Steps over which the load of a level is applied."""
 
     def predict(self, ratio: float) -> None:
-        """Move the state by `ratio` of what the last level moved it, and remember this one; all motion stops."""
+        """Extrapolate the state by `ratio` times its last increment, and store it; set velocities to zero."""
 
     def advance_history(self) -> None:
-        """Take the equilibrium as a step of the load history: friction, yield."""
+        """Update the history variables (friction, yield) from an equilibrium."""
 
     @property
     def dissipated(self) -> float:
-        """[J] taken out since the start by what depends on the load history."""
+        """[J] dissipated since the start by friction and yield."""
 
     # --- steps
 
     def search(self) -> None:
-        """Search neighbours, and start a new travel budget."""
+        """Search neighbours, and reset the travel budget."""
 
     def step(self, count: int) -> None:
-        """Take steps; they do nothing once the state is frozen (kernels/control.py)."""
+        """Take steps; a frozen state (kernels/control.py) does not change."""
 
     def overlap(self) -> float:
-        """Largest overlap of wires since this was last asked, over their thickness."""
+        """Largest overlap of wires since the last call, over their thickness."""
 
     def fastest(self) -> tuple[int, int]:
-        """The wire, and its node, that moves fastest."""
+        """Wire and node of the largest speed."""
 
     # --- convergence of a relaxation
 
     def begin_level(self) -> None:
-        """A load level begins: multipliers start anew."""
+        """Start a load level: reset the multiplier rates."""
 
     def check(self, checks: int, *, loading: bool) -> Check:
-        """Judge the state, and renew damping and multipliers; `checks` of the level so far, this one included."""
+        """Check convergence, and update damping and multipliers.
+
+        `checks`: those of the level so far, this one included.
+        """
 
     def renew(self, checks: int) -> None:
-        """Renew stiffnesses and masses that the load has outgrown."""
+        """Update stiffnesses and masses to the current load."""
 
     def stress(self) -> np.ndarray:
-        """(2, 2) [N/m] nominal stress of the mesh, with multipliers as they are now."""
+        """(2, 2) [N/m] nominal stress of the mesh."""
 
     def causes(self) -> str:
-        """What may keep the mesh from convergence, after a comma; empty where nothing is known."""
+        """Likely causes of non-convergence, after a comma; may be empty."""
 
     def is_in_equilibrium(self, load: LoadPoint) -> bool:
-        """Whether a mesh that was not stepped yet is in equilibrium under a load."""
+        """Whether the mesh as knitted is in equilibrium under a load."""
 
     # --- real time
 
     def renew_time_step(self, steps: int) -> float:
-        """Set and return the time step [s] that is stable for the next `steps` steps."""
+        """Set and return a time step [s] stable for the next `steps` steps."""
 
     def reserve_for_load(self) -> None:
-        """Search, and keep room for what a load that comes on will move."""
+        """Search neighbours, with a margin for the motion of the load."""
 
     def follow_load(self) -> None:
-        """Search again before the motion of the load uses up the room kept for it."""
+        """Search again before the load uses up that margin."""
 
     def residual_now(self) -> float:
-        """Out-of-balance force and motion of the state, to be compared with solver.residual_tolerance."""
+        """Out-of-balance force and motion, for solver.residual_tolerance."""
 
     # --- observation
 
     def observe(self) -> Any:
-        """The state on the host (measure/observables.py)."""
+        """Observables of the state (measure/observables.py)."""
 
     def edge_work_terms(self, observed: Any) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Forces and what they move, of what differs from place to place: clamps beside the load, thermal strain."""
+        """Pairs (force, displacement) of the edge work: clamps and uneven thermal strain."""
 
     def state_dict(self) -> dict[str, np.ndarray]:
-        """Arrays carried from check to check, beside the state."""
+        """Solver variables for a checkpoint, beside the state."""
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        """Put back what `state_dict` returned."""
+        """Restore a `state_dict`."""
 
 
 class Response(Protocol):
@@ -219,7 +223,7 @@ class MembraneGrid(Protocol):
 
 
 # nominal stress (2, 2) [N/m] of one periodic repeat in equilibrium at a deformation gradient (2, 2) and a temperature [K], and
-# what describes its state (`MultilevelMechanics.carried_values`)
+# what describes its state (`MultilevelMechanics.state_variables`)
 CellState = Callable[[np.ndarray, float], tuple[np.ndarray, dict[str, np.ndarray]]]
 
 
@@ -233,13 +237,13 @@ class MultilevelMechanics(Mechanics, Protocol):
     def membrane_grid(self, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> MembraneGrid:
         """A grid of `cells` (2,) from `low` (2,) [m] on, each of size `cell` (2,) [m]."""
 
-    def carried_values(self) -> dict[str, np.ndarray]:
+    def state_variables(self) -> dict[str, np.ndarray]:
         """What tells two states of a mesh apart."""
 
     def find_response(self, cell_at: CellState, cell: Any, gradient: np.ndarray, temperature: float) -> Response:
         """How endless cloth answers at a load, by states of one repeat, the model `cell`. Raises `Diverged`."""
 
-    def no_response(self, cell: Any) -> Response:
+    def zero_response(self, cell: Any) -> Response:
         """A cloth that does nothing."""
 
     def load_response(self, kept: dict[str, np.ndarray], cell: Any) -> Response:
@@ -263,7 +267,7 @@ class MultilevelMechanics(Mechanics, Protocol):
 
 
 class Group(Protocol):
-    """Meshes of one model that are stepped and judged side by side, each for itself. `rows` are numbers of some of them."""
+    """Meshes of one model, stepped and checked independently. `rows` are indices of some of them."""
 
     @property
     def model(self) -> Any: ...
@@ -271,10 +275,10 @@ class Group(Protocol):
     def members(self) -> Sequence[Mechanics]: ...
 
     def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """Take steps; steps taken [row] and which diverged [row]."""
+        """Take steps; return steps taken [row] and whether diverged [row]."""
 
     def is_loading(self, rows: np.ndarray) -> np.ndarray:
-        """[row] whether a load still comes on."""
+        """[row] whether a load is being applied."""
 
     def check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
         """`Mechanics.check` of all rows, at the checks [row] of their level."""
@@ -287,13 +291,13 @@ class Group(Protocol):
 
 
 def is_loading(state: State) -> bool:
-    """Whether a load still comes on."""
+    """Whether a load is being applied."""
     control = state.read_control()
     return bool(control[int(c.RAMP_STEP)] < control[int(c.RAMP_STEPS)])
 
 
 def advance(mechanics: Mechanics, steps: int) -> tuple[int, bool]:
-    """Take steps, searching neighbours whenever the last search no longer holds; steps taken, and whether the state diverged."""
+    """Take steps with neighbour searches; return steps taken and whether the state diverged."""
     taken, state = 0, mechanics.state
     while taken < steps:
         before = int(state.read_control()[int(c.STEP)])
@@ -308,31 +312,31 @@ def advance(mechanics: Mechanics, steps: int) -> tuple[int, bool]:
     return taken, False
 
 
-def beyond_strength(stress: float, strength: float) -> str:
-    """A cause why a mesh does not converge, after a comma: its largest stress over the strength of the wire [Pa]."""
-    return f", wires at {stress / 1e9:.3g} GPa are beyond their strength" if stress > strength else ""
+def strength_exceeded(stress: float, strength: float) -> str:
+    """Cause of non-convergence, after a comma: stress [Pa] above the strength; else empty."""
+    return f", wire stress {engineering(stress, 'Pa')} exceeds the strength" if stress > strength else ""
 
 
-class Alone:
-    """A group of one mesh, of whatever model."""
+class SingleMesh:
+    """A group of one mesh."""
 
     def __init__(self, mechanics: Mechanics) -> None:
         self.model, self.members = mechanics.model, (mechanics,)
-        self._one = mechanics
+        self._mesh = mechanics
 
     def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        taken, diverged = advance(self._one, steps)
+        taken, diverged = advance(self._mesh, steps)
         return np.array([taken]), np.array([diverged])
 
     def is_loading(self, rows: np.ndarray) -> np.ndarray:
-        return np.array([is_loading(self._one.state)])
+        return np.array([is_loading(self._mesh.state)])
 
     def check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
-        found = self._one.check(int(checks[0]), loading=bool(loading[0]))
-        return Check(np.array([found.residual]), np.array([found.ratio]))
+        check = self._mesh.check(int(checks[0]), loading=bool(loading[0]))
+        return Check(np.array([check.residual]), np.array([check.ratio]))
 
     def renew(self, rows: np.ndarray, checks: np.ndarray) -> None:
-        self._one.renew(int(checks[0]))
+        self._mesh.renew(int(checks[0]))
 
     def stress(self, rows: np.ndarray) -> np.ndarray:
-        return self._one.stress()[None]
+        return self._mesh.stress()[None]

@@ -129,7 +129,7 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         physics=(
             *estimates.physics(scene, size),
             *physics_of(scene, size),
-            *estimates.left_out(scene, cloth),
+            *estimates.limitations(scene, cloth),
             *without_effect(scene),
         ),
         counted=counted,

@@ -14,16 +14,16 @@ def assert_parts_are_the_whole(scene: Scene, directory: Path, monkeypatch: pytes
     """Run `scene` in one go and with an interruption at one of `every` looks: the same history and states, to the bit. Returns
     where the parts are."""
     assert run_scene(scene, out=directory / "whole", device="cpu").exit_code == 0
-    original, looks = Watch._look, 0
+    original, looks = Watch._check, 0
 
     def interrupt_now_and_then(self: Watch, progress: object) -> None:
         nonlocal looks
         looks += 1
         if looks % every == 7:
-            self.interrupts.ask()
+            self.interrupts.request()
         original(self, progress)
 
-    monkeypatch.setattr(Watch, "_look", interrupt_now_and_then)
+    monkeypatch.setattr(Watch, "_check", interrupt_now_and_then)
     code = run_scene(scene, out=directory / "parts", device="cpu").exit_code
     interruptions = 0
     while code == 130:

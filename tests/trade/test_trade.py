@@ -17,10 +17,10 @@ from warpknit.run.interrupts import Interrupted
 from warpknit.scene import load_scene
 from warpknit.scene.presets import PRESETS
 from warpknit.spatial import trials as spatial_trials
-from warpknit.trade import knobs, pilot, study
-from warpknit.trade.extrapolation import LEAST_ORDER, extrapolate
-from warpknit.trade.front import pareto
-from warpknit.trade.point import Errors, Found, Scales, errors_of
+from warpknit.trade import parameters, probe_run, study
+from warpknit.trade.extrapolation import MIN_ORDER, extrapolate
+from warpknit.trade.pareto import pareto
+from warpknit.trade.point import Errors, Results, Scales, errors_of
 from warpknit.trade.study import run_trade
 from warpknit.trade.trade_table import Row, read_rows
 from warpknit.trial import SOFTENING, Setting
@@ -42,7 +42,7 @@ def test_extrapolation_finds_the_limit_of_a_power_law() -> None:
 def test_extrapolation_of_rough_values_errs_to_the_safe_side() -> None:
     """Differences of unlike sign: first order, whose error is the difference over r - 1."""
     found = extrapolate(1.0, 1.1, 1.0, 2.0)
-    assert found.order == LEAST_ORDER
+    assert found.order == MIN_ORDER
     assert found.error == pytest.approx(0.1)
 
 
@@ -54,12 +54,12 @@ def test_front_keeps_what_nothing_beats() -> None:
 def test_errors_are_points_of_percent_and_shares() -> None:
     """By hand: tension misses 0.03 of the larger, 0.2; where the reference carries nothing the scales stand in."""
     scales = Scales(force=1e-6, tension=1e-3, stress=1e6)
-    true = Found(66.0, 0.1, 0.2, 2e-3, 1e-4, 1e9)
-    errors = errors_of(Found(60.0, 0.13, 0.19, 1.9e-3, 1e-4, 1.1e9), true, scales)
+    true = Results(66.0, 0.1, 0.2, 2e-3, 1e-4, 1e9)
+    errors = errors_of(Results(60.0, 0.13, 0.19, 1.9e-3, 1e-4, 1.1e9), true, scales)
     assert errors == Errors(6.0, pytest.approx(0.15), pytest.approx(0.05), pytest.approx(0.1))
     assert errors.largest_percent == pytest.approx(15.0)
-    slack = Found(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    assert errors_of(Found(0.0, 1e-5, 0.0, 1e-8, 0.0, 1e4), slack, scales) == Errors(
+    slack = Results(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    assert errors_of(Results(0.0, 1e-5, 0.0, 1e-8, 0.0, 1e4), slack, scales) == Errors(
         0.0, pytest.approx(0.01), pytest.approx(0.01), pytest.approx(0.01)
     )
 
@@ -72,17 +72,17 @@ def few_points(monkeypatch: pytest.MonkeyPatch) -> None:
     """A coarse reference and a handful of points."""
     monkeypatch.setattr(trials, "REFERENCE", ((math.inf, 24),))
     coarse = {name: replace(preset, nodes_per_loop=min(20, preset.nodes_per_loop)) for name, preset in PRESETS.items()}
-    monkeypatch.setattr(knobs, "PRESETS", coarse)
+    monkeypatch.setattr(parameters, "PRESETS", coarse)
     monkeypatch.setattr(study, "RAMP_NODES", 0)
-    monkeypatch.setattr(knobs, "NODES_TOGETHER", (10, 12))
-    monkeypatch.setattr(knobs, "TOLERANCES_TOGETHER", (0.01,))
-    monkeypatch.setattr(knobs, "SOFTENINGS_TOGETHER", (1000.0,))
+    monkeypatch.setattr(parameters, "COMBINED_NODES", (10, 12))
+    monkeypatch.setattr(parameters, "COMBINED_TOLERANCES", (0.01,))
+    monkeypatch.setattr(parameters, "COMBINED_SOFTENINGS", (1000.0,))
     for name, values in (("NODES", (10,)), ("TOLERANCES", (0.03,)), ("SOFTENINGS", (200.0,)), ("STIFFNESSES", (4.0,)),
                          ("LEVELS", (2,))):  # fmt: skip
-        monkeypatch.setattr(knobs, name, values)
+        monkeypatch.setattr(parameters, name, values)
 
 
-def loader(more: knobs.Overrides, preset: str | None) -> object:
+def loader(more: parameters.Overrides, preset: str | None) -> object:
     return load_scene(CELL, (*SMALL, *more), preset)
 
 
@@ -151,18 +151,18 @@ def test_reference_that_is_refused_is_bad_input(tmp_path: Path) -> None:
 def quick_pilot(monkeypatch: pytest.MonkeyPatch) -> None:
     """A coarser mesh counts as true."""
     monkeypatch.setattr(trials, "FINE", {"periodic": 30})
-    monkeypatch.setattr(pilot, "LEVELS", 1)
+    monkeypatch.setattr(probe_run, "LEVELS", 1)
 
 
 def test_setting_within_an_error_is_the_cheapest_that_meets_it(quick_pilot: None) -> None:
     """Settings are tried from the coarsest on; a larger error never asks for more nodes."""
     scene = load_scene(CELL, SMALL)
-    small = pilot.Pilot(scene)
-    loose, missed = pilot.choose_setting(small, 20.0)
-    tight, left = pilot.choose_setting(small, 2.0)
+    small = probe_run.ProbeRun(scene)
+    loose, missed = probe_run.choose_setting(small, 20.0)
+    tight, left = probe_run.choose_setting(small, 2.0)
     assert loose.nodes_per_loop == trials.NODES[0]
     assert loose.nodes_per_loop <= tight.nodes_per_loop
-    assert pilot.bound_percent(left) <= 2.0 and pilot.bound_percent(missed) <= 20.0
+    assert probe_run.error_bound_percent(left) <= 2.0 and probe_run.error_bound_percent(missed) <= 20.0
 
 
 def test_run_within_an_error_says_what_it_may_miss(tmp_path: Path, quick_pilot: None) -> None:
@@ -181,10 +181,10 @@ def test_error_of_a_run_in_space_is_found_on_a_small_mesh_in_space(tmp_path: Pat
     """As in the plane; here finer meshes that count as true are coarse."""
     monkeypatch.setattr(spatial_trials, "FINE", {"periodic": 52})
     monkeypatch.setattr(spatial_trials, "TOLERANCE", 1e-2)
-    monkeypatch.setattr(pilot, "LEVELS", 1)
+    monkeypatch.setattr(probe_run, "LEVELS", 1)
     scene = load_scene(CELL, ["model.kind=spatial", "load.strain_weft=0.0", "load.strain_warp=0.02", "output.frames=1"])
-    small = pilot.Pilot(scene)
-    setting, errors = pilot.choose_setting(small, 20.0)
+    small = probe_run.ProbeRun(scene)
+    setting, errors = probe_run.choose_setting(small, 20.0)
     assert setting == Setting(spatial_trials.NODES[0], SOFTENING, 1e-2, "double")
     assert 0.0 < errors.largest_percent < 5.0 and small.node_steps > 0
     own = small.errors_of_run(small.fine, setting)

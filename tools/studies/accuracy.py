@@ -43,8 +43,8 @@ from warpknit.planar.state import State, initial_state
 from warpknit.planar.step import Stepper
 from warpknit.scene.presets import PRESETS
 from warpknit.solve.simulate import Simulation
-from warpknit.trade.error_estimate import estimate_of, settings_within
-from warpknit.trade.point import Found, errors_of, found_at, run_point, scales_of
+from warpknit.trade.error_estimate import estimate_of, settings_for_error
+from warpknit.trade.point import Results, errors_of, results_of, run_point, scales_of
 from warpknit.trial import edge_of
 
 
@@ -142,7 +142,7 @@ def rows_of(name: str, file: str, overrides: Sequence[str], quick: bool) -> Iter
         ("model.nodes_per_loop", nodes), ("solver.axial_softening", softening), ("solver.residual_tolerance", tolerance),
         ("solver.precision", "double"),
     ))  # fmt: skip
-    if truth.found is None:
+    if truth.results is None:
         print(f"{name}: left out, {truth.message}", flush=True)
         return
     scales = scales_of(build_model(scene_of(file, *overrides)))
@@ -151,12 +151,12 @@ def rows_of(name: str, file: str, overrides: Sequence[str], quick: bool) -> Iter
             keys = tuple(pair for pair in keys if pair[0] != "solver.precision")
         found = outcome(keys)
         print(name, setting, found.stop_reason, found.message[:80], flush=True)
-        yield _row(name, setting, dict(keys), found, truth.found, scales)
+        yield _row(name, setting, dict(keys), found, truth.results, scales)
 
 
-def _row(name: str, setting: str, keys: dict[str, Any], outcome: Any, truth: Found, scales: Any) -> PresetRow:
+def _row(name: str, setting: str, keys: dict[str, Any], outcome: Any, truth: Results, scales: Any) -> PresetRow:
     nan = float("nan")
-    found = outcome.found
+    found = outcome.results
     errors = None if found is None else errors_of(found, truth, scales)
     return PresetRow(
         name, setting, keys["model.nodes_per_loop"], keys["solver.residual_tolerance"], outcome.node_steps, outcome.cpu_s,
@@ -228,7 +228,7 @@ def checked(name: str, percent: float, quick: bool) -> EstimateRow:
     file, overrides = CHECKED[name]
     levels = () if file.startswith("hook") else ("output.frames=5",)
     scene = scene_of(file, *overrides, *levels)
-    within = settings_within(scene, percent)
+    within = settings_for_error(scene, percent)
     *_, last = run(scene_of(file, *overrides, *levels, *within.overrides))
     estimate = estimate_of(last, scene, within)
     kind = edge_of(scene)
@@ -236,7 +236,7 @@ def checked(name: str, percent: float, quick: bool) -> EstimateRow:
     fine = [("model.nodes_per_loop", 34 if quick else CHECK_NODES[kind]), ("solver.precision", "double"),
             ("solver.residual_tolerance", tolerance), ("solver.axial_softening", softening)]  # fmt: skip
     *_, true = run(scene_of(file, *overrides, *levels, *fine))
-    errors = errors_of(found_at(last), found_at(true), scales_of(build_model(scene)))
+    errors = errors_of(results_of(last), results_of(true), scales_of(build_model(scene)))
     estimated = float("nan") if estimate.error is None else 100 * estimate.error
     return EstimateRow(name, percent, within.setting.nodes_per_loop, estimated, errors.largest_percent, errors.active_percent,
                100 * errors.tension, 100 * errors.contact_force, 100 * errors.stress, last.steps, true.steps)  # fmt: skip

@@ -48,8 +48,8 @@ class Record(Protocol):
         """[J] put in by what differs from place to place: pulls at the edge, cords, uneven temperature."""
 
     @property
-    def left_out(self) -> float:
-        """Of the tension, that the mesh may be out of balance by as a membrane."""
+    def membrane_residual(self) -> float:
+        """Out-of-balance membrane stress over the tension."""
 
     @property
     def stations(self) -> np.ndarray:
@@ -175,7 +175,7 @@ MEASURES: tuple[Measure, ...] = (
     Measure("dissipated_J", "dissipated", history=True),
     # quality
     Measure("residual", m.residual, history=True, summary="quality", map="details", over_seeds=max),
-    Measure("membrane_left_out", "left_out", summary="quality"),
+    Measure("membrane_left_out", "membrane_residual", summary="quality"),
     Measure("penetration", m.penetration, history=True),
     Measure("steps", "steps", history=True, kind=int),
     Measure("steady", "steady", history=True, kind=_is_true),

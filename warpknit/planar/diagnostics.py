@@ -1,7 +1,7 @@
-"""Diagnostics of a state between steps: sums over nodes and pairs that a convergence check decides by.
+"""Diagnostics of a state between steps: sums over nodes and pairs for a convergence check.
 
-They are summed on the device (kernels/diagnostics.py); a row a wire and a handful of numbers come to the host. The whole
-state on the host that a record keeps is observables.read.
+They are summed on the device (kernels/diagnostics.py); one row a wire and a few values are copied to the host. Records use
+the full state on the host (observables.read).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .step import Stepper
 
 @dataclass(frozen=True)
 class Sums:
-    """What a look gave; of many replicas, the replica is the first axis of everything, and numbers are arrays [replica]."""
+    """Sums of a convergence check; with replicas the first axis is the replica, scalars are arrays [replica]."""
 
     strain_max: np.ndarray  # [wire] largest |strain| of an arc
     error_mean: np.ndarray  # [wire] |mean of strain - tension/EA|
@@ -46,10 +46,10 @@ def first_blocks(panel: Panel) -> np.ndarray:
 
 
 def sum_up(model: Model, first: np.ndarray, wires: np.ndarray, pairs: np.ndarray, held_stress: np.ndarray) -> Sums:
-    """The sums of what kernels/diagnostics.py left: rows (..., block, WIRE_COLUMNS) and (..., pair block, PAIR_COLUMNS).
+    """Sums of the partial sums of kernels/diagnostics.py: rows (..., block, WIRE_COLUMNS) and (..., pair block, PAIR_COLUMNS).
 
     `first` [wire]: see `first_blocks`.
-    `held_stress` (..., 2, 2) [N m] is what forces on held nodes add. A leading axis counts replicas.
+    `held_stress` (..., 2, 2) [N m] is the contribution of held nodes. A leading axis counts replicas.
     """
     panel, ranks = model.panel, model.ranks
     largest = np.maximum.reduceat(wires, first, axis=-2)
@@ -81,19 +81,19 @@ def sum_up(model: Model, first: np.ndarray, wires: np.ndarray, pairs: np.ndarray
 
 
 class Diagnostics:
-    """`strain`, `tension` and `turning` of the last look stay on the device, [node]; see kernels/energy.py."""
+    """`strain`, `tension` and `turning` of the last check stay on the device, [node]; see kernels/energy.py."""
 
     def __init__(self, model: Model, state: State, stepper: Stepper) -> None:
         self.model = model
         self.state = state
         panel, real, device = model.panel, model.precision.real, model.device
         names = ("force_x", "force_y", "strain", "tension", "turning")
-        found = {name: wp.zeros(panel.node_count, dtype=real, device=device) for name in names}
-        self._force_x, self._force_y, self.strain, self.tension, self.turning = found.values()
+        arrays = {name: wp.zeros(panel.node_count, dtype=real, device=device) for name in names}
+        self._force_x, self._force_y, self.strain, self.tension, self.turning = arrays.values()
         self._stepper = stepper
         shares = stepper.shares(len(panel.block_first))
         self._evaluate: list[list[Callable[[], object]]] = [
-            [evaluation(model, state, parity, found, share).launch for share in shares] for parity in (0, 1)
+            [evaluation(model, state, parity, arrays, share).launch for share in shares] for parity in (0, 1)
         ]
         self._pairs_at_clamps = _pairs_at_clamps(model)
         self._first_block = first_blocks(panel)
@@ -102,35 +102,35 @@ class Diagnostics:
         self._squares = wp.zeros(len(panel.block_first), dtype=wp.float64, device=device)
         sources = (model.rest, model.mesh, state, model.constants)
         self._sum_wires: list[Callable[[], object]] = [
-            bind(k.sum_wires, blocks, *sources, first_block=block, partial=self._wires, **found).record(device).launch
+            bind(k.sum_wires, blocks, *sources, first_block=block, partial=self._wires, **arrays).record(device).launch
             for block, blocks in shares
         ]
         pairs = {"pair_block": k.PAIR_BLOCK, "partial": self._pairs}
         self._sum_pairs = bind(k.sum_pairs, self._pairs.shape[0], *sources, **pairs).record(device)
 
     def sums(self) -> Sums:
-        """Diagnostics at the state as it is. Rows of wires are of this rank's strip, everything else is of the whole mesh."""
+        """Diagnostics of the current state: wire rows of this rank's strip, all other sums of the global mesh."""
         for parts in self.launches():
             self._stepper.together(parts)
         return sum_up(self.model, self._first_block, *self.partial_sums())
 
     def partial_sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What the launches of the last look left, for `sum_up`: rows of wires and of pairs, and what held nodes add."""
+        """Partial sums of the last check, for `sum_up`: of wires, of pairs, of held nodes."""
         return self._wires.numpy(), self._pairs.numpy(), self.held_stress()
 
     def launches(self) -> list[list[Callable[[], object]]]:
-        """What a look launches, in turn; parts of one list may go side by side."""
+        """Launches of a check, in order; those of one list may run in parallel."""
         return [self._evaluate[self.state.parity], self._sum_wires, [self._sum_pairs.launch]]
 
     def held_stress(self) -> np.ndarray:
-        """(2, 2) [N m] what the forces on held nodes add: a clamp moves with its own place, not with the node's."""
+        """(2, 2) [N m] contribution of held nodes, which move with their clamp."""
         panel = self.model.panel
         if not len(panel.held_node):
             return np.zeros((2, 2))
         return np.einsum("ia,ib->ab", self._held_forces(), panel.held_lever)
 
     def clamp_forces(self) -> np.ndarray:
-        """(clamp, 2) [N] by which the wires pull at their clamps, as of the last look."""
+        """(clamp, 2) [N] forces of the wires on their clamps, at the last check."""
         panel = self.model.panel
         total = np.zeros((len(panel.clamp_position), 2))
         np.add.at(total, panel.held_clamp, self._held_forces())

@@ -176,7 +176,7 @@ def physics(scene: Scene, size: Size) -> Iterator[str]:
         yield "augmented Lagrangian: multipliers take out what softening and contact penalty change, solver.multipliers"
 
 
-def left_out(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
+def limitations(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
     """What a run in the plane would not show."""
     if cloth is not None:
         yield from tight_loops(scene, cloth)

@@ -12,7 +12,7 @@ from ..kernels import control as c
 from ..kernels.multipliers import extrapolate, extrapolate_held_bodies
 from ..launch import bind
 from ..measure import force_scale
-from ..mechanics import Check, Drift, beyond_strength
+from ..mechanics import Check, Drift, strength_exceeded
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
 from ..numerics import LOAD_STEPS
@@ -25,7 +25,7 @@ from .neighbours import RAMP_SHARE, NeighbourSearch
 from .observables import PlanarObservables, read
 from .prolongation import Prolongation
 from .residual import Residual
-from .response import carried_values, find_response, no_response, recall_response
+from .response import find_response, load_response, state_variables, zero_response
 from .slowest_mode import SlowestMode
 from .state import State
 from .strip_step import stepper_of
@@ -191,7 +191,7 @@ class PlanarMechanics:
         residual = float(self._residual(control, self.sums))
         ratio = residual / solver.residual_tolerance
         if solver.multipliers:
-            ratio = max(ratio, self.multipliers.update(self.sums, nearly_steady=ratio < NEARLY_CONVERGED))
+            ratio = max(ratio, self.multipliers.update(self.sums, nearly_converged=ratio < NEARLY_CONVERGED))
         return Check(residual, ratio)
 
     def _residual(self, control: np.ndarray, sums: Sums) -> np.ndarray:
@@ -206,7 +206,7 @@ class PlanarMechanics:
 
     def causes(self) -> str:
         strength, stress = self.model.scene.wire.tensile_strength, measure.stress_extremes(self.observe())[0]
-        causes = beyond_strength(stress, strength)
+        causes = strength_exceeded(stress, strength)
         if self.residual.is_lost_in_round_off(self.diagnostics.sums(), self.state.wire_axial.numpy()):
             name = self.model.precision.name
             causes += f", round-off in {name} precision is more than the forces: solver.precision = 'double'"
@@ -252,8 +252,8 @@ class PlanarMechanics:
     def membrane_grid(self, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> MembraneGrid:
         return MembraneGrid(self.model, self.state, self.slowest_mode.probe, low, cell, cells)
 
-    def carried_values(self) -> dict[str, np.ndarray]:
-        return carried_values(self.model, self.state)
+    def state_variables(self) -> dict[str, np.ndarray]:
+        return state_variables(self.model, self.state)
 
     def move_clamps(self, begin: np.ndarray, end: np.ndarray) -> None:
         self.state.move_clamps(begin, end)
@@ -269,8 +269,8 @@ class PlanarMechanics:
         return self.sums.stress
 
     find_response = staticmethod(find_response)
-    no_response = staticmethod(no_response)
-    load_response = staticmethod(recall_response)
+    zero_response = staticmethod(zero_response)
+    load_response = staticmethod(load_response)
 
     # --- observation
 

@@ -18,7 +18,7 @@ from ..launch import bind
 from .host_state import node_entries
 from .join import Join
 from .model import Model, block_threads
-from .response import Response, carried_values
+from .response import Response, state_variables
 from .state import State
 
 RIM = 3  # repeats at an edge that are carried over one to one
@@ -31,7 +31,7 @@ class Prolongation:
     def __init__(self, large: Model, large_state: State, small: Model, small_state: State) -> None:
         self.large, self.large_state = large, large_state
         self.small, self.small_state = small, small_state
-        self._last = carried_values(small, small_state)
+        self._last = state_variables(small, small_state)
         self._places()
 
     def state_dict(self) -> dict[str, np.ndarray]:
@@ -107,7 +107,7 @@ class Prolongation:
         """
         large, state = self.large, self.large_state
         self._follow_stiffness()
-        values = carried_values(self.small, self.small_state)
+        values = state_variables(self.small, self.small_state)
         real, device = large.precision.real, large.device
         change: dict[str, wp.array] = {
             name: wp.array(values[name] - self._last[name], dtype=real, device=device) for name in values

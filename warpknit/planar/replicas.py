@@ -163,21 +163,21 @@ class ReplicaGroup:
             held[:] = [self.members[row].diagnostics.held_stress() for row in rows]
         return sum_up(self.model, self._first_block, wires, pairs, held)
 
-    def _move_multipliers(self, rows: np.ndarray, sums: Sums, nearly_steady: np.ndarray) -> np.ndarray:
+    def _move_multipliers(self, rows: np.ndarray, sums: Sums, nearly_converged: np.ndarray) -> np.ndarray:
         """`Multipliers.update` of many."""
         rules = self._rules
-        stiffer = rules.outgrown(self._axial[rows].astype(np.float64), sums, nearly_steady, rows)
+        stiffer = rules.renewed_axial_stiffness(self._axial[rows].astype(np.float64), sums, nearly_converged, rows)
         penalty = self._control[rows, int(c.CONTACT_STIFFNESS)]
         for row, axial in zip(rows.tolist(), stiffer, strict=True):
             self._stiffer[row][:] = axial
         self._control[rows, int(c.MULTIPLIER_RATE)] = rules.rate[rows]
         self._replay("move", rows)
-        stiffened = rules.stiffened(penalty, sums, rows)
+        stiffened = rules.renewed_penalty(penalty, sums, rows)
         for row, value in zip(rows[stiffened != penalty].tolist(), stiffened[stiffened != penalty].tolist(), strict=True):
             self.members[row].state.stiffen_contact(value)
-        self._mass[rows] = rules.mass(self._mass[rows].astype(np.float64), stiffer, stiffened, sums)
+        self._mass[rows] = rules.renewed_mass(self._mass[rows].astype(np.float64), stiffer, stiffened, sums)
         self._axial[rows] = stiffer
-        return rules.left(sums, rows)
+        return rules.residual_ratio(sums, rows)
 
     def renew(self, rows: np.ndarray, checks: np.ndarray) -> None:
         if self.model.panel.boundary != "periodic":

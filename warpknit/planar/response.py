@@ -17,7 +17,7 @@ STRAIN = 2e-3  # by which one repeat is strained further
 LEAST_STIFFNESS = 1e-2  # of the largest eigenvalue: a softer way to strain the cloth is taken to be as stiff
 
 
-def carried_values(model: Model, state: State) -> dict[str, np.ndarray]:
+def state_variables(model: Model, state: State) -> dict[str, np.ndarray]:
     """What tells two states of a mesh apart: [node] or [body] displacements [m], tension [N] and softened strain, [pair]
     offset [N]. Of the whole mesh, on all ranks that share it."""
     host = read_strip(model, state)
@@ -85,7 +85,7 @@ def find_response(cell_at: CellState, cell: Model, gradient: np.ndarray, tempera
     )
 
 
-def no_response(cell: Model) -> Response:
+def zero_response(cell: Model) -> Response:
     """A cloth that does nothing."""
     nodes, bodies, pairs = cell.panel.node_count, cell.panel.body_count, cell.pair_count
     lengths = {"x": nodes, "y": nodes, "tension": nodes, "strain": nodes, "body_x": bodies, "body_y": bodies, "offset": pairs}
@@ -93,9 +93,9 @@ def no_response(cell: Model) -> Response:
     return Response(np.zeros((2, 2, 2, 2)), _node_of_entry(cell), change)
 
 
-def recall_response(kept: dict[str, np.ndarray], cell: Model) -> Response:
+def load_response(kept: dict[str, np.ndarray], cell: Model) -> Response:
     """The response whose `state_dict` is among what was kept."""
-    response = no_response(cell)
+    response = zero_response(cell)
     for name, value in response.change.items():
         value.assign(kept[f"response_{name}"])
     return replace(response, tangent=kept["response_tangent"])

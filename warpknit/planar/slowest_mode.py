@@ -1,4 +1,4 @@
-"""The damping of a relaxation: near critical for the slowest mode that still moves (kernels/rayleigh.py)."""
+"""Damping of a relaxation: near critical for the slowest active mode, by Rayleigh quotients (kernels/rayleigh.py)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .step import ForceProbe, Stepper
 
 
 class SlowestMode:
-    """Renews the damping at every look; the state of the last look is its memory."""
+    """Updates the damping at every convergence check, from the change since the last one."""
 
     def __init__(self, model: Model, state: State, stepper: Stepper) -> None:
         self.model = model
@@ -40,15 +40,15 @@ class SlowestMode:
         ).record(model.device)  # fmt: skip
 
     def state_dict(self) -> dict[str, np.ndarray]:
-        """What a checkpoint keeps."""
-        return {f"look_{k}": value.numpy().copy() for k, value in enumerate(self._last)}
+        """Arrays for a checkpoint."""
+        return {f"slowest_mode_{k}": value.numpy().copy() for k, value in enumerate(self._last)}
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         for k, value in enumerate(self._last):
-            value.assign(kept[f"look_{k}"])
+            value.assign(kept[f"slowest_mode_{k}"])
 
     def update(self, *, use: bool) -> None:
-        """Take in the state; with `use`, set the damping from what happened since the last look."""
+        """Store the state; with `use`, set the damping from the change since the last check."""
         state = self.state
         self.probe.evaluate()
         self.launch_sum()
@@ -58,10 +58,12 @@ class SlowestMode:
             self.state.write_control({c.DAMPING: float(renewed)})
 
     def launch_sum(self) -> None:
-        """Sum up what moved since the last look, after the probe; this state becomes that of the last look."""
+        """Sum the changes since the last check, after the probe, and store the state."""
         self._sum[self.state.parity].launch()
 
     def renewed(self, damping: np.ndarray, total: np.ndarray) -> np.ndarray:
-        """Damping (...) [1/s] after one of `damping`, by the sums (..., 2) over what kernels/rayleigh.py left; unchanged where
-        nothing moved. A leading axis counts replicas."""
+        """Updated damping (...) [1/s] from the sums (..., 2) of kernels/rayleigh.py; unchanged without motion.
+
+        A leading axis counts replicas.
+        """
         return renewed_damping(damping, total[..., 0], total[..., 1], self._slowest)

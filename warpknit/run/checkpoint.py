@@ -1,7 +1,7 @@
-"""Checkpoints: all that a run needs to go on to the same bits. Every file is written aside and renamed.
+"""Checkpoints: a resumed run gives bit-identical results. Files are written atomically.
 
-Each rank writes its strip. The file of the first rank comes last, when all others are whole, and names the turn they belong
-to: until it is renamed the files of the turn before are in force, and they have other names.
+Each rank writes its strip. Files alternate between turn 0 and turn 1. The file of the first rank names the valid turn; it is
+written last, when all others are complete, so the earlier turn stays valid until then.
 """
 
 from __future__ import annotations
@@ -23,43 +23,43 @@ UNUSABLE = (OSError, ValueError, KeyError, zipfile.BadZipFile)
 
 
 def write_checkpoint(directory: Path, simulation: Simulation, scene_hash: str, wall: float) -> None:
-    """Save state, loop memory and progress; `wall` [s] is the time the run has taken so far."""
+    """Save state, solver variables and progress; `wall` [s] is the wall time so far."""
     ranks = simulation.model.ranks
-    turn = ranks.from_first(lambda: 1 - _turn_in_force(directory))
-    about = {
+    turn = ranks.from_first(lambda: 1 - _valid_turn(directory))
+    header = {
         "scene": scene_hash, "wall_s": wall, "progress": simulation.progress.as_dict(), "ranks": ranks.count, "turn": turn
     }  # fmt: skip
     kept = {f"state_{name}": value for name, value in simulation.state.arrays().items()}
-    kept |= {f"memory_{name}": value for name, value in simulation.state_dict().items()}
+    kept |= {f"solver_{name}": value for name, value in simulation.state_dict().items()}
     (directory / FILE).parent.mkdir(parents=True, exist_ok=True)
     if not ranks.is_first:
-        _write(_strip_file(directory, turn, ranks.rank), about, kept)
-    ranks.everyone(None)  # all others are whole
+        _write(_strip_file(directory, turn, ranks.rank), header, kept)
+    ranks.everyone(None)  # the files of all others are complete
     if ranks.is_first:
-        _write(directory / FILE, about, kept)
+        _write(directory / FILE, header, kept)
 
 
-def _write(path: Path, about: dict[str, Any], kept: dict[str, Any]) -> None:
+def _write(path: Path, header: dict[str, Any], kept: dict[str, Any]) -> None:
     with write_aside(path, "wb") as file:
-        np.savez(file, about=np.array(json.dumps(about)), **kept)
+        np.savez(file, about=np.array(json.dumps(header)), **kept)
 
 
 def _strip_file(directory: Path, turn: int, rank: int) -> Path:
     return directory / FILE.parent / f"strip_{rank:05d}_turn_{turn}.npz"
 
 
-def _turn_in_force(directory: Path) -> int:
-    """The turn of the checkpoint in a directory; 0 where there is none that can be read."""
+def _valid_turn(directory: Path) -> int:
+    """Turn of the checkpoint in a directory; 0 where none is readable."""
     try:
-        return int(_about(directory / FILE)["turn"])
+        return int(_header(directory / FILE)["turn"])
     except UNUSABLE:
         return 0
 
 
-def _about(path: Path) -> dict[str, Any]:
+def _header(path: Path) -> dict[str, Any]:
     with np.load(path, allow_pickle=False) as file:
-        about: dict[str, Any] = json.loads(str(file["about"]))
-    return about
+        header: dict[str, Any] = json.loads(str(file["about"]))
+    return header
 
 
 def has_checkpoint(directory: Path) -> bool:
@@ -72,10 +72,10 @@ class Checkpoint:
     def __init__(self, directory: Path, scene_hash: str, ranks: Ranks) -> None:
         path = directory / FILE
         try:
-            about = _about(path)
-            count, scene = about["ranks"], about["scene"]
+            header = _header(path)
+            count, scene = header["ranks"], header["scene"]
             if count == ranks.count and not ranks.is_first:
-                path = _strip_file(directory, about["turn"], ranks.rank)
+                path = _strip_file(directory, header["turn"], ranks.rank)
             with np.load(path, allow_pickle=False) as file:
                 self._arrays = {name: file[name] for name in file.files if name != "about"}
         except UNUSABLE as error:
@@ -89,11 +89,11 @@ class Checkpoint:
                 f"{path}: given {ranks.count} ranks, allowed: the {count} that wrote the checkpoint (mpirun -n {count});"
                 f" or start over with --force"
             )
-        self.progress = Progress.from_dict(about["progress"])
-        self.wall = float(about["wall_s"])
+        self.progress = Progress.from_dict(header["progress"])
+        self.wall = float(header["wall_s"])
 
     def restore(self, simulation: Simulation) -> None:
-        """Put state and memory back; `simulation` was made with this checkpoint's progress."""
+        """Restore state and solver variables; `simulation` was made with the progress of this checkpoint."""
         state = {name[6:]: value for name, value in self._arrays.items() if name.startswith("state_")}
         simulation.state.restore(state)
-        simulation.load_state_dict({name[7:]: value for name, value in self._arrays.items() if name.startswith("memory_")})
+        simulation.load_state_dict({name[7:]: value for name, value in self._arrays.items() if name.startswith("solver_")})

@@ -25,24 +25,23 @@ class Row(SimpleNamespace):
 
     @property
     def is_hook(self) -> bool:
-        """Whether it is of two hooked wires."""
+        """Whether the row is of two hooked wires."""
         return "displacement_m" in vars(self)
 
     @property
     def hook_is_closed(self) -> bool:
-        """Whether both hooked wires press."""
+        """Whether both contacts of the hook carry force."""
         return bool(self.force_left_N > 0.0 and self.force_right_N > 0.0)
 
 
 def row_of(record: Record) -> Row:
-    """What history.csv keeps of a record; `account_work` fills in the work of a relaxation, `account_sliding` the way of a hook's
-    contact."""
-    found = {line.name: line.value(record) for line in table.MEASURES if line.history}
-    return Row(**{name: value for name, value in found.items() if value is not None})
+    """The row of a record; `add_work` and `add_sliding` fill in work and sliding distance."""
+    values = {line.name: line.value(record) for line in table.MEASURES if line.history}
+    return Row(**{name: value for name, value in values.items() if value is not None})
 
 
-def account_sliding(rows: Sequence[Row]) -> None:
-    """Fill in how far a hook's contact has slid at the last row, from the rows before."""
+def add_sliding(rows: Sequence[Row]) -> None:
+    """Fill in the sliding distance of a hook's contact in the last row."""
     if len(rows) < 2 or not rows[-1].is_hook:
         return
     before, now = rows[-2:]
@@ -51,11 +50,11 @@ def account_sliding(rows: Sequence[Row]) -> None:
     now.slide_right_m = before.slide_right_m + slides * abs(now.arc_right_m - before.arc_right_m)
 
 
-def account_work(rows: list[Row], model: MeshModel) -> None:
-    """Fill in the work of a relaxation: the work along the steady states, by a cubic spline through each stage's rows.
+def add_work(rows: list[Row], model: MeshModel) -> None:
+    """Fill in the work of a relaxation, by a cubic spline through the equilibria of each stage.
 
-    W = integral of A0 P : dF + (thermal force) d(length factor). The states are steady, so this is the work of a load put on
-    slowly; what a snap from one state to another loses shows as a difference to the stored energy.
+    W = integral of A0 P : dF + (thermal force) d(length factor), the work of a quasi-static load. Energy lost in a snap-through
+    between two equilibria shows as a difference from the stored energy.
     """
     if model.scene.solver.drive != "relax" or not rows:
         return
@@ -66,7 +65,7 @@ def account_work(rows: list[Row], model: MeshModel) -> None:
         end = begin + 1
         while end + 1 < len(rows) and rows[end + 1].stage == rows[end].stage:
             end += 1
-        part = rows[begin : end + 1]  # the last row of the stage before starts this one
+        part = rows[begin : end + 1]  # begins with the last row of the stage before
         force = np.array([[area * r.nominal_weft_N_per_m, area * r.nominal_shear_N_per_m, area * r.nominal_warp_N_per_m,
                            area * r.clamp_couple_N_per_m, r.thermal_force_J] for r in part])  # fmt: skip
         place = np.array([[r.strain_weft, r.shear, r.strain_warp, r.clamp_rotation, r.length_factor] for r in part])
@@ -83,7 +82,7 @@ def account_work(rows: list[Row], model: MeshModel) -> None:
 
 
 def write_history(path: Path, rows: list[Row]) -> None:
-    """Write all rows; the file is whole or as it was before."""
+    """Write all rows, atomically."""
     with write_aside(path) as file:
         writer = csv.DictWriter(file, list(vars(rows[0])))
         writer.writeheader()
@@ -91,7 +90,7 @@ def write_history(path: Path, rows: list[Row]) -> None:
 
 
 def read_history(path: Path) -> list[Row]:
-    """Rows of a history.csv that `write_history` wrote; numbers come back to the bit."""
+    """Rows of a history.csv that `write_history` wrote, bit-identical."""
     kinds = {line.name: line.kind for line in table.MEASURES}
     with open(path, newline="", encoding="utf-8") as file:
         return [Row(**{name: kinds[name](value) for name, value in row.items()}) for row in csv.DictReader(file)]

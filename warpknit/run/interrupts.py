@@ -1,4 +1,4 @@
-"""Ctrl-C and requests to terminate, taken where a command can stop in good order."""
+"""SIGINT and SIGTERM, handled where a command can stop safely."""
 
 from __future__ import annotations
 
@@ -8,36 +8,36 @@ from contextlib import contextmanager, suppress
 
 
 class Interrupted(Exception):
-    """The command was asked to stop; raised by `Interrupts.check`."""
+    """A stop was requested; raised by `Interrupts.check`."""
 
 
 class Interrupts:
-    """Remembers the first request to stop until `check` is called; a second one stops at once."""
+    """Stores a stop request until `check` is called; a second request stops at once."""
 
     def __init__(self) -> None:
-        self.asked = False
+        self.is_requested = False
 
-    def ask(self) -> None:
-        """Ask for a stop at the next `check`; asked twice, it stops at once."""
-        if self.asked:
+    def request(self) -> None:
+        """Request a stop at the next `check`; the second request stops at once."""
+        if self.is_requested:
             raise KeyboardInterrupt
-        self.asked = True
+        self.is_requested = True
 
     def check(self) -> None:
-        """Raise `Interrupted` where a stop was asked for."""
-        if self.asked:
+        """Raise `Interrupted` if a stop was requested."""
+        if self.is_requested:
             raise Interrupted
 
     @contextmanager
-    def caught(self) -> Iterator[None]:
-        """While inside, requests are kept for `check`."""
+    def handled(self) -> Iterator[None]:
+        """Store signals for `check` while inside."""
 
         def take(number: int, _frame: object) -> None:
-            self.ask()
+            self.request()
 
         before = {}
         for number in (signal.SIGINT, signal.SIGTERM):
-            with suppress(ValueError):  # not in the main thread: signals stay with whoever has them
+            with suppress(ValueError):  # not in the main thread
                 before[number] = signal.signal(number, take)
         try:
             yield

@@ -1,4 +1,4 @@
-"""What a run says of a panel: its maps as tables, and the figures of the whole that a designer compares."""
+"""Results of a panel: maps as tables, and values of the summary."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from ..mesh.rim import Rim, build_rim
 
 @dataclass(frozen=True)
 class PanelReport:
-    """Tables and numbers of one recorded state of a panel."""
+    """Tables and summary of one recorded state of a panel."""
 
     map: PanelMap
     surface: Surface | None
-    edge: dict[str, np.ndarray]  # columns of panel/edge_*.csv, a value a station of the rim, round the panel
-    mean_gradient: np.ndarray  # (2, 2) deformation gradient of the panel as a whole
+    edge: dict[str, np.ndarray]  # columns of panel/edge_*.csv, one value a station of the rim
+    mean_gradient: np.ndarray  # (2, 2) mean deformation gradient of the panel
     summary: dict[str, Any]
 
     def map_table(self) -> dict[str, np.ndarray]:
-        """Columns of panel/map_*.csv, a value for each tile that is mesh for the better part.
+        """Columns of panel/map_*.csv, one value for each tile that is mostly mesh.
 
-        A tile's place is that of its middle from the middle of the panel: as knitted, and as strained with the whole.
+        Positions are those of the tile centres from the centre of the panel, undeformed and in the mean deformation.
         """
         m = self.map
         known = m.known
@@ -47,14 +47,14 @@ class PanelReport:
         }
 
     def surface_table(self) -> dict[str, np.ndarray]:
-        """Columns of panel/surface_*.csv, a value a point, from the middle of the panel as strained."""
+        """Columns of panel/surface_*.csv, one value a point, from the centre of the deformed panel."""
         assert self.surface is not None
         s = self.surface
         return {"x_m": s.point[:, 0], "y_m": s.point[:, 1], "height_m": s.height, "deviation_m": s.deviation}
 
 
-def cord_numbers(rim: Rim, gradient: np.ndarray, stations: np.ndarray) -> dict[str, float]:
-    """What the summary says of the cords of an edge whose stations (station, 2) [m] are moved; nothing where there are none."""
+def cord_values(rim: Rim, gradient: np.ndarray, stations: np.ndarray) -> dict[str, float]:
+    """Summary of the cords, from the displacement (station, 2) [m] of the stations; empty without cords."""
     if not rim.is_free:
         return {}
     tension = rim.cord_forces(gradient, stations)[1]
@@ -66,34 +66,34 @@ def cord_numbers(rim: Rim, gradient: np.ndarray, stations: np.ndarray) -> dict[s
 
 
 def cord_summary(record: Record) -> dict[str, Any] | None:
-    """The edge of a mesh that hangs on cords; None of one that does not."""
+    """Summary of the edge of a mesh on cords, else None."""
     model = record.observables.model
     if model.scene.panel.cord is None:
         return None
     rim = build_rim(model.panel, model.scene)
-    cords = cord_numbers(rim, record.observables.stretch, _stations(record, rim))
+    cords = cord_values(rim, record.observables.stretch, _stations(record, rim))
     return {"outline": model.scene.panel.outline, "area_m2": model.panel.area} | cords
 
 
 def _stations(record: Record, rim: Rim) -> np.ndarray:
-    """(station, 2) [m] displacement of the rim, where it has none too."""
+    """(station, 2) [m] displacement of the rim, zero where it is fixed."""
     return record.stations if len(record.stations) else np.zeros((len(rim.arc), 2))
 
 
 def report_panel(record: Record) -> PanelReport | None:
-    """The report of a gripped panel; None of a mesh without a map."""
+    """The report of a gripped panel; None for a mesh without a map."""
     r = record.observables
-    found = r.panel_map
-    if found is None:
+    panel_map = r.panel_map
+    if panel_map is None:
         return None
     model = r.model
     options = model.scene.panel
-    least = np.minimum(found.tension[..., 0, 0], found.tension[..., 1, 1])[found.known]
-    numbers: dict[str, Any] = {
+    least = np.minimum(panel_map.tension[..., 0, 0], panel_map.tension[..., 1, 1])[panel_map.known]
+    values: dict[str, Any] = {
         "outline": options.outline,
         "area_m2": model.panel.area,
-        "tension_median_weft_N_per_m": float(np.median(found.tension[found.known][:, 0, 0])),
-        "tension_median_warp_N_per_m": float(np.median(found.tension[found.known][:, 1, 1])),
+        "tension_median_weft_N_per_m": float(np.median(panel_map.tension[panel_map.known][:, 0, 0])),
+        "tension_median_warp_N_per_m": float(np.median(panel_map.tension[panel_map.known][:, 1, 1])),
         "tension_least_N_per_m": float(least.min()),
         "tension_threshold_N_per_m": options.tension_threshold,
         "area_below_tension_percent": None,
@@ -102,24 +102,26 @@ def report_panel(record: Record) -> PanelReport | None:
     }
     with np.errstate(invalid="ignore"):
         if options.tension_threshold is not None:
-            slack = np.minimum(found.tension[..., 0, 0], found.tension[..., 1, 1]) < options.tension_threshold
-            numbers["area_below_tension_percent"] = 100.0 * found.area_share(slack)
+            slack = np.minimum(panel_map.tension[..., 0, 0], panel_map.tension[..., 1, 1]) < options.tension_threshold
+            values["area_below_tension_percent"] = 100.0 * panel_map.area_share(slack)
         if options.active_threshold is not None:
-            numbers["area_below_active_percent"] = 100.0 * found.area_share(found.active_percent < options.active_threshold)
+            values["area_below_active_percent"] = 100.0 * panel_map.area_share(
+                panel_map.active_percent < options.active_threshold
+            )
     surface = None
     rim = build_rim(model.panel, model.scene)
     stations = _stations(record, rim)
-    numbers |= cord_numbers(rim, r.stretch, stations)
+    values |= cord_values(rim, r.stretch, stations)
     if options.focal_length is not None:
         middle = model.panel.low + 0.5 * model.panel.size
-        surface = find_surface(found, rim, r.stretch, stations, middle, options.focal_length)
-        numbers["surface"] = {
+        surface = find_surface(panel_map, rim, r.stretch, stations, middle, options.focal_length)
+        values["surface"] = {
             "focal_length_m": options.focal_length,
             "rms_deviation_m": surface.rms_deviation,
             "rms_best_fit_m": surface.rms_best_fit,
             "pillowing_m": surface.pillowing,
             "slope_max": float(np.hypot(*surface.point.T).max() / (2.0 * options.focal_length)),
         }
-    at = (rim.place - model.panel.low - 0.5 * model.panel.size) @ r.stretch.T + stations
-    edge = {"x_m": at[:, 0], "y_m": at[:, 1], "held": rim.given.astype(int)}
-    return PanelReport(found, surface, edge, r.stretch, numbers)
+    position = (rim.place - model.panel.low - 0.5 * model.panel.size) @ r.stretch.T + stations
+    edge = {"x_m": position[:, 0], "y_m": position[:, 1], "held": rim.given.astype(int)}
+    return PanelReport(panel_map, surface, edge, r.stretch, values)

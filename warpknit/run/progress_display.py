@@ -1,4 +1,4 @@
-"""How far a run is, told while it runs. The run calls one object; which one decides what is seen.
+"""Progress of a run on the terminal or in the log.
 
 with progress:
     progress.stage("load", number=1, of=2)
@@ -19,13 +19,13 @@ LINE_INTERVAL = 30.0  # [s] between lines where there is no terminal
 
 
 class Progress:
-    """Says nothing: the null version, and the interface of the others."""
+    """The interface; this one shows nothing."""
 
     def __enter__(self) -> Progress:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
-        """Nothing to put away."""
+        """Nothing to release."""
 
     def stage(self, name: str, *, number: int, of: int) -> None:
         """A stage of the loading begins; stages are numbered from 1."""
@@ -35,17 +35,17 @@ class Progress:
 
 
 class StageLines(Progress):
-    """A line a stage through logging, and one every LINE_INTERVAL, where nobody watches."""
+    """Log lines, without a terminal: one a stage and one every LINE_INTERVAL."""
 
     def __init__(self) -> None:
-        self._said = time.monotonic()
+        self._last_line = time.monotonic()
 
     def stage(self, name: str, *, number: int, of: int) -> None:
         _log.info("stage %d of %d: %s", number, of, name)
 
     def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None) -> None:
-        if time.monotonic() - self._said > LINE_INTERVAL:
-            self._said = time.monotonic()
+        if time.monotonic() - self._last_line > LINE_INTERVAL:
+            self._last_line = time.monotonic()
             rate = "" if node_steps_per_s is None else f", {node_steps_per_s:.2g} node-steps/s"
             _log.info("  %.0f %% done, load %.0f %%%s", 100 * done, 100 * load_factor, rate)
 

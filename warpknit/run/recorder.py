@@ -1,4 +1,4 @@
-"""What a run writes as it goes on and at its end, whatever its model: states, rows, summaries, figures, checkpoints.
+"""Files that a run writes: states, rows, summaries, figures, checkpoints.
 
 Every file is written aside and renamed.
 """
@@ -23,24 +23,24 @@ from ..memory import available_memory
 from ..scene import Scene, resolved_toml
 from ..solve.simulate import Progress, Simulation
 from .checkpoint import Checkpoint
-from .history import Row, account_sliding, account_work, read_history, row_of, write_history
+from .history import Row, add_sliding, add_work, read_history, row_of, write_history
 from .panel_report import cord_summary, report_panel
 from .progress_display import Progress as Display
-from .run_directory import Ending
+from .run_directory import CommandResult
 from .summary import Estimate, run_summary, stage_summary
 from .watch import Watch
 
 if TYPE_CHECKING:
     from ..export.frame_files import FrameWriter
 
-RECORD_MEMORY = 400  # bytes a node that writing a record takes: the frame and its tables
-RESERVED_DISK = 64 * 2**10  # [bytes] kept free for summary.json of a run whose disk is full
+RECORD_MEMORY = 400  # bytes a node for writing a record: the frame and its tables
+RESERVED_DISK = 64 * 2**10  # [bytes] reserved for summary.json in case the disk is full
 
-Judge = Callable[[Record], Estimate]
+ErrorEstimator = Callable[[Record], Estimate]
 
 
 def open_frames(scene: Scene, layout: WireLayout, out: Path, *, resume: bool, hold: int | None) -> FrameWriter:
-    """Where the recorded states of a run go."""
+    """Writer of the recorded states of a run."""
     from .. import __version__
     from ..export.frame_files import StageOptions
     from ..export.writer_process import frame_writer
@@ -57,7 +57,7 @@ def open_frames(scene: Scene, layout: WireLayout, out: Path, *, resume: bool, ho
 
 
 def frame_of(record: Record) -> Frame:
-    """The state for the exports."""
+    """The recorded state as a frame for the exports."""
     return measure.frame(
         record.observables,
         index=record.index,
@@ -68,8 +68,7 @@ def frame_of(record: Record) -> Frame:
 
 
 class Recorder:
-    """Runs a simulation and writes what it yields; `judge` is asked for the errors of the last record of a run that came to its
-    end."""
+    """Runs a simulation and writes its records; `error_estimator` estimates the error of the last one of a finished run."""
 
     def __init__(
         self,
@@ -79,7 +78,7 @@ class Recorder:
         compile_time: float,
         checkpoint: Checkpoint | None,
         hold: int | None,
-        judge: Judge | None = None,
+        error_estimator: ErrorEstimator | None = None,
     ) -> None:
         self.model: MeshModel = simulation.model.whole
         self.scene: Scene = self.model.scene
@@ -87,7 +86,7 @@ class Recorder:
         self.out = out
         self.display = display
         self.compile_time = compile_time
-        self.judge = judge
+        self.error_estimator = error_estimator
         self.rows: list[Row] = []
         self.stages: list[dict[str, Any]] = []
         self.last: Record | None = None
@@ -97,7 +96,7 @@ class Recorder:
             out,
             wall_before=checkpoint.wall if checkpoint else 0.0,
             show=self._show,
-            before_checkpoint=lambda: self.frames.flush(),  # a checkpoint is not ahead of the frames that it counts
+            before_checkpoint=lambda: self.frames.flush(),  # the frames that a checkpoint counts are on the disk
         )
         if checkpoint is not None:
             self._load_rows()
@@ -109,19 +108,21 @@ class Recorder:
         self._reserve.write_bytes(bytes(RESERVED_DISK))
         self.frames = open_frames(self.scene, self.model.layout(), out, resume=checkpoint is not None, hold=hold)
 
-    def run(self) -> Ending:
+    def run(self) -> CommandResult:
         with self.frames:
             try:
-                ending = self.watch.run(self._keep)
+                loop = self.watch.run(self._write_record)
                 self.frames.flush()
             except (MemoryError, OSError, OutOfResources):
                 self._reserve.unlink(missing_ok=True)
                 self._write_summary("interrupted", "ran out of memory or disk")
                 raise
-            code, message = ending.exit_code, ending.message
-            unsteady = ending.reason == "steady" and not self.rows[-1].steady
-            estimate = self.judge(self.last) if code == 0 and self.judge is not None and self.last is not None else None
-            summary = self._write_summary("finished" if unsteady else ending.reason, message, estimate)
+            code, message = loop.exit_code, loop.message
+            is_unconverged = loop.reason == "steady" and not self.rows[-1].steady
+            estimate = None
+            if code == 0 and self.error_estimator is not None and self.last is not None:
+                estimate = self.error_estimator(self.last)
+            summary = self._write_summary("finished" if is_unconverged else loop.reason, message, estimate)
             self.frames.close(complete=code == 0)
         self._reserve.unlink(missing_ok=True)
         if self.scene.output.figures and self.rows:
@@ -132,27 +133,27 @@ class Recorder:
             export_run(self.out, "vtk")
         if code == 0:
             shutil.rmtree(self.out / "checkpoint", ignore_errors=True)
-        return Ending(code, summary, message)
+        return CommandResult(code, summary, message)
 
     # --- records ---
 
-    def _keep(self, record: Record) -> None:
-        """Write one record: its state, its USD frame, its row; then the stage's summary where the stage ends."""
+    def _write_record(self, record: Record) -> None:
+        """Write the state, the USD frame and the row of a record; at the end of a stage also its summary."""
         self._reserve_memory()
         row = row_of(record)
         self.frames.add_frame(frame_of(record))
         self.rows.append(row)
-        account_work(self.rows, self.simulation.model)
-        account_sliding(self.rows)
+        add_work(self.rows, self.simulation.model)
+        add_sliding(self.rows)
         write_history(self.out / "history.csv", self.rows)
         if record.load_factor == 1.0:
-            self.stages.append(stage_summary(record, self.rows, self._keep_panel(record)))
+            self.stages.append(stage_summary(record, self.rows, self._write_panel(record)))
             with write_aside(self.out / "stages.json") as file:
                 json.dump(self.stages, file, allow_nan=False)
         self.last = record
 
-    def _keep_panel(self, record: Record) -> dict[str, Any] | None:
-        """Write the maps of a panel at the end of a stage; what the summary says of it."""
+    def _write_panel(self, record: Record) -> dict[str, Any] | None:
+        """Write the maps of a panel at the end of a stage; return its part of the summary."""
         report = report_panel(record)
         if report is None:
             return cord_summary(record)
@@ -164,7 +165,7 @@ class Recorder:
         return report.summary
 
     def _reserve_memory(self) -> None:
-        """Raise `OutOfResources` before a library that does not survive it runs out of memory."""
+        """Raise `OutOfResources` before a library fails for lack of memory."""
         needed, available = RECORD_MEMORY * self.model.node_count, available_memory()
         if needed > available:
             raise OutOfResources(
@@ -193,7 +194,7 @@ class Recorder:
         return summary
 
     def _load_rows(self) -> None:
-        """Take up the rows and stage summaries that stand in the directory, up to the checkpoint."""
+        """Load the rows and stage summaries in the directory, up to the checkpoint."""
         count = self.simulation.progress.records
         self.rows = read_history(self.out / "history.csv")[:count] if count else []
         if len(self.rows) < count:
@@ -212,7 +213,7 @@ class Recorder:
             self._stage_shown = progress.stage_index
             self.display.stage(stages[progress.stage_index].name, number=progress.stage_index + 1, of=len(stages))
         elapsed = time.perf_counter() - self.watch.begin
-        # none while a large mesh waits for its smaller ones
+        # None while the smaller meshes of a large one are solved
         rate = progress.steps * self.model.node_count / elapsed if elapsed > 0 and progress.steps else None
         records = progress.level - (progress.stage_index == 0)  # the first stage begins with the unloaded state
         self.display.update(
@@ -234,7 +235,7 @@ class Recorder:
 
 
 def _finite(tree: Any) -> Any:
-    """The same with None for numbers that are not finite: no file holds a NaN."""
+    """The tree with None in place of numbers that are not finite."""
     if isinstance(tree, dict):
         return {key: _finite(value) for key, value in tree.items()}
     if isinstance(tree, list | tuple):

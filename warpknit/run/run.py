@@ -1,4 +1,4 @@
-"""A run from a scene to a directory: what it leaves there, how it is interrupted, resumed and refused.
+"""Runs a scene into a directory, with interrupt and resume.
 
 DIR holds summary.json, history.csv, scene.toml (resolved), layout.npz, states/state_######.npz, scene.usda with its layers,
 figures/*.png and checkpoint/. Every file is written aside and renamed.
@@ -22,14 +22,14 @@ from ..scene.capabilities import refuse
 from ..solve.simulate import Simulation
 from .checkpoint import Checkpoint, has_checkpoint
 from .progress_display import Progress as Display
-from .recorder import Judge, Recorder
-from .run_directory import Ending, check_directory, clear, finished_before, make_directory
+from .recorder import ErrorEstimator, Recorder
+from .run_directory import CommandResult, check_directory, clear, finished_result, make_directory
 from .watch import Watch
 
 _log = logging.getLogger(__name__)
 
-PATIENCE = 30.0  # [s] that an earlier run may take to finish its last frame after it was killed
-COMPILING_S = 1.0  # kernels that took longer to be ready were compiled, not loaded
+LOCK_TIMEOUT = 30.0  # [s] for a killed run to finish its last frame
+COMPILING_S = 1.0  # a longer start means that kernels were compiled, not loaded
 
 
 def run_scene(
@@ -41,10 +41,10 @@ def run_scene(
     force: bool = False,
     progress: Display | None = None,
     ranks: Ranks | None = None,
-    judge: Judge | None = None,
-) -> Ending:
+    error_estimator: ErrorEstimator | None = None,
+) -> CommandResult:
     """Run `scene` into the directory `out`; several `ranks` that share it all call this, and the first one writes the results.
-    `judge` is asked for the errors of the last state of a run that came to its end.
+    `error_estimator` estimates the error of the last state of a finished run.
 
     Raises `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. A divergence ends with
     exit_code 3, an interrupt with 130; what was finished by then is kept.
@@ -61,43 +61,43 @@ def run_scene(
     if resume and ranks.from_first(lambda: has_checkpoint(out)):
         checkpoint = Checkpoint(out, scene.hash, ranks)
     elif resume:
-        _log.info("%s has no checkpoint: starting over", out)
+        _log.info("%s has no checkpoint: starting from the beginning", out)
     model = build_model(scene, name, ranks)
     simulation = Simulation(model, progress=checkpoint.progress if checkpoint else None)
-    compile_time = _ready(simulation, checkpoint)
+    compile_time = _compile_and_restore(simulation, checkpoint)
     with contextlib.ExitStack() as stack:
-        hold = ranks.from_first(lambda: stack.enter_context(_held(out)))
+        hold = ranks.from_first(lambda: stack.enter_context(_locked(out)))
         if checkpoint is None:
             ranks.from_first(lambda: clear(out))
         if not ranks.is_first:
-            ending = Watch(simulation, out).run(lambda _record: None)
-            return Ending(ending.exit_code, {}, ending.message)
+            loop = Watch(simulation, out).run(lambda _record: None)
+            return CommandResult(loop.exit_code, {}, loop.message)
         where = (out, progress or Display(), compile_time, checkpoint, hold)
-        return Recorder(simulation, *where, judge).run()
+        return Recorder(simulation, *where, error_estimator).run()
 
 
-def _finished_run(scene: Scene, out: Path, resume: bool, force: bool) -> Ending | None:
-    """The run that `out` holds where there is nothing left to resume. Raises `RunDirectoryError` where `out` cannot be used."""
-    if resume and (finished := finished_before(out, "summary.json", scene.hash)) is not None:
+def _finished_run(scene: Scene, out: Path, resume: bool, force: bool) -> CommandResult | None:
+    """The finished run in `out` on --resume, else None. Raises `RunDirectoryError` where `out` cannot be used."""
+    if resume and (finished := finished_result(out, "summary.json", scene.hash)) is not None:
         return finished
     check_directory(out, "run", resume=resume, force=force)
     return None
 
 
 @contextlib.contextmanager
-def _held(out: Path) -> Iterator[int | None]:
-    """Make the directory and keep other runs out of it."""
+def _locked(out: Path) -> Iterator[int | None]:
+    """Make the directory and lock it against other runs."""
     make_directory(out)
     with contextlib.ExitStack() as stack:
         try:
-            hold = stack.enter_context(held_directory(out, PATIENCE))
+            hold = stack.enter_context(held_directory(out, LOCK_TIMEOUT))
         except BlockingIOError as error:
             raise RunDirectoryError(f"{out}: another run is writing there; --out names another directory") from error
         yield hold
 
 
-def _ready(simulation: Simulation, checkpoint: Checkpoint | None) -> float:
-    """Have the kernels of a simulation compiled or loaded, and put back what a checkpoint keeps; how long that took [s]."""
+def _compile_and_restore(simulation: Simulation, checkpoint: Checkpoint | None) -> float:
+    """Compile or load the kernels, and restore the checkpoint; return the time taken [s]."""
     begin = time.perf_counter()
     simulation.compile()
     if checkpoint is not None:

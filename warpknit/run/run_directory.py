@@ -1,4 +1,4 @@
-"""The directory of a run, of a map or of a trade: what may be written there, and what is ours to remove."""
+"""The output directory of a run, map or trade: checks before writing, and removal of old results."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from typing import Any
 from ..errors import RunDirectoryError
 from ..files import write_aside
 
-OURS = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda", "wires.topology.usdc",
+OUTPUT_NAMES = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda", "wires.topology.usdc",
         "wires.manifest.usda", "stages.json", "states", "frames", "figures", "checkpoint", "vtk", "tables", "panel",
         "map.csv", "map.json", "map_details.csv", "seeds",
         "trade.csv", "trade_knobs.csv", "trade.json",
         "report.html", "material_card.csv", "material_card.json", "tension_strain.csv")  # fmt: skip
 SUMMARIES = {"summary.json": "run", "map.json": "map", "trade.json": "trade"}
-BEGUN = {"checkpoint/checkpoint.npz": "run", "map.csv": "map", "trade.csv": "trade"}  # where it has not ended
+TABLES = {"checkpoint/checkpoint.npz": "run", "map.csv": "map", "trade.csv": "trade"}  # of unfinished ones
 
 
 def read_summary(out: Path, name: str) -> dict[str, Any] | None:
-    """The summary `name` of what ended steady or finished in `out`, or None."""
+    """The summary `name` of a converged or finished run in `out`, or None."""
     try:
         summary = json.loads((out / name).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -30,18 +30,18 @@ def read_summary(out: Path, name: str) -> dict[str, Any] | None:
 
 
 @dataclass(frozen=True)
-class Ending:
-    """How a run, a map or a trade ended."""
+class CommandResult:
+    """Exit code, summary and message of a run, map or trade."""
 
     exit_code: int
     summary: dict[str, Any]
     message: str = ""
 
 
-def finished_before(out: Path, name: str, scene_hash: str) -> Ending | None:
-    """What ended in `out`, by its summary `name`; None where nothing did.
+def finished_result(out: Path, name: str, scene_hash: str) -> CommandResult | None:
+    """The finished result in `out` by its summary `name`, or None.
 
-    Raises RunDirectoryError where that was another scene.
+    Raises RunDirectoryError where it is of another scene.
     """
     summary = read_summary(out, name)
     if summary is None:
@@ -50,27 +50,27 @@ def finished_before(out: Path, name: str, scene_hash: str) -> Ending | None:
         kind = SUMMARIES[name]
         raise RunDirectoryError(
             f"{out}: holds the finished {kind} of another scene, or of this one with other --set, --preset or --error;"
-            f" {_ways_out(out, kind)}"
+            f" {_alternatives(out, kind)}"
         )
-    return Ending(0, summary)
+    return CommandResult(0, summary)
 
 
-def goes_on(out: Path, table: str, kind: str, resolved: str, *, resume: bool, force: bool) -> bool:
-    """Whether the map or trade (`kind`) of the scene `resolved` that `out` holds by its `table` is to be gone on with.
+def continues_earlier(out: Path, table: str, kind: str, resolved: str, *, resume: bool, force: bool) -> bool:
+    """Whether to continue the map or trade (`kind`) of the scene `resolved` whose `table` is in `out`.
 
     Raises RunDirectoryError where `out` cannot be used.
     """
-    begun = (out / table).exists()
+    is_begun = (out / table).exists()
     check_directory(out, kind, resume=resume, force=force)
-    if not (resume and begun):
+    if not (resume and is_begun):
         return False
     if (out / "scene.toml").read_text(encoding="utf-8") != resolved:
-        raise RunDirectoryError(f"{out}: holds the {kind} of another scene; {_ways_out(out, kind)}")
+        raise RunDirectoryError(f"{out}: holds the {kind} of another scene; {_alternatives(out, kind)}")
     return True
 
 
 def open_directory(out: Path, resolved: str, *, keep: bool) -> None:
-    """Make `out` with the scene `resolved`, without what an earlier run left unless that is to be kept."""
+    """Make `out` with the scene `resolved`; remove earlier results unless `keep`."""
     if not keep:
         clear(out)
     make_directory(out)
@@ -79,47 +79,47 @@ def open_directory(out: Path, resolved: str, *, keep: bool) -> None:
 
 
 def check_directory(out: Path, wanted: str, *, resume: bool, force: bool) -> None:
-    """Refuse a directory that holds something else than what a run, map or trade (`wanted`) goes on with.
+    """Refuse a directory with results that a run, map or trade (`wanted`) cannot continue.
 
-    Raises RunDirectoryError, which says what to type.
+    Raises RunDirectoryError with the options to use.
     """
     if out.exists() and not out.is_dir():
         raise RunDirectoryError(f"--out {out}: given a file, allowed: a directory")
     if force:
         return
-    ended = [kind for name, kind in SUMMARIES.items() if read_summary(out, name) is not None]
-    if ended:
-        raise RunDirectoryError(f"{out}: holds a finished {ended[0]}; {_ways_out(out, wanted)}")
-    begun = [kind for name, kind in BEGUN.items() if (out / name).exists()]
-    for kind in begun:
+    finished = [kind for name, kind in SUMMARIES.items() if read_summary(out, name) is not None]
+    if finished:
+        raise RunDirectoryError(f"{out}: holds a finished {finished[0]}; {_alternatives(out, wanted)}")
+    unfinished = [kind for name, kind in TABLES.items() if (out / name).exists()]
+    for kind in unfinished:
         if kind != wanted:
-            raise RunDirectoryError(f"{out}: holds an interrupted {kind}; {_ways_out(out, wanted)}")
+            raise RunDirectoryError(f"{out}: holds an interrupted {kind}; {_alternatives(out, wanted)}")
         if not resume:
-            raise RunDirectoryError(f"{out}: holds an interrupted {kind}; --resume goes on with it, --force starts over")
-    foreign = [p.name for p in out.iterdir() if p.name not in OURS and not p.name.startswith(".")] if out.is_dir() else []
+            raise RunDirectoryError(f"{out}: holds an interrupted {kind}; --resume continues it, --force starts over")
+    foreign = [p.name for p in out.iterdir() if p.name not in OUTPUT_NAMES and not p.name.startswith(".")] if out.is_dir() else []
     if foreign and not (out / "scene.toml").exists():
         raise RunDirectoryError(
-            f"{out}: holds files of something else ({foreign[0]}); --out {_free_beside(out, wanted)} is another directory"
+            f"{out}: holds other files ({foreign[0]}); --out {_free_beside(out, wanted)} is another directory"
         )
 
 
-def _ways_out(out: Path, wanted: str) -> str:
-    """What to type for a run, map or trade (`wanted`) to have its own directory, or this one."""
+def _alternatives(out: Path, wanted: str) -> str:
+    """The options for a run, map or trade (`wanted`): another directory, or replacing this one."""
     return f"--out {_free_beside(out, wanted)} keeps both, --force replaces what is there"
 
 
 def _free_beside(out: Path, wanted: str) -> Path:
-    """A directory beside `out` that is not there yet."""
+    """Path of a new directory beside `out`."""
     place = out if out.name not in ("", "..") else out.resolve()
-    number, found = 1, place.parent / f"{place.name}_{wanted}"
-    while found.exists():
+    number, path = 1, place.parent / f"{place.name}_{wanted}"
+    while path.exists():
         number += 1
-        found = place.parent / f"{place.name}_{wanted}_{number}"
-    return found
+        path = place.parent / f"{place.name}_{wanted}_{number}"
+    return path
 
 
 def make_directory(out: Path) -> None:
-    """Make `out` where it is not there. Raises RunDirectoryError."""
+    """Make `out` unless it exists. Raises RunDirectoryError."""
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -127,8 +127,8 @@ def make_directory(out: Path) -> None:
 
 
 def clear(out: Path) -> None:
-    """Remove what an earlier run or map left, and nothing else."""
-    for name in OURS:
+    """Remove results of an earlier run, map or trade, and nothing else."""
+    for name in OUTPUT_NAMES:
         path = out / name
         if path.is_dir():
             shutil.rmtree(path)

@@ -1,4 +1,4 @@
-"""summary.json: what a run found, in SI units (the keys are fixed, see docs/scenes.md)."""
+"""summary.json: results of a run in SI units (docs/scenes.md has the keys)."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ from ..scene.presets import PRESETS
 from .history import Row
 from .warnings_of import warnings_of
 
-STORED_FLOOR = 1e-5  # of EI/W a loop: less counts as no stored energy
+STORED_FLOOR = 1e-5  # of EI/W a loop: below it the stored energy counts as zero
 
 
 def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None = None) -> dict[str, Any]:
-    """The state at the end of a stage, in the sections of the table of measures (measure/table.py); `rows` are all rows up to it,
-    `panel` what is said of a panel as a whole."""
+    """Measures at the end of a stage, by section (measure/table.py).
+
+    `rows` are all rows up to it, `panel` is the section of a panel.
+    """
     model, row = record.observables.model, vars(rows[-1])
     sections: dict[str, dict[str, Any]] = {}
     for line in table.MEASURES:
@@ -38,7 +40,7 @@ def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None 
 
 
 def kinetic_to_internal(rows: list[Row], model: MeshModel) -> float:
-    """Largest kinetic over stored energy of the states that count: steady ones, or a ramp's after a tenth of its load."""
+    """Largest kinetic over stored energy: of equilibria, or of a ramp after a tenth of its load."""
     counted = [row for row in rows if (row.steady or row.load_factor > 0.1) and row.stored > 0.0 and row.load_factor > 0.0]
     floor = 1e-12 * measure.energy_scale(model)
     return max((row.energy_kinetic_J / max(row.stored, floor) for row in counted), default=0.0)
@@ -47,16 +49,16 @@ def kinetic_to_internal(rows: list[Row], model: MeshModel) -> float:
 def energy_balance(rows: list[Row], model: MeshModel) -> float:
     """Work in less stored, dissipated and kinetic energy of the last row, over the larger of stored and EI/W a loop.
 
-    What the damping of a ramp took out is on the books; a relaxation works along steady states, where it takes out nothing.
+    The damping of a ramp counts as dissipated; a relaxation follows equilibria, where damping dissipates nothing.
     """
     return _missing_work(rows, model) / max(rows[-1].stored, measure.energy_scale(model))
 
 
 def energy_balance_of_stored(rows: list[Row], model: MeshModel) -> float:
-    """The same over the most energy that was stored so far; 0 where next to none was."""
-    most = max(row.stored for row in rows)
+    """The same over the largest stored energy so far; 0 where almost none was stored."""
+    largest = max(row.stored for row in rows)
     least = STORED_FLOOR * measure.energy_scale(model)
-    return _missing_work(rows, model) / most if most > least else 0.0
+    return _missing_work(rows, model) / largest if largest > least else 0.0
 
 
 def _missing_work(rows: list[Row], model: MeshModel) -> float:
@@ -67,10 +69,10 @@ def _missing_work(rows: list[Row], model: MeshModel) -> float:
 
 @dataclass(frozen=True)
 class Estimate:
-    """How far the last state of a run may be from the true one, by what it was estimated with."""
+    """Estimated errors of the last state of a run."""
 
-    error: float | None  # the largest of the four below, all relative; None where none could be made
-    active_percent: float | None = None  # points of percent
+    error: float | None  # the largest of the four below, relative; None where there is no estimate
+    active_percent: float | None = None  # percentage points
     tension: float | None = None
     contact_force: float | None = None
     stress: float | None = None
@@ -90,7 +92,7 @@ def run_summary(
     notes: Sequence[str] = (),
     estimate: Estimate | None = None,
 ) -> dict[str, Any]:
-    """The whole of summary.json; the last stage's values stand at the top. `notes` are what the drive has to say."""
+    """All of summary.json, with the values of the last stage on top. `notes` come from the drive."""
     estimate = estimate or Estimate(None)
     scene, panel = model.scene, model.panel
     last = {key: value for key, value in stages[-1].items() if key != "name"} if stages else {}

@@ -12,13 +12,13 @@ from ..text import engineering
 
 
 def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[str, str]]:
-    """What `summary.json` says, as pairs of a heading and a text; what is absent is left out."""
+    """Rows of the table: pairs of a heading and a text, for the keys that `summary.json` has."""
 
     def value(*keys: str) -> Any:
-        found: Any = summary
+        entry: Any = summary
         for key in keys:
-            found = found.get(key) if isinstance(found, Mapping) else None
-        return found
+            entry = entry.get(key) if isinstance(entry, Mapping) else None
+        return entry
 
     stages = value("stages") or []
     if len(stages) > 1:
@@ -51,7 +51,7 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
         if interior is not None and interior < 0.95 * stress:
             yield "  away from the grips", engineering(interior, "Pa")
     if (peak := value("wire", "stress_max_so_far_Pa")) is not None and stress is not None and peak > 1.001 * stress:
-        yield "largest on the way", engineering(peak, "Pa")
+        yield "  largest so far", engineering(peak, "Pa")
     if (error := value("quality", "estimated_error")) is not None:
         yield "estimated error", f"{100 * error:.2g} %"
     if (steps := value("solver", "steps")) is not None:
@@ -66,19 +66,19 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
 
 
 def _hook_rows(hook: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """What there is to say of two hooked wires."""
+    """Rows of two hooked wires."""
     yield "displacement", f"{engineering(hook['displacement_m'], 'm')}, by a force of {engineering(hook['drive_force_N'], 'N')}"
     left, right = hook["force_left_N"], hook["force_right_N"]
     yield "contact force", f"{engineering(left, 'N')} on the left wire, {engineering(right, 'N')} on the right one"
     if min(left, right) <= 0.0:
-        yield "contact at", "nowhere: the wires do not touch"
+        yield "contact at", "none: the wires do not touch"
         return
     places = [f"{engineering(hook[f'arc_{side}_m'], 'm')} on the {side} wire" for side in ("left", "right")]
     yield "contact at", f"{places[0]}, {places[1]} from the lower clamp"
-    ways = [engineering(hook[f"slide_{side}_m"], "m") for side in ("left", "right")]
-    yield "slid since it closed", f"{ways[0]} / {ways[1]}"
+    slides = [engineering(hook[f"slide_{side}_m"], "m") for side in ("left", "right")]
+    yield "slid since it closed", f"{slides[0]} / {slides[1]}"
     if hook["ground_force_N"] > 0.0:
-        yield "held from the ground", engineering(hook["ground_force_N"], "N")
+        yield "force from the ground", engineering(hook["ground_force_N"], "N")
 
 
 def print_summary(summary: Mapping[str, Any], directory: Path) -> None:

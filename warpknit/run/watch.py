@@ -1,6 +1,6 @@
-"""What happens between looks at the state while a run goes on: Ctrl-C is taken, and checkpoints are written.
+"""Callback of a run at every convergence check: handles Ctrl-C, writes checkpoints, shows progress.
 
-Where ranks share the mesh every rank has its watch, and all of them take the same decisions at the same look.
+With several ranks every rank has its own watch, and all take the same decisions at the same check.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from ..solve.simulate import Progress, Simulation
 from .checkpoint import write_checkpoint
 from .interrupts import Interrupted, Interrupts
 
-SHOWN_EVERY = 0.1  # [s]
+DISPLAY_INTERVAL = 0.1  # [s]
 
 
 @dataclass(frozen=True)
-class Ending:
-    """How the time loop ended."""
+class LoopResult:
+    """Why the time loop stopped."""
 
     reason: str  # steady | interrupted | diverged
     exit_code: int = 0
@@ -29,7 +29,7 @@ class Ending:
 
 
 class Watch:
-    """Runs a simulation in a directory; `wall_before` [s] is what earlier parts of the run took."""
+    """Runs a simulation in a directory; `wall_before` [s] is the time of earlier parts of the run."""
 
     def __init__(
         self,
@@ -48,34 +48,36 @@ class Watch:
         self._wall_before = wall_before
         self.begin = self._saved = self._shown = time.perf_counter()
         self.interrupts = Interrupts()
-        simulation.watch = self._look
+        simulation.watch = self._check
 
     @property
     def wall(self) -> float:
-        """[s] the run has taken so far."""
+        """[s] wall time of the run so far."""
         return self._wall_before + time.perf_counter() - self.begin
 
-    def run(self, keep: Callable[[Record], None]) -> Ending:
-        """Run to the end; `keep` gets every record."""
-        with self.interrupts.caught():
+    def run(self, keep: Callable[[Record], None]) -> LoopResult:
+        """Run to the end; `keep` receives every record."""
+        with self.interrupts.handled():
             try:
                 for record in self.simulation.run():
                     keep(record)
             except Interrupted:
                 self._checkpoint()
-                return Ending("interrupted", 130, f"interrupted; --resume goes on from {self.out}")
+                return LoopResult("interrupted", 130, f"interrupted; continue with --resume --out {self.out}")
             except Diverged as error:
-                return Ending("diverged", error.exit_code, str(error))
-        return Ending("steady")
+                return LoopResult("diverged", error.exit_code, str(error))
+        return LoopResult("steady")
 
-    def _look(self, progress: Progress) -> None:
+    def _check(self, progress: Progress) -> None:
         now = time.perf_counter()
-        looks = self._ranks.everyone((self.interrupts.asked, now - self._saved > self._scene.output.checkpoint_interval))
-        if any(interrupt for interrupt, _ in looks):
+        requests = self._ranks.everyone(
+            (self.interrupts.is_requested, now - self._saved > self._scene.output.checkpoint_interval)
+        )
+        if any(interrupt for interrupt, _ in requests):
             raise Interrupted
-        if looks[0][1]:  # by the clock of the first rank
+        if requests[0][1]:  # by the clock of the first rank
             self._checkpoint()
-        if now - self._shown > SHOWN_EVERY:
+        if now - self._shown > DISPLAY_INTERVAL:
             self._shown = now
             self._show(progress)
 

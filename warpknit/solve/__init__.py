@@ -1,1 +1,1 @@
-"""How a state is found: the time step, what is decided between steps, and the loop over the stages."""
+"""The engine: load levels, convergence, and the loop over the stages."""

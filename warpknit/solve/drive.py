@@ -1,4 +1,4 @@
-"""What the two drives share: where a run stands, how a load is put on, records of states, and how a run fails."""
+"""Common part of the two drives: progress, loads, records, errors."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from ..mechanics import Mechanics
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
 from ..scene import Stage
-from .equilibrium import DEEPEST
+from .equilibrium import MAX_OVERLAP
 from .load import load_at, temperature_at
 from .progress import LoadStart, Progress, Record
 
 
 class Drive(ABC):
-    """Takes a mesh through one stage after the other. `watch` is called after every convergence check and may raise to stop."""
+    """Runs the stages of a scene. `watch` is called after every convergence check and may raise to stop."""
 
-    slower: str  # the key that has the load come on more slowly
+    rate_key: str  # the scene key to raise for slower loading
 
     def __init__(self, mechanics: Mechanics, progress: Progress, watch: Callable[[Progress], None]) -> None:
         self.mechanics, self.progress, self.watch = mechanics, progress, watch
         self.scene = mechanics.model.scene
-        self.left_out = 0.0  # stress over the tension, the most that corrections as a membrane were given up with
+        self.membrane_residual = 0.0  # largest membrane stress out of balance, over the tension, of abandoned corrections
         uneven = any(any(stage.temperature_gradient) for stage in self.scene.stages)
         self.edge_work = EdgeWork() if uneven or self.scene.has_moving_edge else None
 
@@ -45,7 +45,7 @@ class Drive(ABC):
 
     @property
     def rim(self) -> Rim | None:
-        """The edge, where it does more than follow the load."""
+        """The edge, where it moves relative to the load, else None."""
         return self.mechanics.rim
 
     @property
@@ -56,45 +56,45 @@ class Drive(ABC):
     @property
     @abstractmethod
     def dissipated(self) -> float:
-        """[J] taken out since the start."""
+        """[J] since the start."""
 
     @abstractmethod
     def stage(self, stage: Stage) -> Iterator[Record]:
         """Records of one stage, from where `progress` stands. Raises `Diverged`."""
 
     def compile(self) -> None:
-        """Have every kernel that the run needs compiled or loaded; everything stays as it is."""
+        """Compile or load every kernel of the run; the state does not change."""
         kept = self.snapshot()
         self.mechanics.compile()
         self.restore(kept)
 
     def snapshot(self) -> dict[str, np.ndarray]:
-        """Host copies of the state, of what is carried from check to check, and of the progress."""
+        """Host copies of the state, the solver variables and the progress."""
         state = {f"state_{name}": value for name, value in self.state.arrays().items()}
         return self.state_dict() | state | {"progress": np.array(json.dumps(self.progress.as_dict()))}
 
     def restore(self, kept: dict[str, np.ndarray]) -> None:
-        """Put back what `snapshot` returned."""
+        """Restore a snapshot."""
         self.state.restore({name[6:]: value for name, value in kept.items() if name.startswith("state_")})
         self.progress.__dict__.update(Progress.from_dict(json.loads(str(kept["progress"]))).__dict__)
         self.load_state_dict(kept)
 
     def state_dict(self) -> dict[str, np.ndarray]:
-        """Arrays that are carried from check to check."""
-        kept = self.mechanics.state_dict() | {"left_out": np.array(self.left_out)}
+        """Solver variables for a checkpoint."""
+        kept = self.mechanics.state_dict() | {"membrane_residual": np.array(self.membrane_residual)}
         return kept | (self.edge_work.state_dict() if self.edge_work is not None else {})
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        """Put back what `state_dict` returned."""
+        """Restore a `state_dict`."""
         self.mechanics.load_state_dict(kept)
-        self.left_out = float(kept["left_out"])
+        self.membrane_residual = float(kept["membrane_residual"])
         if self.edge_work is not None:
             self.edge_work.load_state_dict(kept)
 
     # --- loads
 
     def load_now(self) -> LoadStart:
-        """The load as it is, at the start of a stage."""
+        """The current load, at the start of a stage."""
         index = self.progress.stage_index
         before = self.scene.stages[index - 1].temperature if index else self.scene.wire.reference_temperature
         gradient, stress = self.state.gradient, self.mechanics.stress()
@@ -103,23 +103,23 @@ class Drive(ABC):
         return LoadStart(gradient.ravel().tolist(), np.diag(tension).tolist(), before)
 
     def target(self, stage: Stage, factor: float) -> LoadPoint:
-        """Load of a stage at a load factor; a direction driven by tension keeps the strain it has."""
+        """Load of a stage at a load factor; tension-driven directions keep their strain."""
         progress = self.progress
         return load_at(self.scene, progress.stage_index, stage, factor, progress.start, self.state.gradient, self.rim)
 
     # --- states
 
     def mesh_tension(self, observed: Any) -> np.ndarray:
-        """Tensions (weft, warp) [N/m] of the mesh that the first rank has read."""
+        """Tensions (weft, warp) [N/m] of the mesh, from the first rank."""
         return np.asarray(self.model.ranks.from_first(lambda: np.array(measure.mesh_tension(observed))))
 
     def record(self, stage: Stage, factor: float, *, steady: bool, work: float = 0.0) -> Record:
-        """The state as it is."""
+        """Record of the current state."""
         progress = self.progress
         observables = self.mechanics.observe()
         edge_work = 0.0
         if self.edge_work is not None:
-            edge_work = self.edge_work.account(*self.mechanics.edge_work_terms(observables))
+            edge_work = self.edge_work.add(*self.mechanics.edge_work_terms(observables))
         record = Record(
             index=progress.records,
             stage=stage.name,
@@ -130,7 +130,7 @@ class Drive(ABC):
             steady=steady,
             work=work,
             dissipated=self.dissipated,
-            left_out=self.left_out,
+            membrane_residual=self.membrane_residual,
             edge_work=edge_work,
             stations=self.stations.copy(),
             observables=observables,
@@ -141,21 +141,21 @@ class Drive(ABC):
     # --- failures
 
     def divergence(self) -> Diverged:
-        """The error of a state whose numbers are lost."""
+        """The error of a diverged state."""
         wire, node = self.mechanics.fastest()
         return Diverged(
-            f"diverged at step {self.progress.steps}: wire {wire}, node {node}, {self._where()}; likely the load comes on too"
-            f" fast for the stiffness there: raise {self.slower}"
+            f"diverged at step {self.progress.steps}: wire {wire}, node {node}, {self._where()}; the load is probably"
+            f" applied too fast: raise {self.rate_key}"
         )
 
     def overlap_error(self) -> Diverged | None:
-        """The error of wires that may have passed through each other since the last check; none as knitted."""
-        deepest = self.mechanics.overlap()
-        if deepest <= DEEPEST or self.mechanics.may_overlap:
+        """The error of wires that may have passed through each other, or None."""
+        overlap = self.mechanics.overlap()
+        if overlap <= MAX_OVERLAP or self.mechanics.may_overlap:
             return None
         return Diverged(
-            f"wires overlap by {deepest:.2g} of their thickness at step {self.progress.steps}, {self._where()}: the contact"
-            f" penalty does not hold them apart; raise {self.slower} or contact.stiffness"
+            f"wires overlap by {overlap:.2g} of their thickness at step {self.progress.steps}, {self._where()}: the contact"
+            f" penalty is too small; raise {self.rate_key} or contact.stiffness"
         )
 
     def _where(self) -> str:

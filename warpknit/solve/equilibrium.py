@@ -1,6 +1,6 @@
-"""The loop of a relaxation: steps, a convergence check, and what it decides, until a mesh is in equilibrium under its load.
+"""The loop that finds an equilibrium: time steps and convergence checks until a mesh has converged.
 
-It serves one mesh or many side by side; each decides for itself, so its answer does not depend on which others there are.
+It serves one mesh or many side by side. Each mesh is checked by itself, so results do not depend on the others.
 """
 
 from __future__ import annotations
@@ -18,38 +18,38 @@ from ..numerics import CHECK_STEPS
 from .convergence import TENSION_FLOOR, Convergence
 from .progress import Progress
 
-DEEPEST = 0.5  # of the thickness: an overlap from which wires may pass through each other
+MAX_OVERLAP = 0.5  # of the thickness: above it wires may pass through each other
 
 
 class Relaxing(Protocol):
-    """A relaxation of one mesh, as the loop sees it (relax.py)."""
+    """What the loop needs of a relaxation (relax.py)."""
 
     progress: Progress
     watch: Callable[[Progress], None]
 
     @property
-    def most_steps(self) -> int:
-        """Steps of a level after which it counts as never converging."""
+    def step_limit(self) -> int:
+        """Largest number of steps of a level."""
 
     def corrected(self, ratio: float) -> float:
-        """The ratio of all criteria, after what a drive does beside the steps."""
+        """The residual ratio after corrections beside the time steps."""
 
     def divergence(self) -> Diverged: ...
     def overlap_error(self) -> Diverged | None: ...
     def stalled(self) -> Diverged: ...
-    def too_long(self) -> Diverged: ...
+    def exceeded_steps(self) -> Diverged: ...
 
 
 @dataclass(frozen=True)
-class Advanced:
-    """How the meshes stand after a convergence check."""
+class CheckOutcome:
+    """Meshes that converged or failed at a convergence check."""
 
     converged: list[int]
     failed: dict[int, Diverged]
 
 
 class Equilibrium:
-    """Brings the meshes of a group to equilibrium, each under the load that its relaxation has put on."""
+    """Finds the equilibria of a group of meshes, each under its own load."""
 
     def __init__(self, group: Group, relaxations: Sequence[Relaxing]) -> None:
         self.group, self.relaxations = group, relaxations
@@ -64,12 +64,12 @@ class Equilibrium:
         self._can_overlap = group.members[0].can_overlap
 
     def begin(self, row: int) -> None:
-        """Start to count the checks of a level anew."""
+        """Start a level: reset its checks."""
         self.relaxations[row].progress.checks = 0
         self.convergence.begin(row)
 
-    def advance(self, rows: np.ndarray) -> Advanced:
-        """Take the steps to the next convergence check of these meshes, and decide."""
+    def advance(self, rows: np.ndarray) -> CheckOutcome:
+        """Step these meshes to their next convergence check, and check them."""
         failed: dict[int, Diverged] = {}
         taken, diverged = self.group.advance(rows, CHECK_STEPS)
         for row, steps, lost in zip(rows.tolist(), taken.tolist(), diverged.tolist(), strict=True):
@@ -82,35 +82,35 @@ class Equilibrium:
                 failed[row] = error
         rows = rows[~np.isin(rows, list(failed))]
         if not len(rows):
-            return Advanced([], failed)
+            return CheckOutcome([], failed)
         checks = np.array([self.relaxations[row].progress.checks for row in rows])
         loading = self.group.is_loading(rows)
-        found = self.group.check(rows, checks, loading)
-        ratio = found.ratio
-        for row, residual in zip(rows[~loading].tolist(), found.residual[~loading].tolist(), strict=True):
+        check = self.group.check(rows, checks, loading)
+        ratio = check.ratio
+        for row, residual in zip(rows[~loading].tolist(), check.residual[~loading].tolist(), strict=True):
             self.relaxations[row].progress.residual = residual
         if len(self.group.members) == 1 and not loading[0]:
             ratio = np.array([self.relaxations[0].corrected(float(ratio[0]))])
         ratio = self.convergence.with_drift(rows, ratio, self.group.stress)
-        going = ratio >= 1.0
-        judged = going & ~loading
-        stalled = self.convergence.is_stalled(rows[judged], ratio[judged])
-        for row in rows[judged][stalled].tolist():
+        unconverged = ratio >= 1.0
+        checked = unconverged & ~loading
+        stalled = self.convergence.is_stalled(rows[checked], ratio[checked])
+        for row in rows[checked][stalled].tolist():
             failed[row] = self.relaxations[row].stalled()
-        for row, count in zip(rows[going].tolist(), checks[going].tolist(), strict=True):
-            if count * CHECK_STEPS > self.relaxations[row].most_steps:
-                failed[row] = self.relaxations[row].too_long()
-        if going.any():
-            self.group.renew(rows[going], checks[going])
-        return Advanced(rows[~going].tolist(), failed)
+        for row, count in zip(rows[unconverged].tolist(), checks[unconverged].tolist(), strict=True):
+            if count * CHECK_STEPS > self.relaxations[row].step_limit:
+                failed[row] = self.relaxations[row].exceeded_steps()
+        if unconverged.any():
+            self.group.renew(rows[unconverged], checks[unconverged])
+        return CheckOutcome(rows[~unconverged].tolist(), failed)
 
     def solve(self) -> None:
         """Step one mesh alone until it is in equilibrium. Raises `Diverged`."""
         relaxation, row = self.relaxations[0], np.array([0])
         while True:
-            found = self.advance(row)
-            if found.failed:
-                raise found.failed[0]
-            if found.converged:
+            outcome = self.advance(row)
+            if outcome.failed:
+                raise outcome.failed[0]
+            if outcome.converged:
                 return
             relaxation.watch(relaxation.progress)

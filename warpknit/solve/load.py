@@ -1,4 +1,4 @@
-"""The load of a stage at a load factor, whatever is loaded."""
+"""The load of a stage as a function of the load factor."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .progress import LoadStart
 
 
 def stage_before(scene: Scene, stage_index: int) -> Stage | None:
-    """The stage that ended before the one of this number."""
+    """The stage before the one of this index, or None."""
     return scene.stages[stage_index - 1] if stage_index else None
 
 
@@ -26,16 +26,18 @@ def temperature_at(stage: Stage, start: LoadStart, factor: float) -> float:
 def load_at(
     scene: Scene, stage_index: int, stage: Stage, factor: float, start: LoadStart, gradient: np.ndarray, rim: Rim | None
 ) -> LoadPoint:
-    """The load at a load factor of a stage that began at `start`; a direction driven by tension keeps its strain in `gradient`
-    (2, 2)."""
-    began = np.array(start.gradient).reshape(2, 2)
-    turn, first, now = clamp_rotation(began), stretch(began), stretch(gradient)
+    """The load at a load factor of a stage that began at `start`.
+
+    Directions driven by tension keep their strain in `gradient` (2, 2).
+    """
+    start_gradient = np.array(start.gradient).reshape(2, 2)
+    turn, first, now = clamp_rotation(start_gradient), stretch(start_gradient), stretch(gradient)
     target = first.copy()
-    warmed = 1.0 + scene.model.frame_expansion * (stage.temperature - scene.wire.reference_temperature)
+    expansion = 1.0 + scene.model.frame_expansion * (stage.temperature - scene.wire.reference_temperature)
     for axis, strain in enumerate((stage.strain_weft, stage.strain_warp)):
-        end = (1.0 + strain) * warmed if strain is not None else None
+        end = (1.0 + strain) * expansion if strain is not None else None
         target[axis, axis] = now[axis, axis] if end is None else (1 - factor) * first[axis, axis] + factor * end
-    target[0, 1] = (1 - factor) * first[0, 1] + factor * stage.shear * warmed
+    target[0, 1] = (1 - factor) * first[0, 1] + factor * stage.shear * expansion
     turn += factor * (stage.clamp_rotation - turn)
     target = rotation(-turn) @ target
     before = stage_before(scene, stage_index)
@@ -48,8 +50,8 @@ def load_at(
 
 
 def history_steps(begin: LoadPoint, end: LoadPoint, rim: Rim | None) -> int:
-    """Equilibria on the way between two loads where the state depends on the load history: the strain between is bounded."""
+    """Number of increments between two loads of a history-dependent mesh; bounds the strain increment."""
     strain = float(np.abs(end.gradient - begin.gradient).max())
     if rim is not None and begin.stations is not None and end.stations is not None:
-        strain = max(strain, rim.strain(end.stations - begin.stations))  # a pull strains what is near it most
+        strain = max(strain, rim.strain(end.stations - begin.stations))  # a pull strains the mesh near it most
     return max(1, math.ceil(strain / PATH_STRAIN - 1e-9))

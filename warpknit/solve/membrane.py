@@ -21,8 +21,8 @@ from scipy.sparse.linalg import splu
 from ..mechanics import MultilevelMechanics, Response
 from ..mesh.rim import REPEATS_A_CELL, Rim
 
-MOST_CELLS = 96  # of the grid in a direction
-MOST_STRAIN = 0.02  # of one correction
+MAX_CELLS = 96  # of the grid in a direction
+MAX_STRAIN = 0.02  # of one correction
 
 
 @dataclass(frozen=True)
@@ -31,14 +31,14 @@ class Correction:
 
     grid: np.ndarray  # (grid node, 2) [m]
     stations: np.ndarray  # (station, 2) [m] of the rim
-    most: float = 1.0  # share of it that should be taken at once
+    max_factor: float = 1.0  # largest share to apply at once
 
-    def times(self, share: float) -> Correction:
+    def scaled(self, share: float) -> Correction:
         return Correction(share * self.grid, share * self.stations)
 
     @property
-    def numbers(self) -> np.ndarray:
-        """All of it in one array [m]."""
+    def vector(self) -> np.ndarray:
+        """All displacements in one array [m]."""
         return np.concatenate([self.grid.ravel(), self.stations.ravel()])
 
 
@@ -49,7 +49,7 @@ class Membrane:
         self.model, self.rim = mechanics.model, rim
         self.tangent = np.zeros((2, 2, 2, 2))
         size = np.array(self.model.panel.size)
-        self._cells = np.clip(np.array(self.model.scene.knit.repeats) // REPEATS_A_CELL, 1, MOST_CELLS)
+        self._cells = np.clip(np.array(self.model.scene.knit.repeats) // REPEATS_A_CELL, 1, MAX_CELLS)
         self._cell = size / self._cells
         self._grid = mechanics.membrane_grid(self.model.panel.low, self._cell, self._cells)
         self._filled = self._filled_share()
@@ -146,7 +146,7 @@ class Membrane:
         matrix = self._matrix(gradient, stations)[first + free][:, first + free]
         moved = np.zeros(pull.size)
         moved[free] = splu(matrix.tocsc()).solve(pull.ravel()[free])
-        farthest = float(np.abs(moved).max()) / (MOST_STRAIN * float(self._cell.min()))
+        farthest = float(np.abs(moved).max()) / (MAX_STRAIN * float(self._cell.min()))
         still = Correction(np.zeros((self._tied.shape[0] // 2, 2)), moved.reshape(-1, 2), 1.0 / max(1.0, farthest))
         return still, 0.0
 
@@ -181,7 +181,7 @@ class Membrane:
         stress = np.einsum("abcd,xycd->xyab", self.tangent, slope)
         share = self._filled / self._filled.sum()
         out_of_balance = float(np.sqrt(np.sum(share * np.sum(stress**2, axis=(2, 3)))))
-        most = min(1.0, MOST_STRAIN / max(float(np.abs(slope).max()), 1e-30))
+        most = min(1.0, MAX_STRAIN / max(float(np.abs(slope).max()), 1e-30))
         there = answer[len(answer) - 2 * len(self.rim.arc) :].reshape(-1, 2)
         return Correction(grid.reshape(-1, 2), there, most), out_of_balance
 

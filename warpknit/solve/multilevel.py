@@ -1,7 +1,7 @@
-"""The drive `relax` of a large mesh: a multilevel start from a smaller mesh, and corrections of the mesh as a membrane.
+"""The drive `relax` of a large mesh: multilevel start, and membrane corrections.
 
-Both spare steps: what differs slowly over a mesh spreads from repeat to repeat in a number of steps that grows with the square
-of its size (membrane.py). An edge that moves by itself moves with the membrane (mesh/rim.py).
+Both save steps: long-wave errors decay in a number of steps that grows with the square of the mesh size. An edge on cords moves
+with the membrane (mesh/rim.py).
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from .membrane import Correction, Membrane
 from .progress import LoadStart, Progress
 from .relax import Relaxation, WantedTension
 
-MOVE_STEPS = 200  # steps between parts of a move of the edge
-EDGE_TOLERANCE = 0.05  # force on the stations of a cord over what the wires pull at them
-CORRECTION_CHECKS = 6  # convergence checks between corrections of the mesh as a membrane
-CORRECTION_GAIN = 0.7  # a correction that leaves more of the least imbalance so far was in vain
-IN_VAIN = 8  # corrections in vain after which they are given up for the level
-TRUST = (0.1, 1.0)  # share of a correction that is taken, least and most
-MEMBRANE_TOLERANCE = 0.02  # stress out of balance over the tension, root mean square over the mesh
-FOLLOWED_STRAIN = 0.005  # by which the levels of the smallest mesh are apart, at most
+MOVE_STEPS = 200  # steps between increments of an edge displacement
+EDGE_TOLERANCE = 0.05  # out-of-balance force on the stations of a cord over the force of the wires
+CORRECTION_CHECKS = 6  # convergence checks between membrane corrections
+CORRECTION_GAIN = 0.7  # a correction has failed if the imbalance exceeds this share of the smallest so far
+MAX_FAILED_CORRECTIONS = 8  # before membrane corrections are abandoned for the level
+RELAXATION_FACTORS = (0.1, 1.0)  # smallest and largest
+MEMBRANE_TOLERANCE = 0.02  # rms stress out of balance over the tension
+PATH_INCREMENT = 0.005  # largest strain increment of the smallest mesh
 
 
 class MultilevelRelaxation(Relaxation):
-    """Levels of a mesh that has a smaller one, or one periodic repeat, brought to equilibrium before it."""
+    """A relaxation with a smaller mesh, or one periodic repeat, that is solved first."""
 
     def __init__(
         self,
@@ -45,8 +45,8 @@ class MultilevelRelaxation(Relaxation):
         smaller: Relaxation | None = None,
         cell: Relaxation | None = None,
     ) -> None:
-        """`smaller`: a smaller mesh of the same knit that each level starts from; `cell`: one periodic repeat, which gives the
-        stiffness of the cloth to a large gripped mesh. One of them at least."""
+        """`smaller`: a smaller mesh of the same knit, the start of each level; `cell`: one periodic repeat, for the membrane
+        stiffness of a large gripped mesh. At least one of them is given."""
         super().__init__(mechanics, progress, watch)
         self.mechanics: MultilevelMechanics = mechanics
         self.smaller = smaller
@@ -54,7 +54,7 @@ class MultilevelRelaxation(Relaxation):
         self.prolongation = None if smaller is None else mechanics.prolongation(smaller.mechanics)
         repeated = cell or smaller
         assert repeated is not None
-        self._response = mechanics.no_response(repeated.model)
+        self._response = mechanics.zero_response(repeated.model)
         self.membrane: Membrane | None = None
         self._rim: Rim | None = None
         self._stations = np.zeros((0, 2))
@@ -83,7 +83,7 @@ class MultilevelRelaxation(Relaxation):
                 self.membrane.warm_up(self._response)
                 self.restore(kept)
             return
-        # the steps of a large mesh launch what those of the smaller one do
+        # the smaller mesh uses the same kernels
         self.smaller.compile()
         self.prolongation.carry(self._response)
         if self.membrane is not None:
@@ -121,12 +121,12 @@ class MultilevelRelaxation(Relaxation):
         return load
 
     def _cell_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Nominal stress (2, 2) [N/m] of the cell in equilibrium under a load, and the values that describe its state."""
+        """Nominal stress (2, 2) [N/m] of the cell in equilibrium under a load, and its state variables."""
         assert self.cell is not None
         return self.cell.equilibrium_at(gradient, temperature)
 
     def _solve_smaller(self, smaller: Relaxation, target: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
-        """The target, with the strains at which the smaller mesh carries what is wanted."""
+        """Solve the smaller mesh; return the target with its strains."""
         smaller.progress.load_factor, smaller.progress.stage = self.progress.load_factor, self.progress.stage
         if wanted is None and not (isinstance(smaller, MultilevelRelaxation) and smaller.smaller):
             self._follow_path(smaller, target)
@@ -137,15 +137,17 @@ class MultilevelRelaxation(Relaxation):
         return target.strained(wanted.gradient(target.gradient, np.diag(stretch(smaller.state.gradient)) - 1.0))
 
     def _follow_path(self, smallest: Relaxation, target: LoadPoint) -> None:
-        """Take the smallest mesh to a load by levels near each other: which state a mesh finds may depend on the way there."""
+        """Load the smallest mesh in small increments: the equilibrium may depend on the load path."""
         progress = smallest.progress
         if not progress.start.gradient:
-            warmed = (float(smallest.state.read_control()[int(c.LENGTH_FACTOR)]) - 1.0) / max(self.scene.wire.expansion, 1e-12)
-            temperature = self.scene.wire.reference_temperature + warmed
+            temperature_rise = (float(smallest.state.read_control()[int(c.LENGTH_FACTOR)]) - 1.0) / max(
+                self.scene.wire.expansion, 1e-12
+            )
+            temperature = self.scene.wire.reference_temperature + temperature_rise
             progress.start = LoadStart(smallest.state.gradient.ravel().tolist(), temperature=temperature)
         start = progress.start
         gradient, temperature = np.array(start.gradient).reshape(2, 2), start.temperature
-        levels = max(1, math.ceil(float(np.abs(target.gradient - gradient).max()) / FOLLOWED_STRAIN - 1e-9))
+        levels = max(1, math.ceil(float(np.abs(target.gradient - gradient).max()) / PATH_INCREMENT - 1e-9))
         while start.levels < levels:
             share = (start.levels + 1.0) / levels
             there = gradient + share * (target.gradient - gradient)
@@ -163,45 +165,45 @@ class MultilevelRelaxation(Relaxation):
         self._move_edge(target)
 
     def _move_edge(self, target: LoadPoint) -> None:
-        """Move the stations of the rim that are held to where the load has them, the mesh with them as a membrane."""
+        """Move the held stations of the rim to their prescribed places, and the mesh with them as a membrane."""
         if self.rim is None or self.membrane is None or target.stations is None:
             return
-        way = np.where(self.rim.given[:, None], target.stations - self.stations, 0.0)
-        if not way.any():
+        displacement = np.where(self.rim.given[:, None], target.stations - self.stations, 0.0)
+        if not displacement.any():
             return
         if not self.membrane.tangent.any():
-            begin, self._stations = self.stations, self.stations + way
+            begin, self._stations = self.stations, self.stations + displacement
             self.mechanics.move_clamps(self.rim.clamps @ begin, self.rim.clamps @ self.stations)
             self.mechanics.set_load(target, self.mechanics.load_steps(predicted=False))
             return
-        left = 1.0
-        while left > 0.0:
-            followed = self.membrane.follow(left * way, target.gradient, self.stations)
-            share = min(1.0, followed.most)
-            followed = followed.times(share)
+        remaining = 1.0
+        while remaining > 0.0:
+            followed = self.membrane.follow(remaining * displacement, target.gradient, self.stations)
+            share = min(1.0, followed.max_factor)
+            followed = followed.scaled(share)
             self.membrane.move(followed)
             self._move_clamps(followed)
             self.mechanics.search()
-            left = left * (1.0 - share) if share < 1.0 else 0.0
-            if left > 0.0:
+            remaining = remaining * (1.0 - share) if share < 1.0 else 0.0
+            if remaining > 0.0:
                 self._step_on(MOVE_STEPS)
 
     def _begin_solving(self) -> None:
         super()._begin_solving()
         progress = self.progress
-        progress.imbalance, progress.least_imbalance, progress.in_vain, progress.trust = 1e30, 1e30, 0, 1.0
+        progress.imbalance, progress.least_imbalance, progress.failed_corrections, progress.relaxation_factor = 1e30, 1e30, 0, 1.0
         self._last_correction = np.zeros(0)
 
     def corrected(self, ratio: float) -> float:
         progress, membrane = self.progress, self.membrane
         if membrane is None:
             return ratio
-        if progress.checks % CORRECTION_CHECKS == 0 and (progress.trust > 0.0 or membrane.rim.is_free):
-            self._move_as_membrane(membrane)
+        if progress.checks % CORRECTION_CHECKS == 0 and (progress.relaxation_factor > 0.0 or membrane.rim.is_free):
+            self._correct_as_membrane(membrane)
         return max(ratio, progress.imbalance)
 
     def _step_on(self, steps: int) -> None:
-        """Take steps while the edge moves. Raises `Diverged`."""
+        """Take time steps between increments of the edge. Raises `Diverged`."""
         taken, diverged = advance(self.mechanics, steps)
         self.progress.steps += taken
         if diverged:
@@ -210,14 +212,14 @@ class MultilevelRelaxation(Relaxation):
 
     @property
     def least_tension(self) -> float:
-        """[N/m] what tensions are compared with where the mesh carries less."""
+        """[N/m] lower bound of the tension in relative errors."""
         return TENSION_FLOOR * tension_scale(self.model)
 
-    def _move_as_membrane(self, membrane: Membrane) -> None:
-        """Move the mesh towards where it balances as a membrane, unless it is there."""
+    def _correct_as_membrane(self, membrane: Membrane) -> None:
+        """Apply a membrane correction unless the mesh is balanced."""
         progress, rim = self.progress, membrane.rim
         pulled = self.mechanics.clamp_forces() if rim.is_free else np.zeros((0, 2))
-        solve = membrane.solve if progress.trust > 0.0 else membrane.solve_rim
+        solve = membrane.solve if progress.relaxation_factor > 0.0 else membrane.solve_rim
         correction, stress = solve(self.state.gradient, self.stations, pulled)
         scale = max(float(np.abs(self.mechanics.checked_stress).max()), self.least_tension)
         progress.imbalance = stress / (MEMBRANE_TOLERANCE * scale)
@@ -226,42 +228,42 @@ class MultilevelRelaxation(Relaxation):
             progress.imbalance = max(progress.imbalance, edge / EDGE_TOLERANCE)
         if progress.imbalance <= 1.0:
             return
-        progress.in_vain += 1
+        progress.failed_corrections += 1
         if progress.imbalance < CORRECTION_GAIN * progress.least_imbalance:
-            progress.least_imbalance, progress.in_vain = progress.imbalance, 0
-        if progress.trust == 0.0:
-            self._move_clamps(correction.times(correction.most))
+            progress.least_imbalance, progress.failed_corrections = progress.imbalance, 0
+        if progress.relaxation_factor == 0.0:
+            self._move_clamps(correction.scaled(correction.max_factor))
             self.mechanics.search()
-        elif progress.in_vain > IN_VAIN:
-            # the mesh is not like a membrane of endless cloth: it converges by itself
-            self.left_out = max(self.left_out, MEMBRANE_TOLERANCE * progress.imbalance)
-            progress.trust, progress.imbalance = 0.0, 1e30 if rim.is_free else 0.0
+        elif progress.failed_corrections > MAX_FAILED_CORRECTIONS:
+            # the mesh differs from a membrane of endless cloth: continue without corrections
+            self.membrane_residual = max(self.membrane_residual, MEMBRANE_TOLERANCE * progress.imbalance)
+            progress.relaxation_factor, progress.imbalance = 0.0, 1e30 if rim.is_free else 0.0
         else:
-            progress.trust = correction.most * self._share_of(correction.numbers)
-            correction = correction.times(progress.trust)
+            progress.relaxation_factor = correction.max_factor * self._aitken_factor(correction.vector)
+            correction = correction.scaled(progress.relaxation_factor)
             membrane.move(correction)
             self._move_clamps(correction)
             self.mechanics.search()
             self.mechanics.begin_level()
 
     def _move_clamps(self, correction: Correction) -> None:
-        """Move the edge by its part of a correction."""
+        """Move the edge by a correction."""
         if self.rim is not None:
             self._stations = self.stations + correction.stations
             clamps = self.rim.clamps @ self.stations
             self.mechanics.move_clamps(clamps, clamps)
 
-    def _share_of(self, correction: np.ndarray) -> float:
-        """Share of a correction to take: Aitken's, from what the last one left of itself.
+    def _aitken_factor(self, correction: np.ndarray) -> float:
+        """Aitken's relaxation factor, from this correction and the last one.
 
-        Where stiffness differs from that of the cloth at the mean load, whole corrections may overshoot.
+        Full corrections may overshoot where the stiffness differs from that of the cloth at the mean load.
         """
         last, self._last_correction = self._last_correction, correction
         if len(last) != len(correction):
             return 1.0
         change = correction - last
-        share = -self.progress.trust * float(last @ change) / max(float(change @ change), 1e-300)
-        return float(np.clip(share, *TRUST))
+        share = -self.progress.relaxation_factor * float(last @ change) / max(float(change @ change), 1e-300)
+        return float(np.clip(share, *RELAXATION_FACTORS))
 
 
 def _under(prefix: str, kept: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -1,14 +1,14 @@
 """The drive `ramp`: real time and real (or scaled) masses.
 
-The load of a stage comes on over the loading time, then the stage is held until it is steady.
+The load of a stage is applied over the loading time, then held until equilibrium.
 
-A direction driven by tension follows it in time: at every convergence check its strain v [1 a loading time] is set to move by
-what the tension missing now would stretch the mesh, with the compliance C seen so far, and gathers way,
+Tension control: at every convergence check the strain rate v [1/loading time] of a tension-driven direction is updated from
+the tension error e, with a running estimate C of the compliance,
 
-    v -> v + MOMENTUM_RATE d (TENSION_RATE C miss - v)        d: the time between checks over the loading time
+    v -> v + MOMENTUM_RATE d (TENSION_RATE C e - v)        d: the time between checks over the loading time
 
-which is a spring of TENSION_RATE MOMENTUM_RATE and a damper of MOMENTUM_RATE whatever the time step; no move is faster than
-MOST_STRAIN a loading time, so that a loose mesh is not pulled tight at a blow.
+This acts as a spring of TENSION_RATE MOMENTUM_RATE and a damper of MOMENTUM_RATE, independent of the time step. |v| is limited
+to MAX_STRAIN_RATE, so that a loose mesh is not pulled tight abruptly.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ from ..scene import Stage
 from .drive import Drive
 from .progress import Record
 
-TENSION_RATE = 60.0  # of the strain that would carry the wanted tension, a loading time
-MOMENTUM_RATE = 100.0  # a loading time, at which strains gather way: both ways together a mesh may be far softer than each
-TENSION_TOLERANCE = 5e-3  # of the wanted tension, in a steady state
-MOST_STRAIN = 0.5  # a loading time
-COMPLIANCE_RANGE = 1e-4  # of that of a loose mesh: the least that is reckoned with
-RENEWAL_CHECKS = 4  # convergence checks between two renewals of the time step, at most
-RENEWALS = 150  # of the time step while a load comes on, at least
-HOLD_LIMIT = 5.0  # loading times that a ramp is held at the end before it stops without being steady
+TENSION_RATE = 60.0  # [1/loading time] gain of the tension control
+MOMENTUM_RATE = 100.0  # [1/loading time] inverse time constant of the strain rate
+TENSION_TOLERANCE = 5e-3  # relative to the prescribed tension, in equilibrium
+MAX_STRAIN_RATE = 0.5  # [1/loading time]
+COMPLIANCE_RANGE = 1e-4  # smallest compliance, over that of a loose mesh
+RENEWAL_CHECKS = 4  # largest number of convergence checks between updates of the time step
+RENEWALS = 150  # smallest number of updates of the time step during loading
+HOLD_LIMIT = 5.0  # loading times that the end load is held before the ramp stops unconverged
 
 
 class Ramp(Drive):
-    """Records `output.frames` states of a stage, the last one steady; the first stage starts with the unloaded state."""
+    """Records `output.frames` states of a stage, the last one in equilibrium; the first stage starts with the unloaded state."""
 
-    slower = "solver.loading_time"
+    rate_key = "solver.loading_time"
 
     @property
     def dissipated(self) -> float:
@@ -53,16 +53,13 @@ class Ramp(Drive):
         progress = self.progress
         unloaded = progress.stage_index == 0
         if progress.level == 0 and unloaded:
-            progress.work = (
-                self.mechanics.observe().energies.stored
-            )  # of wires that are not free of stress as knitted, or overlap
-            yield self._keep(stage, 0.0, steady=True)
+            # wires may be stressed or overlap as knitted
+            progress.work = self.mechanics.observe().energies.stored
+            yield self._record(stage, 0.0, steady=True)
         if not progress.solving:
-            driven = any(stage.by_tension)
-            if not driven:
-                self._aim(
-                    stage, 1.0, None, math.ceil(self.loading_time / self.mechanics.renew_time_step(CHECK_STEPS)), evenly=False
-                )
+            if not any(stage.by_tension):
+                steps = math.ceil(self.loading_time / self.mechanics.renew_time_step(CHECK_STEPS))
+                self._apply_load(stage, 1.0, None, steps, evenly=False)
             progress.compliance = [1.0 / tension_scale(self.model)] * 2
             progress.strain_move = []
             self.mechanics.reserve_for_load()
@@ -79,24 +76,24 @@ class Ramp(Drive):
                 raise error
             progress.time += CHECK_STEPS * step
             progress.checks += 1
-            self._account_work()
+            self._add_work()
             control = self.state.read_control()
             share = self._share(stage, control)
             progress.load_factor = smooth(share)
             self.mechanics.follow_load()
-            if share >= 1.0 and self._has_settled() and self._carries(stage):
+            if share >= 1.0 and self._has_converged() and self._has_tension(stage):
                 break
             if progress.time > (1.0 + HOLD_LIMIT) * self.loading_time:
                 break
             while recorded < frames - 1 and share * frames >= recorded + 1:
                 recorded += 1
-                yield self._keep(stage, progress.load_factor, steady=False)
+                yield self._record(stage, progress.load_factor, steady=False)
             self.watch(progress)
         progress.solving, progress.load_factor = False, 1.0
-        yield self._keep(stage, 1.0, steady=self._is_balanced() and self._carries(stage))
+        yield self._record(stage, 1.0, steady=self._met_tolerance() and self._has_tension(stage))
 
     def _step(self) -> float:
-        """The time step [s], renewed every few looks: every one where the load comes on in few steps."""
+        """The time step [s], updated every few convergence checks, more often for short loading."""
         control = self.state.read_control()
         checks = np.clip(control[int(c.RAMP_STEPS)] // (CHECK_STEPS * RENEWALS), 1, RENEWAL_CHECKS)
         if self.progress.checks % int(checks):
@@ -104,7 +101,7 @@ class Ramp(Drive):
         return self.mechanics.renew_time_step(CHECK_STEPS * int(checks))
 
     def _share(self, stage: Stage, control: np.ndarray) -> float:
-        """Of the loading time that has gone by: in steps, where the load comes on in so many."""
+        """Elapsed share of the loading time."""
         if any(stage.by_tension):
             return min(1.0, self.progress.time / self.loading_time)
         return min(1.0, float(control[int(c.RAMP_STEP)] / max(control[int(c.RAMP_STEPS)], 1.0)))
@@ -112,60 +109,59 @@ class Ramp(Drive):
     # --- directions driven by tension
 
     def _wanted_tension(self, stage: Stage, share: float) -> np.ndarray:
-        """Tensions (weft, warp) [N/m] that the boundary is to carry, where it is driven by them."""
+        """Prescribed tensions (weft, warp) [N/m] at a share of the loading time."""
         start = np.array(self.progress.start.tension)
         end = np.array([stage.tension_weft or 0.0, stage.tension_warp or 0.0])
         return start + smooth(share) * (end - start)
 
     def _follow(self, stage: Stage, step: float) -> None:
-        """Aim at the strains of the next look: the boundary gives way as the wanted tension is more than the mesh carries."""
+        """Tension control: set the strains of the next convergence check."""
         if not any(stage.by_tension):
             return
         progress, scale = self.progress, tension_scale(self.model)
-        strain, tension = self._carried()
+        strain, tension = self._strain_and_tension()
         if progress.followed:
             moved, pulled = strain - np.array(progress.followed[:2]), tension - np.array(progress.followed[2:])
             seen = np.divide(moved, pulled, out=np.zeros(2), where=moved * pulled > 0.0)
             compliance = np.where(seen > 0.0, 0.9 * np.array(progress.compliance) + 0.1 * seen, progress.compliance)
             progress.compliance = np.clip(compliance, COMPLIANCE_RANGE / scale, 1.0 / (0.02 * scale)).tolist()
         progress.followed = [*strain.tolist(), *tension.tolist()]
-        look = CHECK_STEPS * step / self.loading_time
-        share = min(1.0, progress.time / self.loading_time + look)
-        miss = self._wanted_tension(stage, share) - tension
-        new = min(1.0, MOMENTUM_RATE * look)
+        interval = CHECK_STEPS * step / self.loading_time
+        share = min(1.0, progress.time / self.loading_time + interval)
+        error = self._wanted_tension(stage, share) - tension
+        new = min(1.0, MOMENTUM_RATE * interval)
         before = np.array(progress.strain_move or [0.0, 0.0])
-        move = (1.0 - new) * before + new * TENSION_RATE * look * np.array(progress.compliance) * miss
-        move = np.clip(move, -MOST_STRAIN * look, MOST_STRAIN * look)
+        move = (1.0 - new) * before + new * TENSION_RATE * interval * np.array(progress.compliance) * error
+        move = np.clip(move, -MAX_STRAIN_RATE * interval, MAX_STRAIN_RATE * interval)
         progress.strain_move = move.tolist()
-        self._aim(stage, smooth(share), strain + move, CHECK_STEPS, evenly=True)
+        self._apply_load(stage, smooth(share), strain + move, CHECK_STEPS, evenly=True)
 
-    def _carries(self, stage: Stage) -> bool:
-        """Whether the boundary carries the tensions of the end of the stage, where it is driven by them."""
+    def _has_tension(self, stage: Stage) -> bool:
+        """Whether the boundary carries the prescribed tensions at the end of the stage."""
         driven = np.array(stage.by_tension)
         if not driven.any():
             return True
-        _, tension = self._carried()
+        _, tension = self._strain_and_tension()
         wanted = self._wanted_tension(stage, 1.0)
-        near = TENSION_TOLERANCE * np.maximum(np.abs(wanted), 0.01 * tension_scale(self.model))
-        return bool(np.all(~driven | (np.abs(tension - wanted) <= near)))
+        tolerance = TENSION_TOLERANCE * np.maximum(np.abs(wanted), 0.01 * tension_scale(self.model))
+        return bool(np.all(~driven | (np.abs(tension - wanted) <= tolerance)))
 
-    def _is_balanced(self) -> bool:
-        """Whether forces balanced and motion had died down at the last check."""
+    def _met_tolerance(self) -> bool:
+        """Whether the residual met its tolerance at the last check."""
         return self.progress.residual < self.scene.solver.residual_tolerance
 
-    def _has_settled(self) -> bool:
-        """Whether forces balance and motion has died down."""
+    def _has_converged(self) -> bool:
+        """Compute the residual; whether it meets its tolerance."""
         self.progress.residual = self.mechanics.residual_now()
-        return self._is_balanced()
+        return self._met_tolerance()
 
-    def _carried(self) -> tuple[np.ndarray, np.ndarray]:
+    def _strain_and_tension(self) -> tuple[np.ndarray, np.ndarray]:
         """Strains and tensions [N/m] of the mesh, each (weft, warp)."""
         observed = self.mechanics.observe()
         return np.diag(observed.gradient) - 1.0, self.mesh_tension(observed)
 
-    def _aim(self, stage: Stage, factor: float, strain: np.ndarray | None, steps: int, *, evenly: bool) -> None:
-        """Have the load of the stage at a load factor come on over so many steps; a direction driven by tension goes to its
-        `strain` (2,)."""
+    def _apply_load(self, stage: Stage, factor: float, strain: np.ndarray | None, steps: int, *, evenly: bool) -> None:
+        """Apply the load of the stage at a load factor over so many steps; tension-driven directions go to `strain` (2,)."""
         target = self.target(stage, factor)
         if strain is not None:
             gradient = target.gradient.copy()
@@ -173,8 +169,8 @@ class Ramp(Drive):
             target = LoadPoint(gradient, target.temperature)
         self.mechanics.set_load(target, steps, evenly=evenly)
 
-    def _account_work(self) -> None:
-        """Add the work of the boundary since the last check to the progress."""
+    def _add_work(self) -> None:
+        """Add the work of the boundary since the last check."""
         observed: Any = self.mechanics.observe()
         now = self.model.ranks.from_first(lambda: [*observed.nominal_stress.ravel().tolist(), observed.thermal_force])
         now += [*observed.gradient.ravel().tolist(), observed.length_factor]
@@ -182,7 +178,7 @@ class Ramp(Drive):
             self.progress.work += work_between(self.progress.stress, now, self.model.panel.area)
         self.progress.stress = now
 
-    def _keep(self, stage: Stage, factor: float, *, steady: bool) -> Record:
+    def _record(self, stage: Stage, factor: float, *, steady: bool) -> Record:
         self.progress.level += 1
         return self.record(stage, factor, steady=steady, work=self.progress.work)
 
@@ -193,8 +189,10 @@ def smooth(x: float) -> float:
 
 
 def work_between(before: list[float], now: list[float], area: float) -> float:
-    """[J] of the boundary from one look to the next, each as nominal stress (4) [N/m], thermal force [J], gradient (4)
-    and length factor: mean forces times what they move."""
+    """[J] of the boundary between two checks, by the trapezoidal rule.
+
+    `before`, `now`: nominal stress (4) [N/m], thermal force [J], gradient (4) and length factor.
+    """
     moved = np.array(now[5:]) - before[5:]
     mean = 0.5 * (np.array(now[:5]) + before[:5]) * np.array([area] * 4 + [1.0])
     return float(mean @ moved)

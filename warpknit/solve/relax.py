@@ -1,7 +1,7 @@
 """The drive `relax`: every load level is brought to equilibrium by dynamic relaxation with fictitious masses.
 
-The load of a level comes on at once or within some steps, the whole mesh being carried affinely with its boundary, from where
-the last two levels point. A direction that is driven by tension is found one equilibrium after the other (tension.py).
+The load of a level is applied at once or within some steps; the mesh follows the boundary affinely (Cauchy-Born), from an
+extrapolation of the last two levels. Directions driven by tension are found by a sequence of equilibria (tension.py).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import Diverged
 from ..measure import tension_scale
 from ..measure.strain import clamp_rotation, rotation, stretch
-from ..mechanics import Alone, Mechanics
+from ..mechanics import Mechanics, SingleMesh
 from ..mesh.load_point import LoadPoint
 from ..numerics import CHECK_STEPS
 from ..scene import Stage
@@ -23,14 +23,14 @@ from .drive import Drive
 from .equilibrium import Equilibrium
 from .load import history_steps
 from .progress import Progress, Record
-from .tension import MOST_STATES
+from .tension import MAX_STATES
 
-LEVEL_STEP_LIMIT = 500_000  # steps of a level after which it counts as never converging, where the scene gives no max_steps
+DEFAULT_STEP_LIMIT = 500_000  # steps of a level, where the scene gives no max_steps
 
 
 @dataclass(frozen=True)
 class WantedTension:
-    """The directions (weft, warp) of a level that are driven by tension, and how much."""
+    """Prescribed tensions of a level, by direction (weft, warp)."""
 
     driven: np.ndarray  # (2,) bool
     tension: np.ndarray  # (2,) [N/m]
@@ -43,7 +43,7 @@ class WantedTension:
 
 
 class Unsolved:
-    """What the levels of a relaxation yield where the mesh is to be brought to equilibrium before they go on."""
+    """Marker that the levels of a relaxation yield where an equilibrium has to be found."""
 
 
 UNSOLVED = Unsolved()
@@ -52,11 +52,11 @@ UNSOLVED = Unsolved()
 class Relaxation(Drive):
     """`output.frames` equilibria a stage; the first stage starts with the unloaded state.
 
-    `levels` is a generator that stops wherever an equilibrium is to be found, so that one mesh alone (`stage`) and many side by
-    side (sweep/batch.py) go the same way.
+    `levels` is a generator that yields wherever an equilibrium has to be found. One mesh (`stage`) and many side by side
+    (sweep/batch.py) share it.
     """
 
-    slower = "output.frames"
+    rate_key = "output.frames"
 
     def __init__(
         self,
@@ -67,11 +67,11 @@ class Relaxation(Drive):
         equilibrium: Equilibrium | None = None,
         row: int = 0,
     ) -> None:
-        """`equilibrium` that finds those of many meshes, of which this is number `row`; default: its own."""
+        """`equilibrium`: the solver of many meshes, of which this is number `row`; default: its own."""
         super().__init__(mechanics, progress or Progress(), watch)
-        self.equilibrium = equilibrium or Equilibrium(Alone(mechanics), [self])
+        self.equilibrium = equilibrium or Equilibrium(SingleMesh(mechanics), [self])
         self.row = row
-        self._last_gradient: np.ndarray | None = None  # of the level before
+        self._last_gradient: np.ndarray | None = None  # of the previous level
 
     @property
     def dissipated(self) -> float:
@@ -121,13 +121,13 @@ class Relaxation(Drive):
             yield factor
 
     def _parts_of_level(self, stage: Stage, factor: float, levels: int) -> int:
-        """Equilibria on the way to a level."""
+        """Number of increments to a level."""
         if not self.scene.depends_on_path or factor <= 0.0:
             return 1
         return history_steps(self.target(stage, factor - 1.0 / levels), self.target(stage, factor), self.rim)
 
     def reach(self, load: LoadPoint, wanted: WantedTension | None) -> Iterator[Unsolved]:
-        """Go to a load, or on with the one that was begun."""
+        """Find the equilibrium at a load, or continue an unfinished one."""
         progress = self.progress
         as_knitted = progress.stage_index == 0 and progress.level == 0 and progress.load_factor == 0.0
         if progress.steps == 0 and wanted is None and self.mechanics.is_in_equilibrium(load):
@@ -143,22 +143,22 @@ class Relaxation(Drive):
         progress.solving = False
 
     def solve(self, load: LoadPoint, wanted: WantedTension | None = None) -> None:
-        """Bring this mesh to equilibrium under a load. Raises `Diverged`."""
+        """Find the equilibrium under a load. Raises `Diverged`."""
         for _ in self.reach(load, wanted):
             self.equilibrium.solve()
 
     def equilibrium_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Nominal stress (2, 2) [N/m] of the mesh in equilibrium under a load, and the values that describe its state."""
+        """Nominal stress (2, 2) [N/m] of the equilibrium under a load, and its state variables."""
         self.solve(LoadPoint(gradient, temperature))
         mechanics: Any = self.mechanics
-        return mechanics.observe().nominal_stress, mechanics.carried_values()
+        return mechanics.observe().nominal_stress, mechanics.state_variables()
 
     def _prepare(self, load: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
-        """What is done before a load is put on, and the load."""
+        """Prepare a load level; return its load."""
         return load
 
     def begin_level(self, load: LoadPoint) -> None:
-        """Put the load of the next level on; what is left is to find its equilibrium."""
+        """Start the next level: predict its state and apply its load."""
         self._start_level(load)
         self.progress.search.begin_level()
         self.mechanics.begin_level()
@@ -166,7 +166,7 @@ class Relaxation(Drive):
         self._begin_solving()
 
     def _start_level(self, load: LoadPoint) -> None:
-        """Put the load of the next level on, and the state where the last two levels point to."""
+        """Extrapolate the state from the last two levels, and apply the load."""
         now = self.state.gradient.ravel()
         ratio = 0.0
         if self._last_gradient is not None and not self.scene.depends_on_path:
@@ -181,57 +181,57 @@ class Relaxation(Drive):
         self.equilibrium.begin(self.row)
 
     def _find_tension(self, wanted: WantedTension, load: LoadPoint) -> Iterator[Unsolved]:
-        """Try strains until the equilibrium carries the wanted tension."""
+        """Vary the strain until the equilibrium carries the prescribed tension."""
         scale = tension_scale(self.model)
         while True:
             observed = self.mechanics.observe()
             strain = np.diag(observed.stretch) - 1.0
             tension = self.mesh_tension(observed)
-            following = self.progress.search.next_strain(strain, tension, wanted.tension, wanted.driven, scale)
-            if following is None:
+            next_strain = self.progress.search.next_strain(strain, tension, wanted.tension, wanted.driven, scale)
+            if next_strain is None:
                 return
-            if self.progress.search.states > MOST_STATES:
+            if self.progress.search.states > MAX_STATES:
                 raise Diverged(
                     f"stage {self.progress.stage!r}, load {self.progress.load_factor:.3g}: no strain found at which the mesh"
-                    f" carries {wanted.tension[0]:.3g} N/m in weft and {wanted.tension[1]:.3g} N/m in warp (now"
+                    f" carries {wanted.tension[0]:.3g} N/m in weft and {wanted.tension[1]:.3g} N/m in warp (last state:"
                     f" {tension[0]:.3g} and {tension[1]:.3g} N/m): give smaller tensions, more output.frames, a smaller"
                     " solver.residual_tolerance, or strains"
                 )
             self._begin_solving()
-            gradient = wanted.gradient(observed.gradient, following)
+            gradient = wanted.gradient(observed.gradient, next_strain)
             self.mechanics.set_load(load.strained(gradient), self.mechanics.load_steps(predicted=False))
             yield UNSOLVED
 
     def corrected(self, ratio: float) -> float:
-        """The ratio of all criteria, after what a drive does beside the steps."""
+        """The residual ratio after corrections beside the time steps."""
         return ratio
 
     # --- failures
 
     @property
-    def most_steps(self) -> int:
-        """Steps of a level after which it counts as never converging."""
-        return self.scene.solver.max_steps or LEVEL_STEP_LIMIT
+    def step_limit(self) -> int:
+        """Largest number of steps of a level."""
+        return self.scene.solver.max_steps or DEFAULT_STEP_LIMIT
 
     def stalled(self) -> Diverged:
-        """The error of a level that gets no nearer to equilibrium."""
+        """The error of a level that makes no progress."""
         steps = self.equilibrium.convergence.patience * CHECK_STEPS
         return Diverged(
-            f"level {self.progress.load_factor:.3g} of stage {self.progress.stage!r} does not converge: no better for"
-            f" {steps:,} steps ({self._how_far()}); raise output.frames, or solver.residual_tolerance if that is near enough"
+            f"level {self.progress.load_factor:.3g} of stage {self.progress.stage!r} did not converge: no progress in"
+            f" {steps:,} steps ({self._residual_text()}); raise output.frames or solver.residual_tolerance"
         )
 
-    def too_long(self) -> Diverged:
-        """The error of a level that takes more steps than it may."""
+    def exceeded_steps(self) -> Diverged:
+        """The error of a level that exceeds its step limit."""
         return Diverged(
-            f"level {self.progress.load_factor:.3g} of stage {self.progress.stage!r} has not converged after"
-            f" {self.most_steps:,} steps ({self._how_far()}): raise solver.max_steps or solver.residual_tolerance"
+            f"level {self.progress.load_factor:.3g} of stage {self.progress.stage!r} did not converge in"
+            f" {self.step_limit:,} steps ({self._residual_text()}): raise solver.max_steps or solver.residual_tolerance"
         )
 
-    def _how_far(self) -> str:
-        """Residual, what moves most, and what may keep the mesh from equilibrium."""
-        moving, node = self.mechanics.fastest()
+    def _residual_text(self) -> str:
+        """Residual, fastest node and likely causes, in words."""
+        wire, node = self.mechanics.fastest()
         return (
-            f"residual {self.progress.residual:.2g} at a tolerance of {self.scene.solver.residual_tolerance:g},"
-            f" wire {moving}, node {node} moves most{self.mechanics.causes()}"
+            f"residual {self.progress.residual:.2g}, tolerance {self.scene.solver.residual_tolerance:g},"
+            f" fastest at wire {wire}, node {node}{self.mechanics.causes()}"
         )

@@ -1,4 +1,4 @@
-"""The loop over the stages of a scene: a generator of `Record`s, so that what is recorded stays apart from how to step."""
+"""The loop over the stages of a scene: a generator of `Record`s."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .relax import Relaxation
 __all__ = ["Progress", "Record", "Simulation"]
 
 
-NODES_A_STRIP = 4_000  # of a smaller mesh: fewer are not worth the waiting for other ranks
+NODES_A_STRIP = 4_000  # of a smaller mesh: below it communication costs more than it saves
 
 
 class Simulation:
@@ -61,18 +61,18 @@ class Simulation:
 
     @property
     def mechanics(self) -> Any:
-        """What steps the state."""
+        """The mechanics that step the state."""
         return self.drive.mechanics
 
     @property
     def notes(self) -> list[str]:
-        """What the user should know of the mesh as it was knitted."""
+        """Notes about the knitted mesh, for the user."""
         return self.drive.mechanics.notes
 
     # --- drives
 
     def _relaxation(self, model: Model, state: Any, progress: Progress, cell: Relaxation | None) -> Relaxation:
-        """A relaxation with the smaller meshes that it starts from."""
+        """A relaxation with its smaller meshes."""
         mechanics = mechanics_of(model, state)
         multilevel = cast(MultilevelMechanics, mechanics)  # used where the model has it
         scene = smaller_scene(model.scene) if model.has_multilevel and model.cloth is not None else None
@@ -80,20 +80,20 @@ class Simulation:
             if cell is None or not model.scene.has_moving_edge:
                 return Relaxation(mechanics, progress, self._watched)
             return MultilevelRelaxation(multilevel, progress, self._watched, cell=cell)
-        smaller = build_model(scene, model.device, self._sharing(model, scene))
+        smaller = build_model(scene, model.device, self._ranks_of(model, scene))
         below = self._relaxation(smaller, initial_state(smaller), Progress(), cell)
         return MultilevelRelaxation(multilevel, progress, self._watched, smaller=below, cell=cell)
 
     @staticmethod
-    def _sharing(model: Model, smaller: Scene) -> Ranks:
-        """The ranks that share a smaller mesh: all, or each has it to itself where a strip would not be worth the waiting."""
+    def _ranks_of(model: Model, smaller: Scene) -> Ranks:
+        """The ranks that share a smaller mesh: all of them, or each has a copy where strips would be too small."""
         assert model.cloth is not None
         share = estimated_nodes(smaller, model.cloth) // model.ranks.count
         return model.ranks if share >= NODES_A_STRIP else One()
 
     @staticmethod
     def _cell_of(model: Model) -> Relaxation | None:
-        """One periodic repeat under the same load, for a gripped mesh that is large enough to need it."""
+        """A relaxation of one periodic repeat, for a large gripped mesh, else None."""
         scene = model.scene
         if not model.has_multilevel or model.cloth is None or scene.model.boundary == "periodic":
             return None
@@ -105,22 +105,22 @@ class Simulation:
     # --- the run
 
     def compile(self) -> None:
-        """Have every kernel that the run will use compiled or loaded; the state stays as it is. Raises `ModelError`."""
+        """Compile or load every kernel of the run; the state does not change. Raises `ModelError`."""
         self.drive.compile()
 
     def state_dict(self) -> dict[str, np.ndarray]:
-        """What a checkpoint needs beside the state: arrays that are carried from check to check."""
+        """Solver variables for a checkpoint, beside the state."""
         return self.drive.state_dict()
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        """Put back what `state_dict` returned."""
+        """Restore a `state_dict`."""
         self.drive.load_state_dict(kept)
 
     def run(self) -> Iterator[Record]:
-        """Records of all stages, from where `progress` stands: the unloaded mesh, then `output.frames` states a stage.
+        """Records of all stages from `progress` on: the unloaded mesh, then `output.frames` states a stage.
 
         Raises:
-            Diverged: a level does not converge, wires pass through each other, or numbers are no longer finite.
+            Diverged: a level does not converge, wires pass through each other, or values are not finite.
         """
         if not self.resumed:
             self.drive.mechanics.search()

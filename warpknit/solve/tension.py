@@ -1,7 +1,7 @@
-"""Finding the strain at which the mesh carries a wanted tension, one steady state after the other.
+"""The strain at which the mesh carries a prescribed tension, by Broyden's method over equilibria.
 
-Broyden's method on the directions that are driven by tension; the mesh stiffens with strain, so steps are bounded and the
-tangent kept positive.
+Only tension-driven directions are unknowns. The mesh stiffens with strain, so steps are bounded and the diagonal of the
+tangent is kept positive.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 STEP_LIMIT = 0.02  # strain
-TOLERANCE = 2e-3  # of the target
-MOST_STATES = 60  # steady states tried for one load level
+TOLERANCE = 2e-3  # relative to the target
+MAX_STATES = 60  # equilibria tried for one load level
 
 
 @dataclass
 class TensionSearch:
-    """What is known of the tangent; plain numbers, so that a checkpoint can hold it."""
+    """Secant tangent of the search, as plain numbers for a checkpoint."""
 
     stiffness: list[list[float]] = field(default_factory=list)  # [N/m] change of tension by strain, (2, 2)
     strain: list[float] | None = None  # of the last state
@@ -30,10 +30,10 @@ class TensionSearch:
     def next_strain(
         self, strain: np.ndarray, tension: np.ndarray, target: np.ndarray, driven: np.ndarray, scale: float
     ) -> np.ndarray | None:
-        """Strain (2,) to try next, or None where the tension is met.
+        """Strain (2,) to try next, or None where the tension is reached.
 
-        strain, tension [N/m], target [N/m] are (weft, warp); `driven` says which of them go by tension; `scale` [N/m] is
-        EI/C^3, a first guess of the stiffness and the measure of a small tension.
+        strain, tension [N/m], target [N/m] are (weft, warp); `driven` marks the directions driven by tension; `scale`
+        [N/m] is EI/C^3, the first guess of the stiffness.
         """
         if not self.stiffness:
             self.stiffness = (scale * np.eye(2)).tolist()

@@ -160,6 +160,6 @@ def physics(scene: Scene, size: Size) -> Iterator[str]:
     yield from boundary_physics(scene)
 
 
-def left_out(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
+def limitations(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
     """What a run in space would not show."""
     yield from ()

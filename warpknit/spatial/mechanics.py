@@ -10,7 +10,7 @@ import numpy as np
 from .. import measure
 from ..errors import ModelError
 from ..kernels import control as c
-from ..mechanics import Check, Drift, beyond_strength
+from ..mechanics import Check, Drift, strength_exceeded
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
 from ..numerics import AXIAL_ERROR, CHECK_STEPS, LOAD_STEPS, SLOWEST_WAVE, slowest_damping
@@ -32,7 +32,7 @@ EDGE_CHECKS = 4  # convergence checks between corrections of what hangs on cords
 EDGE_RATIO = 20.0  # of what counts as converged, below which they begin
 FARTHEST = 0.2  # of the thickness: by how much the state is moved ahead
 RESERVED = 0.25  # of the margin of a search, kept for what the load itself moves until the next one
-DRIFT = Drift(checks=8, slowest_fall=0.98)
+DRIFT = Drift(checks=8, max_decay_ratio=0.98)
 
 
 class SpatialMechanics:
@@ -224,7 +224,7 @@ class SpatialMechanics:
         return self.observe().nominal_stress
 
     def causes(self) -> str:
-        return beyond_strength(measure.stress_extremes(self.observe())[0], self.model.scene.wire.tensile_strength)
+        return strength_exceeded(measure.stress_extremes(self.observe())[0], self.model.scene.wire.tensile_strength)
 
     def is_in_equilibrium(self, load: LoadPoint) -> bool:
         """As knitted, where no wires overlap and all are free of stress; says so where some overlap."""

@@ -23,7 +23,7 @@ from ..model import estimates_of
 from ..numerics import thread_count
 from ..run.interrupts import Interrupted, Interrupts
 from ..run.progress_display import Progress as Display
-from ..run.run_directory import Ending, finished_before, goes_on, open_directory
+from ..run.run_directory import CommandResult, continues_earlier, finished_result, open_directory
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.capabilities import refuse
 from ..text import duration, engineering
@@ -52,17 +52,17 @@ def run_map(
     resume: bool = False,
     force: bool = False,
     progress: Display | None = None,
-) -> Ending:
+) -> CommandResult:
     """Run the sweep of `scene` into the directory `out`.
 
     Raises `SceneError`, `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. Strains at
     which the mesh does not come to rest have no values; an interrupt ends with exit_code 130 and keeps the finished cells.
     """
     sweep = _checked(scene, device)
-    if resume and (finished := finished_before(out, "map.json", scene.hash)) is not None:
+    if resume and (finished := finished_result(out, "map.json", scene.hash)) is not None:
         return finished
     resolved = resolved_toml(scene)
-    keep = goes_on(out, "map.csv", "map", resolved, resume=resume, force=force)
+    keep = continues_earlier(out, "map.csv", "map", resolved, resume=resume, force=force)
     # what cannot be built is refused before anything is removed
     seeds = [replace(scene, knit=replace(scene.knit, seed=scene.knit.seed + number)) for number in range(sweep.seeds)]
     meshes = [mesh_of(one) for one in seeds]
@@ -107,9 +107,9 @@ class _Mapper:
         self._interrupts = Interrupts()
         self._begin = self._saved = time.perf_counter()
 
-    def run(self) -> Ending:
+    def run(self) -> CommandResult:
         reason, code, message = "finished", 0, ""
-        with self._interrupts.caught():
+        with self._interrupts.handled():
             try:
                 for seed, done in enumerate(self.maps):
                     self._run_seed(seed, done)
@@ -125,7 +125,7 @@ class _Mapper:
             json.dump(summary, file, indent=2, allow_nan=False)
         if self.scene.output.figures and self.rows:
             self._draw(summary)
-        return Ending(code, summary, message)
+        return CommandResult(code, summary, message)
 
     @property
     def rows(self) -> list[MapRow]:

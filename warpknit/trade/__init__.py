@@ -1,9 +1,11 @@
 """Speed against accuracy on one scene, measured: `warpknit trade`.
 
-knobs.py       what can be turned, and the points that are tried
-point.py       one point: a run without files, what it found and what it cost
-table.py       trade.csv: a row a point, with its errors against the reference
-convergence.py order of convergence and error of the reference by Richardson extrapolation
-front.py       which points nothing beats, and what each knob buys alone
+parameters.py  numerical parameters, their values, and the points of a study
+point.py       one point: a run without files, its results and its cost
+trade_table.py trade.csv: one row a point, with its errors against the reference
+extrapolation.py order of convergence and error of the reference by Richardson extrapolation
+pareto.py      the Pareto front of error against cost
+probe_run.py   small meshes that estimate the error of a setting
+error_estimate.py `warpknit run --error`
 study.py       all points into a directory, interrupted and resumed
 """

@@ -1,4 +1,4 @@
-"""`warpknit run --error PERCENT`: the settings it takes, and the estimate of what the run misses."""
+"""`warpknit run --error PERCENT`: choice of settings, and estimate of the error of the run."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from ..measure.table import Record
 from ..run.summary import Estimate
 from ..scene import Scene
 from ..trial import Setting, edge_of
-from .pilot import Pilot, bound_percent, choose_setting
-from .point import found_at
+from .point import results_of
+from .probe_run import ProbeRun, choose_setting, error_bound_percent
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Within:
-    """Settings that were chosen to miss no more than `percent`."""
+class ErrorBound:
+    """Settings chosen for an error of at most `percent`."""
 
     percent: float
     setting: Setting
@@ -29,35 +29,35 @@ class Within:
         """Keys of the scene."""
         return self.setting.overrides
 
-    def judge(self, scene: Scene) -> Callable[[Record], Estimate]:
-        """What estimates the error of a run of `scene` at these settings from its last record."""
+    def error_estimator(self, scene: Scene) -> Callable[[Record], Estimate]:
+        """A function that estimates the error of a run of `scene` at these settings from its last record."""
         return lambda record: estimate_of(record, scene, self)
 
 
-def settings_within(scene: Scene, percent: float) -> Within:
-    """The cheapest settings that miss no more than `percent`, tried on a small mesh. Raises `Diverged`."""
-    pilot = Pilot(scene)
-    setting, errors = choose_setting(pilot, percent)
+def settings_for_error(scene: Scene, percent: float) -> ErrorBound:
+    """The cheapest settings within an error of `percent`, by probe runs on a small mesh. Raises `Diverged`."""
+    probe = ProbeRun(scene)
+    setting, errors = choose_setting(probe, percent)
     what = "segments a wire" if edge_of(scene) == "hook" else "nodes a loop"
     _log.info(
-        "%d %s, softening %g, tolerance %g: a small mesh of this scene misses %.2g %% (%.2g node-steps to find out)",
+        "%d %s, softening %g, tolerance %g: error of a small mesh of this scene %.2g %% (probe runs: %.2g node-steps)",
         setting.nodes_per_loop, what, setting.axial_softening, setting.residual_tolerance, errors.largest_percent,
-        pilot.node_steps,
+        probe.node_steps,
     )  # fmt: skip
-    return Within(percent, setting)
+    return ErrorBound(percent, setting)
 
 
-def estimate_of(record: Record, scene: Scene, within: Within) -> Estimate:
-    """The estimated error of a run, all relative but the share, which is in points of percent."""
-    found = found_at(record.observables)
+def estimate_of(record: Record, scene: Scene, bound: ErrorBound) -> Estimate:
+    """Estimated error of a run from its last record."""
+    results = results_of(record.observables)
     try:
-        errors = Pilot(scene).errors_of_run(found, within.setting)
+        errors = ProbeRun(scene).errors_of_run(results, bound.setting)
     except Diverged as error:
         return Estimate(None, warning=f"the error was not estimated: {error}")
     if errors is None:
-        return Estimate(None, warning="the error was not estimated: a small mesh of this scene does not come to rest")
-    bound = bound_percent(errors)
+        return Estimate(None, warning="the error was not estimated: a small mesh of this scene does not converge")
+    estimated = error_bound_percent(errors)
     warning = ""
-    if bound > within.percent:
-        warning = f"the error is estimated at {bound:.2g} %, more than the {within.percent:g} % asked for"
-    return Estimate(bound / 100.0, errors.active_percent, errors.tension, errors.contact_force, errors.stress, warning)
+    if estimated > bound.percent:
+        warning = f"the error is estimated at {estimated:.2g} %, more than the {bound.percent:g} % asked for"
+    return Estimate(estimated / 100.0, errors.active_percent, errors.tension, errors.contact_force, errors.stress, warning)

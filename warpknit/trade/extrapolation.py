@@ -1,8 +1,8 @@
-"""Richardson extrapolation: what a value would be with endlessly many nodes, from three numbers of nodes.
+"""Richardson extrapolation to infinitely many nodes, from results at three node counts.
 
     f(n) = f + C n^-p        (f1 - f2)/(f2 - f3) = r^-p        f = f1 + (f1 - f2)/(r^p - 1)
 
-with f1 of the most nodes and r the ratio of the nodes of one to the next (Roache, J. Fluids Eng. 116 (1994) 405).
+with f1 at the most nodes and r the ratio of successive node counts (Roache, J. Fluids Eng. 116 (1994) 405).
 """
 
 from __future__ import annotations
@@ -10,26 +10,26 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-LEAST_ORDER, MOST_ORDER = 1.0, 4.0  # of convergence that is believed: beyond, differences are too small or too rough to tell
+MIN_ORDER, MAX_ORDER = 1.0, 4.0  # accepted orders of convergence; outside, the differences are too small or too noisy
 
 
 @dataclass(frozen=True)
 class Extrapolated:
-    """What three values of one quantity say."""
+    """Order of convergence, limit and error of one quantity."""
 
-    order: float  # p, within the range that is believed
+    order: float  # p, clipped to the accepted range
     limit: float  # f
-    error: float  # |f1 - f|: of the finest value
+    error: float  # |f1 - f|, of the finest value
 
 
 def extrapolate(finest: float, middle: float, coarsest: float, ratio: float) -> Extrapolated:
     """Extrapolate from values at n, n/ratio and n/ratio^2 nodes.
 
-    Where the differences do not fall steadily the order counts as LEAST_ORDER, which makes the error the larger.
+    The order is MIN_ORDER, a conservative choice, where the differences do not decrease monotonically.
     """
     first, second = finest - middle, middle - coarsest
-    order = LEAST_ORDER
+    order = MIN_ORDER
     if first * second > 0.0:
-        order = min(max(math.log(second / first) / math.log(ratio), LEAST_ORDER), MOST_ORDER)
+        order = min(max(math.log(second / first) / math.log(ratio), MIN_ORDER), MAX_ORDER)
     step = first / (ratio**order - 1.0)
     return Extrapolated(order, finest + step, abs(step))

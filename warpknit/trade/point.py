@@ -1,4 +1,4 @@
-"""One point of a trade: the scene with some settings, run without files; what it found and what it cost."""
+"""One point of a trade: a run of the scene at some settings, without files."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from ..model import build_model
 from ..scene import Scene
 from ..solve.simulate import Progress, Simulation
 
-FORCE_FLOOR = 1e-3  # of EI/W^2 a pair: what contact forces are compared with where contacts carry less
-TENSION_FLOOR = 1e-3  # of EI/C^3: the same of tensions
+FORCE_FLOOR = 1e-3  # of EI/W^2 a pair: lower bound of the contact force in a relative error
+TENSION_FLOOR = 1e-3  # of EI/C^3: lower bound of the tension in a relative error
 
 
 @dataclass(frozen=True)
-class Found:
-    """What a mesh carries at the end of its last stage."""
+class Results:
+    """Results at the end of the last stage."""
 
     active_percent: float
     tension_weft_N_per_m: float  # of two hooked wires: the force [N] on the driven end, and 0
@@ -35,10 +35,10 @@ class Found:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a point ended; `found` is None where it did not come to its end."""
+    """Settings, results and cost of a point; `results` is None where the run did not finish."""
 
     settings: dict[str, object]
-    found: Found | None
+    results: Results | None
     stop_reason: str
     message: str = ""
     wall_s: float = 0.0
@@ -47,20 +47,20 @@ class Outcome:
     node_steps: int = 0
 
 
-class TooDear(Exception):
-    """A point has cost more than it may."""
+class CostLimitExceeded(Exception):
+    """A run took more node-steps than its limit."""
 
 
 def run_point(
     load: Callable[[], Scene],
     *,
     device: str = "cpu",
-    most_node_steps: float = math.inf,
+    max_node_steps: float = math.inf,
     watch: Callable[[Progress], None],
 ) -> Outcome:
     """Run the scene that `load` returns; `watch` may raise to stop it.
 
-    A scene that is refused, a run that diverges and one that takes more than `most_node_steps` are outcomes, not errors.
+    A refused scene, a diverged run and one that exceeds `max_node_steps` are outcomes, not errors.
     """
     settings: dict[str, object] = {}
     try:
@@ -70,27 +70,27 @@ def run_point(
         return Outcome(settings, None, "refused", str(error))
     settings = settings_of(simulation.model)
 
-    def look(progress: Progress) -> None:
+    def check_cost(progress: Progress) -> None:
         watch(progress)
-        if node_steps(simulation) > most_node_steps:
-            raise TooDear
+        if node_steps(simulation) > max_node_steps:
+            raise CostLimitExceeded
 
-    simulation.watch = look
+    simulation.watch = check_cost
     wall, cpu = time.perf_counter(), time.process_time()
     record: Record | None = None
     reason, message = "steady", ""
     try:
         for each in simulation.run():
             record = each
-    except TooDear:
-        reason, message, record = "too dear", f"stopped after {most_node_steps:.2g} node-steps", None
+    except CostLimitExceeded:
+        reason, message, record = "cost limit", f"stopped after {max_node_steps:.2g} node-steps", None
     except Diverged as error:
         reason, message, record = "diverged", str(error), None
     if record is not None and not record.steady:
         reason = "finished"
     return Outcome(
         settings=settings,
-        found=None if record is None else found_at(record.observables),
+        results=None if record is None else results_of(record.observables),
         stop_reason=reason,
         message=message,
         wall_s=time.perf_counter() - wall,
@@ -101,18 +101,18 @@ def run_point(
 
 
 def node_steps(simulation: Simulation) -> int:
-    """Steps times nodes of a mesh, and of the smaller meshes beside it."""
-    drives, found = [simulation.drive], []
-    while drives:
-        one = drives.pop()
-        if one not in found:
-            found.append(one)
-            drives += [other for other in (getattr(one, "smaller", None), getattr(one, "cell", None)) if other is not None]
-    return sum(one.progress.steps * one.model.node_count for one in found)
+    """Steps times nodes, of the mesh and of its smaller meshes."""
+    pending, drives = [simulation.drive], []
+    while pending:
+        drive = pending.pop()
+        if drive not in drives:
+            drives.append(drive)
+            pending += [other for other in (getattr(drive, "smaller", None), getattr(drive, "cell", None)) if other is not None]
+    return sum(drive.progress.steps * drive.model.node_count for drive in drives)
 
 
 def settings_of(model: MeshModel) -> dict[str, object]:
-    """The knobs of a model as they stand, whichever were turned."""
+    """Values of all parameters of a model: the columns of trade.csv."""
     ramp = model.scene.solver.drive == "ramp"
     of_ramp = {"loading_time_s": "loading_time", "damping_per_s": "damping", "body_mass_kg": "body_mass"}
     return settings_of_scene(model.scene) | {
@@ -123,7 +123,7 @@ def settings_of(model: MeshModel) -> dict[str, object]:
 
 
 def settings_of_scene(scene: Scene) -> dict[str, object]:
-    """Those of them that a scene says."""
+    """Values of the parameters that stand in a scene."""
     solver = scene.solver
     return {
         "kind": scene.model.kind,
@@ -141,17 +141,17 @@ def settings_of_scene(scene: Scene) -> dict[str, object]:
     }
 
 
-def found_at(r: Observables) -> Found:
-    """What a state says of the mesh."""
-    found = Found(**table.values(r, Found.__dataclass_fields__))
+def results_of(r: Observables) -> Results:
+    """Results of a state."""
+    results = Results(**table.values(r, Results.__dataclass_fields__))
     if r.hook_contact is None:
-        return found
-    return replace(found, tension_weft_N_per_m=abs(r.hook_contact.drive_force), tension_warp_N_per_m=0.0)
+        return results
+    return replace(results, tension_weft_N_per_m=abs(r.hook_contact.drive_force), tension_warp_N_per_m=0.0)
 
 
 @dataclass(frozen=True)
 class Scales:
-    """What differences are divided by where the reference carries less [N, N/m, Pa]."""
+    """Lower bounds of the reference values that errors are divided by [N, N/m, Pa]."""
 
     force: float
     tension: float
@@ -159,7 +159,7 @@ class Scales:
 
 
 def scales_of(model: MeshModel) -> Scales:
-    """The least forces that count: bending by about a wire diameter a loop."""
+    """Scales of a mesh: bending each loop by about a wire diameter."""
     wire = model.scene.wire
     bent = wire.youngs_modulus * wire.radius * wire.diameter / model.scene.knit.wale_spacing**2
     tension = TENSION_FLOOR * measure.tension_scale(model)
@@ -169,7 +169,7 @@ def scales_of(model: MeshModel) -> Scales:
 
 @dataclass(frozen=True)
 class Errors:
-    """Differences from the reference: of the active share in points of percent, the others relative."""
+    """Errors against the reference: relative; of the active share in percentage points."""
 
     active_percent: float
     tension: float  # the larger of weft and warp, over the larger tension of the reference
@@ -181,14 +181,14 @@ class Errors:
         return max(self.active_percent, 100.0 * self.tension, 100.0 * self.contact_force, 100.0 * self.stress)
 
 
-def errors_of(found: Found, reference: Found, scales: Scales) -> Errors:
-    """How far a point is from the reference."""
-    pulled = np.array([reference.tension_weft_N_per_m, reference.tension_warp_N_per_m])
-    missed = np.array([found.tension_weft_N_per_m, found.tension_warp_N_per_m]) - pulled
+def errors_of(results: Results, reference: Results, scales: Scales) -> Errors:
+    """Errors of results against those of the reference."""
+    tension = np.array([reference.tension_weft_N_per_m, reference.tension_warp_N_per_m])
+    difference = np.array([results.tension_weft_N_per_m, results.tension_warp_N_per_m]) - tension
     force, stress = reference.contact_force_sum_N, reference.stress_max_Pa
     return Errors(
-        active_percent=abs(found.active_percent - reference.active_percent),
-        tension=float(np.abs(missed).max() / max(np.abs(pulled).max(), scales.tension)),
-        contact_force=abs(found.contact_force_sum_N - force) / max(force, scales.force),
-        stress=abs(found.stress_max_Pa - stress) / max(stress, scales.stress),
+        active_percent=abs(results.active_percent - reference.active_percent),
+        tension=float(np.abs(difference).max() / max(np.abs(tension).max(), scales.tension)),
+        contact_force=abs(results.contact_force_sum_N - force) / max(force, scales.force),
+        stress=abs(results.stress_max_Pa - stress) / max(stress, scales.stress),
     )

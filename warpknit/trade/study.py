@@ -1,6 +1,6 @@
-"""All points of a trade into a directory: what `warpknit trade` leaves there, how it is interrupted, resumed and refused.
+"""`warpknit trade`: all points of a study into a directory, with interrupt and resume.
 
-DIR holds trade.csv, trade_knobs.csv (what each knob buys alone), trade.json, scene.toml (resolved) and figures/trade.png.
+DIR holds trade.csv, trade_knobs.csv (effect of each parameter alone), trade.json, scene.toml (resolved) and figures/trade.png.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from ..model import build_model, estimates_of, trials_of
 from ..numerics import slowest_rate
 from ..run.interrupts import Interrupted, Interrupts
 from ..run.progress_display import Progress as Display
-from ..run.run_directory import Ending, finished_before, goes_on, open_directory
+from ..run.run_directory import CommandResult, continues_earlier, finished_result, open_directory
 from ..scene import Scene, resolved_toml
 from ..scene.capabilities import refuse
 from ..text import duration
-from . import knobs
+from . import parameters
 from .extrapolation import extrapolate
-from .front import pareto
-from .knobs import Overrides, Point
-from .point import Found, errors_of, run_point, scales_of
+from .parameters import Overrides, Point
+from .pareto import pareto
+from .point import Results, errors_of, run_point, scales_of
 from .trade_table import Row, read_rows, write_rows
 
 _log = logging.getLogger(__name__)
 
 Loader = Callable[[Overrides, str | None], Scene]
 
-RATIO = math.sqrt(2.0)  # of the nodes of one reference to the next
-DEAREST = 4.0  # times what the reference cost, that a point may
-RAMP_NODES = 2_000  # of a mesh, up to which ramps in real time are tried: they take a hundred times the steps
+RATIO = math.sqrt(2.0)  # ratio of successive node counts of the references
+COST_LIMIT = 4.0  # times the node-steps of the reference: limit of a point
+RAMP_NODES = 2_000  # largest mesh on which ramps in real time are tried: they take a hundred times the steps
 
 
 def run_trade(
@@ -50,7 +50,7 @@ def run_trade(
     resume: bool = False,
     force: bool = False,
     progress: Display | None = None,
-) -> Ending:
+) -> CommandResult:
     """Measure speed against accuracy of a scene into the directory `out`.
 
     `load` returns the scene with more overrides and a preset; `against` is the `model.kind` of the reference. Raises
@@ -61,10 +61,10 @@ def run_trade(
     refuse(scene, "trade")
     of_reference: Overrides = (("model.kind", against),) if against else ()
     load(of_reference, None)  # refused before anything is written
-    if resume and (finished := finished_before(out, "trade.json", scene.hash)) is not None:
+    if resume and (finished := finished_result(out, "trade.json", scene.hash)) is not None:
         return finished
     resolved = resolved_toml(scene)
-    keep = goes_on(out, "trade.csv", "trade", resolved, resume=resume, force=force)
+    keep = continues_earlier(out, "trade.csv", "trade", resolved, resume=resume, force=force)
     name = find_device(device)
     base = build_model(scene, name)
     open_directory(out, resolved, keep=keep)
@@ -72,7 +72,7 @@ def run_trade(
 
 
 class _Study:
-    """Runs the points that are left and writes what they found."""
+    """Runs the remaining points and writes their results."""
 
     def __init__(self, load: Loader, base: Any, of_reference: Overrides, device: str, out: Path, display: Display) -> None:
         self.load, self.base, self.device, self.out, self.display = load, base, device, out, display
@@ -85,55 +85,55 @@ class _Study:
         self.finest = [round(finest / RATIO**k) for k in range(3)]
         self._interrupts = Interrupts()
 
-    def run(self) -> Ending:
+    def run(self) -> CommandResult:
         reason, code, message = "finished", 0, ""
-        with self._interrupts.caught():
+        with self._interrupts.handled():
             try:
                 points = self._points()
-                self._say_how_long(points)
+                self._log_estimate(points)
                 for number, point in enumerate(points, start=1):
                     self._interrupts.check()
                     self.display.stage(point.name, number=number, of=len(points))
                     self._run(point)
             except Interrupted:
-                reason, code, message = "interrupted", 130, f"interrupted; --resume goes on from {self.out}"
+                reason, code, message = "interrupted", 130, f"interrupted; continue with --resume --out {self.out}"
         summary = self._summary(reason)
         with write_aside(self.out / "trade.json") as file:
             json.dump(summary, file, indent=2, allow_nan=False)
         if code == 0:
             write_table(self.out / "trade_knobs.csv", _columns(summary["knobs"]))
             self._draw()
-        return Ending(code, summary, message)
+        return CommandResult(code, summary, message)
 
     # --- points ---
 
     def _points(self) -> list[Point]:
-        points = knobs.reference_points(self.finest, self.tolerance)
-        points += [*knobs.preset_points(self.base), *knobs.points_alone(self.base)]
-        points += self._points_of_ramp()
-        points += knobs.points_together(self.base, self.finest[0])
+        points = parameters.reference_points(self.finest, self.tolerance)
+        points += [*parameters.preset_points(self.base), *parameters.single_parameter_points(self.base)]
+        points += self._ramp_points()
+        points += parameters.combined_points(self.base, self.finest[0])
         return points
 
-    def _say_how_long(self, points: Sequence[Point]) -> None:
-        """Log how many points are left, and about how long they take."""
+    def _log_estimate(self, points: Sequence[Point]) -> None:
+        """Log the number of remaining points and their estimated time."""
         done = {row.point for row in self.rows}
-        left = [point for point in points if point.name not in done]
-        if not left:
+        remaining = [point for point in points if point.name not in done]
+        if not remaining:
             return
-        dearest = math.inf
+        limit = math.inf
         total = 0.0
-        for point in left:
+        for point in remaining:
             self._interrupts.check()
             time, work = self._expected(point)
-            total += time * min(1.0, dearest / max(work, 1.0))
-            if point.group == "reference" and dearest == math.inf:
-                dearest = DEAREST * work
+            total += time * min(1.0, limit / max(work, 1.0))
+            if point.group == "reference" and limit == math.inf:
+                limit = COST_LIMIT * work
         factor = estimates_of(self.base.scene).notes(self.base.scene, Size(0, 0, 0)).factor
         about = f"about {duration(total)} on this CPU, within a factor of {factor:g}"
-        _log.info("%d points to run: %s", len(left), "not estimated on a GPU" if self.device != "cpu" else about)
+        _log.info("%d points to run: %s", len(remaining), "not estimated on a GPU" if self.device != "cpu" else about)
 
     def _expected(self, point: Point) -> tuple[float, float]:
-        """[s] and node-steps that a point may take; none of one that cannot be run."""
+        """Expected time [s] and node-steps of a point; zero where it is refused."""
         is_reference = point.group == "reference"
         try:
             scene = self.load(point.overrides + (self.of_reference if is_reference else ()), point.preset)
@@ -153,21 +153,21 @@ class _Study:
         cost = estimates_of(scene).cost_of(scene, size)
         return cost.seconds, cost.steps * size.nodes
 
-    def _points_of_ramp(self) -> Iterator[Point]:
+    def _ramp_points(self) -> Iterator[Point]:
         if self.base.panel.node_count > RAMP_NODES:
-            _log.info("no ramps: a mesh of more than %d nodes", RAMP_NODES)
+            _log.info("ramps are left out: the mesh has more than %d nodes", RAMP_NODES)
             return
         try:
             model = build_model(self.load((("solver.drive", "ramp"),), None))
         except InputError as error:
-            _log.info("no ramps: %s", error)
+            _log.info("ramps are left out: %s", error)
             return
         rate = slowest_rate(model.scene, self._loop_length(model))
-        yield from knobs.points_of_ramp(self.base, 2.0 * math.pi / rate, model.time_step)
+        yield from parameters.ramp_points(self.base, 2.0 * math.pi / rate, model.time_step)
 
     @staticmethod
     def _loop_length(model: Any) -> float:
-        """Wire of a loop [m], as the model has it: the nodes of a loop are evenly spaced."""
+        """Wire length of a loop [m]: its nodes are evenly spaced."""
         return float(model.table.spacing.mean()) * model.scene.model.nodes_per_loop
 
     def _run(self, point: Point) -> None:
@@ -176,30 +176,30 @@ class _Study:
         is_reference = point.group == "reference"
         overrides = point.overrides + (self.of_reference if is_reference else ())
         if is_reference:
-            self.load(overrides, point.preset)  # refused: the study cannot be
+            self.load(overrides, point.preset)  # raises where the reference is refused
         reference = next((row for row in self.rows if row.group == "reference"), None)
-        most = math.inf if reference is None else DEAREST * reference.outcome.node_steps
+        limit = math.inf if reference is None else COST_LIMIT * reference.outcome.node_steps
         outcome = run_point(
             lambda: self.load(overrides, point.preset),
             device=self.device,
-            most_node_steps=most,
+            max_node_steps=limit,
             watch=lambda progress: self._interrupts.check(),
         )
-        if is_reference and outcome.found is None:
-            raise Diverged(f"the reference of {self.finest[0]} nodes a loop: {outcome.message}")
-        self.rows.append(Row(point.name, point.group, point.knob, outcome))
-        self._account()
+        if is_reference and outcome.results is None:
+            raise Diverged(f"the reference of {self.finest[0]} nodes a loop failed: {outcome.message}")
+        self.rows.append(Row(point.name, point.group, point.parameter, outcome))
+        self._compute_errors()
         write_rows(self.path, self.rows)
 
-    def _account(self) -> None:
-        """Fill in errors against the finest reference; sums over a mesh are compared by the repeat."""
-        truth = self.rows[0].outcome.found
+    def _compute_errors(self) -> None:
+        """Fill in errors against the finest reference; sums over a mesh are compared per repeat."""
+        truth = self.rows[0].outcome.results
         assert truth is not None
         for row in self.rows:
-            found = row.outcome.found
-            if found is not None:
-                sum_ = found.contact_force_sum_N * _repeats(self.rows[0]) / _repeats(row)
-                row.errors = errors_of(replace(found, contact_force_sum_N=sum_), truth, self.scales)
+            results = row.outcome.results
+            if results is not None:
+                sum_ = results.contact_force_sum_N * _repeats(self.rows[0]) / _repeats(row)
+                row.errors = errors_of(replace(results, contact_force_sum_N=sum_), truth, self.scales)
 
     # --- results ---
 
@@ -207,37 +207,37 @@ class _Study:
         from .. import __version__
 
         if self.rows:
-            self._account()
+            self._compute_errors()
         counted = [row for row in self.rows if row.errors is not None and row.group != "reference"]
-        numbers = [(row.price, row.errors.largest_percent) for row in counted if row.errors is not None]
+        costs_and_errors = [(row.cost, row.errors.largest_percent) for row in counted if row.errors is not None]
         return {
             "scene": {"name": self.base.scene.name, "hash": self.base.scene.hash},
             "version": __version__,
             "stop_reason": reason,
             "points": len(self.rows),
-            "without_result": sum(row.outcome.found is None for row in self.rows),
+            "without_result": sum(row.outcome.results is None for row in self.rows),
             "reference": self._reference(),
-            "front": [_brief(counted[k]) for k in pareto(numbers)],
-            "presets": [_brief(row) for row in self.rows if row.group == "preset"],
-            "knobs": knob_table(self.rows),
+            "front": [_point_summary(counted[k]) for k in pareto(costs_and_errors)],
+            "presets": [_point_summary(row) for row in self.rows if row.group == "preset"],
+            "knobs": parameter_table(self.rows),
         }
 
     def _reference(self) -> dict[str, Any]:
-        """What the reference found, and its own error by extrapolation from three numbers of nodes."""
+        """Results of the reference, and its own error by extrapolation from three node counts."""
         rows = [row for row in self.rows if row.group == "reference"]
         if len(rows) < len(self.finest):
             return {}
-        found = [row.outcome.found for row in rows]
-        first, second, third = (asdict(one) for one in found if one is not None)
+        results = [row.outcome.results for row in rows]
+        first, second, third = (asdict(each) for each in results if each is not None)
         nodes = [float(str(row.outcome.settings["nodes_per_loop"])) for row in rows]
         limits = {name: extrapolate(first[name], second[name], third[name], RATIO) for name in first}
-        extrapolated = Found(**{name: limit.limit for name, limit in limits.items()})
-        assert found[0] is not None
+        extrapolated = Results(**{name: limit.limit for name, limit in limits.items()})
+        assert results[0] is not None
         return {
             "nodes_per_loop": nodes,
             "found": first,
             "order": {name: limit.order for name, limit in limits.items()},
-            "own_error": asdict(errors_of(found[0], extrapolated, self.scales)),
+            "own_error": asdict(errors_of(results[0], extrapolated, self.scales)),
             "node_steps": rows[0].outcome.node_steps,
         }
 
@@ -245,7 +245,7 @@ class _Study:
         from ..export.trade_figure import Mark, trade_figure
 
         marks = [
-            Mark(row.price, tuple(asdict(row.errors).values()), row.group, row.preset)
+            Mark(row.cost, tuple(asdict(row.errors).values()), row.group, row.preset)
             for row in self.rows
             if row.errors is not None and row.group != "reference"
         ]
@@ -254,36 +254,36 @@ class _Study:
 
 
 def _repeats(row: Row) -> int:
-    """Repeats of the mesh of a point."""
+    """Number of repeats of the mesh of a point."""
     return math.prod(int(part) for part in str(row.outcome.settings["repeats"]).split("x"))
 
 
-def _brief(row: Row) -> dict[str, Any]:
-    """A point in short."""
+def _point_summary(row: Row) -> dict[str, Any]:
+    """Name, cost and errors of a point, for trade.json."""
     outcome = row.outcome
     return {
         "point": row.point,
         "node_steps": outcome.node_steps,
-        "price": row.price,
+        "price": row.cost,
         "cpu_s": outcome.cpu_s,
         "largest_error_percent": row.errors.largest_percent if row.errors else None,
         "errors": asdict(row.errors) if row.errors else None,
     }
 
 
-def knob_table(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """What each knob buys alone: cost over that of the scene as it is, and errors, value by value."""
-    base = next((row for row in rows if row.knob == knobs.BASE), None)
+def parameter_table(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Effect of each parameter alone: cost relative to the unchanged scene, and errors."""
+    base = next((row for row in rows if row.parameter == parameters.BASE), None)
     if base is None:
         return []
-    found = []
+    lines = []
     for row in rows:
         if row.group != "alone":
             continue
         value = row.point.removeprefix(f"alone: {base.point.removeprefix('alone: ')}").strip()
         errors = asdict(row.errors) if row.errors else dict.fromkeys(("active_percent", "tension", "contact_force", "stress"))
-        found.append({
-            "knob": row.knob,
+        lines.append({
+            "knob": row.parameter,
             "value": value,
             "stop_reason": row.outcome.stop_reason,
             "node_steps_over_base": row.outcome.node_steps / base.outcome.node_steps,
@@ -291,32 +291,35 @@ def knob_table(rows: Sequence[Row]) -> list[dict[str, Any]]:
             **{f"error_{name}": error for name, error in errors.items()},
             "largest_error_percent": row.errors.largest_percent if row.errors else None,
         })  # fmt: skip
-    return found
+    return lines
 
 
 def _columns(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """The same as columns, for a CSV file."""
+    """Rows as columns, for a CSV file."""
     return {name: ["" if row[name] is None else row[name] for row in rows] for name in rows[0]}
 
 
 def trade_lines(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """What trade.json says, as pairs of a heading and a text."""
-    yield "points", f"{summary['points']}, {summary['without_result']} of them without a result"
+    """Table of a trade: pairs of a heading and a text."""
+    yield "points", f"{summary['points']}, {summary['without_result']} without a result"
     own = summary["reference"].get("own_error")
     if own:
         worst = max(own["active_percent"], *(100.0 * own[name] for name in ("tension", "contact_force", "stress")))
-        yield "reference", f"{summary['reference']['nodes_per_loop'][0]:g} nodes a loop, itself within {worst:.2g} %"
+        yield "reference", f"{summary['reference']['nodes_per_loop'][0]:g} nodes a loop, own error {worst:.2g} %"
     for preset in summary["presets"]:
-        yield preset["point"].split()[1], _priced(preset)
+        yield preset["point"].split()[1], _cost_and_error(preset)
     for point in summary["front"]:
-        yield "front", f"{_priced(point)}: {point['point'].partition(': ')[2]}"
-    for knob in dict.fromkeys(row["knob"] for row in summary["knobs"]):
-        turned = [row for row in summary["knobs"] if row["knob"] == knob and row["largest_error_percent"] is not None]
-        for row in turned:
-            yield knob, f"{row['value'] or 'as it is'}: {row['node_steps_over_base']:.2g} x, {row['largest_error_percent']:.2g} %"
+        yield "Pareto front", f"{_cost_and_error(point)}: {point['point'].partition(': ')[2]}"
+    for parameter in dict.fromkeys(row["knob"] for row in summary["knobs"]):
+        varied = [row for row in summary["knobs"] if row["knob"] == parameter and row["largest_error_percent"] is not None]
+        for row in varied:
+            yield (
+                parameter,
+                f"{row['value'] or 'unchanged'}: {row['node_steps_over_base']:.2g} x, {row['largest_error_percent']:.2g} %",
+            )
     yield "stopped", summary["stop_reason"]
 
 
-def _priced(point: dict[str, Any]) -> str:
+def _cost_and_error(point: dict[str, Any]) -> str:
     error = point["largest_error_percent"]
     return f"{point['price']:.2g} node-steps, " + ("no result" if error is None else f"{error:.2g} %")

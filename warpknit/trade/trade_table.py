@@ -1,4 +1,4 @@
-"""trade.csv: a row a point of a trade, with its settings, what it found and cost, and its errors against the reference."""
+"""trade.csv: settings, cost, results and errors of each point of a trade."""
 
 from __future__ import annotations
 
@@ -8,46 +8,46 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..files import write_aside
-from .point import Errors, Found, Outcome
+from .point import Errors, Outcome, Results
 
-DOUBLE_PRICE = 1.8  # time of a node-step in double precision over that in single: docs/performance.md
+DOUBLE_COST = 1.8  # time of a node-step in double precision over that in single: docs/performance.md
 SETTINGS = (
     "kind", "boundary", "repeats", "nodes_per_loop", "merge_lenses", "drive", "precision", "axial_softening",
     "contact_stiffness_N_per_m", "residual_tolerance", "multipliers", "levels", "mass_scaling", "target_time_step_s",
     "loading_time_s", "damping_per_s", "body_mass_kg",
 )  # fmt: skip
 COSTS = ("wall_s", "cpu_s", "steps", "node_steps")
-FOUND = tuple(Found.__dataclass_fields__)
+RESULTS = tuple(Results.__dataclass_fields__)
 ERRORS = ("active_percent", "tension", "contact_force", "stress")
 COLUMNS = (
-    "preset", "group", "knob", *SETTINGS, *COSTS, *(f"error_{name}" for name in ERRORS), *FOUND,
+    "preset", "group", "knob", *SETTINGS, *COSTS, *(f"error_{name}" for name in ERRORS), *RESULTS,
     "stop_reason", "message", "point",
 )  # fmt: skip
 
 
 @dataclass
 class Row:
-    """One point: where it belongs, its outcome and, where there is a reference, its errors."""
+    """One point: its group, its outcome and, once there is a reference, its errors."""
 
     point: str
     group: str
-    knob: str
+    parameter: str  # column `knob`
     outcome: Outcome
     errors: Errors | None = field(default=None)
 
     @property
-    def price(self) -> float:
-        """Node-steps, those in double precision counted as what they take in single."""
-        return self.outcome.node_steps * (DOUBLE_PRICE if self.outcome.settings.get("precision") == "double" else 1.0)
+    def cost(self) -> float:
+        """Node-steps, weighted by DOUBLE_COST in double precision."""
+        return self.outcome.node_steps * (DOUBLE_COST if self.outcome.settings.get("precision") == "double" else 1.0)
 
     @property
     def preset(self) -> str:
-        """The name of the preset that this point is; empty where it is none."""
-        return self.knob if self.group == "preset" else ""
+        """Name of the preset of this point; empty where it is none."""
+        return self.parameter if self.group == "preset" else ""
 
 
 def write_rows(path: Path, rows: Sequence[Row]) -> None:
-    """Write the table; it is whole or as it was before."""
+    """Write the table, atomically."""
     with write_aside(path) as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
@@ -56,13 +56,13 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
             values: dict[str, object] = {name: outcome.settings.get(name) for name in SETTINGS}
             values |= {name: getattr(outcome, name) for name in COSTS}
             values |= {f"error_{name}": getattr(row.errors, name) if row.errors else None for name in ERRORS}
-            values |= {name: getattr(outcome.found, name) if outcome.found else None for name in FOUND}
-            values |= {"preset": row.preset, "group": row.group, "knob": row.knob, "point": row.point}
+            values |= {name: getattr(outcome.results, name) if outcome.results else None for name in RESULTS}
+            values |= {"preset": row.preset, "group": row.group, "knob": row.parameter, "point": row.point}
             writer.writerow(values | {"stop_reason": outcome.stop_reason, "message": outcome.message})
 
 
 def read_rows(path: Path) -> list[Row]:
-    """The rows that `write_rows` wrote, without their errors; none where the file is absent. Settings come back as text."""
+    """Rows that `write_rows` wrote, without errors, settings as text; none where the file is absent."""
     if not path.exists():
         return []
     with open(path, newline="", encoding="utf-8") as file:
@@ -70,10 +70,10 @@ def read_rows(path: Path) -> list[Row]:
 
 
 def _row(values: dict[str, str]) -> Row:
-    found = Found(**{name: float(values[name]) for name in FOUND}) if values[FOUND[0]] else None
+    results = Results(**{name: float(values[name]) for name in RESULTS}) if values[RESULTS[0]] else None
     outcome = Outcome(
         settings={name: values[name] or None for name in SETTINGS},
-        found=found,
+        results=results,
         stop_reason=values["stop_reason"],
         message=values["message"],
         wall_s=float(values["wall_s"]),

@@ -1,8 +1,8 @@
-"""A small mesh of the same knit, wire and load, run at few and at many nodes: what an error costs, before and after a run.
+"""Probe runs: a small mesh of the same knit, wire and load, at few and at many nodes, to estimate discretisation errors.
 
-Errors of node spacing are alike in every repeat, and at a grip alike at every grip. So a periodic tile is judged by one repeat,
-and a gripped mesh by PATCH repeats a side, whose grips weigh so many times more. Where repeats differ, or the state depends on
-the path or on what is done to the edge, the mesh itself is taken as it is, without what moves its edge.
+Discretisation errors are the same in every repeat, and the same at every grip. One repeat therefore stands for a periodic tile,
+and PATCH repeats a side for a gripped mesh, where the share of the grips is larger by the ratio of the sizes. Hooks and
+scattered loops are probed at full size. Pulls at the edge and temperature gradients are left out.
 """
 
 from __future__ import annotations
@@ -14,24 +14,24 @@ from ..errors import Diverged
 from ..model import build_model, trials_of
 from ..scene import PanelOptions, Scene
 from ..trial import Setting, edge_of
-from .point import Errors, Found, Outcome, Scales, errors_of, run_point, scales_of
+from .point import Errors, Outcome, Results, Scales, errors_of, run_point, scales_of
 
-PATCH = 2  # repeats a side of the gripped pilot
-LEVELS = 2  # of a pilot whose state does not depend on the path
-SAFETY = 1.3  # what an estimate is multiplied by
-FLOOR_PERCENT = 0.2  # added to it: the error of the fine run, and what the tolerance leaves
+PATCH = 2  # repeats a side of the gripped mesh
+LEVELS = 2  # of a mesh whose state does not depend on the load history
+SAFETY = 1.3  # factor on the estimate
+FLOOR_PERCENT = 0.2  # added to it: error of the fine run and of the convergence tolerance
 
 
 def with_setting(scene: Scene, setting: Setting) -> Scene:
-    """The scene with other numerics."""
+    """The scene at other numerical settings."""
     model = replace(scene.model, nodes_per_loop=setting.nodes_per_loop)
     numerics = asdict(setting)
     del numerics["nodes_per_loop"]
     return replace(scene, model=model, solver=replace(scene.solver, **numerics))
 
 
-class Pilot:
-    """The small mesh of a scene."""
+class ProbeRun:
+    """Runs the small mesh of a scene at several settings."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -44,30 +44,32 @@ class Pilot:
         return scales_of(build_model(self.small))
 
     @cached_property
-    def fine(self) -> Found:
-        """What the small mesh carries with so many nodes that it counts as true. Raises `Diverged`."""
+    def fine(self) -> Results:
+        """Reference results of the small mesh, at many nodes. Raises `Diverged`."""
         setting = trials_of(self.scene).fine(self.scene)
         outcome = self._run(setting)
-        if outcome.found is None:
-            raise Diverged(f"the run of {setting.nodes_per_loop} nodes a loop that errors are estimated by: {outcome.message}")
-        return outcome.found
+        if outcome.results is None:
+            raise Diverged(
+                f"error estimate: the reference run of {setting.nodes_per_loop} nodes a loop failed: {outcome.message}"
+            )
+        return outcome.results
 
     def errors(self, setting: Setting) -> Errors | None:
-        """How far the scene is off at a setting; None where the small mesh does not come to rest."""
-        found = self._run(setting).found
-        if found is None:
+        """Estimated errors of the scene at a setting; None where the small mesh does not converge."""
+        results = self._run(setting).results
+        if results is None:
             return None
-        return self._scaled(errors_of(found, self.fine, self.scales))
+        return self._scaled(errors_of(results, self.fine, self.scales))
 
-    def errors_of_run(self, found: Found, setting: Setting) -> Errors | None:
-        """How far a run of the scene at a setting is off, which found this.
+    def errors_of_run(self, results: Results, setting: Setting) -> Errors | None:
+        """Estimated errors of a run of the scene at a setting, from its results.
 
-        A periodic tile and a hook are compared with the fine run themselves; of a gripped mesh only a smaller one can be.
+        A periodic tile and a hook are compared with the fine run directly; a gripped mesh only by a smaller one.
         """
         if self.edge == "gripped":
             return self.errors(setting)
         repeats = self._repeats(self.scene) / self._repeats(self.small)
-        one = replace(found, contact_force_sum_N=found.contact_force_sum_N / repeats)
+        one = replace(results, contact_force_sum_N=results.contact_force_sum_N / repeats)
         return errors_of(one, self.fine, self.scales)
 
     def _run(self, setting: Setting) -> Outcome:
@@ -80,7 +82,7 @@ class Pilot:
         return scene.knit.repeats[0] * scene.knit.repeats[1]
 
     def _scaled(self, errors: Errors) -> Errors:
-        """Errors of a gripped mesh from those of a smaller one: what grips add to means goes with one over the size."""
+        """Errors of a gripped mesh from those of a smaller one: the share of the grips in a mean scales with 1/size."""
         if self.edge != "gripped":
             return errors
         share = min(1.0, min(self.small.knit.repeats) / min(self.scene.knit.repeats))
@@ -88,29 +90,29 @@ class Pilot:
                        contact_force=share * errors.contact_force)  # fmt: skip
 
 
-def bound_percent(errors: Errors) -> float:
-    """[%] that the true errors should stay under, the largest of them."""
+def error_bound_percent(errors: Errors) -> float:
+    """[%] upper bound on the largest error."""
     return SAFETY * errors.largest_percent + FLOOR_PERCENT
 
 
-def choose_setting(pilot: Pilot, percent: float) -> tuple[Setting, Errors]:
-    """The cheapest setting whose errors stay under `percent`, or the best of those tried; and what it misses."""
+def choose_setting(probe: ProbeRun, percent: float) -> tuple[Setting, Errors]:
+    """The cheapest setting with errors below `percent`, else the best one tried; and its errors."""
     best: tuple[Setting, Errors] | None = None
-    for setting in trials_of(pilot.scene).settings(pilot.scene, percent):
-        errors = pilot.errors(setting)
+    for setting in trials_of(probe.scene).settings(probe.scene, percent):
+        errors = probe.errors(setting)
         if errors is None:
             continue
         if best is None or errors.largest_percent < best[1].largest_percent:
             best = setting, errors
-        if bound_percent(errors) <= percent:
+        if error_bound_percent(errors) <= percent:
             return setting, errors
     if best is None:
-        raise Diverged("no setting was found at which a small mesh of this scene comes to rest")
+        raise Diverged("no setting found at which a small mesh of this scene converges")
     return best
 
 
 def _small(scene: Scene) -> Scene:
-    """The scene of the small mesh: nothing is written of it."""
+    """The scene of the small mesh."""
     output = scene.output if scene.depends_on_path else replace(scene.output, frames=min(scene.output.frames, LEVELS))
     solver = replace(scene.solver, drive="relax")
     small = replace(scene, output=output, solver=solver)

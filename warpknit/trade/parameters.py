@@ -1,4 +1,4 @@
-"""What can be turned: the knobs of a scene, the values they are given alone and together, and the points that makes."""
+"""Numerical parameters of a scene, the values of each, and the points of a study."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from ..planar.model import Model
+from ..mechanics import Model
 from ..scene.presets import PRESETS
 
 Overrides = tuple[tuple[str, object], ...]
 
-BASE = "base"  # the knob of the point at which nothing is turned
+BASE = "base"  # name of the point with no parameter changed
 NODES = (8, 10, 12, 14, 16, 18, 20, 24, 30, 40, 54)
 HOOK_NODES = (64, 96, 128)  # beside these, segments of a hooked wire
 TOLERANCES = (0.1, 0.03, 0.01, 0.003, 0.001)
 SOFTENINGS = (16.0, 64.0, 200.0, 400.0, 700.0, 1000.0, 2000.0)
 STIFFNESSES = (0.25, 4.0, 16.0)  # times what the model chooses
 LEVELS = (1, 2, 5, 10, 20)
-NODES_TOGETHER = (8, 10, 12, 14, 16, 18, 20, 24, 30, 40)
-TOLERANCES_TOGETHER = (0.03, 0.01, 0.003)
-SOFTENINGS_TOGETHER = (700.0, 2000.0)
+COMBINED_NODES = (8, 10, 12, 14, 16, 18, 20, 24, 30, 40)
+COMBINED_TOLERANCES = (0.03, 0.01, 0.003)
+COMBINED_SOFTENINGS = (700.0, 2000.0)
 PERIODS = (1.0, 3.0, 10.0, 30.0)  # slowest periods over which a ramp loads
 DAMPINGS = (0.1, 0.3, 3.0)  # times the slowest angular frequency
 SCALINGS = (100.0, 1e4)  # of all masses
@@ -32,29 +32,29 @@ RAMP_SOFTENINGS = (1.0, 100.0)
 
 @dataclass(frozen=True)
 class Point:
-    """One choice of settings: what is set over the scene, and which group of points it belongs to."""
+    """One choice of settings: overrides of the scene, and the group of the point."""
 
     group: str  # reference | preset | alone | together
-    knob: str  # the knob that is turned alone; the preset; empty where several are
+    parameter: str  # the one that is varied; the preset; empty where several are
     overrides: Overrides
     preset: str | None = None
 
     @property
     def name(self) -> str:
-        """What tells it from the others, the same in every run of a study."""
+        """Unique name, the same in every run of a study."""
         settings = " ".join(f"{key}={value}" for key, value in self.overrides)
         return f"{self.group}: {' '.join(part for part in (self.preset or '', settings) if part)}"
 
 
 def reference_points(finest: Sequence[int], tolerance: float) -> list[Point]:
-    """The runs that others are held against: double precision, to the tightest tolerance, the first one the finest."""
+    """Reference runs: double precision, tightest tolerance, the finest first."""
     fixed = (("solver.precision", "double"), ("solver.residual_tolerance", tolerance), ("solver.drive", "relax"))
     softening = ("solver.axial_softening", PRESETS["reference"].axial_softening)
     return [Point("reference", "", (("model.nodes_per_loop", n), *fixed, softening)) for n in finest]
 
 
 def preset_points(base: Model) -> list[Point]:
-    """The presets, whatever the scene says itself of what they stand for."""
+    """The presets, which override the keys of the scene that they set."""
     drive = base.scene.solver.drive
     return [
         Point("preset", name, (
@@ -65,25 +65,25 @@ def preset_points(base: Model) -> list[Point]:
     ]  # fmt: skip
 
 
-def points_alone(base: Model) -> Iterator[Point]:
-    """One knob after the other, the rest as the scene has them; first the scene as it is."""
+def single_parameter_points(base: Model) -> Iterator[Point]:
+    """The scene itself, then one parameter varied at a time."""
     scene = base.scene
     preset = scene.solver.preset
     yield Point("alone", BASE, (), preset=preset)
-    for knob, key, values in _relaxed_knobs(base):
+    for parameter, key, values in _relaxation_parameters(base):
         for value in values:
-            yield Point("alone", knob, ((key, value),), preset=preset)
+            yield Point("alone", parameter, ((key, value),), preset=preset)
     if scene.hook is None and scene.model.boundary == "gripped" and scene.panel.outline == "rectangle":
         for boundary, repeats in (("periodic", [1, 1]), ("gripped", [2, 2]), ("gripped", [4, 4])):
             overrides = (("model.boundary", boundary), ("knit.repeats", repeats))
             yield Point("alone", "size", overrides, preset=preset)
 
 
-def _relaxed_knobs(base: Model) -> Iterator[tuple[str, str, Sequence[object]]]:
+def _relaxation_parameters(base: Model) -> Iterator[tuple[str, str, Sequence[object]]]:
     yield "nodes_per_loop", "model.nodes_per_loop", NODES + (HOOK_NODES if base.scene.hook is not None else ())
     yield "axial_softening", "solver.axial_softening", SOFTENINGS
     yield "residual_tolerance", "solver.residual_tolerance", TOLERANCES
-    yield "contact_stiffness", "contact.stiffness", [_short(factor * base.contact_stiffness) for factor in STIFFNESSES]
+    yield "contact_stiffness", "contact.stiffness", [_rounded(factor * base.contact_stiffness) for factor in STIFFNESSES]
     yield "precision", "solver.precision", ("single", "double")
     yield "multipliers", "solver.multipliers", (False,)
     yield "levels", "output.frames", LEVELS
@@ -91,32 +91,32 @@ def _relaxed_knobs(base: Model) -> Iterator[tuple[str, str, Sequence[object]]]:
         yield "merge_lenses", "model.merge_lenses", (not base.scene.model.merge_lenses,)
 
 
-def points_of_ramp(base: Model, period: float, time_step: float) -> Iterator[Point]:
-    """A ramp in real time, and its knobs one after the other.
+def ramp_points(base: Model, period: float, time_step: float) -> Iterator[Point]:
+    """A ramp in real time, then one of its parameters varied at a time.
 
-    `period` [s] of the slowest mode, `time_step` [s] that the ramp's masses allow.
+    `period` [s] is that of the slowest mode, `time_step` [s] the stable one at the ramp's masses.
     """
     rate, preset = 2.0 * math.pi / period, base.scene.solver.preset
     drive = ("solver.drive", "ramp")
     yield Point("alone", "drive", (drive,), preset=preset)
-    for knob, key, values in (
-        ("loading_time", "solver.loading_time", [_short(k * period) for k in PERIODS]),
-        ("damping", "solver.damping", [_short(k * rate) for k in DAMPINGS]),
-        ("target_time_step", "solver.target_time_step", [_short(k * time_step) for k in STEPS]),
+    for parameter, key, values in (
+        ("loading_time", "solver.loading_time", [_rounded(k * period) for k in PERIODS]),
+        ("damping", "solver.damping", [_rounded(k * rate) for k in DAMPINGS]),
+        ("target_time_step", "solver.target_time_step", [_rounded(k * time_step) for k in STEPS]),
         ("body_mass", "contact.body_mass", BODY_MASSES),
         ("ramp_softening", "solver.axial_softening", RAMP_SOFTENINGS),
         ("ramp_nodes", "model.nodes_per_loop", (12, 16, 40)),
     ):
         for value in values:
-            yield Point("alone", knob, (drive, (key, value)), preset=preset)
+            yield Point("alone", parameter, (drive, (key, value)), preset=preset)
     for value in SCALINGS:
-        # a mass that is scaled scales every period with it: the loading time stays what it is in periods
+        # mass scaling scales every period: the loading time is unchanged in periods
         yield Point("alone", "mass_scaling", (drive, ("solver.mass_scaling", value)), preset=preset)
 
 
-def points_together(base: Model, finest: int) -> Iterator[Point]:
-    """The knobs that buy most, in all combinations."""
-    for n, tolerance, softening in itertools.product(NODES_TOGETHER, TOLERANCES_TOGETHER, SOFTENINGS_TOGETHER):
+def combined_points(base: Model, finest: int) -> Iterator[Point]:
+    """All combinations of the parameters with the largest effect on cost."""
+    for n, tolerance, softening in itertools.product(COMBINED_NODES, COMBINED_TOLERANCES, COMBINED_SOFTENINGS):
         if n < finest:
             yield Point("together", "", (
                 ("model.nodes_per_loop", n), ("solver.residual_tolerance", tolerance), ("solver.axial_softening", softening),
@@ -124,6 +124,6 @@ def points_together(base: Model, finest: int) -> Iterator[Point]:
             ))  # fmt: skip
 
 
-def _short(value: float) -> float:
-    """Three digits of it: what a table can show."""
+def _rounded(value: float) -> float:
+    """The value to three digits, for the tables."""
     return float(f"{value:.3g}")

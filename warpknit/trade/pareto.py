@@ -1,4 +1,4 @@
-"""Which points nothing beats: the Pareto front of error against cost."""
+"""The Pareto front of error against cost."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 
 def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Indices of the (cost, error) points that no other one beats in one without losing in the other, by rising cost."""
+    """Indices of the non-dominated (cost, error) points, by increasing cost."""
     order = sorted(range(len(points)), key=lambda k: points[k])
     front: list[int] = []
     for k in order:
