@@ -30,12 +30,11 @@ LAYERS = (
     # ranks that share a mesh; the pattern; the form in which results leave
     {"ranks", "knit", "frame"},
     {"scene"},
-    {"wires", "memory", "device", "numerics"},
+    {"wires", "memory", "device", "numerics", "precision"},
     {"mesh"},
     {"measure"},
     {"mechanics", "estimate", "trial"},
-    {"planar"},
-    {"spatial"},
+    {"planar", "spatial"},
     {"model"},
     {"solve"},
     {"export"},
@@ -132,6 +131,16 @@ def test_imports_point_one_way():
     found = [
         f"{name} imports {other}" for name in MODULES for other in sorted(own_imports(name)) if layer(other) > layer(name)
     ]  # fmt: skip
+    assert found == []
+
+
+def test_the_two_models_know_nothing_of_each_other():
+    both = {"planar", "spatial"}
+    found = []
+    for name in MODULES:
+        other = {f".{package}" for package in both - {name.split(".")[0]}}
+        if len(other) == 1:
+            found += offenders(name, lambda item, _, other=other: package_of(item) in other)
     assert found == []
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,23 +12,8 @@ from ..mesh.panel import Panel
 from ..mesh.rest_table import Table
 from ..mesh.strip import Strip
 from ..mesh.treatment import Treatment
+from ..precision import Precision
 from .numerics import Numerics
-
-
-@dataclass(frozen=True)
-class Precision:
-    """The Warp types of a run; see kernels/__init__.py."""
-
-    name: str
-    real: type
-    coordinate: type
-    unit: float  # [m] of one count of a coordinate
-
-    def counts(self, metres: np.ndarray) -> np.ndarray:
-        """Lengths [m] in counts, ready to upload."""
-        if self.coordinate is wp.int32:
-            return np.rint(np.asarray(metres) / self.unit).astype(np.int64).astype(np.int32)
-        return np.asarray(metres, dtype=np.float64) / self.unit
 
 
 @dataclass(frozen=True)
@@ -88,19 +72,6 @@ class MeshArrays:
     slide_block: wp.array
     slide_lever_x: wp.array  # [sliding clamp, 2] [m]
     slide_lever_y: wp.array
-
-
-def precision_of(name: str, displacement_range: float) -> Precision:
-    """The types of "single" or "double".
-
-    `displacement_range` [m]: no displacement, and no distance of a body from its wire, is ever larger.
-
-    Counts of positions wrap around beyond it; only their differences are used, and those come out right.
-    """
-    if name == "double":
-        return Precision("double", wp.float64, wp.float64, 1.0)
-    # a power of two, so that counts convert exactly
-    return Precision("single", wp.float32, wp.int32, 2.0 ** math.ceil(math.log2(displacement_range / 2**31)))
 
 
 def upload_rest(table: Table, precision: Precision, numbers: Numerics, bending_stiffness: float, device: str) -> RestArrays:

@@ -28,9 +28,10 @@ from ..mesh.panel import Panel
 from ..mesh.rest_table import Table
 from ..mesh.strip import Strip, cut_strip
 from ..mesh.treatment import Treatment, choose_treatment
+from ..precision import Precision, precision_of
 from ..ranks.ranks import One, Ranks
 from ..scene import Hook, Scene
-from .device_arrays import MeshArrays, Precision, RestArrays, precision_of, upload_mesh, upload_rest
+from .device_arrays import MeshArrays, RestArrays, upload_mesh, upload_rest
 from .limits import slid_wires, tight_loops
 from .numerics import choose_numerics
 

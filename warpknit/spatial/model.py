@@ -17,7 +17,7 @@ from ..mesh.hook_mesh import hook_panel, hook_table
 from ..mesh.layout import knit_scene, lay_out
 from ..mesh.panel import Panel
 from ..mesh.rest_table import Table
-from ..planar.device_arrays import Precision, precision_of
+from ..precision import Precision, precision_of
 from ..ranks.ranks import One, Ranks
 from ..scene import Scene
 from ..scene.messages import scene_error
