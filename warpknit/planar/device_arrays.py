@@ -1,4 +1,4 @@
-"""What a model has on the device: rest data of one repeat and indices of the mesh, in the precision of the run."""
+"""Constant device arrays: rest data of one repeat and indices of the mesh, in the precision of the run."""
 
 from __future__ import annotations
 
@@ -93,9 +93,9 @@ class MeshArrays:
 def precision_of(name: str, displacement_range: float) -> Precision:
     """The types of "single" or "double".
 
-    `displacement_range` [m]: no displacement, and no distance of a body from its wire, is ever larger.
+    `displacement_range` [m]: bound on all displacements, and on the distance of a body from its wire.
 
-    Counts of positions wrap around beyond it; only their differences are used, and those come out right.
+    Counts of positions wrap around; their differences are exact within this range.
     """
     if name == "double":
         return Precision("double", wp.float64, wp.float64, 1.0)
@@ -103,7 +103,7 @@ def precision_of(name: str, displacement_range: float) -> Precision:
     return Precision("single", wp.float32, wp.int32, 2.0 ** math.ceil(math.log2(displacement_range / 2**31)))
 
 
-def upload_rest(table: Table, precision: Precision, numbers: Numerics, bending_stiffness: float, device: str) -> RestArrays:
+def upload_rest(table: Table, precision: Precision, numerics: Numerics, bending_stiffness: float, device: str) -> RestArrays:
     """The rest data of a table with the masses of the run; `bending_stiffness` [N m2]."""
 
     def real(a: np.ndarray) -> wp.array:
@@ -125,8 +125,8 @@ def upload_rest(table: Table, precision: Precision, numbers: Numerics, bending_s
         rest_bow=real(table.rest_bow),
         rest_angle=real(table.rest_angle),
         hinge_stiffness=real(bending_stiffness / table.hinge_length),
-        inverse_mass=real(1.0 / numbers.node_mass),
-        node_mass=real(np.broadcast_to(numbers.node_mass, table.rest_length.shape)),
+        inverse_mass=real(1.0 / numerics.node_mass),
+        node_mass=real(np.broadcast_to(numerics.node_mass, table.rest_length.shape)),
         curve=wp.array(table.curve, dtype=precision.real, device=device),
     )
 
@@ -145,7 +145,7 @@ def upload_mesh(panel: Panel, strip: Strip | None, precision: Precision, device:
 
     pair_rest = np.repeat(panel.body_rest, 2, axis=0) - panel.pair_shift
     body_origin = panel.body_rest + panel.body_origin
-    # in a strip as in the whole mesh, so that a node gets the forces of its contacts in the same order
+    # in the order of the global mesh, so that contact forces are summed in the same order
     body = np.arange(panel.body_count) if strip is None else strip.body
     pair_start, pair = _pairs_of_blocks(panel, (2 * body[:, None] + np.arange(2)).ravel())
     slides = np.isin(panel.held_clamp, panel.sliding_clamp)
@@ -191,10 +191,10 @@ def upload_mesh(panel: Panel, strip: Strip | None, precision: Precision, device:
 
 
 def _pairs_of_blocks(panel: Panel, number: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """For each block the pairs whose contact may act on its nodes, in the order of their `number`: starts (block + 1,) and pairs.
+    """Pairs that may act on the nodes of each block, in the order of their `number`: starts (block + 1,) and pairs.
 
     A pair acts on the nodes from one before its first segment to two behind the start of its last; on a closed wire the
-    range wraps, so it is laid over three rounds of the wire and cut back.
+    range wraps around, so three copies of the wire are used and clipped.
     """
     low = panel.pair_seed + panel.pair_low - 1
     high = panel.pair_seed + panel.pair_high + 2
