@@ -29,18 +29,18 @@ QUIET = ("--set", "output.usd=false", "--set", "output.figures=false")
 FEW = ("--set", "output.frames=2")
 PATIENCE = 240  # [s] for what takes some seconds: a rank that hangs is a failure, not the end of the suite
 
-# the command line with a fault put in: rank 1 runs out of memory at its fifth look
+# the command line with a fault put in: rank 1 runs out of memory at its fifth convergence check
 OUT_OF_MEMORY = """
 import sys
 from warpknit.run import watch
 from warpknit.cli import main
-look, looks = watch.Watch._check, 0
+original, checks = watch.Watch._check, 0
 def fail(self, progress):
-    global looks
-    looks += 1
-    if looks == 5 and self._ranks.rank == 1:
+    global checks
+    checks += 1
+    if checks == 5 and self._ranks.rank == 1:
         raise MemoryError("40 GiB needed, 1 GiB available")
-    look(self, progress)
+    original(self, progress)
 watch.Watch._check = fail
 main(sys.argv[1:])
 """

@@ -87,7 +87,7 @@ def test_physics_that_is_off_is_not_named():
     overrides = ["solver.axial_softening=1", "solver.multipliers=false"]
     named = {text.split(":")[0] for text in make_plan(load_scene(CELL, overrides), "cpu").physics}
     assert named == {
-        "stretching", "bending", "contact", "periodic boundary", "affine carry", "relaxation", "double precision",
+        "stretching", "bending", "contact", "periodic boundary", "affine prediction", "relaxation", "double precision",
     }  # fmt: skip
 
 

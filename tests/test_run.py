@@ -73,12 +73,12 @@ def test_interrupt_and_resume_give_the_same_bits(tmp_path: Path, drive: str, mon
     scene = cell(*extra)
     run_scene(scene, out=tmp_path / "whole", device="cpu")
     original = Watch._check
-    looks = 0
+    checks = 0
 
     def interrupt_once(self: object, progress: object) -> None:
-        nonlocal looks
-        looks += 1
-        if looks in (7, 31):
+        nonlocal checks
+        checks += 1
+        if checks in (7, 31):
             self.interrupts.request()
         original(self, progress)
 

@@ -1,6 +1,6 @@
 """The command line: `warpknit run`, `warpknit plan`, `warpknit map`, `warpknit trade`, `warpknit report`, `warpknit export`.
 
-program.py turns whatever ends a command into an exit status and a line.
+program.py turns exceptions into an exit status and one line.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from warpknit.run.run_directory import CommandResult
     from warpknit.scene import Scene
 
-# NumPy's threads are worth nothing here: they would take memory and go on spinning on the cores that the steps need
+# NumPy's threads would take memory and cores from the time steps
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
@@ -43,7 +43,7 @@ def main(context: click.Context) -> None:
 
 
 def scene_options(command: Any) -> Any:
-    """The argument and options that say which scene."""
+    """The argument and options of the scene."""
     for option in (
         click.option("--device", metavar="cpu|cuda:N", help="Default: the first CUDA device, else the CPU."),
         click.option("--preset", metavar="draft|standard|reference", help="Accuracy against time; over solver.preset."),
@@ -61,13 +61,15 @@ def scene_options(command: Any) -> Any:
 
 
 def _refuse_both(resume: bool, force: bool) -> None:
-    """One goes on with what is there, the other replaces it."""
+    """Refuse --resume together with --force."""
     if resume and force:
-        raise click.UsageError("--resume goes on with what is in DIR, --force replaces it: give one of them.")
+        raise click.UsageError(
+            "--resume and --force: both given, allowed: one of them (--resume continues the run in DIR, --force replaces it)."
+        )
 
 
 def _refuse_error(percent: float, preset: str | None, scene: Scene) -> None:
-    """What --error cannot be given with."""
+    """Refuse what --error does not go with."""
     if preset is not None:
         raise click.UsageError("--error and --preset: both given, allowed: one of them.")
     if not 0.0 < percent <= 100.0:
@@ -78,11 +80,11 @@ def _refuse_error(percent: float, preset: str | None, scene: Scene) -> None:
 
 
 def result_options(command: Any) -> Any:
-    """The options that say where results go and what may stand there."""
+    """The options of the output directory."""
     for option in (
         click.option("--quiet", is_flag=True, help="No progress, no log."),
-        click.option("--force", is_flag=True, help="Replace what is finished in DIR."),
-        click.option("--resume", is_flag=True, help="Go on from where DIR was left."),
+        click.option("--force", is_flag=True, help="Replace finished results in DIR."),
+        click.option("--resume", is_flag=True, help="Continue an interrupted command in DIR."),
         click.option("--out", metavar="DIR", help="Where the results go.  [default: runs/<scene name>]"),
     ):
         command = option(command)
@@ -90,7 +92,7 @@ def result_options(command: Any) -> Any:
 
 
 def open_scene(scene: str, overrides: tuple[str, ...], preset: str | None, out: str | None, *, quiet: bool) -> tuple[Scene, Path]:
-    """The scene of a command and where its results go, with the log set up."""
+    """Load the scene, choose the output directory, set up the log."""
     configure_logging(logging.WARNING if quiet else logging.INFO)
     from warpknit.scene import load_scene
 
@@ -99,7 +101,7 @@ def open_scene(scene: str, overrides: tuple[str, ...], preset: str | None, out: 
 
 
 def unfinished(result: CommandResult, if_interrupted: str = "") -> int:
-    """Say why a command did not finish, and how to go on; its exit status."""
+    """Print why a command did not finish; return its exit status."""
     click.echo(f"warpknit: {result.message}{if_interrupted if result.exit_code == INTERRUPTED else ''}", err=True)
     return int(result.exit_code)
 
@@ -107,7 +109,9 @@ def unfinished(result: CommandResult, if_interrupted: str = "") -> int:
 @main.command()
 @scene_options
 @result_options
-@click.option("--error", type=float, metavar="PERCENT", help="Take the cheapest settings that miss no more; estimate the error.")
+@click.option(
+    "--error", type=float, metavar="PERCENT", help="Choose the cheapest settings within this error, and estimate the error."
+)
 @click.pass_obj
 def run(
     ranks: Ranks,
@@ -121,7 +125,7 @@ def run(
     force: bool,
     quiet: bool,
 ) -> int:
-    """Run SCENE and leave its results in DIR."""
+    """Run SCENE and write its results to DIR."""
     _refuse_both(resume, force)
     quiet = quiet or not ranks.is_first
     loaded, directory = open_scene(scene, overrides, preset, out, quiet=quiet)
@@ -173,7 +177,7 @@ def contact_map(
     force: bool,
     quiet: bool,
 ) -> int:
-    """Run the strains of SCENE's [sweep] and leave the contact map in DIR."""
+    """Run the strains of SCENE's [sweep] and write the contact map to DIR."""
     _refuse_both(resume, force)
     loaded, directory = open_scene(scene, overrides, preset, out, quiet=quiet)
 
@@ -185,7 +189,7 @@ def contact_map(
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         result = run_map(loaded, out=directory, device=device, resume=resume, force=force, progress=progress)
     if result.exit_code != FINISHED:
-        return unfinished(result, ", --resume goes on from there")
+        return unfinished(result, "; continue with --resume")
     from warpknit.run.summary_table import print_table
 
     print_table([*map_lines(result.summary), ("results in", str(directory))])
@@ -207,7 +211,7 @@ def trade(
     force: bool,
     quiet: bool,
 ) -> int:
-    """Measure speed against accuracy on SCENE: run it at many settings, and leave errors and costs in DIR."""
+    """Measure speed against accuracy: run SCENE at many settings, write errors and costs to DIR."""
     _refuse_both(resume, force)
     loaded, directory = open_scene(scene, overrides, preset, out, quiet=quiet)
 
@@ -230,13 +234,15 @@ def trade(
 
 @main.command()
 @scene_options
-@click.option("--tension", metavar="TENSION", help='Of the material card, both ways, such as "2 N/m".  [default: the optimum]')
-@click.option("--openings", metavar="COUNT", help='Scale wales and courses to so many openings, such as "12 /inch".')
+@click.option(
+    "--tension", metavar="TENSION", help='Equibiaxial tension of the material card, such as "2 N/m".  [default: the optimum]'
+)
+@click.option("--openings", metavar="COUNT", help='Scale wales and courses to this density of openings, such as "12 /inch".')
 @click.option("--fit-loop-length", metavar="LENGTH", help='Fit the loops to their wire length, such as "5.6 mm".')
 @click.option("--fit-curve", metavar="FILE", help="Fit the loops to the biaxial test in a CSV file.")
 @click.option("--areal-mass", metavar="MASS", help='Compare with a measured mass, such as "10 g/m^2".')
 @click.option("--quiet", is_flag=True, help="No progress, no log.")
-@click.option("--force", is_flag=True, help="Replace what is finished in DIR.")
+@click.option("--force", is_flag=True, help="Replace finished results in DIR.")
 @click.option("--out", metavar="DIR", help="Where the results go.  [default: runs/<scene name>]")
 def report(
     scene: str,
@@ -252,9 +258,9 @@ def report(
     force: bool,
     out: str | None,
 ) -> int:
-    """Make SCENE's page for the designer in DIR: contact map, curves, material card, openings, resistance.
+    """Write SCENE's report for the designer to DIR: contact map, curves, material card, openings, resistance.
 
-    A map of the same scene that DIR holds is used.
+    A map of the same scene in DIR is reused.
     """
     if fit_loop_length and fit_curve:
         raise click.UsageError("--fit-curve: given beside --fit-loop-length, allowed: one of them.")
@@ -279,20 +285,20 @@ def report(
         loaded = fitted.scene
         result = run_map(loaded, out=directory, device=device, resume=not force, force=force, progress=progress)
         if result.exit_code != FINISHED:
-            return unfinished(result, ", and the same command goes on from there")
+            return unfinished(result, "; the same command continues it")
         rows = read_map(directory / "map.csv", directory / "map_details.csv")
-        found = make_report(loaded, rows, directory, tension=asked, notes=fitted.notes, progress=progress)
+        page = make_report(loaded, rows, directory, tension=asked, notes=fitted.notes, progress=progress)
     from warpknit.run.summary_table import print_table
 
     lines = [("mesh", note) for note in fitted.notes]
-    lines += [*map_lines(result.summary), ("material card", found.said)]
-    lines += [*(("warning", warning) for warning in found.warnings), ("page", str(directory / "report.html"))]
+    lines += [*map_lines(result.summary), ("material card", page.said)]
+    lines += [*(("warning", warning) for warning in page.warnings), ("page", str(directory / "report.html"))]
     print_table(lines)
     return FINISHED
 
 
 def positive_quantity(option: str, given: str | None, dimension: str) -> float | None:
-    """The value of an option in SI, None where it is not given; raises click.UsageError unless it is above zero."""
+    """Value of an option in SI, or None; raises click.UsageError unless positive."""
     if given is None:
         return None
     from warpknit.scene.units import DIMENSIONS, QuantityError, has_unit, shown, si
@@ -312,7 +318,7 @@ def positive_quantity(option: str, given: str | None, dimension: str) -> float |
 @scene_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON object instead of text.")
 def plan(scene: str, overrides: tuple[str, ...], preset: str | None, device: str | None, as_json: bool) -> None:
-    """Say what running SCENE would take: nodes, physics and why, memory, time step, steps, time."""
+    """Estimate a run of SCENE: nodes, physics and why, memory, time step, steps, time."""
     configure_logging(logging.WARNING)
     from warpknit.scene import load_scene
 
@@ -325,7 +331,7 @@ def plan(scene: str, overrides: tuple[str, ...], preset: str | None, device: str
 
 
 class ExportFormat(click.ParamType):
-    """One of the table of export formats, which is imported when it is asked for."""
+    """An export format; the table is imported on demand."""
 
     name = "format"
 
@@ -336,15 +342,15 @@ class ExportFormat(click.ParamType):
         return click.Choice(tuple(FORMATS))
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Refuses another name."""
+        """The format; raises for other names."""
         return self._choice.convert(value, param, ctx)
 
     def get_metavar(self, *where: Any, **more: Any) -> str | None:
-        """The names, for the usage line."""
+        """The names for the usage line."""
         return self._choice.get_metavar(*where, **more)
 
     def get_missing_message(self, *where: Any, **more: Any) -> str | None:
-        """The names, where none is given."""
+        """The names for the error of a missing option."""
         return self._choice.get_missing_message(*where, **more)
 
 
@@ -362,7 +368,7 @@ def export(run_dir: str, to: str) -> None:
 
 @contextmanager
 def naming_the_file(scene: Scene) -> Iterator[None]:
-    """Errors of the knit and of the model name a key but not the file that gave it: put the file in front."""
+    """Prefix errors of the knit and the model with the scene file."""
     from warpknit.knit.chain import KnitError
     from warpknit.scene.messages import scene_error
     from warpknit.scene.units import shown

@@ -1,4 +1,4 @@
-"""Launches of kernels, whose arguments are given by name."""
+"""Kernel launches with arguments by name."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import warp as wp
 
 
 class Launch(NamedTuple):
-    """A kernel with its threads and all its arguments, in their order."""
+    """A kernel, its number of threads and its ordered arguments."""
 
     kernel: wp.Kernel
     threads: int
@@ -19,24 +19,24 @@ class Launch(NamedTuple):
         wp.launch(self.kernel, dim=self.threads, inputs=self.arguments, device=device)
 
     def record(self, device: str) -> wp.Launch:
-        """The launch as Warp's own command, to be repeated or captured in a graph."""
+        """A recorded Warp launch, to repeat or to capture in a graph."""
         return wp.launch(self.kernel, dim=self.threads, inputs=self.arguments, device=device, record_cmd=True)
 
 
 def bind(kernel: wp.Kernel, threads: int, /, *sources: object, **named: object) -> Launch:
-    """A launch of `kernel` by so many threads: every argument as `named`, or else the attribute of that name of one of `sources`.
+    """A launch of `kernel`: each argument is in `named`, or an attribute of exactly one of `sources`.
 
     Raises:
-        TypeError: an argument is missing, or stands in several sources; or a name is no argument of the kernel.
+        TypeError: an argument is missing or ambiguous, or a name is not an argument of the kernel.
     """
     names = [argument.label for argument in kernel.adj.args]
     unknown = [name for name in named if name not in names]
     if unknown:
-        raise TypeError(f"kernel {kernel.key} has no argument {', '.join(unknown)}; it takes {', '.join(names)}")
-    return Launch(kernel, threads, [named[name] if name in named else _found(kernel, name, sources) for name in names])
+        raise TypeError(f"kernel {kernel.key} has no argument {', '.join(unknown)}; allowed: {', '.join(names)}")
+    return Launch(kernel, threads, [named[name] if name in named else _attribute(kernel, name, sources) for name in names])
 
 
-def _found(kernel: wp.Kernel, name: str, sources: tuple[object, ...]) -> object:
+def _attribute(kernel: wp.Kernel, name: str, sources: tuple[object, ...]) -> object:
     """The attribute `name` of the one source that has it."""
     holders = [source for source in sources if hasattr(source, name)]
     if len(holders) == 1:
@@ -44,4 +44,4 @@ def _found(kernel: wp.Kernel, name: str, sources: tuple[object, ...]) -> object:
     types = ", ".join(type(source).__name__ for source in (holders or sources)) or "no source"
     if holders:
         raise TypeError(f"argument {name} of kernel {kernel.key} is ambiguous: {types} have it")
-    raise TypeError(f"argument {name} of kernel {kernel.key} is missing: not named, and not in {types}")
+    raise TypeError(f"argument {name} of kernel {kernel.key} is missing: neither named nor an attribute of {types}")

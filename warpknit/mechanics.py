@@ -232,13 +232,13 @@ class MultilevelMechanics(Mechanics, Protocol):
     (solve/multilevel.py)."""
 
     def prolongation(self, smaller: Any) -> Prolongation:
-        """What carries changes of a smaller mesh of the same knit, by its mechanics, over to this one."""
+        """Prolongation from a smaller mesh of the same knit, given by its mechanics, to this one."""
 
     def membrane_grid(self, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> MembraneGrid:
         """A grid of `cells` (2,) from `low` (2,) [m] on, each of size `cell` (2,) [m]."""
 
     def state_variables(self) -> dict[str, np.ndarray]:
-        """What tells two states of a mesh apart."""
+        """Variables of the state, for differences between states."""
 
     def find_response(self, cell_at: CellState, cell: Any, gradient: np.ndarray, temperature: float) -> Response:
         """How endless cloth answers at a load, by states of one repeat, the model `cell`. Raises `Diverged`."""

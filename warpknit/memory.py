@@ -1,4 +1,4 @@
-"""Main memory that a run needs, and that there is."""
+"""Memory needed by a run, and memory available."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ import psutil
 
 from .scene import Scene
 
-LIBRARY_MEMORY = 512 * 2**20  # [bytes] of addresses that libraries may still take: threads, compiler, USD
-# bytes at the peak of a run on the CPU, by model.kind and solver.precision; in space with the pairs of segments near each other
+LIBRARY_MEMORY = 512 * 2**20  # [bytes] of address space reserved for libraries: threads, compiler, USD
+# peak bytes of a run on the CPU, by model.kind and solver.precision; spatial: with its list of segment pairs
 MEMORY_PER_NODE = {("planar", "single"): 420, ("planar", "double"): 520, ("spatial", "double"): 1_500}
-USD_MEMORY_PER_NODE = 60  # bytes, of the process that writes scene.usda and of the frame that is handed to it
+USD_MEMORY_PER_NODE = 60  # bytes, of the process that writes scene.usda and its frame
 
 
 def required_memory(scene: Scene, nodes: int) -> int:
-    """Bytes for so many nodes with their share of bodies."""
+    """Bytes for a mesh of this many nodes, bodies included."""
     wire = MEMORY_PER_NODE[scene.model.kind, scene.solver.precision]
     return (wire + USD_MEMORY_PER_NODE * scene.output.usd) * nodes
 
 
 def available_memory() -> int:
-    """Bytes of main memory that a run may take now, a limit of the process included."""
+    """Bytes of main memory available, within the limit of the process."""
     available = int(psutil.virtual_memory().available)
     process = psutil.Process()
     if hasattr(process, "rlimit"):

@@ -1,6 +1,6 @@
 """The model that a scene asks for, planar or spatial: the one place that chooses between the two.
 
-Each kind is a package of that name, whose module `kind` holds what stands here in its own form.
+Each kind is a package of that name; its module `kind` has the same functions.
 """
 
 from __future__ import annotations
@@ -29,29 +29,29 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
 
 
 def initial_state(model: Model) -> Any:
-    """The state of a model to start from: the knitted shape, no velocity, no load."""
+    """The initial state: knitted shape, no velocity, no load."""
     return _kind(model.scene).initial_state(model)
 
 
 def mechanics_of(model: Model, state: Any) -> Mechanics:
-    """What steps a state of a model."""
+    """The mechanics that step a state of a model."""
     mechanics: Mechanics = _kind(model.scene).mechanics(model, state)
     return mechanics
 
 
 def replicas_of(model: Model, count: int, threads: int | None = None) -> Group:
-    """So many states of a model that has replicas, stepped by one launch and shared by `threads`; default: one a core."""
+    """A group of `count` replicas of a model; `threads` default to one a core."""
     replicas: Group = _kind(model.scene).replicas(model, count, threads=threads)
     return replicas
 
 
 def estimates_of(scene: Scene) -> Estimates:
-    """What the kind of model that a scene asks for says of a run of it."""
+    """The estimates of the kind of model of a scene."""
     estimates: Estimates = _kind(scene).estimate
     return estimates
 
 
 def trials_of(scene: Scene) -> Trials:
-    """What the kind of model that a scene asks for is tried at, to trade speed for accuracy."""
+    """The probe-run settings of the kind of model of a scene."""
     trials: Trials = _kind(scene).trials
     return trials

@@ -1,4 +1,4 @@
-"""Solver constants and estimates that hold for every model: dynamic relaxation, ramps, the cores of this machine."""
+"""Solver constants of every model, damping, and the number of threads."""
 
 from __future__ import annotations
 
@@ -10,30 +10,30 @@ import numpy as np
 from .scene import Scene
 
 # --- steps
-GRAPH_STEPS = (50, 10, 1)  # steps that are replayed at once
+GRAPH_STEPS = (50, 10, 1)  # steps of one graph replay
 CHECK_STEPS = 50  # steps between convergence checks
 LOAD_STEPS = 100  # over which a load comes on that no prediction leads to
 CORES = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
 
 # --- dynamic relaxation
 LOOK_AHEAD = 0.12  # steps; stable up to 4/(1 + 2 LOOK_AHEAD) of the unit-step mass
-MASS_MARGIN = 1.5  # fictitious masses over the least that is stable at unit step without a look-ahead
+MASS_MARGIN = 1.5  # fictitious masses over the smallest ones stable at unit step without look-ahead
 FIRST_DAMPING = 0.02  # [1/s]
 FASTEST_DAMPING = 0.2  # [1/s]
-SLOWEST_WAVE = 3.0  # loops of wire: bending waves longer than this are left overdamped; they carry next to nothing
-TURN_ALLOWANCE = 0.3  # [rad] by which load may sharpen a turn, for the fictitious masses
-SPEED_SHARE = 0.05  # of a node spacing: farthest move a step
-TINY = 1e-300  # keeps a quotient finite that nothing uses
+SLOWEST_WAVE = 3.0  # loops of wire: longer bending waves stay overdamped, as they carry almost no force
+TURN_ALLOWANCE = 0.3  # [rad] allowance for turns sharpened by the load, in fictitious masses
+SPEED_SHARE = 0.05  # of a node spacing: largest displacement a step
+TINY = 1e-300  # avoids a division by zero in unused values
 
 # --- convergence of a relaxation
-FORCE_FLOOR = 0.05  # of EI/W^2: what the residual is compared with where contacts carry less
-ENERGY_FLOOR = 1e-5  # of EI/W a loop: what kinetic energy is compared with where less is stored
-LOCAL_ALLOWANCE = 10.0  # times the tolerance that the largest residual may be
-AXIAL_ERROR = 2e-5  # strain by which a softened segment may miss its true stretch
+FORCE_FLOOR = 0.05  # of EI/W^2: lower bound of the force in the residual
+ENERGY_FLOOR = 1e-5  # of EI/W a loop: lower bound of the stored energy in the residual
+LOCAL_ALLOWANCE = 10.0  # allowed largest residual over the tolerance
+AXIAL_ERROR = 2e-5  # allowed error of the axial strain of a softened segment
 
 # --- ramps
 STEP_MARGIN = 0.9  # time step over the bound
-LOADING_PERIODS = 10.0  # slowest periods over which a stage of a ramp loads, where the scene gives no time
+LOADING_PERIODS = 10.0  # slowest periods of the default loading time of a ramp
 
 
 def slowest_rate(scene: Scene, loop_length: float) -> float:
@@ -54,21 +54,21 @@ def slowest_damping(bending_stiffness: float, wave_length: float, spacing: float
 
 
 def renewed_damping(damping: np.ndarray, force: np.ndarray, moved: np.ndarray, slowest: float) -> np.ndarray:
-    """Damping [1/s] near critical for the slowest mode that still moves; arrays of any shape.
+    """Damping [1/s] near critical for the slowest active mode; arrays of any shape.
 
     From the changes du of displacement and d(f/m) of acceleration between two convergence checks, Rayleigh's quotient is
 
         lambda = force/moved = - sum m du . d(f/m) / sum m du . du          c -> sqrt(c 2 sqrt(lambda))
 
-    with 2 sqrt(lambda) between `slowest` and FASTEST_DAMPING. Unchanged where nothing moved.
+    with 2 sqrt(lambda) between `slowest` and FASTEST_DAMPING. Unchanged without motion.
     """
-    tells = (moved > 0.0) & (force > 0.0)
-    mode = 2.0 * np.sqrt(force * tells / np.maximum(moved, TINY))
-    return np.asarray(np.where(tells, np.sqrt(damping * np.minimum(np.maximum(mode, slowest), FASTEST_DAMPING)), damping))
+    is_valid = (moved > 0.0) & (force > 0.0)
+    mode = 2.0 * np.sqrt(force * is_valid / np.maximum(moved, TINY))
+    return np.asarray(np.where(is_valid, np.sqrt(damping * np.minimum(np.maximum(mode, slowest), FASTEST_DAMPING)), damping))
 
 
-def thread_count(wanted_by: int) -> int:
-    """Threads or processes that share so many pieces of work: WARPKNIT_THREADS, or one a core."""
+def thread_count(work: int) -> int:
+    """Number of threads or processes: WARPKNIT_THREADS or one a core, at most one a piece of work."""
     given = os.environ.get("WARPKNIT_THREADS", "")
     wanted = int(given) if given.isdecimal() else len(CORES)
-    return max(1, min(wanted, len(CORES), wanted_by))
+    return max(1, min(wanted, len(CORES), work))

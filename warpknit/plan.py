@@ -1,10 +1,10 @@
-"""What running a scene would take, said without running it: size, physics, memory, time step, steps, time.
+"""Estimates of a run without running it: size, physics, memory, time step, steps, time.
 
     plan = make_plan(load_scene("scenes/atlas_patch.toml"))
     print("\n".join(plan.lines()))
 
-Sizes are those of the real model, built without compiling a kernel, and those of the endless cloth where it is large. Steps and
-time are estimates: see planar/estimate.py and spatial/estimate.py for what they go by.
+Sizes are exact for small meshes, whose model is built, and those of endless cloth for large ones. planar/estimate.py and
+spatial/estimate.py estimate steps and time.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from .solve.simulate import Simulation
 from .text import duration, memory, rounded
 from .wires.file_report import WireReport, wire_report
 
-DOUBTFUL = 0.1  # thicknesses between centre lines of wires from a file: nearer than this a run is asked whether they meet
+CLOSE_WIRES = 0.1  # thicknesses between centre lines of wires from a file, below which the start of a run is checked
 PROGRAM_MEMORY = 430 * 2**20  # [bytes] of a run of few nodes, its libraries included
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What `make_plan` found. `counted` tells whether sizes are exact; `wall_s` is None on a GPU."""
+    """Result of `make_plan`. `counted`: whether sizes are exact; `wall_s` is None on a GPU."""
 
     scene: str
     device: str
@@ -53,27 +53,27 @@ class Plan:
     knit: str
     sweep: str
     accuracy: str
-    factor: float  # by which steps and time may be off
-    hooked_by: str  # in words, what the number of bodies counts
-    exception: str  # in words, what takes longer all the same
+    factor: float  # uncertainty of steps and time
+    hooked_by: str  # meaning of the number of bodies, in words
+    exception: str  # known exceptions to the estimate, in words
     file: WireReport | None = None  # of wires from a file
 
     def as_dict(self) -> dict[str, Any]:
-        """What `warpknit plan --json` prints."""
-        kept = asdict(replace(self, file=None))
+        """The object that `warpknit plan --json` prints."""
+        values = asdict(replace(self, file=None))
         for name in ("scene", "device", "available_bytes", "counted", "relaxes", "knit", "sweep", "accuracy", "hooked_by"):
-            del kept[name]
+            del values[name]
         for name in ("factor", "exception", "file"):
-            del kept[name]
-        held = {} if self.file is None else self.file.as_dict()
-        return held | kept | {"physics": list(self.physics)}
+            del values[name]
+        file = {} if self.file is None else self.file.as_dict()
+        return file | values | {"physics": list(self.physics)}
 
     def lines(self) -> list[str]:
-        """The same as text."""
+        """The plan as lines of text."""
         about = "" if self.counted else "about "
         step = f"{self.time_step_s:.3g} s, limited by {self.limited_by}"
         if self.relaxes:
-            step = "1, which fictitious masses make stable"
+            step = "1, stable by fictitious masses"
         if self.wall_s is None:
             time = "not estimated on a GPU"
         else:
@@ -94,7 +94,7 @@ class Plan:
             ("steps", f"about {rounded(self.steps):,}"),
             *([("sweep", self.sweep)] if self.sweep else []),
             ("time", time),
-            ("", f"both within a factor of {self.factor:g}, where the mesh is like the ones they were measured on"),
+            ("", f"steps and time within a factor of {self.factor:g}, for meshes like those measured"),
             *([("", self.exception)] if self.exception else []),
             ("accuracy", self.accuracy),
             ("physics", self.physics[0]),
@@ -104,14 +104,16 @@ class Plan:
 
 
 def make_plan(scene: Scene, device: str | None = None) -> Plan:
-    """Plan a run of `scene`. Raises what a run of it would refuse: `DeviceError`, `MemoryNeeded`, `ModelError`, `KnitError`,
-    `SceneError`."""
+    """Plan a run of `scene`.
+
+    Raises the errors of a run: `DeviceError`, `MemoryNeeded`, `ModelError`, `KnitError`, `SceneError`.
+    """
     name = find_device(device)
     file = None if scene.wires is None else wire_report(scene, scene.wire.thickness)
     cloth = knit_scene(scene) if scene.hook is None and scene.wires is None else None
     estimates = estimates_of(scene)
     size, counted = estimates.size_of(scene, cloth)
-    _refuse_wires_in_one_place(scene, file)
+    _refuse_intersecting_wires(scene, file)
     cost, notes = estimates.cost_of(scene, size), estimates.notes(scene, size)
     return Plan(
         scene=scene.name,
@@ -144,26 +146,26 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
     )
 
 
-def _refuse_wires_in_one_place(scene: Scene, file: WireReport | None) -> None:
-    """Raise `ModelError` where a run would, as wires of a file pass through each other."""
+def _refuse_intersecting_wires(scene: Scene, file: WireReport | None) -> None:
+    """Raise `ModelError` where wires of a file pass through each other, as a run does."""
     closest = None if file is None else file.overlaps.closest
-    if closest is not None and closest < DOUBTFUL * scene.wire.thickness:
+    if closest is not None and closest < CLOSE_WIRES * scene.wire.thickness:
         Simulation(build_model(scene)).compile()
 
 
 def _sweep(scene: Scene, size: Size) -> str:
-    """What `warpknit map` would run of the scene, in words; this plan is of one run of its load."""
+    """The sweep of `warpknit map` in words; empty without one."""
     if scene.sweep is None:
         return ""
     pairs = len(set(scene.sweep.strain_weft)) * len(set(scene.sweep.strain_warp))
     meshes = f" of {scene.sweep.seeds} meshes" if scene.sweep.seeds > 1 else ""
     seconds = estimates_of(scene).map_time(scene, size)
     took = "" if seconds is None else f" in about {duration(seconds)}"
-    return f"warpknit map brings {pairs:,} pairs of strains{meshes} to rest{took}; the numbers here are for one run of [load]"
+    return f"warpknit map solves {pairs:,} pairs of strains{meshes}{took}; all other values are for one run of [load]"
 
 
 def _repeat(scene: Scene, cloth: Cloth) -> str:
-    """One repeat in words, with what tells of a lost link: the links of each bar."""
+    """One repeat in words, with the number of links of each bar."""
     links = [len(parse_chain(bar.chain)) for bar in scene.knit.bars]
     text = f"a repeat of {cloth.wales} wales x {cloth.courses} courses, {1e3 * cloth.stitch_length:.3g} mm of wire a loop"
     if len(set(links)) > 1:
@@ -175,62 +177,62 @@ def _repeat(scene: Scene, cloth: Cloth) -> str:
 
 
 def physics_of(scene: Scene, size: Size) -> Iterator[str]:
-    """What the panel, the wire, the stages and the solver switch on and why, a sentence each."""
+    """Physics that panel, wire, stages and solver switch on and why, one sentence each."""
     if scene.hook is None:
         yield from _panel_physics(scene)
     wire, solver = scene.wire, scene.solver
     if wire.set_fraction != 1.0:
-        yield f"set: a wire let free keeps {wire.set_fraction:g} of its knitted curvature, wire.set_fraction"
+        yield f"set: an unloaded wire keeps {wire.set_fraction:g} of its knitted curvature, wire.set_fraction"
     if wire.plating is not None:
         coat = f"{wire.plating.thickness * 1e6:.3g} um of {wire.plating.material}"
-        yield f"plating: {coat} add stiffness, mass and thickness, wire.plating"
+        yield f"plating: {coat} adds stiffness, mass and thickness, wire.plating"
     if wire.ends > 1:
         yield f"ends: {wire.ends} wires side by side make one yarn, wire.ends"
     hot = [stage for stage in scene.stages if stage.temperature != wire.reference_temperature]
     if hot:
         names = ", ".join(f"{stage.temperature:.5g} K in {stage.name!r}" for stage in hot)
-        yield f"thermal strain: {names}, against {wire.reference_temperature:.5g} K where it is zero"
+        yield f"thermal strain: {names}, zero at {wire.reference_temperature:.5g} K"
     if scene.hook is None and any(stage.shear for stage in scene.stages):
-        yield "shear: a stage asks for it"
+        yield "shear: given in a stage, load.shear"
     if any(stage.clamp_rotation for stage in scene.stages):
-        yield "turned clamps: a stage asks for it, load.clamp_rotation"
+        yield "rotated clamps: given in a stage, load.clamp_rotation"
     if any(any(stage.by_tension) for stage in scene.stages):
-        yield "tension search: a direction is given by tension, so strains are tried until the steady mesh carries it"
+        yield "tension search: a direction is given by tension; strains are varied until the equilibrium carries it"
     if scene.contact.friction:
         yield f"friction: bodies stick to their wires up to {scene.contact.friction:g} times the contact force, contact.friction"
     if wire.plastic:
-        yield f"yield: wires keep a set beyond {wire.yield_stress / 1e6:.4g} MPa in bending, wire.plastic"
+        yield f"yield: plastic bending above {wire.yield_stress / 1e6:.4g} MPa, wire.plastic"
     if scene.depends_on_path:
-        yield "path: steady states at most half a percent of strain apart, as each depends on the one before"
+        yield "path: strain increments of at most 0.5 %, as results depend on the load history"
     elif solver.drive == "relax":
-        path = "" if scene.contact.treatment != "friction-plane" else "the plane's friction apart, "
-        yield f"relaxation: {path}no state depends on the path, so each load level is brought to rest, solver.drive = 'relax'"
+        path = "" if scene.contact.treatment != "friction-plane" else " (except by the friction of the plane)"
+        yield f"relaxation: one equilibrium a load level, independent of the load path{path}, solver.drive = 'relax'"
     else:
         yield f"ramp: {size.loading_time:.3g} s of real time a stage, solver.drive = 'ramp'"
     if solver.drive == "ramp" and solver.mass_scaling != 1.0:
-        yield f"mass scaling: all masses {solver.mass_scaling:g} times the real ones, solver.mass_scaling"
+        yield f"mass scaling: all masses multiplied by {solver.mass_scaling:g}, solver.mass_scaling"
     if solver.drive == "ramp" and solver.target_time_step is not None:
-        yield f"mass scaling: masses raised until a step of {solver.target_time_step:.3g} s is stable"
+        yield f"mass scaling: masses raised for a stable step of {solver.target_time_step:.3g} s, solver.target_time_step"
     if solver.precision == "single":
         yield "single precision: displacements are 32-bit fixed point, the rest is float32, solver.precision"
     else:
-        yield "double precision: everything is float64, solver.precision"
+        yield "double precision: float64 throughout, solver.precision"
 
 
 def _panel_physics(scene: Scene) -> Iterator[str]:
-    """What [panel] and uneven loads switch on."""
+    """Physics that [panel] and uneven loads switch on."""
     panel = scene.panel
     if panel.outline != "rectangle":
         yield f"outline: the mesh is cut along a {panel.outline}, panel.outline"
     if panel.cord is not None and panel.grip_pitch is not None:
-        nodes, apart = net_nodes(panel.shape(scene.knit.size), panel.grip_pitch)
+        nodes, spacing = net_nodes(panel.shape(scene.knit.size), panel.grip_pitch)
         yield (
-            f"cords: {nodes} net nodes hold the edge, {1e3 * apart:.3g} mm apart or less, between them it hangs on a cord of"
-            f" {panel.cord.tension:.3g} N, panel.cord"
+            f"cords: {nodes} net nodes hold the edge, at most {1e3 * spacing:.3g} mm apart, with a cord between them at"
+            f" {panel.cord.tension:.3g} N tension, panel.cord"
         )
     if any(stage.pull for stage in scene.stages):
-        yield "pulls: places of the edge are moved beside the load as a whole, [[load.pull]]"
+        yield "pulls: prescribed displacements of places at the edge, [[load.pull]]"
     if any(any(stage.temperature_gradient) for stage in scene.stages):
-        yield "gradient of temperature: each wire is as long as it is warm where it lies, load.temperature_gradient"
+        yield "temperature gradient: thermal strain varies from wire to wire, load.temperature_gradient"
     if panel.focal_length is not None:
-        yield f"surface: the shape that the tension gives a panel held on a paraboloid of f = {panel.focal_length:.3g} m"
+        yield f"surface: shape of a panel under tension on a paraboloid of f = {panel.focal_length:.3g} m"

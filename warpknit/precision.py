@@ -28,9 +28,9 @@ class Precision:
 def precision_of(name: str, displacement_range: float) -> Precision:
     """The types of "single" or "double".
 
-    `displacement_range` [m]: no displacement, and no distance of a body from its wire, is ever larger.
+    `displacement_range` [m]: bound on all displacements, and on the distance of a body from its wire.
 
-    Counts of positions wrap around beyond it; only their differences are used, and those come out right.
+    Counts of positions wrap around; their differences are exact within this range.
     """
     if name == "double":
         return Precision("double", wp.float64, wp.float64, 1.0)

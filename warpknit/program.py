@@ -1,4 +1,4 @@
-"""How the program ends: every exception as an exit status and one line, on all ranks, and its log."""
+"""End of the program: exceptions become an exit status and one line, on all ranks; and the log."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ UNUSABLE_PATH = (errno.EACCES, errno.EPERM, errno.EROFS, errno.EEXIST, errno.ENO
 
 
 def exit_status(error: BaseException) -> tuple[int, str] | None:
-    """The exit status that an exception stands for, and the line to print; None for a fault of the program."""
+    """Exit status and line of an exception; None for a bug."""
     match error:
         case WarpknitError():
             return error.exit_code, str(error)
@@ -32,7 +32,7 @@ def exit_status(error: BaseException) -> tuple[int, str] | None:
         case KeyboardInterrupt() | click.Abort():
             return INTERRUPTED, "interrupted"
         case MemoryError():
-            return OUT_OF_RESOURCES, f"memory ran out: {error or 'more was needed than is available'}"
+            return OUT_OF_RESOURCES, f"memory ran out: {error or 'more is needed than available'}"
         case RuntimeError() if str(error).startswith("Failed to allocate"):  # Warp's arrays
             return OUT_OF_RESOURCES, f"memory ran out: {error}"
         case OSError() if error.errno in (errno.ENOSPC, errno.EDQUOT):
@@ -44,17 +44,17 @@ def exit_status(error: BaseException) -> tuple[int, str] | None:
 
 
 def _free(path: str | None) -> str:
-    """What is left on the disk of a path that could not be written."""
+    """Free space on the disk of a path, in words."""
     for folder in Path(path).parents if path else ():
         if folder.is_dir():
-            return f"{path} needs more than the {shutil.disk_usage(folder).free / 1024:,.0f} KiB that are left"
+            return f"{path} needs more than the available {shutil.disk_usage(folder).free / 1024:,.0f} KiB"
     return "no space left on the device"
 
 
 class Program(click.Group):
-    """A group of commands that ends with the exit statuses of this program and one line for an error.
+    """A group of commands with the exit statuses of this program and one line for an error.
 
-    Where several ranks were started, all end with the same status and one of them says why.
+    With several ranks all end with the same status, and one of them prints the line.
     """
 
     def main(self, *args: Any, **options: Any) -> NoReturn:
@@ -81,14 +81,14 @@ class Program(click.Group):
 
 
 class StderrHandler(logging.Handler):
-    """Writes to whatever `sys.stderr` is at the time: lines go above a progress bar, and into captured output."""
+    """Writes to the current `sys.stderr`, so above a progress bar and into captured output."""
 
     def emit(self, record: logging.LogRecord) -> None:
         sys.stderr.write(f"{self.format(record)}\n")
 
 
 def configure_logging(level: int) -> None:
-    """Log lines of this package go to stderr as they are."""
+    """Log lines of this package to stderr."""
     log = logging.getLogger("warpknit")
     log.handlers[:] = [StderrHandler()]
     log.setLevel(level)

@@ -1,4 +1,4 @@
-"""Numbers as people read them."""
+"""Numbers formatted for people."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "
 
 def engineering(value: float, unit: str) -> str:
     """`value` with three digits and a prefix: 1.48e8, "Pa" as 148 MPa."""
-    size = abs(float(f"{value:.3g}"))  # so that 999.8 of one prefix are 1 of the next
+    size = abs(float(f"{value:.3g}"))  # 999.8 of one prefix is 1 of the next
     scale, prefix = next(((scale, prefix) for scale, prefix in PREFIXES if size >= scale), (1.0, ""))
     return f"{value / scale:.3g} {prefix}{unit}"
 
@@ -18,7 +18,7 @@ def memory(count: int) -> str:
 
 
 def duration(seconds: float) -> str:
-    """Two digits of a time, in the unit that suits it."""
+    """A time with two digits and a suitable unit."""
     for unit, length in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
         if seconds >= 2 * length:
             return f"{seconds / length:.2g} {unit}"
@@ -26,5 +26,5 @@ def duration(seconds: float) -> str:
 
 
 def rounded(count: int) -> int:
-    """Two digits of a count."""
+    """A count rounded to two digits."""
     return int(float(f"{count:.2g}"))

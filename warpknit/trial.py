@@ -1,4 +1,4 @@
-"""Numerics that speed and accuracy are traded by: settings of trial runs, and the references that they are held against."""
+"""Numerical settings of probe runs and references, for the trade of speed against accuracy."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Protocol
 
 from .scene import Scene
 
-SOFTENING = 1000.0  # of settings that are tried
+SOFTENING = 1000.0  # axial softening of probe runs
 
 
 @dataclass(frozen=True)
 class Setting:
-    """Numerics that a small mesh is run with."""
+    """Numerical settings of a probe run."""
 
     nodes_per_loop: int
     axial_softening: float
@@ -21,24 +21,24 @@ class Setting:
 
     @property
     def overrides(self) -> tuple[tuple[str, object], ...]:
-        """The same as keys of a scene."""
+        """The settings as keys of a scene."""
         tables = {"nodes_per_loop": "model"}
         return tuple((f"{tables.get(name, 'solver')}.{name}", value) for name, value in asdict(self).items())
 
 
 class Trials(Protocol):
-    """What a kind of model is tried at: a module of each."""
+    """Settings of a kind of model: a module of each."""
 
     def settings(self, scene: Scene, percent: float) -> list[Setting]:
-        """Settings to try, the cheapest first; the tolerance leaves a tenth of `percent` or less."""
+        """Settings to try, the cheapest first, with a tolerance of at most a tenth of `percent`."""
 
     def fine(self, scene: Scene) -> Setting:
-        """Of the fine run of a small mesh, which counts as true."""
+        """Setting of the fine run of a small mesh, the reference of probe runs."""
 
     def reference(self, scene: Scene, nodes: int) -> tuple[int, float]:
-        """Nodes a loop, or segments of a hooked wire, and tolerance of the reference of a trade; `nodes` of the mesh."""
+        """Nodes a loop, or segments of a hooked wire, and tolerance of the reference of a trade; `nodes`: those of the mesh."""
 
 
 def edge_of(scene: Scene) -> str:
-    """periodic | gripped | hook: what decides how errors go with the nodes."""
+    """periodic | gripped | hook: decides how errors depend on the nodes."""
     return "hook" if scene.hook is not None else scene.model.boundary

@@ -11,15 +11,15 @@ from warpknit.scene import Scene
 
 
 def assert_parts_are_the_whole(scene: Scene, directory: Path, monkeypatch: pytest.MonkeyPatch, every: int) -> Path:
-    """Run `scene` in one go and with an interruption at one of `every` looks: the same history and states, to the bit. Returns
+    """Run `scene` in one go and with an interruption at one of `every` checks: the same history and states, to the bit. Returns
     where the parts are."""
     assert run_scene(scene, out=directory / "whole", device="cpu").exit_code == 0
-    original, looks = Watch._check, 0
+    original, checks = Watch._check, 0
 
     def interrupt_now_and_then(self: Watch, progress: object) -> None:
-        nonlocal looks
-        looks += 1
-        if looks % every == 7:
+        nonlocal checks
+        checks += 1
+        if checks % every == 7:
             self.interrupts.request()
         original(self, progress)
 

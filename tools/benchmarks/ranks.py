@@ -66,7 +66,7 @@ def measure(options: argparse.Namespace, nodes: int, threads: int, ranks: Ranks)
     steps = max(1, round(options.seconds * 1e8 * ranks.count / nodes / 50)) * 50
     found = {
         "case": "ranks",
-        "nodes": model.whole.panel.node_count,
+        "nodes": model.global_model.panel.node_count,
         "repeats": [columns, rows],
         "ranks": ranks.count,
         "threads": stepper.threads,

@@ -57,7 +57,7 @@ class MeshModel(Protocol):
     @property
     def panel(self) -> Panel: ...
     @property
-    def whole(self) -> Any:
+    def global_model(self) -> Any:
         """The model of the global mesh, where ranks share it; else itself."""
 
     @property

@@ -18,20 +18,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .friction import friction_pull
+from .friction import friction_force
 from .host_state import HostState, pair_distances
 
 
 @dataclass(frozen=True)
 class BendingMoments:
-    """Bending moments [N m], positive where the wire turns left of how it was knitted."""
+    """Bending moments [N m], positive to the left of the knitted shape."""
 
     node: np.ndarray  # [node]
     contact: np.ndarray  # [touching pair] under the body
 
 
 def bending_moments(r: HostState) -> BendingMoments:
-    """Moments at the nodes and under the bodies, in the order of the pairs whose force is not zero."""
+    """Moments at the nodes, and under the bodies of closed pairs in their order."""
     model, panel = r.model, r.model.panel
     moment = r.moment + r.bow_moment
     pair = np.nonzero(r.pair_force > 0)[0]
@@ -43,7 +43,7 @@ def bending_moments(r: HostState) -> BendingMoments:
     nodes = first[:, None] + local  # (pair, 4)
     force = normal_forces(r, pair)
     node, after = nodes[:, 1], nodes[:, 2]
-    # everything from the contact point: p = c - n (gap + reach), n from the wire to the body
+    # vectors from the contact point: p = c - n (gap + reach), n from the wire to the body
     normal = -force.sum(axis=1)
     normal /= np.hypot(normal[:, 0], normal[:, 1])[:, None]
     body = normal * (r.pair_gap[pair] + model.contact_reach * r.length_factor)[:, None]
@@ -56,7 +56,7 @@ def bending_moments(r: HostState) -> BendingMoments:
         end = np.where(at_high[:, None], begin + r.edge[node], end)
     pulled = r.segment_force[node] + force[:, 0] + force[:, 1]  # in the wire before p
     under = moment[after] - cross(place[:, 3] - place[:, 2], force[:, 3]) + cross(end, pulled - force.sum(axis=1))
-    if model.is_gripped:  # what a held node takes is no load of the wire
+    if model.is_gripped:  # loads on held nodes do not act on the wire
         by_low = moment[node] - cross(place[:, 1] - place[:, 0], force[:, 0]) + cross(begin, pulled)
         under = np.where(at_high, by_low, under)
     here, there = moment[node], moment[after]
@@ -66,18 +66,21 @@ def bending_moments(r: HostState) -> BendingMoments:
 
 
 def normal_forces(r: HostState, pair: np.ndarray) -> np.ndarray:
-    """(pair, 4, 2) [N] forces of contacts on their nodes without friction, which acts at the two nodes beside the contact point
-    (kernels/friction.py): the body feels N n + T t of both together, t being n turned by -90 degrees times the side."""
+    """(pair, 4, 2) [N] normal contact forces on the nodes.
+
+    Friction acts at the two nodes beside the contact point (kernels/friction.py). The force on the body is N n + T t, with t
+    the normal n turned by -90 degrees times the side.
+    """
     force = r.pair_nodal[pair]
     if not len(r.pair_stuck):
         return force
-    pulled = r.model.panel.pair_side[pair] * friction_pull(r)[pair]
+    tangential = r.model.panel.pair_side[pair] * friction_force(r)[pair]
     both, pushed = -force.sum(axis=1), r.pair_force[pair]
-    normal = np.stack([pushed * both[:, 0] - pulled * both[:, 1], pulled * both[:, 0] + pushed * both[:, 1]], axis=1)
-    normal /= (pushed**2 + pulled**2)[:, None]
-    drag = pulled[:, None] * np.stack([normal[:, 1], -normal[:, 0]], axis=1)
-    share = np.stack([0.0 * pulled, 1.0 - r.pair_u[pair], r.pair_u[pair], 0.0 * pulled], axis=1)
-    return force + share[:, :, None] * drag[:, None, :]
+    normal = np.stack([pushed * both[:, 0] - tangential * both[:, 1], tangential * both[:, 0] + pushed * both[:, 1]], axis=1)
+    normal /= (pushed**2 + tangential**2)[:, None]
+    friction = tangential[:, None] * np.stack([normal[:, 1], -normal[:, 0]], axis=1)
+    share = np.stack([0.0 * tangential, 1.0 - r.pair_u[pair], r.pair_u[pair], 0.0 * tangential], axis=1)
+    return force + share[:, :, None] * friction[:, None, :]
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What a model has on the device: rest data of one repeat and indices of the mesh, in the precision of the run."""
+"""Constant device arrays: rest data of one repeat and indices of the mesh, in the precision of the run."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class MeshArrays:
     slide_lever_y: wp.array
 
 
-def upload_rest(table: Table, precision: Precision, numbers: Numerics, bending_stiffness: float, device: str) -> RestArrays:
+def upload_rest(table: Table, precision: Precision, numerics: Numerics, bending_stiffness: float, device: str) -> RestArrays:
     """The rest data of a table with the masses of the run; `bending_stiffness` [N m2]."""
 
     def real(a: np.ndarray) -> wp.array:
@@ -96,8 +96,8 @@ def upload_rest(table: Table, precision: Precision, numbers: Numerics, bending_s
         rest_bow=real(table.rest_bow),
         rest_angle=real(table.rest_angle),
         hinge_stiffness=real(bending_stiffness / table.hinge_length),
-        inverse_mass=real(1.0 / numbers.node_mass),
-        node_mass=real(np.broadcast_to(numbers.node_mass, table.rest_length.shape)),
+        inverse_mass=real(1.0 / numerics.node_mass),
+        node_mass=real(np.broadcast_to(numerics.node_mass, table.rest_length.shape)),
         curve=wp.array(table.curve, dtype=precision.real, device=device),
     )
 
@@ -116,7 +116,7 @@ def upload_mesh(panel: Panel, strip: Strip | None, precision: Precision, device:
 
     pair_rest = np.repeat(panel.body_rest, 2, axis=0) - panel.pair_shift
     body_origin = panel.body_rest + panel.body_origin
-    # in a strip as in the whole mesh, so that a node gets the forces of its contacts in the same order
+    # in the order of the global mesh, so that contact forces are summed in the same order
     body = np.arange(panel.body_count) if strip is None else strip.body
     pair_start, pair = _pairs_of_blocks(panel, (2 * body[:, None] + np.arange(2)).ravel())
     slides = np.isin(panel.held_clamp, panel.sliding_clamp)
@@ -162,10 +162,10 @@ def upload_mesh(panel: Panel, strip: Strip | None, precision: Precision, device:
 
 
 def _pairs_of_blocks(panel: Panel, number: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """For each block the pairs whose contact may act on its nodes, in the order of their `number`: starts (block + 1,) and pairs.
+    """Pairs that may act on the nodes of each block, in the order of their `number`: starts (block + 1,) and pairs.
 
     A pair acts on the nodes from one before its first segment to two behind the start of its last; on a closed wire the
-    range wraps, so it is laid over three rounds of the wire and cut back.
+    range wraps around, so three copies of the wire are used and clipped.
     """
     low = panel.pair_seed + panel.pair_low - 1
     high = panel.pair_seed + panel.pair_high + 2

@@ -1,4 +1,4 @@
-"""A bound on the highest frequency of a mesh as it stands, from the gradients of what its wires and contacts are strained by.
+"""An upper bound on the highest frequency of a mesh, from the gradients of its strain measures.
 
 Every term of the energy is k_e q_e^2/2 with a gradient g_e over the nodes it touches, so the stiffness is K = B^T B with the rows
 sqrt(k_e) g_e of B, and M^-1 K has the same largest eigenvalue as the Gram matrix
@@ -9,8 +9,8 @@ For any positive numbers d (Collatz and Wielandt),
 
     w^2 <= max over e of (sum over f of |G_ef| d_f)/d_e
 
-Highest modes alternate from node to node, where the terms of a row all add up: with d the row sums themselves, the bound is
-within a few percent of w^2. On a straight wire of even nodes it is 4 K/(h m) or 80/3 EI/(h^3 m), as it should be.
+The highest modes alternate from node to node, where all terms of a row add up. With the row sums as d the bound is within a few
+percent of w^2. On a straight wire of equal spacing it is exact: 4 K/(h m) or 80/3 EI/(h^3 m).
 
 | term | q | k |
 |---|---|---|
@@ -19,9 +19,9 @@ within a few percent of w^2. On a straight wire of even nodes it is 4 K/(h m) or
 | bend at a node | turning angle | EI/l (1 + sum over both segments of L (1/l + 1/l_neighbour)/6) |
 | contact, closed or about to close | gap | penalty |
 
-T is the tension, S the shear force of a segment of length h: what a turning segment feels of it is indefinite, and no more than
-S/h both along and across. Compression only lowers frequencies and is left out. The slope of the moment (kernels/bend.py) couples
-the bends of neighbours, q_a q_b, which is no more than (q_a^2 + q_b^2)/2: it is given to both.
+T is the tension, S the shear force of a segment of length h: its geometric stiffness in a rotating segment is indefinite, at
+most S/h along and across. Compression lowers frequencies and is neglected. The slope of the moment (kernels/bend.py) couples
+the bends of neighbours, q_a q_b, which is at most (q_a^2 + q_b^2)/2 and is added to both.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ from ..hermite import hermite
 from ..kernels import control as c
 from .host_state import HostState
 
-PASSES = 2  # of the bound: the second one with the row sums of the first
-LEAST_WEIGHT = 1e-3  # of the largest: terms that hardly count are not divided by next to nothing
+PASSES = 2  # iterations of the bound, each with the row sums of the last one
+LEAST_WEIGHT = 1e-3  # smallest weight over the largest
 
 
 @dataclass(frozen=True)
@@ -59,19 +59,19 @@ class Wires:
 
 @dataclass(frozen=True)
 class Contacts:
-    """Contacts that are closed, or may be before the next look."""
+    """Contacts that are closed, or may close before the next check."""
 
-    node: np.ndarray  # [contact, 4] nodes that it pushes
+    node: np.ndarray  # [contact, 4] nodes of the contact
     push: np.ndarray  # [contact, 4, 2] sqrt(k) g there
     body: np.ndarray  # [contact]
     body_push: np.ndarray  # [contact, 2]
 
 
 def frequency_square(host: HostState, approach: float = 0.0) -> float:
-    """Bound on w^2 [1/s2] of the mesh as it stands.
+    """Upper bound on w^2 [1/s2] of the mesh.
 
-    `approach` [m]: how much closer a body and a wire may come before the next look. A body that is not free (treatment.py)
-    counts as one whose contacts push at one node each, apart from the wires.
+    `approach` [m]: largest approach of a body and a wire before the next check. Contacts of a body that is not free
+    (treatment.py) are bounded separately from the wires, with one node each.
     """
     wires = wire_terms(host)
     body_inverse_mass = float(host.control[int(c.BODY_INVERSE_MASS)])
@@ -96,9 +96,9 @@ def wire_terms(host: HostState) -> Wires:
     swing = np.maximum(host.tension, 0.0) * per_length + shear
     bend = model.bending_stiffness / (host.hinge_length * host.length_factor)
     hinges = 1.0 / host.hinge_length
-    missing = last[~panel.wire_closed]  # segments behind the ends of open wires, and hinges there
+    missing = last[~panel.wire_closed]  # segments and hinges beyond the ends of open wires
     if model.is_gripped:
-        missing = np.concatenate([missing, panel.wire_first, last - 1])  # and what is rigid inside the clamps
+        missing = np.concatenate([missing, panel.wire_first, last - 1])  # and rigid segments inside the clamps
     stretch[missing] = swing[missing] = 0.0
     no_hinge = np.concatenate([panel.wire_first, last])[~np.tile(panel.wire_closed, 2)]
     bend[no_hinge] = hinges[no_hinge] = 0.0
@@ -113,15 +113,15 @@ def wire_terms(host: HostState) -> Wires:
 
 
 def near_contacts(host: HostState, approach: float) -> Contacts:
-    """Closed contacts with the weights they push with; those that are about to close with those of a smooth curve."""
+    """Closed contacts with their nodal weights; contacts about to close with those of a smooth curve."""
     panel, control = host.model.panel, host.control
     closed = host.pair_force > 0.0
-    # the gap of a pair that sleeps is an old one; what its wire and body must travel before it is looked at is not
+    # the gap of a sleeping pair is out of date; its remaining travel is a lower bound
     asleep = 2.0 * (host.pair_wake - float(control[int(c.TRAVEL)]))
     near = closed | ((approach > 0.0) & (np.where(asleep > 0.0, asleep, host.pair_gap) < approach))
     pair = np.nonzero(near)[0]
     first, count = (of_wire[panel.pair_wire[pair], None] for of_wire in (panel.wire_first, panel.wire_count))
-    begin = panel.pair_seed[pair, None] + host.pair_slide[pair, None]  # also of pairs that were never in touch
+    begin = panel.pair_seed[pair, None] + host.pair_slide[pair, None]  # also for pairs that were never closed
     node = first + np.mod(begin + np.arange(-1, 3) - first, count)
     push = np.zeros((len(pair), 4, 2))
     push[closed[pair]] = host.pair_nodal[closed] / host.pair_force[closed, None, None]
@@ -147,13 +147,13 @@ def collatz_bound(wires: Wires, contacts: Contacts | None, body_inverse_mass: fl
     for _ in range(PASSES):
         rows = couplings.row_sums(*weights)
         bound = min(bound, max((row / weight).max(initial=0.0) for row, weight in zip(rows, weights, strict=True)))
-        most = max(row.max(initial=0.0) for row in rows)
-        weights = [np.maximum(row, LEAST_WEIGHT * most) for row in rows]
+        largest = max(row.max(initial=0.0) for row in rows)
+        weights = [np.maximum(row, LEAST_WEIGHT * largest) for row in rows]
     return float(bound)
 
 
 class Couplings:
-    """The entries of |G|. Signs are taken node by node, which no two terms that share nodes mind."""
+    """The entries of |G|, with absolute values taken node by node (an upper bound)."""
 
     def __init__(self, wires: Wires, contacts: Contacts | None, body_inverse_mass: float) -> None:
         self.wires = wires
@@ -172,7 +172,7 @@ class Couplings:
     def _add_contacts(self, contacts: Contacts, body_inverse_mass: float) -> None:
         wires, node = self.wires, contacts.node.ravel()
         push, self._node = contacts.push.reshape(-1, 2), node
-        turned = np.stack([push[:, 1], -push[:, 0]], axis=1)  # on a tangent what the push is on the normal
+        turned = np.stack([push[:, 1], -push[:, 0]], axis=1)  # tangential components of the push
         ended, started = wires.tangent[wires.before[node]], wires.tangent[node]
         n_ended, n_started = (np.einsum("na,na->n", turned, t) for t in (ended, started))
         self._pushed = np.abs([
@@ -187,13 +187,13 @@ class Couplings:
     def row_sums(self, stretch: np.ndarray, swing: np.ndarray, bend: np.ndarray, contact: np.ndarray) -> list[np.ndarray]:
         """|G| d of stretches, swings and bends, each [node], and of the contacts."""
         w, before, after, sine, cosine = self.wires, self.wires.before, self.wires.after, self._sine, self._cosine
-        # what the terms, as heavy as they are, do at a node: along t' and t, along n' and n, and its own bend
+        # weighted terms at a node: along t' and t, along n' and n, and its own bend
         along, across, turn = w.stretch * stretch, w.swing * swing, w.bend * bend
         ended, started = along[before], along
         across_ended = across[before] + turn[before] * self._first
         across_started = across + turn[after] * self._h
         did = [ended, started, across_ended, across_started, turn]
-        # what each direction feels of it
+        # sums in each direction
         felt = [
             ended + cosine * started + sine * (across_started + self._h * turn),
             started + cosine * ended + sine * (across_ended + self._first * turn),
@@ -221,21 +221,21 @@ class Couplings:
 
 
 def _sharing(place: np.ndarray, contact: np.ndarray, push: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, ...]:
-    """For all contacts that push at the same place: first contact, second contact and what they share there [1/s2].
+    """Contacts at the same node or body: first contact, second contact and their entry of G [1/s2].
 
-    `place`, `contact`, `push` (entry, 2) and `mass` [1/kg] stand side by side.
+    `place`, `contact`, `push` (entry, 2) and `mass` [1/kg] are parallel arrays.
     """
     order = np.argsort(place, kind="stable")
     place, contact, push, mass = place[order], contact[order], push[order], mass[order]
-    found = [(contact, contact, mass * np.einsum("na,na->n", push, push))]
-    apart = 1
+    entries = [(contact, contact, mass * np.einsum("na,na->n", push, push))]
+    offset = 1
     while True:
-        one = np.nonzero(place[apart:] == place[:-apart])[0]
+        one = np.nonzero(place[offset:] == place[:-offset])[0]
         if not len(one):
             break
-        other = one + apart
+        other = one + offset
         value = mass[one] * np.abs(np.einsum("na,na->n", push[one], push[other]))
-        found += [(contact[one], contact[other], value), (contact[other], contact[one], value)]
-        apart += 1
-    first, second, value = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        entries += [(contact[one], contact[other], value), (contact[other], contact[one], value)]
+        offset += 1
+    first, second, value = (np.concatenate(parts) for parts in zip(*entries, strict=True))
     return first, second, value

@@ -1,7 +1,6 @@
-"""What a mesh remembers of the way it was loaded: where its contacts stick, how its wires have yielded, and what holds
-bodies on the ground.
+"""History variables: stick places of contacts, plastic turning of wires, anchors of bodies on the ground.
 
-It changes from one steady state to the next.
+They are updated at every equilibrium.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from .step import anchor_launch
 
 
 class HistoryVariables:
-    """Keeps what depends on the path, and the energy that went with it."""
+    """Updates the history variables, and sums the dissipated energy."""
 
     def __init__(self, model: Model, state: State) -> None:
         self.model, self.state = model, state
@@ -27,7 +26,7 @@ class HistoryVariables:
         self._slipped = wp.zeros(len(state.pair_stuck), dtype=wp.float64, device=model.device)
 
     def advance(self) -> None:
-        """Take the state, which is at rest, as a step of the path."""
+        """Update the history variables from an equilibrium."""
         if len(self.state.pair_stuck):
             model, state = self.model, self.state
             sources = (model.rest, model.mesh, state, model.constants)
@@ -40,12 +39,12 @@ class HistoryVariables:
             self._draw_anchors()
 
     def _draw_anchors(self) -> None:
-        """Have what bodies are tied to on the ground follow, where it is at the limit of what it bears."""
+        """Move the anchors of bodies whose spring is at its force limit."""
         bodies = self.model.panel.body_count
         anchor_launch(draw_anchors, bodies, self.model, self.state).run(self.model.device)
 
     def _yield(self) -> None:
-        """Take on the set of the wires: backward Euler of bilinear bending with kinematic hardening."""
+        """Update plastic turning: backward Euler, bilinear bending with kinematic hardening."""
         host = read_strip(self.model, self.state)
         kept = self.model.scene.wire.hardening
         beyond = host.turning - host.plastic_turn - host.back_turn
@@ -56,13 +55,13 @@ class HistoryVariables:
         self._dissipate(self.model.yield_moment * np.sum(np.abs(change)))
 
     def _dissipate(self, energy: float) -> None:
-        """Add energy [J] that is gone in this rank's part of the mesh, and in that of the others."""
+        """Add dissipated energy [J] of all ranks."""
         self.dissipated += float(self.model.ranks.sum(np.array([energy]))[0])
 
     def state_dict(self) -> dict[str, np.ndarray]:
-        """What a checkpoint keeps."""
-        return {"path_dissipated": np.array(self.dissipated)}
+        """Arrays for a checkpoint."""
+        return {"history_dissipated": np.array(self.dissipated)}
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        """Put back what `state_dict` returned."""
-        self.dissipated = float(kept["path_dissipated"])
+        """Restore a `state_dict`."""
+        self.dissipated = float(kept["history_dissipated"])

@@ -20,7 +20,7 @@ from .join import Join
 from .model import Model
 from .state import State
 
-WANTED = ("strain", "edge_x", "edge_y", "elastic", "moment", "bow_moment")  # what evaluate_wires finds where it is wanted
+OPTIONAL = ("strain", "edge_x", "edge_y", "elastic", "moment", "bow_moment")  # optional outputs of evaluate_wires
 OF_NODES = ("u", "edge", "tension", "segment_force", "moment", "bow_moment", "turning")
 
 
@@ -42,12 +42,12 @@ class HostState(Boundary):
     bow_moment: np.ndarray  # [node] [N m] by which tension unbends arcs that keep their length (kernels/bend.py)
     turning: np.ndarray  # [node] [rad] turning angle less its natural value
     elastic: np.ndarray  # [node, or none without yield] [rad] part of it that is elastic
-    plastic_turn: np.ndarray  # [node, or one without yield] [rad] of it, what stayed as of the last state at rest
-    back_turn: np.ndarray  # [node, or one] [rad] elastic turning that the wire yields on either side of
+    plastic_turn: np.ndarray  # [node, or one without yield] [rad] plastic part at the last equilibrium
+    back_turn: np.ndarray  # [node, or one] [rad] back turning of kinematic hardening
     pair_force: np.ndarray  # [pair] [N]
-    pair_offset: np.ndarray  # [pair] [N] part of the force that the running multiplier carries
+    pair_offset: np.ndarray  # [pair] [N] augmented Lagrangian multiplier, part of the force
     pair_stuck: np.ndarray  # [pair, or none without friction] where a contact sticks to its wire (kernels/friction.py)
-    pair_gap: np.ndarray  # [pair] [m] meaningful where the force is not zero
+    pair_gap: np.ndarray  # [pair] [m] valid where the force is not zero
     pair_node: np.ndarray  # [pair]
     pair_wake: np.ndarray  # [pair] [m] travel since the last neighbour search up to which the pair sleeps
     pair_slide: np.ndarray  # [pair]
@@ -66,14 +66,14 @@ class HostState(Boundary):
 
     @property
     def yield_turn(self) -> np.ndarray:
-        """[node] [rad] by which a node may turn elastically to either side."""
+        """[node] [rad] yield limit of the elastic turning."""
         return self.model.scene.wire.yield_curvature * self.hinge_length * self.length_factor
 
     # rest data of the nodes: those of the table but next to clamps
 
     @property
     def natural_length(self) -> np.ndarray:
-        """[node] [m] of the segment that starts there, at the reference temperature."""
+        """[node] [m] of the segment that starts at the node, at the reference temperature."""
         values = self.model.table.rest_length[self.entry]
         if self.model.is_gripped:
             for far, node in enumerate(self._segments_at_clamps):
@@ -90,7 +90,7 @@ class HostState(Boundary):
 
     @property
     def hinge_length(self) -> np.ndarray:
-        """[node] [m] wire that the hinge at the node stands for, at the reference temperature."""
+        """[node] [m] wire length of the hinge at the node, at the reference temperature."""
         values = self.model.table.hinge_length[self.entry]
         for far, following, node in self._hinges_at_clamps:
             values[node] /= self.model.panel.wire_clamp[:, far, clamp.HINGE + following]
@@ -98,7 +98,7 @@ class HostState(Boundary):
 
     @property
     def _segments_at_clamps(self) -> tuple[np.ndarray, np.ndarray]:
-        """Nodes [wire] that the first and the last segment between clamps start at."""
+        """Start nodes [wire] of the first and the last segment between clamps."""
         panel = self.model.panel
         return panel.wire_first + 1, panel.wire_first + panel.wire_count - 3
 
@@ -131,8 +131,8 @@ def node_entries(model: Model) -> np.ndarray:
 
 
 def read_strip(model: Model, state: State) -> HostState:
-    """Evaluate the wires and copy what this rank holds of the state to the host."""
-    names = ("tension", "turning", "force_x", "force_y", *WANTED[1:])
+    """Evaluate the wires and copy the strip of this rank to the host."""
+    names = ("tension", "turning", "force_x", "force_y", *OPTIONAL[1:])
     out = {n: wp.zeros(model.panel.node_count, dtype=model.precision.real, device=model.device) for n in names}
     evaluation(model, state, state.parity, out, (0, len(model.panel.block_first))).launch()
     now = state.parity
@@ -179,7 +179,7 @@ def read_strip(model: Model, state: State) -> HostState:
 
 
 def joined(state: HostState) -> HostState:
-    """The state of the whole mesh on the first rank; that of its strip, as it is, on the others."""
+    """The state of the global mesh on the first rank; that of their strip on the others."""
     model = state.model
     join = Join(model)
     first_node = 0 if model.strip is None else model.strip.nodes.start
@@ -194,7 +194,7 @@ def joined(state: HostState) -> HostState:
     parts |= {name: join.pairs(getattr(state, name)) for name in of_pairs}
     if len(state.pair_stuck):
         parts["pair_stuck"] = join.pairs(state.pair_stuck)
-    return replace(state, model=model.whole, **parts) if model.ranks.is_first else state
+    return replace(state, model=model.global_model, **parts) if model.ranks.is_first else state
 
 
 def strains(model: Model, state: State) -> np.ndarray:
@@ -206,11 +206,13 @@ def strains(model: Model, state: State) -> np.ndarray:
 
 
 def evaluation(model: Model, state: State, parity: int, out: dict[str, wp.array], blocks: tuple[int, int]) -> wp.Launch:
-    """The launch of kernels/energy.py for so many blocks from one on, to be repeated where the displacements stand in the buffers
-    of `parity`. `out`: arrays [node] of what is wanted, by their names there."""
+    """Recorded launch of kernels/energy.py for (first block, number of blocks), with the displacements of `parity`.
+
+    `out`: output arrays [node] by name.
+    """
     threads = wp.int32(1) if model.device == "cpu" else wp.int64(BLOCK_SIZE)
-    unwanted = {name: wp.empty(0, dtype=model.precision.real, device=model.device) for name in WANTED if name not in out}
+    unused = {name: wp.empty(0, dtype=model.precision.real, device=model.device) for name in OPTIONAL if name not in out}
     return bind(
         evaluate_wires, blocks[1] * int(threads), model.rest, model.mesh, state, model.constants, first_block=blocks[0],
-        threads_a_block=threads, ux=state.node_ux[parity], uy=state.node_uy[parity], **out, **unwanted,
+        threads_a_block=threads, ux=state.node_ux[parity], uy=state.node_uy[parity], **out, **unused,
     ).record(model.device)  # fmt: skip

@@ -1,4 +1,4 @@
-"""The mechanics of the planar model: what the engine asks of it (warpknit/mechanics.py)."""
+"""The mechanics of one planar mesh (protocol: warpknit/mechanics.py)."""
 
 from __future__ import annotations
 
@@ -32,39 +32,39 @@ from .strip_step import stepper_of
 from .thermal import wire_thermal_strain
 from .time_step import stable_step
 
-SOFTENING_CHECKS = 10  # convergence checks between renewals of the bound on the softening
-UNLOADED = 1e-3  # of EI/W^2: forces that count as none in a mesh as knitted
-DRIFT_CHECKS = (5, 40)  # over which the tension must stand still, least and most
-DRIFT_NODES = 24  # a loop, from which they grow with the square of the nodes, as periods of bending do
-NEARLY_CONVERGED = 10.0  # residual over the tolerance below which multipliers that do not converge tell of taut wires
+SOFTENING_CHECKS = 10  # convergence checks between updates of the bound on the softening
+UNLOADED = 1e-3  # of EI/W^2: forces that count as zero in a mesh as knitted
+DRIFT_CHECKS = (5, 40)  # convergence checks of the drift criterion, smallest and largest
+DRIFT_NODES = 24  # nodes a loop above which they grow with the square of the nodes, as bending periods do
+NEARLY_CONVERGED = 10.0  # residual over the tolerance below which unconverged multipliers indicate taut wires
 
 
 def drift_of(nodes_per_loop: int) -> Drift:
-    """How long the tension of a level must stand still."""
-    least, most = DRIFT_CHECKS
-    return Drift(min(most, max(least, round(least * (nodes_per_loop / DRIFT_NODES) ** 2))))
+    """Drift criterion of the tension."""
+    lowest, highest = DRIFT_CHECKS
+    return Drift(min(highest, max(lowest, round(lowest * (nodes_per_loop / DRIFT_NODES) ** 2))))
 
 
 class PlanarMechanics:
     """Steps one state of a planar model."""
 
     can_overlap = may_overlap = False
-    rim: Rim | None = None  # a drive moves the edge of a large mesh with the membrane (solve/multilevel.py)
+    rim: Rim | None = None  # the drive moves the edge with the membrane (solve/multilevel.py)
     stations = np.zeros((0, 2))
 
     def __init__(self, model: Model, state: State) -> None:
         self.model, self.state = model, state
-        self.notes: list[str] = []  # those of the panel stand in the panel
+        self.notes: list[str] = []
         self.drift = drift_of(model.scene.model.nodes_per_loop)
         self.stepper = stepper_of(model, state)
         self.neighbours = NeighbourSearch(model, state)
         self.diagnostics = Diagnostics(model, state, self.stepper)
         self.residual = Residual(model)
         self._has_temperature_field = any(any(stage.temperature_gradient) for stage in model.scene.stages)
-        self._last: list[wp.array] | None = None  # what the level before ended with
-        self._pressed = 0  # pairs that carry force in the mesh as knitted
+        self._last: list[wp.array] | None = None  # values at the end of the previous level
+        self._active_as_knitted = 0  # pairs that carry force as knitted
 
-    # what only a relaxation needs
+    # for relaxations only
 
     @cached_property
     def multipliers(self) -> Multipliers:
@@ -113,14 +113,14 @@ class PlanarMechanics:
         state.write_control(values)
         if self._has_temperature_field:
             state.wire_thermal_strain.assign(wire_thermal_strain(self.model, load.temperature, load.temperature_gradient))
-        # the affine motion itself brings a body and a wire within the search radius closer by at most this
+        # bound on the relative affine motion of a body and a wire within the search radius
         self.neighbours.expect(2.0 * float(np.abs(np.subtract(then[:4], now[:4])).max()) * self.neighbours.radius)
 
     def load_steps(self, predicted: bool) -> int:
         return 0 if predicted else LOAD_STEPS
 
     def _level_values(self) -> list[wp.array]:
-        """What a level starts from: its displacements and multipliers."""
+        """Displacements and multipliers, which `predict` extrapolates."""
         s = self.state
         return [s.node_ux[s.parity], s.node_uy[s.parity], s.body_ux, s.body_uy, s.tension_offset, s.pair_offset]
 
@@ -128,12 +128,12 @@ class PlanarMechanics:
         values, s = self._level_values(), self.state
         if self._last is None:
             self._last = [wp.zeros_like(value) for value in values]
-        # no further than the neighbour search looks beyond a contact, so that no body changes sides
-        furthest = 0.5 * self.neighbours.margin / self.model.precision.unit
+        # within the margin of the neighbour search, so that no body changes sides
+        max_move = 0.5 * self.neighbours.margin / self.model.precision.unit
         if self.model.scene.hook is not None:
-            furthest = np.inf  # a wire that stays is carried along by the frame (hook.py), and must be put back all the way
+            max_move = np.inf  # the frame moves a fixed wire affinely (hook.py); the prediction must undo all of it
         for value, last in zip(values, self._last, strict=True):
-            limit = np.inf if value is s.tension_offset or value is s.pair_offset else furthest
+            limit = np.inf if value is s.tension_offset or value is s.pair_offset else max_move
             named = {"ratio": wp.float64(ratio), "limit": wp.float64(limit), "value": value, "last": last}
             if value is s.body_ux or value is s.body_uy:
                 launch = bind(extrapolate_held_bodies, value.shape[0], pair_force=s.pair_force, **named)
@@ -144,7 +144,7 @@ class PlanarMechanics:
         self.stop()
 
     def stop(self) -> None:
-        """Stop all motion."""
+        """Set all velocities to zero."""
         for speed in (self.state.node_vx, self.state.node_vy, self.state.body_vx, self.state.body_vy):
             speed.zero_()
 
@@ -209,18 +209,18 @@ class PlanarMechanics:
         causes = strength_exceeded(stress, strength)
         if self.residual.is_lost_in_round_off(self.diagnostics.sums(), self.state.wire_axial.numpy()):
             name = self.model.precision.name
-            causes += f", round-off in {name} precision is more than the forces: solver.precision = 'double'"
-        if self._pressed:
-            causes += f", {self._pressed} pairs press as knitted: the yarn is thicker than the loops leave room for"
+            causes += f", round-off in {name} precision exceeds the forces: set solver.precision = 'double'"
+        if self._active_as_knitted:
+            causes += f", {self._active_as_knitted} pairs are active as knitted: the yarn is too thick for the loops"
         return causes
 
     def is_in_equilibrium(self, load: LoadPoint) -> bool:
-        """As knitted, unless it was knitted under stress."""
+        """Whether the load is that of the knitted mesh, and that mesh is free of stress."""
         if not load.is_as_knitted(self.model.scene.wire.reference_temperature):
             return False
         self.stepper.evaluate_contact()
         sums = self.diagnostics.sums()
-        self._pressed = int(sums.closed)
+        self._active_as_knitted = int(sums.closed)
         least = UNLOADED * force_scale(self.model)
         bend = self.model.bending_stiffness / float(self.model.table.hinge_length.min()) ** 2
         return bool(sums.closed == 0 and sums.tension_largest < least and sums.turning_largest * bend < least)
@@ -228,7 +228,7 @@ class PlanarMechanics:
     # --- real time
 
     def renew_time_step(self, steps: int) -> float:
-        self.stepper.evaluate_contact()  # what the contacts push with is not in a checkpoint
+        self.stepper.evaluate_contact()  # contact forces are not in a checkpoint
         step = stable_step(self.model, self.state, steps)
         self.state.write_control({c.TIME_STEP: step})
         return step

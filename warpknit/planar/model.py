@@ -1,4 +1,4 @@
-"""The model: everything about a mesh that does not move, as device arrays in the precision of the run.
+"""The model: all constant data of a mesh, as device arrays in the precision of the run.
 
 `build_model(scene)` knits one repeat, samples it, lays out its copies, chooses the numerical stiffnesses and masses, and
 uploads the result. Host copies stay in `table` and `panel` (float64) for the measures.
@@ -35,12 +35,12 @@ from .device_arrays import MeshArrays, RestArrays, upload_mesh, upload_rest
 from .limits import slid_wires, tight_loops
 from .numerics import choose_numerics
 
-CORD_SAG = 0.2  # of the size of a mesh: farther its edge cannot be from its outline
+CORD_SAG = 0.2  # of the size of a mesh: largest distance of its edge from its outline
 
 
 @dataclass(frozen=True)
 class Constants:
-    """Numerics that kernels take, as they take them: in the precision of the run unless the kernel says double."""
+    """Constants for kernels, in the precision of the run unless the kernel takes double."""
 
     unit: Any  # [m] of one count of a coordinate
     gripped: int  # whether two clamps hold every wire
@@ -55,7 +55,7 @@ class Constants:
 
 @dataclass(frozen=True)
 class Model:
-    """A mesh ready to run. Stiffnesses and masses are those the run starts with; the control array holds the current ones."""
+    """A mesh ready to run. Stiffnesses and masses are initial ones; the control array holds the current ones."""
 
     has_multilevel: ClassVar[bool] = True
     has_replicas: ClassVar[bool] = True
@@ -72,24 +72,24 @@ class Model:
     bending_stiffness: float  # [N m2]
     softening: float  # EA over the stiffness of the dynamics
     contact_stiffness: float  # [N/m]
-    treatment: Treatment  # how contact is carried; its reach is body radius + half a wire thickness in a mesh
+    treatment: Treatment  # contact constraint; in a mesh its reach is body radius + half a wire thickness
     body_mass: float  # [kg]; fictitious in relax
-    added_mass: float  # share of mass that scaling added, 0 where none; nan-free
+    added_mass: float  # share of mass added by scaling
     time_step: float  # [s] of the unloaded mesh; 1 in relax
     loading_time: float  # [s] of a stage, in a ramp
     damping: float  # [1/s] mass-proportional, in a ramp
     limited_by: str  # what limits the time step
-    ranks: Ranks = field(default_factory=One)  # that share the mesh
-    strip: Strip | None = None  # what of the mesh `panel` and all arrays are, where ranks share it
+    ranks: Ranks = field(default_factory=One)  # ranks that share the mesh
+    strip: Strip | None = None  # the part of the mesh in `panel` and all arrays, with several ranks
 
     @cached_property
-    def whole(self) -> Model:
-        """The global model on the host: what observables, measures and results speak of. Its arrays are of the strip."""
+    def global_model(self) -> Model:
+        """The model of the global mesh on the host, for observables and results; its device arrays are of the strip."""
         return self if self.strip is None else replace(self, panel=self.strip.whole, strip=None)
 
     @property
     def node_count(self) -> int:
-        """Nodes that are stepped."""
+        """Number of nodes stepped."""
         return self.panel.node_count
 
     @property
@@ -105,7 +105,7 @@ class Model:
 
     @cached_property
     def constants(self) -> Constants:
-        """The numbers that kernels take."""
+        """The constants for kernels."""
         real, wire = self.precision.real, self.scene.wire
         return Constants(
             unit=real(self.precision.unit),
@@ -120,12 +120,12 @@ class Model:
 
     @property
     def contact_reach(self) -> float:
-        """[m] distance of body centre and wire centre line at which they touch."""
+        """[m] contact distance of body centre and wire centre line."""
         return self.treatment.reach
 
     @property
     def curve_error(self) -> float:
-        """[m] of the rest curve between the nodes."""
+        """[m] error of the rest curve between the nodes."""
         return self.table.curve_error
 
     @property
@@ -135,16 +135,16 @@ class Model:
 
     @property
     def bodies(self) -> np.ndarray:
-        """[body] which body of the whole mesh it is."""
+        """[body] index in the global mesh."""
         return np.arange(self.panel.body_count) if self.strip is None else self.strip.body
 
     @property
     def owned_bodies(self) -> int:
-        """Bodies that sums go over, the first ones: another rank speaks for the rest."""
+        """Number of bodies, the first ones, that count in sums of this rank."""
         return self.panel.body_count if self.strip is None else self.strip.owned_bodies
 
     def layout(self) -> WireLayout:
-        """How the wires are laid out, for the exports."""
+        """Layout of the wires, for the exports."""
         p = self.panel
         return WireLayout(
             wire_start=np.concatenate([p.wire_first, [p.node_count]]),
@@ -160,11 +160,11 @@ class Model:
 
     @property
     def when_compressed(self) -> str:
-        """What a compressed mesh would do and this model does not show."""
-        return "wrinkle out of its plane, which this planar model cannot show"
+        """Behaviour under compression that the model lacks, in words."""
+        return "wrinkle out of its plane, which the planar model cannot represent"
 
     def warnings(self, stages: Sequence[dict[str, Any]]) -> Iterator[str]:
-        """Where wires in space may hook far sooner, a line each."""
+        """Warnings where wires in space may hook much earlier, one line each."""
         if self.cloth is not None:
             yield from tight_loops(self.scene, self.cloth)
             yield from slid_wires(self.scene, stages)
@@ -188,13 +188,13 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
 
 
 def _edge_travel(scene: Scene) -> float:
-    """[m] by which the edge may leave the affinely mapped outline."""
+    """[m] largest distance of the edge from the affinely mapped outline."""
     pulled = max((math.hypot(*pull.by) for stage in scene.stages for pull in stage.pull), default=0.0)
     return 2 * pulled + (CORD_SAG * max(scene.knit.size) if scene.panel.cord else 0.0)
 
 
 def _build_hook(scene: Scene, hook: Hook, device: str) -> Model:
-    """The model of two hooked wires; a loop is one of them."""
+    """The model of two hooked wires; each counts as a loop."""
     set_fraction = scene.wire.set_fraction
     treatment = choose_treatment(scene, scene.wire.thickness)
     table = hook_table(hook, segments=scene.model.nodes_per_loop, set_fraction=set_fraction)
@@ -206,11 +206,11 @@ def _build_hook(scene: Scene, hook: Hook, device: str) -> Model:
         target_share=treatment.target_share,
     )
     model = assemble_model(scene, table, panel, device=device, loop_length=hook.length, displacement_range=2 * hook.length)
-    most = model.contact_stiffness
-    if scene.contact.spring_stiffness is not None and scene.contact.spring_stiffness > most:
+    limit = model.contact_stiffness
+    if scene.contact.spring_stiffness is not None and scene.contact.spring_stiffness > limit:
         raise ModelError(
-            f"contact.spring_stiffness: given {scene.contact.spring_stiffness:g} N/m, allowed: at most {most:.3g} N/m, the"
-            " contact penalty: a body would be held as if it were clamped"
+            f"contact.spring_stiffness: given {scene.contact.spring_stiffness:g} N/m, allowed: at most {limit:.3g} N/m, the"
+            " contact penalty"
         )
     return model
 
@@ -226,7 +226,7 @@ def assemble_model(
     cloth: Cloth | None = None,
     ranks: Ranks | None = None,
 ) -> Model:
-    """Choose the numbers and upload; `loop_length` [m] is the wire of one loop, which the mass of a body goes by.
+    """Choose the numerics and upload; `loop_length` [m] is the wire length of a loop, for the mass of a body.
 
     `ranks` share the panel in strips.
     """
@@ -234,8 +234,8 @@ def assemble_model(
     strip = cut_strip(panel, ranks.rank, ranks.count) if ranks.count > 1 else None
     panel = panel if strip is None else strip.panel
     precision = precision_of(scene.solver.precision, displacement_range)
-    numbers = choose_numerics(scene, table, loop_length)
-    treatment = choose_treatment(scene, scene.wire.thickness, numbers.contact_stiffness)
+    numerics = choose_numerics(scene, table, loop_length)
+    treatment = choose_treatment(scene, scene.wire.thickness, numerics.contact_stiffness)
     return Model(
         scene=scene,
         cloth=cloth,
@@ -243,26 +243,26 @@ def assemble_model(
         panel=panel,
         precision=precision,
         device=device,
-        rest=upload_rest(table, precision, numbers, scene.wire.bending_stiffness, device),
+        rest=upload_rest(table, precision, numerics, scene.wire.bending_stiffness, device),
         mesh=upload_mesh(panel, strip, precision, device, treatment),
         axial_stiffness=scene.wire.axial_stiffness,
         bending_stiffness=scene.wire.bending_stiffness,
-        softening=numbers.softening,
-        contact_stiffness=numbers.contact_stiffness,
+        softening=numerics.softening,
+        contact_stiffness=numerics.contact_stiffness,
         treatment=treatment,
-        body_mass=numbers.body_mass,
-        added_mass=numbers.added_mass,
-        time_step=numbers.time_step,
-        loading_time=numbers.loading_time,
-        damping=numbers.damping,
-        limited_by=numbers.limited_by,
+        body_mass=numerics.body_mass,
+        added_mass=numerics.added_mass,
+        time_step=numerics.time_step,
+        loading_time=numerics.loading_time,
+        damping=numerics.damping,
+        limited_by=numerics.limited_by,
         ranks=ranks,
         strip=strip,
     )
 
 
 def block_threads(model: Model) -> int:
-    """Threads of a launch with one thread a node place."""
+    """Threads of a launch with one thread a node slot."""
     return len(model.panel.block_first) * BLOCK_SIZE
 
 

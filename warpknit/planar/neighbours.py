@@ -1,4 +1,4 @@
-"""When and how the neighbour search is done; the kernels are in kernels/neighbours.py."""
+"""Neighbour search; the kernels are in kernels/neighbours.py."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from ..launch import bind
 from .model import Model, block_threads
 from .state import State
 
-SAG = 0.15  # of the node spacing: how far a wire may bulge beyond the chord between two nodes (a radius of 0.8 spacings)
-RAMP_SHARE = 0.2  # of the margin: kept for the affine motion between two searches of a ramp
-MARGIN = 0.1  # in course spacings: how much closer a body and a wire may come before the next search
+SAG = 0.15  # of the node spacing: largest distance of a wire from the chord of a segment (radius 0.8 spacings)
+RAMP_SHARE = 0.2  # of the margin: reserved for the affine motion between two searches of a ramp
+MARGIN = 0.1  # in course spacings: largest approach of a body and a wire before the next search
 
 
 class NeighbourSearch:
-    """The hash of a model's nodes and the search for the segment that each pair starts from."""
+    """The hash grid of the nodes, and the search for the initial segment of each pair."""
 
     def __init__(self, model: Model, state: State) -> None:
         self.model = model
         self.state = state
         self.margin = MARGIN * model.scene.knit.course_spacing
-        # a body touches a segment whose nearer node is at most half a (stretched) spacing along the wire
+        # the nearer node of a touched segment is within half a (stretched) spacing along the wire
         self.radius = model.contact_reach + self.margin + 0.75 * float(model.table.spacing.max())
         self.searches = 0
         size = np.asarray(model.panel.size)
@@ -37,7 +37,7 @@ class NeighbourSearch:
         self._gradient = np.array([1.0, 0.0, 0.0, 1.0])
 
     def state_dict(self) -> dict[str, np.ndarray]:
-        """What a checkpoint keeps."""
+        """Arrays for a checkpoint."""
         return {"searches": np.array([self.searches]), "expected": np.array([self._expected, *self._gradient])}
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
@@ -45,20 +45,20 @@ class NeighbourSearch:
         self._expected, self._gradient = float(kept["expected"][0]), kept["expected"][1:].copy()
 
     def follow(self, gradient: np.ndarray) -> None:
-        """Search again when the load has used up half of what was kept for it since the last search; see `expect`."""
+        """Search again when the load has used half of its reserve; see `expect`."""
         moved = 2.0 * float(np.abs(gradient - self._gradient).max()) * self.radius
         if moved > 0.5 * self._expected:
             self.expect(RAMP_SHARE * self.margin)
 
     def expect(self, motion: float) -> None:
-        """Search, and keep `motion` [m] of the margin for what the load itself will do until the next call."""
+        """Search, and reserve `motion` [m] of the margin for the load until the next call."""
         self._expected = motion
         self.search()
 
     def search(self) -> None:
-        """Build the hash, seed every pair that is not in touch, and start a new travel budget.
+        """Build the hash, seed every open pair, and reset the travel budget.
 
-        The few pairs of other treatments are never asleep, and walk along their wires from where they were.
+        Pairs of a hook with another contact constraint never sleep and need no search.
         """
         if self.model.pair_count and self.model.treatment.is_free:
             self._search()

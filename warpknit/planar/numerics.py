@@ -1,6 +1,7 @@
-"""The numbers a run starts with: softening, contact penalty, masses, time step, loading time and damping.
+"""Initial numerics of a run: softening, contact penalty, masses, time step, loading time and damping.
 
-relax: fictitious masses that are stable at unit step. ramp: real masses, scaled if asked, and a step from the highest frequency.
+relax: fictitious masses that are stable at unit step. ramp: real masses, optionally scaled, and a step from the highest
+frequency.
 """
 
 from __future__ import annotations
@@ -17,15 +18,15 @@ from ..numerics import LOADING_PERIODS, MASS_MARGIN, STEP_MARGIN, TURN_ALLOWANCE
 from ..scene import Scene
 
 CONTACT_TO_AXIAL = 0.25  # contact stiffness over the softened axial stiffness of a segment, where the scene gives none
-CONTACT_SHARE = 1.0  # of the penalty that a fictitious mass leaves room for: half of what two pairs at one node push with
-HOOK_CONTACT = 100.0  # the same of two hooked wires in relax, over EI/R^3: stiff against the wires, and yet the mass that a body
-# needs for it leaves a body that only a soft spring holds quick enough
+CONTACT_SHARE = 1.0  # of the penalty in a fictitious mass: half of two pairs at one node
+HOOK_CONTACT = 100.0  # contact stiffness of two hooked wires in relax, over EI/R^3: large against the wires, small
+# enough for the convergence of a body on a soft spring
 BODY_MASS_SHARE = 0.5  # body mass over that of half a loop of wire, in a ramp (the paper: less than that)
 
 
 @dataclass(frozen=True)
 class Numerics:
-    """What is chosen for the numerics."""
+    """Numerical constants of a run."""
 
     softening: float
     contact_stiffness: float  # [N/m]
@@ -41,7 +42,7 @@ class Numerics:
 def choose_numerics(scene: Scene, table: Table, loop_length: float) -> Numerics:
     """Softening, contact stiffness, masses and time step of the unloaded mesh.
 
-    relax: fictitious masses that are stable at unit step, so a step of 1 s. ramp: real masses, scaled if asked.
+    relax: fictitious masses that are stable at unit step, so a step of 1 s. ramp: real masses, optionally scaled.
     """
     wire = scene.wire
     h = float(table.spacing.min())
@@ -93,11 +94,10 @@ def unit_step_mass(
 ) -> np.ndarray:
     """Node mass [kg] that is stable at a step of 1 s, for a softened EA [N], EI [N m2], a penalty [N/m] and a spacing [m].
 
-    Along the wire the largest eigenvalue is a = 4 k (stretch), across it b = 80/3 EI/h^3 (bend) and what a contact and a
-    tension T [N] add: 4 T/h sideways, and what unbends arcs (kernels/bend.py). CONTACT_SHARE leaves room for the pairs of
-    neighbouring bodies that may push the same node; `contact_along` times that acts along the wire. Where the wire is straight
-    the larger of the two rules; a turn theta [rad] couples them: (a + b)/2 + sqrt((a - b)^2/4 + a b sin^2 theta). The step is
-    stable up to 4 m.
+    Along the wire the largest eigenvalue is a = 4 k (stretch), across it b = 80/3 EI/h^3 (bend), plus the terms of contact and
+    of a tension T [N]: 4 T/h across, and unbending of arcs (kernels/bend.py). CONTACT_SHARE covers pairs of neighbouring bodies
+    at one node; `contact_along` times that acts along the wire. On a straight wire the larger of both counts; a turn theta
+    [rad] couples them: (a + b)/2 + sqrt((a - b)^2/4 + a b sin^2 theta). The step is stable up to 4 m.
     """
     pull = np.maximum(tension, 0.0)
     contact = 4.0 * CONTACT_SHARE * np.asarray(contact_stiffness)
@@ -108,13 +108,13 @@ def unit_step_mass(
 
 
 def contact_along(scene: Scene) -> float:
-    """How stiff a contact is along the wire, over its penalty: friction sticks, and what carries a hook may hold any way."""
+    """Stiffness of a contact along the wire over its penalty: from friction, or the constraint of a hook."""
     if scene.hook is not None:
         return 1.0
     return float(TANGENTIAL) if scene.contact.friction > 0.0 else 0.0
 
 
 def sharpest_turn(table: Table) -> np.ndarray:
-    """Largest turning angle (entry,) [rad] at a node and its neighbours, with room for what load adds."""
+    """Largest turning angle (entry,) [rad] at a node and its neighbours, with an allowance for the load."""
     turn = np.abs(table.rest_angle)
     return np.maximum(turn, np.maximum(np.roll(turn, 1), np.roll(turn, -1))) + TURN_ALLOWANCE

@@ -1,10 +1,9 @@
-"""A large mesh starts a load level from where a smaller mesh of the same knit came to rest under the same load.
+"""Prolongation: a large mesh starts a load level from the equilibrium of a smaller mesh of the same knit.
 
-What edges and corners do takes many steps to find, and the same steps on a few repeats as on a million. So a large mesh has
-a smaller one beside it, which has a smaller one in turn; each comes to rest first, and what changed is carried over
-(kernels/prolong.py). On a rectangle the repeats within RIM of an edge are carried over as they are, the inside is drawn out. The
-smallest mesh of a periodic tile is one repeat, and so is that of a mesh cut along another outline, where what changed fades out
-towards the edge.
+Edges and corners need many steps, independent of the size of the mesh. A large mesh therefore has a hierarchy of smaller ones,
+solved first; their change of state is prolonged to it (kernels/prolong.py). On a rectangle the repeats within RIM of an edge are
+copied one to one, the interior is stretched. The smallest mesh of a periodic tile is one repeat. So is that of a mesh with
+another outline, where the change is tapered towards the edge.
 """
 
 from __future__ import annotations
@@ -21,35 +20,35 @@ from .model import Model, block_threads
 from .response import Response, state_variables
 from .state import State
 
-RIM = 3  # repeats at an edge that are carried over one to one
-FADED = 1.5  # loops of wire from a clamp over which the change of endless cloth fades out
+RIM = 3  # repeats at an edge that are copied one to one
+FADED = 1.5  # loops of wire from a clamp over which the change is tapered
 
 
 class Prolongation:
-    """Carries what changed on the small mesh since the last time over to the large one."""
+    """Adds the change of the small mesh since the last call to the large one."""
 
     def __init__(self, large: Model, large_state: State, small: Model, small_state: State) -> None:
         self.large, self.large_state = large, large_state
         self.small, self.small_state = small, small_state
         self._last = state_variables(small, small_state)
-        self._places()
+        self._build_tables()
 
     def state_dict(self) -> dict[str, np.ndarray]:
-        """What a checkpoint keeps."""
-        return {f"carried_{name}": value for name, value in self._last.items()}
+        """Arrays for a checkpoint."""
+        return {f"prolonged_{name}": value for name, value in self._last.items()}
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        self._last = {name: kept[f"carried_{name}"] for name in self._last}
+        self._last = {name: kept[f"prolonged_{name}"] for name in self._last}
 
-    def _places(self) -> None:
-        """Tables of where things stand on the small mesh."""
-        large, small = self.large.panel, self.small.whole.panel
+    def _build_tables(self) -> None:
+        """Build index tables of nodes and bodies of the small mesh."""
+        large, small = self.large.panel, self.small.global_model.panel
         assert self.large.cloth is not None
         repeat = self._repeat = np.array(self.large.cloth.size)
         nodes, start = self.large.table.nodes, self.large.table.start
         periodic = small.boundary == "periodic"
         self._periodic = int(periodic)
-        entry = node_entries(self.small.whole)
+        entry = node_entries(self.small.global_model)
         thread = np.repeat(small.wire_thread, small.wire_count)
         first_row = np.repeat(np.rint(small.block_origin / repeat).astype(np.int64), small.block_count, axis=0)
         column, local = first_row[:, 0], entry - start[thread]
@@ -64,8 +63,8 @@ class Prolongation:
         node_table[thread, column, row * nodes[thread] + k] = np.arange(small.node_count)
         body_table = np.full((small.body_clasp.max() + 1, *shape), -1, dtype=np.int32)
         body_table[small.body_clasp, body_place[:, 0], body_place[:, 1]] = np.arange(small.body_count)
-        many, few = np.array(self.large.scene.knit.repeats), np.array(self.small.scene.knit.repeats)
-        self._offset = np.zeros(2, dtype=np.int64) if periodic else (many - few) // 2 - low
+        large_repeats, small_repeats = np.array(self.large.scene.knit.repeats), np.array(self.small.scene.knit.repeats)
+        self._offset = np.zeros(2, dtype=np.int64) if periodic else (large_repeats - small_repeats) // 2 - low
         self._node_table = node_table
         device = self.large.device
 
@@ -74,7 +73,7 @@ class Prolongation:
 
         m = Meshes()
         m.repeat, m.low = wp.vec2d(*repeat), wp.vec2d(*large.low)
-        m.large, m.small, m.offset = (wp.vec2i(*map(int, pair)) for pair in (many, few, self._offset))
+        m.large, m.small, m.offset = (wp.vec2i(*map(int, pair)) for pair in (large_repeats, small_repeats, self._offset))
         m.rim, m.periodic = RIM, self._periodic
         fades = periodic and large.boundary == "gripped"
         m.taper = FADED * self.large.scene.model.nodes_per_loop if fades else 0.0
@@ -87,7 +86,7 @@ class Prolongation:
         }
         self._threads = {"thread_start": index(start), "thread_nodes": index(nodes)}
         # of all pairs of a body, on whatever rank their wire is
-        mesh = self.large.whole.panel
+        mesh = self.large.global_model.panel
         first = mesh.wire_first[mesh.pair_wire]
         from_end = np.minimum(mesh.pair_seed - first, first + mesh.wire_count[mesh.pair_wire] - 1 - mesh.pair_seed)
         body_place = np.rint(large.body_origin / repeat)
@@ -101,7 +100,7 @@ class Prolongation:
         self._body_at: wp.array = index(body_table)
 
     def carry(self, response: Response) -> None:
-        """Add what changed on the small mesh to the large one; stiffnesses and masses follow those of the small mesh.
+        """Add the change of the small mesh to the large one; update its stiffnesses and masses.
 
         `response`: of the cloth at the load.
         """
@@ -127,8 +126,8 @@ class Prolongation:
             ).run(device)  # fmt: skip
 
     def _follow_stiffness(self) -> None:
-        """A wire is as stiff and heavy as the stiffest and heaviest wire of the small mesh that its nodes come from."""
-        large, small = self.large.panel, self.small.whole.panel
+        """Raise stiffness and mass of each wire to the largest of its source wires on the small mesh."""
+        large, small = self.large.panel, self.small.global_model.panel
         join = Join(self.small, everywhere=True)
         source = self._source_of_blocks()
         wire = np.searchsorted(small.wire_first, np.maximum(source, 0), side="right") - 1
@@ -142,7 +141,7 @@ class Prolongation:
             self.large_state.stiffen_contact(penalty)
 
     def _source_of_blocks(self) -> np.ndarray:
-        """[block] node of the small mesh that the middle node of a block takes its values from, -1 where there is none."""
+        """[block] node of the small mesh that is the source of the middle node of each block; -1 without one."""
         panel, table = self.large.panel, self.large.table
         thread = panel.wire_thread[panel.block_wire]
         entry = panel.block_table + panel.block_count // 2
@@ -154,9 +153,9 @@ class Prolongation:
             place = np.mod(place, self.small.scene.knit.repeats)
         else:
             x = np.stack([table.x[entry], table.y[entry]], axis=1) + panel.block_origin
-            many, few = np.array(self.large.scene.knit.repeats), np.array(self.small.scene.knit.repeats)
-            share = np.clip(((x - panel.low) / self._repeat - RIM) / np.maximum(many - 2 * RIM, 1), 0.0, 1.0)
-            place = place + np.rint(-share * (many - few)).astype(np.int64) + self._offset
+            large_repeats, small_repeats = np.array(self.large.scene.knit.repeats), np.array(self.small.scene.knit.repeats)
+            share = np.clip(((x - panel.low) / self._repeat - RIM) / np.maximum(large_repeats - 2 * RIM, 1), 0.0, 1.0)
+            place = place + np.rint(-share * (large_repeats - small_repeats)).astype(np.int64) + self._offset
         there = np.all((place >= 0), axis=1) & (place[:, 0] < self._node_table.shape[1])
         k = place[:, 1] * n + local % n
         there &= k < self._node_table.shape[2]

@@ -1,6 +1,6 @@
-"""Many states of one model side by side: replicas, which differ in their load only and know nothing of each other.
+"""Replicas: many independent states of one model under different loads, side by side.
 
-The steps of all are one launch (kernels/replicas.py), and what a convergence check decides is worked out for all of them at once.
+One launch steps all of them (kernels/replicas.py), and convergence checks are vectorised over them.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class Replicas:
 
 
 class ReplicaGroup:
-    """Replicas as a group of meshes (mechanics.py): each takes the steps, checks and decisions that one mesh alone would take."""
+    """Replicas as a group of meshes (mechanics.py), each with the same steps and checks as a single mesh."""
 
     def __init__(self, model: Model, count: int, *, threads: int | None = None) -> None:
         """`threads` share the replicas; default: see `Replicas`."""
@@ -111,7 +111,7 @@ class ReplicaGroup:
     # --- steps
 
     def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        asked, step = rows, self._control[:, int(c.STEP)]
+        all_rows, step = rows, self._control[:, int(c.STEP)]
         before = step.copy()
         goal = before + steps
         diverged = np.zeros(len(step), dtype=bool)
@@ -123,7 +123,7 @@ class ReplicaGroup:
             lost = status[rows] == float(c.STATUS_DIVERGED)
             diverged[rows[lost]] = True
             rows = rows[~lost & (step[rows] < goal[rows])]
-        return (step - before)[asked].astype(int), diverged[asked]
+        return (step - before)[all_rows].astype(int), diverged[all_rows]
 
     def is_loading(self, rows: np.ndarray) -> np.ndarray:
         return np.asarray(self._control[rows, int(c.RAMP_STEP)] < self._control[rows, int(c.RAMP_STEPS)])
@@ -137,17 +137,17 @@ class ReplicaGroup:
             self._control[rows, int(index)] = value
         self._replay("check", rows)
         self._control[rows] = kept
-        judged = rows[~loading]
-        if not len(judged):
+        checked = rows[~loading]
+        if not len(checked):
             return Check(residual, ratio)
-        damping = self._control[judged, int(c.DAMPING)]
-        moved = np.stack([self._moved[row].sum(axis=0) for row in judged])
-        self._control[judged, int(c.DAMPING)] = self.members[0].slowest_mode.renewed(damping, moved)
-        residual[~loading], ratio[~loading] = self._judge(judged)
+        damping = self._control[checked, int(c.DAMPING)]
+        moved = np.stack([self._moved[row].sum(axis=0) for row in checked])
+        self._control[checked, int(c.DAMPING)] = self.members[0].slowest_mode.renewed(damping, moved)
+        residual[~loading], ratio[~loading] = self._residual_ratio(checked)
         return Check(residual, ratio)
 
-    def _judge(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals and ratios [row]; moves the multipliers."""
+    def _residual_ratio(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals and residual ratios [row]; updates the multipliers."""
         solver = self.model.scene.solver
         sums = self._sums(rows)
         residual = self.members[0].residual.measure(self._control[rows], sums, self._axial[rows])
@@ -164,7 +164,7 @@ class ReplicaGroup:
         return sum_up(self.model, self._first_block, wires, pairs, held)
 
     def _move_multipliers(self, rows: np.ndarray, sums: Sums, nearly_converged: np.ndarray) -> np.ndarray:
-        """`Multipliers.update` of many."""
+        """`Multipliers.update` of all rows."""
         rules = self._rules
         stiffer = rules.renewed_axial_stiffness(self._axial[rows].astype(np.float64), sums, nearly_converged, rows)
         penalty = self._control[rows, int(c.CONTACT_STIFFNESS)]
@@ -185,13 +185,13 @@ class ReplicaGroup:
                 self.members[row].renew(count)
 
     def stress(self, rows: np.ndarray) -> np.ndarray:
-        self._replay("sums", rows)  # with what the multipliers have just changed
+        self._replay("sums", rows)  # with the updated multipliers
         return self._sums(rows).stress
 
     # --- launches
 
     def _captured(self, name: str) -> list[wp.Graph]:
-        """What is launched at each replica; displacements stand in the first buffers then (CHECK_STEPS is even)."""
+        """Graphs of each replica; displacements are in the first buffers (CHECK_STEPS is even)."""
         if name not in self._graphs:
             graphs = []
             for member in self.members:
@@ -206,7 +206,7 @@ class ReplicaGroup:
         return self._graphs[name]
 
     def _replay(self, name: str, rows: np.ndarray) -> None:
-        """Launch what was captured at each of `rows`."""
+        """Launch the captured graphs of `rows`."""
         graphs = self._captured(name)
         parts = [rows[part :: self.replicas.threads].tolist() for part in range(self.replicas.threads)]
         self.replicas.together([partial(_launch_all, [graphs[row] for row in part]) for part in parts if part])

@@ -1,4 +1,4 @@
-"""How endless cloth answers a change of strain: its membrane stiffness, and what happens within a repeat."""
+"""Linear response of endless cloth: membrane stiffness, and the response within a repeat."""
 
 from __future__ import annotations
 
@@ -13,13 +13,15 @@ from .join import Join
 from .model import Model
 from .state import State
 
-STRAIN = 2e-3  # by which one repeat is strained further
-LEAST_STIFFNESS = 1e-2  # of the largest eigenvalue: a softer way to strain the cloth is taken to be as stiff
+STRAIN = 2e-3  # strain increment of the finite differences
+LEAST_STIFFNESS = 1e-2  # smallest eigenvalue of the tangent over the largest; lower ones are raised
 
 
 def state_variables(model: Model, state: State) -> dict[str, np.ndarray]:
-    """What tells two states of a mesh apart: [node] or [body] displacements [m], tension [N] and softened strain, [pair]
-    offset [N]. Of the whole mesh, on all ranks that share it."""
+    """Variables of a state of the global mesh, on all ranks.
+
+    [node] and [body] displacements [m], [node] tension [N] and softened strain, [pair] offset [N].
+    """
     host = read_strip(model, state)
     offset = state.tension_offset.numpy().astype(np.float64)
     strain = (host.tension - offset) / np.repeat(host.wire_axial, model.panel.wire_count)
@@ -35,31 +37,31 @@ def state_variables(model: Model, state: State) -> dict[str, np.ndarray]:
 
 @dataclass(frozen=True)
 class Response:
-    """How endless cloth answers a change of its deformation gradient F about a load; see `find_response`."""
+    """Derivatives of endless cloth by its deformation gradient F at a load; see `find_response`."""
 
     tangent: np.ndarray  # (2, 2, 2, 2) [N/m] dP/dF, symmetric and positive
     cell_node: wp.array  # [entry of the rest table] node of the repeat
     change: dict[str, wp.array]  # (4, ...) derivative of each value of a repeat by Fxx, Fxy, Fyx, Fyy
 
     def state_dict(self) -> dict[str, np.ndarray]:
-        """What a checkpoint keeps."""
+        """Arrays for a checkpoint."""
         return {"response_tangent": self.tangent} | {f"response_{name}": v.numpy().copy() for name, v in self.change.items()}
 
     @property
     def of_nodes(self) -> dict[str, wp.array]:
-        """Derivatives of displacements [m], tension [N] and softened strain of the nodes, as kernels call them."""
+        """Derivatives of displacements [m], tension [N] and softened strain of the nodes, by the names of the kernels."""
         return {f"cell_{name}": self.change[name] for name in ("x", "y", "tension", "strain")}
 
     @property
     def of_bodies(self) -> dict[str, wp.array]:
-        """Derivatives of displacements [m] of the bodies and of offsets [N] of their pairs, as kernels call them."""
+        """Derivatives of displacements [m] of the bodies and of offsets [N] of their pairs, by the names of the kernels."""
         return {f"cell_{name.removeprefix('body_')}": self.change[name] for name in ("body_x", "body_y", "offset")}
 
 
 def find_response(cell_at: CellState, cell: Model, gradient: np.ndarray, temperature: float) -> Response:
-    """Stiffness of endless cloth and what its repeats do, by differences between states of one repeat at rest.
+    """Response of endless cloth, by finite differences of equilibria of one repeat.
 
-    Raises `Diverged` where the repeat does not come to rest.
+    Raises `Diverged` where the repeat does not converge.
     """
     stress, values = cell_at(gradient, temperature)
     tangent = np.zeros((2, 2, 2, 2))
@@ -72,7 +74,7 @@ def find_response(cell_at: CellState, cell: Model, gradient: np.ndarray, tempera
         for name in values:
             change[name][k] = (moved[name] - values[name]) / STRAIN
     for node, body in (("x", "body_x"), ("y", "body_y")):
-        drift = change[node].mean(axis=1, keepdims=True)  # a repeat is free to move as a whole
+        drift = change[node].mean(axis=1, keepdims=True)  # remove rigid translation of the repeat
         change[node] -= drift
         change[body] -= drift
     matrix = tangent.reshape(4, 4)
@@ -86,7 +88,7 @@ def find_response(cell_at: CellState, cell: Model, gradient: np.ndarray, tempera
 
 
 def zero_response(cell: Model) -> Response:
-    """A cloth that does nothing."""
+    """A response of zero."""
     nodes, bodies, pairs = cell.panel.node_count, cell.panel.body_count, cell.pair_count
     lengths = {"x": nodes, "y": nodes, "tension": nodes, "strain": nodes, "body_x": bodies, "body_y": bodies, "offset": pairs}
     change = {name: wp.zeros((4, count), dtype=wp.float64, device=cell.device) for name, count in lengths.items()}
@@ -94,7 +96,7 @@ def zero_response(cell: Model) -> Response:
 
 
 def load_response(kept: dict[str, np.ndarray], cell: Model) -> Response:
-    """The response whose `state_dict` is among what was kept."""
+    """The response from its `state_dict` in a checkpoint."""
     response = zero_response(cell)
     for name, value in response.change.items():
         value.assign(kept[f"response_{name}"])
@@ -102,7 +104,7 @@ def load_response(kept: dict[str, np.ndarray], cell: Model) -> Response:
 
 
 def _node_of_entry(cell: Model) -> wp.array:
-    """Node of one repeat for each entry of its rest table, which those of every mesh of the same cloth are."""
+    """[entry of the rest table] node of one repeat."""
     table = cell.table
     ends = np.append(table.start[1:] - table.lead, len(table.x))
     entry = np.arange(len(table.x))

@@ -1,4 +1,4 @@
-"""The state: everything about a mesh that moves, as device arrays.
+"""The state: all time-dependent data of a mesh, as device arrays.
 
 Positions are x = F X + u: the displacement u from the affinely mapped rest shape is stored (in counts, see
 kernels/__init__.py), never x itself. Two copies of the node displacements alternate: `node_ux[parity]` is current.
@@ -19,8 +19,8 @@ from ..kernels.friction import LOOSE
 from ..numerics import FIRST_DAMPING, LOOK_AHEAD, MASS_MARGIN, SPEED_SHARE
 from .model import Model, body_blocks, contact_batches
 
-STEP_LIMIT = 0.1  # course spacings in one step: a move beyond it, and beyond a node spacing, is a divergence
-ASLEEP = 1e30  # [m] travel at which a foreign pair would be looked at: never
+STEP_LIMIT = 0.1  # course spacings: a larger displacement in a step, if above a node spacing, is a divergence
+ASLEEP = 1e30  # [m] travel before a foreign pair is evaluated: never
 WIRE_STATE = ("node_vx", "node_vy", "tension_offset", "wire_axial", "wire_mass", "slide_vy")
 BODY_STATE = ("body_ux", "body_uy", "body_vx", "body_vy", "anchor_x", "anchor_y")
 CLAMP_STATE = ("clamp_from", "clamp_to", "wire_thermal_strain")
@@ -37,7 +37,7 @@ class State:
     node_uy: list[wp.array]
     node_vx: wp.array  # [node] [m/s]
     node_vy: wp.array
-    tension_offset: wp.array  # [node] [N] running multiplier of the segment to the next node
+    tension_offset: wp.array  # [node] [N] augmented Lagrangian multiplier of the segment to the next node
     wire_axial: wp.array  # [wire] [N] axial stiffness of the dynamics: EA over the softening
     wire_mass: wp.array  # [wire] node masses over those of the rest table
     slide_vy: wp.array  # [sliding clamp] [m/s]
@@ -45,28 +45,28 @@ class State:
     body_uy: wp.array
     body_vx: wp.array  # [body] [m/s]
     body_vy: wp.array
-    anchor_x: wp.array  # [body] [m] where on the ground a body is tied, from where it rests (kernels/anchored_bodies.py)
+    anchor_x: wp.array  # [body] [m] anchor on the ground, from the rest position of the body (kernels/anchored_bodies.py)
     anchor_y: wp.array
     pair_slide: wp.array  # [pair] current segment, counted from the seed
-    pair_u: wp.array  # [pair] place on the segment, 0 .. 1
-    pair_wake: wp.array  # [pair] [m] travel since the last neighbour search at which the pair must be looked at
-    pair_offset: wp.array  # [pair] [N] running multiplier
+    pair_u: wp.array  # [pair] coordinate on the segment, 0 .. 1
+    pair_wake: wp.array  # [pair] [m] travel since the last neighbour search up to which the pair sleeps
+    pair_offset: wp.array  # [pair] [N] augmented Lagrangian multiplier
     pair_node: wp.array  # [pair] first node of the current segment
-    pair_gap: wp.array  # [pair] [m]; meaningful where near
+    pair_gap: wp.array  # [pair] [m]; valid where near
     pair_force: wp.array  # [pair] [N]
     pair_body_x: wp.array  # [pair] [N] force on the body; stale where pair_force is 0
     pair_body_y: wp.array
     pair_nodal_x: wp.array  # [4 pair] [N] forces on the four nodes; stale where pair_force is 0
     pair_nodal_y: wp.array
-    clamp_from: wp.array  # [clamp] vec2d [m] displacement of a clamp from the affinely mapped outline, where the ramp begins
-    clamp_to: wp.array  # [clamp] vec2d [m] and where it ends
-    pair_stuck: wp.array  # [pair, or none without friction] where a contact sticks to its wire (kernels/friction.py)
-    plastic_turn: wp.array  # [node, or one without yield] [rad] turning that stays (kernels/bend.py)
-    back_turn: wp.array  # [node, or one] [rad] elastic turning that the wire yields on either side of
+    clamp_from: wp.array  # [clamp] vec2d [m] displacement from the affinely mapped outline at the start of the ramp
+    clamp_to: wp.array  # [clamp] vec2d [m] the same at its end
+    pair_stuck: wp.array  # [pair, or none without friction] place where a contact sticks to its wire (kernels/friction.py)
+    plastic_turn: wp.array  # [node, or one without yield] [rad] plastic turning (kernels/bend.py)
+    back_turn: wp.array  # [node, or one] [rad] back turning of kinematic hardening
     wire_thermal_strain: (
         wp.array
     )  # [wire] vec2d: excess of the length factor at its first node, relative, and its growth (thermal.py)
-    cached_slide: wp.array  # what kernels/contact_by_batch.py keeps from step to step; follows from the rest
+    cached_slide: wp.array  # cache of kernels/contact_by_batch.py; follows from the other arrays
     cached_node: wp.array
     cached_number: wp.array
     control: wp.array  # [CONTROL_COUNT] float64, see kernels/control.py
@@ -75,10 +75,10 @@ class State:
     parity: int = 0
 
     def replica(self, index: int) -> State:
-        """One of the states that were made side by side (`initial_state` with `replicas`): its arrays are rows of theirs."""
+        """One of the replicas of `initial_state`: its arrays are rows of the common ones."""
 
         def row(array: wp.array) -> wp.array:
-            # Warp takes no row of an array that holds nothing
+            # Warp has no rows of empty arrays
             return array[index] if array.size else wp.empty(array.shape[1:], dtype=array.dtype, device=array.device)
 
         arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "parity"}
@@ -86,7 +86,7 @@ class State:
         return State(**rows)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Host copies of all that a run needs to go on."""
+        """Host copies of all arrays, for a checkpoint."""
         kept = {name: getattr(self, name).numpy().copy() for name in ARRAYS}
         kept["node_ux"] = self.node_ux[self.parity].numpy().copy()
         kept["node_uy"] = self.node_uy[self.parity].numpy().copy()
@@ -94,7 +94,7 @@ class State:
         return kept
 
     def restore(self, kept: dict[str, np.ndarray]) -> None:
-        """Put back what `arrays` returned."""
+        """Restore what `arrays` returned."""
         for name in (*ARRAYS, "control"):
             getattr(self, name).assign(kept[name])
         self.node_ux[self.parity].assign(kept["node_ux"])
@@ -116,12 +116,12 @@ class State:
         return start + share * (self.clamp_to.numpy() - start)
 
     def move_clamps(self, start: np.ndarray, end: np.ndarray) -> None:
-        """Have the next ramp take the clamps from displacements (clamp, 2) [m] to others."""
+        """Set displacements (clamp, 2) [m] of the clamps at start and end of the next ramp."""
         self.clamp_from.assign(np.ascontiguousarray(start))
         self.clamp_to.assign(np.ascontiguousarray(end))
 
     def stiffen_contact(self, penalty: float) -> None:
-        """Take a new contact penalty [N/m], and the fictitious mass that a body needs for it; friction keeps its force."""
+        """Set the contact penalty [N/m] and the fictitious mass of the bodies; friction forces do not change."""
         if len(self.pair_stuck):
             stuck, place = self.pair_stuck.numpy(), self.pair_slide.numpy() + self.pair_u.numpy().astype(np.float64)
             share = float(self.read_control()[int(c.CONTACT_STIFFNESS)]) / penalty
@@ -133,14 +133,14 @@ class State:
         host = self.control.numpy()
         for index, value in values.items():
             host[..., int(index)] = value
-        if str(self.control.device) != "cpu":  # there `host` is the array itself
+        if str(self.control.device) != "cpu":  # on the CPU `host` is the array itself
             self.control.assign(host)
 
 
 def initial_state(model: Model, replicas: int | None = None) -> State:
-    """The rest state: knitted shape, no velocity, no load.
+    """The initial state: knitted shape, no velocity, no load.
 
-    With `replicas`, as many states side by side: every array has the replica as its first axis.
+    With `replicas`, that many states: the replica is the first axis of every array.
     """
     lead = () if replicas is None else (replicas,)
     real, coordinate, device = model.precision.real, model.precision.coordinate, model.device

@@ -1,8 +1,8 @@
 """One time step: the table of contents of the physics.
 
-A `Stepper` holds the launches of a step, recorded once for either parity of the displacement buffers, and graphs of many
-steps, which Warp replays without Python in between, on the CPU as on a GPU. On the CPU several threads may share a step;
-sums are taken in the same order whatever their number, so results do not depend on it.
+A `Stepper` records the launches of a step once for each parity of the displacement buffers, and graphs of many steps, which
+Warp replays without Python in between, on CPU and GPU. On the CPU several threads may share a step; the order of summation,
+and so the result, does not depend on their number.
 """
 
 from __future__ import annotations
@@ -32,23 +32,27 @@ from ..numerics import GRAPH_STEPS, thread_count
 from .model import Model, body_blocks, contact_batches
 from .state import State
 
-NODES_A_THREAD = 4_000  # fewer nodes are not worth the waiting
-PROBING = {c.VELOCITY_FACTOR: 0.0, c.FORCE_FACTOR: 1.0, c.TIME_STEP: 0.0}  # a step leaves f/m as velocities and moves nothing
+NODES_A_THREAD = 4_000  # fewer nodes a thread cost more in waiting than they save
+PROBING = {
+    c.VELOCITY_FACTOR: 0.0,
+    c.FORCE_FACTOR: 1.0,
+    c.TIME_STEP: 0.0,
+}  # a step then stores f/m as velocities and moves nothing
 
 
 class Stepper:
     """Takes steps of a model's state."""
 
     def __init__(self, model: Model, state: State, *, by_node: bool | None = None, threads: int | None = None) -> None:
-        """`by_node` picks the kernels of wires and contact: a thread a node and a pair, as on a GPU, or what is fast on a CPU, a
-        thread a block of nodes and a batch of pairs. Default: by the device.
+        """`by_node`: kernels with a thread a node and a pair (GPU), else a thread a block of nodes and a batch of pairs (CPU).
+        Default: by the device.
 
-        `threads` share the work of a step on the CPU; default: as many as the machine has and the mesh is worth.
+        `threads` of a step on the CPU; default: by cores and mesh size.
         """
         self.model = model
         self.state = state
         self.by_node = model.device != "cpu" if by_node is None else by_node
-        # what a treatment does to its few bodies is in no part of a step that threads could share
+        # hook contact constraints are not split between threads
         alone = model.device != "cpu" or not model.treatment.is_free
         self.threads = 1 if alone else threads or thread_count(model.panel.node_count // NODES_A_THREAD)
         self._barrier = wp.zeros(64, dtype=wp.int32, device=model.device)
@@ -61,7 +65,7 @@ class Stepper:
         self._helpers = ThreadPoolExecutor(self.threads - 1, "step") if self.threads > 1 else None
 
     def step(self, count: int) -> None:
-        """Take `count` steps; they do nothing once the state is frozen (see kernels/control.py)."""
+        """Take `count` steps; a frozen state (kernels/control.py) does not change."""
         for size in GRAPH_STEPS:
             for _ in range(count // size):
                 self._replay(self.state.parity, size)
@@ -69,22 +73,22 @@ class Stepper:
             count %= size
 
     def _replay(self, parity: int, steps: int) -> None:
-        """Have every thread replay its part of so many steps."""
+        """Replay the steps in all threads."""
         self.together([partial(wp.capture_launch, graph) for graph in self._graphs_of(parity, steps)])
 
     def together(self, parts: Sequence[Callable[[], object]]) -> None:
-        """Call one part in each thread at a time, and return when all are done."""
+        """Call each part in its own thread, and return when all are done."""
         waiting = [self._helpers.submit(part) for part in parts[1:]] if self._helpers is not None else []
         parts[0]()
         for helper in waiting:
             helper.result()
 
     def shares(self, count: int) -> list[tuple[int, int]]:
-        """Begin and number of what each thread takes of `count` things."""
+        """Begin and number of the share of each thread in `count` items."""
         return [self._share(count, part) for part in range(self.threads)]
 
     def _graphs_of(self, parity: int, steps: int) -> list[wp.Graph]:
-        """A graph for each thread: so many steps from `parity`."""
+        """A graph for each thread: `steps` steps from `parity`."""
         if (parity, steps) not in self._graphs:
             graphs: list[wp.Graph] = []
             for launches in self._launches:
@@ -104,39 +108,38 @@ class Stepper:
             self.together(self._contact[self.state.parity])
 
     def _contact_work(self, parity: int, part: int) -> list[Launch]:
-        """The launches that find one part of the contact forces, with friction and what a treatment does to them."""
+        """Launches of one part of the contact forces, with friction and the contact constraint."""
         model, state = self.model, self.state
         sources = (model.rest, model.mesh, state, model.constants)
         coordinates = {"ux": state.node_ux[parity], "uy": state.node_uy[parity]}
         if self.by_node:
             pair, pairs = self._share(model.pair_count, part)
-            found = bind(find_contact_forces, pairs, *sources, first_pair=pair, **coordinates)
+            search = bind(find_contact_forces, pairs, *sources, first_pair=pair, **coordinates)
         else:
             batch, batches = self._share(contact_batches(model), part)
-            found = bind(find_contact_forces_by_batch, batches, *sources, first_batch=batch, **coordinates)
+            search = bind(find_contact_forces_by_batch, batches, *sources, first_batch=batch, **coordinates)
             pair, end = batch * PAIR_BATCH, min((batch + batches) * PAIR_BATCH, model.pair_count)
             pairs = max(0, end - pair)
-        rubbing = [bind(add_friction, pairs, *sources, first_pair=pair)] if len(state.pair_stuck) else []
-        return [found, *rubbing, *contact_launches(model, state, part)]
+        friction = [bind(add_friction, pairs, *sources, first_pair=pair)] if len(state.pair_stuck) else []
+        return [search, *friction, *contact_launches(model, state, part)]
 
     def _commands(self, work: list[Launch]) -> list[wp.Launch]:
-        """Launches that can be repeated, of those that have anything to do."""
+        """Recorded launches, without empty ones."""
         return [launch.record(self.model.device) for launch in work if launch.threads > 0]
 
     def _share(self, count: int, part: int) -> tuple[int, int]:
-        """Begin and number of what a part takes of `count` things."""
+        """Begin and number of the share of a part in `count` items."""
         begin, end = count * part // self.threads, count * (part + 1) // self.threads
         return begin, end - begin
 
     def _record(self, parity: int, part: int) -> list[wp.Launch]:
-        """One thread's part of a step: contact, then wires and bodies, then the first thread alone grips and the numbers
-        of the next step."""
+        """One thread's part of a step: contact, wires and bodies; the first thread also grips and control."""
         end = [bind(update_control, 1, self.state)]
         work = [*self._contact_work(parity, part), *self._wait(), *self._motion(parity, part)]
         return self._commands([*work, *(end if part == 0 else []), *self._wait()])
 
     def _motion(self, parity: int, part: int) -> list[Launch]:
-        """One thread's part of what moves: wires and bodies, then the first thread alone grips."""
+        """One thread's part of the motion: wires and bodies; the first thread also grips."""
         model, state = self.model, self.state
         now, then = parity, 1 - parity
         block, blocks = self._share(len(model.panel.block_first), part)
@@ -162,7 +165,7 @@ class Stepper:
     def wire_launch(
         self, now: int, first_block: int, blocks: int, vx: wp.array, vy: wp.array, ux_out: wp.array, uy_out: wp.array
     ) -> Launch:
-        """The step of so many blocks of wires, from the displacements of one parity on; `vx`, `vy` go in and come out."""
+        """The step of `blocks` blocks of wires from the displacements of parity `now`; updates `vx`, `vy`."""
         model, state = self.model, self.state
         threads = wp.int64(BLOCK_SIZE) if self.by_node else wp.int32(1)  # see kernels/wire_forces.py
         return bind(
@@ -173,7 +176,7 @@ class Stepper:
         )  # fmt: skip
 
     def _wait(self) -> list[Launch]:
-        """What the threads wait for each other with."""
+        """Barrier of the threads."""
         if self.threads == 1:
             return []
         return [bind(wait_for_all, 1, threads=self.threads, yield_address=_yield_address(), state=self._barrier)]
@@ -185,7 +188,7 @@ def _launch_all(launches: list[wp.Launch]) -> None:
 
 
 def _yield_address() -> int:
-    """Address of the C library's sched_yield, 0 where it has none."""
+    """Address of sched_yield in the C library, 0 without one."""
     try:
         return ctypes.cast(ctypes.CDLL(None).sched_yield, ctypes.c_void_p).value or 0
     except (AttributeError, OSError, TypeError):
@@ -217,7 +220,7 @@ class ForceProbe:
         self.state.control.assign(kept)
 
     def launch(self) -> None:
-        """Evaluate while the control array says PROBING."""
+        """Evaluate; the control array must hold PROBING."""
         self._stepper.evaluate_contact()
         self._stepper.together(self._launches[self.state.parity])
 
@@ -236,7 +239,7 @@ def body_launch(model: Model, state: State, blocks: int, first_block: int, bodie
 
 
 def contact_launches(model: Model, state: State, part: int) -> list[Launch]:
-    """What a treatment does to contact forces that were just found."""
+    """Launches of the contact constraint on contact forces."""
     treatment = model.treatment
     if treatment.contact_node is None or part > 0:
         return []
@@ -245,7 +248,7 @@ def contact_launches(model: Model, state: State, part: int) -> list[Launch]:
 
 
 def body_launches(model: Model, state: State, then: int, first: int, blocks: int) -> list[Launch]:
-    """The step of `blocks` blocks of bodies from the `first` on, by the treatment."""
+    """The step of `blocks` blocks of bodies from `first` on, by the contact constraint."""
     treatment = model.treatment
     if treatment.is_free:
         owned = slice(0, model.owned_bodies)

@@ -1,10 +1,10 @@
-"""Steps of a strip: between the parts of a step the ranks swap what crosses their borders.
+"""Steps of a strip: the ranks exchange border data between the parts of a step.
 
-    contact of the pairs on own wires -> swap forces on shared bodies -> wires, bodies, grips -> swap partial sums -> control
+    contact of the pairs on own wires -> exchange forces on shared bodies -> wires, bodies, grips -> exchange sums -> control
 
-A shared body is stepped in both strips with the same two forces, added in the same order as in the whole mesh, and every rank
-renews its control numbers from the same rows: nodes and bodies go the way they would on one rank, bit by bit. Only the
-partial sums are added in another order.
+A shared body is stepped in both strips with the same two forces, added in the same order as in the global mesh, and every rank
+updates its control array from the same rows. Nodes and bodies are therefore bit-identical to a run on one rank. Only the order
+of partial sums differs.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from .model import Model
 from .state import State
 from .step import Stepper, body_launch
 
-NUMBERS_A_PAIR = 3  # force and its components
+VALUES_A_PAIR = 3  # force and its components
 
 
 class Mirror:
-    """An array on the device and the host memory that the ranks swap: the same on the CPU, pinned and copied on a GPU."""
+    """A device array with its host buffer for exchange: the same memory on the CPU, a pinned copy on a GPU."""
 
     def __init__(self, shape: tuple[int, ...], dtype: type, device: str) -> None:
         self._device = device
@@ -35,13 +35,13 @@ class Mirror:
         self._pinned = None if device == "cpu" else wp.zeros(shape, dtype=dtype, device="cpu", pinned=True)
         self.host: np.ndarray = (self.array if self._pinned is None else self._pinned).numpy()
 
-    def bring(self) -> None:
-        """Bring the array to the host and wait for it."""
+    def copy_to_host(self) -> None:
+        """Copy the array to the host, and wait."""
         if self._pinned is not None:
             wp.copy(self._pinned, self.array)
             wp.synchronize_stream(self._device)
 
-    def send_back(self) -> None:
+    def copy_to_device(self) -> None:
         if self._pinned is not None:
             wp.copy(self.array, self._pinned)
 
@@ -77,21 +77,21 @@ class StripStepper(Stepper):
             return wp.array(joined.astype(np.int32), dtype=wp.int32, device=device)
 
         self._own_pair, self._foreign_pair = pairs("own_pair"), pairs("foreign_pair")
-        self._sent, self._received = (Mirror((NUMBERS_A_PAIR * self._border,), real, device) for _ in range(2))
+        self._sent, self._received = (Mirror((VALUES_A_PAIR * self._border,), real, device) for _ in range(2))
         peers, begin = [], 0
         for neighbour in strip.neighbours:
-            end = begin + NUMBERS_A_PAIR * len(neighbour.own_pair)
+            end = begin + VALUES_A_PAIR * len(neighbour.own_pair)
             peers.append((neighbour.rank, slice(begin, end), slice(begin, end)))
             begin = end
-        self._swap_forces = model.ranks.channel(self._sent.host, self._received.host, peers)
+        self._exchange_forces = model.ranks.channel(self._sent.host, self._received.host, peers)
 
     @property
     def border_bytes(self) -> int:
-        """Bytes that this rank sends to its neighbours in a step."""
+        """Bytes sent to the neighbours in a step."""
         return int(self._sent.host.nbytes)
 
     def _work(self, name: str, parity: int) -> list[list[Launch]]:
-        """What each thread launches in a part of a step that needs nothing from other ranks."""
+        """Launches of each thread in a part of a step without communication."""
         model, state, parts = self.model, self.state, range(self.threads)
         if name == "contact":
             collect = bind(collect_forces, self._border, state, own_pair=self._own_pair, sent=self._sent.array)
@@ -118,31 +118,31 @@ class StripStepper(Stepper):
         self._run(parity, "contact")
         for k in range(steps):
             now = (parity + k) % 2
-            self._swap_at_border()
+            self._exchange_at_border()
             self._run(now, "motion")
-            self._row.bring()
+            self._row.copy_to_host()
             self._collect_rows()
-            self._rows.send_back()
+            self._rows.copy_to_device()
             if k < steps - 1:
                 self._run(1 - now, "control", "contact")
         self._run(parity, "control")
 
     def evaluate_contact(self) -> None:
         self._run(self.state.parity, "contact")
-        self._swap_at_border()
+        self._exchange_at_border()
         if self._border:
             self._distribute().run(self.model.device)
 
     def _distribute(self) -> Launch:
-        """What puts the forces that came from other ranks where their pairs are."""
+        """Launch that stores received forces at their pairs."""
         received = self._received.array
         return bind(distribute_forces, self._border, self.state, foreign_pair=self._foreign_pair, received=received)
 
-    def _swap_at_border(self) -> None:
+    def _exchange_at_border(self) -> None:
         if self._border:
-            self._sent.bring()
-            self._swap_forces()
-            self._received.send_back()
+            self._sent.copy_to_host()
+            self._exchange_forces()
+            self._received.copy_to_device()
 
     def _run(self, parity: int, *names: str) -> None:
         """Replay parts of a step, one after the other."""
@@ -162,5 +162,5 @@ class StripStepper(Stepper):
 
 
 def stepper_of(model: Model, state: State) -> Stepper:
-    """What takes the steps of a model: of the whole mesh, or of a strip with the other ranks."""
+    """The stepper of a model: of the global mesh, or of a strip with the other ranks."""
     return Stepper(model, state) if model.strip is None else StripStepper(model, state)

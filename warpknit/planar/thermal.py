@@ -1,4 +1,4 @@
-"""Temperatures that differ from place to place: how much longer each wire is there than at the temperature of the middle."""
+"""Thermal strain of the wires in a temperature field."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from .model import Model
 
 
 def wire_thermal_strain(model: Model, temperature: float, gradient: tuple[float, float]) -> np.ndarray:
-    """(wire, 2): excess of the length factor over that of the middle, relative, at the first node of each wire, and its growth
-    from node to node.
+    """(wire, 2): relative excess of the length factor at the first node of each wire, and its increment a node.
 
     The temperature [K] is that of the middle of the panel, its gradient [K/m] is along weft and warp at rest. Along a wire it
-    is taken to change evenly from end to end: the loops wander from that by less than a stitch.
+    is interpolated linearly from end to end: the loops deviate from that by less than a stitch.
     """
     panel, table, wire = model.panel, model.table, model.scene.wire
     block = np.searchsorted(panel.block_wire, np.arange(len(panel.wire_first)))

@@ -1,4 +1,4 @@
-"""What the planar model is tried at (trial.py)."""
+"""Settings of probe runs of the planar model (trial.py)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ HOOK_REFERENCE = 192  # segments a wire of the same, where two wires are hooked
 
 
 def settings(scene: Scene, percent: float) -> list[Setting]:
-    """Settings to try, the cheapest first; the tolerance leaves a tenth of `percent` or less."""
+    """Settings to try, the cheapest first, with a tolerance of at most a tenth of `percent`."""
     if scene.hook is not None:
         tolerance = min(1e-2, max(1e-4, percent / 1000.0))
         return [Setting(n, 64.0, tolerance, "double") for n in HOOK_NODES]
@@ -23,7 +23,7 @@ def settings(scene: Scene, percent: float) -> list[Setting]:
 
 
 def fine(scene: Scene) -> Setting:
-    """Of the fine run of a small mesh, which counts as true."""
+    """Setting of the fine run of a small mesh, the reference of probe runs."""
     return Setting(FINE[edge_of(scene)], 64.0 if scene.hook is not None else 300.0, TOLERANCE, "double")
 
 

@@ -80,7 +80,7 @@ class Recorder:
         hold: int | None,
         error_estimator: ErrorEstimator | None = None,
     ) -> None:
-        self.model: MeshModel = simulation.model.whole
+        self.model: MeshModel = simulation.model.global_model
         self.scene: Scene = self.model.scene
         self.simulation = simulation
         self.out = out

@@ -1,13 +1,12 @@
-"""Large meshes come to rest as a membrane: what is out of balance over many repeats is solved on a coarse grid.
+"""Coarse-grid correction of large meshes: long-wave out-of-balance forces are balanced on a membrane grid.
 
-Local motion dies out in some hundred steps; what differs slowly over the mesh would spread from repeat to repeat in a number of
-steps that grows with the square of the mesh. So from time to time the out-of-balance forces are gathered onto a grid of
-bilinear membrane elements (kernels/membrane.py), whose stiffness is that of endless cloth at the load: the derivative of the
-nominal stress of one periodic repeat, each state of it brought to rest. The displacement that balances them moves the mesh.
-The stress that goes with that displacement tells how far the mesh as a whole was from rest.
+Short-wave errors decay in some hundred steps, long-wave errors in a number of steps that grows with the square of the mesh
+size. Out-of-balance forces are therefore gathered at intervals onto a grid of bilinear membrane elements (kernels/membrane.py).
+Their stiffness is that of endless cloth at the load: the derivative of the nominal stress of one periodic repeat in
+equilibrium. The displacement that balances the forces is applied to the mesh; its stress measures the imbalance.
 
-Grid nodes of cells that the outline cuts go with the nearest place of the outline (rim.py): they stand still where it is held,
-and where it hangs on a cord the places on the cord are unknowns like those of the grid.
+Grid nodes of cells that the outline cuts follow the nearest place of the outline (rim.py). They are fixed where the edge is
+held; on a cord the stations of the cord are unknowns like the grid nodes.
 """
 
 from __future__ import annotations
@@ -21,8 +20,8 @@ from scipy.sparse.linalg import splu
 from ..mechanics import MultilevelMechanics, Response
 from ..mesh.rim import REPEATS_A_CELL, Rim
 
-MAX_CELLS = 96  # of the grid in a direction
-MAX_STRAIN = 0.02  # of one correction
+MAX_CELLS = 96  # cells of the grid in one direction
+MAX_STRAIN = 0.02  # strain of one correction
 
 
 @dataclass(frozen=True)
@@ -64,22 +63,22 @@ class Membrane:
         return outline.cover(self.model.panel.low, self._cell, (int(nx), int(ny)))
 
     def _tie_grid(self) -> None:
-        """`_tied` (2 grid node, unknown + 2 station): how the grid follows its free nodes and the stations of the rim."""
+        """Build `_tied` (2 grid node, unknown + 2 station): the grid as a function of free nodes and stations."""
         nx, ny = self._cells
-        whole = np.zeros((nx + 2, ny + 2), dtype=bool)
-        whole[1:-1, 1:-1] = self._filled > 1.0 - 1e-9
-        free = (whole[:-1, :-1] & whole[1:, :-1] & whole[:-1, 1:] & whole[1:, 1:]).ravel()
+        is_inside = np.zeros((nx + 2, ny + 2), dtype=bool)
+        is_inside[1:-1, 1:-1] = self._filled > 1.0 - 1e-9
+        free = (is_inside[:-1, :-1] & is_inside[1:, :-1] & is_inside[:-1, 1:] & is_inside[1:, 1:]).ravel()
         ix, iy = (a.ravel() for a in np.meshgrid(np.arange(nx + 1), np.arange(ny + 1), indexing="ij"))
         place = self.model.panel.low + self._cell * np.stack([ix, iy], axis=1)
         arc, _ = self.rim.outline.nearest(place[~free])
-        everyone = sparse.identity(len(free), format="csc")
-        both = sparse.hstack([everyone[:, free], everyone[:, ~free] @ self.rim.weights(arc)]).tocsr()
+        identity = sparse.identity(len(free), format="csc")
+        both = sparse.hstack([identity[:, free], identity[:, ~free] @ self.rim.weights(arc)]).tocsr()
         self._tied = sparse.kron(both, sparse.identity(2)).tocsr()
         moves = np.concatenate([np.ones(free.sum(), dtype=bool), ~self.rim.given])
         self._free = np.nonzero(np.repeat(moves, 2))[0]
 
     def renew(self, response: Response) -> None:
-        """Take the response of the cloth at this load."""
+        """Assemble the stiffness from the response of the cloth."""
         self.tangent = tangent = response.tangent
         self._response = response
         if not tangent.any():  # before the first load
@@ -107,16 +106,15 @@ class Membrane:
         return self._grid.gather()
 
     def warm_up(self, response: Response) -> None:
-        """Launch every kernel; the mesh does not move."""
+        """Compile every kernel by launching it; the mesh does not move."""
         self._response = response
         self.imbalance()
         self.move(Correction(np.zeros((int(np.prod(self._cells + 1)), 2)), np.zeros((len(self.rim.arc), 2))))
 
     def solve(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray) -> tuple[Correction, float]:
-        """What should balance the mesh, and the stress [N/m] that goes with the whole of it, root mean square over the mesh.
+        """The balancing correction, and its rms stress [N/m] over the mesh.
 
-        gradient (2, 2) and displacement of the stations (station, 2) [m] say where the edge is, `held` (clamp, 2) [N] how the
-        wires pull at it.
+        `gradient` (2, 2) and `stations` (station, 2) [m] are those of the edge, `held` (clamp, 2) [N] forces of the wires on it.
         """
         force = self._tied.T @ self.imbalance().reshape(-1)
         if self.rim.is_free:
@@ -125,9 +123,9 @@ class Membrane:
         return self._correction(force, np.zeros(len(force)), gradient, stations)
 
     def edge_imbalance(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray, least: float) -> float:
-        """Force on the free stations over what the wires pull at them, or a tension of `least` [N/m], root mean square.
+        """Rms force on the free stations over that of the wires, or of a tension of `least` [N/m].
 
-        A cord that is stiff against the mesh may be far from balance where the mesh does not feel it.
+        A stiff cord may be out of balance with little effect on the mesh.
         """
         free = ~self.rim.given
         if not free.any():
@@ -135,33 +133,33 @@ class Membrane:
         cord = self.rim.cord_forces(gradient, stations)[0]
         total = self._pull(gradient, stations, held)
         wires = float(np.sqrt(np.mean((total - cord)[free] ** 2)))
-        apart = self.rim.outline.length / len(self.rim.arc)
-        return float(np.sqrt(np.mean(total[free] ** 2))) / max(wires, least * apart)
+        spacing = self.rim.outline.length / len(self.rim.arc)
+        return float(np.sqrt(np.mean(total[free] ** 2))) / max(wires, least * spacing)
 
     def solve_rim(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray) -> tuple[Correction, float]:
-        """The same where the mesh is not like a membrane: its edge moves, as stiff as if the mesh behind it stood still."""
+        """The same for the edge alone, with the mesh behind it fixed."""
         pull = self._pull(gradient, stations, held)
         free = np.nonzero(np.repeat(~self.rim.given, 2))[0]
         first = self._tied.shape[1] - pull.size
         matrix = self._matrix(gradient, stations)[first + free][:, first + free]
         moved = np.zeros(pull.size)
         moved[free] = splu(matrix.tocsc()).solve(pull.ravel()[free])
-        farthest = float(np.abs(moved).max()) / (MAX_STRAIN * float(self._cell.min()))
-        still = Correction(np.zeros((self._tied.shape[0] // 2, 2)), moved.reshape(-1, 2), 1.0 / max(1.0, farthest))
-        return still, 0.0
+        excess = float(np.abs(moved).max()) / (MAX_STRAIN * float(self._cell.min()))
+        correction = Correction(np.zeros((self._tied.shape[0] // 2, 2)), moved.reshape(-1, 2), 1.0 / max(1.0, excess))
+        return correction, 0.0
 
     def _pull(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Forces (station, 2) [N] of the wires, wherever a rank holds them, and of the cord."""
+        """Forces (station, 2) [N] of the wires on all ranks, and of the cord."""
         return self.model.ranks.sum(self.rim.clamps.T @ held) + self.rim.cord_forces(gradient, stations)[0]
 
     def follow(self, given: np.ndarray, gradient: np.ndarray, stations: np.ndarray) -> Correction:
-        """What the mesh does as a membrane when the stations that are held move by `given` (station, 2) [m]."""
+        """Displacement of the mesh as a membrane when held stations move by `given` (station, 2) [m]."""
         known = np.zeros(self._tied.shape[1])
         known[-given.size :] = np.where(self.rim.given[:, None], given, 0.0).ravel()
         return self._correction(-(self._matrix(gradient, stations) @ known), known, gradient, stations)[0]
 
     def _matrix(self, gradient: np.ndarray, stations: np.ndarray) -> sparse.csr_matrix:
-        """Stiffness [N/m] of free grid nodes and stations, the cord's with it."""
+        """Stiffness [N/m] of free grid nodes and stations, cord included."""
         if not self.rim.is_free:
             return self._stiffness
         cord = self.rim.cord_stiffness(gradient, stations).tocoo()
@@ -172,21 +170,21 @@ class Membrane:
     def _correction(
         self, force: np.ndarray, known: np.ndarray, gradient: np.ndarray, stations: np.ndarray
     ) -> tuple[Correction, float]:
-        """The displacement under forces [N] on free nodes and stations, with what is known of it, and its stress [N/m]."""
+        """The displacement under forces [N] with the `known` displacements, and its stress [N/m]."""
         solve = self._solve or splu(self._matrix(gradient, stations)[self._free][:, self._free].tocsc()).solve
-        answer = known.copy()
-        answer[self._free] = solve(force[self._free])
-        grid = self._tied @ answer
+        solution = known.copy()
+        solution[self._free] = solve(force[self._free])
+        grid = self._tied @ solution
         slope = self._gradient(grid)
         stress = np.einsum("abcd,xycd->xyab", self.tangent, slope)
         share = self._filled / self._filled.sum()
         out_of_balance = float(np.sqrt(np.sum(share * np.sum(stress**2, axis=(2, 3)))))
-        most = min(1.0, MAX_STRAIN / max(float(np.abs(slope).max()), 1e-30))
-        there = answer[len(answer) - 2 * len(self.rim.arc) :].reshape(-1, 2)
-        return Correction(grid.reshape(-1, 2), there, most), out_of_balance
+        max_factor = min(1.0, MAX_STRAIN / max(float(np.abs(slope).max()), 1e-30))
+        there = solution[len(solution) - 2 * len(self.rim.arc) :].reshape(-1, 2)
+        return Correction(grid.reshape(-1, 2), there, max_factor), out_of_balance
 
     def _gradient(self, moved: np.ndarray) -> np.ndarray:
-        """Displacement gradient (cells x, cells y, 2, 2) in the middle of the cells, of (2 grid node,) [m]."""
+        """Displacement gradient (cells x, cells y, 2, 2) at the cell centres, from (2 grid node,) [m]."""
         moved = moved.reshape(*(self._cells + 1), 2)
         along_x, along_y = np.diff(moved, axis=0) / self._cell[0], np.diff(moved, axis=1) / self._cell[1]
         return np.stack([0.5 * (along_x[:, 1:] + along_x[:, :-1]), 0.5 * (along_y[1:] + along_y[:-1])], axis=-1)

@@ -91,7 +91,7 @@ class SpatialModel:
         return self.curve.miss
 
     @property
-    def whole(self) -> SpatialModel:
+    def global_model(self) -> SpatialModel:
         """The global mesh: no ranks share it."""
         return self
 

@@ -1,1 +1,1 @@
-"""Contact maps: many loads of one repeat, stepped side by side."""
+"""Contact maps: equilibria of one mesh under many loads."""

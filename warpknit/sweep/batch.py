@@ -1,8 +1,7 @@
-"""Many loads of one small mesh, brought to equilibrium side by side: what `warpknit map` runs.
+"""Many loads of one small mesh, solved side by side for `warpknit map`.
 
-Each load goes its own way, level by level from the mesh as knitted, as a relaxation of one mesh does. It knows nothing of the
-others, so its answer does not depend on which loads share the batch. Meshes in equilibrium under their full load, and those that
-failed, are left alone.
+Each load is applied level by level from the mesh as knitted, as in a relaxation of one mesh. Loads are independent, so results
+do not depend on the batch. Meshes that have converged under their full load, or failed, are no longer stepped.
 """
 
 from __future__ import annotations
@@ -21,13 +20,13 @@ from .outcome import Outcome
 
 
 class Batch:
-    """One stage for each mesh of a group; `run` yields outcomes as they reach equilibrium."""
+    """One stage for each mesh of a group; `run` yields outcomes as meshes converge."""
 
     def __init__(
         self, model: Any, stages: Sequence[Stage], *, watch: Callable[[Batch], None] | None = None, threads: int | None = None
     ) -> None:
         """`stages`: the load of each mesh, by strain in both directions. `watch` is called at every convergence check, and may
-        raise to stop. `threads` share the work; default: WARPKNIT_THREADS, or one a core."""
+        raise to stop. `threads`: default WARPKNIT_THREADS, or one a core."""
         self.model, self.stages = model, tuple(stages)
         self.group = replicas_of(model, len(self.stages), threads)
         self.members: list[Relaxation] = []
@@ -39,41 +38,41 @@ class Batch:
 
     @property
     def steps(self) -> int:
-        """Steps taken of all meshes."""
+        """Steps of all meshes together."""
         return sum(member.progress.steps for member in self.members)
 
     @property
     def done(self) -> float:
-        """Share of all load levels that are done."""
+        """Completed share of all load levels."""
         levels = sum(member.progress.level for member in self.members)
         return min(1.0, levels / (len(self.members) * self.model.scene.output.frames))
 
     def run(self) -> Iterator[Outcome]:
-        """Bring every mesh to equilibrium under its load."""
+        """Find the equilibrium of every mesh under its load."""
         active = []
         for row, member in enumerate(self.members):
             member.mechanics.search()
             member.progress.stage = self.stages[row].name
             member.progress.start = member.load_now()
-            if (outcome := self._go_on(row)) is None:
+            if (outcome := self._next_level(row)) is None:
                 active.append(row)
             else:
                 yield outcome
         while active:
-            found = self.equilibrium.advance(np.array(active))
-            for row, error in found.failed.items():
+            check = self.equilibrium.advance(np.array(active))
+            for row, error in check.failed.items():
                 yield self._outcome(row, None, error)
-            going = [row for row in active if row not in found.failed and row not in found.converged]
-            for row in found.converged:
-                if (outcome := self._go_on(row)) is None:
-                    going.append(row)
+            unfinished = [row for row in active if row not in check.failed and row not in check.converged]
+            for row in check.converged:
+                if (outcome := self._next_level(row)) is None:
+                    unfinished.append(row)
                 else:
                     yield outcome
-            active = sorted(going)
+            active = sorted(unfinished)
             self._watch(self)
 
-    def _go_on(self, row: int) -> Outcome | None:
-        """Put the next load on; the outcome where the last one was the full load."""
+    def _next_level(self, row: int) -> Outcome | None:
+        """Apply the next load; return the outcome after the full load."""
         member = self.members[row]
         for step in self._levels[row]:
             if isinstance(step, Unsolved):

@@ -1,4 +1,4 @@
-"""How a state of a sweep ended: the same of the planar and the spatial model."""
+"""The outcome of one load of a sweep."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..measure import Observables
 
 @dataclass(frozen=True)
 class Outcome:
-    """The mesh at rest under a load, or why it is not."""
+    """Observables of an equilibrium, or the error."""
 
     index: int  # of the load
     steps: int

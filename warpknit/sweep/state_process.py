@@ -1,8 +1,8 @@
-"""Brings a mesh to equilibrium under one load after the other, for the process that started this one.
+"""A worker process: finds the equilibrium of a mesh under one load after another.
 
-    scene -> the model -> (number, stage) -> how far it is, again and again -> the outcome -> the next (number, stage)
+    scene -> model -> (index, stage) -> progress messages -> outcome -> next (index, stage)
 
-It ends with the pipe, so with the process at its other end, however that ends.
+It ends when the pipe closes, so also when the parent process ends.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from multiprocessing.connection import Connection
 from warpknit.model import build_model
 from warpknit.processes import sendable
 from warpknit.sweep.outcome import Outcome
-from warpknit.sweep.state_processes import SAY_INTERVAL, Way, equilibrium_under
+from warpknit.sweep.state_processes import REPORT_INTERVAL, LoadProgress, equilibrium_under
 
 
 def main(arguments: list[str]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     pipe = Connection(int(arguments[0]))
-    said = time.monotonic()
+    last_report = time.monotonic()
 
-    def watch(way: Way) -> None:
-        nonlocal said
-        if time.monotonic() - said > SAY_INTERVAL:
-            said = time.monotonic()
-            pipe.send(way)
+    def watch(progress: LoadProgress) -> None:
+        nonlocal last_report
+        if time.monotonic() - last_report > REPORT_INTERVAL:
+            last_report = time.monotonic()
+            pipe.send(progress)
 
     with suppress(EOFError, BrokenPipeError, ConnectionResetError):
         model = build_model(pipe.recv())

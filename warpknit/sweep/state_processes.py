@@ -1,7 +1,7 @@
-"""Many loads of one mesh, each brought to equilibrium by itself as `warpknit run` does, in several processes.
+"""Many loads of one mesh, each solved as by `warpknit run`, in several processes.
 
-As many loads are under way as there are cores. Each process (state_process.py) builds the model from the scene and is handed one
-load after the other; what it finds does not depend on which process has it.
+Each core runs one process (state_process.py), which builds the model from the scene and solves one load after another. Results
+do not depend on the process.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from ..solve.simulate import Simulation
 from .outcome import Outcome
 
 PROCESS = f"{__package__}.state_process"
-SAY_INTERVAL = 0.5  # [s] between what is heard of a load that is under way
+REPORT_INTERVAL = 0.5  # [s] between progress messages of a load
 
 
 @dataclass(frozen=True)
-class Way:
-    """How far a load is under way."""
+class LoadProgress:
+    """Progress of one load."""
 
     index: int
     steps: int
     load_factor: float
 
 
-def equilibrium_under(model: Any, index: int, stage: Stage, watch: Callable[[Way], None]) -> Outcome:
+def equilibrium_under(model: Any, index: int, stage: Stage, watch: Callable[[LoadProgress], None]) -> Outcome:
     """The mesh in equilibrium under the load of `stage`, reached from the mesh as knitted. `watch` is called at every convergence
     check."""
     one = replace(model, scene=replace(model.scene, stages=(stage,)))
-    simulation = Simulation(one, watch=lambda progress: watch(Way(index, progress.steps, progress.load_factor)))
+    simulation = Simulation(one, watch=lambda progress: watch(LoadProgress(index, progress.steps, progress.load_factor)))
     simulation.compile()
     observables: Any = None
     error: Diverged | None = None
@@ -50,7 +50,7 @@ def equilibrium_under(model: Any, index: int, stage: Stage, watch: Callable[[Way
 
 
 class StateProcesses:
-    """One stage for each load; `run` yields outcomes as loads come to rest. For models that do not step many
+    """One stage for each load; `run` yields outcomes as loads converge. For models that do not step many
     states by one launch, as `Batch` does."""
 
     def __init__(
@@ -65,30 +65,30 @@ class StateProcesses:
         self.model, self.stages = model, tuple(stages)
         self.processes = processes or thread_count(len(self.stages))
         self._watch = watch or (lambda _states: None)
-        self._under_way: dict[int, Way] = {}
+        self._running: dict[int, LoadProgress] = {}
         self._finished = self._finished_steps = 0
 
     @property
     def steps(self) -> int:
         """Steps taken of all loads."""
-        return self._finished_steps + sum(way.steps for way in self._under_way.values())
+        return self._finished_steps + sum(progress.steps for progress in self._running.values())
 
     @property
     def done(self) -> float:
         """Share of all loads that is on."""
-        return (self._finished + sum(way.load_factor for way in self._under_way.values())) / max(1, len(self.stages))
+        return (self._finished + sum(progress.load_factor for progress in self._running.values())) / max(1, len(self.stages))
 
     def run(self) -> Iterator[Outcome]:
         """Bring the mesh to rest under every load. Raises `OutOfResources`."""
         for outcome in self._in_processes() if self.processes > 1 else self._here():
-            self._under_way.pop(outcome.index, None)
+            self._running.pop(outcome.index, None)
             self._finished += 1
             self._finished_steps += outcome.steps
             yield outcome
 
     def _here(self) -> Iterator[Outcome]:
-        def watch(way: Way) -> None:
-            self._under_way[way.index] = way
+        def watch(progress: LoadProgress) -> None:
+            self._running[progress.index] = progress
             self._watch(self)
 
         for index, stage in enumerate(self.stages):
@@ -104,17 +104,17 @@ class StateProcesses:
                 worker.send(waiting.pop())
                 busy[worker.pipe] = worker
             while busy:
-                for pipe in wait(list(busy), SAY_INTERVAL):
+                for pipe in wait(list(busy), REPORT_INTERVAL):
                     worker = busy[pipe]  # type: ignore[index]
-                    said = worker.receive()
-                    if isinstance(said, Way):
-                        self._under_way[said.index] = said
+                    message = worker.receive()
+                    if isinstance(message, LoadProgress):
+                        self._running[message.index] = message
                         continue
                     if waiting:
                         worker.send(waiting.pop())
                     else:
                         del busy[worker.pipe]
-                    yield said
+                    yield message
                 self._watch(self)
 
 
@@ -125,14 +125,14 @@ class _Worker:
         try:
             self._process, self.pipe = start_process(PROCESS)
         except OSError as error:
-            raise OutOfResources(f"memory ran out: a process that shares the loads did not start: {error.strerror}") from error
+            raise OutOfResources(f"memory ran out: a worker process did not start: {error.strerror}") from error
         self.send(scene)
 
     def __enter__(self) -> _Worker:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
-        """End it; it has nothing to put away."""
+        """End the process."""
         self.pipe.close()
         self._process.kill()
         self._process.wait()
@@ -141,17 +141,17 @@ class _Worker:
         try:
             self.pipe.send(what)
         except OSError:
-            self.receive()  # it says why, or is gone
+            self.receive()  # raises its error, or reports its end
 
-    def receive(self) -> Way | Outcome:
-        """What it says of the load that it has. Raises whatever went wrong there."""
+    def receive(self) -> LoadProgress | Outcome:
+        """Its next progress message or outcome. Raises its error."""
         try:
-            said = self.pipe.recv()
+            message = self.pipe.recv()
         except (EOFError, OSError):
             raise OutOfResources(
-                f"memory ran out, or somebody ended it: a process that shares the loads {ending_of(self._process)};"
-                " what is done is kept, --resume goes on"
+                f"out of memory, or killed: a worker process {ending_of(self._process)};"
+                " finished loads are kept, continue with --resume"
             ) from None
-        if isinstance(said, Exception):
-            raise said
-        return said
+        if isinstance(message, Exception):
+            raise message
+        return message

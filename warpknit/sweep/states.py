@@ -1,4 +1,4 @@
-"""States of one mesh under many loads: side by side where its model steps many at once, else shared by processes."""
+"""Equilibria of one mesh under many loads: side by side with replicas, else in several processes."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def mesh_of(scene: Scene) -> Any:
 
 
 def states_of(model: Model, stages: Sequence[Stage], watch: Callable[[States], None] | None = None) -> States:
-    """What brings a mesh to equilibrium under each of `stages`; its `run` yields an `Outcome` each, in any order.
+    """Solver of a mesh under each of `stages`; its `run` yields an `Outcome` each, in any order.
 
-    `watch` is called as it goes on, and may raise to stop.
+    `watch` is called regularly, and may raise to stop.
     """
     states: Any = Batch if model.has_replicas else StateProcesses
     return states(model, stages, watch=watch)

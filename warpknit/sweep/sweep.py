@@ -1,4 +1,4 @@
-"""The sweep of a scene into a directory: what `warpknit map` leaves there, how it is interrupted, resumed and refused.
+"""`warpknit map`: the sweep of a scene into a directory, with interrupt and resume.
 
 DIR holds map.csv, map_details.csv, map.json, scene.toml (resolved) and figures/*.png; where loops scatter over several seeds
 also the map of each seed, seeds/map_##.csv and seeds/details_##.csv. Every file is written aside and renamed.
@@ -32,16 +32,18 @@ from .states import States, mesh_of, states_of
 
 _log = logging.getLogger(__name__)
 
-SAVE_INTERVAL = 5.0  # [s] between savings of what is finished
+SAVE_INTERVAL = 5.0  # [s] between saves of finished cells
 FIGURES = (
-    # file, column, what the colours say, their unit, factor
+    # file, column, label, unit, factor
     ("contact_map", "active_percent", "active contacts", "% of pairs", 1.0),
     ("stress_map", "stress_max_Pa", "largest wire stress", "MPa", 1e-6),
     ("yield_map", "yield_fraction", "wire above the elastic limit", "%", 100.0),
     ("tension_weft_map", "tension_weft_N_per_m", "weft tension", "mN/m", 1e3),
     ("tension_warp_map", "tension_warp_N_per_m", "warp tension", "mN/m", 1e3),
 )
-SEED_FIGURES = (("contact_spread_map", "active_percent_deviation", "spread of the active contacts", "points of %", 1.0),)
+SEED_FIGURES = (
+    ("contact_spread_map", "active_percent_deviation", "standard deviation of active contacts", "percentage points", 1.0),
+)
 
 
 def run_map(
@@ -56,21 +58,21 @@ def run_map(
     """Run the sweep of `scene` into the directory `out`.
 
     Raises `SceneError`, `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. Strains at
-    which the mesh does not come to rest have no values; an interrupt ends with exit_code 130 and keeps the finished cells.
+    which the mesh does not converge have no values; an interrupt ends with exit_code 130 and keeps the finished cells.
     """
     sweep = _checked(scene, device)
     if resume and (finished := finished_result(out, "map.json", scene.hash)) is not None:
         return finished
     resolved = resolved_toml(scene)
     keep = continues_earlier(out, "map.csv", "map", resolved, resume=resume, force=force)
-    # what cannot be built is refused before anything is removed
+    # errors of the model are raised before anything is removed
     seeds = [replace(scene, knit=replace(scene.knit, seed=scene.knit.seed + number)) for number in range(sweep.seeds)]
     meshes = [mesh_of(one) for one in seeds]
-    _refuse_too_many(meshes[0], sweep)
+    _refuse_beyond_memory(meshes[0], sweep)
     estimates = estimates_of(scene)
     seconds = estimates.map_time(scene, estimates.size_of(scene, meshes[0].cloth)[0])
     if seconds is not None:
-        _log.info("about %s for the whole map", duration(seconds))
+        _log.info("estimated time of the map: %s", duration(seconds))
     open_directory(out, resolved, keep=keep)
     return _Mapper(meshes, sweep, out, progress or Display()).run()
 
@@ -83,8 +85,8 @@ def _checked(scene: Scene, device: str | None) -> Sweep:
     return scene.sweep
 
 
-def _refuse_too_many(mesh: Any, sweep: Sweep) -> None:
-    """Refuse what does not fit: in the plane all loads of a seed are under way at once, in space one a core."""
+def _refuse_beyond_memory(mesh: Any, sweep: Sweep) -> None:
+    """Refuse a sweep that exceeds the memory: all loads of a seed at once with replicas, else one a core."""
     loads, nodes = len(set(sweep.strain_weft)) * len(set(sweep.strain_warp)), mesh.node_count
     together = loads if mesh.has_replicas else thread_count(loads)
     needed, available = together * required_memory(mesh.scene, nodes), available_memory()
@@ -95,7 +97,7 @@ def _refuse_too_many(mesh: Any, sweep: Sweep) -> None:
 
 
 class _Mapper:
-    """Runs the batches of a map, one a seed, and writes what they find."""
+    """Runs the batches of a map, one a seed, and writes the rows."""
 
     def __init__(self, meshes: Sequence[Any], sweep: Sweep, out: Path, display: Display) -> None:
         """`meshes`: of each seed."""
@@ -114,12 +116,12 @@ class _Mapper:
                 for seed, done in enumerate(self.maps):
                     self._run_seed(seed, done)
             except Interrupted:
-                reason, code, message = "interrupted", 130, f"interrupted; what is done is kept in {self.out}"
+                reason, code, message = "interrupted", 130, f"interrupted; finished cells are kept in {self.out}"
             finally:
                 self._save()
         summary = self._summary(reason)
         if code == 0 and not any(row.active_percent is not None for row in self.rows):
-            code, message = 3, f"no strains of the sweep were brought to rest: {self.rows[0].message}"
+            code, message = 3, f"no strains of the sweep converged: {self.rows[0].message}"
             summary["stop_reason"] = "diverged"
         with write_aside(self.out / "map.json") as file:
             json.dump(summary, file, indent=2, allow_nan=False)
@@ -134,9 +136,9 @@ class _Mapper:
     # --- cells ---
 
     def _run_seed(self, seed: int, done: list[MapRow]) -> None:
-        """Bring what is left of one mesh's cells to rest; rows are added to `done`."""
-        there = {row.strains for row in done}
-        missing = [strains for strains in self.strains if strains not in there]
+        """Solve the missing cells of one mesh; append rows to `done`."""
+        finished = {row.strains for row in done}
+        missing = [strains for strains in self.strains if strains not in finished]
         if not missing:
             return
         self.display.stage(f"{len(missing)} pairs of strains", number=seed + 1, of=len(self.maps))
@@ -192,15 +194,15 @@ class _Mapper:
         optimum = find_optimum(rows, wire.yield_stress)
         warnings = []
         if failed:
-            warnings.append(f"{len(failed)} of {len(rows)} pairs of strains did not come to rest; map_details.csv says why")
+            warnings.append(f"{len(failed)} of {len(rows)} pairs of strains did not converge; map_details.csv has the reasons")
         if len(self.scene.stages) > 1:
-            warnings.append("the stages of [[path]] are not run by a map")
+            warnings.append("a map does not run the stages of [[path]]")
         return {
             "scene": {"name": self.scene.name, "hash": self.scene.hash},
             "version": __version__,
             "stop_reason": reason,
             "warnings": warnings,
-            "path": f"each pair of strains by itself, proportionally from the mesh as knitted, {self.scene.output.frames} levels",
+            "path": f"each pair of strains separately, proportionally from the knitted mesh, {self.scene.output.frames} levels",
             "cells": {"wanted": len(self.strains), "done": len(rows), "steady": len(rows) - len(failed)},
             "seeds": self.sweep.seeds,
             "model": {
@@ -246,16 +248,16 @@ class _Mapper:
 
 
 def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
-    """What map.json says, as pairs of a heading and a text."""
+    """Table of a map: pairs of a heading and a text."""
     cells, solver, optimum = summary["cells"], summary["solver"], summary["optimum"]
     meshes = "" if summary["seeds"] == 1 else f", {summary['seeds']} meshes each"
-    yield "pairs of strains", f"{cells['steady']} of {cells['wanted']} at rest{meshes}"
+    yield "pairs of strains", f"{cells['steady']} of {cells['wanted']} converged{meshes}"
     steps, nodes = solver["cell_steps"], summary["model"]["nodes"]
     yield "time steps", f"{steps:,} of {nodes:,} nodes, {solver['cell_steps_per_s']:,.0f} a second"
     yield "wall time", f"{solver['wall_s']:.3g} s"
     limit = summary["wire"]["yield_stress_Pa"]
     if optimum is None:
-        yield "optimum", f"none: no tensile load with an active contact keeps the wires below {engineering(limit, 'Pa')}"
+        yield "optimum", f"none: no tensile load with an active contact has a wire stress below {engineering(limit, 'Pa')}"
     else:
         yield "optimum strain, weft / warp", f"{optimum['strain_weft']:.2%} / {optimum['strain_warp']:.2%}"
         tensions = (engineering(optimum[f"tension_{side}_N_per_m"], "N/m") for side in ("weft", "warp"))
