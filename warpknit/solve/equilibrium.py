@@ -92,7 +92,7 @@ class Equilibrium:
         if len(self.group.members) == 1 and not loading[0]:
             ratio = np.array([self.relaxations[0].corrected(float(ratio[0]))])
         ratio = self.convergence.with_drift(rows, ratio, self.group.stress)
-        unconverged = ratio >= 1.0
+        unconverged = ~(ratio < 1.0)  # not a number has not converged
         checked = unconverged & ~loading
         stalled = self.convergence.is_stalled(rows[checked], ratio[checked])
         for row in rows[checked][stalled].tolist():

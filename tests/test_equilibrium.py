@@ -1,0 +1,44 @@
+"""The loop of a relaxation, with meshes that only say what it is to hear."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from warpknit.mechanics import Check, Drift
+from warpknit.solve import equilibrium
+from warpknit.solve.equilibrium import Equilibrium
+
+
+class OneMesh:
+    """A group of one mesh, whose convergence checks find `ratio`."""
+
+    def __init__(self, ratio: float) -> None:
+        scene = SimpleNamespace(solver=SimpleNamespace(residual_tolerance=0.01), model=SimpleNamespace(nodes_per_loop=16))
+        self.model, self.ratio = SimpleNamespace(scene=scene), ratio
+        self.members = [SimpleNamespace(drift=Drift(1), can_overlap=False)]
+
+    def advance(self, _rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
+        return np.array([steps]), np.array([False])
+
+    def is_loading(self, _rows: np.ndarray) -> np.ndarray:
+        return np.array([False])
+
+    def check(self, _rows: np.ndarray, _checks: np.ndarray, _loading: np.ndarray) -> Check:
+        return Check(np.array([0.01 * self.ratio]), np.array([self.ratio]))
+
+    def renew(self, rows: np.ndarray, checks: np.ndarray) -> None:
+        pass
+
+    def stress(self, _rows: np.ndarray) -> np.ndarray:
+        return np.ones((1, 2, 2))
+
+
+@pytest.mark.parametrize(("ratio", "converges"), [(0.5, True), (2.0, False), (np.nan, False)])
+def test_only_a_number_below_one_has_converged(ratio: float, converges: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(equilibrium, "tension_scale", lambda _model: 1.0)
+    progress = SimpleNamespace(steps=0, checks=0, residual=0.0)
+    relaxation = SimpleNamespace(progress=progress, most_steps=1000, corrected=lambda ratio: ratio)
+    loop = Equilibrium(OneMesh(ratio), [relaxation])  # type: ignore[arg-type,list-item]
+    found = [loop.advance(np.array([0])).converged for _ in range(3)]
+    assert (found[-1] == [0]) == converges
