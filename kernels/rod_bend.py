@@ -9,18 +9,18 @@ node,
     m  = angle from d1_before, transported to f, to d1_after        twist, integrated
     E  = B |a - A|^2/(2 l) + C (m - M)^2/(2 l)                      A, M: natural values
 
-Where the wire yields, p [rad] of the turn has stayed since the last state at rest, and the moment B e/l is that of
+Where the wire yields, p [rad] is the plastic part of the turn at the last equilibrium, and the moment is B e/l with
 
     t = a - A - p      b = kept/(1 - kept) p      e = t - (1 - kept) max(0, 1 - y/|t - b|) (t - b)
 
-in place of a - A: a round section knows no direction, so it yields where the moment is y B/l away from its back moment, whichever
-way, and gives way the way it is pushed beyond (radial return; linear kinematic hardening, kept being the share of the stiffness
-that is left).
+in place of a - A. A round section is isotropic: it yields where the moment differs from its back moment by y B/l in any
+direction, and flows in that direction (radial return; linear kinematic hardening, `kept` being the tangent stiffness over the
+elastic one).
 
-A segment of length L between turns a and a' is an arc, longer than its chord by L (|a|^2 + |a'|^2)/48. Where the wire keeps the
-length of its arcs (BOW_MOMENT), its tension T adds the moment T L a/24 at either end (bend.py, in the plane).
+A segment of length L between turns a and a' is an arc, longer than its chord by L (|a|^2 + |a'|^2)/48. Where arc lengths are kept
+(BOW_MOMENT), its tension T adds the moment T L a/24 at either end (bend.py, in the plane).
 
-The gradient by the two edges at held directors (they are transported along) and by the angle of either segment:
+The gradient by the two edges, with transported directors, and by the angle of either segment:
 
     dk1/d(edge before) = (- k1 t' + f x d2')/|edge|       dk1/d(edge after) = (- k1 t' - e x d2')/|edge|
     dk2/d(edge before) = (- k2 t' - f x d1')/|edge|       dk2/d(edge after) = (- k2 t' + e x d1')/|edge|
@@ -36,12 +36,12 @@ from .control import BOW_MOMENT, LENGTH_FACTOR
 from .rod_frames import transported
 from .stretch import axial_force
 
-SMALL = wp.constant(wp.float64(1.0e-4))  # |k| below which the first two terms of a series are exact
+SMALL = wp.constant(wp.float64(1.0e-4))  # |k| below which two terms of the series are exact to round-off
 
 
 @wp.func
 def twist_between(before: wp.vec3d, after: wp.vec3d, tangent_before: wp.vec3d, tangent_after: wp.vec3d) -> wp.float64:
-    """Angle [rad] from one director to the next about the tangent, in (-pi, pi]."""
+    """Twist angle [rad] from one director to the next, in (-pi, pi]."""
     moved = transported(before, tangent_before, tangent_after)
     return wp.atan2(wp.dot(wp.cross(moved, after), tangent_after), wp.dot(moved, after))
 
@@ -56,7 +56,7 @@ def turning_share(size: wp.float64) -> wp.float64:
 
 @wp.func
 def turning_slope(size: wp.float64, share: wp.float64) -> wp.float64:
-    """Derivative of `turning_share`, whose value is `share`, over x."""
+    """Derivative of `turning_share` by x, over x; `share` is its value."""
     if size < SMALL:
         return -wp.float64(1.0 / 6.0)
     square = size * size
@@ -65,7 +65,7 @@ def turning_slope(size: wp.float64, share: wp.float64) -> wp.float64:
 
 @wp.func
 def elastic_turn(turn: wp.vec2d, plastic: wp.vec2d, most: wp.float64, kept: wp.float64) -> wp.vec2d:
-    """Part e [rad] of a turn a - A that is elastic; most [rad] is y, 0: it never yields."""
+    """Elastic part e [rad] of the turn a - A; most [rad] is y, 0: no yield."""
     one = wp.float64(1.0)
     trial = turn - plastic
     if most <= wp.float64(0.0) or kept >= one:
@@ -102,12 +102,12 @@ def bend_rods(
     # out: turning vector and twist [rad], the gradient by the edges [N] and by the angles of both segments [N m]
     curvature: wp.array(dtype=wp.vec2d),
     twist: wp.array(dtype=wp.float64),
-    pull_before: wp.array(dtype=wp.vec3d),
-    pull_after: wp.array(dtype=wp.vec3d),
-    torque_before: wp.array(dtype=wp.float64),
-    torque_after: wp.array(dtype=wp.float64),
+    edge_gradient_before: wp.array(dtype=wp.vec3d),
+    edge_gradient_after: wp.array(dtype=wp.vec3d),
+    angle_gradient_before: wp.array(dtype=wp.float64),
+    angle_gradient_after: wp.array(dtype=wp.float64),
 ):
-    """One thread a node; what belongs to no turn between two segments stays zero."""
+    """One thread a node; entries of end nodes stay zero."""
     i = wp.tid()
     a = previous[i]
     if a < 0 or following[i] < 0:
@@ -149,7 +149,7 @@ def bend_rods(
     two = share * (two_before + two_after)
     lean = -(g1 * k1 + g2 * k2) * along + (half * g) * binormal
     couple = g1 * two - g2 * one
-    pull_before[i] = (lean + wp.cross(f, couple)) / length[a]
-    pull_after[i] = (lean - wp.cross(e, couple)) / length[i]
-    torque_before[i] = -half * wp.dot(g1 * one_before + g2 * two_before, binormal) - g
-    torque_after[i] = -half * wp.dot(g1 * one_after + g2 * two_after, binormal) + g
+    edge_gradient_before[i] = (lean + wp.cross(f, couple)) / length[a]
+    edge_gradient_after[i] = (lean - wp.cross(e, couple)) / length[i]
+    angle_gradient_before[i] = -half * wp.dot(g1 * one_before + g2 * two_before, binormal) - g
+    angle_gradient_after[i] = -half * wp.dot(g1 * one_after + g2 * two_after, binormal) + g

@@ -1,13 +1,12 @@
-"""Clamps that move while a load comes on, and clamps that slide, of rods.
+"""Moving and sliding clamps of rods.
 
-A clamp holds two nodes and keeps their direction. One at rest position c moves as F c, so that a node of it at rest position X
-has the displacement (f - F)(X - c) from where the load carries X, f being the length factor of the wires. Where a clamp slides
-along the warp, one rigid body of both
-nodes has the sum of their masses and feels the sum of their forces there,
+A clamp holds two nodes and keeps their direction. A clamp at rest position c moves to F c, so its node at rest position X has the
+displacement (f - F)(X - c) from the affine position F X, with the length factor f of the wires. A clamp that slides along the
+warp moves its two nodes as one rigid body, with the sum of their masses and forces,
 
     v' = a v + b (f_1 + f_2)/(m_1 + m_2)        u' = u + dt (v' + g (v' - v))
 
-with the factors of control.py. What it takes up is not out of balance; across, and out of the plane, it is held.
+with the factors of control.py. Along the weft and out of the plane it is held.
 """
 
 import warp as wp
@@ -50,7 +49,7 @@ def move_clamps(
     s = wp.tid()
     if control[STATUS] != STATUS_RUNNING:
         return
-    grown = control[LENGTH_FACTOR]
+    length_factor = control[LENGTH_FACTOR]
     dt = control[TIME_STEP]
     a = clamp_node[s, 0]
     b = clamp_node[s, 1]
@@ -71,12 +70,12 @@ def move_clamps(
     for k in range(2):
         i = clamp_node[s, k]
         lever = clamp_lever[s, k]
-        was = displacement[i]
-        x = (grown - control[GRADIENT]) * lever[0] - control[GRADIENT + 1] * lever[1]
-        y = (grown - control[GRADIENT + 3]) * lever[1] - control[GRADIENT + 2] * lever[0]
+        old = displacement[i]
+        x = (length_factor - control[GRADIENT]) * lever[0] - control[GRADIENT + 1] * lever[1]
+        y = (length_factor - control[GRADIENT + 3]) * lever[1] - control[GRADIENT + 2] * lever[0]
         if clamp_slides[s] != 0:
-            y = was[1] + slide
-        displacement[i] = wp.vec3d(x, y, was[2])
-        step = wp.vec2d(x - was[0], y - was[1]) / dt
+            y = old[1] + slide
+        displacement[i] = wp.vec3d(x, y, old[2])
+        step = wp.vec2d(x - old[0], y - old[1]) / dt
         speed_square = wp.max(speed_square, wp.dot(step, step))
     wp.atomic_max(partial, row, SPEED_PART, speed_square)

@@ -1,11 +1,11 @@
-"""The update of rods: stretch, what bending and twist pull with, contact and loads are summed, then nodes move and sections spin.
+"""Time step of rods: sums stretch, bending, twist, contact and loads, then updates nodes and sections.
 
     n_j = T_j t_j + (gradient of bending and twist by edge j) + t_j x c_j/|e_j|       f_i = n_i - n_(i-1) + contact + load
     torque of segment j = - gradient by its angle + t_j . c_j + load
 
-c_j is the couple of contact on the section of the segment, which turns with it.
+c_j is the contact couple on the section of segment j.
 
-Nodes and spins follow the two-term update of control.py.
+Velocities and spins follow the two-term update of control.py.
 """
 
 import warp as wp
@@ -25,26 +25,31 @@ from .control import (
 )
 from .stretch import axial_force
 
-NODE_BLOCK = 64  # nodes whose sums go into one row
+NODE_BLOCK = 64  # nodes that share one row of `partial`
 
-HELD_NODE = wp.constant(1)  # a node stays where it is
-HELD_TURN = wp.constant(2)  # the section of the segment behind the node does not turn about it
+HELD_NODE = wp.constant(1)  # the node is fixed
+HELD_TURN = wp.constant(2)  # the section of the segment behind the node does not rotate about it
 
 
 @wp.func
-def segment_pull(
+def edge_gradient(
     segment: int,
     end: int,
     tension: wp.float64,
     tangent: wp.array(dtype=wp.vec3d),
-    pull_before: wp.array(dtype=wp.vec3d),
-    pull_after: wp.array(dtype=wp.vec3d),
+    edge_gradient_before: wp.array(dtype=wp.vec3d),
+    edge_gradient_after: wp.array(dtype=wp.vec3d),
     contact_couple: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
 ) -> wp.vec3d:
     """[N] gradient of the energy by the edge from node `segment` to node `end`."""
     t = tangent[segment]
-    return tension * t + pull_after[segment] + pull_before[end] + wp.cross(t, contact_couple[segment]) / length[segment]
+    return (
+        tension * t
+        + edge_gradient_after[segment]
+        + edge_gradient_before[end]
+        + wp.cross(t, contact_couple[segment]) / length[segment]
+    )
 
 
 @wp.kernel
@@ -65,12 +70,12 @@ def step_rods(
     tension_offset: wp.array(dtype=wp.float64),
     length: wp.array(dtype=wp.float64),
     tangent: wp.array(dtype=wp.vec3d),
-    pull_before: wp.array(dtype=wp.vec3d),
-    pull_after: wp.array(dtype=wp.vec3d),
-    torque_before: wp.array(dtype=wp.float64),
-    torque_after: wp.array(dtype=wp.float64),
+    edge_gradient_before: wp.array(dtype=wp.vec3d),
+    edge_gradient_after: wp.array(dtype=wp.vec3d),
+    angle_gradient_before: wp.array(dtype=wp.float64),
+    angle_gradient_after: wp.array(dtype=wp.float64),
     contact_couple: wp.array(dtype=wp.vec3d),
-    # in and out: what contact adds, then zero for the next step
+    # in and out: contact forces, set to zero for the next step
     contact_force: wp.array(dtype=wp.vec3d),
     # state in and out
     displacement: wp.array(dtype=wp.vec3d),
@@ -78,34 +83,34 @@ def step_rods(
     spin: wp.array(dtype=wp.float64),
     angle: wp.array(dtype=wp.float64),
     # out
-    turn: wp.array(dtype=wp.float64),
+    pending_turn: wp.array(dtype=wp.float64),
     force: wp.array(dtype=wp.vec3d),
     torque: wp.array(dtype=wp.float64),
     partial: wp.array2d(dtype=wp.float64),
 ):
-    """One thread a node. `force` [N] and `torque` [N m] are the sums without holding, for who asks for reactions."""
+    """One thread a node. `force` [N] and `torque` [N m] include the forces that held nodes react to."""
     i = wp.tid()
     f = contact_force[i] + load_force[i]
-    about = load_torque[i]
+    axial_torque = load_torque[i]
     contact_force[i] = wp.vec3d()
     factor = control[LENGTH_FACTOR]
     j = following[i]
     if j >= 0:
         tension = axial_force(length[i], natural_length[i] * factor, stretch_stiffness[i], tension_offset[i])
-        f += segment_pull(i, j, tension, tangent, pull_before, pull_after, contact_couple, length)
-        about += wp.dot(contact_couple[i], tangent[i]) - torque_after[i] - torque_before[j]
+        f += edge_gradient(i, j, tension, tangent, edge_gradient_before, edge_gradient_after, contact_couple, length)
+        axial_torque += wp.dot(contact_couple[i], tangent[i]) - angle_gradient_after[i] - angle_gradient_before[j]
     h = previous[i]
     if h >= 0:
         tension = axial_force(length[h], natural_length[h] * factor, stretch_stiffness[h], tension_offset[h])
-        f -= segment_pull(h, i, tension, tangent, pull_before, pull_after, contact_couple, length)
+        f -= edge_gradient(h, i, tension, tangent, edge_gradient_before, edge_gradient_after, contact_couple, length)
     force[i] = f
-    torque[i] = about
+    torque[i] = axial_torque
     if control[STATUS] != STATUS_RUNNING:
         return
     if (held[i] & HELD_NODE) != 0:
         f = wp.vec3d()
     if (held[i] & HELD_TURN) != 0 or j < 0:
-        about = wp.float64(0.0)
+        axial_torque = wp.float64(0.0)
     a = control[VELOCITY_FACTOR]
     b = control[FORCE_FACTOR]
     dt = control[TIME_STEP]
@@ -115,12 +120,12 @@ def step_rods(
     before = velocity[i]
     after = a * before + (b / mass) * f
     spin_before = spin[i]
-    spin_after = a * spin_before + (b / inertia) * about
+    spin_after = a * spin_before + (b / inertia) * axial_torque
     velocity[i] = after
     spin[i] = spin_after
     displacement[i] = displacement[i] + dt * (after + ahead * (after - before))
     move = dt * (spin_after + ahead * (spin_after - spin_before))
-    turn[i] = move
+    pending_turn[i] = move
     angle[i] = angle[i] + move
     force_square = wp.dot(f, f)
     speed_square = wp.dot(after, after)

@@ -6,65 +6,72 @@ On the segment from node 1 to node 2, with nodes 0 and 3 beside it and relative 
     M1 = (x2 - x0)/2 + A1     M2 = (x3 - x1)/2 + A2
     h10 = s (1 - s)^2    h01 = s^2 (3 - 2 s)    h11 = s^2 (s - 1)
 
-Without A and B it is Catmull-Rom's curve. With them it is the centre line as it was made, wherever the wire has its shape at
-rest: A belongs to a node and is carried by the mean of the sections on either side of it, B belongs to a segment and is carried
-by its section,
+Without A and B it is a Catmull-Rom curve. With them it equals the true centre line wherever the wire has its rest shape. A
+belongs to a node and rotates with the mean of the two adjacent sections; B belongs to a segment and rotates with its section,
 
     A = (a1 (d1_before + d1) + a2 (d2_before + d2))/2        B0 = b0 d1 + b1 d2     B1 = b2 d1 + b3 d2
 
-so that the curve has one tangent at a node whatever shape the wire takes. A force F at p acts on the four nodes with the shares
+so the curve has a unique tangent at each node in any shape of the wire. A force F at p acts on the four nodes with the weights
 
     w0 = -h10/2    w1 = 1 - h01 - h11/2    w2 = h01 + h10/2    w3 = h11/2
 
-and on the section of a segment with the couple c x F, c being what it carries of p. The shares add up to one, so force and moment
-are kept, and both are minus the gradient of the energy. Where a wire ends, it goes on straight: x0 = 2 x1 - x2.
+and on the section of a segment with the couple c x F, where c is the part of p that rotates with it. The weights sum to one, so
+force and moment are conserved, and both are minus the gradient of the energy. Beyond its end a wire is straight: x0 = 2 x1 - x2.
 """
+
+from typing import Any
 
 import warp as wp
 
 PARALLEL = wp.constant(wp.float64(1.0e-8))  # squared sine below which two chords count as parallel
-MOST_SLOPE = wp.constant(wp.float64(2.0 / 27.0))  # largest s (1 - s)^2, times half: slopes are means of two edges
-# by which two curves come nearer at most where every node moves by one: their chords by two, and either sag by 8 MOST_SLOPE
-CLOSING = wp.constant(wp.float64(2.0 + 32.0 / 27.0))
+MAX_SLOPE_WEIGHT = wp.constant(wp.float64(2.0 / 27.0))  # largest s (1 - s)^2, times half: slopes are means of two edges
+# largest approach of two curves for a unit motion of all nodes: 2 of their chords, and 8 MAX_SLOPE_WEIGHT of either sag
+CLOSING_RATE = wp.constant(wp.float64(2.0 + 32.0 / 27.0))
 
-Nodes = wp.types.matrix(shape=(4, 3), dtype=wp.float64)  # of a segment and beside it, as rows
-Powers = wp.types.matrix(shape=(6, 3), dtype=wp.float64)  # what a curve has of 1, s, s^2 .. s^5, as rows
+Nodes = wp.types.matrix(shape=(4, 3), dtype=wp.float64)  # of a segment and adjacent to it, as rows
+Powers = wp.types.matrix(shape=(6, 3), dtype=wp.float64)  # coefficients of 1, s, s^2 .. s^5, as rows
 Shape = wp.types.matrix(
     shape=(6, 3), dtype=wp.float64
-)  # A1 of the section before and the own, A2 of the own and the one behind, B0, B1
+)  # A1 of the previous and own section, A2 of the own and next section, B0, B1
 
 
 @wp.func
-def slope_share_before(s: wp.float64) -> wp.float64:
+def row(matrix: Any, a: int) -> wp.vec3d:
+    """One row of a matrix with three columns."""
+    return wp.vec3d(matrix[a, 0], matrix[a, 1], matrix[a, 2])
+
+
+@wp.func
+def hermite_10(s: wp.float64) -> wp.float64:
     """h10(s)."""
     return s * (wp.float64(1.0) - s) * (wp.float64(1.0) - s)
 
 
 @wp.func
-def slope_share_after(s: wp.float64) -> wp.float64:
+def hermite_11(s: wp.float64) -> wp.float64:
     """h11(s)."""
     return s * s * (s - wp.float64(1.0))
 
 
 @wp.func
-def shares(s: wp.float64) -> wp.vec4d:
+def node_weights(s: wp.float64) -> wp.vec4d:
     """w_a(s)."""
     half = wp.float64(0.5)
     one = wp.float64(1.0)
-    h10 = slope_share_before(s)
+    h10 = hermite_10(s)
     h01 = s * s * (wp.float64(3.0) - wp.float64(2.0) * s)
-    h11 = slope_share_after(s)
+    h11 = hermite_11(s)
     return wp.vec4d(-half * h10, one - h01 - half * h11, h01 + half * h10, half * h11)
 
 
 @wp.func
-def mixed(w: wp.vec4d, nodes: Nodes) -> wp.vec3d:
+def weighted_sum(w: wp.vec4d, nodes: Nodes) -> wp.vec3d:
     """sum of w_a x_a; the nodes are the rows."""
     return wp.transpose(nodes) * w
 
 
 @wp.func
-def across(director: wp.vec3d, tangent: wp.vec3d, one: wp.float64, two: wp.float64) -> wp.vec3d:
+def section_vector(director: wp.vec3d, tangent: wp.vec3d, one: wp.float64, two: wp.float64) -> wp.vec3d:
     """one d1 + two d2."""
     return one * director + two * wp.cross(tangent, director)
 
@@ -79,7 +86,7 @@ def rest_shape(
     tangent: wp.array(dtype=wp.vec3d),
     director: wp.array(dtype=wp.vec3d),
 ) -> Shape:
-    """[m] what segment i and those beside it carry of its curve."""
+    """[m] rest-shape offsets A and B of the curve of segment i, as rows."""
     half = wp.float64(0.5)
     own = director[i]
     t = tangent[i]
@@ -88,33 +95,33 @@ def rest_shape(
     zero = wp.vec3d()
     before = previous[i]
     if before >= 0:
-        zero = across(director[before], tangent[before], a[0], a[1])
+        zero = section_vector(director[before], tangent[before], a[0], a[1])
     after = following[i]
     next_a = half * rest_slope[after]
     three = wp.vec3d()
     if following[after] >= 0:
-        three = across(director[after], tangent[after], next_a[0], next_a[1])
+        three = section_vector(director[after], tangent[after], next_a[0], next_a[1])
     return wp.matrix_from_rows(
         zero,
-        across(own, t, a[0], a[1]),
-        across(own, t, next_a[0], next_a[1]),
+        section_vector(own, t, a[0], a[1]),
+        section_vector(own, t, next_a[0], next_a[1]),
         three,
-        across(own, t, b[0], b[1]),
-        across(own, t, b[2], b[3]),
+        section_vector(own, t, b[0], b[1]),
+        section_vector(own, t, b[2], b[3]),
     )
 
 
 @wp.func
 def curve_through(nodes: Nodes, shape: Shape) -> Powers:
-    """Powers of s of the curve from node 1 to node 2."""
+    """Polynomial coefficients of the curve from node 1 to node 2."""
     half = wp.float64(0.5)
     two = wp.float64(2.0)
     x1 = row(nodes, 1)
     edge = row(nodes, 2) - x1
-    m1 = half * (row(nodes, 2) - row(nodes, 0)) + rise(shape, 0) + rise(shape, 1)
-    m2 = half * (row(nodes, 3) - x1) + rise(shape, 2) + rise(shape, 3)
-    b0 = rise(shape, 4)
-    b1 = rise(shape, 5)
+    m1 = half * (row(nodes, 2) - row(nodes, 0)) + row(shape, 0) + row(shape, 1)
+    m2 = half * (row(nodes, 3) - x1) + row(shape, 2) + row(shape, 3)
+    b0 = row(shape, 4)
+    b1 = row(shape, 5)
     return wp.matrix_from_rows(
         x1,
         m1,
@@ -126,25 +133,13 @@ def curve_through(nodes: Nodes, shape: Shape) -> Powers:
 
 
 @wp.func
-def carried_by_sections(shape: Shape, s: wp.float64) -> wp.types.matrix(shape=(3, 3), dtype=wp.float64):
-    """[m] what the sections of the segment before, of the own and of the one behind carry of p(s), as rows."""
-    h10 = slope_share_before(s)
-    h11 = slope_share_after(s)
+def section_offsets(shape: Shape, s: wp.float64) -> wp.types.matrix(shape=(3, 3), dtype=wp.float64):
+    """[m] parts of p(s) that rotate with the previous, own and next section, as rows."""
+    h10 = hermite_10(s)
+    h11 = hermite_11(s)
     both = s * (wp.float64(1.0) - s)
-    own = h10 * rise(shape, 1) + h11 * rise(shape, 2) + (both * both) * (rise(shape, 4) + s * rise(shape, 5))
-    return wp.matrix_from_rows(h10 * rise(shape, 0), own, h11 * rise(shape, 3))
-
-
-@wp.func
-def lever(levers: wp.types.matrix(shape=(3, 3), dtype=wp.float64), a: int) -> wp.vec3d:
-    """[m] what one of the three sections carries."""
-    return wp.vec3d(levers[a, 0], levers[a, 1], levers[a, 2])
-
-
-@wp.func
-def rise(rows: Powers, a: int) -> wp.vec3d:
-    """One of the six rows."""
-    return wp.vec3d(rows[a, 0], rows[a, 1], rows[a, 2])
+    own = h10 * row(shape, 1) + h11 * row(shape, 2) + (both * both) * (row(shape, 4) + s * row(shape, 5))
+    return wp.matrix_from_rows(h10 * row(shape, 0), own, h11 * row(shape, 3))
 
 
 @wp.func
@@ -152,29 +147,23 @@ def point_at(curve: Powers, s: wp.float64) -> wp.vec3d:
     """p(s) [m]."""
     s2 = s * s
     s3 = s2 * s
-    p = rise(curve, 0) + s * rise(curve, 1) + s2 * rise(curve, 2)
-    return p + s3 * rise(curve, 3) + (s2 * s2) * rise(curve, 4) + (s2 * s3) * rise(curve, 5)
+    p = row(curve, 0) + s * row(curve, 1) + s2 * row(curve, 2)
+    return p + s3 * row(curve, 3) + (s2 * s2) * row(curve, 4) + (s2 * s3) * row(curve, 5)
 
 
 @wp.func
-def slope_at(curve: Powers, s: wp.float64) -> wp.vec3d:
+def derivative_at(curve: Powers, s: wp.float64) -> wp.vec3d:
     """dp/ds."""
     s2 = s * s
-    p = rise(curve, 1) + (wp.float64(2.0) * s) * rise(curve, 2) + (wp.float64(3.0) * s2) * rise(curve, 3)
-    return p + (wp.float64(4.0) * s2 * s) * rise(curve, 4) + (wp.float64(5.0) * s2 * s2) * rise(curve, 5)
+    p = row(curve, 1) + (wp.float64(2.0) * s) * row(curve, 2) + (wp.float64(3.0) * s2) * row(curve, 3)
+    return p + (wp.float64(4.0) * s2 * s) * row(curve, 4) + (wp.float64(5.0) * s2 * s2) * row(curve, 5)
 
 
 @wp.func
-def bend_at(curve: Powers, s: wp.float64) -> wp.vec3d:
+def second_derivative_at(curve: Powers, s: wp.float64) -> wp.vec3d:
     """d2p/ds2."""
-    p = wp.float64(2.0) * rise(curve, 2) + (wp.float64(6.0) * s) * rise(curve, 3)
-    return p + (wp.float64(12.0) * s * s) * rise(curve, 4) + (wp.float64(20.0) * s * s * s) * rise(curve, 5)
-
-
-@wp.func
-def row(nodes: Nodes, a: int) -> wp.vec3d:
-    """One of the four nodes."""
-    return wp.vec3d(nodes[a, 0], nodes[a, 1], nodes[a, 2])
+    p = wp.float64(2.0) * row(curve, 2) + (wp.float64(6.0) * s) * row(curve, 3)
+    return p + (wp.float64(12.0) * s * s) * row(curve, 4) + (wp.float64(20.0) * s * s * s) * row(curve, 5)
 
 
 @wp.func
@@ -186,7 +175,7 @@ def stencil(
     length: wp.array(dtype=wp.float64),
     tangent: wp.array(dtype=wp.vec3d),
 ) -> Nodes:
-    """Positions [m] of the four nodes of segment i, unwrapped along the wire from its first node, as rows."""
+    """Positions [m] of the four nodes of segment i as rows, unwrapped along the wire."""
     one = position[i]
     edge = length[i] * tangent[i]
     two = one + edge
@@ -203,17 +192,16 @@ def stencil(
 
 @wp.func
 def sag(nodes: Nodes, rest_bulge: wp.float64) -> wp.float64:
-    """[m] that the curve leaves its chord by at most: 4/27 of what the slopes at either end differ from the chord, and what it
-    has of the shape at rest."""
+    """[m] bound on the distance of the curve from its chord: 4/27 of the slope differences at both ends, plus the bulge."""
     edge = row(nodes, 2) - row(nodes, 1)
     before = wp.length(edge - (row(nodes, 1) - row(nodes, 0)))
     after = wp.length(edge - (row(nodes, 3) - row(nodes, 2)))
-    return MOST_SLOPE * (before + after) + rest_bulge
+    return MAX_SLOPE_WEIGHT * (before + after) + rest_bulge
 
 
 @wp.func
 def closest_on_chords(p1: wp.vec3d, p2: wp.vec3d, q1: wp.vec3d, q2: wp.vec3d) -> wp.vec2d:
-    """Places (s, t) in 0 .. 1 of the closest points of two straight segments; of parallel ones, the middle of what overlaps.
+    """Places (s, t) in 0 .. 1 of the closest points of two straight segments; of parallel ones, the middle of their overlap.
 
     C. Ericson 2005, Real-Time Collision Detection, 5.1.9.
     """

@@ -3,16 +3,16 @@
 import warp as wp
 
 from .control import LOAD_STEP, TIME_STEP
-from .wire_curve import Nodes, lever, mixed, row
-from .wire_pairs import uncarried
+from .wire_curve import Nodes, row, weighted_sum
+from .wire_pairs import affine_inverse
 
 
 @wp.func
-def load_velocity(carried_place: wp.vec3d, control: wp.array(dtype=wp.float64)) -> wp.vec3d:
-    """[m/s] of what the load carries to a place [m], by the last step: dF F^-1 x/dt."""
+def load_velocity(place: wp.vec3d, control: wp.array(dtype=wp.float64)) -> wp.vec3d:
+    """[m/s] affine velocity of the load at a place x [m] in the last step: dF F^-1 x/dt."""
     if control[TIME_STEP] <= wp.float64(0.0):
         return wp.vec3d()
-    rest = uncarried(carried_place, control)
+    rest = affine_inverse(place, control)
     x = control[LOAD_STEP] * rest[0] + control[LOAD_STEP + 1] * rest[1]
     y = control[LOAD_STEP + 2] * rest[0] + control[LOAD_STEP + 3] * rest[1]
     return wp.vec3d(x, y, wp.float64(0.0)) / control[TIME_STEP]
@@ -28,7 +28,7 @@ def node_velocities(
     displacement: wp.array(dtype=wp.vec3d),
     velocity: wp.array(dtype=wp.vec3d),
 ) -> Nodes:
-    """Velocities [m/s] of the four nodes of segment i as rows, what the load carries them by included."""
+    """Velocities [m/s] of the four nodes of segment i as rows, the affine velocity of the load included."""
     one = velocity[i] + load_velocity(row(nodes, 1) - displacement[i], control)
     after = following[i]
     two = velocity[after] + load_velocity(row(nodes, 2) - displacement[after], control)
@@ -46,14 +46,16 @@ def node_velocities(
 @wp.func
 def section_rate(
     segment: int,
-    apart: wp.vec3d,
+    relative_velocity: wp.vec3d,
     length: wp.array(dtype=wp.float64),
     tangent: wp.array(dtype=wp.vec3d),
     spin: wp.array(dtype=wp.float64),
 ) -> wp.vec3d:
-    """[1/s] at which the section of a segment turns: tilt of the segment and spin about it. `apart` [m/s]: velocity of its second
-    node less that of its first."""
-    return wp.cross(tangent[segment], apart) / length[segment] + spin[segment] * tangent[segment]
+    """[1/s] angular velocity of a section: tilt of its segment and spin about it.
+
+    relative_velocity [m/s]: that of the second node less that of the first.
+    """
+    return wp.cross(tangent[segment], relative_velocity) / length[segment] + spin[segment] * tangent[segment]
 
 
 @wp.func
@@ -69,14 +71,14 @@ def point_velocity(
     spin: wp.array(dtype=wp.float64),
 ) -> wp.vec3d:
     """[m/s] of a point of the curve of segment i; `nodes` are velocities."""
-    speed = mixed(w, nodes)
+    speed = weighted_sum(w, nodes)
     before = previous[i]
     if before >= 0:
         rate = section_rate(before, row(nodes, 1) - row(nodes, 0), length, tangent, spin)
-        speed += wp.cross(rate, lever(levers, 0))
-    speed += wp.cross(section_rate(i, row(nodes, 2) - row(nodes, 1), length, tangent, spin), lever(levers, 1))
+        speed += wp.cross(rate, row(levers, 0))
+    speed += wp.cross(section_rate(i, row(nodes, 2) - row(nodes, 1), length, tangent, spin), row(levers, 1))
     after = following[i]
     if following[after] >= 0:
         rate = section_rate(after, row(nodes, 3) - row(nodes, 2), length, tangent, spin)
-        speed += wp.cross(rate, lever(levers, 2))
+        speed += wp.cross(rate, row(levers, 2))
     return speed

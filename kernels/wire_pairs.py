@@ -1,22 +1,22 @@
 """Which segments of wires may touch: a spatial hash proposes pairs, their chords decide.
 
 The hash works on rest coordinates F^-1 x, scaled so that a cell is 1 wide and the cells of a periodic tile divide it evenly:
-the grid's own wrapping is the tile's. Of two segments the one with the smaller number keeps the pair. Segments of one wire
-nearer along it than `apart` do not count: by arc length, not by number, so that segments shorter than the wire is thick do
-not push themselves apart. The list is counted before it is filled, and so never overflows.
+the grid wraps as the tile does. The segment with the smaller number keeps the pair. Segments of one wire with an arc separation
+below `min_arc_separation` are left out, by arc length and not by number, so that segments shorter than the thickness do not
+push each other apart. Pairs are counted before the list is filled, so it never overflows.
 """
 
 import warp as wp
 
 from .control import GRADIENT, LENGTH_FACTOR
-from .rod_frames import carried
-from .wire_curve import CLOSING, closest_on_chords, row, sag, stencil
+from .rod_frames import affine_map
+from .wire_curve import CLOSING_RATE, closest_on_chords, row, sag, stencil
 
-ELSEWHERE = wp.constant(wp.float64(1.0e30))  # [m] distance along a wire of what is on no common wire
+NO_COMMON_WIRE = wp.constant(wp.float64(1.0e30))  # [m] arc separation of segments of different wires
 
 
 @wp.func
-def uncarried(vector: wp.vec3d, control: wp.array(dtype=wp.float64)) -> wp.vec3d:
+def affine_inverse(vector: wp.vec3d, control: wp.array(dtype=wp.float64)) -> wp.vec3d:
     """F^-1 times a vector."""
     xx = control[GRADIENT]
     xy = control[GRADIENT + 1]
@@ -27,15 +27,15 @@ def uncarried(vector: wp.vec3d, control: wp.array(dtype=wp.float64)) -> wp.vec3d
 
 
 @wp.func
-def whole_tiles(distance: wp.float64, tile: wp.float64) -> wp.float64:
-    """The whole number of tiles that is nearest to a distance, as a distance; 0 where the world has no tiles that way."""
+def tile_shift(distance: wp.float64, tile: wp.float64) -> wp.float64:
+    """[m] multiple of the tile size nearest to a distance; 0 in a direction without tiles."""
     if tile <= wp.float64(0.0):
         return wp.float64(0.0)
     return tile * wp.floor(distance / tile + wp.float64(0.5))
 
 
 @wp.func
-def along_wire(
+def arc_separation(
     i: int,
     j: int,
     shift: wp.vec3d,
@@ -45,21 +45,21 @@ def along_wire(
     wire_length: wp.array(dtype=wp.float64),
     wire_period: wp.array(dtype=wp.vec3d),
 ) -> wp.float64:
-    """[m] along the wire from the first node of segment i to that of segment j, moved by `shift`; ELSEWHERE on another wire."""
+    """[m] along the wire from segment i to segment j moved by `shift`; NO_COMMON_WIRE on another wire."""
     wire = node_wire[i]
     if node_wire[j] != wire:
-        return ELSEWHERE
-    way = node_arc[j] - node_arc[i]
+        return NO_COMMON_WIRE
+    separation = node_arc[j] - node_arc[i]
     if wire_closed[wire] == 0:
-        return wp.where(wp.length(shift) > wp.float64(0.0), ELSEWHERE, way)
+        return wp.where(wp.length(shift) > wp.float64(0.0), NO_COMMON_WIRE, separation)
     period = wire_period[wire]
     size = wp.dot(period, period)
     if size == wp.float64(0.0):
-        return way - wire_length[wire] * wp.floor(way / wire_length[wire] + wp.float64(0.5))
+        return separation - wire_length[wire] * wp.floor(separation / wire_length[wire] + wp.float64(0.5))
     rounds = wp.floor(wp.dot(shift, period) / size + wp.float64(0.5))
     if wp.length_sq(shift - rounds * period) > wp.float64(1.0e-12) * size:
-        return ELSEWHERE
-    return way + rounds * wire_length[wire]
+        return NO_COMMON_WIRE
+    return separation + rounds * wire_length[wire]
 
 
 @wp.kernel
@@ -74,9 +74,9 @@ def place_segments_in_hash(
     # out
     place: wp.array(dtype=wp.vec3),
 ):
-    """Middles of the segments at rest, in cells; one thread a node."""
+    """Midpoints of the segments in rest coordinates, in cells; one thread a node."""
     i = wp.tid()
-    middle = uncarried(position[i] + (wp.float64(0.5) * length[i]) * tangent[i], control)
+    middle = affine_inverse(position[i] + (wp.float64(0.5) * length[i]) * tangent[i], control)
     place[i] = wp.vec3(wp.float32(middle[0] / cell[0]), wp.float32(middle[1] / cell[1]), wp.float32(middle[2] / cell[2]))
 
 
@@ -86,9 +86,9 @@ def find_segment_pairs(
     grid: wp.uint64,
     hash_radius: float,
     margin: wp.float64,
-    expected: wp.float64,
-    apart: wp.float64,
-    most_sag: wp.float64,
+    expected_approach: wp.float64,
+    min_arc_separation: wp.float64,
+    max_sag: wp.float64,
     tile: wp.vec3d,
     is_filling: int,
     # in: wires
@@ -114,14 +114,15 @@ def find_segment_pairs(
     pair_first: wp.array(dtype=wp.int32),
     pair_second: wp.array(dtype=wp.int32),
     pair_shift: wp.array(dtype=wp.vec3d),
-    pair_way: wp.array(dtype=wp.float64),
-    pair_wake: wp.array(dtype=wp.float64),
+    pair_arc_separation: wp.array(dtype=wp.float64),
+    pair_wake_travel: wp.array(dtype=wp.float64),
 ):
-    """One thread a segment. Pairs are segments whose surfaces may come nearer than `margin` [m], and of one wire farther along
-    it than `apart` radii. No curve leaves its chord by more than `most_sag` of its segment.
+    """One thread a segment. Pairs are segments whose surfaces may come nearer than `margin` [m]; on one wire their arc separation
+    is at least `min_arc_separation` radii. No curve deviates from its chord by more than `max_sag` of its segment.
 
-    `pair_shift` [m] at rest moves the second segment next to the first; `pair_way` [m] is along_wire; `pair_wake` [m] is the
-    travel since this search at which the pair may touch, the load bringing it nearer by `expected` [m].
+    `pair_shift` [m] at rest moves the second segment next to the first; `pair_arc_separation` [m] is `arc_separation`;
+    `pair_wake_travel` [m] is the travel since this search at which the pair may touch, when the load itself closes the gap by
+    `expected_approach` [m].
     """
     i = wp.tid()
     if is_filling == 0:
@@ -132,8 +133,8 @@ def find_segment_pairs(
     p = stencil(i, previous, following, position, length, tangent)
     p1 = row(p, 1)
     p2 = row(p, 2)
-    grown = control[LENGTH_FACTOR]
-    bulge = sag(p, grown * rest_bulge[i])
+    length_factor = control[LENGTH_FACTOR]
+    bulge = sag(p, length_factor * rest_bulge[i])
     half = wp.float64(0.5)
     middle = half * (p1 + p2)
     query = wp.hash_grid_query(grid, place[i], hash_radius)
@@ -143,35 +144,39 @@ def find_segment_pairs(
             continue
         q1 = position[j]
         q2 = q1 + length[j] * tangent[j]
-        rest_way = uncarried(middle - half * (q1 + q2), control)
-        shift = wp.vec3d(whole_tiles(rest_way[0], tile[0]), whole_tiles(rest_way[1], tile[1]), whole_tiles(rest_way[2], tile[2]))
-        moved = carried(shift, control)
-        q1 = q1 + moved
-        q2 = q2 + moved
-        touch = grown * (node_radius[i] + node_radius[j])
-        reach = touch + margin
-        longest = half * (length[i] + length[j]) + reach + bulge
-        if wp.length(middle - half * (q1 + q2)) > longest + most_sag * length[j]:
+        rest_offset = affine_inverse(middle - half * (q1 + q2), control)
+        shift = wp.vec3d(
+            tile_shift(rest_offset[0], tile[0]), tile_shift(rest_offset[1], tile[1]), tile_shift(rest_offset[2], tile[2])
+        )
+        offset = affine_map(shift, control)
+        q1 = q1 + offset
+        q2 = q2 + offset
+        contact_distance = length_factor * (node_radius[i] + node_radius[j])
+        search_distance = contact_distance + margin
+        max_distance = half * (length[i] + length[j]) + search_distance + bulge
+        if wp.length(middle - half * (q1 + q2)) > max_distance + max_sag * length[j]:
             continue
-        way = along_wire(i, j, shift, node_wire, node_arc, wire_closed, wire_length, wire_period)
-        if way != ELSEWHERE and wp.abs(way) + wp.max(length[i], length[j]) < apart * node_radius[i]:
+        separation = arc_separation(i, j, shift, node_wire, node_arc, wire_closed, wire_length, wire_period)
+        is_same = separation != NO_COMMON_WIRE
+        if is_same and wp.abs(separation) + wp.max(length[i], length[j]) < min_arc_separation * node_radius[i]:
             continue
-        if (following[i] == j and way > wp.float64(0.0) and way != ELSEWHERE) or (following[j] == i and way < wp.float64(0.0)):
-            continue  # they meet in a node and could touch beside it only where the wire is bent back onto itself there
+        is_before = following[i] == j and separation > wp.float64(0.0) and is_same
+        if is_before or (following[j] == i and separation < wp.float64(0.0)):
+            continue  # neighbours share a node; they could touch only where the wire is bent back onto itself
         near = closest_on_chords(p1, p2, q1, q2)
         gap = wp.length(p1 + near[0] * (p2 - p1) - q1 - near[1] * (q2 - q1)) - bulge
-        if gap > reach + most_sag * length[j]:
+        if gap > search_distance + max_sag * length[j]:
             continue
-        gap -= sag(stencil(j, previous, following, position, length, tangent), grown * rest_bulge[j])
-        if gap > reach:
+        gap -= sag(stencil(j, previous, following, position, length, tangent), length_factor * rest_bulge[j])
+        if gap > search_distance:
             continue
         if is_filling != 0:
             k = start[i] + found
             pair_first[k] = i
             pair_second[k] = j
             pair_shift[k] = shift
-            pair_way[k] = way
-            pair_wake[k] = (gap - touch - expected) / CLOSING
+            pair_arc_separation[k] = separation
+            pair_wake_travel[k] = (gap - contact_distance - expected_approach) / CLOSING_RATE
         found += 1
     if is_filling == 0:
         count[i] = found

@@ -38,7 +38,7 @@ class OneMesh:
 def test_only_a_number_below_one_has_converged(ratio: float, converges: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(equilibrium, "tension_scale", lambda _model: 1.0)
     progress = SimpleNamespace(steps=0, checks=0, residual=0.0)
-    relaxation = SimpleNamespace(progress=progress, most_steps=1000, corrected=lambda ratio: ratio)
+    relaxation = SimpleNamespace(progress=progress, step_limit=1000, corrected=lambda ratio: ratio)
     loop = Equilibrium(OneMesh(ratio), [relaxation])  # type: ignore[arg-type,list-item]
     found = [loop.advance(np.array([0])).converged for _ in range(3)]
     assert (found[-1] == [0]) == converges

@@ -23,7 +23,7 @@ from warpknit.planar.state import initial_state
 from warpknit.run.run import run_scene
 from warpknit.scene import load_scene, make_scene
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.estimate import size_of_mesh, spatial_time
+from warpknit.spatial.estimate import size_of_model, spatial_time
 
 ROOT = Path(__file__).parent.parent
 CELL = ROOT / "scenes" / "atlas_cell.toml"
@@ -153,7 +153,7 @@ def test_time_in_space_goes_by_the_pairs_that_a_run_begins_with(bars):
     mesh = build_model(load_scene(ROOT / "scenes" / "atlas_cell_spatial.toml", overrides))
     relaxation = Simulation(mesh)
     relaxation.mechanics.contact.search()
-    planned = size_of_mesh(mesh)
+    planned = size_of_model(mesh)
     assert 0.6 < planned.near / relaxation.mechanics.contact.pair_count <= 1.0
     fewer = replace(planned, near=0)
     assert spatial_time(1000, planned) > spatial_time(1000, fewer)
@@ -165,11 +165,11 @@ FLAT = "wire,x [mm],y [mm],z [mm]\n1,0,0,0\n1,3,3,0\n2,0,3,0\n2,3,0,0\n"  # two 
 @pytest.mark.parametrize(
     ("name", "overrides", "line"),
     [
-        ("atlas_cell_spatial.toml", ["model.nodes_per_loop=12"], "so that no segment meets two copies of another"),
+        ("atlas_cell_spatial.toml", ["model.nodes_per_loop=12"], "no segment touches two periodic images of another"),
         ("wires/plain_knit_cell.toml", ["wires.node_spacing=1e-6"], "half the thickness of the wire or more"),
-        ("wires/plain_knit_cell.toml", ["wires.node_spacing=0.3 mm"], "so that no segment meets two copies of another"),
+        ("wires/plain_knit_cell.toml", ["wires.node_spacing=0.3 mm"], "no segment touches two periodic images of another"),
         ("wires/plain_knit_patch.toml", ["wires.node_spacing=0.02"], "of which its clamps hold four"),
-        (None, [], "their centre lines meet"),
+        (None, [], "their centre lines intersect"),
     ],
 )
 def test_a_plan_in_space_refuses_what_a_run_refuses(name, overrides, line, tmp_path):

@@ -36,9 +36,9 @@ def at_rest(*settings: str) -> tuple[Simulation, Record]:
 def test_stations_that_move_as_one_sheet_carry_the_mesh_as_that_sheet():
     """A thin plate through the clamps gives linear motions back at every node; both nodes of a clamp move as the clamp does."""
     edge = Edge(build_model(scene_of(*SMALL, *CORD)))
-    mesh, rim = edge.mesh, edge.rim
+    mesh, rim = edge.model, edge.rim
     sheet = np.array([[0.02, 0.03], [-0.01, 0.05]])
-    found = edge.displacement(rim.place @ sheet.T)
+    found = edge.mesh_displacement(rim.place @ sheet.T)
     held = mesh.wires.held_node
     free = np.setdiff1d(np.arange(mesh.rods.node_count), held)
     size = float(mesh.panel.size.max())
@@ -61,13 +61,13 @@ def test_a_cord_carries_what_the_clamps_between_net_nodes_do():
     relaxation, last = at_rest(*SMALL, *CORD, "load.strain_weft=0.02", "load.strain_warp=0.02")
     edge, r = relaxation.mechanics.edge, last.observables
     free = ~edge.rim.given
-    balance = edge.balance(r.gradient, r.force)
+    balance = edge.unbalanced_forces(r.gradient, r.force)
     carried = edge.rim.clamps.T @ edge.grip_forces(r.force)
     tolerance = 0.01 * np.sqrt(np.mean(carried[free] ** 2))
     assert free.sum() == 6 and np.sqrt(np.mean(balance[free] ** 2)) < tolerance
     middle = edge.rim.place.mean(axis=0)
     assert np.all(np.sum(last.stations[free] * (edge.rim.place[free] - middle), axis=1) < 0.0)
-    left = np.linalg.norm(np.delete(r.force, edge.mesh.wires.held_node, axis=0)[:, :2], axis=1).sum()
+    left = np.linalg.norm(np.delete(r.force, edge.model.wires.held_node, axis=0)[:, :2], axis=1).sum()
     assert np.abs(balance[~free].sum(axis=0)).max() < left + free.sum() * tolerance
     assert np.all(last.stations[~free] == 0.0)
 
@@ -76,14 +76,14 @@ def test_an_edge_is_taken_up_where_it_was_left():
     """What a checkpoint keeps gives the same stations and shares."""
     relaxation = Simulation(build_model(scene_of(*SMALL, *CORD)))
     edge = relaxation.mechanics.edge
-    edge.set_off(edge.moved + 1e-6)
-    edge.pull(0.5)
-    edge.follow(np.eye(2), relaxation.state.force.numpy() + 1e-6)
+    edge.set_target(edge.station_displacement + 1e-6)
+    edge.move_given(0.5)
+    edge.relax_free(np.eye(2), relaxation.state.force.numpy() + 1e-6)
     other = Simulation(build_model(scene_of(*SMALL, *CORD)))
     other.mechanics.edge.load_state_dict(edge.state_dict())
-    force = np.random.default_rng(0).normal(size=(edge.mesh.rods.node_count, 3))
-    assert np.array_equal(other.mechanics.edge.follow(np.eye(2), force), edge.follow(np.eye(2), force))
-    assert np.array_equal(other.mechanics.edge.pull(0.7), edge.pull(0.7))
+    force = np.random.default_rng(0).normal(size=(edge.model.rods.node_count, 3))
+    assert np.array_equal(other.mechanics.edge.relax_free(np.eye(2), force), edge.relax_free(np.eye(2), force))
+    assert np.array_equal(other.mechanics.edge.move_given(0.7), edge.move_given(0.7))
 
 
 @pytest.mark.slow

@@ -104,8 +104,8 @@ def helix(radius: float, pitch: float, nodes: int, turns: float = 1.0) -> np.nda
 
 def residual_of(rest: RodRelaxation) -> float:
     """[N] the largest force out of balance, torques taken as couples of a segment's length."""
-    couple = float(np.abs(rest.untwisted()).max(initial=0.0)) / rest.spacing
-    return max(float(np.linalg.norm(rest.out_of_balance(), axis=1).max(initial=0.0)), couple)
+    couple = float(np.abs(rest.unbalanced_torques()).max(initial=0.0)) / rest.spacing
+    return max(float(np.linalg.norm(rest.unbalanced_forces(), axis=1).max(initial=0.0)), couple)
 
 
 def relaxed(rest: RodRelaxation, tolerance: float, strain_tolerance: float = 1e-6, most_steps: int = 500_000) -> int:
@@ -114,7 +114,7 @@ def relaxed(rest: RodRelaxation, tolerance: float, strain_tolerance: float = 1e-
         rest.stepper.step(CHECK_STEPS)
         rest.update()
         if steps % (20 * CHECK_STEPS) == 0:
-            rest.take_masses()
+            rest.renew_masses()
         if residual_of(rest) < tolerance and rest.stretch_error() < strain_tolerance:
             return steps + CHECK_STEPS
     raise AssertionError(f"{residual_of(rest):.3g} N out of balance after {most_steps:,} steps")

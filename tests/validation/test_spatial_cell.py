@@ -44,7 +44,7 @@ def test_wires_that_overlap_as_knitted_are_pushed_apart() -> None:
     """A yarn of three ends is thicker than the knit keeps its centre lines apart: said, and taken out before the load comes
     on."""
     relaxation, (unloaded, *_) = relaxed("wire.ends=3", "load.strain_weft=0", "load.strain_warp=0", "output.frames=1")
-    assert "as knitted wires overlap in" in relaxation.notes[0]
+    assert "as knitted, wires overlap in" in relaxation.notes[0]
     assert unloaded.touching.force.max() > 0.0 and unloaded.penetration < 0.01
 
 
@@ -74,7 +74,7 @@ def assert_stress_is_the_derivative_of_the_energy(relaxation: Simulation) -> Non
     """
     stepper, contact, mesh = relaxation.mechanics.stepper, relaxation.mechanics.contact, relaxation.model
     stepper.state.write_control({c.BOW_MOMENT: 0.0})  # chords: the length of arcs is kept by multipliers, at rest only
-    last = read(mesh, relaxation.mechanics.sites, relaxation.mechanics.rest, contact)
+    last = read(mesh, relaxation.mechanics.sites, relaxation.mechanics.relaxation, contact)
     assert len(last.touching.force) > 4
     step = 0.01 * float(last.touching.overlap.min()) / mesh.panel.size.max()
     gradient, found = last.gradient.copy(), np.zeros((2, 2))
@@ -85,7 +85,7 @@ def assert_stress_is_the_derivative_of_the_energy(relaxation: Simulation) -> Non
         place[mesh.wires.held_node, :2] = mesh.held_shift(f)
         stepper.state.displacement.assign(place)
         stepper.evaluate()
-        near = contact.near()
+        near = contact.read_contacts()
         return stepper.energy() + 0.5 * float(np.sum(near.force * near.overlap))
 
     for k in np.ndindex(2, 2):

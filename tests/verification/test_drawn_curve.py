@@ -69,7 +69,7 @@ def test_at_rest_wires_in_space_are_drawn_along_their_centre_lines():
         along = behind / np.linalg.norm(behind, axis=1, keepdims=True)
         missed = offset - line.between[:, k]
         missed -= np.sum(missed * along, axis=1, keepdims=True) * along
-        assert np.linalg.norm(missed, axis=1).max() < 1.1 * mesh.curve.miss
+        assert np.linalg.norm(missed, axis=1).max() < 1.1 * mesh.curve.fit_error
 
 
 def test_the_planar_curve_is_the_one_that_bodies_touch(planar):

@@ -11,7 +11,7 @@ from reference.rods import SECTION, Pose
 from warpknit.kernels import control as c
 from warpknit.spatial.rest_curve import FIT_PLACES, CentreLine, fit_rest_curve
 from warpknit.spatial.rods import Rods, rods_of
-from warpknit.spatial.wire_contact import TouchingPairs, WireContact
+from warpknit.spatial.wire_contact import Contacts, WireContact
 
 STIFFNESS = 100.0  # [N/m]
 
@@ -68,9 +68,9 @@ def test_the_curve_is_the_centre_line_at_rest() -> None:
     errors = []
     for step, nodes in ((1.3, 14), (0.65, 28)):
         rods, line = line_of(looped, across, nodes=nodes, step=step)
-        nearest = [1.0 - contact_of(rods, given)[1].near(0.5).overlap.max() for given in (line, None)]
+        nearest = [1.0 - contact_of(rods, given)[1].read_contacts(0.5).overlap.max() for given in (line, None)]
         errors.append(abs(nearest[0] - true))
-        assert errors[-1] < fit_rest_curve(rods, line).miss
+        assert errors[-1] < fit_rest_curve(rods, line).fit_error
         assert errors[-1] < abs(nearest[1] - true) / 20
     assert errors[1] < errors[0] / 2**4
 
@@ -82,7 +82,7 @@ def gradient_error(pose: Pose, contact: WireContact) -> tuple[float, float]:
 
     def contact_energy(move: np.ndarray, turn: np.ndarray) -> float:
         pose.at(move, turn)
-        found = contact.near()
+        found = contact.read_contacts()
         return float(0.5 * np.sum(found.force * found.overlap))
 
     still, none = np.zeros((nodes, 3)), np.zeros(nodes)
@@ -107,7 +107,7 @@ def test_contact_on_the_curve_is_the_gradient_of_its_energy() -> None:
     rng = np.random.default_rng(5)
     pose.bend_by(0.02 * rng.normal(size=(28, 3)), np.where(pose.has_segment, 0.2 * rng.normal(size=28), 0.0))
     pose.at(np.zeros((28, 3)), np.zeros(28))
-    assert contact.near().force.max() > 0.05 * STIFFNESS
+    assert contact.read_contacts().force.max() > 0.05 * STIFFNESS
     error, torque = gradient_error(pose, contact)
     assert error < 1e-6
     assert torque > 1e-3  # sections feel it
@@ -117,14 +117,14 @@ def test_two_contacts_and_the_saddle_between_them_are_the_gradient_of_their_ener
     """k (o_a^2 + o_b^2 - o_c^2)/2, shortly before they become one: the distance between them goes with the root of what is left,
     which makes the differences ten times as wrong as those of one contact."""
     pose, contact = contact_of(*hooked(float(np.arctan(0.99 * np.sqrt(0.4 * 0.9))), 0.8, 0.9))
-    assert (contact.near().force > 0.0).sum() == 2
-    assert (contact.near().force < 0.0).sum() == 1
+    assert (contact.read_contacts().force > 0.0).sum() == 2
+    assert (contact.read_contacts().force < 0.0).sum() == 1
     assert gradient_error(pose, contact)[0] < 1e-5
 
 
-def touch(angle: float, bow: float, gap: float, **where: float) -> TouchingPairs:
+def touch(angle: float, bow: float, gap: float, **where: float) -> Contacts:
     """Contacts of two wires of diameter 1 that hook each other."""
-    return contact_of(*hooked(angle, bow, gap, **where))[1].near()
+    return contact_of(*hooked(angle, bow, gap, **where))[1].read_contacts()
 
 
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ def test_wires_that_hook_at_a_small_angle_touch_twice_within_a_segment(share: fl
     assert (3.0 * found.place[pushes, 0] - 1.5 - along) ** 2 == pytest.approx(np.full(2, beside), rel=1e-3)
 
 
-def push(found: TouchingPairs) -> np.ndarray:
+def push(found: Contacts) -> np.ndarray:
     """(3,) what the first wire has of the second."""
     return (found.force[:, None] * found.normal).sum(axis=0)
 
@@ -185,7 +185,7 @@ def test_two_contacts_near_each_other_rub_as_what_both_press_with(share: float) 
     contact.search()
     contact.advance(20)
     pose.stepper.evaluate()
-    found = contact.near()
+    found = contact.read_contacts()
     assert (found.force > 0.0).sum() == (2 if share < 1.0 else 1)
     assert -found.friction[:, 0].sum() == pytest.approx(friction * found.force.sum(), rel=0.02)
 
@@ -197,7 +197,7 @@ def test_a_contact_goes_without_a_jump_while_another_stays(along: float) -> None
     counts as none leaves a jump of the order of its third root."""
     bow, gap, lean = 0.8, 0.9, 0.02
 
-    def at(share: float) -> TouchingPairs:
+    def at(share: float) -> Contacts:
         return touch(float(np.arctan(share * np.sqrt(0.5 * bow * gap))), bow, gap, lean=lean, along=along)
 
     low, high = 0.8, 1.0
@@ -235,9 +235,9 @@ def test_pairs_wake_before_they_touch(seed: int) -> None:
         overlaps = []
         for _ in range(300):
             if is_awake:
-                contact.wake()
+                contact.wake_all()
             contact.advance(1)
-            overlaps.append(contact.near().overlap.max(initial=0.0))
+            overlaps.append(contact.read_contacts().overlap.max(initial=0.0))
         found.append(np.array(overlaps))
     assert (found[1] > 0.0).sum() > 50
     assert np.array_equal(found[0] > 0.0, found[1] > 0.0)
@@ -256,4 +256,4 @@ def test_wires_that_the_load_brings_together_touch() -> None:
     state.write_control(start | {c.TO: 0.7, c.TO + 3: 1.0, c.TO + 4: 1.0})
     contact.expect(0.3)
     contact.advance(100)
-    assert contact.near().overlap.max(initial=0.0) == pytest.approx(1.0 - 0.7 * 1.3, rel=1e-2, abs=0)
+    assert contact.read_contacts().overlap.max(initial=0.0) == pytest.approx(1.0 - 0.7 * 1.3, rel=1e-2, abs=0)

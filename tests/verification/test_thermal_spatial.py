@@ -1,6 +1,6 @@
 """Heat in space: uniform, by the length factor of the wires, and uneven, by lengths of their own.
 
-straight wire between two grips, segments with warmth w:    T = EA (1/mean(1 + w) - 1)
+straight wire between two grips, segments with thermal_strain w:    T = EA (1/mean(1 + w) - 1)
 everything f times as large, wires heated by as much:       overlaps f times as large, bending forces 1/f^2
 any state:                                                  the thermal force is the derivative of the energy by f
 """
@@ -38,24 +38,24 @@ def test_a_wire_that_is_cold_at_one_end_pulls_as_its_mean(softening: float) -> N
     points = np.stack([np.arange(count, dtype=float), np.zeros(count), np.zeros(count)], axis=1)
     rods = rods_of(SECTION, [points]).holding([0, 1, count - 2, count - 1], [0, count - 2])
     rest = RodRelaxation(RodStepper(rods), softening=softening)
-    warmth = -1e-3 * np.linspace(0.0, 1.0, count)
-    rest.warm(warmth)
+    thermal_strain = -1e-3 * np.linspace(0.0, 1.0, count)
+    rest.set_thermal_strain(thermal_strain)
     relaxed(rest, 1e-6 * SECTION.axial_stiffness, strain_tolerance=1e-9)
     between = slice(1, count - 2)
-    wanted = SECTION.axial_stiffness * (1.0 / np.mean(1.0 + warmth[between]) - 1.0)
+    wanted = SECTION.axial_stiffness * (1.0 / np.mean(1.0 + thermal_strain[between]) - 1.0)
     assert rest.tension()[between] == pytest.approx(wanted, rel=1e-4, abs=0)
 
 
 def test_a_wire_that_is_even_again_lets_go_after_a_resume() -> None:
-    """What uneven warmth has brought into the tensions of a wire that is not softened is taken out again once it is gone, also
-    where the run was taken up in between: to 1e-9 of strain."""
+    """The multipliers remove the tensions of an uneven thermal strain once it is gone, also after a resume in between: to 1e-9 of
+    strain."""
     count = 12
     points = np.stack([np.arange(count, dtype=float), np.zeros(count), np.zeros(count)], axis=1)
     rods = rods_of(SECTION, [points]).holding([0, 1, count - 2, count - 1], [0, count - 2])
     rest = RodRelaxation(RodStepper(rods))
-    rest.warm(-1e-3 * np.linspace(0.0, 1.0, count))
+    rest.set_thermal_strain(-1e-3 * np.linspace(0.0, 1.0, count))
     relaxed(rest, 1e-6 * SECTION.axial_stiffness, strain_tolerance=1e-9)
-    rest.warm(np.zeros(count))
+    rest.set_thermal_strain(np.zeros(count))
     other = RodRelaxation(RodStepper(rods))
     other.stepper.state.restore(rest.stepper.state.arrays())
     other.load_state_dict(rest.state_dict())
@@ -95,21 +95,23 @@ def test_thermal_force_is_the_derivative_of_the_energy() -> None:
     E/o^3."""
     relaxation = pressed()
     stepper, contact, mesh = relaxation.mechanics.stepper, relaxation.mechanics.contact, relaxation.model
-    last = read(mesh, relaxation.mechanics.sites, relaxation.mechanics.rest, contact)
+    last = read(mesh, relaxation.mechanics.sites, relaxation.mechanics.relaxation, contact)
     assert len(last.touching.force) > 4
     step = 0.01 * float(last.touching.overlap.min()) / mesh.rods.section.thickness
     place = stepper.state.displacement.numpy().copy()
 
-    rods, held = mesh.rods, ~relaxation.mechanics.rest.stretches & (mesh.rods.following >= 0)
+    rods, held = mesh.rods, ~relaxation.mechanics.relaxation.can_stretch & (mesh.rods.following >= 0)
 
     def energies(factor: float) -> np.ndarray:
         stepper.state.write_control({c.LENGTH_FACTOR: factor})
         place[mesh.wires.held_node, :2] = mesh.held_shift(last.gradient, factor)
         stepper.state.displacement.assign(place)
         stepper.evaluate()
-        natural, strain = rods.natural_length[held] * factor, relaxation.mechanics.rest.strain()[held]
-        rigid = 0.5 * relaxation.mechanics.rest.stretch * float(np.sum(natural * strain**2))  # that clamps hold
-        return np.array([stepper.energy() - rigid, 0.5 * mesh.contact_stiffness * float(np.sum(contact.near().overlap ** 2))])
+        natural, strain = rods.natural_length[held] * factor, relaxation.mechanics.relaxation.strain()[held]
+        rigid = 0.5 * relaxation.mechanics.relaxation.softened_stiffness * float(np.sum(natural * strain**2))  # that clamps hold
+        return np.array(
+            [stepper.energy() - rigid, 0.5 * mesh.contact_stiffness * float(np.sum(contact.read_contacts().overlap ** 2))]
+        )
 
     slope = (energies(1.0 + step) - energies(1.0 - step)) / (2.0 * step)
     assert last.contact_growth == pytest.approx(slope[1], rel=1e-3, abs=0)
@@ -120,14 +122,14 @@ def test_what_grows_alike_touches_alike() -> None:
     """Wires heated by f in a frame f times as large, all displacements too: the same picture, f times as large, to round-off."""
     relaxation, by = pressed(), 1.02
     state, contact = relaxation.state, relaxation.mechanics.contact
-    before = contact.near()
+    before = contact.read_contacts()
     place, gradient = state.displacement.numpy() * by, by * state.gradient
     place[:, 2] += (by - 1.0) * relaxation.model.rods.position[:, 2]
     state.displacement.assign(place)
     state.write_control({int(c.GRADIENT) + k: float(v) for k, v in enumerate(gradient.ravel())} | {int(c.LENGTH_FACTOR): by})
     contact.search()
     relaxation.mechanics.stepper.evaluate()
-    after = contact.near()
+    after = contact.read_contacts()
     order = [np.lexsort((t.second, t.first)) for t in (before, after)]
     assert len(before.force) > 4
     assert after.overlap[order[1]] == pytest.approx(by * before.overlap[order[0]], rel=1e-6, abs=1e-12 * by)

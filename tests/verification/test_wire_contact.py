@@ -20,7 +20,7 @@ def test_crossing_wires_push_once_with_the_prescribed_stiffness(at: float) -> No
     overlap = 0.02
     stepper, contact = touching([line([0, 0, 0], [2, 0, 0], 6), line([at, -4.2, 1 - overlap], [0, 2, 0], 6)])
     force, _ = stepper.forces()
-    assert contact.near().force == pytest.approx([STIFFNESS * overlap], rel=1e-9, abs=0)
+    assert contact.read_contacts().force == pytest.approx([STIFFNESS * overlap], rel=1e-9, abs=0)
     assert force[6:].sum(axis=0) == pytest.approx([0, 0, STIFFNESS * overlap], rel=1e-9, abs=1e-12)
 
 
@@ -34,10 +34,10 @@ def test_contact_force_is_the_gradient_of_its_energy() -> None:
 
     def energy(position: np.ndarray) -> float:
         stepper.place(position)
-        return float(0.5 * STIFFNESS * np.sum(contact.near().overlap ** 2))
+        return float(0.5 * STIFFNESS * np.sum(contact.read_contacts().overlap ** 2))
 
     stepper.place(start)
-    assert len(contact.near().force) == 1
+    assert len(contact.read_contacts().force) == 1
     stepper.state.control.numpy()[int(c.CONTACT_STIFFNESS)] = 0.0
     elastic, _ = stepper.forces()
     stepper.state.control.numpy()[int(c.CONTACT_STIFFNESS)] = STIFFNESS
@@ -56,8 +56,8 @@ def test_two_plies_come_to_rest(spacing: float) -> None:
     """They touch along a line though they stand at an angle of 34 degrees to each other, so each segment has its contact, and
     what is out of balance falls below a millionth of what they press with."""
     contact, rest, nodes = plies(spacing)
-    assert (contact.near().force > 0.0).sum() >= nodes - 1
-    assert residual_of(rest) < 1e-6 * contact.near().force.sum()
+    assert (contact.read_contacts().force > 0.0).sum() >= nodes - 1
+    assert residual_of(rest) < 1e-6 * contact.read_contacts().force.sum()
 
 
 def tangle(seed: int, wires: int, nodes: int) -> Rods:
@@ -107,7 +107,7 @@ def test_a_list_that_memory_has_no_room_for_ends_the_run(monkeypatch: pytest.Mon
     """The list is counted first and never overflows: it grows, or says what it needs (exit status 4)."""
     contact = WireContact(RodStepper(tangle(3, 12, 60)), STIFFNESS)
     monkeypatch.setattr("warpknit.spatial.wire_contact.available_memory", lambda: 1000)
-    with pytest.raises(OutOfResources, match="pairs of segments near each other need"):
+    with pytest.raises(OutOfResources, match="pairs of neighbouring segments need"):
         contact.search()
     monkeypatch.undo()
     contact.search()
@@ -119,7 +119,7 @@ def test_a_wire_of_short_segments_does_not_push_itself_apart() -> None:
     angle = np.arange(40) / 8.0
     bend = 2.0 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     stepper, contact = touching([line([0, 0, 5], [0.25, 0, 0], 30), bend])
-    assert len(contact.near().force) == 0
+    assert len(contact.read_contacts().force) == 0
     assert np.abs(stepper.forces()[0]).max() < 1e-9 * SECTION.axial_stiffness
 
 
@@ -128,7 +128,7 @@ def test_a_wire_touches_itself() -> None:
     angle = 2 * np.pi * np.arange(60) / 24
     coil = np.stack([3 * np.cos(angle), 3 * np.sin(angle), 0.9 * angle / (2 * np.pi)], axis=1)
     _, contact = touching([coil])
-    overlap = contact.near().overlap
+    overlap = contact.read_contacts().overlap
     pitch_angle = np.arctan(0.9 / (2 * np.pi * 3))
     assert len(overlap) >= 30
     assert overlap == pytest.approx(np.full(len(overlap), 1 - 0.9 * np.cos(pitch_angle)), abs=5e-3)
@@ -140,7 +140,7 @@ def energy_of(stepper: RodStepper, contact: WireContact) -> float:
     mass = state.node_mass.numpy()[:, None]
     before = state.velocity.numpy().copy()
     stepper.evaluate()
-    near = contact.near()
+    near = contact.read_contacts()
     stored = stepper.energy() + 0.5 * STIFFNESS * float(np.sum(np.sign(near.force) * near.overlap**2))
     after = before + float(state.read_control()[int(c.TIME_STEP)]) * state.force.numpy() / mass
     return stored + 0.25 * float(np.sum(mass * (before**2 + after**2)))
@@ -162,7 +162,7 @@ def test_energy_goes_by_friction_alone(friction: float) -> None:
     for _ in range(150):
         contact.advance(20)
         energies.append(energy_of(stepper, contact))
-        hits += len(contact.near().force) > 0
+        hits += len(contact.read_contacts().force) > 0
     assert hits > 3
     error = share**2 * start
     if friction == 0.0:

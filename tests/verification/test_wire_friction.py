@@ -28,7 +28,7 @@ def test_contact_with_friction_has_no_net_force_and_moment() -> None:
     stepper.step(1)
     moved = stepper.rods.position + state.displacement.numpy()
     stepper.place(moved)
-    touch = contact.near()
+    touch = contact.read_contacts()
     assert 0.0 < np.linalg.norm(touch.friction) <= 0.4 * touch.force[0]
     force, torque = stepper.forces()
     tangent = state.tangent.numpy()
@@ -48,14 +48,14 @@ def test_what_sticks_is_remembered_over_searches() -> None:
     stepper.set_time_step(0.02)
     stepper.step(1)
     stepper.evaluate()
-    before = contact.near()
+    before = contact.read_contacts()
     assert 0.0 < np.linalg.norm(before.friction) < 0.5 * before.force[0]
     moved = state.displacement.numpy().copy()
     for where in ([0.0, -60.0, 2.1], [0.0, 0.0, 0.0]):  # the third wire comes near, and goes again
         state.displacement.assign(moved + np.where(np.arange(18)[:, None] // 6 == 2, where, 0.0))
         contact.search()
         stepper.evaluate()
-        after = contact.near()
+        after = contact.read_contacts()
         assert np.array_equal(after.friction, before.friction) and np.array_equal(after.force, before.force)
 
 
@@ -74,7 +74,7 @@ def test_friction_is_steady_from_segment_to_segment() -> None:
     for _ in range(500):
         contact.advance(1)
         stepper.evaluate()
-        found = contact.near()
+        found = contact.read_contacts()
         segments.add((int(found.first[0]), int(found.second[0])))
         pulls.append(found.friction.sum(axis=0))
     steady = np.array(pulls)[20:]
@@ -102,7 +102,7 @@ def test_wires_that_the_load_carries_over_each_other_stick_and_slip() -> None:
     contact.advance(steps + 20)
     stepper.evaluate()
     expected = [STICK_SHARE * STIFFNESS * slid * np.log(1.0 + strain), 0.0, 0.0]
-    found = contact.near()
+    found = contact.read_contacts()
     assert np.linalg.norm(found.friction) < 0.4 * found.force[0]
     assert np.abs(np.abs(found.friction[0]) - expected).max() < strain * expected[0]
     assert found.friction[0, 0] < 0.0  # the wire below goes on ahead of the one on it
@@ -112,7 +112,7 @@ def test_sections_that_stick_to_a_hard_surface_come_to_rest() -> None:
     """Friction of 50 times the stiffness of bending turns the sections to and fro unless their inertia reckons with it; then 1e-5
     is left, against 2e-2."""
     contact, rest, _ = plies(1.0, hardness=100.0, friction=0.3)
-    assert residual_of(rest) < 1e-4 * contact.near().force.sum()
+    assert residual_of(rest) < 1e-4 * contact.read_contacts().force.sum()
 
 
 def wire_on_rails(slope: float, friction: float, rolls: bool) -> tuple[RodStepper, WireContact]:
@@ -154,7 +154,7 @@ def test_wire_on_an_incline_slips_at_the_friction_angle(share: float) -> None:
         moved = state.displacement.numpy()[80:, 0].mean()
         contact.advance(count)
         assert state.displacement.numpy()[80:, 0].mean() == pytest.approx(moved, rel=1e-6, abs=0)
-        along = -contact.near().friction[:, 0].sum()  # the rails are the first of each pair
+        along = -contact.read_contacts().friction[:, 0].sum()  # the rails are the first of each pair
         assert along == pytest.approx(-np.sin(slope), rel=1e-6, abs=0)
     else:
         contact.advance(count)

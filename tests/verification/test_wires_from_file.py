@@ -62,7 +62,7 @@ def test_wires_that_nothing_holds_are_refused(tmp_path):
     angle = 2.0 * np.pi * np.arange(24) / 24
     np.savez(tmp_path / "ring.npz", 1e-3 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1))
     wires = {"file": "ring.npz", "unit": "m", "closed": True}
-    with pytest.raises(ModelError, match="wires: given rings only"):
+    with pytest.raises(ModelError, match="wires: given closed rings only"):
         build_model(make_scene({"wires": wires, "model": {"kind": "spatial"}}, path=tmp_path / "scene.toml"))
 
 
@@ -70,7 +70,7 @@ def test_wires_that_overlap_are_pushed_apart_and_said(tmp_path):
     scene = crossing(tmp_path, 0.8 * DIAMETER)
     records, relaxation = settled(scene)
     [note] = relaxation.notes
-    assert "overlap in 1 places, by 0.2 of their thickness" in note
+    assert "overlap in 1 place, by up to 20 % of their thickness" in note
     rods, position = relaxation.model.rods, records[0].observables.position
     weft, warp = np.split(position, rods.wire_first[1:])
     # they are far from each other but at the crossing, where the gap is their difference in height
@@ -82,7 +82,7 @@ def test_wires_that_overlap_are_pushed_apart_and_said(tmp_path):
 def test_wires_that_pass_through_each_other_are_refused(tmp_path, height):
     """Which of them lies over the other is not for round-off to say."""
     relaxation = Simulation(build_model(crossing(tmp_path, height * DIAMETER)))
-    with pytest.raises(ModelError, match=r"wires 1 and 2 pass through each other near x = 0.001 m, y = 0.0005 m"):
+    with pytest.raises(ModelError, match=r"wires 1 and 2 pass through each other near x = 1 mm, y = 0.5 mm"):
         relaxation.compile()
 
 

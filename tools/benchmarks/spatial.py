@@ -26,11 +26,11 @@ SCENE = Path(__file__).parents[2] / "scenes" / "atlas_cell_spatial.toml"
 STEPS = 200
 NODES_PER_LOOP = 64
 PARTS = {
-    "follow_rods": "rods",
+    "update_frames": "rods",
     "bend_rods": "rods",
     "step_rods": "rods",
     "find_closest_places": "narrow_phase",
-    "push_wires_apart": "contact_forces",
+    "add_contact_forces": "contact_forces",
 }
 
 
@@ -79,7 +79,7 @@ def measure(repeats: int, overrides: list[str], rounds: int) -> dict[str, Any]:
     stepper.step(STEPS)
     whole = best({"step": lambda: stepper.step(STEPS)}, rounds)["step"] / STEPS
     parts = kernels_alone(relaxation, rounds)
-    near, pairs = contact.near(), contact.pair_count
+    near, pairs = contact.read_contacts(), contact.pair_count
     search = best({"search": contact.search}, rounds)["search"] * searches / max(steps, 1)
     stepper.contact = None
     stepper.step(STEPS)

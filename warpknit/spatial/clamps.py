@@ -1,4 +1,4 @@
-"""Clamps that move step by step with the load, some of which slide along the warp: those of two hooked wires."""
+"""Clamps that follow the load step by step; some slide along the warp, as those of two hooked wires."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class MovingClamps:
     """Clamps of a stepper, two held nodes each. Sets itself as the stepper's clamps."""
 
     def __init__(self, stepper: RodStepper, node: np.ndarray, lever: np.ndarray, sliding: np.ndarray) -> None:
-        """node (clamp, 2); lever (clamp, 2, 2) [m] at rest, from the clamp; sliding: numbers of those that do."""
+        """node (clamp, 2); lever (clamp, 2, 2) [m] of the nodes at rest, from the clamp; sliding: their indices."""
         device = stepper.device
         self.stepper = stepper
         self.count, self.sliding = len(node), sliding
@@ -30,27 +30,27 @@ class MovingClamps:
         stepper.clamps = self
 
     def launches(self) -> list[Launch]:
-        """What moves the clamps, behind the step of the rods."""
+        """Launches that move the clamps after the step of the rods."""
         return [bind(move_clamps, self.count, self.stepper.state, clamp_velocity=self.velocity, **self._clamps)]
 
-    # --- of the sliding ones, in the state last evaluated
+    # --- sliding clamps, in the state last evaluated
 
     @property
     def mass(self) -> np.ndarray:
-        """[sliding clamp] [kg] of both nodes."""
+        """[sliding clamp] [kg] mass of both nodes."""
         return self.stepper.state.node_mass.numpy()[self.sliding_node].sum(axis=1)
 
     @property
     def place(self) -> np.ndarray:
-        """[sliding clamp] [m] how far it has slid from where the load carries its first node."""
+        """[sliding clamp] [m] displacement from the affine position of its first node."""
         return self.stepper.state.displacement.numpy()[self.sliding_node[:, 0], 1].copy()
 
     @property
     def force(self) -> np.ndarray:
-        """(sliding clamp, 3) [N] out of balance: along the warp."""
+        """(sliding clamp, 3) [N] unbalanced force, along the warp."""
         force = self.stepper.state.force.numpy()[self.sliding_node].sum(axis=1)
         return force * np.array([0.0, 1.0, 0.0])
 
     def stop(self) -> None:
-        """Stop all motion."""
+        """Set all velocities to zero."""
         self.velocity.zero_()

@@ -1,4 +1,4 @@
-"""Places of wires in space: the smooth curve between the nodes, where wires touch, and where they are nearest for pictures."""
+"""Places of contacts and sites on the wires in space."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ from .sites import NOWHERE
 
 
 def site_places(r: Any) -> np.ndarray:
-    """(site, 3) [m] where the two wires of each site touch, at the strongest of several contacts, and in the middle between them;
-    where they do not, between the nearest points of both. On the first wire as it is drawn, in the first tile."""
+    """(site, 3) [m] contact point of the two wires of each site, that of the largest force if there are several.
+
+    Without contact, the midpoint between the nearest points of both wires. In the tile in which the first wire is drawn.
+    """
     place = np.full((r.sites.count, 3), np.nan)
     t = r.touching
     site, sign = r.touching_site
@@ -28,7 +30,7 @@ def site_places(r: Any) -> np.ndarray:
 
 
 def _touched(r: Any, contact: int, sign: float) -> np.ndarray:
-    """(3,) [m] the place of a contact whose first wire is that of its site where `sign` is 1."""
+    """(3,) [m] place of a contact; sign: 1 where its first wire is the first wire of the site, else -1."""
     t = r.touching
     node, s = (t.first, t.place[:, 0]) if sign > 0.0 else (t.second, t.place[:, 1])
     half = 0.5 * (r.length_factor * r.model.rods.section.thickness - t.overlap[contact])
@@ -37,25 +39,25 @@ def _touched(r: Any, contact: int, sign: float) -> np.ndarray:
 
 
 def _nearest(r: Any, site: int) -> np.ndarray:
-    """(3,) [m] between the nearest points of the two wires of a site, within its reach."""
+    """(3,) [m] midpoint between the nearest points of the two wires of a site, within its reach."""
     wires = r.model.wires
     rest = [_along(r, r.model.rods.position, np.eye(2), site, side)[0] for side in (0, 1)]
-    lines, rounds = zip(*(_along(r, r.position, r.gradient, site, side) for side in (0, 1)), strict=True)
-    apart = rest[0].mean(axis=0) - rest[1].mean(axis=0)
-    tiles = np.rint(np.divide(apart, wires.tile, out=np.zeros(3), where=wires.tile > 0))
+    lines, shifts = zip(*(_along(r, r.position, r.gradient, site, side) for side in (0, 1)), strict=True)
+    offset = rest[0].mean(axis=0) - rest[1].mean(axis=0)
+    tiles = np.rint(np.divide(offset, wires.tile, out=np.zeros(3), where=wires.tile > 0))
     shift = tiles * wires.tile
     shift[:2] = r.gradient @ shift[:2]
     a, b = (grid.ravel() for grid in np.meshgrid(np.arange(len(lines[0]) - 1), np.arange(len(lines[1]) - 1)))
     begin, other = lines[0], lines[1] + shift
-    distance, on_a, on_b = segment_distances(begin[a], begin[a + 1], other[b], other[b + 1])
+    distance, place_a, place_b = segment_distances(begin[a], begin[a + 1], other[b], other[b + 1])
     k = int(np.argmin(distance))
-    own = begin[a[k]] + on_a[k] * (begin[a[k] + 1] - begin[a[k]])
-    facing = other[b[k]] + on_b[k] * (other[b[k] + 1] - other[b[k]])
-    return np.asarray(0.5 * (own + facing) - rounds[0][a[k]])
+    own = begin[a[k]] + place_a[k] * (begin[a[k] + 1] - begin[a[k]])
+    facing = other[b[k]] + place_b[k] * (other[b[k] + 1] - other[b[k]])
+    return np.asarray(0.5 * (own + facing) - shifts[0][a[k]])
 
 
 def _along(r: Any, position: np.ndarray, gradient: np.ndarray, site: int, side: int) -> tuple[np.ndarray, np.ndarray]:
-    """(n, 3) [m] nodes of one wire of a site within its reach, in turn, and how far each has gone on from where it is drawn."""
+    """(n, 3) [m] nodes of one wire of a site within its reach, and the periodic shift (n, 3) [m] of each."""
     rods, wires = r.model.rods, r.model.wires
     wire = int(wires.site_wire[site, side])
     count, first = int(rods.wire_count[wire]), int(rods.wire_first[wire])
@@ -68,12 +70,12 @@ def _along(r: Any, position: np.ndarray, gradient: np.ndarray, site: int, side: 
     turns = number // count if rods.wire_closed[wire] else np.zeros(len(number), dtype=int)
     closing = np.zeros(3)
     closing[:2] = gradient @ rods.wire_period[wire, :2]
-    moved = turns[:, None] * closing
-    return position[first + number - turns * count] + moved, moved
+    shift = turns[:, None] * closing
+    return position[first + number - turns * count] + shift, shift
 
 
 def contact_places(r: Any) -> ContactPlaces:
-    """A place for each contact with more than the threshold."""
+    """Places of the contacts whose force exceeds the threshold."""
     rods, contacts = r.model.rods, r.touching
     kept = contacts.force > active_threshold(r.model)
     node = np.stack([contacts.first, contacts.second], axis=1)[kept]

@@ -49,22 +49,22 @@ def size_of(scene: Scene, cloth: Cloth | None) -> tuple[Size, bool]:
     if cloth is not None and not counted and scene.solver.drive == "relax":
         nodes, wires, bodies = endless_counts(scene, cloth)
         return endless_size(nodes, wires, bodies), False
-    return size_of_mesh(build_model(scene)), counted
+    return size_of_model(build_model(scene)), counted
 
 
-def size_of_mesh(mesh: SpatialModel) -> Size:
+def size_of_model(model: SpatialModel) -> Size:
     """The sizes of a mesh. Raises `ModelError` where its tile is too small for its segments."""
-    rods = mesh.rods
-    gaps = pair_gaps(rods, search_cells(rods, mesh.curve))
+    rods = model.rods
+    gaps = pair_gaps(rods, search_cells(rods, model.curve))
     return Size(
         nodes=rods.node_count,
         wires=len(rods.wire_first),
-        bodies=mesh.panel.body_count,
+        bodies=model.panel.body_count,
         near=len(gaps),
         close=int(np.count_nonzero(gaps < CLOSE * rods.section.thickness)),
-        time_step=mesh.time_step,
-        limited_by=mesh.limited_by,
-        loading_time=mesh.loading_time,
+        time_step=model.time_step,
+        limited_by=model.limited_by,
+        loading_time=model.loading_time,
     )
 
 

@@ -1,4 +1,4 @@
-"""Wires from a file (`warpknit.wires`) as rods: closed where they repeat or are rings, clamped at both ends where open."""
+"""Wires from a file (`warpknit.wires`) as rods: periodic wires and rings are closed, open wires clamped at both ends."""
 
 from __future__ import annotations
 
@@ -16,30 +16,32 @@ from ..wires.hooks import Hooks, find_hooks
 from .placed_wires import SpatialWires
 from .rods import Rods, Section, rods_of
 
-FEWEST = 5  # nodes of an open wire, of which the clamps hold four
-# what a panel of wires from a file has none of
-NO_NUMBERS = (
+MIN_NODES = 5  # of an open wire, of which the clamps hold four
+# fields of a panel that wires from a file leave empty
+EMPTY_INDEX_FIELDS = (
     "block_first", "block_count", "block_table", "block_wire", "body_clasp", "pair_seed", "pair_table", "pair_low", "pair_high",
     "pair_side", "held_node", "held_clamp", "rhombus_bodies",
 )  # fmt: skip
-NO_PLACES = ("block_origin", "pair_shift", "held_lever")
+EMPTY_VECTOR_FIELDS = ("block_origin", "pair_shift", "held_lever")
 
 
-def mesh_of_wires(section: Section, wires: Wires, loop_length: float) -> tuple[Panel, SpatialWires, Rods]:
-    """The wires as a panel, a body standing for each place where they hook each other; what holds their ends; and the rods, free
-    of stress where the file has them but for the lengths free of stress that it may give. `loop_length` [m] is about the wire of
-    a loop. Raises `ModelError`."""
+def panel_of_wires(section: Section, wires: Wires, loop_length: float) -> tuple[Panel, SpatialWires, Rods]:
+    """The wires as a panel with a body for each hook, their clamps, and the stress-free rods.
+
+    Natural lengths are those of the file where it has them. loop_length [m]: approximate length of wire in a loop. Raises
+    `ModelError`.
+    """
     count = np.array([len(points) for points in wires.points], dtype=np.int32)
     first = np.concatenate([[0], np.cumsum(count)[:-1]]).astype(np.int32)
     is_open = np.array([kind == "open" for kind in wires.kinds])
-    if (count[is_open] < FEWEST).any():
-        number = int(np.flatnonzero(is_open & (count < FEWEST))[0])
-        allowed = f"{FEWEST} or more, of which its clamps hold four"
-        raise ModelError(f"wires.node_spacing: wire {number + 1} gets {count[number]} nodes, allowed: {allowed}")
+    if (count[is_open] < MIN_NODES).any():
+        number = int(np.flatnonzero(is_open & (count < MIN_NODES))[0])
+        allowed = f"{MIN_NODES} or more, of which its clamps hold four"
+        raise ModelError(f"wires.node_spacing: wire {number + 1} has {count[number]} nodes, allowed: {allowed}")
     if wires.period is None and not is_open.any():
-        raise ModelError("wires: given rings only, allowed: wires with ends to hold, or that repeat (wires.period)")
+        raise ModelError("wires: given closed rings only, allowed: at least one open wire, or periodic wires (wires.period)")
     hooks = find_hooks(wires, loop_length)
-    placed = _placed(wires, hooks, SLIDE_ALLOWANCE * loop_length, first[is_open], count[is_open])
+    placed = _place_wires(wires, hooks, SLIDE_ALLOWANCE * loop_length, first[is_open], count[is_open])
     rods = rods_of(section, wires.points, [None if end else wires.closing(w) for w, end in enumerate(is_open)], tile=placed.tile)
     if wires.rest_lengths is not None:
         own = rods.natural_length.copy()
@@ -49,14 +51,16 @@ def mesh_of_wires(section: Section, wires: Wires, loop_length: float) -> tuple[P
     return _panel(wires, hooks, placed, first, count, section.thickness), placed, rods
 
 
-def _placed(wires: Wires, hooks: Hooks, slack: float, first: np.ndarray, count: np.ndarray) -> SpatialWires:
-    """What holds open wires with these first nodes and numbers of nodes, clamps in the middles of their end segments; and the
-    sites of the hooks, from `slack` [m] before their lens to as much behind it."""
+def _place_wires(wires: Wires, hooks: Hooks, slack: float, first: np.ndarray, count: np.ndarray) -> SpatialWires:
+    """Clamps of open wires, in the middle of their end segments, and sites of the hooks.
+
+    first, count: of the nodes of open wires; slack [m]: reach of a site beyond both ends of its lens.
+    """
     held = np.stack([first, first + 1, first + count - 2, first + count - 1], axis=1).astype(np.int64)
     places = np.concatenate(wires.points)[held][..., :2]
     middle = np.repeat(places.reshape(-1, 2, 2, 2).mean(axis=2), 2, axis=1)
     low, high, seed = (_node_places(wires, hooks.wire, arc) for arc in (hooks.low, hooks.high, 0.5 * (hooks.low + hooks.high)))
-    spare = slack / (wires.lengths / wires.segment_counts)[hooks.wire]
+    slack_nodes = slack / (wires.lengths / wires.segment_counts)[hooks.wire]
     return SpatialWires(
         points=wires.points,
         tile=np.zeros(3) if wires.period is None else np.array([*wires.period, 0.0]),
@@ -66,13 +70,13 @@ def _placed(wires: Wires, hooks: Hooks, slack: float, first: np.ndarray, count: 
         held_section=held[:, [0, 2]].ravel(),
         site_wire=hooks.wire,
         site_seed=_in_first_round(wires, hooks.wire, seed),
-        site_low=low - seed - spare,
-        site_high=high - seed + spare,
+        site_low=low - seed - slack_nodes,
+        site_high=high - seed + slack_nodes,
     )
 
 
 def _node_places(wires: Wires, wire: np.ndarray, arc: np.ndarray) -> np.ndarray:
-    """(hook, 2) numbers of nodes along wires at arcs (hook, 2) [m]; beyond their ends they go on."""
+    """(hook, 2) node numbers along wires at arc lengths (hook, 2) [m], continued beyond the ends."""
     places = np.empty(arc.shape)
     for w in np.unique(wire):
         begin, end = wires.ends(w)
@@ -90,7 +94,9 @@ def _in_first_round(wires: Wires, wire: np.ndarray, place: np.ndarray) -> np.nda
 
 def _panel(wires: Wires, hooks: Hooks, placed: SpatialWires, first: np.ndarray, count: np.ndarray, thickness: float) -> Panel:
     points = np.concatenate(wires.points)[:, :2]
-    none: dict[str, Any] = dict.fromkeys(NO_NUMBERS, np.zeros(0, dtype=np.int32)) | dict.fromkeys(NO_PLACES, np.zeros((0, 2)))
+    none: dict[str, Any] = dict.fromkeys(EMPTY_INDEX_FIELDS, np.zeros(0, dtype=np.int32)) | dict.fromkeys(
+        EMPTY_VECTOR_FIELDS, np.zeros((0, 2))
+    )
     return Panel(
         size=np.maximum(np.ptp(points, axis=0), thickness) if wires.period is None else wires.period,
         low=points.min(axis=0) if wires.period is None else np.zeros(2),

@@ -1,8 +1,7 @@
-"""What is measured of two hooked wires in space, in the words of measure/hook_contact.py.
+"""Contact of two hooked wires in space, by the names of measure/hook_contact.py.
 
-The wires wind round each other and press where they do, in two or three places whose forces have opposite parts out of the
-plane. What one wire has of the other is their sum; its place along a wire is the mean of theirs, each counted by what it gives
-to that sum in the plane.
+The wires wind round each other and touch in two or three places, whose forces have opposite components out of the plane. The
+contact force is their sum; its place along a wire is their mean, weighted by the in-plane component along that sum.
 """
 
 from __future__ import annotations
@@ -18,15 +17,15 @@ from .hook_wires import BETWEEN
 
 
 def hook_contact(r: Any) -> HookContact:
-    """The contact of a hook; where the wires do not touch, its places are those of the middle of the lens at rest."""
-    mesh, t = r.model, r.touching
-    hook, rods = mesh.scene.hook, mesh.rods
+    """The contact of a hook; without contact, its places are at the middle of the lens at rest."""
+    model, t = r.model, r.touching
+    hook, rods = model.scene.hook, model.rods
     assert hook is not None
-    step = hook.length / mesh.scene.model.nodes_per_loop
+    step = hook.length / model.scene.model.nodes_per_loop
     push = t.force[:, None] * t.normal + t.friction  # on the left wire, whose nodes come first
     total = push.sum(axis=0)
     force = float(np.linalg.norm(total))
-    arc = {wire: float(mesh.wires.site_seed[0, wire] + BETWEEN) * step for wire in (LEFT, RIGHT)}
+    arc = {wire: float(model.wires.site_seed[0, wire] + BETWEEN) * step for wire in (LEFT, RIGHT)}
     body = np.array([0.0, 0.5 * hook.height])
     if force > 0.0:
         share = (push[:, :2] @ total[:2]).clip(0.0)
@@ -35,7 +34,7 @@ def hook_contact(r: Any) -> HookContact:
             arc[wire] = float(share @ (nodes - rods.wire_first[wire] + place - BETWEEN)) * step
         touched = r.position[t.first] + r.curve.offset(t.first, t.place[:, 0])
         body = share @ (touched - 0.5 * rods.section.thickness * t.normal)[:, :2]
-    held = mesh.wires.held_node.reshape(-1, 2)[RIGHT_TOP]
+    held = model.wires.held_node.reshape(-1, 2)[RIGHT_TOP]
     return HookContact(
         displacement=float(r.gradient[0, 1]) * hook.height,
         drive_force=-float(r.force[held, 0].sum()),

@@ -1,9 +1,8 @@
 """Two hooked wires in space: the arcs of a hook (mesh/hook_mesh.py), each turned out of the plane to pass over and under.
 
-In the plane both arcs lie in one plane and cross twice. Here each is the same arc in a plane of its own, turned by an angle
-about the axis across the hook's middle, the left one one way and the right one the other: at the lower crossing the left wire
-lies over the right one by `hook.crossing_distance`, at the upper one under it by as much. That is how two wires hook: with the
-same sign at both crossings they would slip past each other.
+In the planar model both arcs lie in one plane and cross twice. Here each arc is tilted about the horizontal axis through the
+middle of the hook, the two in opposite directions: at the lower crossing the left wire lies `hook.crossing_distance` above the
+right one, at the upper crossing as much below it. With the same order at both crossings the wires would not be hooked.
 """
 
 from __future__ import annotations
@@ -18,11 +17,11 @@ from ..scene import Hook
 from .placed_wires import SpatialWires, line_along
 from .rest_curve import CentreLine
 
-BETWEEN = 0.5  # of a segment, from the plane's nodes, one of which stands at the clamp, to those here: a clamp is in their middle
+BETWEEN = 0.5  # segments from the planar nodes, one of which is at the clamp, to those here, with the clamp midway between two
 
 
 def tilt(hook: Hook) -> float:
-    """[rad] by which each arc is turned out of the plane. Raises no error: `hook.crossing_distance` is small against the lens."""
+    """[rad] tilt of each arc out of the plane."""
     assert hook.crossing_distance is not None
     half = hook.radius * math.sin(math.acos(1.0 - 0.5 * hook.overlap / hook.radius))
     return math.asin(0.5 * hook.crossing_distance / half)
@@ -32,7 +31,7 @@ class TiltedArc:
     """The centre line of a wire by its arc length s [m] from the lower clamp."""
 
     def __init__(self, hook: Hook, wire: int, angle: float) -> None:
-        """angle [rad] by which the upper end is turned up out of the plane."""
+        """angle [rad]: tilt of the upper end out of the plane."""
         self._arc, self._half, self._middle = Arc(hook, wire), 0.5 * hook.length, 0.5 * hook.height
         self._bulge, self._radius = self._arc.bulge, hook.radius
         self._up = np.array([math.cos(angle), math.sin(angle)])
@@ -50,7 +49,7 @@ class TiltedArc:
 
 
 def hook_wires(hook: Hook, panel: Panel, segments: int) -> SpatialWires:
-    """Both wires at `segments` even segments between their clamps, which stand in the middle of a further one each."""
+    """Both wires with `segments` equal segments; each clamp is in the middle of one more segment."""
     step = hook.length / segments
     along = (np.arange(segments + 2) - 0.5) * step
     arcs = (TiltedArc(hook, LEFT, -tilt(hook)), TiltedArc(hook, RIGHT, tilt(hook)))

@@ -1,4 +1,4 @@
-"""The mechanics of the spatial model: what the engine asks of it (mechanics.py)."""
+"""The mechanics of the spatial model (protocol `Mechanics` of mechanics.py)."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from .sites import Sites
 from .thermal import segment_thermal_strain
 from .wire_contact import STICK_SHARE, WireContact
 
-CLOSEST = 1e-3  # of the thickness: a smaller overlap as knitted is none, and a smaller distance of centre lines
-MASS_CHECKS = 20  # convergence checks between renewals of the fictitious masses
-EDGE_CHECKS = 4  # convergence checks between corrections of what hangs on cords
-EDGE_RATIO = 20.0  # of what counts as converged, below which they begin
-FARTHEST = 0.2  # of the thickness: by how much the state is moved ahead
-RESERVED = 0.25  # of the margin of a search, kept for what the load itself moves until the next one
+CLOSEST = 1e-3  # of the thickness: smaller overlaps as knitted, and smaller distances of centre lines, count as zero
+MASS_CHECKS = 20  # convergence checks between updates of the fictitious masses
+EDGE_CHECKS = 4  # convergence checks between steps of the free stations
+EDGE_RATIO = 20.0  # residual ratio below which the free stations move
+MAX_PREDICTION = 0.2  # of the thickness: largest displacement of the prediction
+RESERVED = 0.25  # of the search margin, reserved for the motion of the load until the next search
 DRIFT = Drift(checks=8, max_decay_ratio=0.98)
 
 
@@ -49,7 +49,7 @@ class SpatialMechanics:
         self.stepper = RodStepper(model.rods, model.device, state)
         self.contact = WireContact(self.stepper, model.contact_stiffness, friction=scene.contact.friction, curve=model.curve)
         self.clamps = self._moving_clamps()
-        self.rest = RodRelaxation(
+        self.relaxation = RodRelaxation(
             self.stepper,
             softening=model.softening,
             contact_stiffness=model.contact_stiffness,
@@ -60,25 +60,25 @@ class SpatialMechanics:
         )
         mass = float(self.state.node_mass.numpy().max())
         wave = SLOWEST_WAVE * model.loop_length
-        self.rest.slowest = slowest_damping(model.bending_stiffness, wave, self.rest.spacing, mass)
-        self.residual = Residual(model, self.rest, self.contact)
+        self.relaxation.min_damping = slowest_damping(model.bending_stiffness, wave, self.relaxation.spacing, mass)
+        self.residual = Residual(model, self.relaxation, self.contact)
         self.edge = Edge(model) if scene.has_moving_edge else None
-        self._last: tuple[np.ndarray, np.ndarray] | None = None  # gradient and displacement of the level before
-        self._searched_at = np.eye(2)  # gradient at the search that room for a ramp was last kept by
+        self._last: tuple[np.ndarray, np.ndarray] | None = None  # gradient and displacement of the previous level
+        self._searched_at = np.eye(2)  # gradient at the last search that reserved a margin for a ramp
         if model.ramp is not None:
             self._take_real_masses(model.ramp.node_mass, model.ramp.spin_inertia, model.ramp.damping)
 
     def _take_real_masses(self, node_mass: np.ndarray, spin_inertia: np.ndarray, damping: float) -> None:
-        """Go by the masses of a ramp in place of fictitious ones."""
+        """Use the masses of a ramp in place of fictitious ones."""
         self.state.node_mass.assign(node_mass)
         self.state.spin_inertia.assign(spin_inertia)
         self.stepper.set_time_step(self.model.time_step, damping)
-        # two wires that fly at each other come nearer by half their thickness a step at most: they meet before they have passed
+        # limits the approach of two colliding wires to half their thickness a step, so that they cannot pass through each other
         farthest = 0.5 * float(self.model.rods.wire_radius.min())
         self.state.write_control({c.DRIVE: 1.0, c.SPEED_LIMIT: np.inf, c.STEP_LIMIT: farthest})
 
     def _moving_clamps(self) -> MovingClamps | None:
-        """Clamps that move step by step: those of a hook, some of which slide, and all in a ramp."""
+        """Clamps that a kernel moves step by step: those of a hook, some of which slide, and all in a ramp."""
         wires = self.model.wires
         if wires.sliding_clamp is None and (self.model.ramp is None or not len(wires.held_node)):
             return None
@@ -95,27 +95,27 @@ class SpatialMechanics:
 
     @property
     def stations(self) -> np.ndarray:
-        return np.zeros((0, 2)) if self.edge is None else self.edge.moved
+        return np.zeros((0, 2)) if self.edge is None else self.edge.station_displacement
 
     def compile(self) -> None:
-        """Raises `ModelError` where wires pass through each other."""
+        """Compile all kernels. Raises `ModelError` where centre lines intersect."""
         self.search()
         self.step(0)
         self.stepper.evaluate()
-        self._refuse_wires_in_one_place()
+        self._refuse_intersecting_centre_lines()
 
-    def _refuse_wires_in_one_place(self) -> None:
-        """Centre lines that meet do not say which wire is to lie over the other."""
-        near, rods = self.contact.near(0.0), self.model.rods
-        touch = rods.wire_radius[rods.wire_of[near.first]] + rods.wire_radius[rods.wire_of[near.second]]
-        if not len(touch) or (apart := 1.0 - near.overlap / touch).min() >= CLOSEST:
+    def _refuse_intersecting_centre_lines(self) -> None:
+        """Intersecting centre lines do not tell which wire lies above the other."""
+        near, rods = self.contact.read_contacts(0.0), self.model.rods
+        contact_distance = rods.wire_radius[rods.wire_of[near.first]] + rods.wire_radius[rods.wire_of[near.second]]
+        if not len(contact_distance) or (distance := 1.0 - near.overlap / contact_distance).min() >= CLOSEST:
             return
-        worst = int(apart.argmin())
+        worst = int(distance.argmin())
         first, second = (int(rods.wire_of[nodes[worst]]) for nodes in (near.first, near.second))
         x, y, _ = rods.position[near.first[worst]]
         raise ModelError(
-            f"wires {first + 1} and {second + 1} pass through each other near x = {x:.4g} m, y = {y:.4g} m: their centre lines"
-            " meet, so that neither lies over the other; allowed: some distance, however small against the thickness"
+            f"wires {first + 1} and {second + 1} pass through each other near x = {1e3 * x:.4g} mm, y = {1e3 * y:.4g} mm: their"
+            " centre lines intersect, so neither lies above the other; allowed: any distance between them, however small"
         )
 
     # --- loads
@@ -127,23 +127,25 @@ class SpatialMechanics:
         then = [*load.gradient.ravel().tolist(), factor]
         ramp = {int(c.FROM) + k: now[k] for k in range(5)} | {int(c.TO) + k: then[k] for k in range(5)}
         state.write_control(ramp | {int(c.RAMP_STEP): 0.0, int(c.RAMP_STEPS): float(steps), int(c.EVEN_RAMP): float(evenly)})
-        self.contact.wake()
+        self.contact.wake_all()
         if self.model.ramp is not None:
             return
-        self.rest.warm(segment_thermal_strain(self.model, load.temperature, np.array(load.temperature_gradient)))
+        self.relaxation.set_thermal_strain(
+            segment_thermal_strain(self.model, load.temperature, np.array(load.temperature_gradient))
+        )
         if self.clamps is None:
             self._move_clamps(load, factor)
-        self.rest.begin()
+        self.relaxation.stop_motion()
         self.contact.expect(float(np.abs(load.gradient - before).max()))
 
     def _move_clamps(self, load: LoadPoint, factor: float) -> None:
-        """Put the held nodes where the load will have them; what of the edge is pulled goes there with the load."""
+        """Move the held nodes to their places under the load; given stations of the edge move while it is applied."""
         held = self.model.wires.held_node
         displacement = self.state.displacement.numpy().copy()
         displacement[held, :2] = self.model.held_shift(load.gradient, factor)
         if self.edge is not None and load.stations is not None:
-            self.edge.set_off(load.stations)
-            displacement[held, :2] += self.edge.displacement(self.edge.moved)[held]
+            self.edge.set_target(load.stations)
+            displacement[held, :2] += self.edge.mesh_displacement(self.edge.station_displacement)[held]
         self.state.displacement.assign(displacement)
 
     def load_steps(self, predicted: bool) -> int:
@@ -153,11 +155,11 @@ class SpatialMechanics:
         displacement = self.state.displacement.numpy().copy()
         if ratio > 0.0 and self._last is not None:
             move = ratio * (displacement - self._last[1])
-            furthest = float(np.linalg.norm(move, axis=1).max(initial=0.0))
-            most = FARTHEST * self.model.rods.section.thickness
-            self.state.displacement.assign(displacement + move * min(1.0, most / max(furthest, 1e-300)))
+            largest = float(np.linalg.norm(move, axis=1).max(initial=0.0))
+            limit = MAX_PREDICTION * self.model.rods.section.thickness
+            self.state.displacement.assign(displacement + move * min(1.0, limit / max(largest, 1e-300)))
         self._last = self.state.gradient, displacement
-        self.rest.begin()
+        self.relaxation.stop_motion()
 
     def advance_history(self) -> None:
         self.stepper.yielding.advance()
@@ -175,7 +177,7 @@ class SpatialMechanics:
         self.stepper.step(count)
 
     def overlap(self) -> float:
-        return self.contact.take_deepest() / (2.0 * float(self.model.rods.wire_radius.min()))
+        return self.contact.pop_max_penetration() / (2.0 * float(self.model.rods.wire_radius.min()))
 
     def fastest(self) -> tuple[int, int]:
         rods = self.model.rods
@@ -187,38 +189,38 @@ class SpatialMechanics:
     # --- convergence of a relaxation
 
     def begin_level(self) -> None:
-        self.contact.take_deepest()
+        self.contact.pop_max_penetration()
 
     def check(self, checks: int, *, loading: bool) -> Check:
-        self.rest.update()
+        self.relaxation.update()
         if not loading and self.contact.expected > 0.0:
-            self.contact.expect(0.0)  # the load is on
+            self.contact.expect(0.0)  # the load is fully applied
         tolerance = self.model.scene.solver.residual_tolerance
         ratio = np.inf if loading and self.edge is None else self.residual.ratio()
         if self.edge is not None:
             self._move_edge(self.edge, checks, ratio)
-            ratio = max(ratio, self.edge.still_to_do(tolerance))
+            ratio = max(ratio, self.edge.residual_ratio(tolerance))
         return Check(np.nan, np.inf) if loading else Check(ratio * tolerance, ratio)
 
     def _move_edge(self, edge: Edge, checks: int, ratio: float) -> None:
-        """Pull the edge on while the load comes on; what hangs on cords follows once the mesh itself is nearly converged."""
+        """Move given stations while the load is applied, free ones once the mesh itself is close to convergence."""
         steps = checks * CHECK_STEPS
         if steps <= LOAD_STEPS:
-            carried = edge.pull(steps / LOAD_STEPS)
+            move = edge.move_given(steps / LOAD_STEPS)
         elif edge.rim.is_free and checks % EDGE_CHECKS == 0 and ratio < EDGE_RATIO:
-            carried = edge.follow(self.state.gradient, self.state.force.numpy())
+            move = edge.relax_free(self.state.gradient, self.state.force.numpy())
         else:
             return
-        if np.any(carried):
+        if np.any(move):
             displacement = self.state.displacement.numpy().copy()
-            displacement[:, :2] += carried
+            displacement[:, :2] += move
             self.state.displacement.assign(displacement)
             self.contact.search()
-            self.rest.carried()
+            self.relaxation.reset_damping_estimate()
 
     def renew(self, checks: int) -> None:
         if checks % MASS_CHECKS == 0:
-            self.rest.take_masses()
+            self.relaxation.renew_masses()
 
     def stress(self) -> np.ndarray:
         return self.observe().nominal_stress
@@ -227,32 +229,32 @@ class SpatialMechanics:
         return strength_exceeded(measure.stress_extremes(self.observe())[0], self.model.scene.wire.tensile_strength)
 
     def is_in_equilibrium(self, load: LoadPoint) -> bool:
-        """As knitted, where no wires overlap and all are free of stress; says so where some overlap."""
+        """Whether the mesh is as knitted, stress-free and without overlaps; overlaps are added to `notes`."""
         wire = self.model.scene.wire
         if not load.is_as_knitted(wire.reference_temperature):
             return False
         self.stepper.evaluate()
-        overlaps = self.contact.near().overlap / self.model.rods.section.thickness
+        overlaps = self.contact.read_contacts().overlap / self.model.rods.section.thickness
         deep = overlaps[overlaps > CLOSEST]
         if len(deep):
             self.notes.append(
-                f"as knitted wires overlap in {len(deep)} places, by {deep.max():.2g} of their thickness at most: they were"
-                " pushed apart before the load came on"
+                f"as knitted, wires overlap in {len(deep)} place{'s' if len(deep) > 1 else ''}, by up to"
+                f" {100 * deep.max():.2g} % of their thickness; they were pushed apart before loading"
             )
             return False
-        is_free = wire.set_fraction == 1.0 and self.rest.stretch_error() <= AXIAL_ERROR
+        is_free = wire.set_fraction == 1.0 and self.relaxation.stretch_error() <= AXIAL_ERROR
         return is_free and self.residual.ratio() < 1.0
 
     # --- real time
 
     def renew_time_step(self, steps: int) -> float:
         self.stepper.evaluate()
-        step = self.rest.stable_time_step()
+        step = self.relaxation.stable_time_step()
         self.state.write_control({c.TIME_STEP: step})
         return step
 
     def reserve_for_load(self) -> None:
-        self.contact.take_deepest()
+        self.contact.pop_max_penetration()
         self._reserve(self.state.gradient)
 
     def follow_load(self) -> None:
@@ -261,7 +263,7 @@ class SpatialMechanics:
             self._reserve(gradient)
 
     def _reserve(self, gradient: np.ndarray) -> None:
-        """Search, and keep room for what the load will move."""
+        """Search, and reserve a margin for the motion of the load."""
         self.contact.expect(self.contact.strain_within(RESERVED))
         self._searched_at = gradient
 
@@ -272,7 +274,7 @@ class SpatialMechanics:
     # --- observation
 
     def observe(self) -> SpatialObservables:
-        return read(self.model, self.sites, self.rest, self.contact)
+        return read(self.model, self.sites, self.relaxation, self.contact)
 
     def edge_work_terms(self, observed: SpatialObservables) -> list[tuple[np.ndarray, np.ndarray]]:
         terms = [(observed.thermal_strain_force, observed.thermal_strain)]
@@ -282,7 +284,7 @@ class SpatialMechanics:
 
     def state_dict(self) -> dict[str, np.ndarray]:
         kept: dict[str, Any] = {"notes": np.array(json.dumps(self.notes)), "searched_at": self._searched_at}
-        kept |= self.contact.state_dict() | self.rest.state_dict() | self.stepper.yielding.state_dict()
+        kept |= self.contact.state_dict() | self.relaxation.state_dict() | self.stepper.yielding.state_dict()
         if self.edge is not None:
             kept |= self.edge.state_dict()
         if self._last is not None:
@@ -293,7 +295,7 @@ class SpatialMechanics:
         self.notes[:] = json.loads(str(kept["notes"]))
         self._searched_at = kept["searched_at"].copy()
         self.contact.load_state_dict(kept)
-        self.rest.load_state_dict(kept)
+        self.relaxation.load_state_dict(kept)
         self.stepper.yielding.load_state_dict(kept)
         if self.edge is not None:
             self.edge.load_state_dict(kept)

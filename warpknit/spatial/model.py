@@ -1,4 +1,4 @@
-"""A knitted mesh as rods: the wires of a panel (mesh/panel.py) at the places in space that the knit gives them."""
+"""The spatial model: the wires of a panel (mesh/panel.py) as rods in space."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ..scene import Scene
 from ..scene.messages import scene_error
 from ..scene.wire import Wire
 from ..wires.read import rest_wires
-from .from_file import mesh_of_wires
+from .from_file import panel_of_wires
 from .hook_wires import hook_wires
 from .placed_wires import SpatialWires, place_wires
 from .ramp_masses import RampNumerics, ramp_numerics
@@ -31,13 +31,13 @@ from .rest_curve import RestCurve, catmull_rom, fit_rest_curve
 from .rod_arrays import RodState, rest_state
 from .rods import Rods, Section, rods_of
 
-LEAST_SPACING = 0.5  # thicknesses of the wire between the nodes of wires from a file
-CONTACT_TO_BENDING = 1.0  # contact penalty over 4 EI/h^3 or, softened, EA/h, the larger, where the scene gives none
+LEAST_SPACING = 0.5  # smallest node spacing of wires from a file, in thicknesses of the wire
+CONTACT_TO_BENDING = 1.0  # default contact penalty over the larger of 4 EI/h^3 and softened EA/h
 
 
 @dataclass(frozen=True)
 class SpatialModel:
-    """A mesh ready to be stepped as rods. `panel` says which wires there are and where they are knitted to hook each other.
+    """A mesh of rods: everything that does not move. `panel` has the wires and the places where they hook each other.
 
     Wires from a file have no cloth and no table.
     """
@@ -62,7 +62,7 @@ class SpatialModel:
 
     @property
     def time_step(self) -> float:
-        """[s] that a run starts with."""
+        """[s] initial time step."""
         return 1.0 if self.ramp is None else self.ramp.time_step
 
     @property
@@ -77,7 +77,7 @@ class SpatialModel:
 
     @property
     def added_mass(self) -> float:
-        """Share of mass that scaling added."""
+        """Mass added by scaling, over the true mass."""
         return 0.0 if self.ramp is None else self.ramp.added_mass
 
     @property
@@ -87,40 +87,42 @@ class SpatialModel:
 
     @property
     def curve_error(self) -> float:
-        """[m] of the rest curve between the nodes."""
-        return self.curve.miss
+        """[m] error of the rest curve between the nodes."""
+        return self.curve.fit_error
 
     @property
     def global_model(self) -> SpatialModel:
-        """The global mesh: no ranks share it."""
+        """The global model: this one, as ranks do not share it."""
         return self
 
     @property
     def node_count(self) -> int:
-        """Nodes of the rods: wires between clamps are divided anew."""
+        """Nodes of the rods, which differ from those of the panel between clamps."""
         return self.rods.node_count
 
     @property
     def when_compressed(self) -> str:
-        """What a compressed mesh would do and this one does not show."""
+        """Behaviour under compression that the model cannot show."""
         return "wrinkle over many repeats, for which this one is too small"
 
     def warnings(self, stages: Sequence[dict[str, Any]]) -> Iterator[str]:
-        """Where results are beyond what the model is for: nowhere."""
+        """Where results are outside the validity of the model: nowhere."""
         yield from ()
 
     @property
     def pair_count(self) -> int:
-        """Two for each place where wires hook each other, as in the planar model."""
+        """Two for each site, as in the planar model."""
         return 2 * self.panel.body_count
 
     def held_shift(self, gradient: np.ndarray, length_factor: float = 1.0) -> np.ndarray:
-        """(held, 2) [m] displacement of held nodes from the affinely carried place: their clamp is carried, they keep its
-        direction, and their distance from it grows as the wire does."""
+        """(held, 2) [m] displacement of held nodes from their affine positions.
+
+        The clamp moves affinely; its nodes keep its direction, and their distance from it expands as the wire does.
+        """
         return self.wires.held_lever @ (length_factor * np.eye(2) - gradient).T
 
     def layout(self) -> WireLayout:
-        """How the wires are laid out, for the exports; a place where wires hook each other stands for a body."""
+        """Layout of the wires for the exports; each site counts as a body."""
         p, rods = self.panel, self.rods
         return WireLayout(
             wire_start=np.concatenate([rods.wire_first, [rods.node_count]]),
@@ -137,12 +139,12 @@ class SpatialModel:
 
 
 def initial_state(model: SpatialModel) -> RodState:
-    """The knitted shape, no velocity, no load."""
+    """The knitted shape, without velocity and load."""
     return rest_state(model.rods, model.device)
 
 
 def wire_section(wire: Wire) -> Section:
-    """The section of a yarn."""
+    """The section of a wire or yarn."""
     return Section(
         axial_stiffness=wire.axial_stiffness,
         bending_stiffness=wire.bending_stiffness,
@@ -156,10 +158,10 @@ def wire_section(wire: Wire) -> Section:
 
 
 def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -> SpatialModel:
-    """The mesh of a scene as rods. Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`."""
+    """The spatial model of a scene. Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`."""
     start_warp()
     if ranks is not None and ranks.count > 1:
-        raise ModelError(f"model.kind: given 'spatial', which {ranks.count} ranks cannot share: run without mpirun")
+        raise ModelError(f"model.kind: given 'spatial', which cannot run on {ranks.count} ranks, allowed: one (without mpirun)")
     section = wire_section(scene.wire)
     if scene.wires is not None:
         _refuse_fine_nodes(scene, section.thickness)
@@ -168,9 +170,9 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
         if needed > available:
             size = f"{found.node_count:,} nodes need {needed / 2**30:.3g} GiB, available {available / 2**30:.3g} GiB"
             raise MemoryNeeded(f"wires.node_spacing = {scene.wires.node_spacing:g} m: {size}")
-        panel, wires, rods = mesh_of_wires(section, found, scene.wires.loop_length)
+        panel, wires, rods = panel_of_wires(section, found, scene.wires.loop_length)
         spacing = float(rods.natural_length[rods.following >= 0].min())
-        return _mesh(scene, None, None, panel, wires, rods, spacing, scene.wires.loop_length, device)
+        return _assemble(scene, None, None, panel, wires, rods, spacing, scene.wires.loop_length, device)
     if scene.hook is not None:
         segments, set_fraction = scene.model.nodes_per_loop, scene.wire.set_fraction
         table = hook_table(scene.hook, segments=segments, set_fraction=set_fraction)
@@ -178,23 +180,23 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
         wires = hook_wires(scene.hook, panel, segments)
         rods = rods_of(section, wires.points).holding(wires.held_node, wires.held_section)
         length = scene.hook.length
-        return _mesh(scene, None, table, panel, wires, rods, length / segments, length, device)
+        return _assemble(scene, None, table, panel, wires, rods, length / segments, length, device)
     cloth = knit_scene(scene)
     table, panel, loop_length = lay_out(scene, cloth)
     wires = place_wires(cloth, table, panel)
     rods = rods_of_wires(section, panel, wires)
-    return _mesh(scene, cloth, table, panel, wires, rods, float(table.spacing.min()), loop_length, device)
+    return _assemble(scene, cloth, table, panel, wires, rods, float(table.spacing.min()), loop_length, device)
 
 
 def _refuse_fine_nodes(scene: Scene, thickness: float) -> None:
-    """The masses of a relaxation are made for few contacts at a node: finer nodes than this meet too many."""
+    """Refuse a node spacing below LEAST_SPACING: the fictitious masses allow for few contacts at a node."""
     least = LEAST_SPACING * thickness
     if scene.wires is not None and scene.wires.node_spacing < least:
         given, allowed = f"{scene.wires.node_spacing:g} m", f"half the thickness of the wire or more, {least:g} m, to run"
         raise scene_error(scene.path, "wires.node_spacing", given, allowed)
 
 
-def _mesh(
+def _assemble(
     scene: Scene,
     cloth: Cloth | None,
     table: Table | None,
@@ -205,13 +207,13 @@ def _mesh(
     loop_length: float,
     device: str,
 ) -> SpatialModel:
-    """The mesh with the numbers that it is stepped with; spacing [m] of its nodes."""
+    """The model with its solver constants; spacing [m] of its nodes."""
     section, rods = rods.section, replace(rods, set_fraction=scene.wire.set_fraction)
-    # beyond this bending rules the step, and softer wires gain nothing
+    # with more softening, bending limits the step and nothing is gained
     softening = max(1.0, min(scene.solver.axial_softening, (2.0 * spacing / scene.wire.diameter) ** 2))
     stiffest = max(section.axial_stiffness / softening / spacing, 4.0 * section.bending_stiffness / spacing**3)
     given = scene.contact.stiffness
-    mesh = SpatialModel(
+    model = SpatialModel(
         scene=scene,
         cloth=cloth,
         table=table,
@@ -226,18 +228,18 @@ def _mesh(
         precision=precision_of("double", 1.0),
         ranks=One(),
     )
-    return mesh if scene.solver.drive == "relax" else replace(mesh, ramp=_ramp_numbers(mesh))
+    return model if scene.solver.drive == "relax" else replace(model, ramp=_ramp_numerics(model))
 
 
-def _ramp_numbers(mesh: SpatialModel) -> RampNumerics:
-    stiffness, length = mesh.contact_stiffness, mesh.loop_length
+def _ramp_numerics(model: SpatialModel) -> RampNumerics:
+    stiffness, length = model.contact_stiffness, model.loop_length
     return ramp_numerics(
-        mesh.scene, mesh.rods, mesh.curve, softening=mesh.softening, contact_stiffness=stiffness, loop_length=length
+        model.scene, model.rods, model.curve, softening=model.softening, contact_stiffness=stiffness, loop_length=length
     )
 
 
 def rods_of_wires(section: Section, panel: Panel, wires: SpatialWires) -> Rods:
-    """The wires of a panel at rest."""
+    """Rods of the wires of a panel at rest."""
     closed = panel.boundary == "periodic"
     up = np.array([0.0, panel.size[1], 0.0])
     rods = rods_of(section, wires.points, [up if closed else None] * len(wires.points), tile=wires.tile)

@@ -1,4 +1,4 @@
-"""How many pairs of segments are near each other at rest, found without a device: for estimates."""
+"""Pairs of neighbouring segments at rest, found on the host: for estimates."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from ..wires.overlaps import segment_distances
 from .rods import Rods
 from .search_cells import SearchCells
 
-APART = 2.0  # thicknesses along a wire below which its segments do not touch each other
+MIN_ARC_SEPARATION = 2.0  # thicknesses along a wire, below which it does not touch itself
 
 
 def pair_gaps(rods: Rods, cells: SearchCells) -> np.ndarray:
-    """[pair] [m] between the surfaces of segments as straight rods, of those that a search at rest finds."""
+    """[pair] [m] gaps between straight segments, of the pairs that a search at rest finds."""
     segment = np.flatnonzero(rods.following >= 0)
     begin, edge = rods.position[segment], rods.rest_edge[segment]
     middle = begin + 0.5 * edge
@@ -27,9 +27,13 @@ def pair_gaps(rods: Rods, cells: SearchCells) -> np.ndarray:
         begin[number[0]], (begin + edge)[number[0]], begin[number[1]] + shift, (begin + edge)[number[1]] + shift
     )
     wire, arc, radius = rods.wire_of, rods.arc, rods.wire_radius
-    way = np.abs(arc[first] - arc[second])
-    way = np.where(rods.wire_closed[wire[first]], np.minimum(way, rods.wire_length[wire[first]] - way), way)
+    arc_separation = np.abs(arc[first] - arc[second])
+    arc_separation = np.where(
+        rods.wire_closed[wire[first]], np.minimum(arc_separation, rods.wire_length[wire[first]] - arc_separation), arc_separation
+    )
     length = np.maximum(rods.natural_length[first], rods.natural_length[second])
-    neighbours = (wire[first] == wire[second]) & (way < np.maximum(1.01 * length, APART * 2.0 * radius[wire[first]] - length))
+    neighbours = (wire[first] == wire[second]) & (
+        arc_separation < np.maximum(1.01 * length, MIN_ARC_SEPARATION * 2.0 * radius[wire[first]] - length)
+    )
     gap = distance - radius[wire[first]] - radius[wire[second]]
     return gap[~neighbours & (gap < cells.margin)]

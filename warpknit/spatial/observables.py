@@ -1,4 +1,4 @@
-"""What a state of a mesh in space shows (measure/observables.py): energies, loads, contacts, stress and places.
+"""Observables of the spatial model (measure/observables.py): energies, loads, contacts, stress and places.
 
 A site (sites.py) stands for a body of the planar model and has two pairs of equal force: what one wire pushes with is what the
 other is pushed back with. So counts and shares mean the same in both models.
@@ -25,41 +25,41 @@ from .model import SpatialModel
 from .rest_curve import offsets_at, spatial_curve
 from .rod_relaxation import RodRelaxation
 from .sites import NOWHERE, Sites
-from .wire_contact import TouchingPairs, WireContact
+from .wire_contact import Contacts, WireContact
 
-NEAR = 1.25  # thicknesses: the distance of centre lines at which the paper takes a contact for active
+NEAR = 1.25  # thicknesses: distance of centre lines below which the paper counts a contact as active
 
 
 @dataclass(frozen=True)
 class SpatialObservables(Boundary):
-    """Arrays [node], those of segments too, are of the state last evaluated."""
+    """Observables of the state last evaluated; arrays [node], segment data included."""
 
     model: SpatialModel
     sites: Sites
     control: np.ndarray
     position: np.ndarray  # (node, 3) [m]
     director: np.ndarray  # (node, 3) across the segment
-    tension: np.ndarray  # [N] of the segments, 0 of those that a clamp holds rigid
-    rigid_pull: float  # [J] by those: tension times length as knitted, in the plane
-    curvature_change: np.ndarray  # (node, 2) [1/m] that is elastic
-    plastic_curvature: np.ndarray  # (node, 2) [1/m] that stays
+    tension: np.ndarray  # [N] of the segments; 0 of rigid ones between held nodes
+    rigid_pull: float  # [J] of rigid segments: tension times rest length, in the plane
+    curvature_change: np.ndarray  # (node, 2) [1/m] elastic
+    plastic_curvature: np.ndarray  # (node, 2) [1/m] plastic
     twist_change: np.ndarray  # [1/m]
     segment_force: np.ndarray  # (node, 3) [N]
-    force: np.ndarray  # (node, 3) [N] out of balance
-    stretch_stiffness: float  # [N] the true one, or what a ramp softens it to
+    force: np.ndarray  # (node, 3) [N] unbalanced
+    stretch_stiffness: float  # [N] true, or softened in a ramp
     stretch_energy: float  # [J] with that stiffness
     bend_energy: float  # [J] bending and twist, elastic
-    hardened_energy: float  # [J] that wires have hardened by
+    hardened_energy: float  # [J] stored by hardening
     contact_growth: float  # [J] derivative of the energy of contact by the length factor: wires grow thicker, and what is curved
     thermal_strain: np.ndarray  # [node] excess of the length factor of the segments over that of the middle, relative
-    touching: TouchingPairs  # contacts with a force
-    near: TouchingPairs  # contacts closer than NEAR
+    touching: Contacts  # contacts with a force
+    near: Contacts  # contacts closer than NEAR
 
     # --- energies
 
     @cached_property
     def energies(self) -> Energies:
-        """Kinetic energy is of the last step, that of contact is of the penalty."""
+        """Energies [J]; kinetic of the last step, contact of the penalty."""
         pressed = float(0.5 * np.sum(self.touching.force * self.touching.overlap))
         return Energies(self.stretch_energy, self.bend_energy + self.hardened_energy, pressed, self.kinetic_energy)
 
@@ -84,7 +84,7 @@ class SpatialObservables(Boundary):
         return total / self.model.panel.area
 
     def rest_place(self, node: np.ndarray, place: np.ndarray) -> np.ndarray:
-        """(contact, 3) [m] at rest of a place on the segment behind a node, by the shares of kernels/wire_curve.py."""
+        """(contact, 3) [m] rest position of a place on the segment behind a node, by the weights of kernels/wire_curve.py."""
         rods = self.model.rods
         edge = rods.rest_edge
         after = rods.following[node]
@@ -97,7 +97,7 @@ class SpatialObservables(Boundary):
 
     @property
     def thermal_force(self) -> float:
-        """[J] derivative of the energy by the length factor of the wires."""
+        """[J] derivative of the energy with respect to the length factor."""
         rods, ea = self.model.rods, self.stretch_stiffness
         pull = np.where(rods.following >= 0, rods.natural_length * (self.tension + 0.5 * self.tension**2 / ea), 0.0)
         held = self.model.wires.held_node
@@ -106,7 +106,7 @@ class SpatialObservables(Boundary):
 
     @property
     def thermal_strain_force(self) -> np.ndarray:
-        """[node] [J] derivative of the energy by `thermal_strain`."""
+        """[node] [J] derivative of the energy with respect to `thermal_strain`."""
         rods = self.model.rods
         return np.where(rods.following >= 0, -self.tension * rods.natural_length * self.length_factor, 0.0)
 
@@ -117,12 +117,12 @@ class SpatialObservables(Boundary):
 
     @property
     def edge_force(self) -> np.ndarray:
-        """(clamp, 3) [N] with what force the clamps hold the wires, by two nodes each."""
+        """(clamp, 3) [N] forces of the clamps on the wires, by two nodes each."""
         return -self.held_forces.reshape(-1, 2, 3).sum(axis=1)
 
     @property
     def clamp_force(self) -> np.ndarray:
-        """[clamp] [N] size of the force with which each clamp holds its wire."""
+        """[clamp] [N] magnitude of the clamp forces."""
         return np.linalg.norm(self.edge_force, axis=1)
 
     @property
@@ -135,12 +135,12 @@ class SpatialObservables(Boundary):
 
     @cached_property
     def touching_site(self) -> tuple[np.ndarray, np.ndarray]:
-        """[contact] of those that carry a force, and which side of the site their first wire is."""
+        """Site and sign [contact] of the touching contacts (`Sites.of`)."""
         return self.sites.of(self.touching.first, self.touching.second)
 
     @cached_property
     def site_force(self) -> np.ndarray:
-        """[site] [N] with which its two wires push each other: the size of the sum of their contacts there."""
+        """[site] [N] contact force: magnitude of the sum over the contacts of the site."""
         total = np.zeros((self.sites.count, 3))
         t = self.touching
         site, sign = self.touching_site
@@ -150,12 +150,12 @@ class SpatialObservables(Boundary):
 
     @cached_property
     def pair_force(self) -> np.ndarray:
-        """[pair] [N] two of equal force for each site."""
+        """[pair] [N] contact forces, two equal ones for each site."""
         return np.repeat(self.site_force, 2)
 
     @cached_property
     def body_near(self) -> np.ndarray:
-        """[site] its wires are closer than NEAR: the paper's measure."""
+        """[site] whether its wires are closer than NEAR, the measure of the paper."""
         found = np.zeros(self.sites.count, dtype=bool)
         site, _ = self.sites.of(self.near.first, self.near.second)
         found[site[site != NOWHERE]] = True
@@ -163,23 +163,23 @@ class SpatialObservables(Boundary):
 
     @property
     def contact_elsewhere(self) -> np.ndarray:
-        """[contact] [N] forces of active contacts that belong to no site."""
+        """[contact] [N] forces of active contacts without a site."""
         force = self.touching.force[self.touching_site[0] == NOWHERE]
         return force[force > active_threshold(self.model)]
 
     @property
     def pairs_at_reach_end(self) -> int:
-        """Contacts slide as far as they like."""
+        """0: contacts slide without limit."""
         return 0
 
     @property
     def penetration(self) -> float:
-        """Largest overlap over the thickness."""
+        """Largest penetration over the thickness."""
         return float(self.touching.overlap.max(initial=0.0)) / self.model.rods.section.thickness
 
     @property
     def contact_places(self) -> ContactPlaces:
-        """A place for each contact with more than the threshold."""
+        """Places of the contacts whose force exceeds the threshold."""
         return contact_places(self)
 
     @cached_property
@@ -212,26 +212,26 @@ class SpatialObservables(Boundary):
 
     @property
     def plastic_strain(self) -> np.ndarray:
-        """[node] of the outermost fibre, that stays."""
+        """[node] plastic strain of the outermost fibre."""
         return self.model.scene.wire.radius * np.linalg.norm(self.plastic_curvature, axis=1)
 
     @property
     def wire_length(self) -> float:
-        """[m] of all wires as knitted."""
+        """[m] total length of the wires as knitted."""
         return float(self.model.rods.wire_length.sum())
 
     # --- places
 
     @cached_property
     def node_position(self) -> np.ndarray:
-        """(node, 3) [m] turned back to where the boundary is strained by `stretch`."""
+        """(node, 3) [m] positions without the rigid rotation of the boundary."""
         turned = self.position.copy()
         turned[:, :2] = turned[:, :2] @ strain.rotation(self.clamp_rotation).T
         return turned
 
     @property
     def body_position(self) -> np.ndarray:
-        """(site, 3) [m] where the wires of a site touch or are nearest to each other; of a hook where they press."""
+        """(site, 3) [m] contact points of the sites, or the midpoint of the nearest points of their wires."""
         place = site_places(self) @ self._turn.T
         if self.hook_contact is not None:
             place[0, :2] = self.hook_contact.body + self.corner[:2]
@@ -239,7 +239,7 @@ class SpatialObservables(Boundary):
 
     @property
     def _turn(self) -> np.ndarray:
-        """(3, 3) back to where the boundary is strained by `stretch`."""
+        """(3, 3) rotation that removes the rigid rotation of the boundary."""
         back = np.eye(3)
         back[:2, :2] = strain.rotation(self.clamp_rotation)
         return back
@@ -253,14 +253,14 @@ class SpatialObservables(Boundary):
 
     @cached_property
     def curve(self) -> WireCurve:
-        """On which the wires touch."""
+        """The curve on which the wires touch."""
         return spatial_curve(
             self.model.layout(), self.position, self.gradient, self.director, self.model.curve, self.length_factor
         )
 
     @property
     def between(self) -> np.ndarray:
-        """(node, parts - 1, 3) [m] places on the curve to the next node, from the node."""
+        """(node, parts - 1, 3) [m] points on the curve to the next node, relative to the node."""
         return self.curve.between(self.model.layout().curve_parts) @ self._turn.T.astype(np.float32)
 
     @property
@@ -270,19 +270,19 @@ class SpatialObservables(Boundary):
 
     @property
     def thickness(self) -> float:
-        """[m] of the mesh, from the lowest to the highest fibre."""
+        """[m] thickness of the mesh, from the lowest to the highest fibre."""
         return float(np.ptp(self.position[:, 2])) + self.model.rods.section.thickness
 
     @property
     def panel_map(self) -> None:
-        """Meshes in space are too small for one."""
+        """None: meshes in space are too small for a map."""
 
 
-def read(mesh: SpatialModel, sites: Sites, rest: RodRelaxation, contact: WireContact) -> SpatialObservables:
+def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: WireContact) -> SpatialObservables:
     """Evaluate the state and copy it to the host."""
-    stepper = rest.stepper
+    stepper = relaxation.stepper
     stepper.evaluate()
-    state, rods = stepper.state, mesh.rods
+    state, rods = stepper.state, model.rods
     section = rods.section
     factor = float(state.read_control()[int(c.LENGTH_FACTOR)])
     inside = (rods.following >= 0) & (rods.previous >= 0)
@@ -290,42 +290,42 @@ def read(mesh: SpatialModel, sites: Sites, rest: RodRelaxation, contact: WireCon
     yielding = stepper.yielding
     bent = share[:, None] * yielding.elastic
     twisted = share * (state.twist.numpy() - stepper.arrays.natural_twist.numpy())
-    carried, tangent = rest.tension(), state.tangent.numpy()
-    tension = np.where(rest.stretches, carried, 0.0)
+    segment_tension, tangent = relaxation.tension(), state.tangent.numpy()
+    tension = np.where(relaxation.can_stretch, segment_tension, 0.0)
     length = np.where(rods.following >= 0, rods.natural_length * factor, 0.0)
-    touching = contact.near()
+    touching = contact.read_contacts()
     hinge = section.bending_stiffness * np.sum(bent**2, axis=1) + section.twist_stiffness * twisted**2
     return SpatialObservables(
-        model=mesh,
+        model=model,
         sites=sites,
         control=state.read_control().copy(),
         position=state.position.numpy().copy(),
         director=state.director.numpy().copy(),
         tension=tension,
-        rigid_pull=float(np.sum((carried - tension)[:, None] * tangent[:, :2] * rods.rest_edge[:, :2])),
+        rigid_pull=float(np.sum((segment_tension - tension)[:, None] * tangent[:, :2] * rods.rest_edge[:, :2])),
         curvature_change=bent,
         plastic_curvature=share[:, None] * yielding.plastic,
         twist_change=twisted,
         segment_force=stepper.segment_forces(),
         force=state.force.numpy().copy(),
-        stretch_stiffness=rest.stored_stiffness,
-        stretch_energy=float(np.sum(0.5 * tension**2 * length / rest.stored_stiffness)),
+        stretch_stiffness=relaxation.stored_stiffness,
+        stretch_energy=float(np.sum(0.5 * tension**2 * length / relaxation.stored_stiffness)),
         bend_energy=float(np.sum(0.5 * hinge * rods.node_length * factor)),
         hardened_energy=yielding.hardened_energy,
-        contact_growth=_contact_growth(mesh, touching, tangent, state.director.numpy()),
-        thermal_strain=rest.warmth,
+        contact_growth=_contact_growth(model, touching, tangent, state.director.numpy()),
+        thermal_strain=relaxation.thermal_strain,
         touching=touching,
-        near=contact.near((NEAR - 1.0) * section.thickness),
+        near=contact.read_contacts((NEAR - 1.0) * section.thickness),
     )
 
 
-def _contact_growth(mesh: SpatialModel, t: TouchingPairs, tangent: np.ndarray, director: np.ndarray) -> float:
-    """[J] N (r_p + r_q - n . (a_p - a_q)) over all contacts, a being what sections carry of the curve there as knitted."""
+def _contact_growth(model: SpatialModel, t: Contacts, tangent: np.ndarray, director: np.ndarray) -> float:
+    """[J] sum over contacts of N (r_p + r_q - n . (a_p - a_q)), with the offsets a of `offsets_at`."""
     if not len(t.force):
         return 0.0
-    rods = mesh.rods
+    rods = model.rods
     own, other = (
-        offsets_at(rods, mesh.curve, tangent, director, node, t.place[:, k]) for k, node in enumerate((t.first, t.second))
+        offsets_at(rods, model.curve, tangent, director, node, t.place[:, k]) for k, node in enumerate((t.first, t.second))
     )
     thick = rods.wire_radius[rods.wire_of[t.first]] + rods.wire_radius[rods.wire_of[t.second]]
     return float(np.sum(t.force * (thick - np.sum(t.normal * (own - other), axis=1))))

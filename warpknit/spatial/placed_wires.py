@@ -1,7 +1,7 @@
-"""The wires of a panel (mesh/panel.py) at the places in space that the knit gives them, closed or clamped at both ends.
+"""Nodes of the wires of a panel (mesh/panel.py) in space, closed or clamped at both ends.
 
-A closed wire takes the nodes of the panel. A clamped one is divided anew, evenly from clamp to clamp: a clamp sits in the
-middle of the wire's first and last segment, whose two nodes it holds, with their section.
+A closed wire keeps the nodes of the panel. A clamped wire is divided evenly from clamp to clamp: each clamp sits in the middle of
+the first or last segment and holds its two nodes and its section.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from ..mesh.rest_table import Table
 from ..mesh.thread_curve import ThreadCurve
 from .rest_curve import FIT_PLACES, CentreLine
 
-FEWEST = 3  # segments between two clamps
-SEARCHED = 3.0  # node spacings from the panel's first node, on which a clamp is looked for
+MIN_SEGMENTS = 3  # between two clamps
+SEARCHED = 3.0  # node spacings from the panel's first node, within which the clamp is searched
 
 
 class Curve(Protocol):
@@ -40,20 +40,20 @@ class SpatialWires:
     """
 
     points: tuple[np.ndarray, ...]  # for each wire (n, 3) [m]
-    tile: np.ndarray  # (3,) [m] periods of the world; 0: none
-    line: CentreLine | None  # the true centre lines; None: nothing but the points is known
+    tile: np.ndarray  # (3,) [m] periods in space; 0: none
+    line: CentreLine | None  # the true centre lines; None: unknown
     held_node: np.ndarray  # [held] nodes, counted over all wires
     held_lever: np.ndarray  # (held, 2) [m] at rest, from the clamp that holds the node
-    held_section: np.ndarray  # [held segment] nodes that they begin at
+    held_section: np.ndarray  # [held segment] first nodes of segments whose sections are held
     site_wire: np.ndarray
     site_seed: np.ndarray  # place nearest to the body at rest
     site_low: np.ndarray  # reach before it, negative
     site_high: np.ndarray  # and behind
-    sliding_clamp: np.ndarray | None = None  # clamps, two held nodes each, that are free along the warp; None: all are fixed
+    sliding_clamp: np.ndarray | None = None  # clamps, of two held nodes each, that slide along the warp; None: none
 
 
 def place_wires(cloth: Cloth, table: Table, panel: Panel) -> SpatialWires:
-    """The wires of a panel in space."""
+    """Place the wires of a panel in space."""
     wire = panel.pair_wire.reshape(-1, 2)
     seed = panel.pair_seed.reshape(-1, 2) - panel.wire_first[wire]
     low, high = panel.pair_low.reshape(-1, 2), panel.pair_high.reshape(-1, 2)
@@ -95,7 +95,7 @@ def place_wires(cloth: Cloth, table: Table, panel: Panel) -> SpatialWires:
 
 
 def line_along(curve: Curve, arcs: np.ndarray, step: float) -> CentreLine:
-    """The centre line at nodes at these arc lengths [m] and on the segments of `step` [m] behind them."""
+    """The centre line at nodes at arc lengths `arcs` [m], and on the segments of `step` [m] behind them."""
     places = curve((arcs[:, None] + FIT_PLACES * step).ravel()).reshape(len(arcs), len(FIT_PLACES), 3)
     return CentreLine(curve.slope(arcs), places - curve(arcs)[:, None])
 
@@ -114,8 +114,10 @@ def _line_of_panel(cloth: Cloth, table: Table, panel: Panel) -> CentreLine:
 
 
 def _clamped_wire(cloth: Cloth, table: Table, panel: Panel, wire: int) -> tuple[np.ndarray, CentreLine, float, float]:
-    """Points (n, 3) [m] of a wire between its clamps, its centre line, the place on it of the panel's first node, and how many of
-    its segments are one of the panel's."""
+    """Points (n, 3) [m] of a clamped wire, its centre line, the place of the panel's first node, and the ratio of segment counts.
+
+    The place is in segments from the first node; the ratio is segments here per segment of the panel.
+    """
     thread = int(panel.wire_thread[wire])
     curve, spacing = ThreadCurve(cloth.threads[thread], cloth.size[1]), float(table.spacing[thread])
     block = int(np.searchsorted(panel.block_first, panel.wire_first[wire]))
@@ -131,7 +133,7 @@ def _clamped_wire(cloth: Cloth, table: Table, panel: Panel, wire: int) -> tuple[
     room = 0.06 * spacing
     found = minimize_scalar(miss, bounds=(near - room, near + room), method="bounded", options={"xatol": 1e-9 * spacing})
     begin, length = float(found.x), float(panel.wire_length[wire])
-    segments = max(FEWEST, round(length / spacing))
+    segments = max(MIN_SEGMENTS, round(length / spacing))
     step = length / segments
     arcs = begin + (np.arange(segments + 2) - 0.5) * step
     return curve(arcs) + origin, line_along(curve, arcs, step), (arc - begin) / step + 0.5, spacing / step

@@ -1,8 +1,8 @@
-"""The masses of a ramp in space, and what it starts with: step, loading time, damping.
+"""Masses, time step, loading time and damping of a ramp in space.
 
-Masses are those of the wire times `mass_scaling`, or raised node by node until `target_time_step` is stable. A wire that
-spins about itself has so little inertia that twist would rule the step: sections are given as much as keeps twist at a quarter of
-the largest rate of motion. Waves of twist remain far faster than those of bending, which the load is slow against.
+Masses are those of the wire times `mass_scaling`, raised node by node until `target_time_step` is stable. The rotary inertia of a
+wire is so small that twist would limit the step: it is raised until the squared frequency of twist is a quarter of the largest
+one of translation. Torsional waves remain far faster than bending waves, and the load is slow compared with these.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .step_bound import Rates, largest_rates, masses_for_step, stable_step
 
 @dataclass(frozen=True)
 class RampNumerics:
-    """What a ramp starts with."""
+    """Initial masses, step and damping of a ramp."""
 
     node_mass: np.ndarray  # [node] [kg]
     spin_inertia: np.ndarray  # [node] [kg m2] of the segments
@@ -36,7 +36,7 @@ class RampNumerics:
 def ramp_numerics(
     scene: Scene, rods: Rods, curve: RestCurve, *, softening: float, contact_stiffness: float, loop_length: float
 ) -> RampNumerics:
-    """The numbers for rods as knitted; contact_stiffness [N/m], loop_length [m] of wire."""
+    """Numerics of a ramp for rods as knitted; contact_stiffness [N/m], loop_length [m] of wire."""
     solver = scene.solver
     stiff: dict[str, Any] = {
         "stretch_stiffness": rods.section.axial_stiffness / softening,

@@ -1,7 +1,7 @@
-"""What the curve between the nodes needs to be the true centre line of the wire at rest (kernels/wire_curve.py).
+"""Rest-shape correction that makes the curve between the nodes the true centre line at rest (kernels/wire_curve.py).
 
-Slopes at the nodes are made to point along the centre line, and what is then missed between two nodes is fitted across their
-chord, by s^2 (1 - s)^2 (B0 + s B1). Ends of open wires keep straight ends.
+Slopes at the nodes are corrected to point along the centre line. The remaining error between two nodes is fitted normal to the
+curve by s^2 (1 - s)^2 (B0 + s B1). Open wires keep straight ends.
 """
 
 from __future__ import annotations
@@ -16,59 +16,63 @@ from ..hermite import hermite
 from ..measure.wire_curve import WireCurve, curve_of, edges_of
 from .rods import Rods
 
-FIT_PLACES = 0.5 * (leggauss(12)[0] + 1.0)  # on a segment, 0 .. 1, at which the centre line is given
+FIT_PLACES = 0.5 * (leggauss(12)[0] + 1.0)  # places 0 .. 1 on a segment where the centre line is sampled
 
 
 @dataclass(frozen=True)
 class CentreLine:
-    """The true centre line of the wires at rest, given at their nodes and between them."""
+    """The true centre line of the wires at rest, at the nodes and between them."""
 
     slope: np.ndarray  # (node, 3) of any length, along the line
-    between: np.ndarray  # (node, place, 3) [m] at FIT_PLACES of the segment behind a node, beside that node
+    between: np.ndarray  # (node, place, 3) [m] at FIT_PLACES of the segment behind a node, relative to that node
 
 
 @dataclass(frozen=True)
 class RestCurve:
     """Arrays [node], those of segments too."""
 
-    slope: np.ndarray  # (node, 2) [m] of the mean section at a node
-    bump: np.ndarray  # (node, 4) [m] of the section of a segment: two of s^2 (1 - s)^2, two of s^3 (1 - s)^2
-    bulge: np.ndarray  # [m] the most that both add to the curve of a segment
-    miss: float  # [m] largest distance across it of the curve from the centre line
-    share: float = 1.0  # most that the squared shares of a force on the curve sum up to, couples on sections taken as forces
-    lever: float = 0.0  # [m] the most that one section carries of the curve
+    slope: np.ndarray  # (node, 2) [m] along the directors of the mean section at a node
+    bump: np.ndarray  # (node, 4) [m] along the directors of a segment: two of s^2 (1 - s)^2, two of s^3 (1 - s)^2
+    bulge: np.ndarray  # [m] largest correction of the curve of a segment by both
+    fit_error: float  # [m] largest distance of the curve from the centre line
+    weight_square: float = 1.0  # largest sum of squared weights of a force on the curve, couples on sections taken as forces
+    lever: float = 0.0  # [m] largest part of the curve that rotates with one section
 
 
 def catmull_rom(rods: Rods) -> RestCurve:
-    """The curve that knows nothing but the nodes."""
+    """The Catmull-Rom curve: no correction."""
     none = np.zeros(rods.node_count)
     return RestCurve(
         slope=np.zeros((rods.node_count, 2)),
         bump=np.zeros((rods.node_count, 4)),
         bulge=none,
-        miss=0.0,
+        fit_error=0.0,
     )
 
 
 def spatial_curve(
-    layout: WireLayout, position: np.ndarray, deformation: np.ndarray, director: np.ndarray, rest: RestCurve, grown: float
+    layout: WireLayout, position: np.ndarray, deformation: np.ndarray, director: np.ndarray, rest: RestCurve, length_factor: float
 ) -> WireCurve:
-    """The curve on which wires touch, of nodes at `position` (node, 3) [m] with sections at `director` (node, 3); wires are
-    `grown` times as thick as at rest, by warmth."""
+    """The curve on which wires touch, through nodes at `position` (node, 3) [m] with directors `director` (node, 3).
+
+    length_factor: thermal length over that at rest.
+    """
     edges = edges_of(layout, position, deformation)
     tangent = edges.behind / np.linalg.norm(edges.behind, axis=1, keepdims=True)
     section = np.stack([director, np.cross(tangent, director)], axis=2)  # (node, 3, 2)
     previous = np.arange(len(position)) - 1
     previous[edges.following[edges.has_segment]] = np.flatnonzero(edges.has_segment)
-    rise = np.einsum("nac,nc->na", 0.5 * grown * (section[previous] + section), rest.slope)
-    return curve_of(edges, rise, np.einsum("nac,npc->npa", grown * section, rest.bump.reshape(-1, 2, 2)))
+    rise = np.einsum("nac,nc->na", 0.5 * length_factor * (section[previous] + section), rest.slope)
+    return curve_of(edges, rise, np.einsum("nac,npc->npa", length_factor * section, rest.bump.reshape(-1, 2, 2)))
 
 
 def offsets_at(
     rods: Rods, curve: RestCurve, tangent: np.ndarray, director: np.ndarray, node: np.ndarray, place: np.ndarray
 ) -> np.ndarray:
-    """(contact, 3) [m] what sections carry of the curve at places 0 .. 1 on the segments behind nodes, sections standing as
-    tangent and director (node, 3) have them."""
+    """(contact, 3) [m] part of the curve that rotates with sections, at places 0 .. 1 on the segments behind nodes.
+
+    tangent, director (node, 3): orientation of the sections.
+    """
     before, after = rods.previous[node], rods.following[node]
     has_before, has_more = (before >= 0)[:, None], (rods.following[after] >= 0)[:, None]
 
@@ -86,7 +90,7 @@ def offsets_at(
 
 
 def fit_rest_curve(rods: Rods, line: CentreLine) -> RestCurve:
-    """The curve that is the centre line at rest, as nearly as it can."""
+    """The curve fitted to the centre line at rest."""
     before, after, edge = rods.previous, rods.following, rods.rest_edge
     has_segment, is_inside = after >= 0, (after >= 0) & (before >= 0)
     length = np.linalg.norm(edge, axis=1)
@@ -104,23 +108,26 @@ def fit_rest_curve(rods: Rods, line: CentreLine) -> RestCurve:
     moves = np.einsum("nac,sp->nspca", section, basis).reshape(*missed.shape[:2], 4, 3)
     system = np.swapaxes(_across(moves, along[:, :, None]), 2, 3).reshape(rods.node_count, -1, 4)
     bump = (np.linalg.pinv(system) @ missed.reshape(rods.node_count, -1, 1))[..., 0]
-    left = missed.reshape(rods.node_count, -1) - np.einsum("nkc,nc->nk", system, bump)
+    remainder = missed.reshape(rods.node_count, -1) - np.einsum("nkc,nc->nk", system, bump)
     own = np.einsum("nspa,np->nsa", moves, bump)
-    carried = h10 * rise[:, None] + h11 * rise[after][:, None] + own
-    share, lever = _shares(slope, own, length, before, after)
+    correction = h10 * rise[:, None] + h11 * rise[after][:, None] + own
+    weight_square, lever = _weight_bounds(slope, own, length, before, after)
     return RestCurve(
         slope=slope,
         bump=bump,
-        bulge=np.where(has_segment, np.linalg.norm(carried, axis=2).max(axis=1), 0.0),
-        miss=float(np.linalg.norm(left.reshape(missed.shape), axis=2).max()),
-        share=share,
+        bulge=np.where(has_segment, np.linalg.norm(correction, axis=2).max(axis=1), 0.0),
+        fit_error=float(np.linalg.norm(remainder.reshape(missed.shape), axis=2).max()),
+        weight_square=weight_square,
         lever=lever,
     )
 
 
 def _slopes(frame: np.ndarray, mean: np.ndarray, wanted: np.ndarray, is_inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What frames (node, 3, 2) at the nodes have to add to mean slopes (node, 3) for them to point along those wanted: in the
-    frame, (node, 2) [m], and in space (node, 3). Nothing at the ends of wires."""
+    """Corrections of mean slopes (node, 3) that make them parallel to `wanted`: in the frames, (node, 2) [m], and in space (node,
+    3).
+
+    frame (node, 3, 2): directors at the nodes. No correction at the ends of wires.
+    """
     unit = wanted / np.linalg.norm(wanted, axis=1, keepdims=True)
     system = np.concatenate([frame, -unit[:, :, None]], axis=2)
     system[~is_inside] = np.eye(3)
@@ -129,16 +136,18 @@ def _slopes(frame: np.ndarray, mean: np.ndarray, wanted: np.ndarray, is_inside: 
 
 
 def _across(vector: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """The part of vectors (..., 3) across unit vectors."""
+    """The part of vectors (..., 3) normal to unit vectors."""
     return vector - np.sum(vector * along, axis=-1, keepdims=True) * along
 
 
-def _shares(slope: np.ndarray, own: np.ndarray, length: np.ndarray, before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
-    """`share` and `lever` of a RestCurve; own (node, place, 3) [m] is what bumps add to the curve."""
+def _weight_bounds(
+    slope: np.ndarray, own: np.ndarray, length: np.ndarray, before: np.ndarray, after: np.ndarray
+) -> tuple[float, float]:
+    """`weight_square` and `lever` of a RestCurve; own (node, place, 3) [m]: correction of the curve by bumps."""
     h10, h01, h11 = hermite(FIT_PLACES)
     h11 = -h11
     half = 0.5 * np.linalg.norm(slope, axis=1)
-    first, last = h10 * half[:, None], h11 * half[after][:, None]  # of the section before and of the one behind
+    first, last = h10 * half[:, None], h11 * half[after][:, None]  # of the previous and of the next section
     middle = first + last + np.linalg.norm(own, axis=2)
     a, b, c = first / length[before][:, None], middle / length[:, None], last / length[after][:, None]
     total = (0.5 * h10 + a) ** 2 + (1 - h01 + 0.5 * h11 + a + b) ** 2 + (h01 + 0.5 * h10 + b + c) ** 2 + (0.5 * h11 + c) ** 2

@@ -1,4 +1,4 @@
-"""Rods on the device: what does not move (`RodArrays`) and what does (`RodState`); double precision."""
+"""Rods on the device, in double precision: rest data (`RodArrays`) and state (`RodState`)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import warp as wp
 
 from ..kernels import control as c
 from ..kernels.rod_bend import bend_rods
-from ..kernels.rod_frames import follow_rods
+from ..kernels.rod_frames import update_frames
 from ..kernels.rod_step import NODE_BLOCK, step_rods
 from ..launch import Launch, bind
 from .rods import Rods
@@ -17,7 +17,7 @@ from .rods import Rods
 
 @dataclass(frozen=True)
 class RodArrays:
-    """Rest data and stiffnesses; [node], those of segments too."""
+    """Rest data; all arrays [node], segment data included."""
 
     previous: wp.array  # int
     following: wp.array
@@ -32,16 +32,16 @@ class RodArrays:
 
 @dataclass(frozen=True)
 class RodState:
-    """What moves, and what follows from it step by step; [node]."""
+    """Unknowns of the dynamics and what each step computes from them; [node]."""
 
-    displacement: wp.array  # vec3d [m] from the affinely carried rest shape
+    displacement: wp.array  # vec3d [m] from the affine map of the rest shape
     velocity: wp.array  # vec3d [m/s]
-    turn: wp.array  # [rad] that a section has still to turn by
+    pending_turn: wp.array  # [rad] rotation of a section not yet applied to its director
     spin: wp.array  # [rad/s] of a section about its tangent
-    angle: wp.array  # [rad] that a section has turned by since the start
+    angle: wp.array  # [rad] rotation of a section since the start
     tangent: wp.array  # vec3d
     director: wp.array  # vec3d
-    tension_offset: wp.array  # [N] running multiplier of a segment
+    tension_offset: wp.array  # [N] augmented Lagrangian multiplier of a segment
     stretch_stiffness: wp.array  # [N] of the dynamics
     node_mass: wp.array  # [kg]
     spin_inertia: wp.array  # [kg m2] of a segment
@@ -49,27 +49,27 @@ class RodState:
     load_torque: wp.array  # [N m] about the segment
     position: wp.array  # vec3d [m]
     length: wp.array  # [m]
-    curvature: wp.array  # vec2d [rad] turning vector at a node, in the directions of the section
+    curvature: wp.array  # vec2d [rad] turning vector at a node, along the section directors
     twist: wp.array  # [rad]
-    plastic_turn: wp.array  # vec2d [rad] of the turning vector, what stayed as of the last state at rest
-    pull_before: wp.array  # vec3d [N]
-    pull_after: wp.array  # vec3d [N]
-    torque_before: wp.array  # [N m]
-    torque_after: wp.array  # [N m]
+    plastic_turn: wp.array  # vec2d [rad] plastic part of the turning vector at the last equilibrium
+    edge_gradient_before: wp.array  # vec3d [N] gradient of bending and twist energy by the edge before the node
+    edge_gradient_after: wp.array  # vec3d [N]
+    angle_gradient_before: wp.array  # [N m] gradient by the angle of the segment before the node
+    angle_gradient_after: wp.array  # [N m]
     contact_force: wp.array  # vec3d [N]
-    contact_couple: wp.array  # vec3d [N m] on the section of a segment
+    contact_couple: wp.array  # vec3d [N m] contact couple on the section of a segment
     force: wp.array  # vec3d [N]
     torque: wp.array  # [N m]
     control: wp.array  # [CONTROL_COUNT], see kernels/control.py
     partial: wp.array  # [block, PARTIAL_COUNT]
-    no_bodies: wp.array  # the rows that a planar model has beside `partial`
+    no_bodies: wp.array  # [1, PARTIAL_COUNT] zeros: the body rows of a planar model
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Copies of all arrays on the host, by name."""
         return {field.name: getattr(self, field.name).numpy().copy() for field in fields(self)}
 
     def restore(self, arrays: dict[str, np.ndarray]) -> None:
-        """Put back what `arrays` returned."""
+        """Restore what `arrays` returned."""
         for name, value in arrays.items():
             getattr(self, name).assign(value)
 
@@ -92,7 +92,7 @@ class RodState:
 
 
 def upload_rods(rods: Rods, device: str) -> RodArrays:
-    """Rest data on the device; natural curvature and twist are those at rest, times the set fraction, where none are given."""
+    """Rest data on the device; natural curvature and twist default to the rest values times the set fraction."""
     nodes = rods.node_count
     arrays = RodArrays(
         previous=wp.array(rods.previous, dtype=wp.int32, device=device),
@@ -106,7 +106,7 @@ def upload_rods(rods: Rods, device: str) -> RodArrays:
         natural_twist=wp.zeros(nodes, dtype=wp.float64, device=device),
     )
     at_rest = rest_state(rods, device)
-    follow_launch(arrays, at_rest).run(device)
+    frames_launch(arrays, at_rest).run(device)
     bend_launch(rods, arrays, at_rest).run(device)
     curvature, twist = rods.set_fraction * at_rest.curvature.numpy(), rods.set_fraction * at_rest.twist.numpy()
     arrays.natural_curvature.assign(curvature if rods.natural_curvature is None else rods.natural_curvature)
@@ -115,7 +115,7 @@ def upload_rods(rods: Rods, device: str) -> RodArrays:
 
 
 def rest_state(rods: Rods, device: str) -> RodState:
-    """The state at rest; masses and stiffnesses of the dynamics are the true ones."""
+    """The rest state, with true masses and stiffnesses."""
     nodes = rods.node_count
     edge = rods.rest_edge
     section = rods.section
@@ -129,7 +129,7 @@ def rest_state(rods: Rods, device: str) -> RodState:
     state = RodState(
         displacement=vectors(),
         velocity=vectors(),
-        turn=reals(),
+        pending_turn=reals(),
         spin=reals(),
         angle=reals(),
         tangent=vectors(edge / np.linalg.norm(edge, axis=1)[:, None]),
@@ -145,10 +145,10 @@ def rest_state(rods: Rods, device: str) -> RodState:
         curvature=wp.zeros(nodes, dtype=wp.vec2d, device=device),
         twist=reals(),
         plastic_turn=wp.zeros(nodes, dtype=wp.vec2d, device=device),
-        pull_before=vectors(),
-        pull_after=vectors(),
-        torque_before=reals(),
-        torque_after=reals(),
+        edge_gradient_before=vectors(),
+        edge_gradient_after=vectors(),
+        angle_gradient_before=reals(),
+        angle_gradient_after=reals(),
         contact_force=vectors(),
         contact_couple=vectors(),
         force=vectors(),
@@ -172,13 +172,13 @@ def rest_state(rods: Rods, device: str) -> RodState:
     return state
 
 
-def follow_launch(arrays: RodArrays, state: RodState) -> Launch:
-    """Edges and directors of displaced nodes."""
-    return bind(follow_rods, len(state.displacement), arrays, state)
+def frames_launch(arrays: RodArrays, state: RodState) -> Launch:
+    """Launch of `update_frames`: edges and directors."""
+    return bind(update_frames, len(state.displacement), arrays, state)
 
 
 def bend_launch(rods: Rods, arrays: RodArrays, state: RodState) -> Launch:
-    """Bending and twist at the nodes."""
+    """Launch of `bend_rods`: bending and twist at the nodes."""
     section = rods.section
     return bind(
         bend_rods, rods.node_count, arrays, state,
@@ -188,5 +188,5 @@ def bend_launch(rods: Rods, arrays: RodArrays, state: RodState) -> Launch:
 
 
 def step_launch(arrays: RodArrays, state: RodState) -> Launch:
-    """Stretch, sums, and the update."""
+    """Launch of `step_rods`: stretch, sums and the update."""
     return bind(step_rods, len(state.displacement), arrays, state)

@@ -1,13 +1,13 @@
 """One time step of rods: the table of contents of the physics in space.
 
-    follow_rods    edges, tangents and directors of the displaced nodes
+    update_frames  edges, tangents and directors of the displaced nodes
     bend_rods      bending and twist at the nodes
     contact        forces between wires, where there is a contact
     step_rods      stretch, sums, and the update
-    clamps         those that move with the load or slide, where there are any
-    update_control the numbers of the next step
+    clamps         motion of moving and sliding clamps, if any
+    update_control control array of the next step
 
-The launches of many steps are recorded once and replayed as graphs, without Python in between.
+Many steps are captured once as a graph and replayed without Python in between.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from ..kernels import control as c
 from ..kernels.control import update_control
 from ..launch import Launch, bind
 from ..numerics import GRAPH_STEPS
-from .rod_arrays import RodArrays, RodState, bend_launch, follow_launch, rest_state, step_launch, upload_rods
+from .rod_arrays import RodArrays, RodState, bend_launch, frames_launch, rest_state, step_launch, upload_rods
 from .rods import Rods
 from .yielding import Yielding
 
-FROZEN = 3.0  # a status with which a step finds forces and moves nothing
+FROZEN = 3.0  # status in which a step computes forces and moves nothing
 
 
 class Contact(Protocol):
-    """What finds contact forces between the wires."""
+    """Contact forces between the wires."""
 
     @property
     def version(self) -> int:
-        """Which arrays `launches` uses; launches are recorded once a version."""
+        """Number of the arrays that `launches` uses; launches are captured once per version."""
 
     def launches(self) -> Sequence[Launch]:
-        """What adds to contact_force and contact_couple."""
+        """Launches that add to contact_force and contact_couple."""
 
 
 class Clamps(Protocol):
@@ -48,10 +48,10 @@ class Clamps(Protocol):
 
 
 class RodStepper:
-    """Takes steps of rods; `contact` adds the forces between wires, `clamps` move held nodes."""
+    """Steps rods in time; `contact` adds the forces between wires, `clamps` move held nodes."""
 
     def __init__(self, rods: Rods, device: str = "cpu", state: RodState | None = None) -> None:
-        """`state` of the rods; default: at rest."""
+        """state: of the rods; default: at rest."""
         self.rods = rods
         self.device = device
         self.arrays: RodArrays = upload_rods(rods, device)
@@ -62,10 +62,10 @@ class RodStepper:
         self._graphs: dict[tuple[int, int], wp.Graph] = {}
 
     def launches(self) -> list[Launch]:
-        """All that makes a step, in turn."""
+        """The launches of one step, in order."""
         arrays, state = self.arrays, self.state
         return [
-            follow_launch(arrays, state),
+            frames_launch(arrays, state),
             bend_launch(self.rods, arrays, state),
             *(self.contact.launches() if self.contact is not None else ()),
             step_launch(arrays, state),
@@ -73,14 +73,14 @@ class RodStepper:
         ]
 
     def step(self, count: int) -> None:
-        """Take `count` steps; they do nothing once the state is frozen (see kernels/control.py)."""
+        """Take `count` steps; they have no effect once the state is frozen (kernels/control.py)."""
         for size in GRAPH_STEPS:
             for _ in range(count // size):
                 wp.capture_launch(self._graph(size))
             count %= size
 
     def evaluate(self) -> None:
-        """Positions, frames and forces of the state as it is, without a step."""
+        """Compute positions, frames and forces of the current state, without a step."""
         kept = float(self.state.read_control()[int(c.STATUS)])
         self.state.write_control({c.STATUS: FROZEN})
         self._launch()
@@ -107,7 +107,7 @@ class RodStepper:
     # --- the state on the host ---
 
     def set_time_step(self, time_step: float, damping: float = 0.0, look_ahead: float = 0.0) -> None:
-        """Step [s] with mass-proportional damping [1/s] and look-ahead [steps]; see kernels/control.py."""
+        """Set the step [s], mass-proportional damping [1/s] and look-ahead [steps] (kernels/control.py)."""
         half = 0.5 * damping * time_step
         self.state.write_control(
             {
@@ -120,32 +120,34 @@ class RodStepper:
         )
 
     def place(self, position: np.ndarray, turn: np.ndarray | None = None) -> None:
-        """Move nodes to positions (node, 3) [m] and turn sections by angles [node] [rad]; frames are carried along."""
-        carried = self.rods.position.copy()
-        carried[:, :2] = carried[:, :2] @ self.state.gradient.T
-        self.state.displacement.assign(np.asarray(position) - carried)
+        """Move nodes to positions (node, 3) [m] and rotate sections by angles [node] [rad]; frames follow."""
+        affine = self.rods.position.copy()
+        affine[:, :2] = affine[:, :2] @ self.state.gradient.T
+        self.state.displacement.assign(np.asarray(position) - affine)
         if turn is not None:
-            self.state.turn.assign(turn)
+            self.state.pending_turn.assign(turn)
         self.evaluate()
 
     def forces(self) -> tuple[np.ndarray, np.ndarray]:
-        """Forces (node, 3) [N] and torques of the segments [node] [N m] of the state as it is."""
+        """Forces (node, 3) [N] and torques of the segments [node] [N m] of the current state."""
         self.evaluate()
         return self.state.force.numpy().copy(), self.state.torque.numpy().copy()
 
     def segment_forces(self) -> np.ndarray:
-        """(node, 3) [N] with what each segment pulls its first node towards its second, of the state last evaluated."""
+        """(node, 3) [N] force of each segment on its first node, in the state last evaluated."""
         rods, state = self.rods, self.state
         factor = float(state.read_control()[int(c.LENGTH_FACTOR)])
         strain = state.length.numpy() / (rods.natural_length * factor) - 1.0
         tension = state.tension_offset.numpy() + state.stretch_stiffness.numpy() * strain
         tangent, length = state.tangent.numpy(), state.length.numpy()[:, None]
-        pull = tension[:, None] * tangent + state.pull_after.numpy() + state.pull_before.numpy()[rods.following]
-        pull = pull + np.cross(tangent, state.contact_couple.numpy()) / length
-        return np.where((rods.following >= 0)[:, None], pull, 0.0)
+        edge_force = (
+            tension[:, None] * tangent + state.edge_gradient_after.numpy() + state.edge_gradient_before.numpy()[rods.following]
+        )
+        edge_force = edge_force + np.cross(tangent, state.contact_couple.numpy()) / length
+        return np.where((rods.following >= 0)[:, None], edge_force, 0.0)
 
     def energy(self) -> float:
-        """[J] that stretch, bending and twist store, of the state last evaluated."""
+        """[J] energy of stretch, bending and twist in the state last evaluated."""
         rods, state = self.rods, self.state
         section = rods.section
         factor = float(state.read_control()[int(c.LENGTH_FACTOR)])

@@ -1,7 +1,7 @@
-"""Wires as discrete elastic rods: nodes in space, a round section on each segment, and what it is free of stress.
+"""Wires as discrete elastic rods: nodes in space, a round section on each segment, and its natural (stress-free) shape.
 
 A closed wire continues at its first node, shifted by its period (zero for a ring). Segment i goes from node i to the next
-node of its wire; the last node of an open wire has none, and its entries of segments mean nothing.
+node of its wire. The last node of an open wire has no segment; its segment entries are unused.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from ..kernels.rod_step import HELD_NODE, HELD_TURN
 
 @dataclass(frozen=True)
 class Section:
-    """What a wire resists with; of an isotropic round section, sums over the ends of a yarn."""
+    """Stiffness and mass of an isotropic round section, summed over the ends of a yarn."""
 
     axial_stiffness: float  # [N] EA
     bending_stiffness: float  # [N m2] EI
@@ -24,27 +24,27 @@ class Section:
     linear_density: float  # [kg/m]
     rotary_inertia: float  # [kg m] of a length about its axis
     thickness: float  # [m] diameter where it touches
-    yield_curvature: float = 0.0  # [1/m] change of curvature from which on it yields in bending; 0: never
-    hardening: float = 1.0  # bending stiffness beyond, over the elastic one
+    yield_curvature: float = 0.0  # [1/m] change of curvature at first yield in bending; 0: no yield
+    hardening: float = 1.0  # tangent bending stiffness beyond yield, over the elastic one
 
 
 @dataclass(frozen=True)
 class Rods:
-    """Wires of one section. Arrays run over the nodes of all wires, wire after wire, those of segments too."""
+    """Wires with one section. All arrays [node], segment data included, run over the nodes wire by wire."""
 
     section: Section
     wire_first: np.ndarray  # [wire] first node
     wire_count: np.ndarray  # [wire] nodes
     wire_closed: np.ndarray  # [wire] bool
-    wire_period: np.ndarray  # (wire, 3) [m] from the first node of a closed wire to where it comes back to it
+    wire_period: np.ndarray  # (wire, 3) [m] shift of a closed wire from its first node to the node after its last
     position: np.ndarray  # (node, 3) [m] at rest
-    director: np.ndarray  # (node, 3) across the segment, unit vectors: how its section stands at rest
+    director: np.ndarray  # (node, 3) unit vectors normal to the segment: orientation of its section at rest
     held: np.ndarray  # [node] int, HELD_NODE | HELD_TURN of kernels/rod_step.py
     natural_length: np.ndarray  # [node] [m] of the segment
-    natural_curvature: np.ndarray | None = None  # (node, 2) [rad] in the directions of the section; None: as at rest
+    natural_curvature: np.ndarray | None = None  # (node, 2) [rad] along the section directors; None: as at rest
     natural_twist: np.ndarray | None = None  # [node] [rad]; None: as at rest
-    set_fraction: float = 1.0  # natural over rest curvature and twist, where these are taken as at rest
-    thicker: np.ndarray | None = None  # [wire] [m] radius where it touches, where that is not half the section's thickness
+    set_fraction: float = 1.0  # natural over rest curvature and twist, where these are None
+    thicker: np.ndarray | None = None  # [wire] [m] contact radius; None: half the section's thickness
     tile: np.ndarray = field(default_factory=lambda: np.zeros(3))  # [m] periods of the world along x, y, z; 0: none
 
     @property
@@ -53,7 +53,7 @@ class Rods:
 
     @property
     def following(self) -> np.ndarray:
-        """[node] the next node of its wire, -1 behind an open wire's last."""
+        """[node] next node of the wire; -1 at the end of an open wire."""
         after = np.arange(self.node_count) + 1
         last = self.wire_first + self.wire_count - 1
         after[last] = np.where(self.wire_closed, self.wire_first, -1)
@@ -61,24 +61,24 @@ class Rods:
 
     @property
     def previous(self) -> np.ndarray:
-        """[node] the node before it, -1 before an open wire's first."""
+        """[node] previous node of the wire; -1 at the start of an open wire."""
         before = np.arange(self.node_count) - 1
         before[self.wire_first] = np.where(self.wire_closed, self.wire_first + self.wire_count - 1, -1)
         return before
 
     @property
     def wire_of(self) -> np.ndarray:
-        """[node] its wire."""
+        """[node] wire of each node."""
         return np.repeat(np.arange(len(self.wire_first)), self.wire_count)
 
     @property
     def wire_radius(self) -> np.ndarray:
-        """[wire] [m] where it touches."""
+        """[wire] [m] contact radius."""
         return np.full(len(self.wire_first), 0.5 * self.section.thickness) if self.thicker is None else self.thicker
 
     @property
     def rest_edge(self) -> np.ndarray:
-        """(node, 3) [m] to the next node; along the segment before, where there is none."""
+        """(node, 3) [m] edge to the next node; at the end of an open wire, the previous edge."""
         after = self.following
         edge = self.position[after] - self.position
         last = self.wire_first + self.wire_count - 1
@@ -88,38 +88,38 @@ class Rods:
 
     @property
     def rest_turning(self) -> np.ndarray:
-        """[node] [rad] the angle between its two segments at rest, 0 at the ends of wires."""
+        """[node] [rad] turning angle between the two segments at rest; 0 at the ends of wires."""
         edge = self.rest_edge
         before = edge[self.previous]
         angle = np.arctan2(np.linalg.norm(np.cross(before, edge), axis=1), np.sum(before * edge, axis=1))
         return np.where((self.following >= 0) & (self.previous >= 0), angle, 0.0)
 
     def widest_turn(self, angle: np.ndarray) -> np.ndarray:
-        """[node] the largest of the angles [node] at a node and its neighbours."""
+        """[node] largest of the angles [node] at each node and its two neighbours."""
         after = np.where(self.following >= 0, angle[self.following], 0.0)
         before = np.where(self.previous >= 0, angle[self.previous], 0.0)
         return np.maximum(angle, np.maximum(after, before))
 
     @property
     def node_length(self) -> np.ndarray:
-        """[node] [m] of wire that belongs to a node: half of either segment."""
+        """[node] [m] natural length of a node: half of both segments."""
         own = np.where(self.following >= 0, self.natural_length, 0.0)
         before = np.where(self.previous >= 0, self.natural_length[self.previous], 0.0)
         return 0.5 * (own + before)
 
     @property
     def arc(self) -> np.ndarray:
-        """[node] [m] of natural length from the first node of its wire."""
+        """[node] [m] natural arc length from the first node of the wire."""
         total = np.concatenate([[0.0], np.cumsum(self.natural_length)[:-1]])
         return total - np.repeat(total[self.wire_first], self.wire_count)
 
     @property
     def wire_length(self) -> np.ndarray:
-        """[wire] [m] natural length, all round where it is closed."""
+        """[wire] [m] natural length; of a closed wire, once around."""
         return np.add.reduceat(np.where(self.following >= 0, self.natural_length, 0.0), self.wire_first)
 
     def holding(self, nodes: np.ndarray | Sequence[int] = (), sections: np.ndarray | Sequence[int] = ()) -> Rods:
-        """The same with nodes held in place and sections of segments held against turning."""
+        """A copy with these nodes fixed and these sections fixed against rotation."""
         held = self.held.copy()
         held[list(nodes)] |= int(HELD_NODE)
         held[list(sections)] |= int(HELD_TURN)
@@ -132,11 +132,10 @@ def rods_of(
     periods: Sequence[np.ndarray | None] | None = None,
     tile: np.ndarray | None = None,
 ) -> Rods:
-    """Rods through node positions (n, 3) [m], free of stress as they are.
+    """Stress-free rods through node positions (n, 3) [m].
 
-    `periods`: for each wire None where it is open, else the shift (3,) [m] with which it comes back to its first node. The
-    sections of an open wire stand without twist from one segment to the next; along a closed one that would leave a jump at
-    its end, which is spread over all its nodes as natural twist.
+    periods: for each wire None where it is open, else its period (3,) [m]. The directors of an open wire have no twist. Along a
+    closed wire the closing angle is distributed evenly over all nodes as natural twist.
     """
     count = np.array([len(p) for p in points])
     first = np.concatenate([[0], np.cumsum(count)[:-1]])
@@ -170,26 +169,26 @@ def straight(rods: Rods) -> Rods:
 
 
 def _without_twist(tangent: np.ndarray) -> np.ndarray:
-    """Directors (n, 3) across unit tangents (n, 3), each the one before it carried along by the least rotation."""
+    """Directors (n, 3) normal to unit tangents (n, 3), by parallel transport from one to the next."""
     first = np.eye(3)[np.argmin(np.abs(tangent[0]))]
     director = np.empty_like(tangent)
     director[0] = _across(first, tangent[0])
     for k in range(1, len(tangent)):
-        director[k] = _carried(director[k - 1], tangent[k - 1], tangent[k])
+        director[k] = _transported(director[k - 1], tangent[k - 1], tangent[k])
     return director
 
 
 def _evenly_twisted(tangent: np.ndarray) -> np.ndarray:
-    """The same for a closed wire, turned section by section so that the first comes next after the last."""
+    """Directors (n, 3) of a closed wire, with the closing angle distributed evenly as twist."""
     director = _without_twist(tangent)
-    back = _carried(director[-1], tangent[-1], tangent[0])
+    back = _transported(director[-1], tangent[-1], tangent[0])
     jump = np.arctan2(np.cross(back, director[0]) @ tangent[0], back @ director[0])
     angle = (jump / len(tangent) * np.arange(len(tangent)))[:, None]
     return np.cos(angle) * director + np.sin(angle) * np.cross(tangent, director)
 
 
-def _carried(vector: np.ndarray, before: np.ndarray, now: np.ndarray) -> np.ndarray:
-    """`vector` across `before` after the least rotation to `now`."""
+def _transported(vector: np.ndarray, before: np.ndarray, now: np.ndarray) -> np.ndarray:
+    """Parallel transport of `vector`, normal to `before`, to the tangent `now`."""
     axis, cosine = np.cross(before, now), before @ now
     return _across(cosine * vector + np.cross(axis, vector) + axis * (axis @ vector) / (1.0 + cosine), now)
 

@@ -1,16 +1,16 @@
-"""The largest stable step of rods, and the fictitious masses that make a step of one second stable.
+"""Bounds on the stable step of rods, and fictitious masses for which a step of one second is stable.
 
 A straight uniform chain of segments h with node mass m and spin inertia I has the largest squared frequencies
 
     a = 4 EA/(h m)      b = 16 EI/(h^3 m)      t = 4 GJ/(h I)
 
-of stretch, bending and twist. A turn p [rad] at the nodes couples them; it adds p^2 EI/(h I) to twist, as a turned section bends
-against its natural curvature, and p^2 GJ/(2 h^3 m) to bending, as a node that moves across turns the frames. Tension adds
-4 T/(h m), contact of a penalty k at most 4 k/m: the curve of a wire puts it on four nodes whose shares squared sum up to one
-at most, on either wire, and two contacts at once may push the same nodes. Where a wire's curve has its shape at rest
-(rest_curve.py), its sections carry parts c of it: the shares may then be more, and 4 k c^2/I adds to twist. Friction of a
-stiffness k_t, which acts at the surface, adds 4 k_t r^2/I. Two coupled ones
-w1, w2 make (w1 + w2)/2 + sqrt((w1 - w2)^2/4 + w1 w2 sin^2 p).
+of stretch, bending and twist. A turning angle p [rad] at the nodes couples them. It adds p^2 EI/(h I) to twist, because a rotated
+section bends against its natural curvature, and p^2 GJ/(2 h^3 m) to bending, because the transverse motion of a node rotates the
+frames. Tension adds 4 T/(h m). Contact of penalty k adds at most 4 k/m: its force acts on four nodes of either wire, with weights
+whose squares sum to one at most, and two contacts may act on the same nodes. With a rest-shape correction (rest_curve.py) a part
+c of the curve rotates with the sections: the weights may be larger, and 4 k c^2/I adds to twist. Friction of stiffness k_t acts
+at the surface and adds 4 k_t r^2/I. Two coupled squared frequencies w1, w2 give (w1 + w2)/2 + sqrt((w1 - w2)^2/4 + w1 w2 sin^2
+p).
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from ..numerics import MASS_MARGIN, TURN_ALLOWANCE
 from .rest_curve import RestCurve
 from .rods import Rods
 
-STEEPEST = 0.5 * math.pi  # [rad] turn from which on nothing couples more
-TWIST_SHARE = 0.25  # largest rate of twist over that of motion, in relax: what couples them then stays below the limit
+MAX_TURN = 0.5 * math.pi  # [rad] turning angle of the largest coupling
+TWIST_SHARE = 0.25  # largest squared frequency of twist over that of translation, in relax: keeps the coupled one below the limit
 
 
 @dataclass(frozen=True)
 class Rates:
-    """Largest squared frequencies [1/s2], and what all of them make together."""
+    """Largest squared frequencies [1/s2], of each term and of all together."""
 
     stretch: float
     bending: float
@@ -41,7 +41,7 @@ class Rates:
 
     @property
     def limited_by(self) -> str:
-        """The one that is largest alone."""
+        """The term with the largest squared frequency."""
         return max(("stretch", "bending", "twist", "contact"), key=lambda name: getattr(self, name))
 
 
@@ -63,13 +63,13 @@ def largest_rates(
     """
     k = _stiffnesses(rods, stretch_stiffness, turning, tension, contact_stiffness, curve)
     a, b, t = k.stretch / node_mass, k.bending / node_mass, k.twist / spin_inertia
-    both = _coupled(_coupled(a, b, k.coupling), t, k.coupling) + k.beside / node_mass
+    scaled = _coupled(_coupled(a, b, k.coupling), t, k.coupling) + k.additive / node_mass
     free = (rods.held & int(HELD_NODE)) == 0
-    return Rates(*(float(np.max(x[free], initial=0.0)) for x in (a, b, t, k.contact / node_mass, both)))
+    return Rates(*(float(np.max(x[free], initial=0.0)) for x in (a, b, t, k.contact / node_mass, scaled)))
 
 
 def stable_step(rates: Rates, look_ahead: float = 0.0) -> float:
-    """[s] 2/w, less for a look-ahead of so many steps."""
+    """[s] stable step 2/w, reduced by a look-ahead [steps]."""
     return 2.0 / math.sqrt(rates.all * (1.0 + 2.0 * look_ahead))
 
 
@@ -88,10 +88,10 @@ def unit_step_masses(
     A quarter of the largest stiffness is the mass that is just stable; turning [node] [rad] is the angle at each node;
     stick_stiffness [N/m] that of friction.
     """
-    turning = np.minimum(np.asarray(turning) + TURN_ALLOWANCE, STEEPEST)
+    turning = np.minimum(np.asarray(turning) + TURN_ALLOWANCE, MAX_TURN)
     k = _stiffnesses(rods, stretch_stiffness, turning, tension, contact_stiffness, curve, stick_stiffness)
-    moved = _coupled(k.stretch, k.bending, k.coupling) + k.beside
-    return MASS_MARGIN / 4.0 * moved, MASS_MARGIN / 4.0 / TWIST_SHARE * k.twist
+    translation = _coupled(k.stretch, k.bending, k.coupling) + k.additive
+    return MASS_MARGIN / 4.0 * translation, MASS_MARGIN / 4.0 / TWIST_SHARE * k.twist
 
 
 def masses_for_step(
@@ -103,23 +103,25 @@ def masses_for_step(
     contact_stiffness: float = 0.0,
     curve: RestCurve | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The least node masses [node] [kg] and spin inertias [node] [kg m2] with which the bound of `largest_rates` allows this step
-    [s]. Twist has TWIST_SHARE of the rate of motion, which adds as much to the largest of both at most."""
+    """Smallest node masses [node] [kg] and spin inertias [node] [kg m2] that are stable at a time step [s] by `largest_rates`.
+
+    Twist has TWIST_SHARE of the squared frequency of translation, and adds at most as much to the coupled one.
+    """
     k = _stiffnesses(rods, stretch_stiffness, turning, 0.0, contact_stiffness, curve)
-    moved = _coupled(k.stretch, k.bending, k.coupling) + k.beside
-    both = (1.0 + TWIST_SHARE) * (0.5 * time_step) ** 2
-    return both * moved, both / TWIST_SHARE * k.twist
+    translation = _coupled(k.stretch, k.bending, k.coupling) + k.additive
+    scaled = (1.0 + TWIST_SHARE) * (0.5 * time_step) ** 2
+    return scaled * translation, scaled / TWIST_SHARE * k.twist
 
 
 @dataclass(frozen=True)
 class _Stiffnesses:
-    """[node] mass times squared frequency, as in the formulas on top."""
+    """[node] mass times squared frequency, by the formulas of this module."""
 
     stretch: np.ndarray  # [N/m]
     bending: np.ndarray  # [N/m]
     twist: np.ndarray  # [N m]
     contact: np.ndarray  # [N/m]
-    beside: np.ndarray  # [N/m] contact and tension, which only add
+    additive: np.ndarray  # [N/m] contact and tension, which add to all modes
     coupling: np.ndarray  # sin^2 of the turn
 
 
@@ -135,20 +137,20 @@ def _stiffnesses(
     section = rods.section
     own = np.where(rods.following >= 0, rods.natural_length, np.inf)
     h = np.minimum(own, np.where(rods.previous >= 0, own[rods.previous], np.inf))
-    turn = np.minimum(np.broadcast_to(turning, h.shape), STEEPEST)
+    turn = np.minimum(np.broadcast_to(turning, h.shape), MAX_TURN)
     axial = section.axial_stiffness if stretch_stiffness is None else stretch_stiffness
     bending = 16 * section.bending_stiffness + 0.5 * turn**2 * section.twist_stiffness
-    share, lever = (1.0, 0.0) if curve is None else (curve.share, curve.lever)
+    share, lever = (1.0, 0.0) if curve is None else (curve.weight_square, curve.lever)
     contact = np.full(h.shape, 4.0 * contact_stiffness * share)
-    touching = 4.0 * (contact_stiffness * lever**2 + stick_stiffness * float(rods.wire_radius.max()) ** 2)
-    # an end has half a node's mass, and one segment and one turn pull at it
+    surface = 4.0 * (contact_stiffness * lever**2 + stick_stiffness * float(rods.wire_radius.max()) ** 2)
+    # an end node has half the mass, and one segment and one turn act on it
     half = np.where((rods.following < 0) | (rods.previous < 0), 0.5, 1.0)
     return _Stiffnesses(
         stretch=half * 4 * axial / h,
         bending=half * bending / h**3,
-        twist=(4 * section.twist_stiffness + turn**2 * section.bending_stiffness) / h + touching,
+        twist=(4 * section.twist_stiffness + turn**2 * section.bending_stiffness) / h + surface,
         contact=contact,
-        beside=half * 4 * max(tension, 0.0) / h + contact,
+        additive=half * 4 * max(tension, 0.0) / h + contact,
         coupling=np.sin(turn) ** 2,
     )
 

@@ -1,4 +1,4 @@
-"""What the spatial model is tried at (trial.py)."""
+"""Settings of trial runs of the spatial model (trial.py)."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from ..trial import SOFTENING, Setting, edge_of
 
 NODES = (40, 48, 56, 64)  # a loop
 FINE = {"periodic": 96, "gripped": 68, "hook": 68}  # nodes of the fine run, a loop, or segments of a wire
-TOLERANCE = 1e-3  # of fine runs and references, which take some fifty times as long as in the plane
+TOLERANCE = 1e-3  # of fine runs and references, about fifty times slower than in the plane
 REFERENCE = 96  # nodes a loop of the reference of a trade
 HOOK_REFERENCE = 68  # segments a wire of the same of a hook, whose lens is a tenth of a wire long
 
 
 def settings(scene: Scene, percent: float) -> list[Setting]:
-    """Settings to try, the cheapest first; the tolerance leaves a tenth of `percent` or less."""
+    """Settings to try, the cheapest first; the tolerance contributes at most a tenth of `percent`."""
     tolerance = min(1e-2, max(2.0 * TOLERANCE, percent / 1000.0))
     return [Setting(n, SOFTENING, tolerance, "double") for n in NODES]
 
 
 def fine(scene: Scene) -> Setting:
-    """Of the fine run of a small mesh, which counts as true."""
+    """Setting of the fine run of a small mesh, taken as exact."""
     return Setting(FINE[edge_of(scene)], SOFTENING, TOLERANCE, "double")
 
 

@@ -1,6 +1,6 @@
-"""Yield in bending of wires in space: what they keep as set, from one state at rest to the next.
+"""Plastic bending of spatial wires, updated from one equilibrium to the next.
 
-Backward Euler of the law of kernels/rod_bend.py. Twist and tension do not yield.
+Backward Euler of the flow rule of kernels/rod_bend.py. Twist and tension stay elastic.
 """
 
 from __future__ import annotations
@@ -13,8 +13,10 @@ from .rods import Rods
 
 
 class Yielding:
-    """Of rods in the state last evaluated. Arrays run over the nodes; turns are in the directions of the sections and 0 where
-    there is no turn between two segments."""
+    """Plastic bending of rods in the state last evaluated.
+
+    Arrays run over the nodes; turns [rad] are along the section directors, and 0 at the ends of wires.
+    """
 
     def __init__(self, rods: Rods, arrays: RodArrays, state: RodState) -> None:
         self.rods, self.arrays, self.state = rods, arrays, state
@@ -26,17 +28,17 @@ class Yielding:
 
     @property
     def length(self) -> np.ndarray:
-        """[node] [m] natural length of a turn as it is warm."""
+        """[node] [m] natural length of a node at the current temperature."""
         return self.rods.node_length * float(self.state.read_control()[int(c.LENGTH_FACTOR)])
 
     @property
     def plastic(self) -> np.ndarray:
-        """(node, 2) [rad] that stays."""
+        """(node, 2) [rad] plastic turn."""
         return self.state.plastic_turn.numpy()
 
     @property
     def back(self) -> np.ndarray:
-        """(node, 2) [rad] elastic turn about which the wire yields, and the half of which times it is the energy of hardening."""
+        """(node, 2) [rad] back turn: centre of the yield surface."""
         return self._kept / (1.0 - self._kept) * self.plastic if self.yields else np.zeros_like(self.plastic)
 
     def _trial(self) -> np.ndarray:
@@ -44,7 +46,7 @@ class Yielding:
         return np.where(self._inside[:, None], turn, 0.0)
 
     def _beyond(self) -> tuple[np.ndarray, np.ndarray]:
-        """(node, 2) by what the turns pass the yield surface, and [node] by how much they are off their back turns."""
+        """(node, 2) excess of the trial turns over the yield surface, and [node] their distance from the back turns."""
         beyond = self._trial() - self.back
         size = np.linalg.norm(beyond, axis=1)
         over = np.maximum(size - self.rods.section.yield_curvature * self.length, 0.0) * self.yields
@@ -52,16 +54,16 @@ class Yielding:
 
     @property
     def elastic(self) -> np.ndarray:
-        """(node, 2) [rad] the moment is EI over the length times it."""
+        """(node, 2) [rad] elastic turn; the moment is EI over the length times it."""
         return self._trial() - (1.0 - self._kept) * self._beyond()[0] if self.yields else self._trial()
 
     @property
     def hardened_energy(self) -> float:
-        """[J] that hardening stores: H kappa_p^2/2 a length, H = EI kept/(1 - kept)."""
+        """[J] stored by hardening: H kappa_p^2/2 a length, H = EI kept/(1 - kept)."""
         return self._energy(0.5 * np.sum(self.back * self.plastic, axis=1))
 
     def potential(self) -> float:
-        """[J] of bending, the gradient of which the moments are: what the wires store, and would lose to yield."""
+        """[J] incremental bending potential, whose gradient are the moments: stored energy plus plastic dissipation."""
         if not self.yields:
             return self._energy(0.5 * np.sum(self._trial() ** 2, axis=1))
         over, size = self._beyond()
@@ -76,7 +78,7 @@ class Yielding:
         return float(np.sum(self.rods.section.bending_stiffness / self.length[inside] * square[inside]))
 
     def advance(self) -> None:
-        """Take the state, which is at rest, as a step of the path: wires keep what they yielded by."""
+        """Accept the equilibrium as a step of the load history: update the plastic turns."""
         if not self.yields:
             return
         change = (1.0 - self._kept) * self._beyond()[0]
@@ -85,9 +87,9 @@ class Yielding:
         self.state.plastic_turn.assign(self.plastic + change)
 
     def state_dict(self) -> dict[str, np.ndarray]:
-        """What a checkpoint keeps beside the state of the rods."""
+        """Arrays for a checkpoint, in addition to the state of the rods."""
         return {"yield_dissipated": np.array(self.dissipated)}
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        """Put back what `state_dict` returned."""
+        """Restore what `state_dict` returned."""
         self.dissipated = float(kept["yield_dissipated"])

@@ -1,0 +1,129 @@
+"""Elastic slip of friction, passed on from step to step, between neighbouring segments, and from one pair list to the next.
+
+A contact of step n writes n + 1, its place and its elastic slip into the half of the arrays that step n + 1 reads. There a
+contact takes the slip of the nearest contact of the step before, in its own pair or in a neighbouring one. The two halves
+alternate, so no entry is read while it is written.
+"""
+
+import warp as wp
+
+MAX_HANDOVER = wp.constant(wp.float64(0.5))  # segments, largest motion of a contact in one step
+
+
+@wp.func
+def neighbour(i: int, offset: int, previous: wp.array(dtype=wp.int32), following: wp.array(dtype=wp.int32)) -> int:
+    """The segment that is `offset` (-1, 0, 1) on from segment i; -1 where there is none."""
+    if offset < 0:
+        return previous[i]
+    if offset == 0:
+        return i
+    after = following[i]
+    if following[after] < 0:
+        return -1
+    return after
+
+
+@wp.func
+def pair_of(
+    i: int,
+    j: int,
+    start: wp.array(dtype=wp.int32),
+    count: wp.array(dtype=wp.int32),
+    second: wp.array(dtype=wp.int32),
+) -> int:
+    """The pair of segments i < j in the list; -1 where it has none."""
+    for k in range(start[i], start[i] + count[i]):
+        if second[k] == j:
+            return k
+    return -1
+
+
+@wp.func
+def previous_slip(
+    pair: int,
+    i: int,
+    j: int,
+    place: wp.vec2d,
+    step: int,
+    previous: wp.array(dtype=wp.int32),
+    following: wp.array(dtype=wp.int32),
+    pair_start: wp.array(dtype=wp.int32),
+    pair_count_of: wp.array(dtype=wp.int32),
+    pair_second: wp.array(dtype=wp.int32),
+    slip_step: wp.array2d(dtype=wp.int32),
+    slip_place: wp.array2d(dtype=wp.vec2d),
+    elastic_slip: wp.array2d(dtype=wp.vec3d),
+) -> wp.vec3d:
+    """[m] elastic slip from the step before, of the first wire over the second, at these places on segments i and j."""
+    half = step % 2
+    slip = wp.vec3d()
+    nearest = wp.float64(3.0)
+    for k in range(2 * pair, 2 * pair + 2):
+        if slip_step[half, k] == step:
+            distance = wp.abs(slip_place[half, k][0] - place[0]) + wp.abs(slip_place[half, k][1] - place[1])
+            if distance < nearest:
+                nearest = distance
+                slip = elastic_slip[half, k]
+    if nearest < wp.float64(3.0):
+        return slip
+    nearest = MAX_HANDOVER
+    for candidate in range(9):
+        first_offset = candidate / 3 - 1
+        second_offset = candidate % 3 - 1
+        first = neighbour(i, first_offset, previous, following)
+        second = neighbour(j, second_offset, previous, following)
+        if candidate != 4 and first >= 0 and second >= 0 and first != second:
+            other = pair_of(wp.min(first, second), wp.max(first, second), pair_start, pair_count_of, pair_second)
+            if other >= 0:
+                for k in range(2 * other, 2 * other + 2):
+                    if slip_step[half, k] == step:
+                        place_there = slip_place[half, k]
+                        slip_there = elastic_slip[half, k]
+                        if first > second:
+                            place_there = wp.vec2d(place_there[1], place_there[0])
+                            slip_there = -slip_there
+                        distance_first = wp.abs(place_there[0] + wp.float64(first_offset) - place[0])
+                        distance = distance_first + wp.abs(place_there[1] + wp.float64(second_offset) - place[1])
+                        if distance < nearest:
+                            nearest = distance
+                            slip = slip_there
+    return slip
+
+
+@wp.kernel
+def transfer_elastic_slip(
+    # what steers the step
+    step: int,
+    # in: the pairs before
+    old_start: wp.array(dtype=wp.int32),
+    old_count: wp.array(dtype=wp.int32),
+    old_second: wp.array(dtype=wp.int32),
+    old_shift: wp.array(dtype=wp.vec3d),
+    old_step: wp.array2d(dtype=wp.int32),
+    old_place: wp.array2d(dtype=wp.vec2d),
+    old_elastic_slip: wp.array2d(dtype=wp.vec3d),
+    # in: the pairs now
+    pair_count: wp.array(dtype=wp.int32),
+    pair_first: wp.array(dtype=wp.int32),
+    pair_second: wp.array(dtype=wp.int32),
+    pair_shift: wp.array(dtype=wp.vec3d),
+    # out
+    slip_step: wp.array2d(dtype=wp.int32),
+    slip_place: wp.array2d(dtype=wp.vec2d),
+    elastic_slip: wp.array2d(dtype=wp.vec3d),
+):
+    """Copy elastic slips from the old pair list to the new one; one thread a pair, which has two contacts."""
+    pair = wp.tid()
+    half = step % 2
+    for k in range(2 * pair, 2 * pair + 2):
+        slip_step[half, k] = -1
+        slip_step[1 - half, k] = -1
+    if pair >= pair_count[0]:
+        return
+    i = pair_first[pair]
+    for old in range(old_start[i], old_start[i] + old_count[i]):
+        if old_second[old] == pair_second[pair] and wp.length(old_shift[old] - pair_shift[pair]) == wp.float64(0.0):
+            for a in range(2):
+                slip_step[half, 2 * pair + a] = old_step[half, 2 * old + a]
+                slip_place[half, 2 * pair + a] = old_place[half, 2 * old + a]
+                elastic_slip[half, 2 * pair + a] = old_elastic_slip[half, 2 * old + a]
