@@ -36,6 +36,7 @@ _BATCH = r"""
     int awake[LANES], any = 0;
     for (int l = count; l < LANES; ++l) awake[l] = 0;
     const real* __restrict wake = pair_wake.data + begin;
+    #pragma clang diagnostic ignored "-Wpass-failed"  // loops that stay scalar are no news to a user
     #pragma clang loop vectorize(enable)
     for (int l = 0; l < count; ++l) {
         awake[l] = travel >= double(wake[l]);
