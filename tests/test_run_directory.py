@@ -3,9 +3,12 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from warpknit.errors import RunDirectoryError
+from warpknit.ranks.ranks import One
+from warpknit.run.checkpoint import FILE, Checkpoint
 from warpknit.run.run_directory import check_directory
 
 SUMMARY = {"run": "summary.json", "map": "map.json", "trade": "trade.json"}
@@ -54,3 +57,13 @@ def test_the_current_directory_has_a_name_too(tmp_path, monkeypatch):
     Path("notes.txt").touch()
     with pytest.raises(RunDirectoryError, match=f"notes.txt.; --out {tmp_path}/here_run is another directory"):
         check_directory(Path("."), "run", resume=False, force=False)
+
+
+@pytest.mark.parametrize("progress", [{"settling": True, "search": {}, "start": {}}, {}, None])
+def test_a_checkpoint_of_another_version_is_refused_in_one_line(progress, tmp_path):
+    """One whose progress has other names than this version's."""
+    path = tmp_path / FILE
+    path.parent.mkdir()
+    np.savez(path, about=np.array(json.dumps({"scene": "s", "ranks": 1, "turn": 0, "wall_s": 0.0, "progress": progress})))
+    with pytest.raises(RunDirectoryError, match="not a checkpoint of this version .*: start over with --force"):
+        Checkpoint(tmp_path, "s", One())

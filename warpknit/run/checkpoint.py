@@ -19,7 +19,7 @@ from ..ranks.ranks import Ranks
 from ..solve.simulate import Progress, Simulation
 
 FILE = Path("checkpoint") / "checkpoint.npz"
-UNUSABLE = (OSError, ValueError, KeyError, zipfile.BadZipFile)
+UNUSABLE = (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile)
 
 
 def write_checkpoint(directory: Path, simulation: Simulation, scene_hash: str, wall: float) -> None:
@@ -74,6 +74,7 @@ class Checkpoint:
         try:
             header = _header(path)
             count, scene = header["ranks"], header["scene"]
+            self.progress = Progress.from_dict(header["progress"])
             if count == ranks.count and not ranks.is_first:
                 path = _strip_file(directory, header["turn"], ranks.rank)
             with np.load(path, allow_pickle=False) as file:
@@ -89,7 +90,6 @@ class Checkpoint:
                 f"{path}: given {ranks.count} ranks, allowed: the {count} that wrote the checkpoint (mpirun -n {count});"
                 f" or start over with --force"
             )
-        self.progress = Progress.from_dict(header["progress"])
         self.wall = float(header["wall_s"])
 
     def restore(self, simulation: Simulation) -> None:
