@@ -1,8 +1,8 @@
-"""What the segments and nodes of the wires carry, by the forces of wire_forces.py. Read between steps, not in a step.
+"""Strains, tensions and moments of the wires, from wire_forces.py; evaluated between steps.
 
     strain = ((|e| - L)/L - w)/(1 + w) + bow - bow at rest
 
-of the curved segment, with w by how much a wire is warmer or cooler there than its mean (relative length); bow: see bend.py.
+of the curved segment, with w the local thermal strain relative to that of the mesh; bow: see bend.py.
 """
 
 from typing import Any
