@@ -51,8 +51,8 @@ _RESULTS = r"""
             const real next_angle = closed || local < last - 1 ? angles[k + 1] : real(0);
             bow += real(BOW) * (weight * angle * angle + next_weight * next_angle * next_angle);
             const real natural = length * length_factor, chord = sqrt(chord_x[k] * chord_x[k] + chord_y[k] * chord_y[k]);
-            const real warmth = real(wire_thermal_strain.data[wire][0] + wire_thermal_strain.data[wire][1] * local);
-            strain = ((chord - natural) / natural - warmth) / (real(1) + warmth) + bow;
+            const real thermal_strain = real(wire_thermal_strain.data[wire][0] + wire_thermal_strain.data[wire][1] * local);
+            strain = ((chord - natural) / natural - thermal_strain) / (real(1) + thermal_strain) + bow;
         }
         strain_out.data[i] = strain;
     }

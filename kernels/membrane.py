@@ -163,7 +163,7 @@ def spread_to_nodes(
     uy: wp.array(dtype=Any),
     tension_offset: wp.array(dtype=Any),
 ):
-    """Move every node with the grid, and as the node of a repeat that comes to rest under the same strain.
+    """Move every node with the grid, and by the response of a repeat to the same strain.
 
     `cell_node[entry]` is the node of the repeat; `cell_*[gradient entry, node]` are displacement [m], tension [N] and
     softened strain [-].

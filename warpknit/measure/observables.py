@@ -1,7 +1,7 @@
 """Observables of a state on the host: the same names in the planar and the spatial model.
 
-A model offers these (planar/observables.py, spatial/observables.py); whatever follows from them in the same way stands in
-measures.py. Measures, frames, history.csv, summary.json, maps, trades and reports draw on nothing else. None: the model has none
+A model offers these (planar/observables.py, spatial/observables.py); values derived from them are in
+measures.py. Measures, frames, history.csv, summary.json, maps, trades and reports use only these. None: the model has none
 of it. A place where the knit hooks two wires into each other is a body with two pairs, one for each wire.
 """
 

@@ -1,4 +1,4 @@
-"""What two hooked wires show in the plane."""
+"""The contact of two hooked planar wires."""
 
 from __future__ import annotations
 

@@ -244,7 +244,7 @@ class PlanarObservables(HostState):
         return np.column_stack([body, height])
 
     def _node_rest(self) -> np.ndarray:
-        """(node, 2) [m] places at rest."""
+        """(node, 2) [m] rest positions."""
         panel, table = self.model.panel, self.model.table
         origin = np.repeat(panel.block_origin, panel.block_count, axis=0)
         return np.stack([table.x[self.entry], table.y[self.entry]], axis=1) + origin
