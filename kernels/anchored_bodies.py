@@ -1,11 +1,11 @@
-"""One explicit step of contact bodies that are tied to the ground, each by a spring from its anchor.
+"""One explicit step of contact bodies on the ground, each tied to its anchor by a spring.
 
     f = pairs - k d min(1, limit/(k |d|))        d = x - anchor
 
-Without a limit this is a spring to the ground. With one it is a body on a plane with friction: the spring is what the
-plane gives before the body slips, the limit is the friction coefficient times the load on the plane. While a level of a
-relaxation comes to rest the anchor stays, so that the force depends on where the body is and not on how it swung; then, and in a
-ramp at every step, an anchor whose spring is at the limit is drawn along.
+Without a limit this is a spring to the ground. With one it is a body on a plane with friction: the spring is the elastic slip,
+the limit is the friction coefficient times the load on the plane. During a level of a relaxation the anchor is fixed, so that
+the force does not depend on the path of the iteration. At its equilibrium, and in a ramp at every step, an anchor whose spring
+is at the limit follows the body.
 
 Displacements are those from the affinely mapped rest shape, so the place on the ground is u + (F - I) X. The update is that of
 control.py.
@@ -33,7 +33,7 @@ from .control import (
 
 @wp.func
 def moved_on_ground(control: wp.array(dtype=wp.float64), body_ux: wp.float64, body_uy: wp.float64, x: wp.float64, y: wp.float64):
-    """Displacement [m] on the ground of what rests at (x, y)."""
+    """Displacement [m] on the ground, from rest position (x, y)."""
     one = wp.float64(1.0)
     dx = body_ux + (control[GRADIENT] - one) * x + control[GRADIENT + 1] * y
     dy = body_uy + control[GRADIENT + 2] * x + (control[GRADIENT + 3] - one) * y
@@ -42,7 +42,7 @@ def moved_on_ground(control: wp.array(dtype=wp.float64), body_ux: wp.float64, bo
 
 @wp.func
 def slipped(d: wp.vec2d, stiffness: wp.float64, limit: wp.float64):
-    """How far [m] the anchor of a spring drawn out to d follows: what the limit does not bear."""
+    """Displacement [m] of the anchor of a spring of elongation d: the part above the limit."""
     length = wp.length(d)
     if stiffness * length <= limit:
         return wp.vec2d(wp.float64(0.0), wp.float64(0.0))
@@ -117,7 +117,7 @@ def draw_anchors(
     anchor_x: wp.array(dtype=wp.float64),
     anchor_y: wp.array(dtype=wp.float64),
 ):
-    """Anchors whose spring is at the limit follow their body until it is just there."""
+    """Move anchors whose spring exceeds the limit until it is at the limit."""
     body = wp.tid()
     anchor = wp.vec2d(anchor_x[body], anchor_y[body])
     d = moved_on_ground(control, body_ux[body], body_uy[body], body_origin_x[body], body_origin_y[body]) - anchor

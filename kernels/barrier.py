@@ -1,4 +1,4 @@
-"""Where the threads of a step wait for each other on the CPU: none goes on before all have come.
+"""Barrier of the threads of a step on the CPU.
 
 Warp runs a CPU launch on one thread. Several Python threads that replay graphs of launches at a time (warpknit/planar/step.py)
 each do a part of a step; between the parts each launches `wait_for_all`.
@@ -40,7 +40,7 @@ def wait_for_all(
     # in and out: 64 entries, zero at the start
     state: wp.array(dtype=wp.int32),
 ):
-    """Return when `threads` launches have come here.
+    """Return when `threads` launches have arrived.
 
     `yield_address` is that of a C function without arguments that lets another thread have the core, 0 where there is none.
     """

@@ -1,10 +1,10 @@
-"""One explicit step of the contact bodies, which feel nothing but their two pairs.
+"""One explicit step of the contact bodies under the forces of their two pairs.
 
 A thread steps BODY_BLOCK consecutive bodies and leaves one row of partial sums; its loop is C++, which the CPU compiler
-vectorises. `pair_body_x, _y` are the forces [N] of pairs 2b and 2b + 1 on body b. The update is that of control.py. Where
-masses are fictitious, a body that no wire touches soon comes to rest (`slow_when_free`): a flight would be as fictitious, and
-could carry it out of its lens. It is not stopped dead: between two wires that move on, it would be hit by them, let go and
-stopped again, a rattling that feeds on their motion and keeps them from coming to rest.
+vectorises. `pair_body_x, _y` are the forces [N] of pairs 2b and 2b + 1 on body b. The update is that of control.py. With
+fictitious masses a free body is slowed down (`slow_when_free`), as its flight has no physical meaning and could carry it out of
+its lens. It is not stopped at once: between two moving wires it would be hit and stopped again and again, which would keep the
+wires from converging.
 """
 
 from typing import Any
@@ -16,7 +16,7 @@ from .native import STEERING, constants
 from .wires import rounding_phase
 
 BODY_BLOCK = 32
-FREE_FLIGHT = 0.9  # of its speed that a free body keeps a step: it flies nine steps far in all
+FREE_FLIGHT = 0.9  # velocity factor of a free body a step; its total path is nine steps
 
 _STEP = r"""
     typedef decltype(unit) real;

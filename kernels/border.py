@@ -1,4 +1,4 @@
-"""What crosses from strip to strip: the forces of contacts on bodies that two strips share.
+"""Exchange between strips: contact forces on bodies that two strips share.
 
 Each strip finds the forces of the pairs on its own wires. A shared body is there in both strips; its foreign pair gets force
 and components from the other strip, three numbers a pair, so that both copies of the body take the same step.

@@ -7,21 +7,21 @@ On segment j between nodes j and j + 1, with u in [0, 1] and everything taken re
 
 h.. are the Hermite polynomials, m the Catmull-Rom tangents, J turns by +90 degrees. The numbers a, b of the nodes and
 the cubics b_t, b_n of the segment come from a table of one repeat, such that p is the true curve of the wire at
-rest. M belongs to the node and the last term has no slope there, so the curve is continuously differentiable whatever
-shape the wire takes. With the closest point, n the left normal there and `side` telling on which side of the wire the
+rest. M belongs to the node and the last term has no slope there, so the curve is always continuously
+differentiable. With the closest point, n the left normal there and `side` telling on which side of the wire the
 body belongs,
 
     gap = side n.(c - p) - reach         F = max(0, offset - k gap)
 
-The sign of the gap goes by the side, not by the distance, so a body that was pushed through is pushed back. F acts on
-the body along side n, and on the four nodes, in which p is linear, with minus the transposed weights: the gradient of
-the energy, so no net force and, p being carried along by rotations, no net moment arises.
+The sign of the gap is that of the side, so a body that was pushed through is pushed back. F acts on the body along side n,
+and on the four nodes, in which p is linear, with minus the transposed weights: the gradient of the energy. There is no net
+force and, as p rotates with the nodes, no net moment.
 
 | symbol | argument | unit |
 |---|---|---|
 | c | body centre, from pair_rest (counts, in the frame of the table) and the displacements | m |
-| reach | distance of body centre and wire centre line at which they touch | m |
-| offset | pair_offset: running multiplier | N |
+| reach | contact distance of body centre and wire centre line | m |
+| offset | pair_offset: augmented Lagrangian multiplier | N |
 | k | CONTACT_STIFFNESS | N/m |
 """
 
@@ -35,8 +35,8 @@ from .wires import node_at
 
 CURVE_COEFFICIENTS = 10  # a, b of the node; then four of b_t and four of b_n of the segment to the next node
 CLOSEST_POINT_ITERATIONS = 8
-# [segments] by which a contact point may miss the closest one: it trails behind a body that slides by so much, and the force, out
-# of the normal by that over the radius, feeds what slides, so that a mesh that is shaken and not damped gains energy
+# [segments] tolerance of the contact point. It lags behind a sliding body by this much; the force then deviates from the normal
+# by that over the radius and does positive work on the slide, so that an undamped mesh gains energy
 CLOSEST_POINT_SINGLE = wp.constant(wp.float32(1.0e-5))
 CLOSEST_POINT_DOUBLE = wp.constant(wp.float64(1.0e-9))
 

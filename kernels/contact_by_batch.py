@@ -1,10 +1,9 @@
 """Contact of bodies with the smooth curves of wires on the CPU: PAIR_BATCH pairs at a time (see contact.py for the equations).
 
-It takes the same steps as `find_contact_forces`, pair by pair. What a pair takes from the table of one repeat changes only when
-its contact point slides to another segment, so it is kept in batches, number after number for all pairs of a batch, and
-`cached_slide` tells for which segment. The curve is evaluated for a whole batch by loops that the CPU compiler vectorises,
-and the closest points are moved until each is found. It is C++ because loops of a Warp kernel do not vectorise on the CPU. Each
-pair comes out the same whatever its neighbours are.
+The algorithm is that of `find_contact_forces`. Table values of a pair change only when its contact point slides to another
+segment; they are cached in batches as structures of arrays, and `cached_slide` holds the segment. The curve is evaluated for a
+batch by loops that the CPU compiler vectorises, until all closest points are found. It is C++ because loops of a Warp kernel
+do not vectorise on the CPU. The result of a pair does not depend on its batch.
 """
 
 from typing import Any

@@ -1,8 +1,8 @@
 """A single contact point: a node of the first wire of each body against the second wire, its target.
 
-The body is no mass of its own but sits on its node. What the pair with the target pushes it with acts on that node, through the
-body's other pair, which has no contact to look for. Where the contact has run off the end of the target, or the node is
-deeper behind it than `pinball`, the contact is missed: the pair carries nothing.
+The body has no mass of its own but follows its node. The force of the pair with the target acts on that node, through the other
+pair of the body, which has no contact search. Beyond the end of the target, or deeper behind it than `pinball`, the contact
+is lost: the pair carries no force.
 """
 
 import warp as wp

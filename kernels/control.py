@@ -1,4 +1,4 @@
-"""The numbers that steer a time step, kept on the device, and the kernel that renews them after each step.
+"""The control array of a time step on the device, and the kernel that updates it after each step.
 
 Every step, for wires and bodies alike, reads
 
@@ -9,15 +9,15 @@ with the factors of central differences under mass-proportional damping c,
     VELOCITY_FACTOR = (1 - c dt/2)/(1 + c dt/2)          FORCE_FACTOR = dt/(1 + c dt/2)
 
 so one set of kernels serves both drives: `ramp` has real (or scaled) masses and a given c, `relax` has fictitious masses
-that are stable at unit step and a c near the critical damping of the slowest mode that still moves (kernels/rayleigh.py).
+that are stable at unit step and a c near the critical damping of the slowest active mode (kernels/rayleigh.py).
 
-With LOOK_AHEAD = g the stored u is the place a mesh at x will reach in g steps, x + g dt v, so that forces are those of a
-moment later. A mode of frequency w then loses g (w dt)^2/2 of its amplitude a step on top of c dt/2: stiff modes die within
-tens of steps, slow ones feel nothing. The step is stable up to w dt = 2/sqrt(1 + 2 g). A ramp has g = 0.
+With LOOK_AHEAD = g the stored u is extrapolated by g steps, x + g dt v, so that forces are evaluated ahead of time. A mode of
+frequency w then loses g (w dt)^2/2 of its amplitude a step in addition to c dt/2: stiff modes decay within tens of steps, slow
+modes are not affected. The step is stable up to w dt = 2/sqrt(1 + 2 g). A ramp has g = 0.
 
 The boundary moves by the deformation gradient F, which follows a ramp from FROM to TO over RAMP_STEPS steps, smooth or even.
-A step after which something moved farther than STEP_LIMIT freezes the state (STATUS_DIVERGED), and so does a travel since
-the last neighbour search above TRAVEL_LIMIT (STATUS_STALE): later steps of the batch then change nothing.
+A displacement above STEP_LIMIT in a step freezes the state (STATUS_DIVERGED), and so does a travel above TRAVEL_LIMIT since the
+last neighbour search (STATUS_STALE): later steps of the graph then change nothing.
 """
 
 import warp as wp
@@ -28,7 +28,7 @@ FORCE_FACTOR = wp.constant(1)
 TIME_STEP = wp.constant(2)
 GRADIENT = wp.constant(3)  # 4 entries: xx, xy, yx, yy, then the length factor 1 + alpha (T - T0) of the wires
 LENGTH_FACTOR = wp.constant(7)
-LOOK_AHEAD = wp.constant(8)  # steps by which forces look ahead, in relax
+LOOK_AHEAD = wp.constant(8)  # steps of extrapolation, in relax
 CONTACT_STIFFNESS = wp.constant(9)  # [N/m]
 BOW_MOMENT = wp.constant(10)  # 2 BOW (bend.py) where multipliers keep the length of arcs, else 0
 BODY_INVERSE_MASS = wp.constant(11)  # [1/kg]
@@ -40,9 +40,9 @@ RAMP_STEPS = wp.constant(23)
 # drive
 DRIVE = wp.constant(24)  # 0 relax, 1 ramp
 DAMPING = wp.constant(25)  # [1/s]
-SPEED_LIMIT = wp.constant(29)  # [m] farthest move a step in relax; speeds are scaled down to it
+SPEED_LIMIT = wp.constant(29)  # [m] largest displacement a step in relax; speeds are scaled down to it
 # watch
-STEP_LIMIT = wp.constant(30)  # [m] a move beyond it is a divergence
+STEP_LIMIT = wp.constant(30)  # [m] a larger displacement in a step is a divergence
 TRAVEL = wp.constant(31)  # [m] bound on any displacement since the last neighbour search
 TRAVEL_LIMIT = wp.constant(32)
 STATUS = wp.constant(33)
@@ -52,12 +52,12 @@ KINETIC_TWICE = wp.constant(37)  # [J] sum m v^2
 SPEED_MAX = wp.constant(38)  # [m/s]
 FORCE_MAX = wp.constant(39)  # [N]
 FORCE_SQUARE = wp.constant(40)  # [N2]
-DISSIPATED = wp.constant(41)  # [J] taken out by mass-proportional damping
-RAMP_SHARE = wp.constant(42)  # how far the clamps have gone on the way that the ramp takes them, 0 .. 1
-MULTIPLIER_RATE = wp.constant(43)  # [-] share of what is missing that an update of the multipliers takes (multipliers.py)
+DISSIPATED = wp.constant(41)  # [J] dissipated by mass-proportional damping
+RAMP_SHARE = wp.constant(42)  # share of the clamp displacement of the ramp, 0 .. 1
+MULTIPLIER_RATE = wp.constant(43)  # [-] share of the constraint error in an update of the multipliers (multipliers.py)
 SLOPE_FACTOR = wp.constant(44)  # [1/(N m2)] SLOPE_SHARE/EI (bend.py)
-EVEN_RAMP = wp.constant(45)  # 1: the load moves evenly from step to step, as a ramp is one look of a longer way
-LOAD_STEP = wp.constant(46)  # 4 entries: by how much GRADIENT moved in the last step
+EVEN_RAMP = wp.constant(45)  # 1: equal load increments, as for an interval of a longer ramp
+LOAD_STEP = wp.constant(46)  # 4 entries: increment of GRADIENT in the last step
 CONTROL_COUNT = 50
 
 STATUS_RUNNING = wp.constant(wp.float64(0.0))

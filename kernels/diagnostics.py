@@ -1,11 +1,11 @@
-"""What a look at the whole state sums up, a row of partial sums for every block of nodes and of pairs.
+"""Sums of a convergence check: one row of partial sums for every block of nodes and of pairs.
 
 The nominal stress of the mesh, its work-conjugate to the deformation gradient, is the sum over
 
     segments   n (x) E0        n the force of the segment (wire_forces.py), E0 its edge at rest
     pairs      f (x) (X_body - X_node) over their four nodes
 
-over the rest area; held nodes are added by planar/observables.py. The rest goes by wire or over all.
+over the rest area; planar/observables.py adds the held nodes. Other sums are by wire or over the mesh.
 """
 
 from typing import Any

@@ -1,8 +1,8 @@
-"""What the segments and nodes of the wires carry, by the forces of wire_forces.py. Read between steps, not in a step.
+"""Strains, tensions and moments of the wires, from wire_forces.py; evaluated between steps.
 
     strain = ((|e| - L)/L - w)/(1 + w) + bow - bow at rest
 
-of the curved segment, with w by how much a wire is warmer or cooler there than its mean (relative length); bow: see bend.py.
+of the curved segment, with w the local thermal strain relative to that of the mesh; bow: see bend.py.
 """
 
 from typing import Any
@@ -51,8 +51,8 @@ _RESULTS = r"""
             const real next_angle = closed || local < last - 1 ? angles[k + 1] : real(0);
             bow += real(BOW) * (weight * angle * angle + next_weight * next_angle * next_angle);
             const real natural = length * length_factor, chord = sqrt(chord_x[k] * chord_x[k] + chord_y[k] * chord_y[k]);
-            const real warmth = real(wire_thermal_strain.data[wire][0] + wire_thermal_strain.data[wire][1] * local);
-            strain = ((chord - natural) / natural - warmth) / (real(1) + warmth) + bow;
+            const real thermal_strain = real(wire_thermal_strain.data[wire][0] + wire_thermal_strain.data[wire][1] * local);
+            strain = ((chord - natural) / natural - thermal_strain) / (real(1) + thermal_strain) + bow;
         }
         strain_out.data[i] = strain;
     }

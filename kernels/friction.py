@@ -1,9 +1,8 @@
-"""Coulomb friction between a body and its wires, from one steady level to the next.
+"""Coulomb friction between a body and its wires, with elastic slip, updated at equilibria.
 
-A contact point that has moved along its wire by s from where it stuck is drawn back by k s, but by no more than mu times the
-contact force; what it has moved farther at rest, it has slipped (`stick_contacts`). A pair without a place to stick to has no
-friction: contact has just closed. Friction acts along the tangent of the wire at the contact point, on the two nodes beside
-it by their distance.
+The friction force of a contact point at distance s along its wire from its stick point is k s, limited to mu times the contact
+force; at an equilibrium any excess of s becomes slip (`stick_contacts`). A contact that has just closed has no stick point and
+no friction. Friction acts along the tangent of the wire at the contact point, on the two nodes beside it by their distance.
 """
 
 from typing import Any
@@ -81,7 +80,7 @@ def stick_contacts(
     # out
     slipped: wp.array(dtype=wp.float64),
 ):
-    """Take a state at rest as where contacts stick; `slipped` [J] is what each took out on the way there."""
+    """Set the stick points from an equilibrium; `slipped` [J] is the energy dissipated by each contact."""
     pair = wp.tid()
     slipped[pair] = wp.float64(0.0)
     most = friction * wp.float64(pair_force[pair])

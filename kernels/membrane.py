@@ -1,8 +1,8 @@
-"""Between a mesh and a coarse grid of a membrane: out-of-balance forces gathered onto it, displacements spread from it.
+"""Transfer between a mesh and a coarse membrane grid: gather out-of-balance forces, spread displacements.
 
 Grid node (a, b) stands at low + (a, b) cell; its shape function is bilinear in the rest position and falls to zero at the next
-grid nodes. A virtual displacement of the membrane moves every node and body of the mesh by the shape functions at its rest
-position, so the force on a grid node is the sum of the forces there by the same weights.
+grid nodes. A virtual displacement of the membrane moves nodes and bodies by the shape functions at their rest
+position, so the force on a grid node is the sum of their forces with the same weights.
 """
 
 from typing import Any
@@ -163,7 +163,7 @@ def spread_to_nodes(
     uy: wp.array(dtype=Any),
     tension_offset: wp.array(dtype=Any),
 ):
-    """Move every node with the grid, and as the node of a repeat that comes to rest under the same strain.
+    """Move every node with the grid, and by the response of a repeat to the same strain.
 
     `cell_node[entry]` is the node of the repeat; `cell_*[gradient entry, node]` are displacement [m], tension [N] and
     softened strain [-].

@@ -1,12 +1,11 @@
-"""Running multipliers: what softened segments and contact penalties would change is taken out again.
+"""Augmented Lagrangian multipliers, which correct the errors of softened segments and contact penalties.
 
-A softened segment carries T = offset + K e with K = EA/s and e the strain of its chord. Wanted is T/EA as the strain of its
-arc, which is longer than the chord by a bow (bend.py) that changes as the wire bends: the offset grows by K times what the
-arc is stretched too far. Where the mesh is compliant, T stays and e gives way at once. Where a stretch is imposed, as in a
-straight wire between two grips, an update takes only a share K/EA of what is missing: such wires are softened less
-(warpknit/planar/multipliers.py).
+A softened segment carries T = offset + K e with K = EA/s and e the strain of its chord. The constraint is T/EA as the strain of
+its arc, which is longer than the chord by a bow (bend.py). The offset grows by K times the strain error of the arc. In a soft
+mesh T stays and e adapts at once. Where the stretch is imposed, as in a straight wire between two grips, an update removes only
+a share K/EA of the error: such wires are softened less (warpknit/planar/multipliers.py).
 
-A closed pair carries F = offset - k gap; moving the offset to F lets the gap vanish at the same force.
+A closed pair carries F = offset - k gap; with offset = F the gap vanishes at the same force.
 """
 
 from typing import Any

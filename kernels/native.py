@@ -1,6 +1,6 @@
-"""What the native functions share: C++ that Warp compiles as it stands, for both precisions.
+"""Common part of the native functions: C++ that Warp compiles, for both precisions.
 
-Numbers of kernels/control.py and columns of the partial sums stand in it under their names.
+Constants of kernels/control.py and columns of the partial sums are declared under their names.
 """
 
 from . import control as c

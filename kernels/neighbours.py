@@ -1,11 +1,11 @@
-"""Which segments a body may touch: a spatial hash proposes, the table of clasps decides.
+"""Neighbour search: the segments that a body may touch, by a hash grid and the table of clasps.
 
 The hash works on rest coordinates F^-1 x, scaled per axis so that a cell is 1 wide; on a periodic tile the number of
 cells divides the tile exactly, so that the grid's own wrapping is the periodic one. From the nodes that the hash finds
-around a body, only those on the pair's own wire and within its reach along the wire count; the nearest one seeds the
-search for the contact point, and its distance tells how far things may travel (TRAVEL in control.py, a bound on every
-displacement since the search) before the pair has to be looked at: until then it sleeps. The search stays valid as long as
-nothing has travelled more than half the margin (TRAVEL_LIMIT).
+around a body, only those on the pair's own wire and within its reach along the wire count; the nearest one is the
+initial guess of the contact point. Its distance bounds the travel (TRAVEL in control.py, a bound on every displacement since
+the search) before the pair can close: until then the pair sleeps. The search is valid while the travel is below half the
+margin (TRAVEL_LIMIT).
 """
 
 from typing import Any

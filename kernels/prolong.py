@@ -1,13 +1,12 @@
-"""Carry what changed on a small mesh of the same knit over to a larger one, from which a relaxation then starts.
+"""Prolongation of the change of a small mesh to a larger one of the same knit, for a multilevel start.
 
 Both meshes are copies of one repeat. A node at rest position X of the large mesh takes its values from the same node of the
 repeat on the small mesh, moved by a shift that depends on X: none within `rim` repeats of an edge, counted from that edge,
-and growing evenly between, so that edges and corners come out as they are and what changes slowly over the mesh is drawn
-out over the larger one. Shifts are seldom whole repeats: values are interpolated between the four repeats around. What is
-drawn out is less steep, so each repeat is less strained than the one it takes its values from: what such a strain does within a
-repeat is taken off again.
+and linear in between, so that edges and corners are copied and the interior is stretched. Shifts are in general not integer:
+values are interpolated between the four repeats around. Stretching reduces gradients, so each repeat is less strained than its
+source: the response of a repeat to that difference is subtracted.
 
-A mesh cut along another outline starts from one repeat of endless cloth, and what changed there fades out towards the clamps.
+A mesh cut along another outline starts from one repeat of endless cloth, whose change is tapered towards the clamps.
 
 | symbol | meaning | unit |
 |---|---|---|

@@ -1,9 +1,9 @@
-"""The slowest mode that still moves, from how the forces changed along the way since the last look.
+"""Rayleigh quotient of the slowest active mode, from the changes since the last convergence check.
 
     lambda = - sum m du . d(f/m) / sum m du . du          c = 2 sqrt(lambda)
 
-du and d(f/m) are the changes of displacement and acceleration between two looks, many steps apart: what stiff modes and
-round-off do averages out, which it does not from one step to the next. c is the critical damping of that mode
+du and d(f/m) are the changes of displacement and acceleration between two checks, many steps apart, which averages out
+stiff modes and round-off. c is the critical damping of that mode
 (dynamic relaxation, Papadrakakis 1981, with the quotient taken over many steps).
 """
 
@@ -27,7 +27,7 @@ def sum_rayleigh(
     uy: wp.array(dtype=Any),
     acceleration_x: wp.array(dtype=Any),
     acceleration_y: wp.array(dtype=Any),
-    # in and out: of the last look, then of this one
+    # in and out: of the last check, then of this one
     last_ux: wp.array(dtype=Any),
     last_uy: wp.array(dtype=Any),
     last_acceleration_x: wp.array(dtype=Any),

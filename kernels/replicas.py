@@ -1,9 +1,9 @@
 """Many explicit steps of many small meshes on the CPU, a mesh a thread.
 
-Replicas are states of one mesh that know nothing of each other: every array of the state has the replica as its first axis, and
-each has its own row of numbers that steer its steps (control.py). Wires are elastic and contacts free of friction. A thread
-takes all steps of its replica one after the other, so that a small mesh stays in the first cache; it stops where the replica
-is frozen. Each step is that of contact_by_batch.py, wires.py, bodies.py, grip.py and control.py, in this order.
+Replicas are independent states of one mesh: every array has the replica as its first axis, and each replica has its own control
+row (control.py). Wires are elastic and contacts frictionless. A thread takes all steps of its replica in sequence, so that a
+small mesh stays in the L1 cache; it stops when the replica is frozen.
+Each step is that of contact_by_batch.py, wires.py, bodies.py, grip.py and control.py, in this order.
 """
 
 from typing import Any

@@ -1,13 +1,13 @@
-"""Clamps that slide: they keep their direction and their place along weft, and are free along warp.
+"""Sliding clamps: fixed in direction and along weft, free along warp.
 
-Such a clamp holds the two nodes at the end of an open wire, a block of their own. The wire kernel steps them as if they were
-free. One rigid body of both has the sum of their masses, so the mean of what either would do along warp is what the clamp does:
+Such a clamp holds the two nodes at the end of an open wire, in a block of their own. The wire kernel steps them as free nodes.
+The clamp is a rigid body with the sum of their masses, so it moves by their mean along warp:
 
     v' = a v + b (f_1 + f_2)/(2 m)
 
 The forces by which the clamp holds the direction act between the two and drop out of the sum (clamp.py). Across, a
-clamp at rest position c holds its nodes as in grip.py. The block's partial sums are written anew: what the clamp takes up is
-not out of balance.
+clamp at rest position c holds its nodes as in grip.py. The block's partial sums are recomputed, as reactions of the clamp
+are not out of balance.
 """
 
 import warp as wp

@@ -9,7 +9,7 @@
 | u | displacement from the affinely mapped rest shape, in counts of `unit` | m |
 | L | natural length, thermal expansion included | m |
 | EA/s | axial stiffness over its softening s | N |
-| offset | running multiplier that takes the error of the softening out | N |
+| offset | augmented Lagrangian multiplier, corrects the softening | N |
 """
 
 from typing import Any

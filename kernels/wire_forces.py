@@ -1,4 +1,4 @@
-"""Forces in the plane wires: one text, which steps, energies and what is read of a state share, on the CPU as on a GPU.
+"""Forces of planar wires: one C++ source for steps, energies and diagnostics, on CPU and GPU.
 
     e = F E0 + (u_next - u)                 T = offset + (EA/s) (|e|/L - 1)             stretch
     g = EI/l (theta - theta0)                                                          bending at a node

@@ -3,7 +3,7 @@
     f_i = n_i - n_(i-1) + contact
 
 Nodes of a wire are consecutive; block b holds nodes `block_first[b]` and on. Displacements are read from `*_in` and written to
-`*_out`, so that the neighbours of a node are never half updated. The update is that of control.py.
+`*_out`, so that a node never reads updated neighbours. The update is that of control.py.
 """
 
 from typing import Any

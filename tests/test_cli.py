@@ -202,4 +202,4 @@ def test_the_bar_goes_through_stages(capsys):
 def test_resume_and_force_are_not_both_possible(command):
     result = invoke(command, CELL, "--resume", "--force")
     assert result.exit_code == 2
-    assert "give one of them" in result.stderr
+    assert "allowed: one of them" in result.stderr

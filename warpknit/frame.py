@@ -1,6 +1,6 @@
-"""What is recorded of a run: how its wires are laid out, once, and one `Frame` for each recorded state.
+"""Recorded data of a run: one `WireLayout`, and one `Frame` for each recorded state.
 
-NumPy arrays in SI units; they know nothing of the solver and need no Warp. x is weft, y is warp, z > 0 the technical
+NumPy arrays in SI units, independent of the solver and of Warp. x is weft, y is warp, z > 0 the technical
 face.
 
 A frame's mean deformation carries a rest vector (X, Y) of the cloth to
@@ -24,7 +24,7 @@ __all__ = ["Frame", "WireLayout", "curve_parts", "curve_position", "drawn_frame"
 
 POINTS_A_LOOP = 128  # of the drawn curve of small meshes, about
 MOST_PARTS = 8  # between two nodes
-POINTS_DRAWN = 20_000  # of the drawn curves together, above which they have the nodes alone
+POINTS_DRAWN = 20_000  # largest number of points of all drawn curves; beyond, nodes only
 
 Floats = NDArray[np.floating[Any]]
 Integers = NDArray[np.integer[Any]]
@@ -32,15 +32,15 @@ Integers = NDArray[np.integer[Any]]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class WireLayout:
-    """How nodes make wires and bodies join them; the same for every frame of a run."""
+    """Nodes, wires and bodies; the same for every frame of a run."""
 
     wire_start: Integers  # [wire + 1]  nodes of wire w are wire_start[w]:wire_start[w + 1]
-    wire_closed: NDArray[np.bool_]  # [wire]  a closed wire continues at its first node, moved by wire_closing
+    wire_closed: NDArray[np.bool_]  # [wire]  a closed wire continues at its first node, shifted by wire_closing
     period: Floats  # [2] [m]  width and height of the tile at rest
     diameter: float  # [m]
     body_radius: float  # [m]
     body_wires: Integers  # [body, 2]  the wires of pairs 2b and 2b + 1
-    rhombus_bodies: Integers  # [k]  bodies round the central opening; may be empty
+    rhombus_bodies: Integers  # [k]  bodies around the central opening; may be empty
     repeats: Integers = field(default_factory=lambda: np.zeros(2, dtype=np.int64))  # [2]  of the knit; 0 where unknown
     wire_closing: Floats = field(default_factory=lambda: np.zeros((0, 2)))  # [wire, 2] [m]  left out: one period up the warp
     curve_parts: int = field(default_factory=lambda: 1)  # straight pieces of the drawn curve between two nodes
@@ -86,13 +86,13 @@ class WireLayout:
 
     @cached_property
     def curve_node(self) -> Integers:
-        """[point]  the node at each point of the drawn curves: a closed wire gets its first node again at its end."""
+        """[point]  the node at each point of the drawn curves; a closed wire repeats its first node at its end."""
         first, end = self.wire_start[:-1][self.wire_closed], self.wire_start[1:][self.wire_closed]
         return np.asarray(np.insert(np.arange(self.node_count), end, first))
 
     @cached_property
     def curve_closing(self) -> Integers:
-        """[closed wire]  the points of the drawn curves that close a wire, and so are shifted by one period."""
+        """[closed wire]  the points of the drawn curves that close a wire, shifted by one period."""
         end = self.wire_start[1:][self.wire_closed]
         return end + np.arange(end.size)
 
@@ -109,7 +109,7 @@ class WireLayout:
         return np.flatnonzero(is_first)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write an .npz; it is whole or absent."""
+        """Write an .npz atomically."""
         _save(self, path)
 
     @classmethod
@@ -128,12 +128,12 @@ class Frame:
     strain_warp: float
     shear: float
     temperature: float  # [K]
-    node_position: Floats  # [node, 3] [m]  z is the rest height where the model is planar
+    node_position: Floats  # [node, 3] [m]  z is the rest height in the planar model
     node_stress: Floats  # [node] [Pa]
     body_position: Floats  # [body, 3] [m]
     pair_force: Floats  # [pair] [N]  pairs 2b and 2b + 1 belong to body b
     pair_active: NDArray[np.bool_]  # [pair]
-    # [node, curve_parts - 1, 3] [m]  places on the curve to the next node, from the node; empty where the nodes are all
+    # [node, curve_parts - 1, 3] [m]  points on the curve to the next node, relative to the node; empty for nodes only
     between: Floats = field(default_factory=lambda: np.zeros((0, 0, 3), dtype=np.float32))
 
     def __post_init__(self) -> None:
@@ -169,11 +169,11 @@ class Frame:
 
     @property
     def body_force(self) -> Floats:
-        """[body] [N]  the force that passes from one wire to the other: the smaller of the two pairs'."""
+        """[body] [N]  the force between the two wires: the smaller one of the two pairs."""
         return np.asarray(self.pair_force.reshape(-1, 2).min(axis=1))
 
     def require_finite(self) -> None:
-        """Raise ValueError where a number is not finite: no file may hold one."""
+        """Raise ValueError where a value is not finite."""
         for entry in fields(self):
             value = getattr(self, entry.name)
             if not isinstance(value, str) and not np.all(np.isfinite(value)):
@@ -192,7 +192,7 @@ class Frame:
             raise ValueError(f"frame {self.index}: {self.between.shape[1]} places between nodes, not {layout.curve_parts - 1}")
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write an .npz; it is whole or absent. Raises ValueError rather than writing a number that is not finite."""
+        """Write an .npz atomically. Raises ValueError rather than writing a number that is not finite."""
         self.require_finite()
         _save(self, path)
 
@@ -202,7 +202,7 @@ class Frame:
 
 
 def curve_parts(nodes: int, nodes_per_loop: int) -> int:
-    """Straight pieces between two nodes for the drawn curve of so many nodes to look smooth; 1 in large meshes."""
+    """Straight pieces between two nodes for a smooth drawn curve; 1 in large meshes."""
     return max(1, min(-(-POINTS_A_LOOP // nodes_per_loop), MOST_PARTS, POINTS_DRAWN // max(nodes, 1)))
 
 
@@ -216,7 +216,7 @@ def drawn_layout(layout: WireLayout) -> WireLayout:
 
 
 def drawn_frame(layout: WireLayout, frame: Frame) -> Frame:
-    """The frame of `drawn_layout`, its stress straight from node to node."""
+    """The frame of `drawn_layout`, with stress interpolated linearly between nodes."""
     if layout.curve_parts == 1:
         return frame
     frame.require_layout(layout)
@@ -234,7 +234,7 @@ def drawn_frame(layout: WireLayout, frame: Frame) -> Frame:
 
 
 def curve_position(layout: WireLayout, frame: Frame) -> Floats:
-    """[point, 3] [m]  the drawn curves: the nodes, and at the end of each closed wire its first node where it goes on."""
+    """[point, 3] [m]  the drawn curves: the nodes, and at the end of each closed wire its shifted first node."""
     frame.require_layout(layout)
     if not layout.curve_closing.size:
         return frame.node_position

@@ -1,6 +1,6 @@
 """Measures: pure functions of the observables of a state, the same for both models.
 
-`record.observables` are those of a recorded state; `planar.observables.read(model, state)` has those of any.
+`record.observables` belong to a recorded state; `planar.observables.read(model, state)` evaluates any state.
 """
 
 from .measures import (

@@ -1,4 +1,4 @@
-"""What the control array of the kernels says of a state, in both models."""
+"""Boundary of a state from the control array, in both models."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ class Boundary:
 
     @property
     def gradient(self) -> np.ndarray:
-        """(2, 2) deformation gradient of the boundary, against which the clamps keep their direction."""
+        """(2, 2) deformation gradient of the boundary, relative to which clamps keep their direction."""
         return self.control[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2)
 
     @property
     def clamp_rotation(self) -> float:
-        """[rad] by which the clamps are turned against the boundary."""
+        """[rad] rotation of the clamps relative to the boundary."""
         return strain.clamp_rotation(self.gradient)
 
     @property
     def stretch(self) -> np.ndarray:
-        """(2, 2) deformation gradient of the boundary but for the rotation of the clamps."""
+        """(2, 2) deformation gradient of the boundary without the rotation of the clamps."""
         return strain.stretch(self.gradient)
 
     @property

@@ -1,7 +1,7 @@
-"""Where the wires of a mesh at rest touch with a force that counts: what its network of resistors is made of.
+"""Places of active contacts in an equilibrium: the resistors of the network model.
 
-In the plane wires touch by way of a body: one place for each body both of whose pairs are active, under the mean of their forces.
-In space every contact is a place, those that the knit does not hook included, and two at one clasp count as two.
+Planar: one place for each body with two active pairs, with the mean of their forces. Spatial: one place for every contact,
+inside and outside the hooks of the knit.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ class ContactPlaces:
     force: np.ndarray  # [place] [N]
     wire: np.ndarray  # (place, 2)
     arc: np.ndarray  # (place, 2) [m] along the wire from its first node
-    rest: np.ndarray  # (place, 2, 2) [m] where that is at rest, in the repeat of the wire
+    rest: np.ndarray  # (place, 2, 2) [m] rest position, in the repeat of the wire
     reach: np.ndarray  # (place, 2) [m] at rest, from the first wire to the second, which may lie in another repeat
-    wire_length: np.ndarray  # [wire] [m] all round
-    wire_period: np.ndarray  # (wire, 2) [m] at rest, by which a wire goes on at its first node
+    wire_length: np.ndarray  # [wire] [m]
+    wire_period: np.ndarray  # (wire, 2) [m] at rest, shift of a wire to its own continuation
 
 
 def arcs_along(lengths: np.ndarray, first: np.ndarray, wire: np.ndarray, node: np.ndarray, share: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What two hooked wires show: forces and places of their contact, in the words of mesh/hook_mesh.py."""
+"""Forces and places of the contact of two hooked wires (mesh/hook_mesh.py)."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ class HookContact:
     drive_force: float  # [N] that holds it there, sideways
     force_left: float  # [N] between body and left wire
     force_right: float
-    arc_left: float  # [m] of the place nearest to the body, along the wire at rest, from the lower clamp
+    arc_left: float  # [m] rest arc length of the contact from the lower clamp
     arc_right: float
-    ground_force: float  # [N] that spring or plane take from the body; 0 where it is free
+    ground_force: float  # [N] of spring or plane on the body; 0 for a free body
     body: np.ndarray  # (2,) [m]
-    threshold: float  # [N] above which a contact counts as one
+    threshold: float  # [N] above which a contact is active
 
     @property
     def is_closed(self) -> bool:

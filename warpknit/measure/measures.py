@@ -16,25 +16,25 @@ from .sliding import wires_slid
 from .strain import couple_of, rotation, true_stress
 
 INTERIOR = 0.25  # of the mesh's width and height from each edge
-LEAST_FORCE = 1e-4  # of EI/W^2, about what a steady state leaves out of balance: no contact counts below
+LEAST_FORCE = 1e-4  # of EI/W^2, about the residual force of an equilibrium: smaller contact forces do not count
 
 
 # --- scales -----------------------------------------------------------------------------------------------------------
 
 
 def energy_scale(model: MeshModel) -> float:
-    """EI/W a loop [J]: what energies are compared with where little is stored."""
+    """EI/W a loop [J]: the scale of energies."""
     loops = model.panel.node_count / model.scene.model.nodes_per_loop
     return model.bending_stiffness / model.scene.knit.wale_spacing * loops
 
 
 def force_scale(model: MeshModel) -> float:
-    """EI/W^2 [N]: what forces are compared with where little is loaded."""
+    """EI/W^2 [N]: the scale of forces."""
     return model.bending_stiffness / model.scene.knit.wale_spacing**2
 
 
 def tension_scale(model: MeshModel) -> float:
-    """EI/C^3 [N/m]: the stiffness of a loose mesh, and the measure of a small tension."""
+    """EI/C^3 [N/m]: the scale of tensions, the stiffness of a loose mesh."""
     return model.bending_stiffness / model.scene.knit.course_spacing**3
 
 
@@ -55,7 +55,7 @@ def hardened_energy(r: Observables) -> float:
 
 
 def nominal_stress(r: Observables) -> np.ndarray:
-    """Work-conjugate of the deformation gradient (2, 2) [N/m]: force per rest width."""
+    """Nominal stress (2, 2) [N/m], work-conjugate of the deformation gradient: force per rest width."""
     return r.nominal_stress
 
 
@@ -71,7 +71,7 @@ def mesh_tension(r: Observables) -> tuple[float, float]:
 
 
 def clamp_couple(r: Observables) -> float:
-    """[N/m] moment that turns the clamps counter-clockwise, over the area at rest: derivative of the energy by their rotation.
+    """[N/m] counter-clockwise couple on the clamps per rest area: derivative of the energy by their rotation.
 
     F = R^T U, so the derivative of F by the angle is F turned by a right angle clockwise.
     """
@@ -79,7 +79,7 @@ def clamp_couple(r: Observables) -> float:
 
 
 def thermal_force(r: Observables) -> float:
-    """[J] derivative of the energy by the length factor of the wires: what heating works against."""
+    """[J] derivative of the energy by the length factor of the wires."""
     return r.thermal_force
 
 
@@ -121,12 +121,12 @@ class Contacts:
 
 
 def active_threshold(model: MeshModel) -> float:
-    """The scene's threshold [N], but not below 1e-4 EI/W^2, about what a steady state leaves out of balance."""
+    """The threshold of the scene [N], at least 1e-4 EI/W^2, about the residual force of an equilibrium."""
     return max(model.scene.contact.threshold, LEAST_FORCE * force_scale(model))
 
 
 def pair_active(r: Observables) -> np.ndarray:
-    """[pair] closed with more than the threshold force; a body that drifts against one wire carries none."""
+    """[pair] whether the force exceeds the threshold."""
     return r.pair_force > active_threshold(r.model)
 
 
@@ -139,7 +139,7 @@ def contacts(r: Observables, bodies: np.ndarray | None = None) -> Contacts:
 
 
 def rhombus_contacts(r: Observables) -> Contacts:
-    """Contacts round the central opening."""
+    """Contacts around the central opening."""
     return contacts(r, r.model.panel.rhombus_bodies)
 
 
@@ -154,7 +154,7 @@ def active_forces(r: Observables) -> np.ndarray:
 
 
 def pairs_at_reach_end(r: Observables) -> int:
-    """Active pairs at the end of the stretch of wire that a contact may slide on: not to be believed."""
+    """Active pairs at the end of their sliding range, whose forces are not valid."""
     return r.pairs_at_reach_end
 
 
@@ -167,7 +167,7 @@ def penetration(r: Observables) -> float:
 
 
 def section(wire: Wire) -> tuple[float, float]:
-    """Outer radius [m] and stress per tension [1/m2] of the wire itself: E/EA, plating and parallel ends included."""
+    """Outer radius [m] and stress per tension E/EA [1/m2], plating and parallel ends included."""
     return wire.diameter / 2, wire.youngs_modulus / wire.axial_stiffness
 
 
@@ -177,7 +177,7 @@ def wire_stress(r: Observables) -> np.ndarray:
 
 
 def contact_stress(r: Observables) -> np.ndarray:
-    """[touching pair] [Pa] stress of the wire under a body, where bending peaks between two nodes."""
+    """[touching pair] [Pa] stress of the wire under a body, a maximum between two nodes."""
     return r.wire_stress.contact
 
 
@@ -190,7 +190,7 @@ def stress_extremes(r: Observables) -> tuple[float, float, float]:
 
 
 def interior_stress(r: Observables) -> float:
-    """Largest stress [Pa] farther than INTERIOR of the mesh's size from its edge, where gripping does not show."""
+    """Largest stress [Pa] away from the grips: beyond INTERIOR of the mesh size from its edge."""
     stress = r.wire_stress.node
     if r.model.panel.boundary == "periodic":
         return float(stress.max())
@@ -207,7 +207,7 @@ def axial_strain(r: Observables) -> np.ndarray:
 
 
 def plastic_extremes(r: Observables) -> tuple[float, float]:
-    """Share of the nodes that have yielded, and the largest strain of a fibre that stays."""
+    """Share of yielded nodes, and the largest plastic strain of a fibre."""
     strain = r.plastic_strain
     return (float(np.mean(strain > 0.0)), float(strain.max())) if len(strain) else (0.0, 0.0)
 

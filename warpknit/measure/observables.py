@@ -1,7 +1,7 @@
-"""What a state of a mesh shows on the host: the same names in the planar and the spatial model.
+"""Observables of a state on the host: the same names in the planar and the spatial model.
 
-A model offers these (planar/observables.py, spatial/observables.py); whatever follows from them in the same way stands in
-measures.py. Measures, frames, history.csv, summary.json, maps, trades and reports draw on nothing else. None: the model has none
+A model offers these (planar/observables.py, spatial/observables.py); values derived from them are in
+measures.py. Measures, frames, history.csv, summary.json, maps, trades and reports use only these. None: the model has none
 of it. A place where the knit hooks two wires into each other is a body with two pairs, one for each wire.
 """
 
@@ -28,8 +28,8 @@ class Energies:
     """Stored and kinetic energy of the mesh [J]."""
 
     stretch: float
-    bend: float  # and twist, and what wires have hardened by
-    contact: float  # and friction
+    bend: float  # with twist and hardening
+    contact: float  # with friction
     kinetic: float
 
     @property
@@ -42,27 +42,27 @@ class WireStress:
     """Stress in the outermost fibre of the wires [Pa]."""
 
     node: np.ndarray  # [node]
-    contact: np.ndarray  # [touching pair] where bending peaks between two nodes, under a contact; empty where nodes show it
+    contact: np.ndarray  # [touching pair] maximum between two nodes, under a contact; empty where nodes resolve it
 
 
 class MeshModel(Protocol):
-    """What results need to know of a model. Its panel says which wires and bodies there are, and where they are at rest."""
+    """What results need of a model. Its panel has the wires and bodies, and their rest positions."""
 
     @property
     def scene(self) -> Scene: ...
     @property
     def cloth(self) -> Cloth | None:
-        """None where wires are hooked by hand, or come from a file."""
+        """None for a hook, or wires from a file."""
 
     @property
     def panel(self) -> Panel: ...
     @property
     def global_model(self) -> Any:
-        """The model of the global mesh, where ranks share it; else itself."""
+        """The model of the global mesh; itself on one rank."""
 
     @property
     def node_count(self) -> int:
-        """Nodes that are stepped; in space, wires between clamps are divided anew."""
+        """Number of nodes stepped; the spatial model divides wires between clamps anew."""
 
     @property
     def pair_count(self) -> int:
@@ -92,21 +92,21 @@ class MeshModel(Protocol):
 
     @property
     def added_mass(self) -> float:
-        """Share of mass that scaling added."""
+        """Share of mass added by scaling."""
 
     @property
     def curve_error(self) -> float:
-        """[m] of the rest curve between the nodes."""
+        """[m] error of the rest curve between the nodes."""
 
     @property
     def when_compressed(self) -> str:
-        """What a compressed mesh would do and this model does not show."""
+        """Behaviour under compression that the model lacks, in words."""
 
     def layout(self) -> WireLayout:
         """How wires are laid out in frames."""
 
     def warnings(self, stages: Sequence[dict[str, Any]]) -> Iterator[str]:
-        """Where results (`stages` of summary.json) may be beyond what the model is for, a line each."""
+        """Warnings where results (`stages` of summary.json) may be outside the validity of the model."""
 
 
 class Observables(Protocol):
@@ -116,7 +116,7 @@ class Observables(Protocol):
 
     @property
     def model(self) -> MeshModel:
-        """What is in this state."""
+        """The model of this state."""
 
     @property
     def gradient(self) -> np.ndarray:
@@ -124,11 +124,11 @@ class Observables(Protocol):
 
     @property
     def clamp_rotation(self) -> float:
-        """[rad] by which the clamps are turned against the boundary."""
+        """[rad] rotation of the clamps relative to the boundary."""
 
     @property
     def stretch(self) -> np.ndarray:
-        """(2, 2) deformation gradient of the boundary but for the rotation of the clamps."""
+        """(2, 2) deformation gradient of the boundary without the rotation of the clamps."""
 
     @property
     def length_factor(self) -> float:
@@ -142,7 +142,7 @@ class Observables(Protocol):
 
     @property
     def thermal_force(self) -> float:
-        """[J] derivative of the energy by the length factor of the wires: what heating works against."""
+        """[J] derivative of the energy by the length factor of the wires."""
 
     @property
     def thermal_strain_force(self) -> np.ndarray:
@@ -150,11 +150,11 @@ class Observables(Protocol):
 
     @property
     def thermal_strain(self) -> np.ndarray:
-        """What the length factor of the wires exceeds that in the middle by, place by place, relative; as the model has it."""
+        """Relative excess of the length factor over that at the centre, in the layout of the model."""
 
     @property
     def held_forces(self) -> np.ndarray:
-        """(held node, 2, or 3 in space) [N] of the wires and of contacts on the nodes that clamps hold."""
+        """(held node, 2 or 3) [N] forces of wires and contacts on held nodes."""
 
     @property
     def edge_force(self) -> np.ndarray:
@@ -162,11 +162,11 @@ class Observables(Protocol):
 
     @property
     def clamp_force(self) -> np.ndarray:
-        """[clamp] [N] size of the force with which each clamp holds its wire; empty where nothing is clamped."""
+        """[clamp] [N] magnitude of the clamp forces; empty without clamps."""
 
     @property
     def unbalanced_force(self) -> float:
-        """[N] rms over the nodes that are free, and the bodies that are."""
+        """[N] rms residual force over free nodes and bodies."""
 
     # --- energies
 
@@ -174,7 +174,7 @@ class Observables(Protocol):
     def energies(self) -> Energies: ...
     @property
     def hardened_energy(self) -> float:
-        """[J] of `Energies.bend`, that wires have hardened by."""
+        """[J] hardening part of `Energies.bend`."""
 
     # --- contacts
 
@@ -188,19 +188,19 @@ class Observables(Protocol):
 
     @property
     def pairs_at_reach_end(self) -> int:
-        """Active pairs at the end of the stretch of wire that a contact may slide on: not to be believed."""
+        """Active pairs at the end of their sliding range, whose forces are not valid."""
 
     @property
     def body_near(self) -> np.ndarray | None:
-        """[body] whether its wires are so near that they count as touching in the literature."""
+        """[body] whether its wires touch by the distance criterion of the literature."""
 
     @property
     def contact_elsewhere(self) -> np.ndarray | None:
-        """[contact] [N] forces of active contacts where the knit hooks nothing."""
+        """[contact] [N] forces of active contacts outside the hooks of the knit."""
 
     @property
     def contact_places(self) -> ContactPlaces:
-        """Where wires touch with a force that counts."""
+        """Places of active contacts."""
 
     @property
     def hook_contact(self) -> HookContact | None:
@@ -212,7 +212,7 @@ class Observables(Protocol):
     def wire_stress(self) -> WireStress: ...
     @property
     def shear_stress(self) -> np.ndarray | None:
-        """[node] [Pa] by twist."""
+        """[node] [Pa] shear stress by twist."""
 
     @property
     def axial_strain(self) -> np.ndarray:
@@ -220,7 +220,7 @@ class Observables(Protocol):
 
     @property
     def plastic_strain(self) -> np.ndarray:
-        """[node] of the outermost fibre, that stays; empty where wires do not yield."""
+        """[node] plastic strain of the outermost fibre; empty for elastic wires."""
 
     @property
     def wire_length(self) -> float:
@@ -230,7 +230,7 @@ class Observables(Protocol):
 
     @property
     def node_position(self) -> np.ndarray:
-        """(node, 3) [m] turned back to where the boundary is strained by `stretch`; z is the rest height in the plane."""
+        """(node, 3) [m] in the frame of `stretch`; z is the rest height in the planar model."""
 
     @property
     def body_position(self) -> np.ndarray:
@@ -242,11 +242,11 @@ class Observables(Protocol):
 
     @property
     def between(self) -> np.ndarray:
-        """(node, parts - 1, 3) [m] places on the curve to the next node, from the node, as `Frame.between` wants them."""
+        """(node, parts - 1, 3) [m] points on the curve to the next node, relative to the node (`Frame.between`)."""
 
     @property
     def displacement(self) -> np.ndarray:
-        """(node, 2) [m] from the affine (Cauchy-Born) prediction, by which the boundary carries a node."""
+        """(node, 2) [m] displacement from the affine (Cauchy-Born) prediction."""
 
     @property
     def thickness(self) -> float | None:

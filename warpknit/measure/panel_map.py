@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LEAST_SHARE = 0.5  # of a tile inside the outline, for a value to be given
+LEAST_SHARE = 0.5  # smallest share of a tile inside the outline with values
 
 
 @dataclass(frozen=True)
 class PanelMap:
     """Values on tiles (column, row); nan where less than LEAST_SHARE of the tile is mesh."""
 
-    low: np.ndarray  # (2,) [m] lower corner of the first tile, from the middle of the panel at rest
+    low: np.ndarray  # (2,) [m] lower corner of the first tile, from the centre of the panel at rest
     tile: np.ndarray  # (2,) [m] size of a tile at rest
     inside: np.ndarray  # share of the tile inside the outline
     gradient: np.ndarray  # (column, row, 2, 2) deformation gradient
@@ -29,11 +29,11 @@ class PanelMap:
 
     @property
     def place(self) -> np.ndarray:
-        """(column, row, 2) [m] middle of each tile, from the middle of the panel at rest."""
+        """(column, row, 2) [m] centre of each tile, from the centre of the panel at rest."""
         column, row = np.indices(self.inside.shape)
         return self.low + (np.stack([column, row], axis=-1) + 0.5) * self.tile
 
     def area_share(self, below: np.ndarray) -> float:
-        """Share of the panel's area where a condition (column, row) holds, of what has values."""
+        """Share of the area with values where a condition (column, row) holds."""
         area = np.where(self.known, self.inside, 0.0)
         return float(area[below & self.known].sum() / area.sum())

@@ -1,4 +1,4 @@
-"""How far whole wires have slid along each other."""
+"""Sliding of wires along each other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Deformation gradients and stresses of a mesh as a membrane: turned clamps, stretch, true stress, couple.
+"""Deformation gradients and stresses of a mesh as a membrane: clamp rotation, stretch, true stress, couple.
 
 Clamps keep their direction in the model and the boundary turns the other way, F = R^T U with U upper triangular; what is
 measured of the mesh as a whole is turned back, to the frame in which the boundary is strained by U.
@@ -12,17 +12,17 @@ import numpy as np
 
 
 def rotation(angle: float) -> np.ndarray:
-    """(2, 2) counter-clockwise by an angle [rad]; the unit matrix to the bit where that is 0."""
+    """(2, 2) counter-clockwise by an angle [rad]; exactly the unit matrix at 0."""
     return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
 
 
 def clamp_rotation(gradient: np.ndarray) -> float:
-    """[rad] by which clamps are turned, counter-clockwise, against the boundary with a deformation gradient (2, 2)."""
+    """[rad] counter-clockwise rotation of the clamps relative to the boundary, from a deformation gradient (2, 2)."""
     return math.atan2(0.0 - float(gradient[1, 0]), float(gradient[0, 0]))
 
 
 def stretch(gradient: np.ndarray) -> np.ndarray:
-    """U (2, 2) of F = R^T U, to what rounding leaves of a turn."""
+    """U (2, 2) of F = R^T U, up to rounding."""
     angle = clamp_rotation(gradient)
     return np.round(rotation(angle) @ gradient, 14) + 0.0 if angle else gradient.copy()
 
@@ -33,7 +33,7 @@ def true_stress(nominal: np.ndarray, gradient: np.ndarray) -> np.ndarray:
 
 
 def couple_of(nominal: np.ndarray, gradient: np.ndarray) -> float:
-    """[N/m] moment that turns the clamps counter-clockwise, over the area at rest: derivative of the energy by their rotation,
+    """[N/m] counter-clockwise couple on the clamps per rest area: derivative of the energy by their rotation,
     for a nominal stress (2, 2) [N/m] at a deformation gradient (2, 2)."""
     clockwise = np.array([[0.0, 1.0], [-1.0, 0.0]])
     return float(np.sum(nominal * (clockwise @ gradient)))

@@ -1,4 +1,4 @@
-"""The shape that a planar tension field takes out of its plane when the edge of the panel lies on a paraboloid.
+"""Out-of-plane shape of a panel under planar tension, with its edge on a paraboloid.
 
 A mesh under tension has next to no bending stiffness over many loops and carries no pressure: div(N grad w) = 0, with N the
 tension of the panel's map (panel_map.py) and w = r^2/(4 f) where the edge is held; between net nodes the edge hangs on its
@@ -18,21 +18,21 @@ from scipy.spatial import Delaunay, cKDTree
 from ..mesh.rim import Rim
 from .panel_map import PanelMap
 
-CROWDED = 0.4  # of the spacing: inner points nearer to the edge are left out
+CROWDED = 0.4  # of the spacing: smallest distance of inner points from the edge
 
 
 @dataclass(frozen=True)
 class Surface:
-    """Points of the panel with their height and what the paraboloid has there."""
+    """Points of the panel with their height and that of the paraboloid."""
 
-    point: np.ndarray  # (point, 2) [m] of the strained panel, from its middle
+    point: np.ndarray  # (point, 2) [m] of the strained panel, from its centre
     triangle: np.ndarray  # (triangle, 3) points
     height: np.ndarray  # (point,) [m]
     wanted: np.ndarray  # (point,) [m]
 
     @property
     def deviation(self) -> np.ndarray:
-        """(point,) [m] height above the wanted surface."""
+        """(point,) [m] height above the paraboloid."""
         return self.height - self.wanted
 
     @property
@@ -48,12 +48,12 @@ class Surface:
 
     @property
     def rms_deviation(self) -> float:
-        """[m] from the wanted surface."""
+        """[m] rms deviation from the paraboloid."""
         return self.rms(self.deviation)
 
     @property
     def rms_best_fit(self) -> float:
-        """[m] once the panel is shifted and tilted to lie as near as it can to the wanted surface."""
+        """[m] rms deviation after a best-fit shift and tilt of the panel."""
         weight = np.zeros(len(self.point))
         np.add.at(weight, self.triangle, np.repeat(self.area[:, None], 3, axis=1) / 3.0)
         plane = np.column_stack([np.ones(len(self.point)), self.point])
@@ -63,7 +63,7 @@ class Surface:
 
     @property
     def pillowing(self) -> float:
-        """[m] largest deviation from the wanted surface."""
+        """[m] largest deviation from the paraboloid."""
         return float(np.abs(self.deviation).max())
 
 
@@ -76,7 +76,7 @@ def triangle_areas(point: np.ndarray, triangle: np.ndarray) -> np.ndarray:
 def find_surface(
     map_: PanelMap, rim: Rim, gradient: np.ndarray, stations: np.ndarray, middle: np.ndarray, focal_length: float
 ) -> Surface:
-    """The shape of a panel whose edge lies on z = r^2/(4 focal_length) [m] round its middle.
+    """The shape of a panel whose edge lies on z = r^2/(4 focal_length) [m] around its centre.
 
     rim, gradient (2, 2) and the displacement of the stations (station, 2) [m] say where the edge is, `middle` (2,) [m] is that of
     the panel at rest.
@@ -96,11 +96,11 @@ def find_surface(
     nodes, n_edge = len(point), len(edge)
     wanted = np.sum(point**2, axis=1) / (4.0 * focal_length)
 
-    # tension in each triangle: that of the nearest tile that has one
+    # tension of the nearest tile with a value
     tension = _tension_at(map_, rest[triangle].mean(axis=1))
     area = triangle_areas(point, triangle)
     corner = point[triangle]
-    opposite = np.roll(corner, -1, axis=1) - np.roll(corner, -2, axis=1)  # edge across from each corner
+    opposite = np.roll(corner, -1, axis=1) - np.roll(corner, -2, axis=1)  # edge opposite each corner
     signed = opposite[:, 0, 0] * opposite[:, 1, 1] - opposite[:, 0, 1] * opposite[:, 1, 0]
     slope = np.stack([opposite[..., 1], -opposite[..., 0]], axis=-1) / signed[:, None, None]
     element = np.einsum("tia,tab,tjb->tij", slope, tension, slope) * area[:, None, None]
@@ -127,12 +127,12 @@ def find_surface(
 
 
 def _tension_at(map_: PanelMap, place: np.ndarray) -> np.ndarray:
-    """(place, 2, 2) [N/m] of the nearest tile whose tension is known, its symmetric part made positive."""
+    """(place, 2, 2) [N/m] tension of the nearest tile with a value, its symmetric part made positive definite."""
     known = map_.known & np.isfinite(map_.tension).all(axis=(2, 3))
     _, nearest = cKDTree(map_.place[known]).query(place)
     tension = map_.tension[known][nearest]
     tension = 0.5 * (tension + np.swapaxes(tension, 1, 2))
     values, vectors = np.linalg.eigh(tension)
     floor = 1e-3 * np.abs(values).max()
-    values = np.maximum(values, floor)  # a slack mesh carries nothing: it is taken to be next to slack
+    values = np.maximum(values, floor)  # lower bound of the tension of a slack mesh
     return np.einsum("pab,pb,pcb->pac", vectors, values, vectors)

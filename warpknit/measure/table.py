@@ -1,4 +1,4 @@
-"""The table of measures: what is written of a recorded state, under which name, and where.
+"""The table of measures: names of the values of a record, and where each is written.
 
 history.csv, summary.json, maps and trades draw on it. A new measure is one line: a function of the observables, which returns
 None where a model or a mesh has none of it; there is no column and no key then.
@@ -17,11 +17,11 @@ from .observables import Observables
 
 
 class Record(Protocol):
-    """A state worth keeping, of either model."""
+    """A recorded state, of either model."""
 
     @property
     def index(self) -> int:
-        """Counts from 0."""
+        """Index from 0."""
 
     @property
     def stage(self) -> str: ...
@@ -37,15 +37,15 @@ class Record(Protocol):
     def steady(self) -> bool: ...
     @property
     def work(self) -> float:
-        """[J] put in since the start, where the drive keeps account of it (ramp)."""
+        """[J] work of the boundary since the start (ramp)."""
 
     @property
     def dissipated(self) -> float:
-        """[J] taken out since the start, by the damping of a ramp, by friction or by yield."""
+        """[J] since the start, by damping of a ramp, friction and yield."""
 
     @property
     def edge_work(self) -> float:
-        """[J] put in by what differs from place to place: pulls at the edge, cords, uneven temperature."""
+        """[J] work of pulls at the edge, cords and uneven temperature."""
 
     @property
     def membrane_residual(self) -> float:
@@ -53,7 +53,7 @@ class Record(Protocol):
 
     @property
     def stations(self) -> np.ndarray:
-        """(station, 2) [m] displacement of the rim (mesh/rim.py); empty where it only follows the load."""
+        """(station, 2) [m] displacement of the rim (mesh/rim.py); empty where it follows the load."""
 
     @property
     def observables(self) -> Observables: ...
@@ -68,11 +68,11 @@ class Measure:
     history: bool = False  # a column of history.csv
     summary: str = ""  # the section of summary.json that has it
     map: str = ""  # the table of a map that has it: "map" of map.csv, "details" of map_details.csv
-    over_seeds: Callable[[list[float]], Any] = np.mean  # what counts of a map whose loops scatter
-    kind: Callable[[str], Any] = float  # what a column of history.csv holds
+    over_seeds: Callable[[list[float]], Any] = np.mean  # aggregation over the seeds of a map
+    kind: Callable[[str], Any] = float  # type of the column of history.csv
 
     def value(self, record: Record) -> Any:
-        """Of a record; None where it has none."""
+        """Value of a record, or None."""
         return getattr(record, self.of) if isinstance(self.of, str) else self.of(record.observables)
 
 
@@ -105,7 +105,7 @@ def _elsewhere(of: Callable[[np.ndarray], Any]) -> Callable[[Observables], Any]:
 
 
 def _hook(name: str) -> Callable[[Observables], Any]:
-    """A number of the contact of two hooked wires."""
+    """A value of the contact of two hooked wires."""
     return lambda r: None if r.hook_contact is None else float(getattr(r.hook_contact, name))
 
 
@@ -114,7 +114,7 @@ def _pressed_at(axis: int) -> Callable[[Observables], Any]:
 
 
 def _slide(r: Observables) -> float | None:
-    """[m] way of a hook's closed contact along its wire: run/history.py adds it up."""
+    """[m] sliding distance of a hook's contact along its wire, summed in run/history.py."""
     return None if r.hook_contact is None else 0.0
 
 
@@ -170,7 +170,7 @@ MEASURES: tuple[Measure, ...] = (
     Measure("energy_bend_J", lambda r: r.energies.bend, history=True),
     Measure("energy_contact_J", lambda r: r.energies.contact, history=True),
     Measure("energy_kinetic_J", lambda r: r.energies.kinetic, history=True),
-    Measure("work_J", "work", history=True),  # of a relaxation: run/history.py adds it up
+    Measure("work_J", "work", history=True),  # of a relaxation: summed in run/history.py
     Measure("edge_work_J", "edge_work", history=True),
     Measure("dissipated_J", "dissipated", history=True),
     # quality

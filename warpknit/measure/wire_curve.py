@@ -33,7 +33,7 @@ class WireCurve:
         return smooth + (s * (1 - s)) ** 2 * np.einsum("mp,mpa->ma", powers, self.bump[node])
 
     def between(self, parts: int) -> np.ndarray:
-        """(node, parts - 1, 3) [m] the same at even steps of s, as `Frame.between` wants it."""
+        """(node, parts - 1, 3) [m] the same at equal steps of s (`Frame.between`)."""
         nodes = np.arange(len(self.edge))
         places = [self.offset(nodes, np.full(len(nodes), k / parts)) for k in range(1, parts)]
         return np.stack(places, axis=1).astype(np.float32) if places else np.zeros((0, 0, 3), dtype=np.float32)
@@ -41,16 +41,16 @@ class WireCurve:
 
 @dataclass(frozen=True)
 class Edges:
-    """Of the segments before and behind each node, (node, 3) [m]; wires that end go on straight."""
+    """Edges before and after each node, (node, 3) [m]; ends are continued straight."""
 
     before: np.ndarray
     behind: np.ndarray
-    following: np.ndarray  # [node] the next node, itself at the end of an open wire
+    following: np.ndarray  # [node] the next node; at the end of an open wire the node itself
     has_segment: np.ndarray  # [node]
 
 
 def edges_of(layout: WireLayout, position: np.ndarray, deformation: np.ndarray) -> Edges:
-    """Of wires at `position` (node, 3) [m] whose mesh is deformed by `deformation` (2, 2)."""
+    """Edges of wires at `position` (node, 3) [m] in a mesh with the deformation gradient `deformation` (2, 2)."""
     first, last, closed = layout.wire_start[:-1], layout.wire_start[1:] - 1, layout.wire_closed
     following, previous = np.arange(len(position)) + 1, np.arange(len(position)) - 1
     following[last], previous[first] = np.where(closed, first, last), np.where(closed, last, first)
@@ -80,7 +80,7 @@ def curve_of(edges: Edges, rise: np.ndarray, bump: np.ndarray) -> WireCurve:
 
 
 def planar_curve(layout: WireLayout, position: np.ndarray, deformation: np.ndarray, shape: np.ndarray) -> WireCurve:
-    """Of the planar model; `shape` (node, CURVE_COEFFICIENTS) as in kernels/contact.py. Heights follow Catmull-Rom's curve."""
+    """Curve of the planar model; `shape` (node, CURVE_COEFFICIENTS) as in kernels/contact.py. Heights are Catmull-Rom."""
     edges = edges_of(layout, position, deformation)
     mean = 0.5 * (edges.before + edges.behind)
     rise = shape[:, :1] * _flat(mean) + shape[:, 1:2] * _turned(mean)

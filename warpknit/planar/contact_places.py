@@ -1,4 +1,4 @@
-"""Where the wires of a planar mesh touch (measure/contact_places.py)."""
+"""Places of active contacts in a planar mesh (measure/contact_places.py)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..measure.measures import pair_active
 
 
 def contact_places(r: Any) -> ContactPlaces:
-    """One place for each body both of whose pairs are active."""
+    """One place for each body with two active pairs."""
     panel, table = r.model.panel, r.model.table
     both = pair_active(r).reshape(-1, 2).all(axis=1)
     pairs = np.flatnonzero(np.repeat(both, 2))

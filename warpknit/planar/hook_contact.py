@@ -1,4 +1,4 @@
-"""What two hooked wires show in the plane."""
+"""The contact of two hooked planar wires."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def hook_contact(r: Any) -> HookContact:
         force_right=float(r.pair_force[RIGHT]),
         arc_left=float(arc[LEFT]),
         arc_right=float(arc[RIGHT]),
-        # of a single contact point both pairs act on wires, and what one gives the other takes
+        # both pairs of a single contact point act on wires, with opposite forces
         ground_force=float(np.hypot(*on_wires)) if model.treatment.anchored else 0.0,
         body=r.body_position[0, :2],
         threshold=active_threshold(model),

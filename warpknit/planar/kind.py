@@ -1,4 +1,4 @@
-"""The planar model by the names that every kind of model has (model.py)."""
+"""The planar model under the common names of all kinds of model (model.py)."""
 
 from . import estimate, trials
 from .mechanics import PlanarMechanics as mechanics

@@ -1,4 +1,4 @@
-"""What a state of a planar mesh shows (measure/observables.py): energies, loads, contacts, stress and places."""
+"""Observables of a planar mesh (measure/observables.py): energies, loads, contacts, stress, positions."""
 
 from __future__ import annotations
 
@@ -28,17 +28,16 @@ from .state import State
 
 @dataclass(frozen=True)
 class PlanarObservables(HostState):
-    """The state of the global mesh. Arrays [node] but for the stress are worked out when asked for: kept, they would be most of
-    the memory of a large mesh."""
+    """The state of the global mesh. Arrays [node] except the stress are computed on demand, to save memory."""
 
     # --- energies
 
     @cached_property
     def energies(self) -> Energies:
-        """T^2 L/(2 EA) a segment, EI theta^2/(2 l) a node, (F - offset)^2/(2 k) a pair, and what its friction is drawn out by;
-        kinetic from the last step.
+        """T^2 L/(2 EA) a segment, EI theta^2/(2 l) a node, (F - offset)^2/(2 k) a pair, and its elastic slip; kinetic
+        from the last step.
 
-        A softened segment stores T^2 L s/(2 EA) unless its running multiplier took the softening out.
+        A softened segment stores T^2 L s/(2 EA) unless its multiplier corrects the softening.
         """
         natural = self.natural_length * self.length_factor
         stiffness = self.control[int(c.CONTACT_STIFFNESS)]
@@ -52,7 +51,7 @@ class PlanarObservables(HostState):
 
     @property
     def _stretch_stiffness(self) -> np.ndarray | float:
-        """[N] true axial stiffness where multipliers took the softening out, else the softened one [node]."""
+        """[N] axial stiffness: true with multipliers, else the softened one [node]."""
         solver = self.model.scene.solver
         if solver.multipliers and solver.drive == "relax":
             return self.model.axial_stiffness
@@ -60,7 +59,7 @@ class PlanarObservables(HostState):
 
     @property
     def hardened_energy(self) -> float:
-        """[J] that kinematic hardening stores: H kappa_p^2/2 a length, with H = EI kept/(1 - kept)."""
+        """[J] stored by kinematic hardening: H kappa_p^2/2 a length, with H = EI kept/(1 - kept)."""
         kept = self.model.scene.wire.hardening
         if not self.model.yield_moment or kept == 1.0:
             return 0.0
@@ -108,14 +107,14 @@ class PlanarObservables(HostState):
 
     @property
     def edge_force(self) -> np.ndarray:
-        """(clamp, 2) [N] derivative of the energy by the displacement of the clamps: with what force they hold the wires."""
+        """(clamp, 2) [N] forces of the clamps on the wires: derivative of the energy by their displacement."""
         total = np.zeros((len(self.model.panel.clamp_position), 2))
         np.add.at(total, self.model.panel.held_clamp, self.held_forces)
         return -total
 
     @property
     def clamp_force(self) -> np.ndarray:
-        """[clamp] [N] size of the force with which each clamp holds its wire."""
+        """[clamp] [N] magnitude of the clamp forces."""
         if not len(self.model.panel.held_node):
             return np.zeros(0)
         total = self.edge_force
@@ -123,7 +122,7 @@ class PlanarObservables(HostState):
 
     @property
     def thermal_force(self) -> float:
-        """[J] derivative of the energy by the length factor of the wires: what heating works against."""
+        """[J] derivative of the energy by the length factor of the wires."""
         stretch = -np.sum(self.natural_length * (self.tension + 0.5 * self.tension**2 / self._stretch_stiffness))
         bend = -0.5 * np.sum(self.moment * self.elastic_turning) / self.length_factor
         return float(stretch + bend + np.sum(self.pair_force) * self.model.contact_reach)
@@ -147,9 +146,9 @@ class PlanarObservables(HostState):
 
     @property
     def pairs_at_reach_end(self) -> int:
-        """Active pairs whose contact point stands at the end of the stretch of wire that it may slide on.
+        """Active pairs at the end of their sliding range.
 
-        Beyond it the wire is continued straight, which pushes a body that has slid off; such contacts are not to be believed.
+        Beyond it the wire is continued straight and pushes a body that slid off; forces of such contacts are not valid.
         """
         panel = self.model.panel
         at_low = (self.pair_slide <= panel.pair_low) & (self.pair_u < 1e-3)
@@ -166,11 +165,11 @@ class PlanarObservables(HostState):
 
     @property
     def body_near(self) -> None:
-        """Wires touch by way of a body: how near they are says nothing."""
+        """None: planar wires touch only at bodies."""
 
     @property
     def contact_elsewhere(self) -> None:
-        """Wires touch at bodies only."""
+        """None: planar wires touch only at bodies."""
 
     @property
     def contact_places(self) -> ContactPlaces:
@@ -205,7 +204,7 @@ class PlanarObservables(HostState):
 
     @property
     def shear_stress(self) -> None:
-        """Wires in a plane do not twist."""
+        """None: planar wires do not twist."""
 
     @property
     def axial_strain(self) -> np.ndarray:
@@ -214,7 +213,7 @@ class PlanarObservables(HostState):
 
     @property
     def plastic_strain(self) -> np.ndarray:
-        """[node] of the outermost fibre, that stays; empty where wires do not yield."""
+        """[node] plastic strain of the outermost fibre; empty for elastic wires."""
         if not self.model.yield_moment:
             return np.zeros(0)
         return np.abs(self.plastic_turn) / self.hinge_length * self.model.scene.wire.radius
@@ -228,7 +227,7 @@ class PlanarObservables(HostState):
 
     @property
     def node_position(self) -> np.ndarray:
-        """(node, 3) [m] turned back to where the boundary is strained by `stretch`; z is the rest height."""
+        """(node, 3) [m] in the frame of `stretch`; z is the rest height."""
         rest = self._node_rest()
         turned = rotation(self.clamp_rotation)
         node = np.einsum("ia,ba->ib", rest - self._rest_corner(rest), self.stretch) + self.u @ turned.T
@@ -245,7 +244,7 @@ class PlanarObservables(HostState):
         return np.column_stack([body, height])
 
     def _node_rest(self) -> np.ndarray:
-        """(node, 2) [m] places at rest."""
+        """(node, 2) [m] rest positions."""
         panel, table = self.model.panel, self.model.table
         origin = np.repeat(panel.block_origin, panel.block_count, axis=0)
         return np.stack([table.x[self.entry], table.y[self.entry]], axis=1) + origin
@@ -257,12 +256,12 @@ class PlanarObservables(HostState):
 
     @property
     def corner(self) -> np.ndarray:
-        """(3,) [m] where positions count from."""
+        """(3,) [m] origin of the positions."""
         return np.zeros(3)
 
     @property
     def between(self) -> np.ndarray:
-        """(node, parts - 1, 3) [m] places on the curve to the next node, from the node; none in a large mesh."""
+        """(node, parts - 1, 3) [m] points on the curve to the next node, relative to the node; none in a large mesh."""
         model = self.model
         parts = curve_parts(model.panel.node_count, model.scene.model.nodes_per_loop)
         if parts == 1:
@@ -276,7 +275,7 @@ class PlanarObservables(HostState):
 
     @property
     def thickness(self) -> None:
-        """The rest height of a planar mesh is for pictures."""
+        """None: the rest height of a planar mesh is for pictures only."""
 
     @property
     def panel_map(self) -> PanelMap | None:
@@ -287,7 +286,7 @@ class PlanarObservables(HostState):
 def read(model: Model, state: State) -> PlanarObservables:
     """Evaluate the wires and copy the state to the host.
 
-    Where ranks share the mesh, all of them read together; what the first one gets is of the global mesh.
+    With several ranks a collective call; the first rank gets the global mesh.
     """
     host = joined(read_strip(model, state))
     return PlanarObservables(**{field.name: getattr(host, field.name) for field in fields(host)})

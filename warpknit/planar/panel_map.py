@@ -1,8 +1,8 @@
-"""The map of a gripped panel in the plane (measure/panel_map.py), tile by tile.
+"""The map of a gripped planar panel (measure/panel_map.py), tile by tile.
 
-A tile is one repeat of the cloth at rest. Its nominal stress P is the virial of what lies in it (measure.nominal_stress, tile by
-tile), its deformation gradient F that of the whole plus the slope of the displacement from tile to tile, the mean over the bodies
-of a repeat that both tiles have; the tension is the force per current width, P F^T / det F.
+A tile is one repeat of the undeformed cloth. Its nominal stress P is the virial of its wires and contacts, as in
+measure.nominal_stress. Its deformation gradient F is that of the panel plus the slope of the displacement between tiles, averaged
+over the bodies that both tiles have. The tension is the force per current width, P F^T / det F.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..measure.strain import rotation
 from .host_state import pair_levers
 
 NODES_AT_ONCE = 1_000_000
-FEWEST_TILES = 12  # whole tiles from which a panel has a map
+FEWEST_TILES = 12  # area of a panel in tiles above which it has a map
 
 
 def has_map(r: Any) -> bool:
@@ -27,7 +27,7 @@ def has_map(r: Any) -> bool:
 
 
 def find_panel_map(r: Any) -> PanelMap:
-    """The maps of a gripped panel."""
+    """The map of a gripped panel."""
     panel, table, cloth = r.model.panel, r.model.table, r.model.cloth
     assert panel.outline is not None and cloth is not None
     tile = np.array(cloth.size)
@@ -36,7 +36,7 @@ def find_panel_map(r: Any) -> PanelMap:
     low = middle - 0.5 * tile * shape
 
     def number(place: np.ndarray) -> np.ndarray:
-        """Tile of points (point, 2) [m] at rest."""
+        """Tile of points at rest positions (point, 2) [m]."""
         return index(np.floor((place - low) / tile))
 
     def index(steps: np.ndarray) -> np.ndarray:
@@ -59,7 +59,7 @@ def find_panel_map(r: Any) -> PanelMap:
         for a, b in np.ndindex(2, 2):
             virial[:, a, b] += gather(where, force[part, a] * rest_edge[:, b])
     del force, stress
-    # whole repeats apart, whatever rounding does at the border of a tile
+    # shifted by integer repeats, independent of rounding at tile borders
     body_tile = index(np.floor((panel.body_rest - low) / tile) + np.rint(panel.body_origin / tile))
     touching = np.nonzero(r.pair_force > 0)[0]
     lever = pair_levers(r, touching)
@@ -92,9 +92,11 @@ def find_panel_map(r: Any) -> PanelMap:
 
 
 def _slopes(moved: np.ndarray, tile: np.ndarray) -> np.ndarray:
-    """(column, row, 2, 2) slope of the displacements (kind, column, row, 2) [m] of bodies that lie alike in all tiles, nan where
-    a tile has none of a kind: the mean over the kinds that neighbouring tiles both have; central where both neighbours have
-    some, else to one side, else none."""
+    """(column, row, 2, 2) slope of the displacements (clasp, column, row, 2) [m] of bodies; nan where a tile lacks the clasp.
+
+    The mean over the clasps that neighbouring tiles both have: central differences where both neighbours have some, else
+    one-sided, else zero.
+    """
     slopes = np.zeros((*moved.shape[1:3], 2, 2))
     for axis in range(2):
         steps = np.diff(np.moveaxis(moved, axis + 1, 0), axis=0) / tile[axis]  # (step, kind, along the other axis, 2)

@@ -85,7 +85,7 @@ class Prolongation:
             "block_thread": index(large.wire_thread[large.block_wire]),
         }
         self._threads = {"thread_start": index(start), "thread_nodes": index(nodes)}
-        # of all pairs of a body, on whatever rank their wire is
+        # over all pairs of a body, also those of other ranks
         mesh = self.large.global_model.panel
         first = mesh.wire_first[mesh.pair_wire]
         from_end = np.minimum(mesh.pair_seed - first, first + mesh.wire_count[mesh.pair_wire] - 1 - mesh.pair_seed)

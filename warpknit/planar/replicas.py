@@ -27,7 +27,7 @@ from .step import PROBING
 
 
 class Replicas:
-    """`count` replicas of a model at rest, and how they are stepped together on the CPU.
+    """`count` replicas in the initial state, stepped together on the CPU.
 
     `state` has the replica as the first axis of every array (`initial_state`); `states` are its rows.
     """

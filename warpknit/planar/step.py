@@ -33,11 +33,8 @@ from .model import Model, body_blocks, contact_batches
 from .state import State
 
 NODES_A_THREAD = 4_000  # fewer nodes a thread cost more in waiting than they save
-PROBING = {
-    c.VELOCITY_FACTOR: 0.0,
-    c.FORCE_FACTOR: 1.0,
-    c.TIME_STEP: 0.0,
-}  # a step then stores f/m as velocities and moves nothing
+# a step then stores f/m as velocities and moves nothing
+PROBING = {c.VELOCITY_FACTOR: 0.0, c.FORCE_FACTOR: 1.0, c.TIME_STEP: 0.0}
 
 
 class Stepper:

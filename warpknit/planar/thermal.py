@@ -10,7 +10,7 @@ from .model import Model
 def wire_thermal_strain(model: Model, temperature: float, gradient: tuple[float, float]) -> np.ndarray:
     """(wire, 2): relative excess of the length factor at the first node of each wire, and its increment a node.
 
-    The temperature [K] is that of the middle of the panel, its gradient [K/m] is along weft and warp at rest. Along a wire it
+    The temperature [K] is that of the centre of the panel, its gradient [K/m] is along weft and warp at rest. Along a wire it
     is interpolated linearly from end to end: the loops deviate from that by less than a stitch.
     """
     panel, table, wire = model.panel, model.table, model.scene.wire

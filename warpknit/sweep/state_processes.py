@@ -34,10 +34,12 @@ class LoadProgress:
 
 
 def equilibrium_under(model: Any, index: int, stage: Stage, watch: Callable[[LoadProgress], None]) -> Outcome:
-    """The mesh in equilibrium under the load of `stage`, reached from the mesh as knitted. `watch` is called at every convergence
-    check."""
-    one = replace(model, scene=replace(model.scene, stages=(stage,)))
-    simulation = Simulation(one, watch=lambda progress: watch(LoadProgress(index, progress.steps, progress.load_factor)))
+    """The equilibrium under the load of `stage`, from the mesh as knitted.
+
+    `watch` is called at every convergence check.
+    """
+    single_stage = replace(model, scene=replace(model.scene, stages=(stage,)))
+    simulation = Simulation(single_stage, watch=lambda progress: watch(LoadProgress(index, progress.steps, progress.load_factor)))
     simulation.compile()
     observables: Any = None
     error: Diverged | None = None
@@ -50,8 +52,7 @@ def equilibrium_under(model: Any, index: int, stage: Stage, watch: Callable[[Loa
 
 
 class StateProcesses:
-    """One stage for each load; `run` yields outcomes as loads converge. For models that do not step many
-    states by one launch, as `Batch` does."""
+    """One stage for each load; `run` yields outcomes as loads converge. For models without replicas (see `Batch`)."""
 
     def __init__(
         self,
@@ -61,7 +62,7 @@ class StateProcesses:
         watch: Callable[[StateProcesses], None] | None = None,
         processes: int | None = None,
     ) -> None:
-        """`stages`: each load. `watch` is called again and again, and may raise to stop. `processes`: default `thread_count`."""
+        """`stages`: each load. `watch` is called regularly, and may raise to stop. `processes`: default `thread_count`."""
         self.model, self.stages = model, tuple(stages)
         self.processes = processes or thread_count(len(self.stages))
         self._watch = watch or (lambda _states: None)
@@ -70,7 +71,7 @@ class StateProcesses:
 
     @property
     def steps(self) -> int:
-        """Steps taken of all loads."""
+        """Steps of all loads together."""
         return self._finished_steps + sum(progress.steps for progress in self._running.values())
 
     @property
@@ -79,7 +80,7 @@ class StateProcesses:
         return (self._finished + sum(progress.load_factor for progress in self._running.values())) / max(1, len(self.stages))
 
     def run(self) -> Iterator[Outcome]:
-        """Bring the mesh to rest under every load. Raises `OutOfResources`."""
+        """Find the equilibrium under every load. Raises `OutOfResources`."""
         for outcome in self._in_processes() if self.processes > 1 else self._here():
             self._running.pop(outcome.index, None)
             self._finished += 1

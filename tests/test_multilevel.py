@@ -1,4 +1,4 @@
-"""Large meshes start from smaller ones and come to rest as a membrane: the same answer, in steps that do not grow."""
+"""Large meshes: multilevel start and membrane correction give the same result, in a bounded number of steps."""
 
 import json
 from dataclasses import replace

@@ -1,7 +1,7 @@
-"""Meshes of many nodes a loop come to rest: what once kept them from it.
+"""Meshes of many nodes a loop converge in a number of steps that grows with the square of the nodes.
 
-Fictitious masses go with EI/h^3, so the slowest bending waves take steps with the square of the nodes of a loop: a level that
-nothing disturbs takes some 5 n^2 of them.
+Fictitious masses go with EI/h^3, so the steps of the slowest bending waves grow with the square of the nodes of a loop: an
+undisturbed level takes about 5 n^2 of them.
 """
 
 from pathlib import Path
@@ -18,9 +18,9 @@ from warpknit.solve.simulate import Simulation
 SCENES = Path(__file__).parents[2] / "scenes"
 
 
-def settled(scene: str, nodes: int, most_steps: int, *overrides: str) -> Simulation:
-    """A level brought to rest in so many steps, else `Diverged` is raised."""
-    keys = (f"model.nodes_per_loop={nodes}", f"solver.max_steps={most_steps}", "output.frames=1", *overrides)
+def converged_run(scene: str, nodes: int, max_steps: int, *overrides: str) -> Simulation:
+    """A simulation that converged within `max_steps` steps a level; else `Diverged` is raised."""
+    keys = (f"model.nodes_per_loop={nodes}", f"solver.max_steps={max_steps}", "output.frames=1", *overrides)
     model = build_model(load_scene(SCENES / scene, keys))
     simulation = Simulation(model, initial_state(model))
     *_, last = simulation.run()
@@ -32,7 +32,7 @@ def test_bodies_do_not_rattle_between_wires_that_drift() -> None:
     """Wires that go to rest together carry bodies along that they hardly squeeze: stopped dead when a wire lets go of them, such
     bodies are hit, let go and stopped again for twice as many steps, and at 200 nodes for good."""
     nodes = 80
-    settled("atlas_cell.toml", nodes, 6 * nodes**2)
+    converged_run("atlas_cell.toml", nodes, 6 * nodes**2)
 
 
 def test_slow_wires_do_not_count_as_taut() -> None:
@@ -41,7 +41,7 @@ def test_slow_wires_do_not_count_as_taut() -> None:
     overrides = ("knit.repeats=[2, 2]", "load.strain_weft=0.04", "load.strain_warp=0.04")
     found, nodes = [], 48
     for precision in ("single", "double"):
-        simulation = settled("atlas_patch.toml", nodes, 10 * nodes**2, *overrides, f'solver.precision="{precision}"')
+        simulation = converged_run("atlas_patch.toml", nodes, 10 * nodes**2, *overrides, f'solver.precision="{precision}"')
         soft = simulation.model.axial_stiffness / simulation.model.softening
         assert simulation.state.wire_axial.numpy().max() < 16 * soft
         found.append(measure.mesh_tension(read(simulation.model, simulation.state)))
