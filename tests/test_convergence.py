@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from warpknit.mechanics import Drift
-from warpknit.solve.convergence import PATIENCE, WORSE, Convergence
+from warpknit.solve.convergence import PATIENCE, RESTART_RATIO, Convergence
 
 TOLERANCE = 1e-3
 STILL = np.zeros((2, 2))
@@ -60,12 +60,12 @@ def test_meshes_side_by_side_do_not_know_of_each_other() -> None:
 
 
 def test_a_level_that_gets_no_better_is_stalled_and_a_snap_begins_anew() -> None:
-    """After PATIENCE checks without progress by a tenth; a ratio that jumps by more than WORSE is another state."""
+    """After PATIENCE checks without progress by a tenth; a ratio that jumps by more than RESTART_RATIO is another state."""
     made, row = convergence(Drift(2)), np.array([0])
     assert not made.is_stalled(row, np.array([5.0]))[0]
     stalled = [bool(made.is_stalled(row, np.array([4.9]))[0]) for _ in range(PATIENCE + 1)]
     assert stalled == [False] * PATIENCE + [True]
-    assert not made.is_stalled(row, np.array([1.01 * WORSE * 5.0]))[0]
+    assert not made.is_stalled(row, np.array([1.01 * RESTART_RATIO * 5.0]))[0]
     assert not made.is_stalled(row, np.array([4.9]))[0]
 
 
@@ -75,3 +75,10 @@ def test_a_checkpoint_keeps_what_was_seen() -> None:
     ratios(made, stresses[:7])
     again.load_state_dict(made.state_dict())
     assert ratios(again, stresses[7:]) == ratios(made, stresses[7:])
+
+
+def test_a_mesh_whose_forces_balance_waits_for_its_tension() -> None:
+    made, rows = convergence(Drift(2)), np.array([0])
+    for ratio, drifts in ((3.0, False), (0.5, True), (3.0, False)):
+        made.with_drift(rows, np.array([ratio]), lambda _: np.array([np.eye(2)]))
+        assert made.drifts(0) == drifts

@@ -68,6 +68,10 @@ class Convergence:
         drift = moved / (self.tolerance * scale)
         return np.asarray(np.where(self._met[rows] > self.drift.required_checks, drift, 1.0))
 
+    def drifts(self, row: int) -> bool:
+        """Whether a mesh that has not converged meets all criteria but that of the tension."""
+        return bool(self._met[row] > 0)
+
     def is_stalled(self, rows: np.ndarray, ratio: np.ndarray) -> np.ndarray:
         """[row] whether a level makes no progress."""
         better = (ratio < PROGRESS_RATIO * self._best[rows]) | (ratio > RESTART_RATIO * self._best[rows])

@@ -228,10 +228,17 @@ class Relaxation(Drive):
             f" {self.step_limit:,} steps ({self._residual_text()}): raise solver.max_steps or solver.residual_tolerance"
         )
 
+    def _unmet_text(self) -> str:
+        """The criterion that keeps a mesh from convergence whose forces balance."""
+        if self.progress.residual >= self.scene.solver.residual_tolerance:
+            return ""
+        drifts = self.equilibrium.convergence.drifts(self.row)
+        return " the tension still drifts," if drifts else " multipliers or membrane corrections have not converged,"
+
     def _residual_text(self) -> str:
         """Residual, fastest node and likely causes, in words."""
         wire, node = self.mechanics.fastest()
         return (
-            f"residual {self.progress.residual:.2g}, tolerance {self.scene.solver.residual_tolerance:g},"
+            f"residual {self.progress.residual:.2g}, tolerance {self.scene.solver.residual_tolerance:g},{self._unmet_text()}"
             f" fastest at wire {wire}, node {node}{self.mechanics.causes()}"
         )
