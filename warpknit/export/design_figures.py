@@ -21,6 +21,7 @@ TITLES = {
     "warp_alone": "warp strained, weft held",
 }
 FREQUENCIES = (1e9, 1e11)  # [Hz]
+LEAST_DECADES = 0.6  # of a resistance axis: a constant resistance is a level line
 
 Curve = Mapping[str, NDArray[Any]]
 
@@ -59,9 +60,15 @@ def resistance_figure(curve: Curve, path: str | os.PathLike[str]) -> Path:
     strain = 100.0 * curve["strain_weft"]
     for side, colour, marker in (("weft", BLUE, "o"), ("warp", ORANGE, "s")):
         resistance = curve[f"sheet_resistance_{side}_ohm"]
-        axes.plot(strain, resistance, color=colour, marker=marker, markersize=4, label=f"along {side}")
-    if any(np.isfinite(curve[f"sheet_resistance_{side}_ohm"]).any() for side in ("weft", "warp")):
+        label = f"along {side}" if np.isfinite(resistance).any() else f"along {side}: does not conduct"
+        axes.plot(strain, resistance, color=colour, marker=marker, markersize=4, label=label)
+    known = np.concatenate([curve[f"sheet_resistance_{side}_ohm"] for side in ("weft", "warp")])
+    known = known[np.isfinite(known)]
+    if len(known):
         axes.set_yscale("log")
+        least, most = np.log10(known.min()), np.log10(known.max())
+        half = max(0.55 * (most - least), 0.5 * LEAST_DECADES)
+        axes.set_ylim(10.0 ** (0.5 * (least + most) - half), 10.0 ** (0.5 * (least + most) + half))
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter("{x:.1g}")
     axes.set_xlabel("strain of weft and warp alike [%]")
