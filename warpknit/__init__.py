@@ -1,14 +1,14 @@
 """warpknit: how a knitted metal mesh carries load, wire by wire and contact by contact.
 
-    from warpknit import load_scene, run_scene
+    from pathlib import Path
+    from warpknit import Simulation, build_model, load_scene, measure, run_scene
     run = run_scene(load_scene("scenes/atlas_cell.toml"), out=Path("runs/cell"))
 
 or, without files, step by step:
 
     scene = load_scene("scenes/atlas_cell.toml", ["load.strain_weft=0.05"])
-    model = build_model(scene)                       # what does not move
-    state = initial_state(model)                     # what does
-    for record in Simulation(model, state).run():    # steady states along the load
+    model = build_model(scene)                       # planar or spatial, as the scene asks
+    for record in Simulation(model).run():           # the equilibria of the load levels
         print(measure.mesh_tension(record.observables), measure.contacts(record.observables))
 
 `knit_cloth` makes one repeat of the cloth alone; `export_run` writes a run's states in other forms.
