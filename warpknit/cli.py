@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import logging
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -106,6 +106,14 @@ def unfinished(result: CommandResult, if_interrupted: str = "") -> int:
     return int(result.exit_code)
 
 
+def finished(lines: Iterable[tuple[str, str]], directory: Path) -> int:
+    """Print the table of a finished command; return its exit status."""
+    from warpknit.run.summary_table import print_table
+
+    print_table([*lines, ("results in", str(directory))])
+    return FINISHED
+
+
 @main.command()
 @scene_options
 @result_options
@@ -190,10 +198,7 @@ def contact_map(
         result = run_map(loaded, out=directory, device=device, resume=resume, force=force, progress=progress)
     if result.exit_code != FINISHED:
         return unfinished(result, "; continue with --resume")
-    from warpknit.run.summary_table import print_table
-
-    print_table([*map_lines(result.summary), ("results in", str(directory))])
-    return FINISHED
+    return finished(map_lines(result.summary), directory)
 
 
 @main.command()
@@ -226,10 +231,7 @@ def trade(
         )  # fmt: skip
     if result.exit_code != FINISHED:
         return unfinished(result)
-    from warpknit.run.summary_table import print_table
-
-    print_table([*trade_lines(result.summary), ("results in", str(directory))])
-    return FINISHED
+    return finished(trade_lines(result.summary), directory)
 
 
 @main.command()

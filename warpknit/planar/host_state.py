@@ -81,14 +81,6 @@ class HostState(Boundary):
         return values
 
     @property
-    def natural_angle(self) -> np.ndarray:
-        """[node] [rad] natural turning angle."""
-        values = self.model.table.rest_angle[self.entry]
-        for far, following, node in self._hinges_at_clamps:
-            values[node] = self.model.panel.wire_clamp[:, far, clamp.ANGLE + following]
-        return values
-
-    @property
     def hinge_length(self) -> np.ndarray:
         """[node] [m] wire length of the hinge at the node, at the reference temperature."""
         values = self.model.table.hinge_length[self.entry]
