@@ -278,7 +278,7 @@ def report(
     from warpknit.run.summary_table import print_table
 
     lines = [("mesh", note) for note in fitted.notes]
-    lines += [*map_lines(result.summary), ("material card", found.said)]
+    lines += [*map_lines(result.summary), ("material card", found.card_state)]
     lines += [*(("warning", warning) for warning in found.warnings), ("page", str(directory / "report.html"))]
     print_table(lines)
     return FINISHED
