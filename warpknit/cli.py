@@ -293,7 +293,7 @@ def report(
     from warpknit.run.summary_table import print_table
 
     lines = [("mesh", note) for note in fitted.notes]
-    lines += [*map_lines(result.summary), ("material card", page.said)]
+    lines += [*map_lines(result.summary), ("material card", page.card_state)]
     lines += [*(("warning", warning) for warning in page.warnings), ("page", str(directory / "report.html"))]
     print_table(lines)
     return FINISHED

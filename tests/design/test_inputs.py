@@ -77,7 +77,7 @@ def test_the_areal_mass_is_that_of_all_bars(scene):
     assert mass == pytest.approx(knit_scene(locknit).wire_per_area * locknit.wire.linear_density, rel=1e-9)
     (note,) = with_known(locknit, Known(areal_mass=mass)).notes
     assert f"as knitted is {1e3 * mass:.3g} g/m2, +0%" in note.replace("-0%", "+0%")
-    assert f"{1e3 * knit_scene(locknit).stitch_length:.3g} mm of wire a loop" in note
+    assert f"{1e3 * knit_scene(locknit).stitch_length:.3g} mm of wire per loop" in note
     page = Page("locknit")
     mesh_section(page, locknit, knit_scene(locknit), None, ())
     assert f"{1e3 * mass:.3g} g/m2" in page.html()
@@ -109,7 +109,7 @@ def test_loops_are_fitted_to_a_biaxial_curve(scene, tmp_path, monkeypatch):
         (",".join(COLUMNS) + "\n0.1,0.1,nan,1\n", "finite"),
         (",".join(COLUMNS) + "\n", "no rows"),
         (",".join(COLUMNS) + "\n0.1,0.1,0,0\n", "other than 0"),
-        (",".join(COLUMNS) + "\n0.1,0.1,500,500\n", "no factor"),
+        (",".join(COLUMNS) + "\n0.1,0.1,500,500\n", "cannot be fitted by one factor"),
     ],
 )
 def test_a_bad_curve_is_refused(scene, tmp_path, text, said):

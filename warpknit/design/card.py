@@ -29,12 +29,12 @@ from ..measure import Observables
 from ..sweep.states import Mesh
 from .fine_states import states_at
 
-STEP = 1e-3  # strain of the differences
-AGREEMENT = 0.05  # of the largest stiffness: differences at STEP and 2 STEP that differ by more are worth a warning
-TENSION_TOLERANCE = 5e-3  # relative, of the tension that is asked for
-MOST_ROUNDS = 10  # of the search for its strains
-MOST_STRAIN = 0.02  # of one round
-WAVE_DIRECTIONS = 180  # in which waves are looked at
+STEP = 1e-3  # strain step of the finite differences
+AGREEMENT = 0.05  # of the largest stiffness: larger changes from STEP to 2 STEP give a warning
+TENSION_TOLERANCE = 5e-3  # relative, of the requested tension
+MAX_ITERATIONS = 10  # of Newton's method for the strains
+MAX_STRAIN_STEP = 0.02  # of one iteration
+WAVE_DIRECTIONS = 180  # directions of plane waves
 VOIGT = np.array([[0, 2], [2, 1]])  # row of the stiffness for a pair of axes
 
 
@@ -42,13 +42,13 @@ VOIGT = np.array([[0, 2], [2, 1]])  # row of the stiffness for a pair of axes
 class MaterialCard:
     """Tangent properties of a tensioned mesh; index 1 is weft, 2 warp, 3 shear (engineering shear strain)."""
 
-    strain_weft: float  # of the tensioned mesh against the mesh as knitted
+    strain_weft: float  # of the tensioned mesh relative to the mesh as knitted
     strain_warp: float
     tension_weft: float  # [N/m] force per current width
     tension_warp: float
     stiffness: np.ndarray  # (3, 3) [N/m] symmetric
-    asymmetry: float  # of what the differences gave, over the largest stiffness
-    step_difference: float  # between the stiffness at STEP and at 2 STEP, over the largest stiffness
+    asymmetry: float  # of the finite-difference stiffness, over its largest entry
+    step_difference: float  # change of the stiffness from STEP to 2 STEP, over its largest entry
     expansion: np.ndarray  # (3,) [1/K] strain E at constant S
     areal_mass: float  # [kg/m2] of the tensioned mesh
     stress_max: float  # [Pa] in the wire of the tensioned mesh
@@ -57,30 +57,30 @@ class MaterialCard:
 
     @property
     def poissons_ratios(self) -> tuple[float, float]:
-        """nu12: -E22 over E11 under a change of S11 at constant S22; nu21: the other way round."""
+        """nu12: -E22 over E11 for a change of S11 at constant S22; nu21: with the axes exchanged."""
         c = self.stiffness
         return float(c[0, 1] / c[1, 1]), float(c[0, 1] / c[0, 0])
 
     @property
     def moduli(self) -> tuple[float, float]:
-        """[N/m] change of S11 over E11 at constant S22, and the other way round: of C alone, without geometric stiffness."""
+        """[N/m] E1: S11 over E11 at constant S22; E2: with the axes exchanged. Without geometric stiffness."""
         c = self.stiffness
         return float(c[0, 0] - c[0, 1] ** 2 / c[1, 1]), float(c[1, 1] - c[0, 1] ** 2 / c[0, 0])
 
     @property
     def tension_slope(self) -> np.ndarray:
-        """(2, 2) [N/m] change of the tension (force per current width) in weft and warp by the strain in weft and warp."""
+        """(2, 2) [N/m] derivative of the tensions (force per current width) by the strains, in weft and warp."""
         tension = np.array([self.tension_weft, self.tension_warp])
         return np.asarray(self.stiffness[:2, :2] + np.diag(tension) - tension[:, None] * (1.0 - np.eye(2)))
 
     @property
     def difference(self) -> float:
-        """How far the stiffness is from that at twice the step, and from symmetry, over the largest stiffness."""
+        """Error estimate of the stiffness: the larger of `step_difference` and `asymmetry`."""
         return max(self.step_difference, self.asymmetry)
 
     @property
     def shear_coupling(self) -> float:
-        """Largest coupling of shear to stretch over the largest stiffness; an orthotropic card leaves it out."""
+        """Largest coupling of shear to extension, over the largest stiffness; zero for an orthotropic mesh."""
         return float(np.abs(self.stiffness[:2, 2]).max() / np.abs(self.stiffness).max())
 
     @property
@@ -90,13 +90,15 @@ class MaterialCard:
 
     @property
     def softest(self) -> int:
-        """The row, 0 weft, 1 warp, 2 shear, that has most of the strain of least stiffness."""
+        """Row (0 weft, 1 warp, 2 shear) with the largest component of the softest strain."""
         return int(np.argmax(np.abs(np.linalg.eigh(self.stiffness)[1][:, 0])))
 
     @property
     def least_wave_stiffness(self) -> float:
-        """[N/m] least stiffness against a plane wave in the tensioned mesh, its prestress counted: what an FE model needs to be
-        stable, least eigenvalue of Q_ik = C_ijkl n_j n_l + (n . S n) delta_ik over all directions n."""
+        """[N/m] smallest stiffness against a plane wave in the prestressed mesh; an FE model is stable if it is positive.
+
+        Smallest eigenvalue of Q_ik = C_ijkl n_j n_l + (n . S n) delta_ik over all directions n.
+        """
         c = self.stiffness
         stiffness = c[VOIGT[:, :, None, None], VOIGT]
         angle = np.linspace(0.0, np.pi, WAVE_DIRECTIONS, endpoint=False)
@@ -167,16 +169,16 @@ def find_card_at_tension(model: Mesh, tension: float, start: tuple[float, float]
     Raises `Diverged` where no such strains are found.
     """
     place, step, best = np.array(start), np.zeros(2), np.inf
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ITERATIONS):
         card, state = find_card(model, *(place + step).tolist())
         missing = tension - np.array([card.tension_weft, card.tension_warp])
         missed = float(np.abs(missing).max())
         if missed <= TENSION_TOLERANCE * tension:
             return card, state
-        if missed >= best:  # past where contacts close
+        if missed >= best:  # the step has passed closing contacts
             step *= 0.5
             continue
         place, best = place + step, missed
         step = (1.0 + place) * np.linalg.solve(card.tension_slope, missing)
-        step *= min(1.0, MOST_STRAIN / float(np.abs(step).max()))
-    raise Diverged(f"no strains found at which the mesh carries {tension:g} N/m both ways within {TENSION_TOLERANCE:.1%}")
+        step *= min(1.0, MAX_STRAIN_STEP / float(np.abs(step).max()))
+    raise Diverged(f"no strains found with a tension of {tension:g} N/m in both directions within {TENSION_TOLERANCE:.1%}")

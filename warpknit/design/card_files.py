@@ -1,4 +1,4 @@
-"""material_card.csv and material_card.json: the card as an FE model takes it."""
+"""material_card.csv and material_card.json: the card as input for an FE model."""
 
 from __future__ import annotations
 
@@ -18,92 +18,91 @@ ZERO_CELSIUS = 273.15  # [K]
 AXES = {"1": "weft (x)", "2": "warp (y)", "3": "shear, engineering shear strain 2 E12"}
 DEFINITION = (
     "Tangent of the tensioned mesh: C = dS/dE with S the second Piola-Kirchhoff stress (force per width) and E the Green-Lagrange"
-    " strain, both referred to the tensioned mesh, where they are the true tension and the small strain. The tension is to be"
-    " given to the FE model as prestress; its geometric stiffness is not in C, E1, E2, nu12 and nu21. It is in D11 to D22, the"
-    " slopes of measured tension-strain curves. S = prestress + C (E - alpha (T - T0))."
+    " strain, both referred to the tensioned mesh, where they equal the true tension and the small strain. Apply the tension to"
+    " the FE model as prestress: its geometric stiffness is not included in C, E1, E2, nu12 and nu21. It is included in D11 to"
+    " D22, the slopes of measured tension-strain curves. S = prestress + C (E - alpha (T - T0))."
 )
 
 
 def card_values(card: MaterialCard) -> Iterator[tuple[str, float, str, str]]:
     """Name, value, unit and meaning of each number."""
     c = card.stiffness
-    yield "C11", float(c[0, 0]), "N/m", "stiffness along weft, warp held"
-    yield "C12", float(c[0, 1]), "N/m", "coupling of weft and warp"
-    yield "C22", float(c[1, 1]), "N/m", "stiffness along warp, weft held"
+    yield "C11", float(c[0, 0]), "N/m", "stiffness in weft, warp held"
+    yield "C12", float(c[0, 1]), "N/m", "coupling stiffness of weft and warp"
+    yield "C22", float(c[1, 1]), "N/m", "stiffness in warp, weft held"
     yield "C33", float(c[2, 2]), "N/m", "shear stiffness"
-    if card.is_stable:  # else nothing that comes from the inverse has a meaning
+    if card.is_stable:  # else the inverse has no physical meaning
         for axis, value, side in zip("12", card.moduli, ("weft", "warp"), strict=True):
-            yield f"E{axis}", value, "N/m", f"stiffness along {side} at constant S across"
+            yield f"E{axis}", value, "N/m", f"modulus in {side} at constant transverse S"
         nu12, nu21 = card.poissons_ratios
-        yield "nu12", nu12, "1", "contraction along warp over extension along weft, S along warp constant"
-        yield "nu21", nu21, "1", "contraction along weft over extension along warp, S along weft constant"
+        yield "nu12", nu12, "1", "contraction in warp over extension in weft, S in warp constant"
+        yield "nu21", nu21, "1", "contraction in weft over extension in warp, S in weft constant"
     for (row, column), value in np.ndenumerate(card.tension_slope):
         by, of = ("weft", "warp")[column], ("weft", "warp")[row]
-        yield f"D{row + 1}{column + 1}", float(value), "N/m", f"change of tension along {of} by strain along {by}"
+        yield f"D{row + 1}{column + 1}", float(value), "N/m", f"change of tension in {of} with strain in {by}"
     if card.is_stable:
         for axis, value, side in zip("12", card.expansion[:2].tolist(), ("weft", "warp"), strict=True):
-            yield f"alpha{axis}", value, "1/K", f"thermal expansion along {side} at constant S"
+            yield f"alpha{axis}", value, "1/K", f"thermal expansion in {side} at constant S"
     yield "areal_mass", card.areal_mass, "kg/m^2", "mass per area of the tensioned mesh"
     for axis, value, side in zip("12", (card.tension_weft, card.tension_warp), ("weft", "warp"), strict=True):
-        yield f"prestress{axis}", value, "N/m", f"tension along {side}, force per current width"
+        yield f"prestress{axis}", value, "N/m", f"tension in {side}, force per current width"
     for axis, value, side in zip("12", (card.strain_weft, card.strain_warp), ("weft", "warp"), strict=True):
-        yield f"prestrain{axis}", value, "1", f"strain along {side} against the mesh as knitted"
-    yield "temperature", card.temperature, "K", "of the mesh"
+        yield f"prestrain{axis}", value, "1", f"strain in {side} relative to the mesh as knitted"
+    yield "temperature", card.temperature, "K", "temperature of the mesh"
     yield "stress_max", card.stress_max, "Pa", "largest stress in the wire"
-    yield "active", 0.01 * card.active_percent, "1", "share of contacts that are active"
-    yield "stable", float(card.is_stable), "1", "1 where the stiffness is positive definite, else 0: see the warnings"
-    yield "difference", card.difference, "1", "of the stiffness by another step, over the largest; above 0.05 not to be trusted"
+    yield "active", 0.01 * card.active_percent, "1", "fraction of active contacts"
+    yield "stable", float(card.is_stable), "1", "1 if the stiffness is positive definite, else 0 (see the warnings)"
+    yield "difference", card.difference, "1", "error estimate of the stiffness, over the largest entry; unreliable above 0.05"
 
 
 def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[str]:
-    """What speaks against using the card."""
+    """Limits to the use of the card."""
     if not card.is_stable:
         yield _unstable(card)
     others = {stage.temperature for stage in scene.stages[1:]} - {card.temperature}
     if others:
         given = " and ".join(f"{celsius(temperature)}" for temperature in sorted(others))
         yield (
-            f"the material card holds for {celsius(card.temperature)}, the temperature of [load], not for {given} of [[path]]:"
-            " --set load.temperature takes another"
+            f"the material card is valid at {celsius(card.temperature)}, the temperature of [load], not at {given} of [[path]]:"
+            " change it with --set load.temperature"
         )
     if card.difference > AGREEMENT:
         yield (
-            f"the stiffness of the material card is uncertain: with another step it differs by {card.difference:.0%} of the"
-            " largest, as where contacts are about to close; take another tension"
+            f"the stiffness of the material card is uncertain: with another difference step it changes by {card.difference:.0%}"
+            " of its largest entry, probably because contacts are about to close; choose another tension"
         )
     if card.shear_coupling > AGREEMENT:
         coupling = f"{card.shear_coupling:.0%} of the largest stiffness"
-        yield f"shear is coupled to stretch ({coupling}), which an orthotropic card leaves out"
+        yield f"shear is coupled to extension ({coupling}), which an orthotropic card cannot represent"
     if card.stress_max > scene.wire.yield_stress:
         stress, limit = engineering(card.stress_max, "Pa"), engineering(scene.wire.yield_stress, "Pa")
-        yield f"at the tension of the card the wire is stressed to {stress}, beyond its elastic limit of {limit}: it would yield"
+        yield f"at the tension of the card the wire stress of {stress} exceeds the elastic limit of {limit}: the wire would yield"
 
 
 def _unstable(card: MaterialCard) -> str:
-    """Which row gives way, and what to do."""
+    """Warning for an unstable card: the unstable direction, and what to do."""
     row = card.softest
     value = f"C{row + 1}{row + 1} = {engineering(float(card.stiffness[row, row]), 'N/m')}"
-    text = f"the stiffness of the material card is not positive definite: it gives way along {AXES[str(row + 1)]}, {value}"
+    text = f"the stiffness of the material card is not positive definite: it is unstable in {AXES[str(row + 1)]}, {value}"
     least = card.least_wave_stiffness
     if least > 0.0:
         return (
-            f"{text}. With the prestress the tensioned mesh is stable all the same, {engineering(least, 'N/m')} against the"
-            " softest wave: have the FE model take the prestress, with its geometric stiffness, before any other load; or take"
-            " a larger --tension"
+            f"{text}. The prestressed mesh is stable, with {engineering(least, 'N/m')} against the softest plane wave: apply the"
+            " prestress with its geometric stiffness to the FE model before any other load, or choose a larger --tension"
         )
     return (
-        f"{text}, and the prestress does not make up for it: the mesh has no stable state there. Take a larger --tension, or look"
-        " in the contact map for strains at which more contacts are active"
+        f"{text}, even with the prestress: the mesh has no stable state there. Choose a larger --tension, or strains of the"
+        " contact map with more active contacts"
     )
 
 
 def celsius(temperature: float) -> str:
-    """20 degC of 293.15 [K]."""
+    """A temperature [K] in degrees Celsius, as text."""
     return f"{temperature - ZERO_CELSIUS:.4g} degC"
 
 
 def write_card(card: MaterialCard, scene: Scene, where: str, out: Path) -> None:
-    """Write both files into `out`; `where`: which tension the card is for, in words."""
+    """Write both files into `out`; where: the state of the card, in words."""
     rows = list(card_values(card))
     columns = zip(("name", "value", "unit", "meaning"), zip(*rows, strict=True), strict=True)
     write_table(out / "material_card.csv", {heading: np.array(column, dtype=object) for heading, column in columns})

@@ -1,4 +1,4 @@
-"""Tension against strain: both directions strained alike, and one strained while the other is held as knitted."""
+"""Tension-strain curves: equal strain in both directions, and one direction strained with the other held."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from ..sweep.states import Mesh
 from .fine_states import states_at
 from .network import sheet_resistance
 
-POINTS = 12  # of a curve beside the mesh as knitted
+POINTS = 12  # of a curve, in addition to the mesh as knitted
 LOADS = (("equal", 1.0, 1.0), ("weft_alone", 1.0, 0.0), ("warp_alone", 0.0, 1.0))
 
 
 @dataclass(frozen=True)
 class CurvePoint:
-    """A row of tension_strain.csv; None where the mesh did not come to rest, or does not conduct."""
+    """A row of tension_strain.csv; None where the mesh did not converge, or does not conduct."""
 
     load: str  # equal | weft_alone | warp_alone
     strain_weft: float
@@ -33,7 +33,7 @@ class CurvePoint:
 
 
 def tension_strain(model: Mesh, weft: float, warp: float) -> list[CurvePoint]:
-    """The curves of all LOADS up to the strains `weft` and `warp`; where both are strained, up to the smaller of them."""
+    """The curves of all LOADS up to the strains `weft` and `warp`; with equal strain, up to the smaller one."""
     wanted = []
     for name, along_weft, along_warp in LOADS:
         end = min(weft, warp) if along_weft and along_warp else weft if along_weft else warp

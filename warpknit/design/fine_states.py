@@ -1,4 +1,4 @@
-"""One repeat of endless cloth at rest at many deformation gradients, in either model."""
+"""Equilibria of one repeat of endless cloth at many deformation gradients, in either model."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from ..sweep.states import Mesh, mesh_of, states_of
 # Residual, so that the differences between states hold three digits: the card's stiffness is nearly singular, and its inverse
 # loses one more. The contact point is found to 1e-5 of a segment, which leaves residuals of up to 1e-5.
 DIFFERENCE_TOLERANCE = 2e-5
-ROUGH_TOLERANCE = 1e-4  # for a mesh that does not come to rest any better
+ROUGH_TOLERANCE = 1e-4  # for a mesh that does not converge to the finer one
 
 
 def exact_model(scene: Scene, tolerance: float = DIFFERENCE_TOLERANCE) -> Mesh:
-    """The mesh of `scene` in double precision and brought to rest so well that neighbouring states can be subtracted.
+    """The mesh of `scene` in double precision, with a tolerance fine enough for differences of neighbouring states.
 
     Raises `ModelError`, `KnitError`.
     """
@@ -28,7 +28,7 @@ def exact_model(scene: Scene, tolerance: float = DIFFERENCE_TOLERANCE) -> Mesh:
 
 
 def states_at(model: Mesh, gradients: Sequence[np.ndarray]) -> list[Observables | Diverged]:
-    """The mesh at rest at each of the upper triangular deformation gradients (2, 2), or why it does not come to rest.
+    """Equilibrium at each of the upper triangular deformation gradients (2, 2), or the error where it did not converge.
 
     Each is reached proportionally from the mesh as knitted, at the temperature of the scene's first stage.
     """

@@ -29,16 +29,16 @@ SCALED = {
     "circular-oval": ("closed_radius", "closed_head", "open_head", "open_half_width"),
     "general": ("foot_half_width", "leg_half_width", "head_height"),
 }
-ALIKE = 0.99  # of the rhombus's area: the openings that are counted
+SAME_AREA = 0.99  # of the rhombus's area: openings that are counted
 COLUMNS = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m")  # of a measured curve
 FIT_TOLERANCE = 2e-3  # of the factor
-POOR_FIT, NO_FIT = 0.1, 0.5  # root mean square miss over the tensions: worth a word; refused
-EDGE, SHORTER = 1e-9, 0.8  # how near to a range's end a factor goes; how fast one that cannot be knitted comes back
+POOR_FIT, NO_FIT = 0.1, 0.5  # rms error over the tensions: reported; refused
+EDGE, SHORTER = 1e-9, 0.8  # distance of a factor from the end of its range; reduction of one that cannot be knitted
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """A scene with what was given put in, and what was done, in sentences."""
+    """A fitted scene, and sentences on how it was fitted."""
 
     scene: Scene
     notes: tuple[str, ...] = ()
@@ -46,16 +46,16 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Known:
-    """What the user knows of the mesh beside its scene; None where nothing is."""
+    """Measured properties of the mesh, in addition to its scene; None where unknown."""
 
     openings: float | None = None  # [1/m]
     loop_length: float | None = None  # [m]
     curve: Path | None = None
-    areal_mass: float | None = None  # [kg/m2] as knitted: compared only
+    areal_mass: float | None = None  # [kg/m2] as knitted; for comparison only
 
 
 def with_known(scene: Scene, known: Known) -> Fitted:
-    """`scene` with all that is `known` put in, and notes that say so. Raises `InputError`, `KnitError`, `ModelError`."""
+    """`scene` fitted to the `known` properties, with notes. Raises `InputError`, `KnitError`, `ModelError`."""
     notes: tuple[str, ...] = ()
     if known.openings is not None:
         fitted = with_openings(scene, known.openings)
@@ -71,8 +71,8 @@ def with_known(scene: Scene, known: Known) -> Fitted:
         found = cloth.wire_per_area * scene.wire.linear_density
         needed = cloth.stitch_length * known.areal_mass / found
         notes += (
-            f"the areal mass as knitted is {1e3 * found:.3g} g/m2, {found / known.areal_mass - 1.0:+.0%} against the"
-            f" {1e3 * known.areal_mass:.3g} g/m2 that were given, which need {1e3 * needed:.3g} mm of wire a loop",
+            f"the areal mass as knitted is {1e3 * found:.3g} g/m2, {found / known.areal_mass - 1.0:+.0%} from the given"
+            f" {1e3 * known.areal_mass:.3g} g/m2, which requires {1e3 * needed:.3g} mm of wire per loop",
         )
     return Fitted(scene, notes)
 
@@ -87,7 +87,7 @@ def openings_per_length(scene: Scene) -> float | None:
     if not found:
         return None
     whole = cloth.rhombus.opening.area if cloth.rhombus is not None else found[0].area
-    return math.sqrt(sum(opening.area > ALIKE * whole for opening in found) / float(np.prod(cloth.size)))
+    return math.sqrt(sum(opening.area > SAME_AREA * whole for opening in found) / float(np.prod(cloth.size)))
 
 
 def with_openings(scene: Scene, wanted: float) -> Fitted:
@@ -95,17 +95,19 @@ def with_openings(scene: Scene, wanted: float) -> Fitted:
     knit = scene.knit
     now = openings_per_length(scene)
     if now is None:
-        raise InputError(f"{scene.path}: --openings: given, allowed: left out (the wires of this knit leave no openings)")
+        raise InputError(f"{scene.path}: --openings: given, allowed: left out (this knit has no openings)")
     wale, course = (now / wanted * spacing for spacing in (knit.wale_spacing, knit.course_spacing))
     if min(wale, course) < 2.0 * scene.wire.diameter:
         most = now * min(knit.wale_spacing, knit.course_spacing) / (2.0 * scene.wire.diameter)
-        raise InputError(f"--openings: given {wanted:.4g} per m, allowed: at most {most:.4g} per m, loops two wires apart")
+        raise InputError(f"--openings: given {wanted:.4g} per m, allowed: at most {most:.4g} per m (loops two wires apart)")
     scaled = replace(scene, knit=replace(knit, wale_spacing=wale, course_spacing=course))
-    return Fitted(scaled, (f"wales {1e3 * wale:.4g} mm and courses {1e3 * course:.4g} mm apart, from the openings per inch",))
+    return Fitted(
+        scaled, (f"wale spacing {1e3 * wale:.4g} mm and course spacing {1e3 * course:.4g} mm, from the openings per inch",)
+    )
 
 
 def fit_loop_length(scene: Scene, wanted: float) -> Fitted:
-    """Loops with `wanted` wire length each [m], in plan view. Raises `InputError` where no factor within the ranges gives it."""
+    """Loops with a wire length of `wanted` [m] each, in plan view. Raises `InputError` if it cannot be reached."""
     low, high = _factors(scene)
 
     def missing(factor: float) -> float:
@@ -116,10 +118,10 @@ def fit_loop_length(scene: Scene, wanted: float) -> Fitted:
         allowed = " to ".join(f"{1e3 * (wanted + end):.4g} mm" for end in sorted(ends))
         raise InputError(
             f"{scene.path}: --fit-loop-length: given {1e3 * wanted:.4g} mm, allowed: {allowed}"
-            " with these spacings (beyond, the proportions of knit.loop leave their ranges)"
+            " with these spacings (beyond that, the proportions of knit.loop leave their ranges)"
         )
     factor = float(brentq(missing, low, high, xtol=FIT_TOLERANCE / 10))
-    return _fitted(scene, factor, "the wire length a loop")
+    return _fitted(scene, factor, "the wire length per loop")
 
 
 def fit_curve(scene: Scene, path: Path) -> Fitted:
@@ -140,19 +142,19 @@ def fit_curve(scene: Scene, path: Path) -> Fitted:
 
     best = minimize_scalar(misfit, bounds=_factors(scene), method="bounded", options={"xatol": FIT_TOLERANCE, "maxiter": 20})
     if not math.isfinite(best.fun):
-        raise InputError(f"{path}: strain: given what the mesh does not come to rest at, allowed: smaller strains")
+        raise InputError(f"{path}: strain: given strains at which the mesh did not converge, allowed: smaller strains")
     if best.fun > NO_FIT:
         raise InputError(
-            f"{path}: given tensions that no factor on the proportions of knit.loop comes near (the best misses them by"
-            f" {best.fun:.0%}, rms), allowed: tensions [N/m] of this mesh, with the spacings and the wire of the scene"
+            f"{path}: given tensions that cannot be fitted by one factor on the proportions of knit.loop (smallest rms error"
+            f" {best.fun:.0%}), allowed: tensions [N/m] of this mesh, with the spacings and the wire of the scene"
         )
-    fitted = _fitted(scene, float(best.x), f"{path.name} with an rms miss of {best.fun:.1%} of the tensions")
+    fitted = _fitted(scene, float(best.x), f"{path.name} with an rms error of {best.fun:.1%} of the tensions")
     ends = _factors(scene)
     doubts = []
     if best.fun > POOR_FIT:
-        doubts.append("this is a poor fit: the loops differ from those of the scene by more than one factor, or the test does")
+        doubts.append("this is a poor fit: the loops or the test differ from the scene by more than one factor")
     if min(abs(best.x - end) for end in ends) < 2.0 * FIT_TOLERANCE:
-        doubts.append("the factor is at the end of the range that knit.loop allows")
+        doubts.append("the factor is at the limit of the range of knit.loop")
     return replace(fitted, notes=fitted.notes + tuple(doubts))
 
 
@@ -189,12 +191,12 @@ def _scaled(scene: Scene, factor: float) -> Scene:
 
 
 def _fitted(scene: Scene, factor: float, how: str) -> Fitted:
-    """The scene at `factor`. Raises `InputError` where its wires hook otherwise than before."""
+    """The scene scaled by `factor`. Raises `InputError` if its wires hook differently."""
     scaled = _scaled(scene, factor)
     meant, found = len(knit_scene(scene).clasps), len(knit_scene(scaled).clasps)
     if found != meant:
-        allowed = f"{meant} times, as those of knit.loop"
-        raise InputError(f"{scene.path}: {how}: given what makes loops hook {found} times a repeat, allowed: {allowed}")
+        allowed = f"{meant} times, as with knit.loop"
+        raise InputError(f"{scene.path}: {how}: given loops that hook {found} times per repeat, allowed: {allowed}")
     return Fitted(scaled, (f"loop proportions times {factor:.3f}, fitted to {how}",))
 
 
@@ -203,7 +205,7 @@ def _names(scene: Scene) -> tuple[str, ...]:
 
 
 def _factors(scene: Scene) -> tuple[float, float]:
-    """The smallest and the largest factor that keep every proportion within its range, and loops of neighbouring wales apart."""
+    """Smallest and largest factor that keep all proportions in range and the loops of neighbouring wales separate."""
     ranges = [np.array(RANGES[name]) / getattr(scene.knit.loop, name) for name in _names(scene)]
     low, high = max(float(r[0]) for r in ranges) + EDGE, min(float(r[1]) for r in ranges) - EDGE
     while high > 1.0:

@@ -1,4 +1,4 @@
-"""Sheet resistance of a mesh: its wires and their touching places as a network of resistors.
+"""Sheet resistance of a mesh: its wires and contacts as a network of resistors.
 
 A stretch of wire between two touching places is a resistor, a place where wires touch (measure/contact_places.py) another: the
 constriction of the current at one round spot between two wires whose surface yields (Holm, Electric Contacts, 1967),
@@ -24,7 +24,7 @@ from ..measure.contact_places import ContactPlaces
 from ..scene import Wire
 from ..scene.materials import MATERIALS, Material
 
-SHORTEST = 1e-9  # of a wire: a stretch between two contacts at one place
+SHORTEST = 1e-9  # of a wire: length between two contacts at the same place
 CONDUCTS = 1e-9  # of the better direction: a worse conductance is round-off
 
 
@@ -51,18 +51,18 @@ def sheet_conductance(ends: np.ndarray, reach: np.ndarray, conductance: np.ndarr
 
 
 def surface(wire: Wire) -> Material:
-    """The metal at the surface of the wire, as hard as the scene says."""
+    """The metal at the surface of the wire, with the hardness of the scene."""
     metal = MATERIALS[wire.plating.material if wire.plating is not None else wire.material]
     return replace(metal, hardness=wire.hardness)
 
 
 def holm_resistance(metal: Material, force: np.ndarray | float) -> np.ndarray:
-    """[Ohm] of contacts that press with `force` [N]."""
+    """[Ohm] resistance of contacts with `force` [N]."""
     return np.asarray(0.5 * metal.resistivity * np.sqrt(math.pi * metal.hardness / np.asarray(force)))
 
 
 def wire_resistance(wire: Wire) -> float:
-    """[Ohm/m] of the yarn: its ends and their platings in parallel."""
+    """[Ohm/m] resistance of the yarn: its ends and their platings in parallel."""
     core = math.pi * wire.radius**2 / MATERIALS[wire.material].resistivity
     coat = 0.0
     if wire.plating is not None:
@@ -72,12 +72,12 @@ def wire_resistance(wire: Wire) -> float:
 
 
 def contact_resistances(r: Observables) -> np.ndarray:
-    """[Ohm] of each place where wires touch (measure/contact_places.py)."""
+    """[Ohm] resistance of each contact (measure/contact_places.py)."""
     return holm_resistance(surface(r.model.scene.wire), r.contact_places.force)
 
 
 def sheet_resistance(r: Observables) -> tuple[float | None, float | None]:
-    """[Ohm] per square in weft and warp of a periodic mesh, no voltage being put across; None where it does not conduct."""
+    """[Ohm] sheet resistance in weft and warp of a periodic mesh, without a transverse field; None without conduction."""
     area = r.model.panel.area * float(np.linalg.det(r.gradient))
     ends, reach, conductance, count = _network(r.contact_places, r.model.scene.wire)
     conducted = np.diag(sheet_conductance(ends, reach @ r.gradient.T, conductance, count, area))
@@ -87,8 +87,10 @@ def sheet_resistance(r: Observables) -> tuple[float | None, float | None]:
 
 
 def _network(t: ContactPlaces, wire: Wire) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """Ends, reach as knitted, conductance and number of points, for `sheet_conductance`. The points are those where wires touch,
-    two at each place, and one of each wire that touches none."""
+    """Ends, reach as knitted, conductance and number of points, for `sheet_conductance`.
+
+    There are two points at each contact, and one on each wire without contacts.
+    """
     per_length = wire_resistance(wire)
     count = 2 * len(t.force)
     ends, reach = [np.arange(count).reshape(-1, 2)], [t.reach]

@@ -1,4 +1,4 @@
-"""How large the openings of a mesh are: the free places between its wires in plan view, and the circle that fits in each.
+"""Size of the openings of a mesh: the areas between its wires in plan view, and the largest circle in each.
 
 The plan view of one repeat is looked at on a grid of points fine against the wire; what is farther than half a wire from every
 centre line is free, and free points that hang together are an opening.
@@ -14,11 +14,11 @@ from scipy import ndimage
 from ..measure import Observables
 
 POINTS_ACROSS = 5  # grid points on a wire thickness
-MOST_POINTS = 6_000_000  # of the grid over nine tiles: a large repeat of thin wire is looked at more coarsely
-SMALLEST = 0.01  # of the largest opening's area: smaller slits between wires do not count
+MAX_POINTS = 6_000_000  # of the grid over nine tiles; coarser for a large repeat of thin wire
+SMALLEST = 0.01  # of the area of the largest opening: smaller slits do not count
 
 BANDS = (("L", 1.5e9), ("S", 3e9), ("C", 6e9), ("X", 10e9), ("Ku", 15e9), ("K", 22e9), ("Ka", 35e9), ("Q", 43e9))  # [Hz]
-FINE_ENOUGH = (10.0, 20.0, 50.0)  # wavelengths over the opening that designers ask for, by how much may leak
+FINE_ENOUGH = (10.0, 20.0, 50.0)  # required wavelengths over the opening, for increasing demands on the transmission
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Opening:
 
 
 def openings(r: Observables) -> list[Opening]:
-    """The openings of one tile of a periodic mesh at rest, the largest first."""
+    """The openings of one tile of a periodic mesh, the largest first."""
     layout = r.model.layout()
     node = r.node_position[:, :2]
     starts, counts = layout.wire_start[:-1], np.diff(layout.wire_start)
@@ -49,7 +49,7 @@ def openings_between(begins: np.ndarray, ends: np.ndarray, periods: np.ndarray, 
     """
     corners = periods @ np.array([[-1, 2, -1, 2], [-1, -1, 2, 2]])  # of nine tiles
     low, size = corners.min(axis=1), np.ptp(corners, axis=1)
-    pitch = max(thickness / POINTS_ACROSS, float(np.sqrt(np.prod(size) / MOST_POINTS)))
+    pitch = max(thickness / POINTS_ACROSS, float(np.sqrt(np.prod(size) / MAX_POINTS)))
     shape = np.ceil(size / pitch).astype(int)
     points = _along(begins, ends, 0.5 * pitch)
     share = np.linalg.solve(periods, points.T).T % 1.0
@@ -63,7 +63,7 @@ def openings_between(begins: np.ndarray, ends: np.ndarray, periods: np.ndarray, 
     found = []
     for number, where in enumerate(ndimage.find_objects(pieces), start=1):
         if any(s.start == 0 or s.stop == n for s, n in zip(where, shape, strict=True)):
-            continue  # cut by the rim of the nine tiles
+            continue  # cut by the border of the nine tiles
         inside = pieces[where] == number
         place = np.stack(np.nonzero(inside), axis=1) + [s.start + 0.5 for s in where]
         middle = np.linalg.solve(periods, low + pitch * place.mean(axis=0))

@@ -1,4 +1,4 @@
-"""report.html: one page that holds everything, pictures included, and looks for nothing elsewhere."""
+"""report.html: a self-contained HTML page with embedded pictures."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ figure { margin: 1em 0; } img { max-width: 100%; } figcaption { color: #505050; 
 
 
 class Page:
-    """A page under construction: text is escaped, pictures are put inside."""
+    """An HTML page under construction; text is escaped, pictures are embedded."""
 
     def __init__(self, title: str) -> None:
         self._title = title
@@ -36,13 +36,13 @@ class Page:
         self._parts.append(f'<p class="warning">{html.escape(text)}</p>')
 
     def table(self, rows: Iterable[Sequence[str]], headings: Sequence[str] = ()) -> None:
-        """Rows of cells, the first of which names the row."""
+        """A table; the first cell of each row is its name."""
         lines = [_row(row, 1) for row in rows]
         head = f"<thead>{_row(headings, len(headings))}</thead>" if headings else ""
         self._parts.append(f"<table>{head}<tbody>{''.join(lines)}</tbody></table>")
 
     def figure(self, path: Path, caption: str) -> None:
-        """A PNG file."""
+        """Embed a PNG file."""
         data = base64.b64encode(path.read_bytes()).decode("ascii")
         words = html.escape(caption)
         image = f'<img alt="{words}" src="data:image/png;base64,{data}">'

@@ -1,6 +1,6 @@
-"""What `warpknit report` leaves beside a contact map: report.html, the material card, the tension-strain curves.
+"""The output of `warpknit report` in addition to a contact map: report.html, the material card, tension-strain curves.
 
-Whatever a mesh cannot give (a tension that it does not carry, a state that does not come to rest) is said in the page.
+The page states what is missing: a tension that the mesh does not reach, a state that did not converge.
 """
 
 from __future__ import annotations
@@ -27,44 +27,44 @@ from .network import contact_resistances, sheet_resistance
 from .opening_size import BANDS, Opening, openings
 from .page import Page
 from .sections import card_section, curve_section, electric_section, map_section, mesh_section, openings_section
-from .service import SERVICE_TENSIONS, EqualTension, equal_tension, strains_at_tension, strains_seen_closely
+from .service import SERVICE_TENSIONS, EqualTension, equal_tension, strains_at_tension, strains_on_finer_grid
 
-WHERE = {"planar": "", "spatial": ", its wires in space"}  # the wires of a kind of model are
+WHERE = {"planar": "", "spatial": " with the spatial model"}  # by kind of model
 DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))  # of the map where the scene has no [sweep]
 
 
 @dataclass(frozen=True)
 class Findings:
-    """All that the page is made of."""
+    """The content of the page."""
 
     scene: Scene
-    notes: Sequence[str]  # on how the scene was fitted
+    notes: Sequence[str]  # how the scene was fitted
     model: Mesh
     rows: Sequence[MapRow]
     optimum: Optimum | None
-    asked: float | None  # [N/m] tension that the card was asked for
-    equal_tension: EqualTension  # that the map reaches
-    service: Sequence[tuple[float, tuple[float, float] | None]]  # tensions [N/m] and the strains that carry them
+    requested: float | None  # [N/m] tension requested for the card
+    equal_tension: EqualTension  # largest in the map
+    service: Sequence[tuple[float, tuple[float, float] | None]]  # service tensions [N/m] and their strains
     curves: Sequence[CurvePoint]
-    where: str  # what the card is for, in words; or why there is none
+    where: str  # state of the card, in words; or why there is none
     card: MaterialCard | None
     tensioned: Observables | None  # the mesh of the card
     knitted_openings: Sequence[Opening]
     tensioned_openings: Sequence[Opening]
 
     @property
-    def said(self) -> str:
-        """What the card is for, and at which temperature; or why there is none."""
+    def card_state(self) -> str:
+        """State and temperature of the card; or why there is none."""
         return self.where if self.card is None else f"{self.where}, at {celsius(self.card.temperature)}"
 
     @property
     def warnings(self) -> list[str]:
-        """What speaks against using the card."""
+        """Limits to the use of the card."""
         return [] if self.card is None else list(card_warnings(self.card, self.scene))
 
 
 def report_scene(scene: Scene) -> Scene:
-    """`scene` with a sweep, if it has none. Raises SceneError for what no report is made of."""
+    """`scene`, with the default sweep if it has none. Raises `SceneError` for a scene without a report."""
     scene = replace(scene, sweep=scene.sweep or Sweep(DEFAULT_STRAINS, DEFAULT_STRAINS, 1))
     refuse(scene, "report")
     return scene
@@ -81,8 +81,8 @@ def make_report(
 ) -> Findings:
     """Write report.html, the card, tension_strain.csv and figures into `out`, which holds the finished map of `scene`.
 
-    rows: of the map. tension: [N/m] that the card is for, both ways; default: the optimum. notes: sentences on where the scene is
-    from. Raises `ModelError`, `KnitError`.
+    rows: of the map. tension [N/m]: of the card, in both directions; default: the optimum. notes: how the scene was fitted.
+    Raises `ModelError`, `KnitError`.
     """
     show = progress or Progress()
     show.stage("tension-strain curves", number=1, of=3)
@@ -99,7 +99,7 @@ def make_report(
         model=model,
         rows=rows,
         optimum=optimum,
-        asked=tension,
+        requested=tension,
         equal_tension=equal_tension(rows, scene.wire.yield_stress),
         service=[(value, strains_at_tension(rows, value)) for value in SERVICE_TENSIONS],
         curves=curves,
@@ -116,13 +116,13 @@ def make_report(
 def _card(
     scene: Scene, rows: Sequence[MapRow], optimum: Optimum | None, tension: float | None
 ) -> tuple[MaterialCard | None, Observables | None, str]:
-    """The card, its mesh, and what it is for; or none, and why."""
+    """The card, its mesh, and its state in words; or None and the reason."""
     place = None if tension is None else strains_at_tension(rows, tension)
     if tension is not None and place is not None:
-        text, find = f"{tension:g} N/m both ways", lambda model: _card_at(model, rows, tension, place)
+        text, find = f"{tension:g} N/m in both directions", lambda model: _card_at(model, rows, tension, place)
     elif optimum is not None:
         strains = optimum.strain_weft, optimum.strain_warp
-        missed = f", as {tension:g} N/m both ways is not reached in the map" if tension is not None else ""
+        missed = f", because the map does not reach {tension:g} N/m in both directions" if tension is not None else ""
         text, find = f"the optimum of the map{missed}", lambda model: find_card(model, *strains)
     else:
         return None, None, "no card: the map has no optimum" + (" and does not reach the tension" if tension else "")
@@ -136,11 +136,11 @@ def _card(
 
 
 def _card_at(model: Mesh, rows: Sequence[MapRow], tension: float, start: tuple[float, float]) -> tuple[MaterialCard, Observables]:
-    """The card at a tension from strains that the map gives; where contacts close between its points they may be far off."""
+    """The card at a tension, from strains of the map, or of a finer grid where contacts close between the points of the map."""
     try:
         return find_card_at_tension(model, tension, start)
     except Diverged:
-        nearer = strains_seen_closely(model, rows, tension, start)
+        nearer = strains_on_finer_grid(model, rows, tension, start)
         if nearer is None:
             raise
         return find_card_at_tension(model, tension, nearer)
@@ -151,7 +151,7 @@ def _write(found: Findings, out: Path) -> None:
     table = {name: np.array([asdict(p)[name] for p in found.curves], dtype=object) for name in names}
     write_table(out / "tension_strain.csv", table)
     for name in ("material_card.csv", "material_card.json"):
-        (out / name).unlink(missing_ok=True)  # of an earlier report, for another tension
+        (out / name).unlink(missing_ok=True)  # of an earlier report
     if found.card is not None:
         write_card(found.card, found.scene, found.where, out)
     with write_aside(out / "report.html") as file:
@@ -162,16 +162,16 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     wire, wires = found.scene.wire, WHERE[found.scene.model.kind]
     page = Page(f"{found.scene.name}: {wire.material} mesh, {1e6 * wire.diameter:g} um wire")
     page.text(
-        f"Computed by warpknit for endless cloth{wires}, without friction, every state reached proportionally from the mesh as"
+        f"Computed by warpknit for endless cloth{wires}, without friction; every state is loaded proportionally from the mesh as"
         " knitted. Weft is across the wales (axis 1, x), warp along them (axis 2, y). Tensions are forces per current width."
     )
-    if found.asked is not None and strains_at_tension(found.rows, found.asked) is None:
+    if found.requested is not None and strains_at_tension(found.rows, found.requested) is None:
         page.warning(
-            f"The mesh does not carry {found.asked:g} N/m both ways within the strains of the map. {found.equal_tension.text()}"
-            " What follows is for the optimum instead."
+            f"The mesh does not reach {found.requested:g} N/m in both directions within the strains of the map."
+            f" {found.equal_tension.text()} The results below are for the optimum instead."
         )
     load = found.scene.stages[0]
-    page.text(f"All at {celsius(load.temperature)}, the temperature of [load]; the optimum, curves and the card go with it.")
+    page.text(f"The optimum, the curves and the card are at {celsius(load.temperature)}, the temperature of [load].")
     mesh_section(page, found.scene, found.model.cloth, found.card, found.notes)
     map_section(page, found.scene, found.optimum, found.service, found.equal_tension, figures["map"])
     curve_section(page, found.curves, figures["curves"])
@@ -192,7 +192,7 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
         stress=grid(found.rows, "stress_max_Pa", weft, warp),
         yield_stress=limit,
         optimum=None if optimum is None else (optimum.strain_weft, optimum.strain_warp),
-        places=tuple((f"{tension:g} N/m both ways", place) for tension, place in found.service if place is not None),
+        places=tuple((f"{tension:g} N/m in both directions", place) for tension, place in found.service if place is not None),
     )
     curves = {load: _arrays([p for p in found.curves if p.load == load]) for load in dict.fromkeys(p.load for p in found.curves)}
     states = (("as knitted", found.knitted_openings), ("at the tension of the card", found.tensioned_openings))
@@ -210,6 +210,6 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
 
 
 def _arrays(points: Sequence[CurvePoint]) -> dict[str, np.ndarray]:
-    """Columns of numbers, nan where there is none."""
+    """Columns of numbers; nan where there is none."""
     names = [field.name for field in fields(CurvePoint) if field.name != "load"]
     return {name: np.array([getattr(p, name) for p in points], dtype=float) for name in names}

@@ -1,4 +1,4 @@
-"""The sections of report.html, each from the numbers that it shows."""
+"""The sections of report.html."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ INCH = 0.0254  # [m]
 
 
 def mesh_section(page: Page, scene: Scene, cloth: Cloth | None, card: MaterialCard | None, notes: Sequence[str]) -> None:
-    """What the mesh is made of; notes: on how its scene was fitted."""
+    """Wire, knit and mass of the mesh; notes: how the scene was fitted."""
     wire, knit = scene.wire, scene.knit
     page.heading("The mesh")
     plating = "" if wire.plating is None else f", {1e6 * wire.plating.thickness:g} um of {wire.plating.material}"
     rows = [
-        ("wire", f"{wire.material}, {1e6 * wire.diameter:g} um{plating}, {wire.ends} in a yarn"),
+        ("wire", f"{wire.material}, {1e6 * wire.diameter:g} um{plating}, {wire.ends} per yarn"),
         ("wales and courses", f"{0.01 / knit.wale_spacing:.3g} and {0.01 / knit.course_spacing:.3g} per cm"),
     ]
     if cloth is not None:
         mass = cloth.wire_per_area * wire.linear_density
         loops = len(cloth.stitches) / (cloth.wales * cloth.courses)
-        length = f"{1e3 * cloth.stitch_length:.3g} mm in plan view, {loops:g} on each needle and course"
-        rows.append(("wire length a loop", length))
+        length = f"{1e3 * cloth.stitch_length:.3g} mm in plan view, {loops:g} per needle and course"
+        rows.append(("wire length per loop", length))
         rows.append(("areal mass as knitted", f"{1e3 * mass:.3g} g/m2"))
         if (count := openings_per_length(scene)) is not None:
-            rows.append(("openings as knitted", f"{count * INCH:.3g} per inch (square root of their number per square inch)"))
+            rows.append(("openings as knitted", f"{count * INCH:.3g} per inch (square root of the number per square inch)"))
     if card is not None:
         rows.append(("areal mass at the tension of the card", f"{1e3 * card.areal_mass:.3g} g/m2"))
     page.table(rows)
@@ -56,62 +56,64 @@ def map_section(
     largest: EqualTension,
     figure: Path,
 ) -> None:
-    """The contact map, the optimum and the service tensions; `largest`: that the map carries in both directions alike."""
+    """The contact map, the optimum and the service tensions; largest: equal tensions of the map."""
     page.heading("Active contacts and the optimum")
-    page.figure(figure, "Share of active contacts over strain. Orange: elastic limit of the wire; star: optimum.")
+    page.figure(figure, "Active contacts against strain. Orange line: elastic limit of the wire; star: optimum.")
     if optimum is None:
-        page.warning("No tensile load of the map has an active contact and keeps the wire below its elastic limit.")
+        page.warning("No tensile load of the map has active contacts with the wire below its elastic limit.")
     else:
         margin = f"margin {optimum.stress_margin:.0%} of the elastic limit"
         page.table([
             ("optimum strain, weft / warp", f"{optimum.strain_weft:.1%} / {optimum.strain_warp:.1%}"),
             ("tension, weft / warp", _pair(optimum.tension_weft_N_per_m, optimum.tension_warp_N_per_m, "N/m")),
             ("active contacts", f"{optimum.active_percent:.3g} % of pairs"),
-            ("largest stress", f"{engineering(optimum.stress_max_Pa, 'Pa')}, {margin}"),
+            ("largest wire stress", f"{engineering(optimum.stress_max_Pa, 'Pa')}, {margin}"),
         ])  # fmt: skip
-    page.text("The optimum is the load of most active contacts among those that stress no wire beyond its elastic limit.")
+    page.text("The optimum is the load with the most active contacts among those that keep the wire below its elastic limit.")
     page.table(
         [
             (f"{tension:g} N/m", "not reached" if place is None else f"{place[0]:.1%} / {place[1]:.1%}")
             for tension, place in service
         ],
-        ("service tension, both ways", "strain, weft / warp"),
+        ("service tension, both directions", "strain, weft / warp"),
     )
     page.text(largest.text())
     if scene.sweep is not None and scene.sweep.seeds > 1:
-        page.text("The map is the mean over meshes of scattered loops; all that follows is for the first of them.")
+        page.text("The map is the mean over meshes with scattered loops; all results below are for the first of them.")
 
 
 def curve_section(page: Page, curves: Sequence[CurvePoint], figure: Path) -> None:
-    """Tension against strain."""
+    """Tension-strain curves."""
     page.heading("Tension against strain")
-    page.figure(figure, "Tension in weft and warp. Shaded: the wire is beyond its elastic limit.")
+    page.figure(figure, "Tension in weft and warp. Shaded: wire beyond its elastic limit.")
     missing = sum(point.tension_weft_N_per_m is None for point in curves)
     if missing:
-        page.warning(f"{missing} of {len(curves)} states did not come to rest and are left out.")
-    page.text("tension_strain.csv has the numbers.")
+        page.warning(f"{missing} of {len(curves)} states did not converge and are left out.")
+    page.text("The values are in tension_strain.csv.")
 
 
 def card_section(page: Page, scene: Scene, card: MaterialCard | None, where: str) -> None:
-    """The material card. where: what it is for, or why there is none."""
+    """The material card. where: its state, or why there is none."""
     page.heading("Material card")
     if card is None:
         page.warning(where[0].upper() + where[1:] + ".")
         return
     tensions = _pair(card.tension_weft, card.tension_warp, "N/m")
-    page.text(f"For {where}: {tensions} in weft and warp, at {celsius(card.temperature)}.")
+    page.text(f"Valid at {where}: {tensions} in weft and warp, at {celsius(card.temperature)}.")
     rows = [(name, f"{value:.4g}", "-" if unit == "1" else unit, meaning) for name, value, unit, meaning in card_values(card)]
     page.table(rows, ("", "value", "unit", "meaning"))
-    page.text(DEFINITION + " material_card.csv and material_card.json have the same numbers.")
+    page.text(DEFINITION + " material_card.csv and material_card.json contain the same values.")
     for warning in card_warnings(card, scene):
         page.warning(warning[0].upper() + warning[1:] + ".")
     if card.difference <= AGREEMENT:
         differ = f"{card.difference:.1%}" if card.difference >= 1e-3 else "less than 0.1%"
-        page.text(f"Differences at twice the step, and C12 found both ways, differ by {differ} of the largest stiffness.")
+        page.text(
+            f"Doubling the difference step, and C21 in place of C12, change the stiffness by {differ} of its largest entry."
+        )
 
 
 def openings_section(page: Page, knitted: Sequence[Opening], tensioned: Sequence[Opening], figure: Path) -> None:
-    """Size of the openings against the wavelength."""
+    """Size of the openings over the wavelength."""
     page.heading("Openings and wavelength")
     states = [(name, those) for name, those in (("as knitted", knitted), ("at the tension of the card", tensioned)) if those]
     page.table(
@@ -120,7 +122,7 @@ def openings_section(page: Page, knitted: Sequence[Opening], tensioned: Sequence
              f"{1e3 * those[0].width:.3g} x {1e3 * those[0].height:.3g} mm")
             for name, those in states
         ],
-        ("", "openings and slits a repeat", "largest area", "largest circle that fits in one", "largest opening, weft x warp"),
+        ("", "openings and slits per repeat", "largest area", "largest inscribed circle", "largest opening, weft x warp"),
     )  # fmt: skip
     if not states:
         return
@@ -133,35 +135,40 @@ def openings_section(page: Page, knitted: Sequence[Opening], tensioned: Sequence
         ],
         ("band", "wavelength", f"circle {states[-1][0]} over wavelength"),
     )
-    page.figure(figure, "The largest circle that fits in an opening, over the wavelength.")
-    limits = ", ".join(f"1/{part:g} up to {speed_of_light / (part * circle) * 1e-9:.3g} GHz" for part in FINE_ENOUGH)
+    page.figure(figure, "Diameter of the largest inscribed circle over the wavelength.")
+    limits = ", ".join(
+        f"1/{part:g} of the wavelength up to {speed_of_light / (part * circle) * 1e-9:.3g} GHz" for part in FINE_ENOUGH
+    )
     page.text(
-        f"The circle {states[-1][0]} is at most {limits}. How much a mesh lets through also depends on its contacts; this is"
-        " geometry alone."
+        f"The diameter of the circle {states[-1][0]} is at most {limits}. The transmission of a mesh also depends on its"
+        " contacts, which this ratio does not include."
     )
 
 
 def electric_section(
     page: Page, scene: Scene, electric: tuple[np.ndarray, tuple[float | None, float | None]] | None, figure: Path
 ) -> None:
-    """Contact and sheet resistance. electric: [Ohm] of the active contacts at the tension of the card, and of the sheet along
-    weft and warp, None where it does not conduct."""
+    """Contact and sheet resistance.
+
+    electric [Ohm]: of the active contacts at the tension of the card, and of the sheet in weft and warp, None where it does not
+    conduct.
+    """
     page.heading("Electrical resistance")
     rows = [("wire", f"{engineering(wire_resistance(scene.wire), 'ohm/m')}")]
     if electric is not None:
         resistances, sheet = electric
         contacts = "none" if not len(resistances) else f"{_pair(resistances.min(), resistances.max(), 'ohm', ' to ')}"
-        rows.append((f"one of the {len(resistances)} active contacts of a repeat", contacts))
+        rows.append((f"each of the {len(resistances)} active contacts of a repeat", contacts))
         shown = " / ".join("does not conduct" if value is None else engineering(value, "ohm") for value in sheet)
-        rows.append(("sheet resistance, along weft / warp", shown + " per square"))
+        rows.append(("sheet resistance, weft / warp", shown + " per square"))
     page.table(rows)
-    page.figure(figure, "Sheet resistance when both directions are strained alike. No value: the mesh does not conduct that way.")
+    page.figure(figure, "Sheet resistance at equal strain in both directions. No value: no conduction in that direction.")
     metal = surface(scene.wire)
     page.text(
-        "Direct current through a network of wires and contacts, no voltage being put across. A contact is one round spot (Holm),"
-        f" the surface having a resistivity of {1e8 * metal.resistivity:.3g}e-8 ohm m and a hardness of"
-        f" {1e-9 * metal.hardness:g} GPa (wire.hardness), all at 20 degC; oxide films are not counted, nor wires that merely"
-        " cross."
+        "Direct current through a network of wires and contacts, without a transverse field. Each contact is one circular spot"
+        f" (Holm); the surface has a resistivity of {1e9 * metal.resistivity:.3g} nOhm m and a hardness of"
+        f" {1e-9 * metal.hardness:g} GPa (wire.hardness), at 20 degC. Oxide films and wires that cross without hooking are not"
+        " included."
     )
 
 

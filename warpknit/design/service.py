@@ -1,4 +1,4 @@
-"""The strains at which a mesh carries the same tension in weft and warp, read from its contact map."""
+"""Strains of equal tension in weft and warp, interpolated in the contact map."""
 
 from __future__ import annotations
 
@@ -16,24 +16,28 @@ from ..text import engineering
 from .fine_states import states_at
 
 SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf. Ser. 402, 66)
-REFINED = 16  # times the strains of a map a side, where equal tensions are looked for
-FINER = 9  # strains a side at which a map is looked at more closely
+REFINED = 16  # times finer than the map on each side, for the search of equal tensions
+FINER = 9  # strains a side of the finer grid
 SIDES = ("weft", "warp")
-INSIDE = 1e-6  # of a tension: how well the bilinear map must meet it; of a step of the map: how far outside one a place may be
-ROOM = 0.1  # of a step around it, where it is looked for: next to a bound the search hardly converges
+INSIDE = 1e-6  # tolerance of a solution: of the tension, and of a cell of the map outside it
+ROOM = 0.1  # of a cell of the map, allowed outside it during the search, which converges badly at a bound
 
 
 def strains_at_tension(rows: Sequence[MapRow], tension: float) -> tuple[float, float] | None:
-    """Weft and warp strain at which the map, bilinear between its points, carries `tension` [N/m] both ways; None where it
-    nowhere does. Of several the one of least strain."""
+    """Weft and warp strain at which the bilinear map reaches `tension` [N/m] in both directions; None if it does not.
+
+    Of several solutions, the one of least strain.
+    """
     weft = sorted({row.strain_weft for row in rows})
     warp = sorted({row.strain_warp for row in rows})
     return strains_on_grid(weft, warp, np.stack([grid(rows, f"tension_{side}_N_per_m", weft, warp) for side in SIDES]), tension)
 
 
 def strains_on_grid(weft: Sequence[float], warp: Sequence[float], both: np.ndarray, tension: float) -> tuple[float, float] | None:
-    """The same of tensions (direction, warp, weft) [N/m] on a grid of strains, nan where they are unknown; between three known
-    corners they are linear."""
+    """Strains of equal tension, from tensions (direction, warp, weft) [N/m] on a grid; nan where unknown.
+
+    A cell with three known corners is interpolated linearly.
+    """
     found = []
     for j, i in np.ndindex(len(warp) - 1, len(weft) - 1):
         corners = both[:, j : j + 2, i : i + 2] / tension - 1.0  # (direction, warp, weft)
@@ -52,15 +56,15 @@ def strains_on_grid(weft: Sequence[float], warp: Sequence[float], both: np.ndarr
         x, y = met.x
         if np.abs(met.fun).max() < INSIDE and np.all(np.abs(met.x - 0.5) < 0.5 + INSIDE):
             if len(unknown) == 1 and abs(x - a) + abs(y - b) < 1.0:
-                continue  # nearer to the unknown corner than the line between its neighbours
+                continue  # on the side of the unknown corner
             found.append((weft[i] + x * (weft[i + 1] - weft[i]), warp[j] + y * (warp[j + 1] - warp[j])))
     return min(found, key=sum, default=None)
 
 
-def strains_seen_closely(
+def strains_on_finer_grid(
     model: Mesh, rows: Sequence[MapRow], tension: float, about: tuple[float, float]
 ) -> tuple[float, float] | None:
-    """The same from states of `model` on a finer grid, up to one step of the map away from the strains `about`."""
+    """Strains of equal tension from states on a finer grid, up to one step of the map from the strains `about`."""
     axes = []
     for side, middle in enumerate(about):
         strains = np.unique([row.strains[side] for row in rows])
@@ -74,25 +78,25 @@ def strains_seen_closely(
 
 @dataclass(frozen=True)
 class EqualTension:
-    """The largest tensions [N/m] that some strains of a map carry in weft and warp alike; 0 where none does."""
+    """The largest equal tensions in weft and warp [N/m] within a map; 0 where there is none."""
 
     largest: float
-    elastic: float  # with no wire beyond its elastic limit
+    elastic: float  # with all wires below their elastic limit
     limit: float  # [Pa]
 
     def text(self) -> str:
-        """What a designer is told."""
+        """Sentence for the report."""
         if self.largest == 0.0:
-            return "No strains of the map carry the same tension both ways: other strains in [sweep] may."
-        up_to = f"Within the strains of the map, equal tensions go up to {engineering(self.largest, 'N/m')}"
+            return "The map has no strains with equal tension in both directions; try other strains in [sweep]."
+        up_to = f"Within the map, the largest equal tension is {engineering(self.largest, 'N/m')}"
         if self.elastic == self.largest:
-            return f"{up_to}; more takes larger strains in [sweep]."
-        beyond = f", and up to {engineering(self.elastic, 'N/m')} with" if self.elastic > 0.0 else ", none of them with"
+            return f"{up_to}; larger ones need larger strains in [sweep]."
+        beyond = f", and {engineering(self.elastic, 'N/m')} with" if self.elastic > 0.0 else ", but none with"
         return f"{up_to}{beyond} the wire below its elastic limit of {engineering(self.limit, 'Pa')}."
 
 
 def equal_tension(rows: Sequence[MapRow], limit: float) -> EqualTension:
-    """Read from the map, bilinear between its points. limit: elastic limit of the wire [Pa]."""
+    """The largest equal tensions of the bilinear map. limit [Pa]: elastic limit of the wire."""
     weft, warp = (sorted({row.strains[side] for row in rows}) for side in (0, 1))
     names = [*(f"tension_{side}_N_per_m" for side in SIDES), "stress_max_Pa"]
     first, second, stress = (_refined(grid(rows, name, weft, warp)) for name in names)
@@ -114,7 +118,7 @@ def equal_tension(rows: Sequence[MapRow], limit: float) -> EqualTension:
 
 
 def _refined(values: np.ndarray) -> np.ndarray:
-    """Values on a grid, and bilinear between them on REFINED times as many points."""
+    """Bilinear interpolation of a grid on REFINED times as many points a side."""
     for axis in range(2):
         count = values.shape[axis]
         if count < 2:

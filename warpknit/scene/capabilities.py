@@ -1,9 +1,9 @@
-"""What goes with what: meshes, models, drives, boundaries, features and commands, in one table.
+"""Compatibility of meshes, models, drives, boundaries, features and commands, in one table.
 
-`TRAITS` are what a scene or a command may ask for, `RULES` which of them exclude each other. From these follow what is refused
-(`refuse`, which reading a scene asks and each command for itself), what `warpknit plan` says has no effect (`without_effect`),
-and docs/capabilities.md (reference.py). Limits that go by a size, a file or the numbers of a model are refused where those are
-known: in wires/read.py, mesh/, planar/model.py, spatial/.
+`TRAITS` are features that a scene or a command may request, `RULES` the combinations that are excluded. From these follow the
+refusals (`refuse`, called when a scene is read and by each command), the keys without effect (`without_effect`, shown by
+`warpknit plan`), and docs/capabilities.md (reference.py). Limits that depend on a size, a file or values of a model are checked
+where these are known: in wires/read.py, mesh/, planar/model.py, spatial/.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Place = tuple[Location, Any]  # a key, and its value
 
 @dataclass(frozen=True)
 class Case:
-    """A scene, as its file says it or resolved, and what is to be done with it."""
+    """A scene, as in its file or resolved, with the command, device and ranks."""
 
     scene: Scene | SceneFile
     command: str = ""
@@ -51,23 +51,23 @@ Asked = Callable[[Case], Iterable[Place]]
 
 @dataclass(frozen=True)
 class Trait:
-    """Something that a scene or a command may ask for."""
+    """A feature that a scene or a command may request."""
 
     words: str
-    key: str  # how it is asked for
-    asked: Asked  # the keys that ask for it, none where nothing does
-    example: dict[str, Any] = field(default_factory=dict)  # tables of a scene that asks for it
-    needs: tuple[str, ...] = ()  # traits that always come with it
+    key: str  # that requests it
+    asked: Asked  # the keys that request it in a case; empty if none does
+    example: dict[str, Any] = field(default_factory=dict)  # tables of a scene that requests it
+    needs: tuple[str, ...] = ()  # traits that it implies
 
 
 @dataclass(frozen=True)
 class Rule:
-    """A trait that is not to be had together with others."""
+    """A trait that excludes others."""
 
-    trait: str  # the one whose key is named
-    others: tuple[str, ...]  # all of them together; the first is the one that it is shown beside
-    allowed: str  # what the message says
-    why: str  # for the documents
+    trait: str  # whose key the message names
+    others: tuple[str, ...]  # all of them together; the first gives the column of the table
+    allowed: str  # of the message
+    why: str  # reason, for the documents
     refused: bool = True  # else it has no effect
 
     @property
@@ -78,7 +78,7 @@ class Rule:
 def refuse(
     scene: Scene | SceneFile, command: str = "", *, device: str | None = None, ranks: int = 1, source: Source | None = None
 ) -> None:
-    """Raise SceneError for the first rule that forbids this scene, or this command with it.
+    """Raise `SceneError` for the first rule that excludes this scene or command.
 
     command: run | map | trade | report | error (`run --error`); empty: what no command takes. device: the one that was named.
     ranks: processes that are to share it. source: for messages with the values as they were written.
@@ -91,7 +91,7 @@ def refuse(
 
 
 def without_effect(scene: Scene) -> Iterator[str]:
-    """What the scene asks for to no effect, a sentence each."""
+    """Keys of the scene without effect, a sentence each."""
     case = Case(scene)
     for rule in RULES:
         if not rule.refused:
@@ -100,7 +100,7 @@ def without_effect(scene: Scene) -> Iterator[str]:
 
 
 def _places(rule: Rule, case: Case) -> Iterable[Place]:
-    """The keys that a rule names, where the case has all its traits."""
+    """The keys that a rule names; none unless the case has all its traits."""
     if any(not list(TRAITS[name].asked(case)) for name in rule.others):
         return ()
     return TRAITS[rule.trait].asked(case)
@@ -114,7 +114,7 @@ def _refusal(case: Case, rule: Rule, location: Location, value: Any, source: Sou
 
 
 def with_needs(names: Iterable[str]) -> frozenset[str]:
-    """Traits and all that always come with them."""
+    """Traits and all that they imply."""
     found: set[str] = set()
     left = list(names)
     while left:
@@ -138,10 +138,10 @@ def goes_together(one: str, other: str) -> str:
 
 
 class Words(str):
-    """A value that is shown as it is, as it is none of a key."""
+    """A value shown unquoted, because it is not the value of a key."""
 
 
-# --- how a trait is asked for -----------------------------------------------------------------------------------------
+# --- requests of a trait -----------------------------------------------------------------------------------------
 
 
 def _value(key: str, case: Case) -> Any:
@@ -158,7 +158,7 @@ def _is(key: str, wanted: Any) -> Asked:
 
 
 def _given(key: str, *nothing: Any) -> Asked:
-    """Where a key has another value than these that ask for nothing; so does None."""
+    """Where a key has a value other than None and these."""
     return lambda case: (
         [(tuple(key.split(".")), value)] if (value := _value(key, case)) is not None and value not in nothing else []
     )
@@ -215,7 +215,7 @@ def _choice(key: str, value: str) -> Trait:
 
 
 def _key(words: str, key: str, value: Any, *nothing: Any, needs: tuple[str, ...] = ()) -> Trait:
-    """Asked for by a key of another value than `nothing`, such as `value`."""
+    """Requested by a key with a value other than `nothing`, such as `value`."""
     *above, last = key.split(".")
     example: dict[str, Any] = {last: value}
     for part in reversed(above):
@@ -224,7 +224,7 @@ def _key(words: str, key: str, value: Any, *nothing: Any, needs: tuple[str, ...]
 
 
 def _load(words: str, key: str, value: Any, *others: str, nothing: tuple[Any, ...] = ()) -> Trait:
-    """Asked for by a key of a stage."""
+    """Requested by a key of a stage."""
     return Trait(words, f"load.{key}", _staged(key, *others, nothing=nothing), {"load": {key: value}})
 
 
@@ -237,7 +237,7 @@ PULL = {"at": ["1.7 mm", "0 mm"], "by": ["0.1 mm", "0 mm"], "width": "1 mm"}  # 
 CORD = {"grip_pitch": "2 mm", "cord": {"tension": "1 N", "stiffness": "1 kN"}}
 SWEEP = {"strain_weft": [0.0, 0.1], "strain_warp": [0.0]}
 
-# Of each group a scene has one, the first where it says nothing.
+# A scene has one of each group, by default the first.
 GROUPS = (
     ("knit", "hook", "wires"),
     ("planar", "spatial"),
@@ -264,11 +264,11 @@ TRAITS = {
     "displacement": _load("load by displacement", "displacement", "0.1 mm"),
     "shear": _load("shear", "shear", 0.1),
     "temperature": _load("temperature", "temperature", "-190 degC"),
-    "gradient": _load("gradient of temperature", "temperature_gradient", [100.0, 0.0], nothing=((0.0, 0.0),)),
+    "gradient": _load("temperature gradient", "temperature_gradient", [100.0, 0.0], nothing=((0.0, 0.0),)),
     "pull": _load("pulls at the edge", "pull", [PULL], nothing=((),)),
-    "rotation": _load("turned clamps", "clamp_rotation", 0.1, nothing=(0.0,)),
+    "rotation": _load("clamp rotation", "clamp_rotation", 0.1, nothing=(0.0,)),
     "rotation and pull": Trait(
-        "turned clamps and pulls in one stage",
+        "clamp rotation and pulls in one stage",
         "load.clamp_rotation",
         _turned_and_pulled,
         {"load": {"clamp_rotation": 0.1, "pull": [PULL]}},
@@ -283,17 +283,17 @@ TRAITS = {
     # the wire and the knit
     "friction": _key("friction", "contact.friction", 0.2, 0.0),
     "elastic": Trait("elastic wire", "wire.plastic", _is("wire.plastic", False)),
-    "plastic": _key("wire that yields", "wire.plastic", True, False),
+    "plastic": _key("plastic wire", "wire.plastic", True, False),
     "hardening": _key("hardening", "wire.hardening", 0.2, Wire.hardening),
-    "poisson": Trait("another Poisson's ratio", "wire.poissons_ratio", _other_poisson, {"wire": {"poissons_ratio": 0.4}}),
+    "poisson": Trait("own Poisson's ratio", "wire.poissons_ratio", _other_poisson, {"wire": {"poissons_ratio": 0.4}}),
     "plating": _key("plating", "wire.plating", {"thickness": "0.2 um"}),
-    "even loops": Trait("loops alike", "knit.scatter", _is("knit.scatter", 0.0)),
-    "scatter": _key("loops that scatter", "knit.scatter", 0.05, 0.0, needs=("knit",)),
-    "seed": _key("another seed", "knit.seed", 3, 0, needs=("knit",)),
+    "even loops": Trait("uniform loops", "knit.scatter", _is("knit.scatter", 0.0)),
+    "scatter": _key("scattered loops", "knit.scatter", 0.05, 0.0, needs=("knit",)),
+    "seed": _key("seed", "knit.seed", 3, 0, needs=("knit",)),
     # the edge
     "panel": Trait("an outline, net, or surface", "panel", _panel, {"panel": {"active_threshold": 50}}),
     "outline": Trait(
-        "an outline that is no rectangle",
+        "an outline other than a rectangle",
         "panel.outline",
         _given("panel.outline", "rectangle"),
         {"panel": {"outline": "disc", "size": "10 mm"}},
@@ -303,10 +303,10 @@ TRAITS = {
     "focal length": _key("held on a paraboloid", "panel.focal_length", "1 m", needs=("panel",)),
     # contact
     "stiffness": _key("contact penalty", "contact.stiffness", "10 N/m"),
-    "body radius": Trait("another body radius", "model.body_radius", _other_body_radius, {"model": {"body_radius": "3 um"}}),
-    "treatment": _key("treatments of a contact", "contact.treatment", "ring", "free-body", needs=("hook",)),
-    "body mass": _key("mass of the bodies", "contact.body_mass", 0.3, needs=("ramp",)),
-    "crossing distance": _key("distance of hooked wires", "hook.crossing_distance", "20 um", needs=("hook", "spatial")),
+    "body radius": Trait("own body radius", "model.body_radius", _other_body_radius, {"model": {"body_radius": "3 um"}}),
+    "treatment": _key("contact treatment", "contact.treatment", "ring", "free-body", needs=("hook",)),
+    "body mass": _key("body mass", "contact.body_mass", 0.3, needs=("ramp",)),
+    "crossing distance": _key("crossing distance of hooked wires", "hook.crossing_distance", "20 um", needs=("hook", "spatial")),
     "file repeats": _key("repeats of a file", "wires.repeats", [2, 1], (1, 1), needs=("wires", "periodic")),
     # the solver
     "single": _key("single precision", "solver.precision", "single", "double"),
@@ -314,17 +314,17 @@ TRAITS = {
         "no multipliers", "solver.multipliers", _is("solver.multipliers", False), {"solver": {"multipliers": False}}
     ),
     "mass scaling": _key("scaled masses", "solver.mass_scaling", 100.0, 1.0, needs=("ramp",)),
-    "target time step": _key("a wanted time step", "solver.target_time_step", "1 us", needs=("ramp",)),
-    "loading time": _key("a wanted loading time", "solver.loading_time", "10 ms", needs=("ramp",)),
-    "damping": _key("a wanted damping", "solver.damping", "100 /s"),
-    "max steps": _key("a limit of steps", "solver.max_steps", 10_000),
+    "target time step": _key("target time step", "solver.target_time_step", "1 us", needs=("ramp",)),
+    "loading time": _key("given loading time", "solver.loading_time", "10 ms", needs=("ramp",)),
+    "damping": _key("given damping", "solver.damping", "100 /s"),
+    "max steps": _key("step limit", "solver.max_steps", 10_000),
     # the sweep
     "no sweep": Trait("no sweep", "sweep", lambda case: [(("sweep",), Words("nothing"))] if case.scene.sweep is None else []),
     "sweep": Trait("a sweep", "sweep", _given("sweep"), {"sweep": SWEEP}),
     "seeds": Trait(
         "several seeds", "sweep.seeds", _given("sweep.seeds", 1), {"sweep": {**SWEEP, "seeds": 2}}, ("sweep", "scatter")
     ),
-    # commands, and what is asked for beside the scene
+    # commands, and options besides the scene
     "map": _command("`warpknit map`", "map", "report", needs=("sweep", "relax")),
     "trade": _command("`warpknit trade`", "trade"),
     "report": _command("`warpknit report`", "report", needs=("map", "periodic")),
@@ -337,21 +337,21 @@ COLUMNS = (*GROUPS[1], *GROUPS[2], *GROUPS[3], *GROUPS[0], "map", "trade", "repo
 
 # --- the rules --------------------------------------------------------------------------------------------------------
 
-NOT_BUILT = "not built"
+NOT_BUILT = "not implemented"
 SPATIAL = "with model.kind = 'spatial'"
-HOOK_LOADS = "displacement and temperature only with [hook]"
+HOOK_LOADS = "only displacement and temperature with [hook]"
 WIRE_LOADS = "strains, tensions, shear and temperature with [wires]"
 NO_EDGE = "nothing with model.boundary = 'periodic', which has no edge"
 NOT_IN_A_RAMP = "nothing with solver.drive = 'ramp'"
-STRAINS_ONLY = "strains with friction or yield: a search for tension would be part of the path"
-ON_THE_PATH = "left out for a map (its meshes are elastic, without friction, strained evenly)"
-ENDS = "the two upper ends of a hook are all that moves"
+STRAINS_ONLY = "strains with friction or yield: a search for tension would be part of the load history"
+ON_THE_PATH = "left out for a map (its meshes are elastic, frictionless and uniformly strained)"
+ENDS = "only the two upper ends of a hook move"
 SIZE = "the size of the mesh is known only when the file is read"
-SYMMETRY = "one tile stands for all others, which a load that differs from place to place does not allow"
-ALONE = "a map strains its mesh evenly"
+SYMMETRY = "a periodic tile requires a uniform load"
+ALONE = "a map strains its mesh uniformly"
 REAL_TIME = "only with drive = 'ramp' (a relaxation has no real time)"
-FICTITIOUS = "the masses of a relaxation are chosen for speed"
-OWN_CONTACT = "in space wires touch each other: there are no bodies"
+FICTITIOUS = "the masses of a relaxation are fictitious"
+OWN_CONTACT = "in space wires touch each other directly: there are no bodies"
 
 RULES = (
     # the mesh and its model
@@ -362,21 +362,21 @@ RULES = (
     Rule("sweep", ("hook",), "no [sweep] with [hook]: it has no strains", "it has no strains"),
     Rule("sweep", ("wires",), "no [sweep] with [wires]", NOT_BUILT),
     Rule("ramp", ("wires",), "'relax' with [wires]", NOT_BUILT),
-    Rule("file repeats", ("gripped",), "[1, 1] but with model.boundary = 'periodic'", "wires held at their ends do not repeat"),
+    Rule("file repeats", ("gripped",), "[1, 1] unless model.boundary = 'periodic'", "wires held at their ends do not repeat"),
     Rule(
         "crossing distance",
         ("planar",),
         "left out with model.kind = 'planar', where both wires lie in one plane",
         "both wires lie in one plane",
     ),
-    Rule("seeds", ("even loops",), "1, as without knit.scatter all seeds knit the same mesh", "all seeds knit the same mesh"),
+    Rule("seeds", ("even loops",), "1 without knit.scatter, as all seeds give the same mesh", "all seeds give the same mesh"),
     # contact
     Rule("treatment", ("spatial",), f"left out {SPATIAL}, whose wires touch each other themselves", OWN_CONTACT),
     Rule(
         "treatment",
         ("knit",),
         "'free-body' for a knit; the others are for the two wires of [hook]",
-        "the others are there to compare with it on one contact",
+        "the others are for comparison on a single contact",
     ),
     Rule("body mass", ("spatial",), f"left out {SPATIAL}, whose wires touch each other themselves", OWN_CONTACT),
     Rule(
@@ -385,40 +385,40 @@ RULES = (
         "only with solver.drive = 'ramp' (the masses of a relaxation are fictitious)",
         FICTITIOUS,
     ),
-    Rule("body radius", ("spatial",), "which only the planar model has bodies for", OWN_CONTACT, refused=False),
+    Rule("body radius", ("spatial",), "as only the planar model has contact bodies", OWN_CONTACT, refused=False),
     Rule(
         "friction",
         ("treatment",),
-        "0 but with contact.treatment = 'free-body': a study of one thing at a time",
-        "each treatment is a study of one thing",
+        "0 unless contact.treatment = 'free-body'",
+        "each treatment is studied without friction",
     ),
     # friction and yield
     Rule("friction", ("ramp",), "0 with solver.drive = 'ramp'", NOT_BUILT),
     Rule("plastic", ("ramp",), "false with solver.drive = 'ramp'", NOT_BUILT),
-    Rule("hardening", ("elastic",), "which counts only with wire.plastic = true", "a wire that does not yield", refused=False),
-    Rule("poisson", ("planar",), "as in the plane wires do not twist", "in the plane wires do not twist", refused=False),
-    Rule("seed", ("even loops",), "which counts only with knit.scatter", "loops alike need no seed", refused=False),
+    Rule("hardening", ("elastic",), "as it applies only with wire.plastic = true", "the wire stays elastic", refused=False),
+    Rule("poisson", ("planar",), "as wires do not twist in the plane", "wires do not twist in the plane", refused=False),
+    Rule("seed", ("even loops",), "as it applies only with knit.scatter", "uniform loops need no seed", refused=False),
     # loads
     *(Rule(trait, ("hook",), HOOK_LOADS, ENDS) for trait in ("strain", "tension", "shear", "gradient", "pull", "rotation")),
     *(Rule(trait, ("wires",), WIRE_LOADS, SIZE) for trait in ("displacement", "gradient", "pull")),
     *(Rule(trait, ("periodic",), NO_EDGE, SYMMETRY) for trait in ("gradient", "pull", "rotation")),
     *(Rule(trait, ("ramp",), NOT_IN_A_RAMP, NOT_BUILT) for trait in ("gradient", "pull", "rotation", "cord")),
-    Rule("rotation", ("cord",), "nothing with panel.cord, which clamps hang on", "the clamps hang on the cord"),
+    Rule("rotation", ("cord",), "nothing with panel.cord, which holds the clamps", "the clamps hang on the cord"),
     Rule("rotation", ("spatial", "pull"), f"0 with pulls {SPATIAL}", NOT_BUILT),
     Rule("rotation and pull", (), "nothing together with a pull", "each of them moves the clamps"),
     Rule(
         "gradient",
         ("no multipliers",),
-        "nothing with solver.multipliers = false, which bring it in",
-        "the multipliers bring it in",
+        "nothing with solver.multipliers = false: the multipliers apply it",
+        "the multipliers apply it",
     ),
     *(
-        Rule("tension", (trait,), STRAINS_ONLY, "a search for tension would be part of the path")
+        Rule("tension", (trait,), STRAINS_ONLY, "a search for tension would be part of the load history")
         for trait in ("friction", "plastic")
     ),
-    Rule("path", ("sweep",), "which `warpknit map` does not run", "each strain of a map has a way of its own", refused=False),
+    Rule("path", ("sweep",), "as `warpknit map` runs only [load]", "each strain of a map is loaded separately", refused=False),
     # the solver
-    Rule("single", ("hook",), "'double' with [hook], whose few nodes need no less", "its few nodes cost nothing"),
+    Rule("single", ("hook",), "'double' with [hook], which has few nodes", "double precision costs nothing with few nodes"),
     Rule("single", ("spatial",), f"'double' {SPATIAL}", NOT_BUILT),
     Rule("no multipliers", ("spatial",), f"true {SPATIAL}", NOT_BUILT),
     Rule("focal length", ("spatial",), f"left out {SPATIAL}", NOT_BUILT),
@@ -430,33 +430,33 @@ RULES = (
         "1 with drive = 'relax' (its masses are fictitious), 1 or more with drive = 'ramp'",
         FICTITIOUS,
     ),
-    Rule("damping", ("relax",), "which only a ramp takes", FICTITIOUS, refused=False),
-    Rule("max steps", ("ramp",), "which only a relaxation takes", "a ramp ends when its time is over", refused=False),
-    # what holds for a table as a whole, behind what holds for keys of it
+    Rule("damping", ("relax",), "as it applies only to a ramp", FICTITIOUS, refused=False),
+    Rule("max steps", ("ramp",), "as it applies only to a relaxation", "a ramp ends when its time is over", refused=False),
+    # rules for a whole table, after those for its keys
     Rule("periodic", ("panel",), "'gripped' with [panel]: a periodic tile has no outline", "a tile has no outline"),
     # commands
     Rule("wires", ("map",), "[knit] for a map", NOT_BUILT),
     Rule("wires", ("trade",), "[knit] or [hook] for a trade", NOT_BUILT),
-    Rule("wires", ("error",), "[knit] or [hook] with --error", "a smaller mesh to try settings on is made of a knit"),
+    Rule("wires", ("error",), "[knit] or [hook] with --error", "settings are tried on a smaller mesh, which requires a knit"),
     Rule("hook", ("map",), "[knit] for a map", "it has no strains"),
-    Rule("hook", ("ranks",), "[knit] for several ranks: run without mpirun", "two wires are too few to share"),
-    Rule("no sweep", ("map",), "a table [sweep] with strain_weft and strain_warp, for `warpknit map`", "it says which strains"),
-    Rule("ramp", ("map",), "'relax' for a map", "a map is of states at rest"),
-    Rule("ramp", ("error",), "'relax' with --error", "errors are those of states at rest"),
+    Rule("hook", ("ranks",), "[knit] for several ranks: run without mpirun", "two wires are too few for several ranks"),
+    Rule("no sweep", ("map",), "a table [sweep] with strain_weft and strain_warp, for `warpknit map`", "it defines the strains"),
+    Rule("ramp", ("map",), "'relax' for a map", "a map consists of equilibria"),
+    Rule("ramp", ("error",), "'relax' with --error", "errors are those of equilibria"),
     Rule(
         "spatial",
         ("trade",),
         "'planar' for a trade; --against spatial takes a reference in space",
-        "its knobs are the planar model's",
+        "its parameters are those of the planar model",
     ),
-    Rule("spatial", ("error", "hook"), "'planar' for a hook with --error", "hooks in space were not measured for it"),
+    Rule("spatial", ("error", "hook"), "'planar' for a hook with --error", "its errors were not measured for hooks in space"),
     Rule("spatial", ("ranks",), "'planar' for several ranks: run without mpirun", NOT_BUILT),
-    Rule("gripped", ("report",), "'periodic' for a report (a card is that of endless cloth)", "a card is that of endless cloth"),
+    Rule("gripped", ("report",), "'periodic' for a report (a card is for endless cloth)", "a card is for endless cloth"),
     Rule(
         "friction",
         ("report",),
-        "0 for a report (a card is that of states that do not depend on the path)",
-        "a card is that of states that do not depend on the path",
+        "0 for a report (a card is for states that do not depend on the load history)",
+        "a card is for states that do not depend on the load history",
     ),
     Rule("friction", ("map", "planar"), ON_THE_PATH, NOT_BUILT),
     *(
@@ -469,6 +469,6 @@ RULES = (
             ("cord", ALONE),
         )
     ),
-    Rule("cuda", ("map",), "cpu for a map (its meshes are small, and fit a CPU's caches)", "small meshes fit a CPU's caches"),
-    Rule("ranks", ("map",), "1 for a map: run it without mpirun", "its meshes are small"),
+    Rule("cuda", ("map",), "cpu for a map (its small meshes fit the caches of a CPU)", "small meshes fit the caches of a CPU"),
+    Rule("ranks", ("map",), "one rank for a map: run it without mpirun", "its meshes are small"),
 )

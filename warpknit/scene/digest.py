@@ -1,4 +1,4 @@
-"""A number that tells one scene from another: of all values, however the file was written."""
+"""Hash of a scene: of all its values, independent of the layout of the file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The hook of a scene: two arcs of wire in place of a knit, what loads them, and how their contact is carried."""
+"""[hook] of a scene: two arcs of wire in place of a knit."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from warpknit.scene.values import Length
 class Hook(Table):
     """[hook], in place of [knit]: two arcs of wire that hook each other."""
 
-    radius: Length = key("Of both arcs; four diameters of the wire or more.", 1e-3)
+    radius: Length = key("Radius of both arcs; at least four diameters of the wire.", 1e-3)
     length: Length = key(
-        "Of each wire, along its arc.", None, left_out="a third of a circle", allowed="half a radius to half a circle"
+        "Arc length of each wire.", None, left_out="a third of a circle", allowed="half a radius to half a circle"
     )
     overlap: Length = key(
-        "By which each wire reaches through the other at rest: the width of the lens between them.",
+        "Overlap of the two arcs at rest: the width of the lens between them.",
         None,
         left_out="a fifth of the radius",
         allowed="1.5 diameters of the wire to the rise of the arc",
     )
     crossing_distance: Length | None = key(
-        "Spatial model: distance of the centre lines at rest where they cross, one over the other; from the wire's thickness to"
-        " `overlap`. In the plane: none.",
+        "Spatial model: distance of the centre lines at their crossings at rest; from the thickness of the wire to `overlap`. Not"
+        " used in the planar model.",
         None,
         left_out="1.3 thicknesses of the wire",
     )

@@ -1,4 +1,4 @@
-"""A hook with what its file left out, and its loads; what a hook cannot be is refused."""
+"""Defaults, limits and loads of a hook."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from warpknit.scene.keys import given_values
 from warpknit.scene.objects import Stage
 from warpknit.scene.source import Source
 from warpknit.scene.wire import Wire
+from warpknit.text import engineering
 
 SHORTEST = 0.5  # radii of wire
 LEAST_OVERLAP = 1.5  # diameters of the wire
@@ -21,7 +22,7 @@ CROSSING = {"planar": None, "spatial": 1.3}  # thicknesses of the wire by which 
 
 
 def hook_of(source: Source, file: SceneFile, wire: Wire) -> Hook | None:
-    """The hook with its defaults, None where there is none. Raises `SceneError` for what a hook cannot be, or have beside it."""
+    """The hook with its defaults, or None. Raises `SceneError` for values out of range or excluded with a hook."""
     table = file.hook
     if table is None:
         return None
@@ -29,15 +30,16 @@ def hook_of(source: Source, file: SceneFile, wire: Wire) -> Hook | None:
     overlap = 0.2 * table.radius if table.overlap is None else table.overlap
     least = LEAST_RADIUS * wire.diameter
     if table.radius < least:
-        raise source.refusal(("hook", "radius"), table.radius, f"four diameters of the wire or more, {least:g} m")
+        raise source.refusal(("hook", "radius"), table.radius, f"at least four diameters of the wire, {engineering(least, 'm')}")
     if not SHORTEST * table.radius <= length <= math.pi * table.radius:
-        allowed = f"half a radius to half a circle, {SHORTEST * table.radius:g} to {math.pi * table.radius:g} m"
+        shortest, longest = engineering(SHORTEST * table.radius, "m"), engineering(math.pi * table.radius, "m")
+        allowed = f"half a radius to half a circle, {shortest} to {longest}"
         raise source.refusal(("hook", "length"), length, allowed)
     rise = table.radius * (1.0 - math.cos(0.5 * length / table.radius))
     least = LEAST_OVERLAP * wire.diameter
     if not least <= overlap <= rise:
         allowed = (
-            f"1.5 diameters of the wire to the rise of the arc, {least:g} to {rise:g} m:"
+            f"1.5 diameters of the wire to the rise of the arc, {engineering(least, 'm')} to {engineering(rise, 'm')}:"
             " the wires must cross twice, with room for a body in between"
         )
         raise source.refusal(("hook", "overlap"), overlap, allowed)
@@ -46,14 +48,14 @@ def hook_of(source: Source, file: SceneFile, wire: Wire) -> Hook | None:
 
 
 def _crossing_distance(source: Source, file: SceneFile, table: Hook, wire: Wire, overlap: float) -> float | None:
-    """[m] with its default, None in the plane."""
+    """[m] crossing distance with its default; None in the planar model."""
     usual = CROSSING[file.model.kind]
     if usual is None:
         return None
     given = table.crossing_distance
     distance = usual * wire.thickness if given is None else given
     if not wire.thickness <= distance <= overlap:
-        allowed = f"the thickness of the wire to hook.overlap, {wire.thickness:g} to {overlap:g} m"
+        allowed = f"the thickness of the wire to hook.overlap, {engineering(wire.thickness, 'm')} to {engineering(overlap, 'm')}"
         raise source.refusal(("hook", "crossing_distance"), distance, allowed)
     return distance
 
@@ -69,7 +71,7 @@ def hook_loads(
         given.pop("name", None)
         displacement, temperature = given.get("displacement", displacement), given.get("temperature", temperature)
         if abs(displacement) > hook.length:
-            allowed = f"at most the length of a wire, {hook.length:g} m"
+            allowed = f"at most the length of a wire, {engineering(hook.length, 'm')}"
             raise source.refusal((*location, "displacement"), displacement, allowed)
         shear = displacement / hook.height
         yield {"name": name, "displacement": displacement, "temperature": temperature, "shear": shear}

@@ -1,4 +1,4 @@
-"""A scene from its file: `warpknit.scene.file` lists the keys. Whatever is wrong with it is a SceneError of one line."""
+"""Load a scene from its file (keys: `warpknit.scene.file`); every error is a `SceneError` of one line."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ from warpknit.scene.stages import hook_stages, mesh_stages
 from warpknit.scene.units import shown
 from warpknit.scene.wire import Wire
 from warpknit.scene.wire_file_defaults import wire_file
+from warpknit.text import engineering
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -92,7 +93,9 @@ def make_scene(
     if panel.outline != "rectangle":
         repeats = covering_repeats(panel.shape(knit.size), knit.repeat)
         if file.knit.repeats not in ((1, 1), repeats):
-            allowed = f"nothing where panel.outline = {panel.outline!r} says how large the mesh is ({list(repeats)} cover it)"
+            allowed = (
+                f"left out with panel.outline = {panel.outline!r}, which sets the size of the mesh ({list(repeats)} cover it)"
+            )
             raise source.refusal(("knit", "repeats"), list(file.knit.repeats), allowed)
         knit = replace(knit, repeats=repeats)
     numerics = PRESETS[file.solver.preset].of(file.model.kind, file.solver.drive)
@@ -127,10 +130,10 @@ def _wire(source: Source, table: Wire) -> Wire:
         left_out["hardness"] = surface.hardness
     wire = replace(table, **left_out)
     if wire.yield_stress > wire.tensile_strength:
-        allowed = f"at most the tensile strength, {wire.tensile_strength:g} Pa"
+        allowed = f"at most the tensile strength, {engineering(wire.tensile_strength, 'Pa')}"
         raise source.refusal(("wire", "yield_stress"), wire.yield_stress, allowed)
     if wire.plating is not None and wire.plating.thickness > wire.radius:
-        allowed = f"at most the radius of the wire, {wire.radius:g} m"
+        allowed = f"at most the radius of the wire, {engineering(wire.radius, 'm')}"
         raise source.refusal(("wire", "plating", "thickness"), wire.plating.thickness, allowed)
     return wire
 
@@ -144,14 +147,14 @@ def _knit(source: Source, table: KnitTable, wire: Wire) -> Knit:
         spacing[key] = length if count is None else 1 / count
         if not 2 * wire.diameter <= spacing[key] < math.inf:
             least = 2 * wire.diameter
-            allowed = f"two diameters of the wire or more between loops, {least:g} m (wire.diameter is {wire.diameter:g} m)"
+            allowed = f"at least {engineering(least, 'm')}, two diameters of the wire between loops"
             raise source.refusal(("knit", key if count is None else count_key), spacing[key], allowed)
     ratio = spacing["wale_spacing"] / spacing["course_spacing"]
     if not 1 / SPACING_RATIO <= ratio <= SPACING_RATIO:
         key = "wales" if table.wales is not None else "wale_spacing"
         allowed = (
-            f"between 1/{SPACING_RATIO:g} and {SPACING_RATIO:g} course spacings; this makes wales"
-            f" {spacing['wale_spacing'] * 1e3:.4g} mm and courses {spacing['course_spacing'] * 1e3:.4g} mm apart"
+            f"between 1/{SPACING_RATIO:g} and {SPACING_RATIO:g} course spacings; this gives a wale spacing of"
+            f" {spacing['wale_spacing'] * 1e3:.4g} mm and a course spacing of {spacing['course_spacing'] * 1e3:.4g} mm"
             " (bare numbers are SI)"
         )
         raise source.refusal(("knit", key), spacing["wale_spacing"], allowed)
@@ -167,7 +170,7 @@ def _model(source: Source, table: ModelOptions, wire: Wire, numerics: Preset) ->
     nodes = numerics.nodes_per_loop if table.nodes_per_loop is None else table.nodes_per_loop
     radius = wire.diameter / 8 if table.body_radius is None else table.body_radius
     if radius > wire.diameter:
-        allowed = f"at most the diameter of the wire, {wire.diameter:g} m"
+        allowed = f"at most the diameter of the wire, {engineering(wire.diameter, 'm')}"
         raise source.refusal(("model", "body_radius"), radius, allowed)
     return replace(table, nodes_per_loop=nodes, body_radius=radius)
 
@@ -176,7 +179,7 @@ def _contact(source: Source, file: SceneFile, wire: Wire) -> Contact:
     """[contact] with the defaults of its treatment; what the treatment does not have is None."""
     table = file.contact
     if table.ring_radius is not None and table.ring_radius < wire.radius:
-        allowed = f"at least the radius of the wire, {wire.radius:g} m: the wires pass through the ring"
+        allowed = f"at least the radius of the wire, {engineering(wire.radius, 'm')}: the wires pass through the ring"
         raise source.refusal(("contact", "ring_radius"), table.ring_radius, allowed)
     defaults: dict[str, Any] = {
         "spring_stiffness": 1e-3,

@@ -1,4 +1,4 @@
-"""From what the checks of a scene found to one line: file, key, what was given, what is allowed."""
+"""Error messages of a scene in one line: file, key, given value, allowed values."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ UNKNOWN = ("unexpected_keyword_argument", "invalid_key")  # what pydantic calls 
 
 
 def scene_error(file: object, key: str, given: str, allowed: str, more: int = 0) -> SceneError:
-    """The error for one key; `more` is how many other errors there are."""
+    """The error for one key; more: the number of other errors."""
     line = f"{file}: {key}: given {given}, allowed: {allowed}" + (f" (and {more} more)" if more else "")
     return SceneError(_one_line(line))
 
 
 def first_error(file: object, error: ValidationError) -> SceneError:
-    """The first of the errors that pydantic found; unknown keys come first, as they often cause the others."""
+    """The first of pydantic's errors; unknown keys come first, because they often cause the others."""
     found = sorted(error.errors(include_url=False), key=lambda item: item["type"] not in UNKNOWN)
     item, more = found[0], len(found) - 1
     location: Location = item["loc"]
@@ -48,7 +48,7 @@ def first_error(file: object, error: ValidationError) -> SceneError:
 
 
 def dotted(location: Sequence[int | str]) -> str:
-    """("knit", "bars", 1, "chain") as people write it: knit.bars[1].chain."""
+    """Dotted form of a location: ("knit", "bars", 1, "chain") as knit.bars[1].chain."""
     text = ""
     for part in location:
         if isinstance(part, int):

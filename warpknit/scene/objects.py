@@ -93,10 +93,10 @@ class Bar(Table):
     """One guide bar of [knit] bars: its chain of links a-b, its threading of '|' and '.', its shift in needles."""
 
     chain: Chain = key(
-        "Links a-b of a guide bar, course by course: the overlap runs from gap a to gap b. a = b lays the wire in without a loop."
+        "Links a-b of a guide bar, course by course: the overlap runs from gap a to gap b. a = b is an inlay without a loop."
     )
-    threading: Threading = key("Guides along the bar, threaded and empty, repeated.", "|")
-    shift: Shift = key("Needles by which the bar is set to the right.", 0)
+    threading: Threading = key("Threaded (`|`) and empty (`.`) guides along the bar, repeated.", "|")
+    shift: Shift = key("Offset of the bar to the right, in needles.", 0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,8 +104,8 @@ class Loop(Table):
     """[knit.loop]: proportions in units of the course spacing; `warpknit.knit.loops` says what they measure and their ranges."""
 
     shape: LoopShape = key(
-        "`auto` takes `circular-oval` for two bars in opposition with one loop on each needle and course and closed and open"
-        " courses in turn, else `general`.",
+        "`auto`: `circular-oval` for two bars in opposition with one loop per needle and course and alternating closed and open"
+        " courses, else `general`.",
         MEAN.shape,
     )
     closed_radius: Annotated[float, proportion(*RANGES["closed_radius"])] = key(
@@ -151,19 +151,19 @@ class Knit(Table):
     """[knit]: the pattern, its spacings, and how often it repeats; the double atlas net of the paper where a key is left out."""
 
     bars: Annotated[tuple[Bar, ...], Field(min_length=1)] = key(
-        "The guide bars. Left out: the two of the double atlas.",
+        "The guide bars. Default: the two of the double atlas.",
         (
             Bar(chain="1-0/1-2/2-3/2-1", threading="|.", shift=0),
             Bar(chain="2-3/2-1/1-0/1-2", threading="|.", shift=1),
         ),
     )
-    wale_spacing: Length = key("Distance of the wales (along weft, x).", 1.7e-3)
-    course_spacing: Length = key("Distance of the courses (along warp, y).", 1.0e-3)
+    wale_spacing: Length = key("Distance between wales (along weft, x).", 1.7e-3)
+    course_spacing: Length = key("Distance between courses (along warp, y).", 1.0e-3)
     repeats: Repeats = key("Pattern repeats along weft and warp.", (1, 1))
     scatter: Scatter = key(
-        "Relative standard deviation of the proportions in `[knit.loop]`, each loop of the mesh having its own.", 0.0
+        "Relative standard deviation of the proportions in `[knit.loop]`, drawn for each loop of the mesh.", 0.0
     )
-    seed: Seed = key("Which scattered mesh: the same seed gives the same loops.", 0)
+    seed: Seed = key("Random seed of the scatter.", 0)
     loop: Loop = key("The shape of the loops.", Loop())
 
     @property
@@ -194,43 +194,44 @@ class KnitTable(Knit):
 
 @dataclass(frozen=True, kw_only=True)
 class ModelOptions(Table):
-    """[model]: what is kept of the mesh."""
+    """[model]: the kind of model and its discretisation."""
 
     kind: Kind = key(
-        "With `[wires]` `spatial`, and nothing else. `planar`: two coordinates a node, bodies where wires hook. `spatial`: three,"
-        " with twist and contact of round wires ([physics.md](physics.md#the-spatial-model)). [capabilities.md](capabilities.md)"
-        " says what goes with which.",
+        "`planar`: two coordinates per node, contact bodies where wires hook. `spatial`: three coordinates, with twist and"
+        " contact of round wires ([physics.md](physics.md#the-spatial-model)); required with `[wires]`. See"
+        " [capabilities.md](capabilities.md) for the features of each.",
         "planar",
     )
     boundary: Boundary = key(
-        "`gripped`: cut along an outline, every cut wire end held. `periodic`: one tile of an endless mesh.", "gripped"
+        "`gripped`: cut along an outline, with every cut wire end clamped. `periodic`: one tile of an endless mesh.", "gripped"
     )
-    nodes_per_loop: NodesPerLoop = key("Nodes on the wire of one loop.", None, left_out="the preset's")
+    nodes_per_loop: NodesPerLoop = key("Nodes per loop of wire.", None, left_out="the preset's")
     body_radius: Length = key(
-        "Planar model: radius of the body between two hooked wires: at d/8 both its contacts close where the wires are 1.25 d"
+        "Planar model: radius of the contact body between two hooked wires. At d/8 both contacts close when the wires are 1.25 d"
         " apart.",
         None,
         left_out="diameter/8",
     )
-    merge_lenses: Flag = key("One body for nested lenses of the same two wires; else one for each.", True)
+    merge_lenses: Flag = key("One contact body for nested lenses of the same two wires; else one for each lens.", True)
     frame_expansion: Expansion = key(
-        "Thermal expansion of what holds the mesh: strains are of its edge at the reference temperature. 0: held edges stand"
-        " still whatever the temperature.",
+        "Thermal expansion of the frame that holds the mesh. Strains refer to the frame at the reference temperature. 0: the"
+        " frame does not expand.",
         0.0,
     )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pull(Table):
-    """[[load.pull]]: a place on the outline that is moved beside the load of the whole mesh."""
+    """[[load.pull]]: a place on the outline that is displaced in addition to the load."""
 
     at: Vector = key(
-        "A place on the edge, or near it, from the middle of the box around the mesh as knitted. Write"
+        "Position on or near the edge, relative to the centre of the bounding box of the mesh as knitted. Write"
         ' `pull = [{at = ["12 mm", "0 mm"], by = ["1 mm", "0 mm"], width = "10 mm"}]`.'
     )
-    by: Vector = key("By how much it moves beside the load of the whole mesh. `pull = []` moves all back.")
+    by: Vector = key("Displacement in addition to the load of the whole mesh. `pull = []` removes all pulls.")
     width: Length | None = key(
-        "How much of the edge moves along, as cos^2. With `panel.grip_pitch` it is left out: the nearest net node moves.",
+        "Width of the displaced part of the edge, with a cos^2 profile. Left out with `panel.grip_pitch`: the nearest net node"
+        " moves.",
         None,
         left_out="required without net nodes",
     )
@@ -238,41 +239,42 @@ class Pull(Table):
 
 @dataclass(frozen=True, kw_only=True)
 class Stage(Table):
-    """[load] and each [[path]]: one stage of the loading, by its end. What is left out is as in the stage before.
+    """[load] and each [[path]]: one stage of the loading, by its final state. Missing keys are as in the stage before.
 
-    Each direction goes by strain or by tension, the other of the two being None. A hook is driven by `displacement` alone, which
-    its model carries as a shear of its frame (hook.py); of a mesh, `displacement` is turned into strains when it is read.
+    Each direction is driven by strain or by tension; the other of the two is None. A hook is driven by `displacement` alone,
+    which its model applies as a shear of its frame (hook.py); for a mesh, `displacement` is converted to strains when it is read.
     """
 
-    name: Name = key("Names the stage in the results.", None, left_out="`load`, then `stage-2`, ...")
+    name: Name = key("Name of the stage in the results.", None, left_out="`load`, then `stage-2`, ...")
     strain_weft: Strain | None = key(
-        "Strain at the end of the stage, against the knitted size.", None, left_out="0, then the stage's before"
+        "Strain at the end of the stage, relative to the knitted size.", None, left_out="0, then as in the stage before"
     )
     tension_weft: Tension | None = key("Instead of `strain_weft`: force per current width at the end of the stage.", None)
-    strain_warp: Strain | None = key("The same in warp.", None, left_out="0, then the stage's before")
+    strain_warp: Strain | None = key("The same in warp.", None, left_out="0, then as in the stage before")
     tension_warp: Tension | None = key("Instead of `strain_warp`.", None)
     displacement: SignedLength | None = key(
-        "Instead of both strains: every side moves outward by so much. Of a `[hook]`: the driven end moves right by so much.",
+        "Instead of both strains: outward displacement of every side. With `[hook]`: displacement of the driven end to the"
+        " right.",
         None,
     )
-    shear: Shear = key("Weft displacement over warp distance.", None, left_out="0, then the stage's before")
+    shear: Shear = key("Weft displacement over warp distance.", None, left_out="0, then as in the stage before")
     clamp_rotation: Turn = key(
-        "Counter-clockwise, of every clamp where it holds its wire; without it clamps keep their direction. Gripped meshes at"
-        ' rest only (`drive = "relax"`), without cord or pull.',
+        "Counter-clockwise rotation of every clamp about the point where it holds its wire. Gripped meshes with"
+        ' `drive = "relax"` only, without cord or pull.',
         None,
-        left_out="0, then the stage's before",
+        left_out="0, then as in the stage before",
     )
     temperature: Temperature = key(
-        "Temperature at the end of the stage, in the middle of the mesh.",
+        "Temperature at the end of the stage, at the middle of the mesh.",
         None,
-        left_out="the reference temperature, then the stage's before",
+        left_out="the reference temperature, then as in the stage before",
     )
     temperature_gradient: TemperatureGradient = key(
-        'How it grows along weft and warp. Gripped meshes at rest only (`drive = "relax"`).',
+        'Temperature gradient along weft and warp. Gripped meshes with `drive = "relax"` only.',
         None,
-        left_out="none, then the stage's before",
+        left_out="none, then as in the stage before",
     )
-    pull: tuple[Pull, ...] = key("Places of the edge that are moved.", None, left_out="none, then the stage's before")
+    pull: tuple[Pull, ...] = key("Displaced places of the edge.", None, left_out="none, then as in the stage before")
 
     @model_validator(mode="before")
     @classmethod
@@ -287,36 +289,37 @@ class Stage(Table):
 
 @dataclass(frozen=True, kw_only=True)
 class Contact(Table):
-    """[contact]: contact of bodies with wires; a pair is active when closed with more force than the threshold."""
+    """[contact]: contact between wires; a pair is active when its force exceeds the threshold."""
 
     friction: Friction = key(
-        "Coulomb friction between bodies and wires, by relaxation. The state then depends on the path:"
+        'Coulomb friction coefficient; `drive = "relax"` only. The state then depends on the load history:'
         " [physics.md](physics.md#paths).",
         0.0,
     )
     threshold: Force = key(
-        "A pair is active when it carries more force than this (and more than 1e-4 EI/W^2, which a steady state leaves out of"
-        " balance).",
+        "A pair is active when its force exceeds this value (and 1e-4 EI/W^2, the unbalanced force of a converged state).",
         0.0,
     )
     stiffness: Stiffness | None = key(
-        "Contact penalty. The multipliers of a relaxation take its error out.", None, left_out="chosen"
+        "Contact penalty. The multipliers of a relaxation correct its error.", None, left_out="chosen"
     )
-    treatment: Treatment = key("How the contact of a `[hook]` is carried, see below. A knit has free bodies.", "free-body")
+    treatment: Treatment = key("Contact carrier or constraint of a `[hook]`, see below. A knit has free bodies.", "free-body")
     spring_stiffness: Stiffness | None = key(
-        "`spring-point`, `spring-cylinder`, `ring`: of the spring to the ground; at most the contact penalty.",
+        "`spring-point`, `spring-cylinder`, `ring`: stiffness of the spring to the ground; at most the contact penalty.",
         None,
         left_out="0.001 N/m",
     )
-    ring_radius: Length | None = key("`ring`: its inner radius, at least that of the wire.", None, left_out="the wire's diameter")
-    plane_friction: Coefficient | None = key("`friction-plane`: its friction coefficient.", None, left_out="0.1")
-    plane_load: PositiveForce | None = key("`friction-plane`: what presses the body on it.", None, left_out="10 uN")
+    ring_radius: Length | None = key("`ring`: inner radius, at least that of the wire.", None, left_out="the wire's diameter")
+    plane_friction: Coefficient | None = key("`friction-plane`: friction coefficient.", None, left_out="0.1")
+    plane_load: PositiveForce | None = key("`friction-plane`: normal force of the body on the plane.", None, left_out="10 uN")
     contact_point: Fraction | None = key(
-        "`point`: its place on the left wire, over the wire's length; the nearest node.", None, left_out="0.5"
+        "`point`: place on the left wire, over its length, rounded to the nearest node.", None, left_out="0.5"
     )
-    target_share: Share | None = key("`point`: how much of the right wire, about its middle, is its target.", None, left_out="1")
+    target_share: Share | None = key(
+        "`point`: target part of the right wire, about its middle, over its length.", None, left_out="1"
+    )
     body_mass: BodyMass | None = key(
-        "Ramp: mass of a contact body over that of half a loop of wire; in a `[hook]`, over half of one of its wires.",
+        "Ramp: mass of a contact body over that of half a loop of wire; with `[hook]`, over that of half a wire.",
         None,
         left_out="0.5",
     )
@@ -335,47 +338,49 @@ class Contact(Table):
 
 @dataclass(frozen=True, kw_only=True)
 class Solver(Table):
-    """[solver]: how the state is found. None: chosen by the solver."""
+    """[solver]: solution method and numerics. None: chosen by the solver."""
 
-    preset: PresetName = key("Stands for the values below.", DEFAULT_PRESET)
-    drive: Drive = key("`relax`: each load level is brought to rest. `ramp`: real time and real or scaled masses.", "relax")
+    preset: PresetName = key("Sets the defaults of the keys below.", DEFAULT_PRESET)
+    drive: Drive = key("`relax`: equilibrium at each load level. `ramp`: real time with true or scaled masses.", "relax")
     precision: Precision = key(
         "`single`: 32-bit fixed-point displacements and float32. `double`: float64.",
         None,
-        left_out="the preset's; `double` above 48 nodes a loop, and of wires so thin that s (d/W)^2 is below 0.001, s being the"
-        " softening",
+        left_out="the preset's; `double` above 48 nodes per loop, and for wires so thin that s (d/W)^2 is below 0.001 with the"
+        " softening s",
     )
-    mass_scaling: Factor = key("Ramp: all masses times this.", 1.0)
-    target_time_step: Time | None = key("Ramp: masses raised, node by node, until this step is stable.", None)
-    axial_softening: Factor = key("The axial stiffness is divided by it in the dynamics.", None, left_out="the preset's")
+    mass_scaling: Factor = key("Ramp: factor on all masses.", 1.0)
+    target_time_step: Time | None = key("Ramp: raise masses, node by node, until this time step is stable.", None)
+    axial_softening: Factor = key("Divisor of the axial stiffness in the dynamics.", None, left_out="the preset's")
     damping: Rate | None = key(
-        "Ramp: mass-proportional damping. Left out: the frequency of the slowest bending mode.", None, left_out="chosen"
+        "Ramp: mass-proportional damping. Default: the frequency of the slowest bending mode.", None, left_out="chosen"
     )
     loading_time: Time | None = key(
-        "Ramp: time of a stage. Left out: ten periods of the slowest bending mode.", None, left_out="chosen"
+        "Ramp: duration of a stage. Default: ten periods of the slowest bending mode.", None, left_out="chosen"
     )
-    residual_tolerance: Tolerance = key("What counts as steady.", None, left_out="the preset's")
+    residual_tolerance: Tolerance = key("Relative residual below which a state is converged.", None, left_out="the preset's")
     max_steps: StepCount | None = key(
-        "Relax: a level that is not steady after so many steps ends the run with exit status 3.", None, left_out="no limit"
+        "Relax: a level that has not converged after this many steps ends the run with exit status 3.", None, left_out="no limit"
     )
-    multipliers: Flag = key("Relax: take out the error of the softening and of the contact penalty.", True)
+    multipliers: Flag = key(
+        "Relax: augmented Lagrangian multipliers correct the error of the softening and of the contact penalty.", True
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Output(Table):
-    """[output]: what is recorded and written."""
+    """[output]: recorded levels and written files."""
 
-    frames: FrameCount = key("Recorded load levels of a stage; each is steady when relaxing.", 20)
+    frames: FrameCount = key("Recorded load levels per stage; each is converged when relaxing.", 20)
     usd: Flag = key("Write scene.usda while running.", True)
     usd_full_every: FrameInterval = key(
-        "Every so many frames hold all nodes; the first one and the ends of stages always do. Between them the level `full`"
-        " stands still and `k8` moves. 0: only those.",
+        "Interval of frames with all nodes; the first frame and the ends of stages always have them. In between, the level `full`"
+        " is not updated and `k8` is. 0: only the first frame and the ends of stages.",
         1,
     )
-    usd_points_per_tile: TileSize = key("About how many nodes one prim of scene.usda holds.", 500_000)
+    usd_points_per_tile: TileSize = key("Approximate number of nodes per prim of scene.usda.", 500_000)
     vtk: Flag = key("Write vtk/ at the end.", False)
     figures: Flag = key("Draw figures/ at the end.", True)
-    checkpoint_interval: Time = key("Of wall time, between checkpoints.", 60.0)
+    checkpoint_interval: Time = key("Wall time between checkpoints.", 60.0)
 
 
 @dataclass(frozen=True)
@@ -383,15 +388,17 @@ class Sweep(Table):
     """[sweep]: the grid of strains that `warpknit map` runs."""
 
     strain_weft: Annotated[tuple[Strain, ...], Field(min_length=1)] = key(
-        "Weft strains; `warpknit map` runs each with each warp strain."
+        "Weft strains; `warpknit map` combines each with each warp strain."
     )
     strain_warp: Annotated[tuple[Strain, ...], Field(min_length=1)] = key("Warp strains.")
-    seeds: Seeds = key("With `knit.scatter`: meshes, from `knit.seed` on, over which the map is the mean.", 1)
+    seeds: Seeds = key(
+        "With `knit.scatter`: number of meshes, with seeds from `knit.seed` on, over which the map is averaged.", 1
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """Everything a run depends on. Equal scenes are equal wherever they were read from."""
+    """All inputs of a run. Equal scenes compare equal, whatever file they were read from."""
 
     name: str
     path: Path = field(compare=False)
@@ -409,12 +416,12 @@ class Scene:
 
     @property
     def has_moving_edge(self) -> bool:
-        """Whether the edge of the mesh does more than follow the load as a whole."""
+        """Whether the edge has pulls or cords, so that it deviates from the affine load."""
         return self.panel.cord is not None or any(stage.pull for stage in self.stages)
 
     @property
     def preset_in_force(self) -> str | None:
-        """The preset whose numerics a relaxation has, whatever `solver.preset` says; None where keys of its own change them."""
+        """The preset that matches the numerics of a relaxation, regardless of `solver.preset`; None if none matches."""
         if self.solver.drive != "relax" or not self.solver.multipliers or self.hook is not None:
             return None
         solver = self.solver
@@ -422,10 +429,10 @@ class Scene:
 
     @property
     def depends_on_path(self) -> bool:
-        """Whether the state depends on the way there, not on the load alone."""
+        """Whether the state depends on the load history."""
         return self.contact.friction > 0.0 or self.wire.plastic
 
     @property
     def hash(self) -> str:
-        """SHA-256 of the resolved values, in hex. The name and how the file is written do not enter."""
+        """SHA-256 of the resolved values, in hex, independent of the name and the layout of the file."""
         return digest(self, without="name")

@@ -23,39 +23,42 @@ class Cord(Table):
     """[panel.cord]: an elastic cord along the outline, fixed at the net nodes."""
 
     tension: Force = key(
-        "Tension of the cord between the net nodes where it lies on the strained outline. Write"
-        ' `cord = {tension = "1 N", stiffness = "1 kN"}`.'
+        'Tension of the cord when it lies on the strained outline. Write `cord = {tension = "1 N", stiffness = "1 kN"}`.'
     )
     stiffness: AxialStiffness = key("Axial stiffness EA of the cord.")
 
 
 @dataclass(frozen=True, kw_only=True)
 class PanelOptions(Table):
-    """[panel]: what a gripped mesh is cut along and held by, and the surface it should make. None: not asked for."""
+    """[panel]: outline and edge of a gripped mesh, and its target surface. None: not requested."""
 
     outline: OutlineName = key(
-        "The shape that is cut from endless cloth; weft is horizontal. With all but `rectangle`, `knit.repeats` is left out: it"
-        " follows.",
+        "Shape that is cut from endless cloth; weft is horizontal. `knit.repeats` is left out except with `rectangle`; it follows"
+        " from the outline.",
         "rectangle",
     )
     size: Length | None = key("Side of a hexagon or triangle, diameter of a disc.", None)
     corners: tuple[Vector, ...] | None = key(
-        "Of a polygon, round its edge, in either direction. Their origin is the middle of an opening of the knit.",
+        "Corners of a polygon along its edge, in either direction. The origin is the middle of an opening of the knit.",
         None,
         allowed="a list of pairs, each a length, such as ['1 mm', '2 mm']",
     )
-    rotation: Angle = key("Counter-clockwise, of the outline over the knit.", 0.0)
+    rotation: Angle = key("Counter-clockwise rotation of the outline relative to the knit.", 0.0)
     grip_pitch: Length | None = key(
-        "Distance of net nodes along the outline, the nearest that divides each side evenly. Needs `cord`.",
+        "Distance between net nodes along the outline, adjusted to divide each side evenly. Requires `cord`.",
         None,
-        left_out="held all along",
+        left_out="held along the whole edge",
     )
-    cord: Cord | None = key("Between the net nodes.", None)
+    cord: Cord | None = key("Cord between the net nodes.", None)
     focal_length: Length | None = key(
-        "Of the paraboloid on which the edge is held, its apex under the middle of the panel.", None
+        "Focal length of the paraboloid on which the edge is held, with its apex below the middle of the panel.", None
     )
-    tension_threshold: Tension | None = key("The summary says which share of the area carries less, in weft or in warp.", None)
-    active_threshold: Percent | None = key("Percent: the summary says which share of the area has fewer active contacts.", None)
+    tension_threshold: Tension | None = key(
+        "The summary reports the fraction of the area with a lower tension in weft or warp.", None
+    )
+    active_threshold: Percent | None = key(
+        "Percent. The summary reports the fraction of the area with fewer active contacts.", None
+    )
 
     def shape(self, rectangle_size: tuple[float, float]) -> Outline:
         """The outline round the origin (a polygon where its corners say); `rectangle_size` [m] is that of all repeats."""
@@ -84,7 +87,7 @@ class PanelTable(PanelOptions):
 
 
 class PanelError(Exception):
-    """A key of [panel] that clashes; `key`, `given` and `allowed` are words for the message."""
+    """Invalid combination of keys of [panel]; `key`, `given` and `allowed` are for the message."""
 
     def __init__(self, key: str, given: Any, allowed: str) -> None:
         super().__init__(key)

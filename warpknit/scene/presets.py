@@ -1,4 +1,4 @@
-"""What `solver.preset` stands for: the sets of numerical options that trade accuracy for time."""
+"""The presets of `solver.preset`: sets of numerical options, from fast to accurate."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 @dataclass(frozen=True)
 class Preset:
-    """Values for the keys that a scene leaves out."""
+    """Defaults of the keys that a scene leaves out."""
 
     nodes_per_loop: int  # model.nodes_per_loop
     spatial_nodes_per_loop: int  # the same in space, where wires touch with their own thickness
@@ -83,7 +83,7 @@ DEFAULT_PRESET = "standard"
 
 
 def preset_like(nodes_per_loop: int, axial_softening: float, precision: str, residual_tolerance: float) -> str | None:
-    """The name of the preset whose settings in a relaxation these are, if any."""
+    """The preset with these settings in a relaxation, or None."""
     given = (nodes_per_loop, axial_softening, precision, residual_tolerance)
     for name, p in PRESETS.items():
         if given == (p.nodes_per_loop, p.axial_softening, p.precision, p.residual_tolerance):

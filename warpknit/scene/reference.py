@@ -1,6 +1,6 @@
-"""The parts of the documents that follow from the code: the tables of keys in docs/scenes.md, and docs/capabilities.md.
+"""Documents generated from the code: the tables of keys in docs/scenes.md, and docs/capabilities.md.
 
-python -m warpknit.scene.reference docs        writes them anew
+python -m warpknit.scene.reference docs        regenerates them
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from warpknit.text import engineering
 BEGIN, END = "<!-- keys of {}, written by warpknit.scene.reference -->", "<!-- end of keys -->"
 SECTIONS = ("the file", *(name for name, entry in keys_of(SceneFile).items() if entry.table is not None and name != "path"))
 ZERO_CELSIUS = 273.15  # [K]
-HEADINGS = {"error": "run --error", "ranks": "mpirun", "cuda": "GPU"}  # of columns that are not named as their trait
-UNSAID = {"elastic", "even loops", "no sweep"}  # what a scene has where it asks for nothing
+HEADINGS = {"error": "run --error", "ranks": "mpirun", "cuda": "GPU"}  # of columns whose heading is not the name of their trait
+UNSAID = {"elastic", "even loops", "no sweep"}  # defaults, which have no row
 
 
 def with_key_tables(text: str) -> str:
-    """The text of docs/scenes.md with each table of keys, between its two marks, as the code says it."""
+    """The text of docs/scenes.md with the tables of keys, between their marks, replaced."""
     for section in SECTIONS:
         begin = BEGIN.format(section)
         if text.count(begin) != 1:
@@ -61,7 +61,7 @@ def _keys(section: str) -> Iterator[tuple[str, Key]]:
 
 
 def default_text(entry: Key) -> str:
-    """What stands where a key is left out, in words."""
+    """The default of a key, in words."""
     value = entry.default
     if entry.left_out or value is None:
         return entry.left_out
@@ -79,7 +79,7 @@ def default_text(entry: Key) -> str:
 
 
 def allowed_text(entry: Key) -> str:
-    """What may stand there; what is typed, as code."""
+    """Allowed values of a key; literals as code."""
     return re.sub(r"\['[^]]*'\]|'[^']*'", _as_code, entry.allowed)
 
 
@@ -88,14 +88,14 @@ def _as_code(found: re.Match[str]) -> str:
     return f"`{text[1:-1]}`" if text.startswith("'") else f"`{text.replace(chr(39), chr(34))}`"
 
 
-CAPABILITIES = """# What goes with what
+CAPABILITIES = """# Compatibility of features
 
-Written from the table in `warpknit/scene/capabilities.py` by `python -m warpknit.scene.reference docs`. What the table excludes
-is refused in one line, with exit status 2. Limits that go by a size, a file or the numbers of a model are not in it; the line of
-the refusal says those.
+Generated from the table in `warpknit/scene/capabilities.py` by `python -m warpknit.scene.reference docs`. Excluded combinations
+are refused with a message of one line and exit status 2. Limits that depend on a size, a file or values of a model are not in
+this table; the message states them.
 
-Empty: the two are alternatives. *no effect*: what is asked for changes nothing, and `warpknit plan` says so. *partly*: not
-together with a third one, see below. A report makes a map: what goes with no map goes with no report.
+Empty: the two are alternatives. *no effect*: the key changes nothing, and `warpknit plan` says so. *partly*: excluded together
+with a third feature, see below. A report includes a map: whatever excludes a map excludes a report.
 
 """
 
@@ -106,9 +106,9 @@ def capabilities_page() -> str:
 
 
 def _matrix() -> Iterator[str]:
-    """Every trait that is no command against models, boundaries, drives, meshes and commands."""
+    """Rows of the traits, with columns for models, boundaries, drives, meshes and commands."""
     headings = [HEADINGS.get(name, name) for name in COLUMNS]
-    yield row(["", "asked for by", *headings])
+    yield row(["", "requested by", *headings])
     yield "|" + "---|" * (len(COLUMNS) + 2)
     for name, trait in TRAITS.items():
         if name not in AT_COMMAND and name not in UNSAID:
@@ -117,13 +117,13 @@ def _matrix() -> Iterator[str]:
 
 
 def _limits() -> Iterator[str]:
-    """The rules, those alike in one row, with what is allowed and why."""
+    """The rules with what they allow and why; equal ones share a row."""
     yield row(["", "not with", "allowed", "why"])
     yield "|---|---|---|---|"
     alike: dict[tuple[str, ...], list[str]] = {}
     for rule in RULES:
         others = " and ".join(TRAITS[name].words for name in rule.others)
-        allowed = rule.allowed if rule.refused else f"without effect, {rule.allowed}"
+        allowed = rule.allowed if rule.refused else f"no effect, {rule.allowed}"
         alike.setdefault((others, allowed, rule.why), []).append(TRAITS[rule.trait].words)
     for limit, traits in alike.items():
         yield row([", ".join(traits), *limit])
@@ -134,7 +134,7 @@ def _alternatives(one: str, other: str) -> bool:
 
 
 def main(folder: Path) -> None:
-    """Write what follows from the code into the documents in `folder`."""
+    """Write the generated parts of the documents in `folder`."""
     path = folder / "scenes.md"
     path.write_text(with_key_tables(path.read_text(encoding="utf-8")), encoding="utf-8")
     (folder / "capabilities.md").write_text(capabilities_page(), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Where the values of a scene came from."""
+"""The source of a scene, for messages with values as written."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from warpknit.scene.units import shown
 
 @dataclass(frozen=True)
 class Source:
-    """Where the values came from, as they were written, for messages."""
+    """The source of the values, as written, for messages."""
 
     path: Path
     table: dict[str, Any]
 
     def refusal(self, location: Sequence[int | str], value: Any, allowed: str) -> SceneError:
-        """The error for a value that clashes with another; `value` is what was checked, shown if none was written."""
+        """The error for a value that conflicts with another; `value` is shown if none was written."""
         given: Any = self.table
         for part in location:
             known = part < len(given) if isinstance(part, int) else part in given

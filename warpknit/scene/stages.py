@@ -1,4 +1,4 @@
-"""The stages of the loading from the tables `[load]` and `[[path]]`, each taking over from the one before what it leaves out."""
+"""Stages of the loading from `[load]` and `[[path]]`; a missing key keeps the value of the stage before."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from warpknit.scene.units import tidy
 from warpknit.scene.values import STRAIN
 from warpknit.scene.wire import Wire
 
-FARTHEST_PULL = 0.5  # of the width of a panel
-NEAR_EDGE = 0.1  # of the width of a panel: a pull farther from its edge is a mistake
+FARTHEST_PULL = 0.5  # of the width of a panel: largest pull
+NEAR_EDGE = 0.1  # of the width of a panel: largest distance of a pull from its edge
 
 
 def mesh_stages(source: Source, file: SceneFile, wire: Wire, knit: Knit, panel: PanelOptions) -> Iterator[Stage]:
-    """[load] and each [[path]], a stage taking over from the one before what it leaves out."""
+    """Stages of [load] and each [[path]]; a missing key keeps the value of the stage before."""
     load = _unloaded(wire)
     outline = panel.shape(knit.size)
     for location, name, table in _named_stages(source, file):
@@ -46,26 +46,26 @@ def mesh_stages(source: Source, file: SceneFile, wire: Wire, knit: Knit, panel: 
 
 
 def _check_warmth(source: Source, location: tuple[int | str, ...], load: dict[str, Any], outline: Outline) -> None:
-    """Refuse a gradient that leaves the temperatures there are."""
+    """Refuse a gradient that gives temperatures out of range."""
     from_middle = outline.corners - (outline.low + 0.5 * outline.size)
     there = load["temperature"] + from_middle @ np.array(load["temperature_gradient"])
     if there.min() <= 0.0 or there.max() > 4000.0:
-        allowed = f"what keeps the edge between 0 K and 4000 K: this makes {there.min():.4g} K to {there.max():.4g} K"
+        allowed = f"0 K to 4000 K everywhere on the edge; this gives {there.min():.4g} K to {there.max():.4g} K"
         raise source.refusal((*location, "temperature_gradient"), load["temperature_gradient"], allowed)
 
 
 def _check_pull(source: Source, file: SceneFile, location: tuple[int | str, ...], pull: Pull, outline: Outline) -> None:
     size = float(outline.size.min())
     if math.hypot(*pull.by) > FARTHEST_PULL * size:
-        allowed = f"at most {FARTHEST_PULL:g} of the panel's width, {FARTHEST_PULL * size:.3g} m"
+        allowed = f"at most {FARTHEST_PULL:g} of the panel's width, {1e3 * FARTHEST_PULL * size:.3g} mm"
         raise source.refusal((*location, "by"), pull.by, allowed)
     middle = outline.low + 0.5 * outline.size
     _, away = outline.nearest((middle + np.array(pull.at))[None])
     if away[0] > NEAR_EDGE * size:
-        allowed = f"a place on the edge of the panel, or within {NEAR_EDGE * size:.3g} m of it; this is {away[0]:.3g} m away"
+        allowed = f"a place within {1e3 * NEAR_EDGE * size:.3g} mm of the edge of the panel; this is {1e3 * away[0]:.3g} mm away"
         raise source.refusal((*location, "at"), pull.at, allowed)
     if (pull.width is None) == (file.panel.grip_pitch is None):
-        allowed = "left out with panel.grip_pitch (net nodes are moved)" if pull.width else "a length: how much of the edge moves"
+        allowed = "left out with panel.grip_pitch (net nodes move)" if pull.width else "a length: the displaced part of the edge"
         raise source.refusal((*location, "width"), pull.width or 0.0, allowed)
 
 
@@ -76,7 +76,7 @@ def hook_stages(source: Source, file: SceneFile, wire: Wire, hook: Hook) -> Iter
 
 
 def _unloaded(wire: Wire) -> dict[str, Any]:
-    """What the first stage starts from."""
+    """Defaults of the first stage."""
     return {
         **_direction("weft", 0.0, None),
         **_direction("warp", 0.0, None),
@@ -89,14 +89,14 @@ def _unloaded(wire: Wire) -> dict[str, Any]:
 
 
 def _named_stages(source: Source, file: SceneFile) -> Iterator[tuple[tuple[int | str, ...], str, Stage]]:
-    """Where each stage stands in the file, its name and its table."""
+    """Location in the file, name and table of each stage."""
     tables: list[tuple[tuple[int | str, ...], Stage]] = [(("load",), file.load)]
     tables += [(("path", index), table) for index, table in enumerate(file.path)]
     names: set[str] = set()
     for number, (location, table) in enumerate(tables, start=1):
         name = table.name or ("load" if number == 1 else f"stage-{number}")
         if name in names:
-            raise source.refusal((*location, "name"), name, "a name that no other stage has")
+            raise source.refusal((*location, "name"), name, "a name that differs from those of other stages")
         names.add(name)
         yield location, name, table
 
@@ -106,14 +106,16 @@ def _direction(side: str, strain: float | None, tension: float | None) -> dict[s
 
 
 def _displaced(source: Source, location: Sequence[int | str], displacement: float, knit: Knit) -> dict[str, float | None]:
-    """The strains of every side moved outward by `displacement` [m]."""
+    """The strains for an outward displacement of every side by `displacement` [m]."""
     load: dict[str, float | None] = {}
     for side, size in zip(("weft", "warp"), knit.size, strict=True):
         strain = tidy(2 * displacement / size)
         try:
             STRAIN(strain)
         except PydanticCustomError as error:
-            allowed = f"what makes a strain {STRAIN.allowed.removeprefix('a number ')}; this makes {strain:.3g} in {side}"
+            allowed = (
+                f"a displacement with a strain {STRAIN.allowed.removeprefix('a number ')}; this gives {strain:.3g} in {side}"
+            )
             raise source.refusal(location, displacement, allowed) from error
         load |= _direction(side, strain, None)
     return load

@@ -1,4 +1,4 @@
-"""The checks that single values of a scene pass. Each knows the sentence that says what it allows."""
+"""Checks of single values of a scene, each with a description of the allowed values."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def refused(allowed: str, **context: Any) -> PydanticCustomError:
 
 
 class Check:
-    """A callable value -> checked value, with `allowed`: what it lets through, in words."""
+    """A callable value -> checked value, with `allowed`: the allowed values, in words."""
 
     allowed: str
 
@@ -100,7 +100,7 @@ class Integer(Check):
 
 
 def both(pair: Check, each: Callable[[Any], T], value: Any) -> tuple[T, T]:
-    """The two values of a pair, each checked by itself; what is wrong with one is said of the pair."""
+    """The two values of a pair, each checked by itself; errors are reported for the pair."""
     if not isinstance(value, (list, tuple)) or len(value) != 2:
         raise refused(pair.allowed)
     try:

@@ -1,4 +1,4 @@
-"""The wire: its section, its material and its plating, and what follows from them."""
+"""The wire: section, material, plating, and the stiffness and mass that follow."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ ROOM_TEMPERATURE = 293.15  # [K]
 
 @dataclass(frozen=True, kw_only=True)
 class Plating(Table):
-    """[wire] plating: a coat of another metal around each wire, outside its diameter."""
+    """[wire] plating: a coating of another metal on each wire, outside its diameter."""
 
-    material: MaterialName = key('Metal of the coat. Write `plating = {material = "gold", thickness = "0.2 um"}`.', "gold")
-    thickness: Length = key("Adds stiffness, mass and thickness.")
+    material: MaterialName = key('Metal of the coating. Write `plating = {material = "gold", thickness = "0.2 um"}`.', "gold")
+    thickness: Length = key("Thickness of the coating, which adds stiffness, mass and diameter.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,51 +37,50 @@ class Wire(Table):
     """[wire]: the yarn of `ends` parallel round wires. Stiffness and mass are those of all ends, plating included."""
 
     material: MaterialName = key(
-        "Sets modulus, Poisson's ratio, density, expansion, yield stress and strength, each of which can be given instead.",
+        "Default of Young's modulus, Poisson's ratio, density, expansion, yield stress and strength.",
         "tungsten",
     )
     youngs_modulus: Stress = key("Young's modulus.", None, left_out="the material's")
     poissons_ratio: PoissonsRatio = key(
-        "Sets the stiffness against twist, in the spatial model; the planar one does not use it.",
+        "Poisson's ratio; sets the twist stiffness in the spatial model, not used in the planar one.",
         None,
         left_out="the material's",
     )
-    density: Density = key('Mass per volume: for `drive = "ramp"` and the mass per area.', None, left_out="the material's")
+    density: Density = key('Density, for `drive = "ramp"` and the areal mass.', None, left_out="the material's")
     expansion: Expansion = key(
-        "Thermal expansion, of a plated wire too: 0.2 um of gold on 15 um would add 2 %, which is left out.",
+        "Thermal expansion coefficient; plating does not change it (0.2 um of gold on 15 um would add 2 %).",
         None,
         left_out="the material's",
     )
     yield_stress: Stress = key(
-        "Elastic limit, for warnings and `yield_fraction`. The wire stays elastic whatever its stress, unless `plastic` is set.",
+        "Elastic limit, for warnings and `yield_fraction`. The wire stays elastic at any stress unless `plastic` is set.",
         None,
         left_out="the material's",
     )
-    tensile_strength: Stress = key("Strength, for warnings.", None, left_out="the material's")
+    tensile_strength: Stress = key("Tensile strength, for warnings.", None, left_out="the material's")
     hardness: Stress = key(
-        "Of the surface, plating included: for the contact resistance of a report, which goes with its root. Soft plated gold"
-        " has 0.2 to 0.9 GPa, hard plated gold 1.3 to 2 GPa.",
+        "Hardness of the surface (the plating, if any), for the contact resistance of a report, which is proportional to its"
+        " square root. Soft plated gold has 0.2 to 0.9 GPa, hard plated gold 1.3 to 2 GPa.",
         None,
         left_out="that of the metal at the surface",
     )
-    diameter: Length = key("Of one wire, without plating.", 15e-6)
+    diameter: Length = key("Diameter of one wire, without plating.", 15e-6)
     ends: Ends = key(
-        "Parallel wires knitted as one yarn. Stiffness and mass add up; for contact the yarn is as thick as a round bundle of the"
-        " same section.",
+        "Number of parallel wires knitted as one yarn. Stiffness and mass add up; for contact the yarn is a round bundle of the"
+        " same cross-section.",
         1,
     )
-    plating: Plating | None = key("A coat of another metal.", None)
+    plating: Plating | None = key("Coating of another metal.", None)
     plastic: Flag = key(
-        "Let the wire yield in bending at `yield_stress`; gripped or periodic, by relaxation. The state then depends on the"
-        " path.",
+        'The wire yields in bending at `yield_stress`; `drive = "relax"` only. The state then depends on the load history.',
         False,
     )
-    hardening: Fraction = key("Bending stiffness of a wire that yields, over the elastic one.", 0.1)
+    hardening: Fraction = key("Tangent bending stiffness after yield, over the elastic one.", 0.1)
     set_fraction: Fraction = key(
-        "Curvature that a wire let free keeps, over its knitted curvature. 1: the knitted shape is free of stress.", 1.0
+        "Natural (stress-free) curvature of the wire over its knitted curvature. 1: the knitted shape is stress-free.", 1.0
     )
     reference_temperature: Temperature = key(
-        "Temperature without thermal strain, and that of the mesh where no stage gives one.", ROOM_TEMPERATURE
+        "Temperature of zero thermal strain, and default temperature of the mesh.", ROOM_TEMPERATURE
     )
 
     @property

@@ -1,4 +1,4 @@
-"""[wires] of a scene: a file of centre lines that others made, in place of a knit. `warpknit.wires` reads it."""
+"""[wires] of a scene: a file of centre lines in place of a knit. `warpknit.wires` reads it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MOST_BYTES = 256 << 20  # of a file
 
 
 class WireFileError(Exception):
-    """A file of wires cannot be used: `given` says what it is, `allowed` what would do. `key` is one of [wires]."""
+    """An unusable file of wires; `key` of [wires], `given` and `allowed` are for the message."""
 
     def __init__(self, given: str, allowed: str, key: str = "file") -> None:
         super().__init__(f"{key}: given {given}, allowed: {allowed}")
@@ -31,57 +31,57 @@ class WiresTable(Table):
     """[wires], in place of [knit]: a file of centre lines and how it is read."""
 
     file: FileName = key(
-        "A file beside the scene: `.usd`, `.usda`, `.usdc`, `.usdz`, `.bcc`, `.pyp`, `.csv` or `.npz`, of at most 256 MiB and two"
-        " million points.",
+        "File name relative to the scene: `.usd`, `.usda`, `.usdc`, `.usdz`, `.bcc`, `.pyp`, `.csv` or `.npz`, of at most 256"
+        " MiB and two million points.",
         compare=False,  # where it is: what is in it is compared
     )
     unit: LengthUnit | None = key(
-        "Unit of a file that does not say it: required with `.bcc`, `.npz` and a `.csv` without units, not possible with USD. A"
-        " `.pyp` is in m.",
+        "Length unit of the file: required with `.bcc`, `.npz` and a `.csv` without units, not allowed with USD. A `.pyp` is in"
+        " m.",
         None,
         left_out="the file's",
     )
     node_spacing: Length = key(
-        "Distance of the nodes, which are put at equal arc length along each wire; at most four million nodes. A run takes half a"
-        " diameter or more.",
+        "Distance between nodes, evenly spaced in arc length along each wire; at most four million nodes. A run requires at least"
+        " half a diameter.",
         None,
         left_out="the wire's diameter",
     )
     loop_size: Length = key(
-        "What the wale spacing W is to a knit: forces are compared with EI/W^2, energies with EI/W a loop, and lenses of hooked"
-        " wires are sought up to 1.65 of it.",
+        "Characteristic length W, the counterpart of the wale spacing of a knit: forces are compared with EI/W^2, energies with"
+        " EI/W per loop, and lenses of hooked wires are searched up to 1.65 W.",
         None,
         left_out="20 diameters of the wire",
     )
     interpolation: Interpolation = key(
-        "Between the points of polylines (`.csv`, `.npz`, `.pyp`, linear USD curves, `PL` of a `.bcc`): a smooth curve, or"
-        " straight lines with corners.",
+        "Interpolation between the points of polylines (`.csv`, `.npz`, `.pyp`, linear USD curves, `PL` of a `.bcc`): a smooth"
+        " curve, or straight lines with corners.",
         "spline",
     )
     closed: Flag = key(
-        "Join the ends of all wires of a `.csv` or `.npz`. A wire whose last point repeats its first is closed anyway.", False
+        "Join the ends of all wires of a `.csv` or `.npz`. A wire whose last point repeats its first is always closed.", False
     )
     period: Period | None = key(
-        "Repeat along weft and warp of a mesh that repeats: open wires, whose ends must lie whole repeats apart, then go on in"
-        " the next one. A `.pyp` says it.",
+        "Period of a periodic mesh along weft and warp: open wires, whose ends must be whole periods apart, continue in the next"
+        " period. A `.pyp` contains it.",
         None,
         left_out="the file's",
     )
-    repeats: WireRepeats = key("So many of the file's repeats, along weft and warp, make the tile.", (1, 1))
+    repeats: WireRepeats = key("Repeats of the file along weft and warp in one tile.", (1, 1))
     time: Number | None = key(
-        "Time code of a USD stage whose points move, such as the `scene.usda` of a run.", None, left_out="the first"
+        "Time code of an animated USD stage, such as the `scene.usda` of a run.", None, left_out="the first"
     )
 
 
 @dataclass(frozen=True, kw_only=True)
 class WireFile(WiresTable):
-    """A file of centre lines that was found."""
+    """An existing file of centre lines."""
 
     digest: str  # SHA-256 of what is in it, in hex
 
     @property
     def loop_length(self) -> float:
-        """[m] of wire in a loop, about."""
+        """[m] approximate length of wire in a loop."""
         return LOOP_LENGTH * self.loop_size
 
     @property
@@ -94,7 +94,7 @@ class WireFile(WiresTable):
 
 
 def checked_bytes(path: Path) -> bytes:
-    """What is in a file of wires. Its size is looked at before it is read. Raises `WireFileError`."""
+    """Contents of a file of wires, after a check of its size. Raises `WireFileError`."""
     allowed = f"a file of wires ({', '.join(SUFFIXES)})"
     if path.suffix.lower() not in SUFFIXES:
         raise WireFileError(f"a file named {path.suffix}" if path.suffix else "a file without one of these", allowed)

@@ -1,4 +1,4 @@
-"""A file of wires with what its table left out; what cannot be read is refused."""
+"""Defaults and limits of a file of wires."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from warpknit.scene.wire_file import LOOP_SIZE, POLYLINES, USD, WITHOUT_UNIT, Wi
 
 
 def wire_file(source: Source, file: SceneFile, wire: Wire) -> WireFile | None:
-    """The file of wires, looked for beside the scene, with its defaults; None where there is none. Raises `SceneError`."""
+    """The file of wires with its defaults, relative to the scene, or None. Raises `SceneError`."""
     table = file.wires
     if table is None:
         return None
@@ -23,11 +23,11 @@ def wire_file(source: Source, file: SceneFile, wire: Wire) -> WireFile | None:
         raise source.refusal(("wires", "file"), table.file, f"{error.allowed}; this is {error.given}") from error
     suffix = path.suffix.lower()
     if table.unit is None and suffix in WITHOUT_UNIT:
-        raise source.refusal(("wires", "unit"), "nothing", f"a length, such as 'mm', with a {suffix} file, which has no unit")
+        raise source.refusal(("wires", "unit"), "nothing", f"a length unit, such as 'mm', with a {suffix} file, which has none")
     if table.unit is not None and suffix in USD:
         raise source.refusal(("wires", "unit"), table.unit, f"nothing with a {suffix} file, which has a unit")
     if table.closed and suffix not in POLYLINES:
-        raise source.refusal(("wires", "closed"), True, f"only with a {' or '.join(POLYLINES)} file: the others say it")
+        raise source.refusal(("wires", "closed"), True, f"only with a {' or '.join(POLYLINES)} file; other formats contain it")
     if table.period is not None and suffix == ".pyp":
         raise source.refusal(("wires", "period"), table.period, "nothing with a .pyp file, which has a period")
     if table.time is not None and suffix not in USD:
