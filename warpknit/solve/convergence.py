@@ -32,14 +32,14 @@ class Convergence:
         """`least_tension` [N/m]: lower bound of the tension in its relative change."""
         self.drift, self.tolerance, self.least_tension = drift, tolerance, least_tension
         self.patience = patience_of(nodes_per_loop)
-        self._best = np.full(count, np.inf)
+        self._best = np.full((2, count), np.inf)  # ratio of the residual criteria, and of the drift once these are met
         self._stalled = np.zeros(count, dtype=int)  # checks since the ratio decreased
         self._met = np.zeros(count, dtype=int)  # checks in a row with all criteria met
         self._stress = np.zeros((drift.required_checks + 1, count, 2, 2))  # [N/m] at the last of them
 
     def begin(self, row: int) -> None:
         """A level of this mesh begins."""
-        self._best[row], self._stalled[row], self._met[row] = np.inf, 0, 0
+        self._best[:, row], self._stalled[row], self._met[row] = np.inf, 0, 0
 
     def with_drift(self, rows: np.ndarray, ratio: np.ndarray, stress: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """[row] larger of the residual ratio and the drift ratio of the tension.
@@ -73,10 +73,14 @@ class Convergence:
         return bool(self._met[row] > 0)
 
     def is_stalled(self, rows: np.ndarray, ratio: np.ndarray) -> np.ndarray:
-        """[row] whether a level makes no progress."""
-        better = (ratio < PROGRESS_RATIO * self._best[rows]) | (ratio > RESTART_RATIO * self._best[rows])
-        self._best[rows] = np.where(better, ratio, self._best[rows])
-        self._stalled[rows] = np.where(better, 0, self._stalled[rows] + 1)
+        """[row] whether a level makes no progress; checks that the drift has to wait for do not count."""
+        met = self._met[rows]
+        waits = (met > 0) & (met <= self.drift.required_checks)
+        criterion = (met > 0).astype(int)
+        best = self._best[criterion, rows]
+        better = ~waits & ((ratio < PROGRESS_RATIO * best) | (ratio > RESTART_RATIO * best))
+        self._best[criterion, rows] = np.where(better, ratio, best)
+        self._stalled[rows] = np.where(better, 0, self._stalled[rows] + ~waits)
         return np.asarray(self._stalled[rows] > self.patience)
 
     def state_dict(self) -> dict[str, np.ndarray]:

@@ -69,6 +69,20 @@ def test_a_level_that_gets_no_better_is_stalled_and_a_snap_begins_anew() -> None
     assert not made.is_stalled(row, np.array([4.9]))[0]
 
 
+def test_a_drift_that_falls_is_progress_however_slow() -> None:
+    """The tension comes 20 % closer with a time constant of 600 checks: steady after some thousands, never given up before."""
+    made, row = convergence(Drift(8, 0.98)), np.array([0])
+    for k in range(12_000):
+        found = made.with_drift(row, np.array([0.5]), lambda _, k=k: (1.0 + 0.2 * np.exp(-k / 600.0)) * np.eye(2)[None])
+        if found[0] < 1.0:
+            break
+        assert not made.is_stalled(row, found)[0]
+    assert found[0] < 1.0
+    # the extrapolation takes at most 1/(1 - 0.98) times the drift over 8 checks
+    left = 0.2 * np.exp(-k / 600.0)
+    assert left < TOLERANCE * (1.0 + left) * (1.0 - 0.98) / np.expm1(8.0 / 600.0)
+
+
 def test_a_checkpoint_keeps_what_was_seen() -> None:
     made, again = convergence(Drift(3)), convergence(Drift(3))
     stresses = [np.diag([1.0 + 1e-4 * k, 1.0]) for k in range(12)]
