@@ -248,6 +248,6 @@ def test_two_runs_do_not_write_into_one_directory(tmp_path: Path, monkeypatch: p
     from warpknit.run import run as run_module
     from warpknit.scene import load_scene
 
-    monkeypatch.setattr(run_module, "PATIENCE", 0.0)
+    monkeypatch.setattr(run_module, "LOCK_TIMEOUT", 0.0)
     with held_directory(tmp_path, 0.0), pytest.raises(RunDirectoryError, match="another run is writing there"):
         run_module.run_scene(load_scene(CELL), out=tmp_path, device="cpu")
