@@ -86,7 +86,7 @@ def test_csv(run_dir: Path, layout: WireLayout, make_frame: Callable[..., Frame]
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda run_dir: (run_dir / "summary.json").unlink(), "has not ended"),
+        (lambda run_dir: (run_dir / "summary.json").unlink(), "is not finished"),
         (lambda run_dir: [path.unlink() for path in (run_dir / "states").iterdir()], "no states"),
         (lambda run_dir: (run_dir / "summary.json").write_text("{"), "Expecting"),
         (lambda run_dir: (run_dir / "summary.json").write_text("[1]"), "not the summary of a run"),

@@ -34,7 +34,7 @@ def planar():
 
 @pytest.fixture(scope="module")
 def spatial():
-    """Observables and frame of a hook whose wires press each other, and are thicker than at rest by warmth."""
+    """Observables and frame of a hook whose wires press each other, and are thicker than at rest by thermal expansion."""
     scene = load_scene(SCENES / "hook_spatial.toml", [*LOADED, "load.displacement=0.5 mm", "load.temperature=600 degC"])
     *_, last = Simulation(build_model(scene)).run()
     return last.observables, measure.frame(last.observables, index=0, stage="load", load_factor=1.0, temperature=293.15)

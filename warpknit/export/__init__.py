@@ -1,4 +1,4 @@
-"""What a run leaves behind, in the forms that other programs read.
+"""Export of a run to the formats of other programs.
 
 Each format of the table is a function of a `RunRecord` (run_record.py) that writes files into its directory and returns their
 paths. Formats know layouts and frames only, and are imported when they are asked for, so that a run needs none of their
@@ -23,13 +23,13 @@ FORMATS = {  # what `--to` takes: the module here, and its function
 
 
 def export_run(run_dir: str | os.PathLike[str], to: str) -> list[Path]:
-    """Write a finished run, or what an interrupted one has, in another form into its directory; the paths."""
+    """Export a finished or interrupted run into its directory; the paths."""
     if to not in FORMATS:
-        raise ExportError(f"--to {to}: {', '.join(FORMATS)} are possible")
+        raise ExportError(f"--to: given {to!r}, allowed: {', '.join(FORMATS)}")
     record = read_run(Path(run_dir))
     module, function = FORMATS[to].rsplit(".", 1)
     try:
         paths: list[Path] = getattr(import_module(f"{__name__}.{module}"), function)(record)
     except ModuleNotFoundError as error:
-        raise ExportError(f"--to {to}: needs the package {error.name}, which is not installed") from error
+        raise ExportError(f"--to {to}: requires the package {error.name}, which is not installed") from error
     return paths

@@ -28,7 +28,7 @@ STAGE_STYLES: tuple[tuple[str | tuple[int, tuple[float, ...]], str], ...] = (
 
 
 def curves_figure(history: Iterable[Mapping[str, Any]] | str | os.PathLike[str], path: str | os.PathLike[str]) -> Path:
-    """Draw active contacts, tension, energies and residual of a run, from the rows of history.csv or from the file."""
+    """Draw active contacts, tension, energies and residual of a run, from history.csv or its rows."""
     rows = _rows(history)
     names = {name for row in rows for name in row}
     columns = {name: np.array([_number(row.get(name)) for row in rows]) for name in names}
@@ -85,7 +85,7 @@ def _draw_curves(
     curves: Sequence[tuple[str, str, NDArray[Any]]],
     is_logarithmic: bool,
 ) -> None:
-    """One line a quantity and stage: the colour tells the quantity, the dashes and marks tell the stage."""
+    """Draw one line per quantity (colour) and stage (dashes and marks)."""
     handles = []
     for label, colour, values in curves:
         shown = np.isfinite(values) & ((values > 0.0) if is_logarithmic else True)
@@ -112,7 +112,7 @@ def _draw_curves(
 
 
 def _abscissa(columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[str, slice]], count: int) -> tuple[NDArray[Any], str]:
-    """What varies in a run: strain if it does in each stage, else the way along the stages.
+    """Abscissa of a run and its label: a strain if it varies in each stage, else the progress along the stages.
 
     In a single stage without strain: shear, temperature, the load factor, or the number of the record.
     """
@@ -148,7 +148,7 @@ def _abscissa(columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[str, s
 
 
 def _stages(names: Sequence[str]) -> list[tuple[str, slice]]:
-    """Runs of rows of one stage, each beginning with the last row of the stage before: the curve is unbroken."""
+    """Row ranges of the stages, each starting with the last row of the stage before, for continuous curves."""
     first = [0, *(row for row in range(1, len(names)) if names[row] != names[row - 1])]
     end = [*first[1:], len(names)]
     return [(names[a] or "load", slice(max(a - 1, 0), b)) for a, b in zip(first, end, strict=True)]

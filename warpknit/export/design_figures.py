@@ -16,7 +16,7 @@ from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, figure_of, save_fig
 __all__ = ["openings_figure", "resistance_figure", "tension_strain_figure"]
 
 TITLES = {
-    "equal": "both strained alike",
+    "equal": "equal strain in both directions",
     "weft_alone": "weft strained, warp held",
     "warp_alone": "warp strained, weft held",
 }
@@ -54,7 +54,7 @@ def tension_strain_figure(curves: Mapping[str, Curve], path: str | os.PathLike[s
 
 
 def resistance_figure(curve: Curve, path: str | os.PathLike[str]) -> Path:
-    """Sheet resistance along weft and warp, and active contacts, against the strain of both directions alike."""
+    """Sheet resistance in weft and warp, and active contacts, against equal strain in both directions."""
     figure = figure_of(7.0, 4.0)
     axes = figure.subplots()
     strain = 100.0 * curve["strain_weft"]
@@ -71,8 +71,8 @@ def resistance_figure(curve: Curve, path: str | os.PathLike[str]) -> Path:
         axes.set_ylim(10.0 ** (0.5 * (least + most) - half), 10.0 ** (0.5 * (least + most) + half))
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter("{x:.1g}")
-    axes.set_xlabel("strain of weft and warp alike [%]")
-    axes.set_ylabel("sheet resistance [ohm per square]")
+    axes.set_xlabel("strain in weft and warp [%]")
+    axes.set_ylabel("sheet resistance [ohm/sq]")
     axes.grid(color="#DDDDDD", linewidth=0.6, which="both")
     share = axes.twinx()
     share.plot(strain, curve["active_percent"], color=GREEN, linestyle=":", label="active contacts (right)")
@@ -88,7 +88,7 @@ def openings_figure(
 ) -> Path:
     """Diameter of the largest circle in an opening over the wavelength, against frequency.
 
-    circles: what the legend says and the diameter [m]. bands: name and frequency [Hz].
+    circles: label and diameter [m]. bands: name and frequency [Hz].
     """
     figure = figure_of(7.0, 4.0)
     axes = figure.subplots()
@@ -104,6 +104,6 @@ def openings_figure(
     axes.xaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_major_formatter("{x:g}")
     axes.set_xlabel("frequency [GHz]")
-    axes.set_ylabel("largest circle in an opening / wavelength")
+    axes.set_ylabel("largest inscribed circle / wavelength")
     axes.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none", fontsize="small")
     return save_figure(figure, path)

@@ -1,4 +1,4 @@
-"""A run as pictures: the mesh at the end, and at the end of each stage where there are several; the curves."""
+"""Figures of a run: the mesh at the end of each stage, and curves against the load."""
 
 import math
 import re
@@ -15,7 +15,7 @@ __all__ = ["export_figures"]
 
 
 def export_figures(record: RunRecord) -> list[Path]:
-    """The mesh at the end, and at the end of each stage where there are several; the curves."""
+    """Draw the mesh at the end of the run and of each stage, and the curves; the paths."""
     history = record.history()
     if "displacement_m" in history[0]:
         return [hook_figure(record.layout, list(record.frames()), history, record.directory / "figures" / "hook.png")]

@@ -1,4 +1,4 @@
-"""The figure of two hooked wires: how they stand, and forces and places of their contact against the displacement."""
+"""Figure of two hooked wires: their shape, and contact forces and places against the displacement."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TOUCHING = 1e-3  # of the largest force: with less the wires just graze, at plac
 def hook_figure(
     layout: WireLayout, frames: Sequence[Frame], history: Sequence[Mapping[str, Any]], path: str | os.PathLike[str]
 ) -> Path:
-    """Draw the frames of a hook, which have a row each in its `history`."""
+    """Draw the frames of a hook; `history` has one row for each."""
     figure = figure_of(12.0, 5.6)
     panels = figure.subplot_mosaic([["hook", "force"], ["hook", "place"]], width_ratios=(1.0, 1.15))
 
@@ -38,7 +38,7 @@ def hook_figure(
     for side, colour in WIRES:
         style: dict[str, Any] = {"linewidth": 3.0 if side == "left" else 1.5, "alpha": 0.55 if side == "left" else 1.0}
         force.plot(displacement, column(f"force_{side}_N", scale), color=colour, label=f"contact, {side} wire", **style)
-    force.plot(displacement, column("drive_force_N", scale), color=GREY, linestyle="--", label="driven end, sideways")
+    force.plot(displacement, column("drive_force_N", scale), color=GREY, linestyle="--", label="driven end, lateral")
     if np.any(column("ground_force_N") > 0.0):
         force.plot(displacement, column("ground_force_N", scale), color=GREEN, linestyle=":", label="ground on the body")
     force.set_ylabel(f"force [{unit}]")
@@ -48,7 +48,7 @@ def hook_figure(
     for side, colour in WIRES:
         arc = column(f"arc_{side}_m", 1e3)
         place.plot(displacement, np.where(closed, arc, np.nan), color=colour, marker="o", markersize=3, label=f"{side} wire")
-    place.set(ylabel="contact place [mm from the clamp]", xlabel="displacement of the driven end [mm]")
+    place.set(ylabel="contact position [mm from the clamp]", xlabel="displacement of the driven end [mm]")
     place.set_xlim(force.get_xlim())
     for axes in (force, place):
         axes.grid(color="#DDDDDD", linewidth=0.6)
@@ -58,7 +58,7 @@ def hook_figure(
 
 
 def _draw_hook(axes: Axes, layout: WireLayout, frames: Sequence[Frame]) -> None:
-    """Both wires at rest, on the way and at the end, with the body."""
+    """Both wires at the start, half-way and at the end, with the body."""
     drawn = drawn_layout(layout)
     shown = np.unique(np.linspace(0, len(frames) - 1, BETWEEN + 2).round().astype(int))
     for index in shown:

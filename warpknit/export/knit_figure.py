@@ -1,4 +1,4 @@
-"""Plan view of the knit: wires by guide bar, who lies over whom, clasps, and one rhombus with its bodies.
+"""Plan view of the knit: wires by guide bar, crossings, clasps, and one rhombus with its bodies.
 
 The wire that lies behind is cut away for a little on both sides of each crossing, as in a knot diagram.
 """
@@ -78,7 +78,7 @@ def knit_figure(cloth: Cloth, diameter: float, path: str | os.PathLike[str], col
     axes.set_xlabel("weft [mm]")
     axes.set_ylabel("warp [mm]")
     axes.set_title(f"{columns} x {rows} repeats of {cloth.wales} x {cloth.courses} stitches (wales x courses)", fontsize="medium")
-    note = f"a repeat has {len(cloth.clasps)} bodies\n{cloth.stitch_length * MM:.2f} mm of wire a loop"
+    note = f"{len(cloth.clasps)} bodies per repeat\n{cloth.stitch_length * MM:.2f} mm of wire per loop"
     handles.append(Patch(facecolor="none", edgecolor="none", label=note))
     figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0 - RIGHT / total[0], 1.0 - TOP / total[1]), frameon=False)
     with path_aside(path) as aside:

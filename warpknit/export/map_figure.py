@@ -32,12 +32,12 @@ LEGEND_COLUMNS = 3
 
 @dataclass(frozen=True)
 class Marks:
-    """What is marked on every map."""
+    """Marks of every map."""
 
     stress: NDArray[Any]  # (warp, weft) [Pa] largest wire stress, nan where unknown
     yield_stress: float  # [Pa]
     optimum: tuple[float, float] | None  # strains, weft and warp
-    places: tuple[tuple[str, tuple[float, float]], ...] = ()  # others: what the legend says, and strains
+    places: tuple[tuple[str, tuple[float, float]], ...] = ()  # others: label and strains
 
 
 def map_figure(
@@ -65,13 +65,13 @@ def map_figure(
     bar = figure.colorbar(tiles, ax=axes, pad=0.02)
     bar.set_label(label)
     if known.mask.all():
-        axes.text(0.5, 0.5, "no state at rest", transform=axes.transAxes, ha="center", va="center")
+        axes.text(0.5, 0.5, "no converged state", transform=axes.transAxes, ha="center", va="center")
     elif min(values.shape) > 1:
         _draw_levels(axes, x, y, known, percent)
     handles = _draw_marks(axes, x, y, marks)
     if known.mask.any():
         axes.set_facecolor("#E8E8E8")
-        handles.append(Patch(facecolor="#E8E8E8", edgecolor="#909090", label="did not come to rest, or not run"))
+        handles.append(Patch(facecolor="#E8E8E8", edgecolor="#909090", label="not converged, or not run"))
     if handles:
         legend = {"facecolor": "#B0B0B0", "edgecolor": "none", "framealpha": 1.0, "fontsize": "small"}
         columns = min(len(handles), LEGEND_COLUMNS)
@@ -97,7 +97,7 @@ def _draw_levels(axes: Axes, x: NDArray[Any], y: NDArray[Any], known: np.ma.Mask
 
 
 def _draw_marks(axes: Axes, x: NDArray[Any], y: NDArray[Any], marks: Marks) -> list[Any]:
-    """The elastic limit and the optimum; what the legend says of them."""
+    """Draw the elastic limit and the optimum; their legend entries."""
     handles: list[Any] = []
     stress = np.ma.masked_invalid(marks.stress)
     if min(stress.shape) > 1 and stress.count() and float(stress.min()) < marks.yield_stress < float(stress.max()):

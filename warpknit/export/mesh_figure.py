@@ -1,4 +1,4 @@
-"""The deformed mesh: its wires by their stress, with the contacts; of a large one, maps of both."""
+"""Figure of the deformed mesh: wires coloured by stress, and contacts; for a large mesh, maps of both."""
 
 import math
 import os
@@ -68,7 +68,7 @@ def mesh_figure(
 
 
 def _lines(layout: WireLayout, frame: Frame, position: NDArray[Any], segment: NDArray[Any]) -> NDArray[Any]:
-    """(segment, point, 2) [mm] the wires between their nodes: as their curve was kept, or smooth through the nodes."""
+    """(segment, point, 2) [mm] curves of the wires between their nodes, as recorded or smooth through the nodes."""
     if layout.curve_parts == 1:
         return _smooth(position, segment)
     begin, end = position[segment][:, None], position[segment + 1][:, None]
@@ -77,7 +77,7 @@ def _lines(layout: WireLayout, frame: Frame, position: NDArray[Any], segment: ND
 
 
 def _pieces(layout: WireLayout, frame: Frame) -> tuple[Any, NDArray[Any]]:
-    """(piece, 2, 2) [mm] the pieces of the curves as they were kept, the lowest first, and the stress of each [MPa]."""
+    """(piece, 2, 2) [mm] pieces of the recorded curves, the lowest first, and the stress [MPa] of each."""
     drawn, shown = drawn_layout(layout), drawn_frame(layout, frame)
     position, first = 1e3 * curve_position(drawn, shown), drawn.curve_segment
     stress = 1e-6 * np.asarray(shown.node_stress, dtype=float)[drawn.curve_node]
@@ -86,7 +86,7 @@ def _pieces(layout: WireLayout, frame: Frame) -> tuple[Any, NDArray[Any]]:
 
 
 def _smooth(position: NDArray[Any], segment: NDArray[Any]) -> NDArray[Any]:
-    """(segment, point, 2) the wires between their nodes, as the cubic curves (Catmull and Rom) that go on smoothly there."""
+    """(segment, point, 2) Catmull-Rom curves of the wires between their nodes."""
     has_before, has_after = np.isin(segment - 1, segment), np.isin(segment + 1, segment)
     begin, end = position[segment], position[segment + 1]
     before = np.where(has_before[:, None], position[segment - 1], 2.0 * begin - end)
@@ -112,7 +112,7 @@ def _mesh_map(
     yield_stress: float | None,
     tension: tuple[float, float] | None,
 ) -> Path:
-    """Draw a mesh of too many wires as two maps on a grid: the highest stress, and the share of active pairs."""
+    """Draw a large mesh as two maps on a grid: the largest stress, and the fraction of active pairs."""
     low, high = position.min(axis=0), position.max(axis=0)
     size = high - low
     figure, (left, right), _ = _plan_figure(size, 2, _title(frame, tension))

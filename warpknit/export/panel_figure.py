@@ -1,4 +1,4 @@
-"""The maps of a panel as one picture: active contacts, tensions, wire stress, and the deviation from the wanted surface."""
+"""Figure of a panel: maps of active contacts, tensions, wire stress, and deviation from the target surface."""
 
 import csv
 import os
@@ -79,7 +79,7 @@ def _draw_tiles(axes: Axes, tiles: Columns, values: NDArray[Any], look: dict[str
 
 
 def _spread(grid: NDArray[Any]) -> NDArray[Any]:
-    """Tiles beside the panel with the value of a neighbour: what of them lies within its edge is not given on its own."""
+    """Tiles at the edge of the panel with the value of a neighbour, where they have none of their own."""
     padded = np.pad(grid, 1, constant_values=np.nan)
     size = grid.shape
     beside = [padded[1 + i : 1 + i + size[0], 1 + j : 1 + j + size[1]] for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1))]
@@ -91,7 +91,7 @@ def _spread(grid: NDArray[Any]) -> NDArray[Any]:
 
 
 def _draw_edge(axes: Axes, edge: NDArray[Any], held: NDArray[Any], image: Any) -> None:
-    """The outline, which cuts `image`, with a dot at each place that holds it where a cord hangs between them."""
+    """Draw the outline, which clips `image`, with a dot at each net node."""
     outline = Polygon(edge, closed=True, fill=False, edgecolor="black", linewidth=0.8)
     axes.add_patch(outline)
     image.set_clip_path(outline)

@@ -1,4 +1,4 @@
-"""What all figures share: size, colours, axes and how they are written.
+"""Common parts of all figures: size, colours, axes and output.
 
 Matplotlib's objects on an Agg canvas, without pyplot's state: figures can be drawn in any thread and without a screen.
 """
@@ -40,8 +40,10 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
 
 
 def scale_of(unit: str, *values: NDArray[Any]) -> tuple[float, str]:
-    """What to multiply values by for their largest to have at most three digits before the point, and the unit that they then
-    have: (1e3, "mN/m") of "N/m" where 0.25 is the largest."""
+    """Factor and prefixed unit with which the largest value has at most three digits before the point.
+
+    (1e3, "mN/m") of "N/m" for a largest value of 0.25.
+    """
     known = [np.abs(some[np.isfinite(some)]).max(initial=0.0) for some in values]
     size = float(max(known, default=0.0))
     for scale, prefix in ((1e-9, "G"), (1e-6, "M"), (1e-3, "k"), (1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n")):

@@ -1,4 +1,4 @@
-"""The directory of a run, read: what every format of an export is made of."""
+"""Contents of the directory of a run, the input of every export format."""
 
 import csv
 import json
@@ -17,7 +17,7 @@ __all__ = ["RunRecord", "item", "read_run"]
 
 @dataclass(frozen=True)
 class RunRecord:
-    """The directory of a run, read."""
+    """Contents of the directory of a run."""
 
     directory: Path
     summary: dict[str, Any]
@@ -25,7 +25,7 @@ class RunRecord:
     states: tuple[Path, ...]
 
     def frames(self) -> Iterator[Frame]:
-        """One frame after the other: they need not fit in memory together."""
+        """Yield the frames one by one, so that they need not fit in memory together."""
         for path in self.states:
             try:
                 frame = Frame.load(path)
@@ -56,7 +56,7 @@ class RunRecord:
 def read_run(directory: Path) -> RunRecord:
     """Raises `ExportError` where there is no run, or one without states."""
     if not directory.is_dir():
-        raise ExportError(f"{directory}: no such directory; the directory of a run is expected")
+        raise ExportError(f"{directory}: no such directory, allowed: the directory of a run")
     layout_path, summary_path = directory / "layout.npz", directory / "summary.json"
     states = sorted(
         (path for path in (directory / "states").glob("state_*.npz") if re.fullmatch(r"state_\d+", path.stem)),
@@ -65,7 +65,7 @@ def read_run(directory: Path) -> RunRecord:
     if not layout_path.is_file() and not summary_path.is_file():
         raise ExportError(f"{directory}: not the directory of a run: it has no layout.npz and no summary.json")
     if not summary_path.is_file():
-        raise ExportError(f"{directory}: the run has not ended: it has no summary.json; go on with --resume")
+        raise ExportError(f"{directory}: the run is not finished (no summary.json); continue it with --resume")
     if not layout_path.is_file() or not states:
         raise ExportError(f"{directory}: the run left no states to export")
     try:
@@ -79,7 +79,7 @@ def read_run(directory: Path) -> RunRecord:
 
 
 def item(tree: Any, names: tuple[str, ...]) -> Any:
-    """What stands under these keys of nested tables; None where nothing does."""
+    """The value under these keys of nested tables, or None."""
     for name in names:
         tree = tree.get(name) if isinstance(tree, dict) else None
     return tree

@@ -1,4 +1,4 @@
-"""The picture of a trade: error against cost, one panel a quantity, what nothing beats marked."""
+"""Figure of a trade: error against cost, one panel per quantity, with the Pareto front."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SAID = {"alone": "one knob turned", "together": "several turned", "preset": "pre
 
 @dataclass(frozen=True)
 class Mark:
-    """One point: its cost, its errors in the order of QUANTITIES, and what it is."""
+    """One point: its cost, its errors in the order of QUANTITIES, and its label."""
 
     price: float  # node-steps
     errors: tuple[float, ...]
@@ -33,7 +33,7 @@ class Mark:
 
 
 def trade_figure(path: str | os.PathLike[str], marks: Sequence[Mark], own: tuple[float, ...], *, title: str) -> Path:
-    """Draw error over cost, both logarithmic; `own`: errors of the reference itself, below which nothing can be told."""
+    """Draw error against cost, both logarithmic; own: errors of the reference, the lower limit of what can be measured."""
     figure = figure_of(10.0, 8.0)
     axes = figure.subplots(2, 2, sharex=True).ravel()
     for number, (place, quantity) in enumerate(zip(axes, QUANTITIES, strict=True)):
@@ -45,7 +45,7 @@ def trade_figure(path: str | os.PathLike[str], marks: Sequence[Mark], own: tuple
     handles: list[Any] = [
         Line2D([], [], marker="o", linestyle="none", color=COLOURS[group], label=SAID[group]) for group in COLOURS
     ]
-    handles.append(Line2D([], [], color=GREEN, marker="o", markerfacecolor="none", label="Pareto front: nothing beats it"))
+    handles.append(Line2D([], [], color=GREEN, marker="o", markerfacecolor="none", label="Pareto front"))
     handles.append(Line2D([], [], color=GREY, linestyle=":", label="error of the reference itself"))
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize="small")
     figure.suptitle(f"{title}: error against cost", fontsize="medium")

@@ -1,4 +1,4 @@
-"""A process of its own that writes the frames of a run, so that the run need not wait for the disk.
+"""A separate process that writes the frames of a run, so that the run does not wait for the disk.
 
     run -> shared memory of one frame -> this process -> states/, scene.usda and its layers
 
@@ -133,9 +133,9 @@ class WriterProcess(FrameWriter):
             error = self._pipe.recv()
         except (EOFError, OSError):
             raise OutOfResources(
-                "memory ran out, or somebody ended it: the process that writes the frames"
+                "memory ran out or the process was killed: the process that writes the frames"
                 f" {ending_of(self._process)};"
-                " finished frames are kept, --resume goes on"
+                " finished frames are kept, continue with --resume"
             ) from None
         self._is_busy = False
         if error is not None:

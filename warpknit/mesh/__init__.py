@@ -1,1 +1,1 @@
-"""The mesh at rest: one repeat as a table, its copies as a panel, cut and held; or two hooked wires."""
+"""The mesh at rest: the table of one repeat, the panel of its copies, cut and clamped; or two hooked wires."""

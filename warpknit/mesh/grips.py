@@ -1,4 +1,4 @@
-"""Clamps where wires are cut, what they hold, and how the wire begins at each."""
+"""Clamps at the cut ends of the wires, and their held nodes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TANGENT_SHARE = 1e-3  # of a node spacing, either side of a clamp: where its dir
 
 @dataclass(frozen=True)
 class Grips:
-    """Two clamps a wire and what they hold."""
+    """Two clamps per wire and their held nodes."""
 
     node: np.ndarray  # [held]
     lever: np.ndarray  # [held, 2] [m]
@@ -27,12 +27,12 @@ class Grips:
 
 
 def no_clamps(wires: int) -> Grips:
-    """Of so many wires that are closed onto themselves."""
+    """Empty grips of closed wires."""
     return Grips(np.zeros(0, int), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((wires, 2, clamp.CLAMP_NUMBERS)))
 
 
 def clamps(cloth: Cloth, table: Table, strands: Strands, used: np.ndarray, first: np.ndarray, set_fraction: float) -> Grips:
-    """The clamps of the wires that are kept; see kernels/clamp.py for their numbers."""
+    """The clamps of the kept wires, with their numbers for kernels/clamp.py."""
     thread, begin, count = strands.thread[used], strands.begin[used], strands.count[used]
     spacing = table.spacing[thread]
     arc = np.stack([strands.arc_begin[used], strands.arc_end[used]], axis=1)

@@ -1,4 +1,4 @@
-"""From a scene to the nodes of its mesh: the cloth that is knitted, its copies, and how many nodes they take."""
+"""From a scene to the nodes of its mesh: the cloth, its copies, and the number of nodes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SLIDE_ALLOWANCE = 0.2  # how far a contact may slide beyond its lens, in wire le
 
 
 def estimated_nodes(scene: Scene, cloth: Cloth) -> int:
-    """Nodes of the mesh before it is built, to refuse what cannot fit."""
+    """Estimated number of nodes, to refuse a mesh that does not fit in memory."""
     repeats = scene.knit.repeats[0] * scene.knit.repeats[1]
     if scene.model.boundary == "gripped":
         repeats = scene.panel.shape(scene.knit.size).area / np.prod(scene.knit.repeat)
@@ -48,7 +48,7 @@ def knit_scene(scene: Scene) -> Cloth:
 
 
 def _tiles(scene: Scene) -> tuple[int, int]:
-    """Pattern repeats that are knitted as one."""
+    """Pattern repeats that form one repeat of the cloth."""
     return scene.knit.repeats if scene.knit.scatter else (1, 1)
 
 
@@ -63,7 +63,7 @@ def _refuse_other_hooks(scene: Scene, cloth: Cloth) -> None:
 
 
 def _size_of(scene: Scene) -> str:
-    """The key that says how large the mesh is, with its value."""
+    """The key that sets the size of the mesh, with its value."""
     if scene.panel.outline == "rectangle":
         return f"knit.repeats = {list(scene.knit.repeats)}"
     if scene.panel.size is None:

@@ -1,4 +1,4 @@
-"""A point in the space of loads: what a boundary imposes on a mesh."""
+"""A point in load space: deformation, temperature and pulls that the boundary imposes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ PATH_STRAIN = 0.005  # between equilibria where the state depends on the load hi
 
 @dataclass(frozen=True)
 class LoadPoint:
-    """A deformation gradient and what goes with it."""
+    """A deformation gradient, temperatures and pulls."""
 
     gradient: np.ndarray  # (2, 2)
     temperature: float  # [K] in the middle
@@ -19,7 +19,7 @@ class LoadPoint:
     stations: np.ndarray | None = None  # (station, 2) [m] displacement of the rim (rim.py) from the affinely mapped outline
 
     def is_as_knitted(self, reference_temperature: float) -> bool:
-        """Whether it leaves the mesh as it was knitted, at a temperature [K]."""
+        """Whether this is the unloaded state at a temperature [K]."""
         moved = self.stations is not None and bool(self.stations.any())
         even = not any(self.temperature_gradient) and self.temperature == reference_temperature
         return np.array_equal(self.gradient, np.eye(2)) and even and not moved

@@ -1,4 +1,4 @@
-"""Copies of one repeat make a mesh: wires, blocks of nodes, contact bodies with their pairs, and what is held.
+"""The mesh made of copies of one repeat: wires, blocks of nodes, contact bodies with their pairs, and clamps.
 
 *Periodic*: the tile is closed onto itself, every wire is an endless loop. *Gripped*: the mesh is cut along an outline from
 endless cloth (cut.py); a clamp sits where a wire is cut and holds the nodes before and behind. A hinge next to a clamp stands
@@ -65,7 +65,7 @@ class Panel:
 
     @property
     def area(self) -> float:
-        """[m2] at rest."""
+        """[m2] area at rest."""
         return float(np.prod(self.size)) if self.outline is None else self.outline.area
 
     @property
@@ -74,7 +74,7 @@ class Panel:
 
     @property
     def node_entry(self) -> np.ndarray:
-        """[node] its entry of the table."""
+        """[node] entry of each node in the table."""
         lane = np.arange(self.node_count, dtype=np.int32) - np.repeat(self.block_first, self.block_count)
         return np.repeat(self.block_table, self.block_count) + lane
 
@@ -85,7 +85,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class _Bodies:
-    """Bodies that are kept, with their pairs; arrays over [body] or [body, 2]."""
+    """Kept bodies with their pairs; arrays [body] or [body, 2]."""
 
     clasp: np.ndarray
     column: np.ndarray
@@ -173,7 +173,7 @@ def build_panel(
         low, size = outline.low, outline.size
         strands = cut_strands(cloth, table, outline)
     if not len(strands.thread):
-        raise ModelError("panel.size: no wire runs through the outline: use a larger one")
+        raise ModelError("panel.size: no wire crosses the outline: use a larger one")
     bodies = _place_bodies(cloth, table, strands, slack, GRIP_CLEARANCE * cloth.stitch_length)
     if outline is None:
         used = np.arange(len(strands.thread))

@@ -51,7 +51,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Line:
-    """A centre line to sample."""
+    """A centre line to be sampled."""
 
     centre_line: Callable[[np.ndarray], np.ndarray]  # points (m, 3) [m] at arc lengths (m,) [m]; it goes on beyond its ends
     nodes: int  # of a period

@@ -1,4 +1,4 @@
-"""What holds a gripped mesh along its outline: stations that are held or hang on an elastic cord.
+"""The edge of a gripped mesh: stations along its outline that are held or hang on an elastic cord.
 
 Between two stations the edge moves as a straight line does; the clamps at the ends of the wires go with it. Where the mesh is
 held all along its outline every station is given; with net nodes at a pitch only these are, and between them a cord pulls.
@@ -25,7 +25,7 @@ SOFT = 1e-6  # of the stiffness along the cord: keeps a slack one from moving wi
 
 @dataclass(frozen=True)
 class Rim:
-    """Stations along an outline, and how the clamps follow them."""
+    """Stations along an outline, and the weights with which clamps follow them."""
 
     outline: Outline
     arc: np.ndarray  # [station] [m], ascending
@@ -36,11 +36,11 @@ class Rim:
 
     @property
     def is_free(self) -> bool:
-        """Whether any station moves by itself."""
+        """Whether any station is free."""
         return not bool(self.given.all())
 
     def weights(self, arc: np.ndarray) -> sparse.csr_matrix:
-        """(place, station) of the two stations around places on the outline [m]: straight between them."""
+        """(place, station) linear weights of the two stations around places on the outline [m]."""
         n = len(self.arc)
         arc = np.where(arc < self.arc[0], arc + self.outline.length, arc)  # the last stretch ends at the first station
         before = np.searchsorted(self.arc, arc, side="right") - 1
@@ -140,7 +140,8 @@ def build_rim(panel: Panel, scene: Scene) -> Rim:
     order = np.argsort(arc)
     arc, held = arc[order], held[order]
     if held.sum() < 3:
-        raise ModelError(f"panel.grip_pitch: leaves {held.sum()} net nodes on an outline of {outline.length:.3g} m: at least 3")
+        found = f"{held.sum()} net nodes on an outline of {1e3 * outline.length:.3g} mm"
+        raise ModelError(f"panel.grip_pitch: given {found}, allowed: at least 3")
     rim = Rim(outline, arc, outline.place(arc), held, sparse.csr_matrix((0, len(arc))), options.cord)
     clamp_arc, _ = outline.nearest(panel.clamp_position)
     return Rim(outline, arc, rim.place, held, rim.weights(clamp_arc), options.cord)

@@ -1,4 +1,4 @@
-"""The smaller meshes of the same knit that a large one starts from: their scenes."""
+"""Scenes of the smaller meshes of a multilevel start."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ WORTH = 1.5  # ratio from which a smaller mesh pays
 
 
 def _smaller_side(repeats: int) -> int:
-    """Of the same parity, so that the middle of the mesh is cut alike."""
+    """A smaller number of repeats of the same parity, so that the middle of the mesh is the same."""
     fewer = -(-repeats // RATIO)
     return min(repeats, max(LEAST + repeats % 2, fewer + (fewer - repeats) % 2))
 
@@ -44,5 +44,5 @@ def one_repeat(scene: Scene) -> Scene:
 
 
 def _plain_stages(scene: Scene) -> tuple[Stage, ...]:
-    """The stages without what differs from place to place."""
+    """The stages without loads that vary over the mesh."""
     return tuple(replace(stage, pull=(), temperature_gradient=(0.0, 0.0)) for stage in scene.stages)

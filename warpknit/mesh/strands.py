@@ -1,4 +1,4 @@
-"""Copies of the threads of a repeat, and which stretch of them is which wire: closed onto itself, or cut along an outline."""
+"""Copies of the threads of a repeat, and the wires on them: closed, or cut along an outline."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NEAREST = 0.75  # node spacings from a clamp to the first free node, at least: n
 
 @dataclass(frozen=True)
 class Strands:
-    """Copies of the threads and which stretch of them is which wire.
+    """Copies of the threads and the wires on them.
 
     A strand is thread t in column c of repeats; its nodes are counted by K = row * nodes[t] + k with k in one period.
     """

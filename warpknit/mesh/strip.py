@@ -118,7 +118,7 @@ def cut_strip(panel: Panel, rank: int, ranks: int) -> Strip:
 
 
 def _neighbours(rank: int, body: np.ndarray, rank_of_pair: np.ndarray) -> tuple[Neighbour, ...]:
-    """Whom the bodies (body,) of a strip are shared with, from the ranks (body, 2) of their pairs."""
+    """Neighbours that share the bodies (body,) of a strip, from the ranks (body, 2) of their pairs."""
     found = []
     order = np.argsort(body)  # the order in the whole mesh is the same for both sides
     other = rank_of_pair.max(axis=1) + rank_of_pair.min(axis=1) - rank

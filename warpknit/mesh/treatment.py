@@ -24,7 +24,7 @@ PINBALL = 4.0  # reaches behind its target at which a contact point is no longer
 
 @dataclass(frozen=True)
 class Treatment:
-    """What the step and the model need to know of it."""
+    """Properties of a treatment for the step and the model."""
 
     reach: float  # [m] distance of body centre and wire centre line at which they touch; negative where a ring holds the wire
     spring_stiffness: float = 0.0  # [N/m] between body and ground
@@ -36,7 +36,7 @@ class Treatment:
 
     @property
     def is_free(self) -> bool:
-        """Whether the bodies are those of a mesh."""
+        """Whether bodies move freely, as in a mesh."""
         return not self.anchored and self.contact_node is None
 
 

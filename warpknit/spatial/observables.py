@@ -1,7 +1,7 @@
 """Observables of the spatial model (measure/observables.py): energies, loads, contacts, stress and places.
 
-A site (sites.py) stands for a body of the planar model and has two pairs of equal force: what one wire pushes with is what the
-other is pushed back with. So counts and shares mean the same in both models.
+A site (sites.py) corresponds to a body of the planar model and has two pairs with equal forces (action and reaction), so that
+counts and percentages are comparable between the models.
 """
 
 from __future__ import annotations
@@ -69,9 +69,8 @@ class SpatialObservables(Boundary):
     def nominal_stress(self) -> np.ndarray:
         """(2, 2) [N/m] work-conjugate of the deformation gradient, force per rest width.
 
-        P = (1/A0) [sum over segments n (x) E0 - sum over contacts f (x) (P0 - Q0) + sum over held nodes f (x) (X - c)], c
-        being the clamp; f of a contact is the force on the first wire at the point
-        whose rest place is P0, Q0 that of the second wire.
+        P = (1/A0) [sum over segments n (x) E0 - sum over contacts f (x) (P0 - Q0) + sum over held nodes f (x) (X - c)] with the
+        clamp c; f of a contact is the force on the first wire, P0 and Q0 are the rest places of the contact on both wires.
         """
         rods, t = self.model.rods, self.touching
         total = np.einsum("ia,ib->ab", self.segment_force[:, :2], rods.rest_edge[:, :2])

@@ -34,9 +34,9 @@ class Curve(Protocol):
 
 @dataclass(frozen=True)
 class SpatialWires:
-    """Nodes of the wires and what holds them, and where along them the sites of the panel's bodies are.
+    """Nodes of the wires, their clamps, and the sites of the panel's bodies.
 
-    Places along a wire are numbers of nodes from its first one; sites run over (site, 2), their two wires.
+    Places along a wire are in nodes from its first one; arrays of sites are (site, 2), for their two wires.
     """
 
     points: tuple[np.ndarray, ...]  # for each wire (n, 3) [m]

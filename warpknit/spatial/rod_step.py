@@ -41,10 +41,10 @@ class Contact(Protocol):
 
 
 class Clamps(Protocol):
-    """What moves held nodes."""
+    """Motion of held nodes."""
 
     def launches(self) -> Sequence[Launch]:
-        """What moves held nodes, behind the step."""
+        """Launches that move held nodes after the step."""
 
 
 class RodStepper:

@@ -85,8 +85,8 @@ def unit_step_masses(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Node masses [node] [kg] and spin inertias [node] [kg m2] that are stable at a step of 1 s, with a look-ahead of LOOK_AHEAD.
 
-    A quarter of the largest stiffness is the mass that is just stable; turning [node] [rad] is the angle at each node;
-    stick_stiffness [N/m] that of friction.
+    The mass at the stability limit is a quarter of the largest stiffness. turning [node] [rad]: angle at each node;
+    stick_stiffness [N/m]: tangential stiffness of friction.
     """
     turning = np.minimum(np.asarray(turning) + TURN_ALLOWANCE, MAX_TURN)
     k = _stiffnesses(rods, stretch_stiffness, turning, tension, contact_stiffness, curve, stick_stiffness)
