@@ -151,7 +151,7 @@ def prolong_nodes(
     change_y: wp.array(dtype=Any),
     change_tension: wp.array(dtype=Any),
     change_strain: wp.array(dtype=Any),
-    # in: what changes in one repeat with its deformation gradient, see kernels/membrane.py
+    # in: what changes in one repeat with its deformation gradient, see kernels/membrane_transfer.py
     cell_node: wp.array(dtype=wp.int32),
     cell_x: wp.array2d(dtype=wp.float64),
     cell_y: wp.array2d(dtype=wp.float64),

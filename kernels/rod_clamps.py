@@ -25,7 +25,7 @@ from .control import (
     TIME_STEP,
     VELOCITY_FACTOR,
 )
-from .rod_step import NODE_BLOCK
+from .rod_motion import NODE_BLOCK
 
 
 @wp.kernel

@@ -1,4 +1,4 @@
-"""Replicas step as a single mesh does: kernels/replicas.py against the kernels that it stands for."""
+"""Replicas step as a single mesh does: kernels/replica_steps.py against the kernels that it stands for."""
 
 import numpy as np
 import pytest

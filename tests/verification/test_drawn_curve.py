@@ -9,7 +9,7 @@ import pytest
 
 from warpknit import measure
 from warpknit.frame import MOST_PARTS, POINTS_DRAWN, curve_parts, drawn_frame, drawn_layout
-from warpknit.measure.wire_curve import edges_of, planar_curve
+from warpknit.measure.drawn_curve import edges_of, planar_curve
 from warpknit.mesh.thread_curve import ThreadCurve
 from warpknit.model import build_model
 from warpknit.planar.observables import read

@@ -8,7 +8,7 @@ import warp as wp
 
 from warpknit import measure
 from warpknit.kernels import control as c
-from warpknit.kernels.friction import LOOSE, TANGENTIAL
+from warpknit.kernels.contact_friction import LOOSE, TANGENTIAL
 from warpknit.model import build_model
 from warpknit.planar.bending import normal_forces
 from warpknit.planar.friction import friction_energy

@@ -9,7 +9,7 @@ from warpknit.errors import ModelError, SceneError
 from warpknit.model import build_model
 from warpknit.numerics import AXIAL_ERROR
 from warpknit.scene import Scene, load_scene
-from warpknit.scene.load import make_scene
+from warpknit.scene.scene_loader import make_scene
 from warpknit.solve.simulate import Simulation
 
 KNIT = Path(__file__).parents[2] / "scenes" / "wires" / "plain_knit_spatial.toml"

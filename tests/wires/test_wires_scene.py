@@ -12,8 +12,8 @@ from click.testing import CliRunner
 from warpknit.cli import main
 from warpknit.errors import SceneError
 from warpknit.scene import load_scene
-from warpknit.scene.load import make_scene
 from warpknit.scene.resolved import resolved_toml
+from warpknit.scene.scene_loader import make_scene
 from warpknit.wires.read import rest_wires
 
 SCENES = Path(__file__).parents[2] / "scenes" / "wires"

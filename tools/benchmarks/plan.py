@@ -15,7 +15,7 @@ from warpknit.errors import Diverged
 from warpknit.model import build_model
 from warpknit.plan import make_plan
 from warpknit.scene import Scene, make_scene
-from warpknit.scene.load import load_scene
+from warpknit.scene.scene_loader import load_scene
 from warpknit.solve.simulate import Simulation
 
 SCENES = Path(__file__).parents[2] / "scenes"

@@ -27,8 +27,8 @@ from warpknit.kernels import control as c
 from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.planar.strip_step import StripStepper
-from warpknit.ranks.launch import join_ranks
 from warpknit.ranks.ranks import Ranks
+from warpknit.ranks.start import join_ranks
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 

@@ -68,8 +68,8 @@ def bending_moments(r: HostState) -> BendingMoments:
 def normal_forces(r: HostState, pair: np.ndarray) -> np.ndarray:
     """(pair, 4, 2) [N] normal contact forces on the nodes.
 
-    Friction acts at the two nodes beside the contact point (kernels/friction.py). The force on the body is N n + T t, with t
-    the normal n turned by -90 degrees times the side.
+    Friction acts at the two nodes beside the contact point (kernels/contact_friction.py). The force on the body is N n + T t,
+    with t the normal n turned by -90 degrees times the side.
     """
     force = r.pair_nodal[pair]
     if not len(r.pair_stuck):

@@ -1,6 +1,6 @@
 """Diagnostics of a state between steps: sums over nodes and pairs for a convergence check.
 
-They are summed on the device (kernels/diagnostics.py); one row a wire and a few values are copied to the host. Records use
+They are summed on the device (kernels/sums.py); one row a wire and a few values are copied to the host. Records use
 the full state on the host (observables.read).
 """
 
@@ -46,7 +46,7 @@ def first_blocks(panel: Panel) -> np.ndarray:
 
 
 def sum_up(model: Model, first: np.ndarray, wires: np.ndarray, pairs: np.ndarray, held_stress: np.ndarray) -> Sums:
-    """Sums of the partial sums of kernels/diagnostics.py: rows (..., block, WIRE_COLUMNS) and (..., pair block, PAIR_COLUMNS).
+    """Sums of the partial sums of kernels/sums.py: rows (..., block, WIRE_COLUMNS) and (..., pair block, PAIR_COLUMNS).
 
     `first` [wire]: see `first_blocks`.
     `held_stress` (..., 2, 2) [N m] is the contribution of held nodes. A leading axis counts replicas.

@@ -1,11 +1,11 @@
-"""Friction forces between bodies and wires (kernels/friction.py)."""
+"""Friction forces between bodies and wires (kernels/contact_friction.py)."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ..kernels import control as c
-from ..kernels.friction import LOOSE, TANGENTIAL
+from ..kernels.contact_friction import LOOSE, TANGENTIAL
 from .host_state import HostState
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from ..kernels.anchored_bodies import draw_anchors
-from ..kernels.friction import stick_contacts
+from ..kernels.contact_friction import stick_contacts
 from ..launch import bind
 from .host_state import read_strip
 from .model import Model

@@ -46,7 +46,7 @@ class HostState(Boundary):
     back_turn: np.ndarray  # [node, or one] [rad] back turning of kinematic hardening
     pair_force: np.ndarray  # [pair] [N]
     pair_offset: np.ndarray  # [pair] [N] augmented Lagrangian multiplier, part of the force
-    pair_stuck: np.ndarray  # [pair, or none without friction] where a contact sticks to its wire (kernels/friction.py)
+    pair_stuck: np.ndarray  # [pair, or none without friction] where a contact sticks to its wire (kernels/contact_friction.py)
     pair_gap: np.ndarray  # [pair] [m] valid where the force is not zero
     pair_node: np.ndarray  # [pair]
     pair_wake: np.ndarray  # [pair] [m] travel since the last neighbour search up to which the pair sleeps

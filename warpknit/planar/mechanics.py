@@ -9,7 +9,7 @@ import warp as wp
 
 from .. import measure
 from ..kernels import control as c
-from ..kernels.multipliers import extrapolate, extrapolate_held_bodies
+from ..kernels.multiplier_update import extrapolate, extrapolate_held_bodies
 from ..launch import bind
 from ..measure import force_scale
 from ..mechanics import Check, Drift, strength_exceeded

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from ..kernels.membrane import Grid, gather_body_forces, gather_node_forces, spread_to_bodies, spread_to_nodes
+from ..kernels.membrane_transfer import Grid, gather_body_forces, gather_node_forces, spread_to_bodies, spread_to_nodes
 from ..launch import bind
 from .model import Model, block_threads
 from .response import Response
@@ -14,7 +14,7 @@ from .step import ForceProbe
 
 
 class MembraneGrid:
-    """A grid of `cells` (2,) from `low` (2,) [m] on, each of size `cell` (2,) [m], over a mesh (kernels/membrane.py)."""
+    """A grid of `cells` (2,) from `low` (2,) [m] on, each of size `cell` (2,) [m], over a mesh (kernels/membrane_transfer.py)."""
 
     def __init__(
         self, model: Model, state: State, probe: ForceProbe, low: np.ndarray, cell: np.ndarray, cells: np.ndarray

@@ -15,7 +15,7 @@ import numpy as np
 import warp as wp
 
 from ..kernels import control as c
-from ..kernels.multipliers import update_pair_offset, update_tension_offset
+from ..kernels.multiplier_update import update_pair_offset, update_tension_offset
 from ..launch import bind
 from .diagnostics import Diagnostics, Sums
 from .model import Model, block_threads

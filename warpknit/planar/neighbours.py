@@ -1,4 +1,4 @@
-"""Neighbour search; the kernels are in kernels/neighbours.py."""
+"""Neighbour search; the kernels are in kernels/contact_search.py."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 
 from ..kernels import control as c
-from ..kernels.neighbours import find_nearest_segments, place_nodes_in_hash
+from ..kernels.contact_search import find_nearest_segments, place_nodes_in_hash
 from ..launch import bind
 from .model import Model, block_threads
 from .state import State

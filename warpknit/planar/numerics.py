@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..kernels.bend import BEND_EIGENVALUE, BOW
-from ..kernels.friction import TANGENTIAL
+from ..kernels.contact_friction import TANGENTIAL
 from ..mesh.rest_table import Table
 from ..numerics import LOADING_PERIODS, MASS_MARGIN, STEP_MARGIN, TURN_ALLOWANCE, slowest_rate
 from ..scene import Scene

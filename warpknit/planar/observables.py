@@ -10,12 +10,12 @@ import numpy as np
 from ..frame import curve_parts
 from ..kernels import control as c
 from ..measure.contact_places import ContactPlaces
+from ..measure.drawn_curve import planar_curve
 from ..measure.hook_contact import HookContact
 from ..measure.measures import active_threshold, section
 from ..measure.observables import Energies, WireStress
 from ..measure.panel_map import PanelMap
 from ..measure.strain import rotation
-from ..measure.wire_curve import planar_curve
 from .bending import bending_moments
 from .contact_places import contact_places
 from .friction import friction_energy

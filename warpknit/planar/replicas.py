@@ -1,6 +1,6 @@
 """Replicas: many independent states of one model under different loads, side by side.
 
-One launch steps all of them (kernels/replicas.py), and convergence checks are vectorised over them.
+One launch steps all of them (kernels/replica_steps.py), and convergence checks are vectorised over them.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 
 from ..kernels import control as c
-from ..kernels.replicas import step_replicas
+from ..kernels.replica_steps import step_replicas
 from ..launch import bind
 from ..mechanics import Check
 from ..numerics import CORES, thread_count

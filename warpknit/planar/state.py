@@ -15,7 +15,7 @@ import warp as wp
 from ..kernels import contact_by_batch as b
 from ..kernels import control as c
 from ..kernels.bend import BOW, SLOPE_SHARE
-from ..kernels.friction import LOOSE
+from ..kernels.contact_friction import LOOSE
 from ..numerics import FIRST_DAMPING, LOOK_AHEAD, MASS_MARGIN, SPEED_SHARE
 from .model import Model, body_blocks, contact_batches
 
@@ -60,7 +60,7 @@ class State:
     pair_nodal_y: wp.array
     clamp_from: wp.array  # [clamp] vec2d [m] displacement from the affinely mapped outline at the start of the ramp
     clamp_to: wp.array  # [clamp] vec2d [m] the same at its end
-    pair_stuck: wp.array  # [pair, or none without friction] place where a contact sticks to its wire (kernels/friction.py)
+    pair_stuck: wp.array  # [pair, or none without friction] where a contact sticks to its wire (kernels/contact_friction.py)
     plastic_turn: wp.array  # [node, or one without yield] [rad] plastic turning (kernels/bend.py)
     back_turn: wp.array  # [node, or one] [rad] back turning of kinematic hardening
     wire_thermal_strain: (

@@ -20,9 +20,9 @@ from ..kernels.barrier import wait_for_all
 from ..kernels.bodies import step_bodies
 from ..kernels.contact import find_contact_forces
 from ..kernels.contact_by_batch import PAIR_BATCH, find_contact_forces_by_batch
+from ..kernels.contact_friction import add_friction
 from ..kernels.contact_node import follow_contact_node, lend_contact_force
 from ..kernels.control import update_control
-from ..kernels.friction import add_friction
 from ..kernels.grip import move_held_nodes
 from ..kernels.slide import slide_clamps
 from ..kernels.wire_forces import BLOCK_SIZE

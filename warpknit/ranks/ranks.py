@@ -1,7 +1,7 @@
 """Ranks that share a mesh: what they tell each other, and where this process stands among them.
 
 `One` is the single process, which has nobody to tell; `Mpi` (mpi.py) is a rank that a launcher such as mpirun started
-(launch.py). Both answer the same questions, so nobody else needs to know which it is. All ranks ask the same questions in the
+(start.py). Both answer the same questions, so nobody else needs to know which it is. All ranks ask the same questions in the
 same order. NumPy is imported where it is used: the command line needs `One` for `--help` too.
 """
 

@@ -7,7 +7,6 @@ A scene file is TOML; `warpknit.scene.file` lists its keys. Whatever is wrong wi
 
 from warpknit.errors import SceneError
 from warpknit.scene.hook import Hook
-from warpknit.scene.load import load_scene, make_scene
 from warpknit.scene.objects import (
     Bar,
     Contact,
@@ -23,6 +22,7 @@ from warpknit.scene.objects import (
 )
 from warpknit.scene.panel_options import Cord, PanelOptions
 from warpknit.scene.resolved import resolved_toml
+from warpknit.scene.scene_loader import load_scene, make_scene
 from warpknit.scene.wire import Plating, Wire
 
 __all__ = [

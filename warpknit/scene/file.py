@@ -1,6 +1,6 @@
 """A whole scene file: its tables, checked, in SI.
 
-None means that the value follows from others: `warpknit.scene.load` fills in what it can, the model chooses the rest.
+None means that the value follows from others: `warpknit.scene.scene_loader` fills in what it can, the model chooses the rest.
 """
 
 from __future__ import annotations

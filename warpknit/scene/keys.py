@@ -6,7 +6,7 @@
 `Rate` (values.py) is the unit and the range. From this line follow how the file is checked, the attribute of the scene, the
 resolved file, the nearest known key of an unknown one, and the row in docs/scenes.md (reference.py). A class that derives
 from `Table` is a table of the file as it was checked, where what was left out may be None, and then the frozen object of the
-scene, where `warpknit.scene.load` has filled it in; so its annotations are those of the object.
+scene, where `warpknit.scene.scene_loader` has filled it in; so its annotations are those of the object.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The tables of a scene file and the scene that they make, as frozen objects in plain SI.
 
 A field made by `key` is a key of the file; keys.py says what follows from it. What a key of the file may leave out is there once
-`warpknit.scene.load` has filled it in. Each table of a file stands beside what makes it: the wire in wire.py, the hook in
+`warpknit.scene.scene_loader` has filled it in. Each table of a file stands beside what makes it: the wire in wire.py, the hook in
 hook.py, the panel in panel.py, wires from a file in wires.py; file.py puts them together.
 """
 

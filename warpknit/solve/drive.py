@@ -19,8 +19,8 @@ from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
 from ..scene import Stage
 from .equilibrium import MAX_OVERLAP
-from .load import load_at, temperature_at
 from .progress import LoadStart, Progress, Record
+from .stage_load import load_at, temperature_at
 
 
 class Drive(ABC):

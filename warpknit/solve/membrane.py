@@ -1,7 +1,8 @@
 """Coarse-grid correction of large meshes: long-wave out-of-balance forces are balanced on a membrane grid.
 
 Short-wave errors decay in some hundred steps, long-wave errors in a number of steps that grows with the square of the mesh
-size. Out-of-balance forces are therefore gathered at intervals onto a grid of bilinear membrane elements (kernels/membrane.py).
+size. Out-of-balance forces are therefore gathered at intervals onto a grid of bilinear membrane elements
+(kernels/membrane_transfer.py).
 Their stiffness is that of endless cloth at the load: the derivative of the nominal stress of one periodic repeat in
 equilibrium. The displacement that balances the forces is applied to the mesh; its stress measures the imbalance.
 

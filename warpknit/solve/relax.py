@@ -21,8 +21,8 @@ from ..numerics import CHECK_STEPS
 from ..scene import Stage
 from .drive import Drive
 from .equilibrium import Equilibrium
-from .load import history_steps
 from .progress import Progress, Record
+from .stage_load import history_steps
 from .tension import MAX_STATES
 
 DEFAULT_STEP_LIMIT = 500_000  # steps of a level, where the scene gives no max_steps

@@ -15,10 +15,10 @@ from ..kernels import control as c
 from ..measure import strain
 from ..measure.boundary import Boundary
 from ..measure.contact_places import ContactPlaces
+from ..measure.drawn_curve import WireCurve
 from ..measure.hook_contact import HookContact
 from ..measure.measures import active_threshold
 from ..measure.observables import Energies, WireStress
-from ..measure.wire_curve import WireCurve
 from .contact_places import contact_places, site_places
 from .hook_contact import hook_contact
 from .model import SpatialModel

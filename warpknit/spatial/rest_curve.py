@@ -13,7 +13,7 @@ from numpy.polynomial.legendre import leggauss
 
 from ..frame import WireLayout
 from ..hermite import hermite
-from ..measure.wire_curve import WireCurve, curve_of, edges_of
+from ..measure.drawn_curve import WireCurve, curve_of, edges_of
 from .rods import Rods
 
 FIT_PLACES = 0.5 * (leggauss(12)[0] + 1.0)  # places 0 .. 1 on a segment where the centre line is sampled

@@ -10,7 +10,7 @@ import warp as wp
 from ..kernels import control as c
 from ..kernels.rod_bend import bend_rods
 from ..kernels.rod_frames import update_frames
-from ..kernels.rod_step import NODE_BLOCK, step_rods
+from ..kernels.rod_motion import NODE_BLOCK, step_rods
 from ..launch import Launch, bind
 from .rods import Rods
 

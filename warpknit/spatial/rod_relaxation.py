@@ -18,7 +18,7 @@ import numpy as np
 
 from ..kernels import control as c
 from ..kernels.bend import BOW
-from ..kernels.rod_step import HELD_NODE, HELD_TURN
+from ..kernels.rod_motion import HELD_NODE, HELD_TURN
 from ..numerics import FIRST_DAMPING, LOOK_AHEAD, SPEED_SHARE, STEP_MARGIN, renewed_damping
 from .clamps import MovingClamps
 from .rest_curve import RestCurve

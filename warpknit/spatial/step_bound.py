@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..kernels.rod_step import HELD_NODE
+from ..kernels.rod_motion import HELD_NODE
 from ..numerics import MASS_MARGIN, TURN_ALLOWANCE
 from .rest_curve import RestCurve
 from .rods import Rods

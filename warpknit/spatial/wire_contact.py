@@ -10,7 +10,7 @@ import warp as wp
 from ..errors import OutOfResources
 from ..kernels import control as c
 from ..kernels.wire_closest import NOT_NEAR, ONE_PLACE, PLACES, find_closest_places
-from ..kernels.wire_contact import add_contact_forces
+from ..kernels.wire_contact_forces import add_contact_forces
 from ..kernels.wire_curve import CLOSING_RATE
 from ..kernels.wire_friction import transfer_elastic_slip
 from ..kernels.wire_pairs import find_segment_pairs, place_segments_in_hash

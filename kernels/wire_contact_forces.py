@@ -9,7 +9,7 @@ o = r_p + r_q - |p - q|, where the radii r grow with temperature as the wires do
 v_t is the tangential velocity of one surface over the other: affine velocity of the load, velocity of the nodes, spin and tilt of
 the sections, at the point that divides the line from p to q as the radii. T acts at the same point: as forces on the nodes and a
 couple on the section of the segment. So force, moment and power are those of the two surfaces. The couples on the sections become
-forces and torques in rod_step.py.
+forces and torques in rod_motion.py.
 
 Weights of contacts at the end of a segment, and of two contacts of one pair: wire_weights.py.
 """
