@@ -20,7 +20,7 @@ from study import run_model, scene_of
 from warpknit.model import build_model
 from warpknit.run.history import row_of
 from warpknit.run.warnings_of import warnings_of
-from warpknit.solve.convergence import PATIENCE, PATIENT_NODES, patience_of
+from warpknit.solve.convergence import PATIENCE, PATIENCE_NODES, patience_of
 
 DRAFT = "solver.preset=draft"
 CELL = "atlas_cell.toml"
@@ -94,8 +94,8 @@ def test_fifty_nodes_a_portion_are_enough_where_the_contact_curve_is_true() -> N
 
 
 def test_levels_of_fine_wires_are_given_more_steps() -> None:
-    assert patience_of(24) == patience_of(PATIENT_NODES) == PATIENCE
-    assert patience_of(2 * PATIENT_NODES) == 4 * PATIENCE
+    assert patience_of(24) == patience_of(PATIENCE_NODES) == PATIENCE
+    assert patience_of(2 * PATIENCE_NODES) == 4 * PATIENCE
 
 
 @pytest.mark.slow
