@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..kernels import diagnostics as k
+from ..kernels import sums as k
 from ..launch import bind
 from ..mesh.panel import Panel
 from .host_state import evaluation
