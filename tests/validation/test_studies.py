@@ -183,4 +183,4 @@ def test_warnings_say_whether_wires_may_yield(plastic: bool) -> None:
     model = build_model(scene)
     rows = [row_of(record) for record in run_model(model)]
     warning = next(text for text in warnings_of(model, rows, []) if "elastic limit" in text or "strength" in text)
-    assert ("the result is elastic" in warning) is not plastic
+    assert ("the model is elastic" in warning) is not plastic
