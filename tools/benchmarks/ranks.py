@@ -77,9 +77,9 @@ def measure(options: argparse.Namespace, nodes: int, threads: int, ranks: Ranks)
     }
     if isinstance(stepper, StripStepper):
         found["border_bytes"] = max(ranks.everyone(stepper.border_bytes))
-        found["swap_us"] = round(best(stepper._swap_forces, SWAPS, options.rounds, ranks), 2)
+        found["swap_us"] = round(best(stepper._exchange_forces, SWAPS, options.rounds, ranks), 2)
         found["rows_us"] = round(best(stepper._collect_rows, SWAPS, options.rounds, ranks), 2)
-        stepper._swap_forces = stepper._collect_rows = lambda: None
+        stepper._exchange_forces = stepper._collect_rows = lambda: None
     found["work_us"] = round(best(lambda: stepper.step(steps), 1, options.rounds, ranks, time.process_time) / steps, 2)
     return found
 
