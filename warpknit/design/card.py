@@ -1,6 +1,6 @@
 """The orthotropic material card of a mesh under tension: tangent membrane stiffness and thermal expansion.
 
-The mesh is brought to rest at a deformation gradient F0, and from there strained a little further by f, F = f F0. Everything
+The mesh is in equilibrium at a deformation gradient F0, and from there strained a little further by f, F = f F0. Everything
 refers to the tensioned mesh: its width and length count as 1, and the tension that is there is the prestress of the FE model.
 
     stress   S = f^-1 P F0^T / det F0 [N/m]   second Piola-Kirchhoff, P the nominal stress of measure/measures.py
@@ -118,7 +118,7 @@ def stretch(strain: np.ndarray) -> np.ndarray:
 def find_card(model: Mesh, weft: float, warp: float) -> tuple[MaterialCard, Observables]:
     """The card at the strains `weft` and `warp`, and the tensioned mesh. `model`: periodic, see `exact_model`.
 
-    Raises `Diverged` where the mesh does not come to rest.
+    Raises `Diverged` where the mesh does not converge.
     """
     tensioned = np.diag([1.0 + weft, 1.0 + warp])
     steps = [sign * size * np.eye(3)[k] for size in (STEP, 2.0 * STEP) for k in range(3) for sign in (1.0, -1.0)]
