@@ -12,7 +12,6 @@ from .scene import Scene
 # --- steps
 GRAPH_STEPS = (50, 10, 1)  # steps of one graph replay
 CHECK_STEPS = 50  # steps between convergence checks
-LOAD_STEPS = 100  # over which a load comes on that no prediction leads to
 CORES = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
 
 # --- dynamic relaxation

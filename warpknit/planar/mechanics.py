@@ -15,7 +15,6 @@ from ..measure import force_scale
 from ..mechanics import Check, Drift, strength_exceeded
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
-from ..numerics import LOAD_STEPS
 from .diagnostics import Diagnostics, Sums
 from .history_variables import HistoryVariables
 from .membrane_grid import MembraneGrid
@@ -32,6 +31,7 @@ from .strip_step import stepper_of
 from .thermal import wire_thermal_strain
 from .time_step import stable_step
 
+LOAD_STEPS = 100  # over which a load is applied that no prediction leads to
 SOFTENING_CHECKS = 10  # convergence checks between updates of the bound on the softening
 UNLOADED = 1e-3  # of EI/W^2: forces that count as zero in a mesh as knitted
 DRIFT_CHECKS = (5, 40)  # convergence checks of the drift criterion, smallest and largest

@@ -13,7 +13,7 @@ from ..kernels import control as c
 from ..mechanics import Check, Drift, strength_exceeded
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
-from ..numerics import AXIAL_ERROR, CHECK_STEPS, LOAD_STEPS, SLOWEST_WAVE, slowest_damping
+from ..numerics import AXIAL_ERROR, CHECK_STEPS, SLOWEST_WAVE, slowest_damping
 from .clamps import MovingClamps
 from .edge import Edge
 from .model import SpatialModel
@@ -28,6 +28,7 @@ from .wire_contact import STICK_SHARE, WireContact
 
 CLOSEST = 1e-3  # of the thickness: smaller overlaps as knitted, and smaller distances of centre lines, count as zero
 MASS_CHECKS = 20  # convergence checks between updates of the fictitious masses
+LOAD_STEPS = 500  # over which the load of a level is applied; with 100 a hook takes 28 % and a gripped patch 13 % more steps
 EDGE_CHECKS = 4  # convergence checks between steps of the free stations
 EDGE_RATIO = 20.0  # residual ratio below which the free stations move
 MAX_PREDICTION = 0.2  # of the thickness: largest displacement of the prediction
