@@ -34,7 +34,7 @@ def move_clamps(
     clamp_node: wp.array2d(dtype=wp.int32),
     clamp_lever: wp.array2d(dtype=wp.vec2d),
     clamp_slides: wp.array(dtype=wp.int32),
-    node_mass: wp.array(dtype=wp.float64),
+    node_mass: wp.array(dtype=wp.vec3d),
     # in: what steers the step
     control: wp.array(dtype=wp.float64),
     # in: the sums without holding
@@ -57,7 +57,7 @@ def move_clamps(
     speed_square = wp.float64(0.0)
     row = a / NODE_BLOCK
     if clamp_slides[s] != 0:
-        mass = node_mass[a] + node_mass[b]
+        mass = node_mass[a][1] + node_mass[b][1]
         push = force[a][1] + force[b][1]
         before = clamp_velocity[s]
         after = control[VELOCITY_FACTOR] * before + control[FORCE_FACTOR] * push / mass

@@ -1,4 +1,5 @@
-"""Time step of rods: sums stretch, bending, twist, contact and loads, then updates nodes and sections.
+"""Time step of rods: sums stretch, bending, twist, contact and loads; then, with the accelerations
+(banded_mass.py), updates nodes and sections.
 
     n_j = T_j t_j + (gradient of bending and twist by edge j) + t_j x c_j/|e_j|       f_i = n_i - n_(i-1) + contact + load
     torque of segment j = - gradient by its angle + t_j . c_j + load
@@ -53,14 +54,11 @@ def edge_gradient(
 
 
 @wp.kernel
-def step_rods(
+def sum_rod_forces(
     # in: wires
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
-    held: wp.array(dtype=wp.int32),
     natural_length: wp.array(dtype=wp.float64),
-    node_mass: wp.array(dtype=wp.float64),
-    spin_inertia: wp.array(dtype=wp.float64),
     stretch_stiffness: wp.array(dtype=wp.float64),
     load_force: wp.array(dtype=wp.vec3d),
     load_torque: wp.array(dtype=wp.float64),
@@ -77,16 +75,9 @@ def step_rods(
     contact_couple: wp.array(dtype=wp.vec3d),
     # in and out: contact forces, set to zero for the next step
     contact_force: wp.array(dtype=wp.vec3d),
-    # state in and out
-    displacement: wp.array(dtype=wp.vec3d),
-    velocity: wp.array(dtype=wp.vec3d),
-    spin: wp.array(dtype=wp.float64),
-    angle: wp.array(dtype=wp.float64),
     # out
-    pending_turn: wp.array(dtype=wp.float64),
     force: wp.array(dtype=wp.vec3d),
     torque: wp.array(dtype=wp.float64),
-    partial: wp.array2d(dtype=wp.float64),
 ):
     """One thread a node. `force` [N] and `torque` [N m] include the forces that held nodes react to."""
     i = wp.tid()
@@ -105,32 +96,52 @@ def step_rods(
         f -= edge_gradient(h, i, tension, tangent, edge_gradient_before, edge_gradient_after, contact_couple, length)
     force[i] = f
     torque[i] = axial_torque
+
+
+@wp.kernel
+def move_rods(
+    # in
+    node_mass: wp.array(dtype=wp.vec3d),
+    spin_inertia: wp.array(dtype=wp.float64),
+    control: wp.array(dtype=wp.float64),
+    force: wp.array(dtype=wp.vec3d),
+    acceleration: wp.array(dtype=wp.vec3d),
+    spin_acceleration: wp.array(dtype=wp.float64),
+    # state in and out
+    displacement: wp.array(dtype=wp.vec3d),
+    velocity: wp.array(dtype=wp.vec3d),
+    spin: wp.array(dtype=wp.float64),
+    angle: wp.array(dtype=wp.float64),
+    force_sum: wp.array(dtype=wp.vec3d),
+    # out
+    pending_turn: wp.array(dtype=wp.float64),
+    partial: wp.array2d(dtype=wp.float64),
+):
+    """One thread a node. The kinetic energy is that of the diagonal masses."""
+    i = wp.tid()
     if control[STATUS] != STATUS_RUNNING:
         return
-    if (held[i] & HELD_NODE) != 0:
-        f = wp.vec3d()
-    if (held[i] & HELD_TURN) != 0 or j < 0:
-        axial_torque = wp.float64(0.0)
     a = control[VELOCITY_FACTOR]
     b = control[FORCE_FACTOR]
     dt = control[TIME_STEP]
     ahead = control[LOOK_AHEAD]
-    mass = node_mass[i]
-    inertia = spin_inertia[i]
     before = velocity[i]
-    after = a * before + (b / mass) * f
+    after = a * before + b * acceleration[i]
     spin_before = spin[i]
-    spin_after = a * spin_before + (b / inertia) * axial_torque
+    spin_after = a * spin_before + b * spin_acceleration[i]
     velocity[i] = after
     spin[i] = spin_after
     displacement[i] = displacement[i] + dt * (after + ahead * (after - before))
     move = dt * (spin_after + ahead * (spin_after - spin_before))
     pending_turn[i] = move
     angle[i] = angle[i] + move
-    force_square = wp.dot(f, f)
+    force_sum[i] = force_sum[i] + force[i]
+    force_square = wp.where(wp.length_sq(acceleration[i]) > wp.float64(0.0), wp.length_sq(force[i]), wp.float64(0.0))
     speed_square = wp.dot(after, after)
     row = i / NODE_BLOCK
-    wp.atomic_add(partial, row, KINETIC_PART, mass * speed_square + inertia * spin_after * spin_after)
+    wp.atomic_add(
+        partial, row, KINETIC_PART, wp.dot(node_mass[i], wp.cw_mul(after, after)) + spin_inertia[i] * spin_after * spin_after
+    )
     wp.atomic_max(partial, row, SPEED_PART, speed_square)
     wp.atomic_max(partial, row, STRONGEST_PART, force_square)
     wp.atomic_add(partial, row, FORCE_PART, force_square)

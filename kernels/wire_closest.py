@@ -230,6 +230,7 @@ def find_closest_places(
     rest_slope: wp.array(dtype=wp.vec2d),
     rest_bump: wp.array(dtype=wp.vec4d),
     rest_bulge: wp.array(dtype=wp.float64),
+    contact_offset: wp.array(dtype=wp.float64),
     # in: what steers the step
     control: wp.array(dtype=wp.float64),
     search_ratio: wp.float64,
@@ -264,6 +265,8 @@ def find_closest_places(
     q = q + wp.matrix_from_rows(offset, offset, offset, offset)
     length_factor = control[LENGTH_FACTOR]
     contact_distance = length_factor * (node_radius[i] + node_radius[j])
+    contact_distance += wp.max(contact_offset[i], contact_offset[following[i]])
+    contact_distance += wp.max(contact_offset[j], contact_offset[following[j]])
     chords = closest_on_chords(row(p, 1), row(p, 2), row(q, 1), row(q, 2))
     r = row(p, 1) + chords[0] * (row(p, 2) - row(p, 1)) - row(q, 1) - chords[1] * (row(q, 2) - row(q, 1))
     gap = wp.length(r) - sag(p, length_factor * rest_bulge[i]) - sag(q, length_factor * rest_bulge[j]) - contact_distance

@@ -3,8 +3,11 @@
 At the closest points p and q of two curves (wire_curve.py), with the unit vector n from q to p, the wires overlap by
 o = r_p + r_q - |p - q|, where the radii r grow with temperature as the wires do, and
 
-    N = k o where o > 0                             normal force, along n on p and along -n on q
+    N = k (o + a) where o + a > 0                   normal force, along n on p and along -n on q
     z' = z + dt v_t    T = - k_t z    |T| <= mu N   friction; the elastic slip z is scaled back at the Coulomb limit
+
+The penalty k and the offset a, an augmented Lagrangian multiplier over the penalty, are given at the nodes: k is the mean and a
+the sum of both wires, each interpolated along its segment. k_t is the same everywhere.
 
 v_t is the tangential velocity of one surface over the other: affine velocity of the load, velocity of the nodes, spin and tilt of
 the sections, at the point that divides the line from p to q as the radii. T acts at the same point: as forces on the nodes and a
@@ -24,6 +27,12 @@ from .wire_friction import previous_slip
 from .wire_motion import node_velocities, point_velocity, section_rate
 from .wire_pairs import NO_COMMON_WIRE
 from .wire_weights import friction_weight, inside_weight, line_weight, saddle_weight
+
+
+@wp.func
+def between(one: wp.float64, other: wp.float64, place: wp.float64) -> wp.float64:
+    """Linear interpolation at a place 0 .. 1."""
+    return one + place * (other - one)
 
 
 @wp.func
@@ -80,6 +89,8 @@ def add_contact_forces(
     node_radius: wp.array(dtype=wp.float64),
     rest_slope: wp.array(dtype=wp.vec2d),
     rest_bump: wp.array(dtype=wp.vec4d),
+    contact_penalty: wp.array(dtype=wp.float64),
+    contact_offset: wp.array(dtype=wp.float64),
     # in: what steers the step
     control: wp.array(dtype=wp.float64),
     min_arc_separation: wp.float64,
@@ -106,7 +117,8 @@ def add_contact_forces(
     contact_couple: wp.array(dtype=wp.vec3d),
     max_penetration: wp.array(dtype=wp.float64),
 ):
-    """One thread a pair, at the places from `find_closest_places`. `stick_share` is k_t/k. A contact without weight has the
+    """One thread a pair, at the places from `find_closest_places`. `stick_share` is k_t over the
+    penalty in `control`. A contact without weight has the
     overlap -NO_COMMON_WIRE."""
     pair = wp.tid()
     if pair >= pair_count[0]:
@@ -135,7 +147,9 @@ def add_contact_forces(
     has_more_p = following[following[i]] >= 0
     has_more_q = following[following[j]] >= 0
     last = wp.where(found == ONE_PLACE, 1, 3)
-    overlaps = wp.vec3d()
+    next_i = following[i]
+    next_j = following[j]
+    overlaps = wp.vec3d()  # and offsets
     weights = wp.vec3d()  # of the contacts; negative for the saddle
     without_saddle = one
     for a in range(3):
@@ -149,7 +163,10 @@ def add_contact_forces(
             r = point_at(curve_p, s) - point_at(curve_q, t)
             dp = derivative_at(curve_p, s)
             dq = derivative_at(curve_q, t)
-            overlaps[a] = contact_distance - wp.length(r)
+            offset_a = between(contact_offset[i], contact_offset[next_i], s) + between(
+                contact_offset[j], contact_offset[next_j], t
+            )
+            overlaps[a] = contact_distance - wp.length(r) + offset_a
             weight = one
             inside = inside_weight(place)
             s_goes_on = is_bounded(s, wp.dot(r, dp)) and ((s <= zero and previous[i] >= 0) or (s >= one and has_more_p))
@@ -184,8 +201,9 @@ def add_contact_forces(
         t = place[1]
         r = point_at(curve_p, s) - point_at(curve_q, t)
         overlap = overlaps[a]
-        pair_overlap[k] = overlap
-        n = r / (contact_distance - overlap)
+        distance = wp.length(r)
+        pair_overlap[k] = contact_distance - distance
+        n = r / distance
         pair_normal[k] = n
         if overlap <= zero:
             continue
@@ -193,7 +211,9 @@ def add_contact_forces(
         v = node_weights(t)
         levers_p = section_offsets(shape_p, s)
         levers_q = section_offsets(shape_q, t)
-        stiffness = control[CONTACT_STIFFNESS]
+        penalty_p = between(contact_penalty[i], contact_penalty[next_i], s)
+        penalty_q = between(contact_penalty[j], contact_penalty[next_j], t)
+        stiffness = wp.float64(0.5) * (penalty_p + penalty_q)
         normal_force = weight * stiffness * overlap
         friction_force = wp.vec3d()
         couple_p = wp.vec3d()
@@ -217,7 +237,7 @@ def add_contact_forces(
             own = weight
             if found != ONE_PLACE:
                 own = weight * friction_weight(overlap, overlaps[1 - a], -weights[2] * overlaps[2])
-            friction_force = -(stick_share * stiffness * own) * slip
+            friction_force = -(stick_share * control[CONTACT_STIFFNESS] * own) * slip
             limit = friction * own * normal_force / weight
             size = wp.length(friction_force)
             if size > limit:
@@ -231,7 +251,7 @@ def add_contact_forces(
                 slip_place[after, 2 * pair + a] = place
                 elastic_slip[after, 2 * pair + a] = slip
         if a < 2:
-            wp.atomic_max(max_penetration, 0, overlap)
+            wp.atomic_max(max_penetration, 0, contact_distance - distance)
         pair_force[k] = normal_force
         pair_friction[k] = friction_force
         push = normal_force * n + friction_force

@@ -16,7 +16,7 @@ class OneMesh:
     def __init__(self, ratio: float) -> None:
         scene = SimpleNamespace(solver=SimpleNamespace(residual_tolerance=0.01), model=SimpleNamespace(nodes_per_loop=16))
         self.model, self.ratio = SimpleNamespace(scene=scene), ratio
-        self.members = [SimpleNamespace(drift=Drift(1), can_overlap=False)]
+        self.members = [SimpleNamespace(drift=Drift(1), can_overlap=False, check_steps=50)]
 
     def advance(self, _rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
         return np.array([steps]), np.array([False])

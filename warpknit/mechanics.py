@@ -83,6 +83,7 @@ class Mechanics(Protocol):
 
     notes: list[str]  # for the user
     may_overlap: bool  # wires may overlap now, as knitted
+    check_steps: int  # steps between convergence checks of a relaxation
 
     @property
     def drift(self) -> Drift:
@@ -112,7 +113,7 @@ class Mechanics(Protocol):
     def set_load(self, load: LoadPoint, steps: int, *, evenly: bool = False) -> None:
         """Apply a load over so many steps, smoothly or `evenly`; at once with 0 steps."""
 
-    def load_steps(self, predicted: bool) -> int:
+    def load_steps(self, load: LoadPoint, predicted: bool) -> int:
         """Steps over which the load of a level is applied."""
 
     def predict(self, ratio: float) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from warpknit.numerics import CHECK_STEPS
-from warpknit.spatial.rod_relaxation import RodRelaxation
+from warpknit.spatial.fictitious_masses import Masses
+from warpknit.spatial.rod_relaxation import CHECK_STEPS, RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, Section
 
@@ -102,9 +102,26 @@ def helix(radius: float, pitch: float, nodes: int, turns: float = 1.0) -> np.nda
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), pitch * angle / (2 * np.pi)], axis=1)
 
 
+def set_masses(stepper: RodStepper, node_mass: float, spin_inertia: float) -> None:
+    """Equal masses at all nodes and segments."""
+    nodes = stepper.rods.node_count
+    stepper.set_masses(Masses.diagonal(np.full(nodes, node_mass), np.full(nodes, spin_inertia)))
+
+
+def update(rest: RodRelaxation) -> None:
+    """What a convergence check does to a relaxation without contact multipliers."""
+    rest.stepper.evaluate()
+    rest.renew_damping()
+    rest.renew_multipliers()
+    rest.stepper.evaluate()
+    rest.keep_motion()
+
+
 def residual_of(rest: RodRelaxation) -> float:
     """[N] the largest force out of balance, torques taken as couples of a segment's length."""
-    couple = float(np.abs(rest.unbalanced_torques()).max(initial=0.0)) / rest.spacing
+    rods = rest.stepper.rods
+    spacing = float(rods.natural_length[rods.following >= 0].min())
+    couple = float(np.abs(rest.unbalanced_torques()).max(initial=0.0)) / spacing
     return max(float(np.linalg.norm(rest.unbalanced_forces(), axis=1).max(initial=0.0)), couple)
 
 
@@ -112,8 +129,8 @@ def relaxed(rest: RodRelaxation, tolerance: float, strain_tolerance: float = 1e-
     """Steps taken until no force out of balance is above `tolerance` [N] and what softening does is below `strain_tolerance`."""
     for steps in range(0, most_steps, CHECK_STEPS):
         rest.stepper.step(CHECK_STEPS)
-        rest.update()
-        if steps % (20 * CHECK_STEPS) == 0:
+        update(rest)
+        if steps % (2 * CHECK_STEPS) == 0:
             rest.renew_masses()
         if residual_of(rest) < tolerance and rest.stretch_error() < strain_tolerance:
             return steps + CHECK_STEPS

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from reference.rods import SECTION
+from reference.rods import SECTION, update
 from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import rods_of
-from warpknit.spatial.wire_contact import STICK_SHARE, WireContact
+from warpknit.spatial.wire_contact import WireContact
 
 STIFFNESS = 100.0  # [N/m]
 
@@ -35,12 +35,13 @@ def plies(spacing: float, hardness: float = 1.0, friction: float = 0.0) -> tuple
     ends = [0, 1, nodes - 2, nodes - 1]
     rods = rods_of(SECTION, wires).holding([*ends, *(nodes + e for e in ends)], [0, nodes - 2, nodes, 2 * nodes - 2])
     stiffness = hardness * 4 * SECTION.bending_stiffness / spacing**3
-    stick = STICK_SHARE * stiffness if friction else 0.0
     stepper = RodStepper(rods)
     contact = WireContact(stepper, stiffness, friction=friction)
-    rest = RodRelaxation(stepper, softening=max(1.0, 4 * spacing**2), contact_stiffness=stiffness, stick_stiffness=stick)
     contact.search()
-    for _ in range(80):
-        contact.advance(50)
-        rest.update()
+    rest = RodRelaxation(stepper, softening=max(1.0, 4 * spacing**2))
+    for _ in range(160):
+        contact.advance(25)
+        update(rest)
+        rest.renew_masses()
+        rest.keep_motion()
     return contact, rest, nodes

@@ -70,13 +70,17 @@ def assert_stress_is_the_derivative_of_the_energy(relaxation: Simulation) -> Non
     """A0 P = dE/dF at held displacements, stretch, bending, twist and contact, clamps carried: by central differences.
 
     They are off by (step)^2 times the third derivative, which contact of overlap o makes E/o^3: a hundredth of o is taken for
-    the step of the places, F by that over the size of the cell.
+    the step of the places, F by that over the size of the cell. All contacts have the same penalty and the same offset a of
+    either wire, so that their energy is N (o + 2 a)/2.
     """
     stepper, contact, mesh = relaxation.mechanics.stepper, relaxation.mechanics.contact, relaxation.model
+    offset = 0.02 * mesh.rods.section.thickness
+    stepper.state.contact_penalty.fill_(mesh.contact_stiffness)
+    stepper.state.contact_offset.fill_(offset)
     stepper.state.write_control({c.BOW_MOMENT: 0.0})  # chords: the length of arcs is kept by multipliers, at rest only
     last = read(mesh, relaxation.mechanics.sites, relaxation.mechanics.relaxation, contact)
     assert len(last.touching.force) > 4
-    step = 0.01 * float(last.touching.overlap.min()) / mesh.panel.size.max()
+    step = 0.01 * float(last.touching.overlap.min() + 2.0 * offset) / mesh.panel.size.max()
     gradient, found = last.gradient.copy(), np.zeros((2, 2))
     place = stepper.state.displacement.numpy().copy()
 
@@ -86,7 +90,7 @@ def assert_stress_is_the_derivative_of_the_energy(relaxation: Simulation) -> Non
         stepper.state.displacement.assign(place)
         stepper.evaluate()
         near = contact.read_contacts()
-        return stepper.energy() + 0.5 * float(np.sum(near.force * near.overlap))
+        return stepper.energy() + 0.5 * float(np.sum(near.force * (near.overlap + 2.0 * offset)))
 
     for k in np.ndindex(2, 2):
         way = np.zeros((2, 2))

@@ -64,7 +64,7 @@ def test_wires_leave_their_clamps_in_the_turned_direction(turned: Path) -> None:
 def test_plane_and_space_turn_alike(turned: Path, tmp_path: Path) -> None:
     """Couple and tension of the planar model within what it leaves out of heights and contacts that hardly press: 5 %, and less
     for the couple, which is of bending at the clamps."""
-    run_scene(load_scene(CELL, [*PATCH, "model.kind=planar", "model.nodes_per_loop=24"]), out=tmp_path / "plane", device="cpu")
+    run_scene(load_scene(CELL, [*PATCH, "model.kind=planar", "model.nodes_per_loop=48"]), out=tmp_path / "plane", device="cpu")
     plane, space = rows_of(tmp_path / "plane")[-1], rows_of(turned)[-1]
     assert space["clamp_couple_N_per_m"] == pytest.approx(plane["clamp_couple_N_per_m"], rel=0.03)
     assert space["tension_warp_N_per_m"] == pytest.approx(plane["tension_warp_N_per_m"], rel=0.05)

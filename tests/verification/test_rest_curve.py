@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from reference.rods import SECTION, Pose
+from reference.rods import SECTION, Pose, set_masses
 from warpknit.kernels import control as c
 from warpknit.spatial.rest_curve import FIT_PLACES, CentreLine, fit_rest_curve
 from warpknit.spatial.rods import Rods, rods_of
@@ -87,9 +87,9 @@ def gradient_error(pose: Pose, contact: WireContact) -> tuple[float, float]:
 
     still, none = np.zeros((nodes, 3)), np.zeros(nodes)
     pushed, turned = pose.at(still, none)[1:]
-    pose.stepper.state.write_control({c.CONTACT_STIFFNESS: 0.0})
+    pose.stepper.state.contact_penalty.fill_(0.0)
     free, free_turned = pose.at(still, none)[1:]
-    pose.stepper.state.write_control({c.CONTACT_STIFFNESS: STIFFNESS})
+    pose.stepper.state.contact_penalty.fill_(STIFFNESS)
     wanted = pose.join(pushed - free, turned - free_turned)
     step, found = 1e-5, np.zeros(pose.unknowns())
     for k in range(len(found)):
@@ -177,8 +177,7 @@ def test_two_contacts_near_each_other_rub_as_what_both_press_with(share: float) 
     pose = Pose(rods)
     contact = WireContact(pose.stepper, STIFFNESS, friction=friction, curve=fit_rest_curve(rods, line))
     state = pose.stepper.state
-    state.node_mass.fill_(1e15)
-    state.spin_inertia.fill_(1e15)
+    set_masses(pose.stepper, 1e15, 1e15)
     state.displacement.assign(np.where(np.arange(12)[:, None] < 6, [-0.5 * way, 0.0, 0.0], 0.0))
     state.velocity.assign(np.where(np.arange(12)[:, None] < 6, [way, 0.0, 0.0], 0.0))
     pose.stepper.set_time_step(0.025)
@@ -224,8 +223,7 @@ def test_pairs_wake_before_they_touch(seed: int) -> None:
         rng = np.random.default_rng(seed)
         pose, contact = contact_of(rods, line)
         state = pose.stepper.state
-        state.node_mass.fill_(1e15)
-        state.spin_inertia.fill_(1e15)
+        set_masses(pose.stepper, 1e15, 1e15)
         upper = np.where(np.arange(2 * nodes)[:, None] < nodes, 0.0, [0.0, 0.0, 1.0])
         state.displacement.assign(1.5 * upper)
         state.velocity.assign(rng.normal(size=(2 * nodes, 3)) * 0.3 - upper)
@@ -250,7 +248,7 @@ def test_wires_that_the_load_brings_together_touch() -> None:
     rods = rods_of(SECTION, [up, up + [1.3, 0.3, 0.0]])
     pose, contact = contact_of(rods, None)
     state = pose.stepper.state
-    state.node_mass.fill_(1e15)
+    set_masses(pose.stepper, 1e15, 1e15)
     pose.stepper.set_time_step(0.005)
     start = {c.FROM: 1.0, c.FROM + 3: 1.0, c.FROM + 4: 1.0, c.RAMP_STEPS: 100.0}
     state.write_control(start | {c.TO: 0.7, c.TO + 3: 1.0, c.TO + 4: 1.0})

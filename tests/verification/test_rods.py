@@ -139,7 +139,7 @@ def test_free_motion_keeps_momentum() -> None:
     rods = rods_of(SECTION, [helix(5.0, 4.0, 12, 0.8)])
     stepper = RodStepper(rods)
     state = stepper.state
-    mass, inertia = state.node_mass.numpy(), np.where(rods.following >= 0, state.spin_inertia.numpy(), 0.0)
+    mass, inertia = state.node_mass.numpy()[:, 0], np.where(rods.following >= 0, state.spin_inertia.numpy(), 0.0)
     stepper.set_time_step(0.2 * stable_step(largest_rates(rods, mass, np.maximum(state.spin_inertia.numpy(), 1e-9), turning=0.6)))
     state.velocity.assign(rng.normal(size=(12, 3)))
     state.spin.assign(rng.normal(size=12))
@@ -181,7 +181,7 @@ def test_step_bound_of_a_straight_wire_is_sharp(rules: str) -> None:
         soft |= {"axial_stiffness": 1e-6, "twist_stiffness": 1.0}
     rods = straight(rods_of(replace(SECTION, linear_density=1.0, **soft), [points], [np.array([nodes, 0.0, 0.0])]))
     state = RodStepper(rods).state
-    rates = largest_rates(rods, state.node_mass.numpy(), state.spin_inertia.numpy())
+    rates = largest_rates(rods, state.node_mass.numpy()[:, 0], state.spin_inertia.numpy())
     assert rates.limited_by == rules
     kick = 1e-8 * np.random.default_rng(5).normal(size=(nodes, 3))
     grown = []
@@ -209,7 +209,7 @@ def test_step_bound_of_a_coil_holds(turn: float, tightness: float) -> None:
     rods = rods_of(SECTION, [np.stack([radius * np.cos(angle), radius * np.sin(angle), 0.1 * angle], axis=1)])
     pose = Pose(rods)
     state = pose.stepper.state
-    mass, inertia = state.node_mass.numpy(), np.where(pose.has_segment, state.spin_inertia.numpy(), 1e30)
+    mass, inertia = state.node_mass.numpy()[:, 0], np.where(pose.has_segment, state.spin_inertia.numpy(), 1e30)
     weight = pose.join(np.repeat(1 / np.sqrt(mass), 3), 1 / np.sqrt(inertia))
     stiffness = pose.stiffness(1e-5) * weight[:, None] * weight[None, :]
     largest = np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T))[-1]

@@ -15,6 +15,7 @@ from ..measure import force_scale
 from ..mechanics import Check, Drift, strength_exceeded
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
+from ..numerics import CHECK_STEPS
 from .diagnostics import Diagnostics, Sums
 from .history_variables import HistoryVariables
 from .membrane_grid import MembraneGrid
@@ -48,6 +49,7 @@ def drift_of(nodes_per_loop: int) -> Drift:
 class PlanarMechanics:
     """Steps one state of a planar model."""
 
+    check_steps = CHECK_STEPS
     can_overlap = may_overlap = False
     rim: Rim | None = None  # the drive moves the edge with the membrane (solve/multilevel.py)
     stations = np.zeros((0, 2))
@@ -116,7 +118,7 @@ class PlanarMechanics:
         # bound on the relative affine motion of a body and a wire within the search radius
         self.neighbours.expect(2.0 * float(np.abs(np.subtract(then[:4], now[:4])).max()) * self.neighbours.radius)
 
-    def load_steps(self, predicted: bool) -> int:
+    def load_steps(self, load: LoadPoint, predicted: bool) -> int:
         return 0 if predicted else LOAD_STEPS
 
     def _level_values(self) -> list[wp.array]:

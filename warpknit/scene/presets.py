@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+SPATIAL_SOFTENING = 1e5  # of a relaxation in space: the bending stiffness of the loops limits it (spatial/model.py)
+
 
 @dataclass(frozen=True)
 class Preset:
@@ -31,9 +33,12 @@ class Preset:
                 precision=self.ramp_precision,
             ),
         }[drive]
+        softening = SPATIAL_SOFTENING if drive == "relax" else numerics.axial_softening
         return {
             "planar": numerics,
-            "spatial": replace(numerics, nodes_per_loop=self.spatial_nodes_per_loop, precision="double"),
+            "spatial": replace(
+                numerics, nodes_per_loop=self.spatial_nodes_per_loop, axial_softening=softening, precision="double"
+            ),
         }[kind]
 
 

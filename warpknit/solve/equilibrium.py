@@ -14,7 +14,6 @@ import numpy as np
 from ..errors import Diverged
 from ..measure import tension_scale
 from ..mechanics import Group
-from ..numerics import CHECK_STEPS
 from .convergence import TENSION_FLOOR, Convergence
 from .progress import Progress
 
@@ -61,6 +60,7 @@ class Equilibrium:
             least_tension=TENSION_FLOOR * tension_scale(group.model),
             nodes_per_loop=scene.model.nodes_per_loop,
         )
+        self._check_steps = group.members[0].check_steps
         self._can_overlap = group.members[0].can_overlap
 
     def begin(self, row: int) -> None:
@@ -71,7 +71,7 @@ class Equilibrium:
     def advance(self, rows: np.ndarray) -> CheckOutcome:
         """Step these meshes to their next convergence check, and check them."""
         failed: dict[int, Diverged] = {}
-        taken, diverged = self.group.advance(rows, CHECK_STEPS)
+        taken, diverged = self.group.advance(rows, self._check_steps)
         for row, steps, lost in zip(rows.tolist(), taken.tolist(), diverged.tolist(), strict=True):
             relaxation = self.relaxations[row]
             relaxation.progress.steps += steps
@@ -98,7 +98,7 @@ class Equilibrium:
         for row in rows[checked][stalled].tolist():
             failed[row] = self.relaxations[row].stalled()
         for row, count in zip(rows[unconverged].tolist(), checks[unconverged].tolist(), strict=True):
-            if count * CHECK_STEPS > self.relaxations[row].step_limit:
+            if count * self._check_steps > self.relaxations[row].step_limit:
                 failed[row] = self.relaxations[row].exceeded_steps()
         if unconverged.any():
             self.group.renew(rows[unconverged], checks[unconverged])

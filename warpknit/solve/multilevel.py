@@ -174,7 +174,7 @@ class MultilevelRelaxation(Relaxation):
         if not self.membrane.tangent.any():
             begin, self._stations = self.stations, self.stations + displacement
             self.mechanics.move_clamps(self.rim.clamps @ begin, self.rim.clamps @ self.stations)
-            self.mechanics.set_load(target, self.mechanics.load_steps(predicted=False))
+            self.mechanics.set_load(target, self.mechanics.load_steps(target, predicted=False))
             return
         remaining = 1.0
         while remaining > 0.0:

@@ -17,7 +17,6 @@ from ..measure import tension_scale
 from ..measure.strain import clamp_rotation, rotation, stretch
 from ..mechanics import Mechanics, SingleMesh
 from ..mesh.load_point import LoadPoint
-from ..numerics import CHECK_STEPS
 from ..scene import Stage
 from .drive import Drive
 from .equilibrium import Equilibrium
@@ -175,7 +174,7 @@ class Relaxation(Drive):
             ratio = float(np.clip(ahead @ before / max(before @ before, 1e-30), 0.0, 1.0))
         self.mechanics.predict(ratio)
         self._last_gradient = now
-        self.mechanics.set_load(load, self.mechanics.load_steps(predicted=ratio > 0.0))
+        self.mechanics.set_load(load, self.mechanics.load_steps(load, predicted=ratio > 0.0))
 
     def _begin_solving(self) -> None:
         self.equilibrium.begin(self.row)
@@ -199,7 +198,8 @@ class Relaxation(Drive):
                 )
             self._begin_solving()
             gradient = wanted.gradient(observed.gradient, next_strain)
-            self.mechanics.set_load(load.strained(gradient), self.mechanics.load_steps(predicted=False))
+            load = load.strained(gradient)
+            self.mechanics.set_load(load, self.mechanics.load_steps(load, predicted=False))
             yield UNSOLVED
 
     def corrected(self, ratio: float) -> float:
@@ -215,7 +215,7 @@ class Relaxation(Drive):
 
     def stalled(self) -> Diverged:
         """The error of a level that makes no progress."""
-        steps = self.equilibrium.convergence.patience * CHECK_STEPS
+        steps = self.equilibrium.convergence.patience * self.mechanics.check_steps
         return Diverged(
             f"level {self.progress.load_factor:.3g} of stage {self.progress.stage!r} did not converge: no progress in"
             f" {steps:,} steps ({self._residual_text()}); raise output.frames or solver.residual_tolerance"

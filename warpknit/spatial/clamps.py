@@ -38,7 +38,7 @@ class MovingClamps:
     @property
     def mass(self) -> np.ndarray:
         """[sliding clamp] [kg] mass of both nodes."""
-        return self.stepper.state.node_mass.numpy()[self.sliding_node].sum(axis=1)
+        return self.stepper.state.node_mass.numpy()[self.sliding_node, 1].sum(axis=1)
 
     @property
     def place(self) -> np.ndarray:

@@ -13,32 +13,34 @@ from ..kernels import control as c
 from ..mechanics import Check, Drift, strength_exceeded
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
-from ..numerics import AXIAL_ERROR, CHECK_STEPS, SLOWEST_WAVE, slowest_damping
+from ..numerics import AXIAL_ERROR, SLOWEST_WAVE
 from .clamps import MovingClamps
+from .contact_multipliers import ContactMultipliers
 from .edge import Edge
+from .fictitious_masses import Masses
 from .model import SpatialModel
 from .observables import SpatialObservables, read
 from .residual import Residual
 from .rod_arrays import RodState
-from .rod_relaxation import RodRelaxation
+from .rod_relaxation import CHECK_STEPS, RodRelaxation
 from .rod_step import RodStepper
 from .sites import Sites
 from .thermal import segment_thermal_strain
-from .wire_contact import STICK_SHARE, WireContact
+from .wire_contact import Contacts, WireContact
 
 CLOSEST = 1e-3  # of the thickness: smaller overlaps as knitted, and smaller distances of centre lines, count as zero
-MASS_CHECKS = 20  # convergence checks between updates of the fictitious masses
-LOAD_STEPS = 500  # over which the load of a level is applied; with 100 a hook takes 28 % and a gripped patch 13 % more steps
+LOAD_STEPS, LOAD_STRAIN = 200, 0.03  # steps over which the load of a level is applied, up to this strain; in proportion beyond it
 EDGE_CHECKS = 4  # convergence checks between steps of the free stations
 EDGE_RATIO = 20.0  # residual ratio below which the free stations move
 MAX_PREDICTION = 0.2  # of the thickness: largest displacement of the prediction
 RESERVED = 0.25  # of the search margin, reserved for the motion of the load until the next search
-DRIFT = Drift(checks=8, max_decay_ratio=0.98)
+DRIFT = Drift(checks=2, max_decay_ratio=0.95)
 
 
 class SpatialMechanics:
     """Steps one state of a spatial model."""
 
+    check_steps = CHECK_STEPS
     can_overlap = True
     may_overlap = False
     drift = DRIFT
@@ -53,16 +55,13 @@ class SpatialMechanics:
         self.relaxation = RodRelaxation(
             self.stepper,
             softening=model.softening,
-            contact_stiffness=model.contact_stiffness,
-            stick_stiffness=STICK_SHARE * model.contact_stiffness if scene.contact.friction > 0.0 else 0.0,
+            wave_length=SLOWEST_WAVE * model.loop_length,
             curve=model.curve,
             clamps=self.clamps,
             multipliers=model.ramp is None,
         )
-        mass = float(self.state.node_mass.numpy().max())
-        wave = SLOWEST_WAVE * model.loop_length
-        self.relaxation.min_damping = slowest_damping(model.bending_stiffness, wave, self.relaxation.spacing, mass)
-        self.residual = Residual(model, self.relaxation, self.contact)
+        self.multipliers = None if model.ramp is not None else ContactMultipliers(self.contact, model.soft_penalty)
+        self.residual = Residual(model, self.relaxation, self.multipliers)
         self.edge = Edge(model) if scene.has_moving_edge else None
         self._last: tuple[np.ndarray, np.ndarray] | None = None  # gradient and displacement of the previous level
         self._searched_at = np.eye(2)  # gradient at the last search that reserved a margin for a ramp
@@ -71,17 +70,16 @@ class SpatialMechanics:
 
     def _take_real_masses(self, node_mass: np.ndarray, spin_inertia: np.ndarray, damping: float) -> None:
         """Use the masses of a ramp in place of fictitious ones."""
-        self.state.node_mass.assign(node_mass)
-        self.state.spin_inertia.assign(spin_inertia)
+        self.stepper.set_masses(Masses.diagonal(node_mass, spin_inertia))
         self.stepper.set_time_step(self.model.time_step, damping)
         # limits the approach of two colliding wires to half their thickness a step, so that they cannot pass through each other
         farthest = 0.5 * float(self.model.rods.wire_radius.min())
         self.state.write_control({c.DRIVE: 1.0, c.SPEED_LIMIT: np.inf, c.STEP_LIMIT: farthest})
 
     def _moving_clamps(self) -> MovingClamps | None:
-        """Clamps that a kernel moves step by step: those of a hook, some of which slide, and all in a ramp."""
+        """Clamps that a kernel moves with the load, and as they slide; not those that hang on a moving edge."""
         wires = self.model.wires
-        if wires.sliding_clamp is None and (self.model.ramp is None or not len(wires.held_node)):
+        if not len(wires.held_node) or self.model.scene.has_moving_edge:
             return None
         sliding = np.zeros(0, dtype=np.int64) if wires.sliding_clamp is None else wires.sliding_clamp
         return MovingClamps(self.stepper, wires.held_node.reshape(-1, 2), wires.held_lever.reshape(-1, 2, 2), sliding)
@@ -136,8 +134,12 @@ class SpatialMechanics:
         )
         if self.clamps is None:
             self._move_clamps(load, factor)
+        if self.multipliers is not None:
+            self.multipliers.stiffen()
         self.relaxation.stop_motion()
         self.contact.expect(float(np.abs(load.gradient - before).max()))
+        self.stepper.evaluate()
+        self.relaxation.renew_masses(loading=True)
 
     def _move_clamps(self, load: LoadPoint, factor: float) -> None:
         """Move the held nodes to their places under the load; given stations of the edge move while it is applied."""
@@ -149,8 +151,11 @@ class SpatialMechanics:
             displacement[held, :2] += self.edge.mesh_displacement(self.edge.station_displacement)[held]
         self.state.displacement.assign(displacement)
 
-    def load_steps(self, predicted: bool) -> int:
-        return LOAD_STEPS
+    def load_steps(self, load: LoadPoint, predicted: bool) -> int:
+        strain = float(np.abs(load.gradient - self.state.gradient).max())
+        if self.edge is not None and load.stations is not None:
+            strain += float(np.abs(load.stations - self.edge.target).max() / self.model.panel.size.min())
+        return CHECK_STEPS * round(LOAD_STEPS / CHECK_STEPS * max(1.0, strain / LOAD_STRAIN))
 
     def predict(self, ratio: float) -> None:
         displacement = self.state.displacement.numpy().copy()
@@ -193,21 +198,36 @@ class SpatialMechanics:
         self.contact.pop_max_penetration()
 
     def check(self, checks: int, *, loading: bool) -> Check:
-        self.relaxation.update()
+        self.stepper.evaluate()
+        self.relaxation.renew_damping()
+        touching = self.contact.read_contacts()
         if not loading and self.contact.expected > 0.0:
             self.contact.expect(0.0)  # the load is fully applied
         tolerance = self.model.scene.solver.residual_tolerance
-        ratio = np.inf if loading and self.edge is None else self.residual.ratio()
+        ratio = (
+            np.inf if loading and self.edge is None else self.residual.ratio(touching, self.relaxation.mean_unbalanced_forces())
+        )
+        if not loading:
+            self.relaxation.watch_progress(ratio)
+        self._renew_multipliers(touching, loading)
         if self.edge is not None:
             self._move_edge(self.edge, checks, ratio)
             ratio = max(ratio, self.edge.residual_ratio(tolerance))
         return Check(np.nan, np.inf) if loading else Check(ratio * tolerance, ratio)
 
+    def _renew_multipliers(self, touching: Contacts, loading: bool) -> None:
+        self.relaxation.renew_multipliers(loading=loading)
+        if self.multipliers is not None:
+            self.multipliers.renew(touching, self.relaxation.multiplier_rate, loading=loading)
+        self.stepper.evaluate()
+        self.relaxation.renew_masses(loading=loading)
+        self.relaxation.keep_motion()
+
     def _move_edge(self, edge: Edge, checks: int, ratio: float) -> None:
         """Move given stations while the load is applied, free ones once the mesh itself is close to convergence."""
-        steps = checks * CHECK_STEPS
-        if steps <= LOAD_STEPS:
-            move = edge.move_given(steps / LOAD_STEPS)
+        steps, loading = checks * CHECK_STEPS, self.state.read_control()[int(c.RAMP_STEPS)]
+        if steps <= loading:
+            move = edge.move_given(steps / loading)
         elif edge.rim.is_free and checks % EDGE_CHECKS == 0 and ratio < EDGE_RATIO:
             move = edge.relax_free(self.state.gradient, self.state.force.numpy())
         else:
@@ -220,8 +240,7 @@ class SpatialMechanics:
             self.relaxation.reset_damping_estimate()
 
     def renew(self, checks: int) -> None:
-        if checks % MASS_CHECKS == 0:
-            self.relaxation.renew_masses()
+        """Nothing: masses go with every check."""
 
     def stress(self) -> np.ndarray:
         return self.observe().nominal_stress
@@ -244,7 +263,8 @@ class SpatialMechanics:
             )
             return False
         is_free = wire.set_fraction == 1.0 and self.relaxation.stretch_error() <= AXIAL_ERROR
-        return is_free and self.residual.ratio() < 1.0
+        forces = self.relaxation.unbalanced_forces()
+        return is_free and self.residual.ratio(self.contact.read_contacts(), forces) < 1.0
 
     # --- real time
 
@@ -270,7 +290,7 @@ class SpatialMechanics:
 
     def residual_now(self) -> float:
         self.stepper.evaluate()
-        return self.residual.measure()
+        return self.residual.measure(self.contact.read_contacts(), self.relaxation.unbalanced_forces())
 
     # --- observation
 

@@ -32,6 +32,9 @@ from .rod_arrays import RodState, rest_state
 from .rods import Rods, Section, rods_of
 
 LEAST_SPACING = 0.5  # smallest node spacing of wires from a file, in thicknesses of the wire
+# dynamics of a relaxation, whose multipliers correct them: about as stiff as the loops, of length L
+SOFT_STRETCH = 430.0  # axial stiffness over EI/L^2
+SOFT_PENALTY = 1000.0  # contact penalty over EI/L^3
 CONTACT_TO_BENDING = 1.0  # default contact penalty over the larger of 4 EI/h^3 and softened EA/h
 
 
@@ -50,7 +53,8 @@ class SpatialModel:
     rods: Rods
     curve: RestCurve  # of the wires between their nodes
     softening: float  # EA over the axial stiffness of the dynamics
-    contact_stiffness: float  # [N/m]
+    contact_stiffness: float  # [N/m] penalty of a ramp, and of friction
+    soft_penalty: float  # [N/m] smallest penalty of a relaxation
     loop_length: float  # [m]
     device: str
     precision: Precision
@@ -209,8 +213,11 @@ def _assemble(
 ) -> SpatialModel:
     """The model with its solver constants; spacing [m] of its nodes."""
     section, rods = rods.section, replace(rods, set_fraction=scene.wire.set_fraction)
-    # with more softening, bending limits the step and nothing is gained
-    softening = max(1.0, min(scene.solver.axial_softening, (2.0 * spacing / scene.wire.diameter) ** 2))
+    # with more softening, bending limits the step of a ramp and nothing is gained
+    most = (2.0 * spacing / scene.wire.diameter) ** 2
+    if scene.solver.drive == "relax":
+        most = section.axial_stiffness * loop_length**2 / (SOFT_STRETCH * section.bending_stiffness)
+    softening = max(1.0, min(scene.solver.axial_softening, most))
     stiffest = max(section.axial_stiffness / softening / spacing, 4.0 * section.bending_stiffness / spacing**3)
     given = scene.contact.stiffness
     model = SpatialModel(
@@ -223,6 +230,7 @@ def _assemble(
         curve=catmull_rom(rods) if wires.line is None else fit_rest_curve(rods, wires.line),
         softening=softening,
         contact_stiffness=CONTACT_TO_BENDING * stiffest if given is None else given,
+        soft_penalty=SOFT_PENALTY * section.bending_stiffness / loop_length**3 if given is None else given,
         loop_length=loop_length,
         device=device,
         precision=precision_of("double", 1.0),

@@ -8,17 +8,20 @@ import numpy as np
 import warp as wp
 
 from ..kernels import control as c
+from ..kernels.banded_mass import factor_masses, find_accelerations
 from ..kernels.rod_bend import bend_rods
 from ..kernels.rod_frames import update_frames
-from ..kernels.rod_motion import NODE_BLOCK, step_rods
+from ..kernels.rod_motion import NODE_BLOCK, move_rods, sum_rod_forces
 from ..launch import Launch, bind
 from .rods import Rods
 
 
 @dataclass(frozen=True)
 class RodArrays:
-    """Rest data; all arrays [node], segment data included."""
+    """Rest data; all arrays [node] unless noted, segment data included."""
 
+    wire_first: wp.array  # [wire] int
+    wire_count: wp.array  # [wire]
     previous: wp.array  # int
     following: wp.array
     held: wp.array
@@ -43,8 +46,18 @@ class RodState:
     director: wp.array  # vec3d
     tension_offset: wp.array  # [N] augmented Lagrangian multiplier of a segment
     stretch_stiffness: wp.array  # [N] of the dynamics
-    node_mass: wp.array  # [kg]
+    # fictitious masses couple neighbours along the wire (kernels/banded_mass.py)
+    node_mass: wp.array  # vec3d [kg] along x, y and z
+    next_mass: wp.array  # [kg] coupling with the next node
+    second_mass: wp.array  # [kg] coupling with the next but one
     spin_inertia: wp.array  # [kg m2] of a segment
+    next_inertia: wp.array  # [kg m2] coupling with the next segment
+    mass_pivot: wp.array  # factors of both
+    mass_lower: wp.array
+    mass_border: wp.array
+    spin_pivot: wp.array
+    spin_lower: wp.array
+    spin_border: wp.array
     load_force: wp.array  # vec3d [N] dead load
     load_torque: wp.array  # [N m] about the segment
     position: wp.array  # vec3d [m]
@@ -56,10 +69,15 @@ class RodState:
     edge_gradient_after: wp.array  # vec3d [N]
     angle_gradient_before: wp.array  # [N m] gradient by the angle of the segment before the node
     angle_gradient_after: wp.array  # [N m]
+    contact_penalty: wp.array  # [N/m] of the contacts at a node
+    contact_offset: wp.array  # [m] augmented Lagrangian multiplier of the contacts at a node, over their penalty
     contact_force: wp.array  # vec3d [N]
     contact_couple: wp.array  # vec3d [N m] contact couple on the section of a segment
     force: wp.array  # vec3d [N]
     torque: wp.array  # [N m]
+    force_sum: wp.array  # vec3d [N] of all steps since the last convergence check
+    acceleration: wp.array  # vec3d [m/s2]
+    spin_acceleration: wp.array  # [1/s2]
     control: wp.array  # [CONTROL_COUNT], see kernels/control.py
     partial: wp.array  # [block, PARTIAL_COUNT]
     no_bodies: wp.array  # [1, PARTIAL_COUNT] zeros: the body rows of a planar model
@@ -95,6 +113,8 @@ def upload_rods(rods: Rods, device: str) -> RodArrays:
     """Rest data on the device; natural curvature and twist default to the rest values times the set fraction."""
     nodes = rods.node_count
     arrays = RodArrays(
+        wire_first=wp.array(rods.wire_first, dtype=wp.int32, device=device),
+        wire_count=wp.array(rods.wire_count, dtype=wp.int32, device=device),
         previous=wp.array(rods.previous, dtype=wp.int32, device=device),
         following=wp.array(rods.following, dtype=wp.int32, device=device),
         held=wp.array(rods.held, dtype=wp.int32, device=device),
@@ -136,8 +156,17 @@ def rest_state(rods: Rods, device: str) -> RodState:
         director=vectors(rods.director),
         tension_offset=reals(),
         stretch_stiffness=reals(section.axial_stiffness),
-        node_mass=reals(section.linear_density * rods.node_length),
+        node_mass=vectors(np.repeat((section.linear_density * rods.node_length)[:, None], 3, axis=1)),
+        next_mass=reals(),
+        second_mass=reals(),
         spin_inertia=reals(section.rotary_inertia * rods.natural_length),
+        next_inertia=reals(),
+        mass_pivot=vectors(),
+        mass_lower=wp.zeros((2, nodes), dtype=wp.vec3d, device=device),
+        mass_border=wp.zeros((2, nodes), dtype=wp.vec3d, device=device),
+        spin_pivot=reals(),
+        spin_lower=reals(),
+        spin_border=reals(),
         load_force=vectors(),
         load_torque=reals(),
         position=vectors(rods.position),
@@ -149,10 +178,15 @@ def rest_state(rods: Rods, device: str) -> RodState:
         edge_gradient_after=vectors(),
         angle_gradient_before=reals(),
         angle_gradient_after=reals(),
+        contact_penalty=reals(),
+        contact_offset=reals(),
         contact_force=vectors(),
         contact_couple=vectors(),
         force=vectors(),
         torque=reals(),
+        force_sum=vectors(),
+        acceleration=vectors(),
+        spin_acceleration=reals(),
         control=wp.zeros(c.CONTROL_COUNT, dtype=wp.float64, device=device),
         partial=wp.zeros((-(-nodes // NODE_BLOCK), c.PARTIAL_COUNT), dtype=wp.float64, device=device),
         no_bodies=wp.zeros((1, c.PARTIAL_COUNT), dtype=wp.float64, device=device),
@@ -187,6 +221,19 @@ def bend_launch(rods: Rods, arrays: RodArrays, state: RodState) -> Launch:
     )  # fmt: skip
 
 
-def step_launch(arrays: RodArrays, state: RodState) -> Launch:
-    """Launch of `step_rods`: stretch, sums and the update."""
-    return bind(step_rods, len(state.displacement), arrays, state)
+def factor_launch(arrays: RodArrays, state: RodState) -> Launch:
+    """Launch of `factor_masses`, after the masses have changed."""
+    return bind(factor_masses, len(arrays.wire_first), arrays, state)
+
+
+def motion_launches(arrays: RodArrays, state: RodState) -> list[Launch]:
+    """Launches of the accelerations and of the update."""
+    return [
+        bind(find_accelerations, len(arrays.wire_first), arrays, state),
+        bind(move_rods, len(state.displacement), arrays, state),
+    ]
+
+
+def force_launch(arrays: RodArrays, state: RodState) -> Launch:
+    """Launch of `sum_rod_forces`: stretch, and the sum of all forces."""
+    return bind(sum_rod_forces, len(state.displacement), arrays, state)

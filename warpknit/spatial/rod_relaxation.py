@@ -4,7 +4,7 @@ The damping is the critical damping of the slowest mode that still moves (numeri
 
 The dynamics may soften the axial stiffness; an augmented Lagrangian multiplier, the tension offset, takes the error out again:
 
-    T = offset + K (|e|/L - 1)        offset -> offset + RATE K (strain of the arc - T/EA)
+    T = offset + K (|e|/L - 1)        offset -> offset + rate K (strain of the arc - T/EA)
 
 The strain T/EA is that of the arc of a segment, not of its chord (kernels/rod_bend.py), over its natural length at the local
 temperature (`set_thermal_strain`).
@@ -13,19 +13,41 @@ temperature (`set_thermal_strain`).
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from ..kernels import control as c
 from ..kernels.bend import BOW
 from ..kernels.rod_motion import HELD_NODE, HELD_TURN
-from ..numerics import FIRST_DAMPING, LOOK_AHEAD, SPEED_SHARE, STEP_MARGIN, renewed_damping
+from ..numerics import AXIAL_ERROR, FASTEST_DAMPING, LOOK_AHEAD, SPEED_SHARE, STEP_MARGIN, renewed_damping
 from .clamps import MovingClamps
+from .fictitious_masses import BandedMasses, MassProduct
 from .rest_curve import RestCurve
 from .rod_step import RodStepper
-from .step_bound import largest_rates, stable_step, unit_step_masses
+from .step_bound import largest_rates, stable_step
 
-MULTIPLIER_RATE = 0.05  # a higher rate excites the wires, which the damping estimate would take for a stiff mode
+CHECK_STEPS = 25  # steps between convergence checks
+# of multipliers, see `multiplier_rate`
+MAX_RATE, MIN_RATE, RATE_TO_DAMPING = 0.5, 0.05, 0.5
+PROGRESS = 0.9  # of the least residual ratio: counts as progress
+RATE_PATIENCE, LOWER_RATE = 12, 0.6  # checks without progress before the rate is lowered, and to which share of it
+APPROACH = 2.4  # of two wires, over the largest displacement
+# thicknesses: largest displacement a step of wires that may touch, and the least limit; up to FASTER times the speed
+CONTACT_SPEED, LEAST_SPEED, FASTER = 0.1, 0.001, 1.5
+# a wire is taut if its mean excess strain does not fall to this share of itself in so many checks; it is then made stiffer
+TAUT_PROGRESS, TAUT_PATIENCE, TAUT_FACTOR = 0.8, 20, 4.0
+LEAST_DAMPING = 0.01  # [1/s] banded masses leave few modes slower than half of it
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """A state at a convergence check; zero where held."""
+
+    place: np.ndarray  # (node, 3) [m]
+    force: np.ndarray  # (node, 3) [N]
+    angle: np.ndarray  # [node] [rad]
+    torque: np.ndarray  # [node] [N m]
 
 
 class RodRelaxation:
@@ -36,20 +58,18 @@ class RodRelaxation:
         stepper: RodStepper,
         *,
         softening: float = 1.0,
-        contact_stiffness: float = 0.0,
-        stick_stiffness: float = 0.0,
+        wave_length: float | None = None,
         curve: RestCurve | None = None,
         clamps: MovingClamps | None = None,
         multipliers: bool = True,
     ) -> None:
-        """softening: true axial stiffness over that of the dynamics; stick_stiffness [N/m] tangential, of friction; curve: on
-        which wires touch, default Catmull-Rom; clamps: moving ones, of the same stepper; multipliers: whether they correct the
-        softening."""
+        """softening: true axial stiffness over that of the dynamics; wave_length [m] of the slowest wave, default: the longest
+        wire; curve: on which wires touch, default Catmull-Rom; clamps: moving ones, of the same stepper; multipliers: whether
+        they correct the softening."""
         self.stepper = stepper
         self.clamps = clamps
         self.softening = softening
-        self.contact_stiffness, self.stick_stiffness, self.curve = contact_stiffness, stick_stiffness, curve
-        self.min_damping = 0.0  # [1/s]
+        self.curve = curve
         rods, state = stepper.rods, stepper.state
         self.has_segment = rods.following >= 0
         self.free = (rods.held & int(HELD_NODE)) == 0
@@ -58,7 +78,7 @@ class RodRelaxation:
         self.free_sections = ((rods.held & int(HELD_TURN)) == 0) & self.has_segment
         self.softened_stiffness = rods.section.axial_stiffness / softening
         state.stretch_stiffness.fill_(self.softened_stiffness)
-        stepper.set_time_step(1.0, FIRST_DAMPING, LOOK_AHEAD)
+        stepper.set_time_step(1.0, FASTEST_DAMPING, LOOK_AHEAD)
         stepper.evaluate()
         self.keeps_arc_length = multipliers and softening != 1.0
         self.thermal_strain = np.zeros(rods.node_count)  # [node] of the segments, relative to the length factor
@@ -68,51 +88,80 @@ class RodRelaxation:
         )  # [N] that stretch is stored with
         self._bow_at_rest = self._bow() if self.keeps_arc_length else np.zeros(rods.node_count)
         state.write_control({c.BOW_MOMENT: 2.0 * float(BOW) if self.keeps_arc_length else 0.0})
-        self.spacing = spacing = float(rods.natural_length[self.has_segment].min())
-        self.speed_limit = SPEED_SHARE * spacing  # [m] a step
+        spacing = float(rods.natural_length[self.has_segment].min())
+        self._largest_move = SPEED_SHARE * spacing  # [m] a step
+        if stepper.contact is not None:
+            self._largest_move = min(self._largest_move, CONTACT_SPEED * rods.section.thickness)
         state.write_control({c.DRIVE: 0.0, c.STEP_LIMIT: spacing})
+        sliding = np.zeros((0, 2), dtype=np.int64) if clamps is None else clamps.sliding_node
+        longest = float(rods.wire_length.max())
+        self._banded = BandedMasses(rods, longest if wave_length is None else wave_length, sliding)
+        self._product = MassProduct(rods)
         self.renew_masses()
-        self._last_check: tuple[np.ndarray, np.ndarray] | None = None
+        self._last_check: _Motion | None = None
+        self._rate: float = MAX_RATE
+        self._best_ratio: float = math.inf
+        self._stalled = 0  # checks without progress
+        self._imposed = np.full(len(rods.wire_first), np.inf)  # [wire] mean excess strain at the last progress
+        self._taut = np.zeros(len(rods.wire_first), dtype=int)  # [wire] checks without progress of it
+        self._critical, self._share = (
+            FASTEST_DAMPING,
+            1.0,
+        )  # critical damping by Rayleigh's quotient, and share of it that is applied
 
     def set_thermal_strain(self, thermal_strain: np.ndarray) -> None:
         """Set the strain [node] of the natural lengths beyond the common length factor; the multipliers apply it."""
         self.thermal_strain = thermal_strain
         self._has_multipliers |= bool(thermal_strain.any())
 
-    def renew_masses(self) -> None:
-        """Renew the fictitious masses for the current turning angles and tensions; velocities are kept."""
-        state = self.stepper.state
-        mass, inertia = unit_step_masses(
-            self.stepper.rods,
-            stretch_stiffness=self.softened_stiffness,
-            turning=self.turning(),
-            tension=float(np.max(self.tension(), initial=0.0)),
-            contact_stiffness=self.contact_stiffness,
-            stick_stiffness=self.stick_stiffness,
-            curve=self.curve,
-        )
-        state.node_mass.assign(mass)
-        state.spin_inertia.assign(inertia)
-        self.speed_limit = min(SPEED_SHARE * self.spacing, self._pass_through_speed(mass))
-        state.write_control({c.SPEED_LIMIT: self.speed_limit})
+    def renew_masses(self, *, loading: bool = False) -> None:
+        """Renew the fictitious masses for the state last evaluated; kinetic energy does not grow by it.
 
-    def _pass_through_speed(self, mass: np.ndarray) -> float:
-        """[m/s] largest speed at which the penalty stops two colliding wires before their centre lines cross.
-
-        2 M v^2/2 = k (d/2)^2/2 for the heaviest wire; infinite without contact.
+        The speed is limited so that only contacts that the masses allow for can touch until the next convergence check. While
+        loading, wires may move at any speed.
         """
-        rods = self.stepper.rods
-        if self.contact_stiffness == 0.0:
-            return math.inf
-        heaviest = float(np.add.reduceat(mass, rods.wire_first).max())
-        return float(rods.wire_radius.min()) * math.sqrt(self.contact_stiffness / (2.0 * heaviest))
+        stepper, state = self.stepper, self.stepper.state
+        move = self._largest_move
+        contact, contact_turn = np.zeros((stepper.rods.node_count, 3)), np.zeros(stepper.rods.node_count)
+        if stepper.contact is not None:
+            if not loading:
+                speed = float(state.read_control()[int(c.SPEED_MAX)])
+                move = min(move, max(FASTER * speed, LEAST_SPEED * stepper.rods.section.thickness))
+            contact, contact_turn = stepper.contact.stiffness_bounds(APPROACH * CHECK_STEPS * move)
+        state.write_control({c.SPEED_LIMIT: move})
+        elastic = np.linalg.norm(stepper.yielding.elastic, axis=1)
+        inside = np.maximum(stepper.yielding.length, 1e-300)
+        masses = self._banded.at(
+            stretch_stiffness=state.stretch_stiffness.numpy(),
+            turning=np.linalg.norm(state.curvature.numpy(), axis=1),
+            moment=stepper.rods.section.bending_stiffness * elastic / inside,
+            tension=self.tension(),
+            contact=contact,
+            contact_turn=contact_turn,
+            keeps_arc_length=self.keeps_arc_length,
+        )
+        before, now = (self._product.twice_energy(m, *self._velocities()) for m in (stepper.masses(), masses))
+        stepper.set_masses(masses)
+        if now > before:
+            slower = math.sqrt(before / now)
+            for velocity in (state.velocity, state.spin, *([] if self.clamps is None else [self.clamps.velocity])):
+                velocity.assign(slower * velocity.numpy())
+
+    def _velocities(self) -> tuple[np.ndarray, np.ndarray]:
+        """Velocities (node, 3) [m/s] of nodes, those of sliding clamps included, and spins [node] [1/s]."""
+        state = self.stepper.state
+        velocity = state.velocity.numpy()
+        if self.clamps is not None:
+            velocity = velocity.copy()
+            velocity[self.clamps.sliding_node, 1] = self.clamps.velocity.numpy()[self.clamps.sliding][:, None]
+        return velocity, state.spin.numpy()
 
     def stable_time_step(self) -> float:
         """[s] stable time step for the current masses, turning angles and tensions."""
         state = self.stepper.state
         rates = largest_rates(
             self.stepper.rods,
-            state.node_mass.numpy(),
+            state.node_mass.numpy()[:, 0],
             state.spin_inertia.numpy(),
             stretch_stiffness=self.softened_stiffness,
             turning=self.turning(),
@@ -155,6 +204,14 @@ class RodRelaxation:
         free = self.stepper.state.force.numpy()[self.free]
         return free if self.clamps is None else np.concatenate([free, self.clamps.force])
 
+    def mean_unbalanced_forces(self) -> np.ndarray:
+        """(free node, 3) [N] mean unbalanced forces of the last CHECK_STEPS steps, then those of sliding clamps now.
+
+        A contact may appear with a force: in equilibrium it then comes and goes, and balances in the mean.
+        """
+        mean = self.stepper.state.force_sum.numpy()[self.free] / CHECK_STEPS
+        return mean if self.clamps is None else np.concatenate([mean, self.clamps.force])
+
     def unbalanced_torques(self) -> np.ndarray:
         """[free segment] [N m] unbalanced torques in the state last evaluated."""
         return self.stepper.state.torque.numpy()[self.free_sections]
@@ -168,31 +225,87 @@ class RodRelaxation:
         strain = (self.arc_strain() - self.thermal_strain) / (1.0 + self.thermal_strain)
         return strain - self.tension() / self.stepper.rods.section.axial_stiffness
 
-    def update(self) -> None:
-        """Evaluate the state; renew damping and multipliers."""
-        stepper, state = self.stepper, self.stepper.state
-        stepper.evaluate()
-        if self._has_multipliers:
-            offset = state.tension_offset.numpy() + MULTIPLIER_RATE * self.softened_stiffness * self._excess_strain()
-            state.tension_offset.assign(np.where(self.can_stretch, offset, 0.0))
-        mass, place = state.node_mass.numpy()[self.free], state.displacement.numpy()[self.free]
-        if self.clamps is not None:
-            mass = np.concatenate([mass, self.clamps.mass])
-            place = np.concatenate([place, self.clamps.place[:, None] * [0.0, 1.0, 0.0]])
-        mass = np.concatenate([np.repeat(mass, 3), state.spin_inertia.numpy()[self.free_sections]])
-        place = np.concatenate([place.ravel(), state.angle.numpy()[self.free_sections]])
-        acceleration = np.concatenate([self.unbalanced_forces().ravel(), self.unbalanced_torques()]) / mass
+    def renew_damping(self) -> None:
+        """Renew the damping by the motion since the last check, in the state last evaluated: Rayleigh's quotient."""
+        state, now = self.stepper.state, self._motion()
         if self._last_check is not None:
-            # Rayleigh quotient of the motion since the last check
-            du, da = place - self._last_check[0], acceleration - self._last_check[1]
-            stiffness, inertia = np.float64(-float(np.sum(mass * du * da))), np.float64(float(np.sum(mass * du * du)))
-            damping = renewed_damping(state.read_control()[int(c.DAMPING)], stiffness, inertia, self.min_damping)
+            before = self._last_check
+            force = -float(np.sum((now.place - before.place) * (now.force - before.force)))
+            force -= float(np.sum((now.angle - before.angle) * (now.torque - before.torque)))
+            moved = self._product.twice_energy(self.stepper.masses(), now.place - before.place, now.angle - before.angle)
+            stiffness, inertia = np.float64(force), np.float64(moved)
+            damping = renewed_damping(state.read_control()[int(c.DAMPING)], stiffness, inertia, LEAST_DAMPING)
             state.write_control({c.DAMPING: float(damping)})
-        self._last_check = (place, acceleration)
+
+    @property
+    def multiplier_rate(self) -> float:
+        """Share of its error that a multiplier takes up at a convergence check.
+
+        A multiplier that takes up the share r a step of the error of a mode with damping c keeps the mode stable for r < c.
+        Multipliers of contact and of tension together may still excite a slow mode: without progress the rate is lowered.
+        """
+        damping = float(self.stepper.state.read_control()[int(c.DAMPING)])
+        return min(self._rate, RATE_TO_DAMPING * CHECK_STEPS * damping)
+
+    def watch_progress(self, ratio: float) -> None:
+        """Lower the rate of the multipliers where the residual ratio makes no progress."""
+        if ratio < PROGRESS * self._best_ratio:
+            self._best_ratio, self._stalled = ratio, 0
+            return
+        self._stalled += 1
+        if self._stalled >= RATE_PATIENCE:
+            self._rate, self._stalled = max(MIN_RATE, LOWER_RATE * self._rate), 0
+
+    def _reset_rate(self) -> None:
+        """Start with the full rate of the multipliers."""
+        self._rate, self._best_ratio, self._stalled = MAX_RATE, math.inf, 0
+        self._imposed, self._taut = np.full_like(self._imposed, np.inf), np.zeros_like(self._taut)
+
+    def renew_multipliers(self, *, loading: bool = False) -> None:
+        """Move the tension offsets by the error of the softening, in the state last evaluated; stiffen taut wires."""
+        if self._has_multipliers:
+            state, excess = self.stepper.state, self._excess_strain()
+            stiffness = state.stretch_stiffness.numpy()
+            offset = state.tension_offset.numpy() + self.multiplier_rate * stiffness * excess
+            stiffer = stiffness if loading else self._stiffer(stiffness, np.where(self.can_stretch, excess, 0.0))
+            offset = offset + (stiffness - stiffer) * self.strain()  # the tension is kept
+            state.tension_offset.assign(np.where(self.can_stretch, offset, 0.0))
+            state.stretch_stiffness.assign(stiffer)
+
+    def _stiffer(self, stiffness: np.ndarray, excess: np.ndarray) -> np.ndarray:
+        """[node] [N] softened axial stiffness, raised where a wire is taut: its mean excess strain is imposed and makes no
+        progress."""
+        rods = self.stepper.rods
+        total = np.add.reduceat(np.where(self.has_segment, excess * rods.natural_length, 0.0), rods.wire_first)
+        imposed = np.abs(total) / rods.wire_length
+        stuck = (imposed > AXIAL_ERROR) & (imposed > TAUT_PROGRESS * self._imposed)
+        self._imposed = np.where(stuck, self._imposed, imposed)
+        self._taut = np.where(stuck, self._taut + 1, 0)
+        raised = self._taut >= TAUT_PATIENCE
+        self._taut[raised] = 0
+        factor = np.repeat(np.where(raised, TAUT_FACTOR, 1.0), rods.wire_count)
+        return np.minimum(factor * stiffness, rods.section.axial_stiffness)
+
+    def keep_motion(self) -> None:
+        """Keep the state last evaluated for the next `renew_damping`; velocities become kinetic energy in the control array."""
+        self._last_check = self._motion()
+        self.stepper.state.force_sum.zero_()
+        energy = self._product.twice_energy(self.stepper.masses(), *self._velocities())
+        self.stepper.state.write_control({c.KINETIC_TWICE: energy})
+
+    def _motion(self) -> _Motion:
+        state, free, turns = self.stepper.state, self.free, self.free_sections
+        place, force = (np.where(free[:, None], array.numpy(), 0.0) for array in (state.displacement, state.force))
+        if self.clamps is not None:
+            sliding = self.clamps.sliding_node  # both nodes move, and carry the mass, but the force counts once
+            place[sliding, 1], force[sliding[:, 0]] = self.clamps.place[:, None], self.clamps.force
+        return _Motion(place, force, np.where(turns, state.angle.numpy(), 0.0), np.where(turns, state.torque.numpy(), 0.0))
 
     def stop_motion(self) -> None:
-        """Stop all motion, after the state was moved from outside."""
+        """Stop all motion, after the state was moved from outside; multipliers start with their full rate."""
+        self._reset_rate()
         state = self.stepper.state
+        state.write_control({c.DAMPING: FASTEST_DAMPING, c.SPEED_MAX: 0.0})
         state.velocity.zero_()
         state.spin.zero_()
         if self.clamps is not None:
@@ -205,18 +318,21 @@ class RodRelaxation:
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Arrays for a checkpoint, in addition to the state of the rods."""
-        kept = {
-            "speed_limit": np.array(self.speed_limit), "thermal_strain": self.thermal_strain,
-            "multipliers": np.array(self._has_multipliers),
-        }  # fmt: skip
+        kept = {"thermal_strain": self.thermal_strain, "multipliers": np.array(self._has_multipliers)}
+        kept |= {"imposed": self._imposed, "taut": self._taut}
+        kept["multiplier_rate"] = np.array([self._rate, self._best_ratio, self._stalled])
         if self._last_check is not None:
-            kept |= {"check_place": self._last_check[0], "check_acceleration": self._last_check[1]}
+            kept |= {f"check_{name}": array for name, array in vars(self._last_check).items()}
         return kept if self.clamps is None else kept | {"clamp_velocity": self.clamps.velocity.numpy().copy()}
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         """Restore what `state_dict` returned."""
-        self.speed_limit = float(kept["speed_limit"])
         self.thermal_strain, self._has_multipliers = kept["thermal_strain"], bool(kept["multipliers"])
-        self._last_check = (kept["check_place"], kept["check_acceleration"]) if "check_place" in kept else None
+        self._rate, self._best_ratio, stalled = kept["multiplier_rate"].tolist()
+        self._stalled = int(stalled)
+        self._imposed, self._taut = kept["imposed"].copy(), kept["taut"].copy()
+        self._last_check = None
+        if "check_place" in kept:
+            self._last_check = _Motion(*(kept[f"check_{field.name}"] for field in fields(_Motion)))
         if self.clamps is not None:
             self.clamps.velocity.assign(kept["clamp_velocity"])

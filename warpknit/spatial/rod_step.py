@@ -3,7 +3,9 @@
     update_frames  edges, tangents and directors of the displaced nodes
     bend_rods      bending and twist at the nodes
     contact        forces between wires, where there is a contact
-    step_rods      stretch, sums, and the update
+    sum_rod_forces stretch, and the sum of all forces
+    find_accelerations    by the masses, which couple neighbours along the wire
+    move_rods      update of nodes and sections
     clamps         motion of moving and sliding clamps, if any
     update_control control array of the next step
 
@@ -22,7 +24,18 @@ from ..kernels import control as c
 from ..kernels.control import update_control
 from ..launch import Launch, bind
 from ..numerics import GRAPH_STEPS
-from .rod_arrays import RodArrays, RodState, bend_launch, frames_launch, rest_state, step_launch, upload_rods
+from .fictitious_masses import Masses
+from .rod_arrays import (
+    RodArrays,
+    RodState,
+    bend_launch,
+    factor_launch,
+    force_launch,
+    frames_launch,
+    motion_launches,
+    rest_state,
+    upload_rods,
+)
 from .rods import Rods
 from .yielding import Yielding
 
@@ -38,6 +51,12 @@ class Contact(Protocol):
 
     def launches(self) -> Sequence[Launch]:
         """Launches that add to contact_force and contact_couple."""
+
+    def stiffness_bounds(self, approach: float) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds on the stiffness of contacts: of nodes (node, 3) [N/m] along x, y, z, and of sections [node] [N m].
+
+        Wires may approach each other by `approach` [m].
+        """
 
 
 class Clamps(Protocol):
@@ -60,17 +79,22 @@ class RodStepper:
         self.contact: Contact | None = None
         self.clamps: Clamps | None = None
         self._graphs: dict[tuple[int, int], wp.Graph] = {}
+        factor_launch(self.arrays, self.state).run(device)
 
-    def launches(self) -> list[Launch]:
-        """The launches of one step, in order."""
+    def _force_launches(self) -> list[Launch]:
+        """The launches of all forces, in order."""
         arrays, state = self.arrays, self.state
         return [
             frames_launch(arrays, state),
             bend_launch(self.rods, arrays, state),
             *(self.contact.launches() if self.contact is not None else ()),
-            step_launch(arrays, state),
-            *(self.clamps.launches() if self.clamps is not None else ()),
+            force_launch(arrays, state),
         ]
+
+    def _motion_launches(self) -> list[Launch]:
+        """The launches of the motion, in order."""
+        moved = motion_launches(self.arrays, self.state)
+        return [*moved, *(self.clamps.launches() if self.clamps is not None else ())]
 
     def step(self, count: int) -> None:
         """Take `count` steps; they have no effect once the state is frozen (kernels/control.py)."""
@@ -83,24 +107,26 @@ class RodStepper:
         """Compute positions, frames and forces of the current state, without a step."""
         kept = float(self.state.read_control()[int(c.STATUS)])
         self.state.write_control({c.STATUS: FROZEN})
-        self._launch()
+        wp.capture_launch(self._graph(0))
         self.state.write_control({c.STATUS: kept})
 
-    def _launch(self) -> None:
-        for launch in self.launches():
+    def _launch(self, launches: list[Launch]) -> None:
+        for launch in launches:
             if launch.threads:
                 launch.run(self.device)
 
     def _graph(self, steps: int) -> wp.Graph:
+        """A graph of so many steps; of the forces alone for none."""
         key = (self.contact.version if self.contact is not None else -1, steps)
         if key not in self._graphs:
             state = self.state
             control = bind(update_control, 1, state, wire_partial=state.partial, body_partial=state.no_bodies)
             with wp.ScopedCapture(device=self.device) as capture:
+                if not steps:
+                    self._launch(self._force_launches())
                 for _ in range(steps):
                     state.partial.zero_()
-                    self._launch()
-                    control.run(self.device)
+                    self._launch([*self._force_launches(), *self._motion_launches(), control])
             self._graphs[key] = capture.graph
         return self._graphs[key]
 
@@ -118,6 +144,24 @@ class RodStepper:
                 c.FORCE_FACTOR: time_step / (1 + half),
             }
         )
+
+    def set_masses(self, masses: Masses) -> None:
+        """Set the masses of the dynamics."""
+        state = self.state
+        state.node_mass.assign(masses.node)
+        state.next_mass.assign(masses.next)
+        state.second_mass.assign(masses.second)
+        state.spin_inertia.assign(masses.spin)
+        state.next_inertia.assign(masses.next_spin)
+        factor_launch(self.arrays, state).run(self.device)
+
+    def masses(self) -> Masses:
+        """The masses of the dynamics, on the host."""
+        state = self.state
+        return Masses(
+            state.node_mass.numpy(), state.next_mass.numpy(), state.second_mass.numpy(),
+            state.spin_inertia.numpy(), state.next_inertia.numpy(),
+        )  # fmt: skip
 
     def place(self, position: np.ndarray, turn: np.ndarray | None = None) -> None:
         """Move nodes to positions (node, 3) [m] and rotate sections by angles [node] [rad]; frames follow."""

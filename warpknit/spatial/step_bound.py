@@ -1,4 +1,4 @@
-"""Bounds on the stable step of rods, and fictitious masses for which a step of one second is stable.
+"""Bounds on the stable step of rods with diagonal masses, and masses that are stable at a time step.
 
 A straight uniform chain of segments h with node mass m and spin inertia I has the largest squared frequencies
 
@@ -8,9 +8,8 @@ of stretch, bending and twist. A turning angle p [rad] at the nodes couples them
 section bends against its natural curvature, and p^2 GJ/(2 h^3 m) to bending, because the transverse motion of a node rotates the
 frames. Tension adds 4 T/(h m). Contact of penalty k adds at most 4 k/m: its force acts on four nodes of either wire, with weights
 whose squares sum to one at most, and two contacts may act on the same nodes. With a rest-shape correction (rest_curve.py) a part
-c of the curve rotates with the sections: the weights may be larger, and 4 k c^2/I adds to twist. Friction of stiffness k_t acts
-at the surface and adds 4 k_t r^2/I. Two coupled squared frequencies w1, w2 give (w1 + w2)/2 + sqrt((w1 - w2)^2/4 + w1 w2 sin^2
-p).
+c of the curve rotates with the sections: the weights may be larger, and 4 k c^2/I adds to twist. Two coupled squared frequencies
+w1, w2 give (w1 + w2)/2 + sqrt((w1 - w2)^2/4 + w1 w2 sin^2 p).
 """
 
 from __future__ import annotations
@@ -21,12 +20,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..kernels.rod_motion import HELD_NODE
-from ..numerics import MASS_MARGIN, TURN_ALLOWANCE
 from .rest_curve import RestCurve
 from .rods import Rods
 
 MAX_TURN = 0.5 * math.pi  # [rad] turning angle of the largest coupling
-TWIST_SHARE = 0.25  # largest squared frequency of twist over that of translation, in relax: keeps the coupled one below the limit
+TWIST_SHARE = 0.25  # largest squared frequency of twist over that of translation: keeps the coupled one below the limit
 
 
 @dataclass(frozen=True)
@@ -73,27 +71,6 @@ def stable_step(rates: Rates, look_ahead: float = 0.0) -> float:
     return 2.0 / math.sqrt(rates.all * (1.0 + 2.0 * look_ahead))
 
 
-def unit_step_masses(
-    rods: Rods,
-    *,
-    stretch_stiffness: float,
-    turning: np.ndarray | float = 0.0,
-    tension: float = 0.0,
-    contact_stiffness: float = 0.0,
-    stick_stiffness: float = 0.0,
-    curve: RestCurve | None = None,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Node masses [node] [kg] and spin inertias [node] [kg m2] that are stable at a step of 1 s, with a look-ahead of LOOK_AHEAD.
-
-    The mass at the stability limit is a quarter of the largest stiffness. turning [node] [rad]: angle at each node;
-    stick_stiffness [N/m]: tangential stiffness of friction.
-    """
-    turning = np.minimum(np.asarray(turning) + TURN_ALLOWANCE, MAX_TURN)
-    k = _stiffnesses(rods, stretch_stiffness, turning, tension, contact_stiffness, curve, stick_stiffness)
-    translation = _coupled(k.stretch, k.bending, k.coupling) + k.additive
-    return MASS_MARGIN / 4.0 * translation, MASS_MARGIN / 4.0 / TWIST_SHARE * k.twist
-
-
 def masses_for_step(
     rods: Rods,
     time_step: float,
@@ -132,7 +109,6 @@ def _stiffnesses(
     tension: float,
     contact_stiffness: float,
     curve: RestCurve | None,
-    stick_stiffness: float = 0.0,
 ) -> _Stiffnesses:
     section = rods.section
     own = np.where(rods.following >= 0, rods.natural_length, np.inf)
@@ -142,7 +118,7 @@ def _stiffnesses(
     bending = 16 * section.bending_stiffness + 0.5 * turn**2 * section.twist_stiffness
     share, lever = (1.0, 0.0) if curve is None else (curve.weight_square, curve.lever)
     contact = np.full(h.shape, 4.0 * contact_stiffness * share)
-    surface = 4.0 * (contact_stiffness * lever**2 + stick_stiffness * float(rods.wire_radius.max()) ** 2)
+    surface = 4.0 * contact_stiffness * lever**2
     # an end node has half the mass, and one segment and one turn act on it
     half = np.where((rods.following < 0) | (rods.previous < 0), 0.5, 1.0)
     return _Stiffnesses(

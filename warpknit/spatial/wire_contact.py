@@ -26,6 +26,10 @@ MIN_ARC_SEPARATION = (
 )
 SEARCH_RATIO = 1.3  # of the contact distance, up to which an evaluation finds the closest points of a pair
 STICK_SHARE = 0.5  # tangential over normal stiffness
+# bounds on the stiffness of a contact, whose weights change until the next update of the masses
+WEIGHT_SUM = 2.5  # sum of the sizes of the weights of both wires: 5/4 in the middle of a segment
+MORE_TILT = 0.1  # allowance for the components of the normal; more between wires that do not touch
+LEAST_WEIGHT, BEYOND_WEIGHT = 0.5, 0.08  # of the nodes of the segment, at least, and of the nodes beyond
 # memory of one pair; two lists exist while a search runs
 PAIR_BYTES = 8 * (3 + 3 + PLACES * (2 * 3 + 2 + 2) + 2 * 2 * (3 + 2)) + 4 * (3 + 2 * 2)
 CAPACITY_MARGIN = 1.3  # capacity of a list over the pairs found
@@ -122,13 +126,14 @@ class WireContact:
         friction: float = 0.0,
         curve: RestCurve | None = None,
     ) -> None:
-        """stiffness [N/m]: penalty; curve: default Catmull-Rom."""
+        """stiffness [N/m]: penalty, and that of friction; curve: default Catmull-Rom."""
         self.stepper = stepper
         self.friction = friction
         rods, device = stepper.rods, stepper.device
         self.searches = 0
         self._expected = 0.0  # [m] approach by the affine motion of the load, in addition to the travel
         curve = catmull_rom(rods) if curve is None else curve
+        self._curve = curve
         cells = search_cells(rods, curve)
         self.margin, self._radius, self._max_sag, self._cell = cells.margin, cells.radius, cells.max_sag, cells.size
         along_x, along_y, along_z = map(int, cells.count)
@@ -138,6 +143,7 @@ class WireContact:
         self.max_penetration = wp.zeros(1, dtype=wp.float64, device=device)  # [m] since the last `pop_max_penetration`
         self._list, self._other = (_PairList(64, rods.node_count, device, number) for number in (0, 1))
         stepper.state.write_control({c.CONTACT_STIFFNESS: stiffness})
+        stepper.state.contact_penalty.fill_(stiffness)
         stepper.contact = self
 
     @property
@@ -249,6 +255,37 @@ class WireContact:
         self._expected, self.searches = float(kept["contact"][0]), int(kept["contact"][1])
         self.max_penetration.fill_(float(kept["contact"][2]))
 
+    def stiffness_bounds(self, approach: float) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds on the stiffness of the contacts: of nodes (node, 3) [N/m] along x, y, z, and of sections [node] [N m].
+
+        Contacts count that touch or may do so after an approach [m] of at most the thickness.
+        """
+        rods, state = self.stepper.rods, self.stepper.state
+        thickness, nodes = rods.section.thickness, rods.node_count
+        near = self.read_contacts(min(approach, thickness))
+        after, before = rods.following, rods.previous
+        penalty = state.contact_penalty.numpy()
+        own = np.maximum(penalty, penalty[after])
+        sticking = 0.0 if self.friction == 0.0 else STICK_SHARE * float(state.read_control()[int(c.CONTACT_STIFFNESS)])
+        stiffness = self._curve.weight_square * np.maximum(own[near.first], own[near.second])
+        tilt = MORE_TILT + np.maximum(-near.overlap, 0.0) / thickness
+        along = np.abs(near.normal) + tilt[:, None]
+        bound = WEIGHT_SUM * ((stiffness * along.sum(axis=1))[:, None] * along + sticking)
+        node_bound, section_bound = np.zeros((nodes, 3)), np.zeros(nodes)
+        for node, s in ((near.first, near.place[:, 0]), (near.second, near.place[:, 1])):
+            arm = sticking * (thickness / rods.natural_length[node]) ** 2  # tilting segments
+            beyond = np.full(len(s), BEYOND_WEIGHT)
+            last = after[after[node]]
+            weights = (beyond, np.maximum(1.0 - s, LEAST_WEIGHT), np.maximum(s, LEAST_WEIGHT), beyond)
+            for there, weight in zip((before[node], node, after[node], last), weights, strict=True):
+                kept = there >= 0
+                for k in range(3):
+                    node_bound[:, k] += np.bincount(there[kept], (weight * bound[:, k] + arm)[kept], nodes)
+            lever = stiffness * self._curve.lever**2 + sticking * 0.25 * thickness**2
+            for there in (before[node], node, after[node]):
+                section_bound += np.bincount(there[there >= 0], lever[there >= 0], nodes)
+        return node_bound, section_bound
+
     def _capacity(self, total: int) -> int:
         capacity = round(CAPACITY_MARGIN * total)
         needed, available = 2 * PAIR_BYTES * capacity, available_memory()
@@ -299,7 +336,7 @@ class WireContact:
         found = pairs.found.numpy()[:count, None]
         is_there = (found > int(NOT_NEAR)) & (np.arange(PLACES) < np.where(found == int(ONE_PLACE), 1, PLACES))
         force, overlap = (values.numpy()[: PLACES * count] for values in (pairs.force, pairs.overlap))
-        kept = force != 0.0 if distance is None else overlap > -distance
+        kept = force != 0.0 if distance is None else (force != 0.0) | (overlap > -distance)
         which = np.flatnonzero(kept & is_there.ravel())
         of_pair = {name: getattr(pairs, name).numpy()[which // PLACES] for name in ("first", "second", "shift")}
         names = ("place", "force", "friction", "normal", "overlap")

@@ -1,0 +1,94 @@
+"""Masses banded along the wire: their inverse, and the bound on the stiffness of bent and twisted rods."""
+
+import numpy as np
+import pytest
+
+from reference.rods import SECTION, Pose, helix
+from warpknit.numerics import LOOK_AHEAD
+from warpknit.spatial.fictitious_masses import BandedMasses, Masses, MassProduct
+from warpknit.spatial.rod_arrays import motion_launches
+from warpknit.spatial.rod_step import RodStepper
+from warpknit.spatial.rods import Rods, rods_of
+
+NONE = np.zeros(0, dtype=np.int64)
+
+
+def dense(rods: Rods, masses: Masses) -> tuple[np.ndarray, np.ndarray]:
+    """(3, node, node) masses along x, y, z and (node, node) spin inertias."""
+    nodes, after = rods.node_count, rods.following
+    coupled, spin = np.zeros((nodes, nodes)), np.diag(masses.spin)
+    for i, j in enumerate(after):
+        if j < 0:
+            continue
+        for matrix, k, value in (
+            (coupled, j, masses.next[i]),
+            (coupled, after[j], masses.second[i]),
+            (spin, j, masses.next_spin[i]),
+        ):
+            if k >= 0:
+                matrix[i, k] += value
+                matrix[k, i] += value
+    return np.stack([np.diag(masses.node[:, k]) + coupled for k in range(3)]), spin
+
+
+def test_accelerations_are_those_of_the_dense_matrices() -> None:
+    """Open wires, a ring and a wire that goes on into the next tile, with random couplings below half the diagonal."""
+    rods = rods_of(
+        SECTION,
+        [helix(5, 4, 9, 0.6), helix(2, 0, 7) + [0, 0, 5], helix(3, 1, 12)],
+        [None, np.zeros(3), np.array([0.0, 0.0, 1.0])],
+    )
+    stepper, rng, nodes = RodStepper(rods), np.random.default_rng(0), rods.node_count
+    after = rods.following
+    inner = (after >= 0) & (after[after] >= 0)
+    masses = Masses(
+        rng.uniform(5, 6, (nodes, 3)),
+        np.where(after >= 0, rng.uniform(-1, 1, nodes), 0.0),
+        np.where(inner, rng.uniform(-1, 1, nodes), 0.0),
+        rng.uniform(3, 4, nodes),
+        np.where(inner, rng.uniform(-1, 1, nodes), 0.0),
+    )
+    force, torque = rng.normal(size=(nodes, 3)), np.where(after >= 0, rng.normal(size=nodes), 0.0)
+    stepper.set_masses(masses)
+    stepper.state.force.assign(force)
+    stepper.state.torque.assign(torque)
+    motion_launches(stepper.arrays, stepper.state)[0].run("cpu")
+    mass, spin = dense(rods, masses)
+    found = stepper.state.acceleration.numpy()
+    for k in range(3):
+        assert found[:, k] == pytest.approx(np.linalg.solve(mass[k], force[:, k]), rel=0, abs=1e-13)
+    assert stepper.state.spin_acceleration.numpy() == pytest.approx(np.linalg.solve(spin, torque), rel=0, abs=1e-13)
+    twice = sum(float(force[:, k] @ mass[k] @ force[:, k]) for k in range(3)) + float(torque @ spin @ torque)
+    assert MassProduct(rods).twice_energy(masses, force, torque) == pytest.approx(twice, rel=1e-13, abs=0)
+
+
+@pytest.mark.parametrize("turn", [0.05, 0.4, 1.2])
+@pytest.mark.parametrize("stretch", [0.01, 1.0])
+def test_masses_bound_the_stiffness_of_a_coil(turn: float, stretch: float) -> None:
+    """The largest w^2 of M^-1 K of an open coil at rest, by differences, is below 4/(1 + 2 g), the limit of a step of 1 s with
+    look-ahead g; stiff and soft in stretch."""
+    nodes = 18
+    radius, angle = 1.0 / (2 * np.sin(turn / 2)), turn * np.arange(nodes)
+    rods = rods_of(SECTION, [np.stack([radius * np.cos(angle), radius * np.sin(angle), 0.1 * angle], axis=1)])
+    pose = Pose(rods)
+    pose.stepper.state.stretch_stiffness.fill_(stretch * SECTION.axial_stiffness)
+    none = np.zeros(nodes)
+    masses = BandedMasses(rods, 100.0, NONE).at(
+        stretch_stiffness=np.full(nodes, stretch * SECTION.axial_stiffness),
+        turning=rods.rest_turning,
+        moment=none,
+        tension=none,
+        contact=np.zeros((nodes, 3)),
+        contact_turn=none,
+        keeps_arc_length=False,
+    )
+    mass, spin = dense(rods, masses)
+    unknowns, sections = pose.unknowns(), np.flatnonzero(pose.has_segment)
+    whole = np.zeros((unknowns, unknowns))
+    for k in range(3):
+        whole[k : 3 * nodes : 3, k : 3 * nodes : 3] = mass[k]
+    whole[3 * nodes :, 3 * nodes :] = spin[np.ix_(sections, sections)]
+    root = np.linalg.inv(np.linalg.cholesky(whole))
+    stiffness = pose.stiffness(1e-5)
+    largest = np.linalg.eigvalsh(root @ (0.5 * (stiffness + stiffness.T)) @ root.T)[-1]
+    assert 0.1 < largest < 4.0 / (1.0 + 2.0 * LOOK_AHEAD)

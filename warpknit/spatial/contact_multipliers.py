@@ -1,0 +1,86 @@
+"""Augmented Lagrangian multipliers of contact between wires, and the penalty that follows the contact force.
+
+A contact pushes with N = k (overlap + offset); at each convergence check the offsets at its nodes take up a share of its overlap,
+until it carries its force without overlap. The penalty may then be soft: it follows the force, k = FORCE_PENALTY N/d, and is at
+least `floor`. A soft contact is about as stiff as the loops that it connects, so it does not make the masses heavy.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .wire_contact import Contacts, WireContact
+
+FORCE_PENALTY = 20.0  # penalty over N/d: a twentieth of the thickness is the overlap of a force without offset
+GROWTH, DECAY = 8.0, 0.5  # largest changes of a penalty at a check
+WITHOUT_CONTACT = 0.5  # share of the offset that is left after a check without contact
+LOADED = 0.2  # share of the floor that is kept once the load is applied: nothing moves fast any more
+MAX_OFFSET = 0.25  # thicknesses
+NEIGHBOUR = 0.1  # weight of a contact at the two nodes beyond its segment
+LEAST_WEIGHT = 0.3  # the same at the two nodes of its segment, at least
+
+
+class ContactMultipliers:
+    """Offsets and penalties of the contacts of rods."""
+
+    def __init__(self, contact: WireContact, floor: float) -> None:
+        """floor [N/m]: smallest penalty; it is the penalty of all contacts from now on."""
+        rods = contact.stepper.rods
+        self._floor, self._nodes = floor, rods.node_count
+        self._state = contact.stepper.state
+        self._after, self._before = rods.following, rods.previous
+        self._thickness = rods.section.thickness
+        self._state.contact_penalty.fill_(floor)
+
+    def error(self, touching: Contacts) -> float:
+        """Largest overlap or gap of a contact over the thickness; of forces below the mean, in proportion."""
+        if not len(touching.force):
+            return 0.0
+        share = np.minimum(1.0, np.abs(touching.force) / np.abs(touching.force).mean())
+        return float((share * np.abs(touching.overlap)).max()) / self._thickness
+
+    def renew(self, touching: Contacts, rate: float, *, loading: bool) -> None:
+        """Move the offsets by `rate` times the overlaps, and the penalties with the forces."""
+        pushing = touching.force > 0.0
+        force, overlap = touching.force[pushing], touching.overlap[pushing]
+        node, weight, which = self._spread(touching, pushing)
+        nodes = self._nodes
+        weight = weight * force[which]
+        total = np.bincount(node, weight, nodes)
+        mean_overlap = np.bincount(node, weight * overlap[which], nodes) / np.maximum(total, 1e-300)
+        largest = np.zeros(nodes)
+        np.maximum.at(largest, node, force[which])
+        is_touched = total > 0.0
+        state = self._state
+        before, offset = state.contact_penalty.numpy(), state.contact_offset.numpy()
+        floor = self._floor if loading else LOADED * self._floor
+        wanted = np.maximum(floor, FORCE_PENALTY * largest / self._thickness)
+        penalty = np.where(is_touched, np.clip(wanted, DECAY * before, GROWTH * before), floor)
+        penalty = np.maximum(penalty, floor)
+        # the force of the offset is kept
+        moved = offset * before / penalty + 0.5 * rate * mean_overlap
+        offset = np.where(is_touched, moved, WITHOUT_CONTACT * offset)
+        state.contact_penalty.assign(penalty)
+        state.contact_offset.assign(np.clip(offset, 0.0, MAX_OFFSET * self._thickness))
+
+    def stiffen(self) -> None:
+        """Raise the penalties to the floor for a load to come; the forces of the offsets are kept."""
+        state = self._state
+        before = state.contact_penalty.numpy()
+        penalty = np.maximum(before, self._floor)
+        state.contact_offset.assign(state.contact_offset.numpy() * before / penalty)
+        state.contact_penalty.assign(penalty)
+
+    def _spread(self, contacts: Contacts, which: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Nodes of contacts with their weights, and the contact among `which` that each belongs to."""
+        nodes, weights = [], []
+        for first, place in ((contacts.first, contacts.place[:, 0]), (contacts.second, contacts.place[:, 1])):
+            node, s = first[which], place[which]
+            after = self._after[node]
+            beyond = np.full(len(node), NEIGHBOUR)
+            nodes += [self._before[node], node, after, self._after[after]]
+            weights += [beyond, np.maximum(1.0 - s, LEAST_WEIGHT), np.maximum(s, LEAST_WEIGHT), beyond]
+        node, weight = np.concatenate(nodes), np.concatenate(weights)
+        contact = np.tile(np.arange(int(np.count_nonzero(which))), len(nodes))
+        there = node >= 0
+        return node[there], weight[there], contact[there]
