@@ -104,10 +104,6 @@ class RodRelaxation:
         self._stalled = 0  # checks without progress
         self._imposed = np.full(len(rods.wire_first), np.inf)  # [wire] mean excess strain at the last progress
         self._taut = np.zeros(len(rods.wire_first), dtype=int)  # [wire] checks without progress of it
-        self._critical, self._share = (
-            FASTEST_DAMPING,
-            1.0,
-        )  # critical damping by Rayleigh's quotient, and share of it that is applied
 
     def set_thermal_strain(self, thermal_strain: np.ndarray) -> None:
         """Set the strain [node] of the natural lengths beyond the common length factor; the multipliers apply it."""

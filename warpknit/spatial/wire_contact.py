@@ -133,7 +133,7 @@ class WireContact:
         self.searches = 0
         self._expected = 0.0  # [m] approach by the affine motion of the load, in addition to the travel
         curve = catmull_rom(rods) if curve is None else curve
-        self._curve = curve
+        self._curve, self._after, self._before = curve, rods.following, rods.previous
         cells = search_cells(rods, curve)
         self.margin, self._radius, self._max_sag, self._cell = cells.margin, cells.radius, cells.max_sag, cells.size
         along_x, along_y, along_z = map(int, cells.count)
@@ -263,7 +263,7 @@ class WireContact:
         rods, state = self.stepper.rods, self.stepper.state
         thickness, nodes = rods.section.thickness, rods.node_count
         near = self.read_contacts(min(approach, thickness))
-        after, before = rods.following, rods.previous
+        after, before = self._after, self._before
         penalty = state.contact_penalty.numpy()
         own = np.maximum(penalty, penalty[after])
         sticking = 0.0 if self.friction == 0.0 else STICK_SHARE * float(state.read_control()[int(c.CONTACT_STIFFNESS)])
