@@ -25,7 +25,6 @@ from .control import (
     TIME_STEP,
     VELOCITY_FACTOR,
 )
-from .rod_motion import NODE_BLOCK
 
 
 @wp.kernel
@@ -34,6 +33,7 @@ def move_clamps(
     clamp_node: wp.array2d(dtype=wp.int32),
     clamp_lever: wp.array2d(dtype=wp.vec2d),
     clamp_slides: wp.array(dtype=wp.int32),
+    node_wire: wp.array(dtype=wp.int32),
     node_mass: wp.array(dtype=wp.vec3d),
     # in: what steers the step
     control: wp.array(dtype=wp.float64),
@@ -45,7 +45,7 @@ def move_clamps(
     # out
     partial: wp.array2d(dtype=wp.float64),
 ):
-    """One thread a clamp, behind `step_rods`. `clamp_lever` is X - c [m] of both nodes, `clamp_velocity` [m/s] along the warp."""
+    """One thread a clamp, behind `move_rods`. `clamp_lever` is X - c [m] of both nodes, `clamp_velocity` [m/s] along the warp."""
     s = wp.tid()
     if control[STATUS] != STATUS_RUNNING:
         return
@@ -55,7 +55,7 @@ def move_clamps(
     b = clamp_node[s, 1]
     slide = wp.float64(0.0)
     speed_square = wp.float64(0.0)
-    row = a / NODE_BLOCK
+    row = node_wire[a]
     if clamp_slides[s] != 0:
         mass = node_mass[a][1] + node_mass[b][1]
         push = force[a][1] + force[b][1]

@@ -9,13 +9,98 @@ rotation of the section. When a segment tilts from tangent t to t', its director
 and then rotated by the spin of the segment. The director stores the twist, so no angle is measured against a frame that could
 jump.
 
-Positions are x = F X + u; F acts in the plane of the mesh only. A node without a following segment has -1 in
-`following`.
+Positions are x = F X + u; F acts in the plane of the mesh only. The last node of an open wire has no segment.
 """
+
+from typing import Any
 
 import warp as wp
 
 from .control import GRADIENT
+from .rod_blocks import BLOCK
+
+# The sine and the cosine are series to round-off up to HALF a radian, which a step hardly ever exceeds.
+_FRAMES = (
+    BLOCK
+    + r"""
+    const double fxx = steer[GRADIENT], fxy = steer[GRADIENT + 1], fyx = steer[GRADIENT + 2], fyy = steer[GRADIENT + 3];
+    const double HALF = 0.5;
+    const int segments = !closed && first + count == wire_end ? count - 1 : count;
+    const double* __restrict rest = (const double*)(rest_position.data + first);
+    const double* __restrict span = (const double*)(rest_edge.data + first);
+    const double* __restrict moved = (const double*)displacement.data;
+    double* __restrict place = (double*)(position.data + first);
+    double* __restrict t = (double*)(tangent.data + first);
+    double* __restrict d = (double*)(director.data + first);
+    double* __restrict turn = pending_turn.data + first;
+    double* __restrict size = length.data + first;
+    double ux[SPAN], uy[SPAN], uz[SPAN], sines[SPAN], cosines[SPAN];
+    for (int k = 0; k <= count; ++k) {
+        int i = first + k;
+        if (i >= wire_end) i = closed ? wire_begin : wire_end - 1;
+        ux[k] = moved[3 * i];
+        uy[k] = moved[3 * i + 1];
+        uz[k] = moved[3 * i + 2];
+    }
+    double widest = 0;
+    for (int k = 0; k < segments; ++k) {
+        const double a = turn[k], z = a * a;
+        widest = a > widest ? a : (-a > widest ? -a : widest);
+        sines[k] = a * (1 + z * (-1.0 / 6 + z * (1.0 / 120 + z * (-1.0 / 5040 + z * (1.0 / 362880 + z * (-1.0 / 39916800
+            + z * (1.0 / 6227020800)))))));
+        cosines[k] = 1 + z * (-1.0 / 2 + z * (1.0 / 24 + z * (-1.0 / 720 + z * (1.0 / 40320 + z * (-1.0 / 3628800
+            + z * (1.0 / 479001600 + z * (-1.0 / 87178291200)))))));
+    }
+    if (widest > HALF) {
+        for (int k = 0; k < segments; ++k) {
+            sines[k] = wp::sin(turn[k]);
+            cosines[k] = wp::cos(turn[k]);
+        }
+    }
+    {
+    #pragma clang fp reassociate(on) contract(fast)
+    #pragma clang loop vectorize(enable)
+    for (int k = 0; k < count; ++k) {
+        place[3 * k] = fxx * rest[3 * k] + fxy * rest[3 * k + 1] + ux[k];
+        place[3 * k + 1] = fyx * rest[3 * k] + fyy * rest[3 * k + 1] + uy[k];
+        place[3 * k + 2] = rest[3 * k + 2] + uz[k];
+    }
+    }
+    {
+    #pragma clang fp reassociate(on) contract(fast)
+    #pragma clang loop vectorize(enable)
+    for (int k = 0; k < segments; ++k) {
+        const double ex = fxx * span[3 * k] + fxy * span[3 * k + 1] + (ux[k + 1] - ux[k]);
+        const double ey = fyx * span[3 * k] + fyy * span[3 * k + 1] + (uy[k + 1] - uy[k]);
+        const double ez = span[3 * k + 2] + (uz[k + 1] - uz[k]);
+        const double l = sqrt(ex * ex + ey * ey + ez * ez), inverse = 1 / l;
+        const double px = t[3 * k], py = t[3 * k + 1], pz = t[3 * k + 2];
+        const double tx = ex * inverse, ty = ey * inverse, tz = ez * inverse;
+        const double vx = d[3 * k], vy = d[3 * k + 1], vz = d[3 * k + 2];
+        const double bx = py * tz - pz * ty, by = pz * tx - px * tz, bz = px * ty - py * tx;
+        const double c = px * tx + py * ty + pz * tz;
+        const double along = (bx * vx + by * vy + bz * vz) / (1 + c);
+        double wx = c * vx + by * vz - bz * vy + bx * along;
+        double wy = c * vy + bz * vx - bx * vz + by * along;
+        double wz = c * vz + bx * vy - by * vx + bz * along;
+        const double off = wx * tx + wy * ty + wz * tz;
+        wx -= off * tx;
+        wy -= off * ty;
+        wz -= off * tz;
+        const double unit = 1 / sqrt(wx * wx + wy * wy + wz * wz);
+        const double co = cosines[k] * unit, si = sines[k] * unit;
+        size[k] = l;
+        t[3 * k] = tx;
+        t[3 * k + 1] = ty;
+        t[3 * k + 2] = tz;
+        d[3 * k] = co * wx + si * (ty * wz - tz * wy);
+        d[3 * k + 1] = co * wy + si * (tz * wx - tx * wz);
+        d[3 * k + 2] = co * wz + si * (tx * wy - ty * wx);
+        turn[k] = 0;
+    }
+    }
+"""
+)
 
 
 @wp.func
@@ -28,18 +113,17 @@ def affine_map(vector: wp.vec3d, control: wp.array(dtype=wp.float64)) -> wp.vec3
     )
 
 
-@wp.func
-def transported(vector: wp.vec3d, before: wp.vec3d, now: wp.vec3d) -> wp.vec3d:
-    """Parallel transport of `vector` from unit tangent `before` to `now`, which must not be opposite."""
-    axis = wp.cross(before, now)
-    cosine = wp.dot(before, now)
-    return cosine * vector + wp.cross(axis, vector) + axis * (wp.dot(axis, vector) / (wp.float64(1.0) + cosine))
-
-
-@wp.kernel
-def update_frames(
-    # in: wires
-    following: wp.array(dtype=wp.int32),
+@wp.func_native(_FRAMES)
+def frames_of_block(
+    # in: blocks and wires
+    block: wp.int32,
+    lane: Any,
+    block_first: wp.array(dtype=wp.int32),
+    block_count: wp.array(dtype=wp.int32),
+    block_wire: wp.array(dtype=wp.int32),
+    wire_first: wp.array(dtype=wp.int32),
+    wire_count: wp.array(dtype=wp.int32),
+    wire_closed: wp.array(dtype=wp.int32),
     rest_position: wp.array(dtype=wp.vec3d),
     rest_edge: wp.array(dtype=wp.vec3d),
     # in: what steers the step
@@ -53,23 +137,57 @@ def update_frames(
     # out
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
-    # out: set to zero for contact to add to
-    contact_couple: wp.array(dtype=wp.vec3d),
+): ...
+
+
+@wp.kernel
+def update_frames(
+    # in: blocks and wires
+    block_first: wp.array(dtype=wp.int32),
+    block_count: wp.array(dtype=wp.int32),
+    block_wire: wp.array(dtype=wp.int32),
+    wire_first: wp.array(dtype=wp.int32),
+    wire_count: wp.array(dtype=wp.int32),
+    wire_closed: wp.array(dtype=wp.int32),
+    first_block: int,
+    threads_a_block: Any,
+    rest_position: wp.array(dtype=wp.vec3d),
+    rest_edge: wp.array(dtype=wp.vec3d),
+    # in: what steers the step
+    control: wp.array(dtype=wp.float64),
+    # state in
+    displacement: wp.array(dtype=wp.vec3d),
+    # in and out: the pending rotation [rad] is applied and set to zero
+    pending_turn: wp.array(dtype=wp.float64),
+    tangent: wp.array(dtype=wp.vec3d),
+    director: wp.array(dtype=wp.vec3d),
+    # out
+    position: wp.array(dtype=wp.vec3d),
+    length: wp.array(dtype=wp.float64),
 ):
-    """One thread a node and the segment behind it. `rest_edge` may cross the border of a periodic tile."""
-    i = wp.tid()
-    contact_couple[i] = wp.vec3d()
-    position[i] = affine_map(rest_position[i], control) + displacement[i]
-    j = following[i]
-    if j < 0:
-        return
-    edge = affine_map(rest_edge[i], control) + (displacement[j] - displacement[i])
-    size = wp.length(edge)
-    t = edge / size
-    section_vector = transported(director[i], tangent[i], t)
-    section_vector = wp.normalize(section_vector - wp.dot(section_vector, t) * t)
-    angle = pending_turn[i]
-    pending_turn[i] = wp.float64(0.0)
-    length[i] = size
-    tangent[i] = t
-    director[i] = wp.cos(angle) * section_vector + wp.sin(angle) * wp.cross(t, section_vector)
+    """A thread a block, or with 64-bit `threads_a_block` = ROD_BLOCK a thread a node. `rest_edge` may cross the border of a
+    periodic tile."""
+    thread = wp.tid()
+    threads = wp.int32(threads_a_block)
+    block = first_block + thread / threads
+    lane = thread % threads
+    if lane < block_count[block]:
+        frames_of_block(
+            block,
+            type(threads_a_block)(lane),
+            block_first,
+            block_count,
+            block_wire,
+            wire_first,
+            wire_count,
+            wire_closed,
+            rest_position,
+            rest_edge,
+            control,
+            displacement,
+            pending_turn,
+            tangent,
+            director,
+            position,
+            length,
+        )

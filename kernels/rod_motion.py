@@ -1,112 +1,123 @@
-"""Time step of rods: sums stretch, bending, twist, contact and loads; then, with the accelerations
-(banded_mass.py), updates nodes and sections.
+"""Motion of rods: accelerations M a = f by the factors of banded_mass.py, and the update of nodes and sections.
 
-    n_j = T_j t_j + (gradient of bending and twist by edge j) + t_j x c_j/|e_j|       f_i = n_i - n_(i-1) + contact + load
-    torque of segment j = - gradient by its angle + t_j . c_j + load
+    z_j = f_j - L(j, j-1) z_(j-1) - L(j, j-2) z_(j-2)         a_j = z_j/D_j - L(j+1, j) a_(j+1) - L(j+2, j) a_(j+2) - full rows
 
-c_j is the contact couple on the section of segment j.
-
-Velocities and spins follow the two-term update of control.py.
+The sweep forward leaves z, the sweep back updates each node by the two-term update of control.py once its acceleration is known.
 """
 
 import warp as wp
 
-from .control import (
-    FORCE_FACTOR,
-    FORCE_PART,
-    KINETIC_PART,
-    LENGTH_FACTOR,
-    LOOK_AHEAD,
-    SPEED_PART,
-    STATUS,
-    STATUS_RUNNING,
-    STRONGEST_PART,
-    TIME_STEP,
-    VELOCITY_FACTOR,
+from . import banded_mass as m
+from .control import STATUS, STATUS_RUNNING
+from .native import STEERING, constants
+
+# Four numbers a node: x, y, z and spin. Full rows are zero between `quiet` and the last four nodes.
+_MOVE = (
+    STEERING
+    + constants(PIVOT=m.PIVOT, NEXT=m.NEXT, SECOND=m.SECOND, OTHER=m.OTHER, LAST=m.LAST, FACTORS=m.FACTORS)
+    + r"""
+    const int first = wire_first.data[wire], count = wire_count.data[wire], quiet = wire_quiet.data[wire];
+    const double* __restrict factors = (const double*)(mass_factor.data + FACTORS * first);
+    const double* __restrict push = (const double*)(force.data + first);
+    const double* __restrict couple = torque.data + first;
+    double* __restrict swept = (double*)(sweep.data + first);
+    double z1[4] = {0, 0, 0, 0}, z2[4] = {0, 0, 0, 0}, other[4] = {0, 0, 0, 0}, last[4] = {0, 0, 0, 0};
+    for (int j = 0; j < count; ++j) {
+        const double* __restrict l = factors + 4 * FACTORS * j;
+        double z[4] = {push[3 * j], push[3 * j + 1], push[3 * j + 2], couple[j]};
+        if (j == count - 2) {
+            for (int c = 0; c < 4; ++c) z[c] -= other[c];
+        } else if (j == count - 1) {
+            for (int c = 0; c < 4; ++c) z[c] -= last[c] + l[4 * NEXT + c] * z1[c];
+        } else {
+            for (int c = 0; c < 4; ++c) z[c] -= l[4 * SECOND + c] * z2[c];
+            for (int c = 0; c < 4; ++c) z[c] -= l[4 * NEXT + c] * z1[c];
+            if (j < quiet || j >= count - 4) {
+                for (int c = 0; c < 4; ++c) other[c] += l[4 * OTHER + c] * z[c];
+                for (int c = 0; c < 4; ++c) last[c] += l[4 * LAST + c] * z[c];
+            }
+        }
+        for (int c = 0; c < 4; ++c) swept[4 * j + c] = z[c];
+        for (int c = 0; c < 4; ++c) z2[c] = z1[c];
+        for (int c = 0; c < 4; ++c) z1[c] = z[c];
+    }
+    const double* steer = control.data;
+    const double a = steer[VELOCITY_FACTOR], b = steer[FORCE_FACTOR], dt = steer[TIME_STEP], ahead = steer[LOOK_AHEAD];
+    double* __restrict moved = (double*)(displacement.data + first);
+    double* __restrict speed = (double*)(velocity.data + first);
+    double* __restrict rate = spin.data + first;
+    double* __restrict turned = angle.data + first;
+    double* __restrict turn = pending_turn.data + first;
+    double* __restrict total = (double*)(force_sum.data + first);
+    const double* __restrict mass = (const double*)(node_mass.data + first);
+    const double* __restrict inertia = spin_inertia.data + first;
+    double kinetic = 0, fastest = 0, strongest = 0, squares = 0;
+    for (int c = 0; c < 4; ++c) z1[c] = z2[c] = 0;
+    for (int j = count - 1; j >= 0; --j) {
+        const double* __restrict l = factors + 4 * FACTORS * j;
+        double z[4];
+        for (int c = 0; c < 4; ++c) z[c] = l[4 * PIVOT + c] * swept[4 * j + c];
+        if (j == count - 1) {
+            for (int c = 0; c < 4; ++c) last[c] = z[c];
+        } else if (j == count - 2) {
+            for (int c = 0; c < 4; ++c) z[c] -= (l + 4 * FACTORS)[4 * NEXT + c] * last[c];
+            for (int c = 0; c < 4; ++c) other[c] = z[c];
+        } else {
+            // the last two rows are full: L to them is not zero only there
+            for (int c = 0; c < 4; ++c) z[c] -= (l + 8 * FACTORS)[4 * SECOND + c] * z2[c];
+            for (int c = 0; c < 4; ++c) z[c] -= (l + 4 * FACTORS)[4 * NEXT + c] * z1[c];
+            if (j < quiet || j >= count - 4) {
+                for (int c = 0; c < 4; ++c) z[c] -= l[4 * OTHER + c] * other[c];
+                for (int c = 0; c < 4; ++c) z[c] -= l[4 * LAST + c] * last[c];
+            }
+            for (int c = 0; c < 4; ++c) z2[c] = z1[c];
+            for (int c = 0; c < 4; ++c) z1[c] = z[c];
+        }
+        double q2 = 0, f2 = 0, e = 0;
+        for (int c = 0; c < 3; ++c) {
+            const double before = speed[3 * j + c], after = a * before + b * z[c];
+            speed[3 * j + c] = after;
+            moved[3 * j + c] += dt * (after + ahead * (after - before));
+            total[3 * j + c] += push[3 * j + c];
+            q2 += after * after;
+            e += mass[3 * j + c] * after * after;
+            f2 += push[3 * j + c] * push[3 * j + c];
+        }
+        const double before = rate[j], after = a * before + b * z[3], move = dt * (after + ahead * (after - before));
+        rate[j] = after;
+        turn[j] = move;
+        turned[j] += move;
+        kinetic += e + inertia[j] * after * after;
+        fastest = q2 > fastest ? q2 : fastest;
+        if (l[4 * PIVOT] != 0) {
+            squares += f2;
+            strongest = f2 > strongest ? f2 : strongest;
+        }
+    }
+    double* row = partial.data + PARTIAL_COUNT * wire;
+    row[KINETIC_PART] = kinetic;
+    row[SPEED_PART] = fastest;
+    row[STRONGEST_PART] = strongest;
+    row[FORCE_PART] = squares;
+"""
 )
-from .stretch import axial_force
-
-NODE_BLOCK = 64  # nodes that share one row of `partial`
-
-HELD_NODE = wp.constant(1)  # the node is fixed
-HELD_TURN = wp.constant(2)  # the section of the segment behind the node does not rotate about it
 
 
-@wp.func
-def edge_gradient(
-    segment: int,
-    end: int,
-    tension: wp.float64,
-    tangent: wp.array(dtype=wp.vec3d),
-    edge_gradient_before: wp.array(dtype=wp.vec3d),
-    edge_gradient_after: wp.array(dtype=wp.vec3d),
-    contact_couple: wp.array(dtype=wp.vec3d),
-    length: wp.array(dtype=wp.float64),
-) -> wp.vec3d:
-    """[N] gradient of the energy by the edge from node `segment` to node `end`."""
-    t = tangent[segment]
-    return (
-        tension * t
-        + edge_gradient_after[segment]
-        + edge_gradient_before[end]
-        + wp.cross(t, contact_couple[segment]) / length[segment]
-    )
-
-
-@wp.kernel
-def sum_rod_forces(
+@wp.func_native(_MOVE)
+def move_wire(
     # in: wires
-    previous: wp.array(dtype=wp.int32),
-    following: wp.array(dtype=wp.int32),
-    natural_length: wp.array(dtype=wp.float64),
-    stretch_stiffness: wp.array(dtype=wp.float64),
-    load_force: wp.array(dtype=wp.vec3d),
-    load_torque: wp.array(dtype=wp.float64),
-    # in: what steers the step
-    control: wp.array(dtype=wp.float64),
-    # state in
-    tension_offset: wp.array(dtype=wp.float64),
-    length: wp.array(dtype=wp.float64),
-    tangent: wp.array(dtype=wp.vec3d),
-    edge_gradient_before: wp.array(dtype=wp.vec3d),
-    edge_gradient_after: wp.array(dtype=wp.vec3d),
-    angle_gradient_before: wp.array(dtype=wp.float64),
-    angle_gradient_after: wp.array(dtype=wp.float64),
-    contact_couple: wp.array(dtype=wp.vec3d),
-    # in and out: contact forces, set to zero for the next step
-    contact_force: wp.array(dtype=wp.vec3d),
-    # out
-    force: wp.array(dtype=wp.vec3d),
-    torque: wp.array(dtype=wp.float64),
-):
-    """One thread a node. `force` [N] and `torque` [N m] include the forces that held nodes react to."""
-    i = wp.tid()
-    f = contact_force[i] + load_force[i]
-    axial_torque = load_torque[i]
-    contact_force[i] = wp.vec3d()
-    factor = control[LENGTH_FACTOR]
-    j = following[i]
-    if j >= 0:
-        tension = axial_force(length[i], natural_length[i] * factor, stretch_stiffness[i], tension_offset[i])
-        f += edge_gradient(i, j, tension, tangent, edge_gradient_before, edge_gradient_after, contact_couple, length)
-        axial_torque += wp.dot(contact_couple[i], tangent[i]) - angle_gradient_after[i] - angle_gradient_before[j]
-    h = previous[i]
-    if h >= 0:
-        tension = axial_force(length[h], natural_length[h] * factor, stretch_stiffness[h], tension_offset[h])
-        f -= edge_gradient(h, i, tension, tangent, edge_gradient_before, edge_gradient_after, contact_couple, length)
-    force[i] = f
-    torque[i] = axial_torque
-
-
-@wp.kernel
-def move_rods(
-    # in
+    wire: wp.int32,
+    wire_first: wp.array(dtype=wp.int32),
+    wire_count: wp.array(dtype=wp.int32),
+    # in: masses and their factors
+    mass_factor: wp.array2d(dtype=wp.vec4d),
+    wire_quiet: wp.array(dtype=wp.int32),
     node_mass: wp.array(dtype=wp.vec3d),
     spin_inertia: wp.array(dtype=wp.float64),
+    # in
     control: wp.array(dtype=wp.float64),
     force: wp.array(dtype=wp.vec3d),
-    acceleration: wp.array(dtype=wp.vec3d),
-    spin_acceleration: wp.array(dtype=wp.float64),
+    torque: wp.array(dtype=wp.float64),
     # state in and out
     displacement: wp.array(dtype=wp.vec3d),
     velocity: wp.array(dtype=wp.vec3d),
@@ -114,34 +125,59 @@ def move_rods(
     angle: wp.array(dtype=wp.float64),
     force_sum: wp.array(dtype=wp.vec3d),
     # out
+    sweep: wp.array(dtype=wp.vec4d),
+    pending_turn: wp.array(dtype=wp.float64),
+    partial: wp.array2d(dtype=wp.float64),
+): ...
+
+
+@wp.kernel
+def move_rods(
+    # in: wires
+    wire_first: wp.array(dtype=wp.int32),
+    wire_count: wp.array(dtype=wp.int32),
+    first_wire: int,
+    # in: masses and their factors
+    mass_factor: wp.array2d(dtype=wp.vec4d),
+    wire_quiet: wp.array(dtype=wp.int32),
+    node_mass: wp.array(dtype=wp.vec3d),
+    spin_inertia: wp.array(dtype=wp.float64),
+    # in
+    control: wp.array(dtype=wp.float64),
+    force: wp.array(dtype=wp.vec3d),
+    torque: wp.array(dtype=wp.float64),
+    # state in and out
+    displacement: wp.array(dtype=wp.vec3d),
+    velocity: wp.array(dtype=wp.vec3d),
+    spin: wp.array(dtype=wp.float64),
+    angle: wp.array(dtype=wp.float64),
+    force_sum: wp.array(dtype=wp.vec3d),
+    # out
+    sweep: wp.array(dtype=wp.vec4d),
     pending_turn: wp.array(dtype=wp.float64),
     partial: wp.array2d(dtype=wp.float64),
 ):
-    """One thread a node. The kinetic energy is that of the diagonal masses."""
-    i = wp.tid()
+    """One thread a wire, and a row of partial sums. The kinetic energy is that of the diagonal masses."""
+    wire = first_wire + wp.tid()
     if control[STATUS] != STATUS_RUNNING:
         return
-    a = control[VELOCITY_FACTOR]
-    b = control[FORCE_FACTOR]
-    dt = control[TIME_STEP]
-    ahead = control[LOOK_AHEAD]
-    before = velocity[i]
-    after = a * before + b * acceleration[i]
-    spin_before = spin[i]
-    spin_after = a * spin_before + b * spin_acceleration[i]
-    velocity[i] = after
-    spin[i] = spin_after
-    displacement[i] = displacement[i] + dt * (after + ahead * (after - before))
-    move = dt * (spin_after + ahead * (spin_after - spin_before))
-    pending_turn[i] = move
-    angle[i] = angle[i] + move
-    force_sum[i] = force_sum[i] + force[i]
-    force_square = wp.where(wp.length_sq(acceleration[i]) > wp.float64(0.0), wp.length_sq(force[i]), wp.float64(0.0))
-    speed_square = wp.dot(after, after)
-    row = i / NODE_BLOCK
-    wp.atomic_add(
-        partial, row, KINETIC_PART, wp.dot(node_mass[i], wp.cw_mul(after, after)) + spin_inertia[i] * spin_after * spin_after
+    move_wire(
+        wire,
+        wire_first,
+        wire_count,
+        mass_factor,
+        wire_quiet,
+        node_mass,
+        spin_inertia,
+        control,
+        force,
+        torque,
+        displacement,
+        velocity,
+        spin,
+        angle,
+        force_sum,
+        sweep,
+        pending_turn,
+        partial,
     )
-    wp.atomic_max(partial, row, SPEED_PART, speed_square)
-    wp.atomic_max(partial, row, STRONGEST_PART, force_square)
-    wp.atomic_add(partial, row, FORCE_PART, force_square)

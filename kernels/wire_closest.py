@@ -4,9 +4,9 @@ Wires that hook at a small angle touch on both sides of their crossing, and the 
 segment is long. Minima are therefore searched from both ends of a segment. Two different minima have a saddle of the distance
 between them.
 
-A pair is evaluated only where the distance of its chords, less the sag of the curves, is below the contact distance; otherwise it
-sleeps until the travel has used up the gap. A step starts from the closest points of the step before, and searches anew after
-a travel of RENEWAL_TRAVEL.
+Steps look at the pairs alone that may touch soon (`mark_near_pairs`); a pair is evaluated only where the distance of its chords,
+less the sag of the curves, is below the contact distance; one that does not touch sleeps until the travel has used up its gap.
+A step starts from the closest points of the step before, and searches anew after a travel of RENEWAL_TRAVEL.
 """
 
 import warp as wp
@@ -217,9 +217,66 @@ def are_distinct(one: wp.vec2d, other: wp.vec2d) -> bool:
 
 
 @wp.kernel
-def find_closest_places(
+def mark_near_pairs(
     # in: pairs
     pair_count: wp.array(dtype=wp.int32),
+    pair_stride: int,
+    pair_first: wp.array(dtype=wp.int32),
+    pair_second: wp.array(dtype=wp.int32),
+    pair_shift: wp.array(dtype=wp.vec3d),
+    # in: wires
+    previous: wp.array(dtype=wp.int32),
+    following: wp.array(dtype=wp.int32),
+    node_radius: wp.array(dtype=wp.float64),
+    rest_bulge: wp.array(dtype=wp.float64),
+    contact_offset: wp.array(dtype=wp.float64),
+    # in: what steers the step; [m] gap of pairs to be marked
+    control: wp.array(dtype=wp.float64),
+    approach: wp.float64,
+    # state in
+    position: wp.array(dtype=wp.vec3d),
+    length: wp.array(dtype=wp.float64),
+    tangent: wp.array(dtype=wp.vec3d),
+    # in and out: [m] travel at which the pair may touch, by its gap when last measured and without what pushes it apart
+    pair_wake_travel: wp.array(dtype=wp.float64),
+    # out
+    pair_found: wp.array(dtype=wp.int32),
+    pair_is_near: wp.array(dtype=wp.int32),
+):
+    """Each thread takes every `pair_stride`-th pair: whether its wires may be nearer than `approach`, by chords, sag and
+    what pushes them apart."""
+    for pair in range(wp.tid(), pair_count[0], pair_stride):
+        travel = control[TRAVEL]
+        i = pair_first[pair]
+        j = pair_second[pair]
+        offset = wp.max(contact_offset[i], contact_offset[following[i]]) + wp.max(contact_offset[j], contact_offset[following[j]])
+        gap = CLOSING_RATE * (pair_wake_travel[pair] - travel) - offset
+        if gap <= approach:
+            p = stencil(i, previous, following, position, length, tangent)
+            q = stencil(j, previous, following, position, length, tangent)
+            shift = affine_map(pair_shift[pair], control)
+            q = q + wp.matrix_from_rows(shift, shift, shift, shift)
+            chords = closest_on_chords(row(p, 1), row(p, 2), row(q, 1), row(q, 2))
+            r = row(p, 1) + chords[0] * (row(p, 2) - row(p, 1)) - row(q, 1) - chords[1] * (row(q, 2) - row(q, 1))
+            length_factor = control[LENGTH_FACTOR]
+            gap = wp.length(r) - sag(p, length_factor * rest_bulge[i]) - sag(q, length_factor * rest_bulge[j])
+            gap = gap - length_factor * (node_radius[i] + node_radius[j])
+            pair_wake_travel[pair] = travel + gap / CLOSING_RATE
+            gap = gap - offset
+        if gap <= approach:
+            pair_is_near[pair] = 1
+        else:
+            pair_is_near[pair] = 0
+            pair_found[pair] = NOT_NEAR
+
+
+@wp.kernel
+def find_closest_places(
+    # in: the pairs that may touch, and all pairs
+    touch_pair: wp.array(dtype=wp.int32),
+    touch_count: wp.array(dtype=wp.int32),
+    first_touch: int,
+    touch_stride: int,
     pair_first: wp.array(dtype=wp.int32),
     pair_second: wp.array(dtype=wp.int32),
     pair_shift: wp.array(dtype=wp.vec3d),
@@ -245,79 +302,82 @@ def find_closest_places(
     pair_found: wp.array(dtype=wp.int32),
     pair_place: wp.array(dtype=wp.vec2d),
 ):
-    """One thread a pair. A step evaluates pairs that may touch; an evaluation without a step evaluates all pairs whose curves may
-    be nearer than `search_ratio` times the contact distance."""
-    pair = wp.tid()
-    if pair >= pair_count[0]:
-        return
-    is_running = control[STATUS] == STATUS_RUNNING
-    is_loaded = control[RAMP_STEP] >= control[RAMP_STEPS]  # while loading, affine motion adds to the travel
-    travel = control[TRAVEL]
-    found = pair_found[pair]
-    pair_found[pair] = NOT_NEAR
-    if is_running and travel < pair_wake_travel[pair]:
-        return
-    i = pair_first[pair]
-    j = pair_second[pair]
-    p = stencil(i, previous, following, position, length, tangent)
-    q = stencil(j, previous, following, position, length, tangent)
-    offset = affine_map(pair_shift[pair], control)
-    q = q + wp.matrix_from_rows(offset, offset, offset, offset)
-    length_factor = control[LENGTH_FACTOR]
-    contact_distance = length_factor * (node_radius[i] + node_radius[j])
-    contact_distance += wp.max(contact_offset[i], contact_offset[following[i]])
-    contact_distance += wp.max(contact_offset[j], contact_offset[following[j]])
-    chords = closest_on_chords(row(p, 1), row(p, 2), row(q, 1), row(q, 2))
-    r = row(p, 1) + chords[0] * (row(p, 2) - row(p, 1)) - row(q, 1) - chords[1] * (row(q, 2) - row(q, 1))
-    gap = wp.length(r) - sag(p, length_factor * rest_bulge[i]) - sag(q, length_factor * rest_bulge[j]) - contact_distance
-    if is_running:
-        if gap > wp.float64(0.0):
-            if is_loaded:
-                pair_wake_travel[pair] = travel + gap / CLOSING_RATE
-            return
-    elif gap > (search_ratio - wp.float64(1.0)) * contact_distance:
-        return
-    curve_p = curve_through(p, length_factor * rest_shape(i, previous, following, rest_slope, rest_bump, tangent, director))
-    curve_q = curve_through(q, length_factor * rest_shape(j, previous, following, rest_slope, rest_bump, tangent, director))
-    one = wp.vec2d()
-    other = wp.vec2d()
-    from_one = wp.vec3d()
-    from_other = wp.vec3d()
-    k = 3 * pair
-    was_two = wp.abs(found) == TWO_PLACES
-    is_followed = found != NOT_NEAR and (was_two or (is_running and is_loaded and travel <= pair_renewal_travel[pair]))
-    if is_followed:
-        from_one = closest_on_curves(curve_p, curve_q, pair_place[k])
-        from_other = from_one
-        if was_two:
-            from_other = closest_on_curves(curve_p, curve_q, pair_place[k + 1])
-        one = wp.vec2d(from_one[0], from_one[1])
-        other = wp.vec2d(from_other[0], from_other[1])
-        is_followed = wp.max(from_one[2], from_other[2]) < NEWTON_ACCURACY and not is_saddle(curve_p, curve_q, one)
-        is_followed = is_followed and was_two == are_distinct(one, other)
-    if not is_followed:
-        from_one = closest_on_curves(curve_p, curve_q, projected_end(curve_p, curve_q, wp.float64(0.0)))
-        from_other = closest_on_curves(curve_p, curve_q, projected_end(curve_p, curve_q, wp.float64(1.0)))
-        one = wp.vec2d(from_one[0], from_one[1])
-        other = wp.vec2d(from_other[0], from_other[1])
-        pair_renewal_travel[pair] = travel + RENEWAL_TRAVEL * contact_distance
-    minima = ONE_PLACE
-    nearest = distance_at(curve_p, curve_q, one)
-    if are_distinct(one, other):
-        saddle = saddle_of(curve_p, curve_q, one, other)
-        other_distance = distance_at(curve_p, curve_q, other)
-        barrier = MIN_BARRIER * contact_distance
-        if distance_at(curve_p, curve_q, saddle) > wp.max(nearest, other_distance) + barrier:
-            minima = TWO_PLACES
-            pair_place[k + 2] = saddle
-        elif wp.abs(nearest - other_distance) < barrier:  # along a line
-            from_one = closest_on_curves(curve_p, curve_q, chords)
+    """Each thread takes every `touch_stride`-th pair that may touch. A step evaluates pairs whose curves may touch;
+    an evaluation without a step those that may be nearer than `search_ratio` times the contact distance."""
+    for touch in range(first_touch + wp.tid(), touch_count[0], touch_stride):
+        pair = touch_pair[touch]
+        is_running = control[STATUS] == STATUS_RUNNING
+        is_loaded = control[RAMP_STEP] >= control[RAMP_STEPS]  # while loading, affine motion adds to the travel
+        travel = control[TRAVEL]
+        found = pair_found[pair]
+        i = pair_first[pair]
+        j = pair_second[pair]
+        offset = wp.max(contact_offset[i], contact_offset[following[i]])
+        offset += wp.max(contact_offset[j], contact_offset[following[j]])
+        if is_running and is_loaded and CLOSING_RATE * (pair_wake_travel[pair] - travel) > offset:
+            pair_found[pair] = -wp.abs(found)
+            continue
+        pair_found[pair] = NOT_NEAR
+        p = stencil(i, previous, following, position, length, tangent)
+        q = stencil(j, previous, following, position, length, tangent)
+        shift = affine_map(pair_shift[pair], control)
+        q = q + wp.matrix_from_rows(shift, shift, shift, shift)
+        length_factor = control[LENGTH_FACTOR]
+        contact_distance = length_factor * (node_radius[i] + node_radius[j]) + offset
+        chords = closest_on_chords(row(p, 1), row(p, 2), row(q, 1), row(q, 2))
+        r = row(p, 1) + chords[0] * (row(p, 2) - row(p, 1)) - row(q, 1) - chords[1] * (row(q, 2) - row(q, 1))
+        gap = wp.length(r) - sag(p, length_factor * rest_bulge[i]) - sag(q, length_factor * rest_bulge[j]) - contact_distance
+        if is_running:
+            if gap > wp.float64(0.0):
+                pair_wake_travel[pair] = travel + (gap + offset) / CLOSING_RATE
+                continue
+        elif gap > (search_ratio - wp.float64(1.0)) * contact_distance:
+            continue
+        curve_p = curve_through(p, length_factor * rest_shape(i, previous, following, rest_slope, rest_bump, tangent, director))
+        curve_q = curve_through(q, length_factor * rest_shape(j, previous, following, rest_slope, rest_bump, tangent, director))
+        one = wp.vec2d()
+        other = wp.vec2d()
+        from_one = wp.vec3d()
+        from_other = wp.vec3d()
+        k = 3 * pair
+        was_two = wp.abs(found) == TWO_PLACES
+        is_followed = found != NOT_NEAR and (was_two or (is_running and is_loaded and travel <= pair_renewal_travel[pair]))
+        if is_followed:
+            from_one = closest_on_curves(curve_p, curve_q, pair_place[k])
+            from_other = from_one
+            if was_two:
+                from_other = closest_on_curves(curve_p, curve_q, pair_place[k + 1])
             one = wp.vec2d(from_one[0], from_one[1])
-        elif other_distance < nearest:
-            one = other
-        nearest = wp.min(nearest, other_distance)
-    if wp.max(from_one[2], from_other[2]) >= NEWTON_ACCURACY:
-        pair_renewal_travel[pair] = -wp.float64(1.0)
-    pair_place[k] = one
-    pair_place[k + 1] = other
-    pair_found[pair] = wp.where(is_running and nearest >= contact_distance, -minima, minima)
+            other = wp.vec2d(from_other[0], from_other[1])
+            is_followed = wp.max(from_one[2], from_other[2]) < NEWTON_ACCURACY and not is_saddle(curve_p, curve_q, one)
+            is_followed = is_followed and was_two == are_distinct(one, other)
+        if not is_followed:
+            from_one = closest_on_curves(curve_p, curve_q, projected_end(curve_p, curve_q, wp.float64(0.0)))
+            from_other = closest_on_curves(curve_p, curve_q, projected_end(curve_p, curve_q, wp.float64(1.0)))
+            one = wp.vec2d(from_one[0], from_one[1])
+            other = wp.vec2d(from_other[0], from_other[1])
+            pair_renewal_travel[pair] = travel + RENEWAL_TRAVEL * contact_distance
+        minima = ONE_PLACE
+        nearest = distance_at(curve_p, curve_q, one)
+        if are_distinct(one, other):
+            saddle = saddle_of(curve_p, curve_q, one, other)
+            other_distance = distance_at(curve_p, curve_q, other)
+            barrier = MIN_BARRIER * contact_distance
+            if distance_at(curve_p, curve_q, saddle) > wp.max(nearest, other_distance) + barrier:
+                minima = TWO_PLACES
+                pair_place[k + 2] = saddle
+            elif wp.abs(nearest - other_distance) < barrier:  # along a line
+                from_one = closest_on_curves(curve_p, curve_q, chords)
+                one = wp.vec2d(from_one[0], from_one[1])
+            elif other_distance < nearest:
+                one = other
+            nearest = wp.min(nearest, other_distance)
+        if wp.max(from_one[2], from_other[2]) >= NEWTON_ACCURACY:
+            pair_renewal_travel[pair] = -wp.float64(1.0)
+        pair_place[k] = one
+        pair_place[k + 1] = other
+        if is_running and nearest >= contact_distance:
+            pair_found[pair] = -minima
+            pair_wake_travel[pair] = travel + (nearest - contact_distance + offset) / CLOSING_RATE
+        else:
+            pair_found[pair] = minima

@@ -36,7 +36,8 @@ def between(one: wp.float64, other: wp.float64, place: wp.float64) -> wp.float64
 
 
 @wp.func
-def add_to_wire(
+def push_wire(
+    side: int,
     i: int,
     w: wp.vec4d,
     force: wp.vec3d,
@@ -44,36 +45,42 @@ def add_to_wire(
     couple: wp.vec3d,
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
-    contact_force: wp.array(dtype=wp.vec3d),
-    contact_couple: wp.array(dtype=wp.vec3d),
+    touch_force: wp.array(dtype=wp.vec3d),
+    touch_couple: wp.array(dtype=wp.vec3d),
 ):
-    """Distribute a force on segment i to four nodes, and by levers to three sections; add a couple to its own section."""
+    """Distribute a force on segment i to its four nodes, and by levers to three sections; add a couple to its own section.
+
+    side: twice the number of the touch, and 1 for the second wire.
+    """
+    f = 4 * side
+    g = 3 * side
     after = following[i]
     w1 = w[1]
     w2 = w[2]
-    before = previous[i]
-    if before >= 0:
-        wp.atomic_add(contact_force, before, w[0] * force)
-        wp.atomic_add(contact_couple, before, wp.cross(row(levers, 0), force))
+    if previous[i] >= 0:
+        touch_force[f] += w[0] * force
+        touch_couple[g] += wp.cross(row(levers, 0), force)
     else:
         w1 += wp.float64(2.0) * w[0]
         w2 -= w[0]
-    third = following[after]
-    if third >= 0:
-        wp.atomic_add(contact_force, third, w[3] * force)
-        wp.atomic_add(contact_couple, after, wp.cross(row(levers, 2), force))
+    if following[after] >= 0:
+        touch_force[f + 3] += w[3] * force
+        touch_couple[g + 2] += wp.cross(row(levers, 2), force)
     else:
         w2 += wp.float64(2.0) * w[3]
         w1 -= w[3]
-    wp.atomic_add(contact_force, i, w1 * force)
-    wp.atomic_add(contact_force, after, w2 * force)
-    wp.atomic_add(contact_couple, i, couple + wp.cross(row(levers, 1), force))
+    touch_force[f + 1] += w1 * force
+    touch_force[f + 2] += w2 * force
+    touch_couple[g + 1] += couple + wp.cross(row(levers, 1), force)
 
 
 @wp.kernel
-def add_contact_forces(
-    # in: pairs
-    pair_count: wp.array(dtype=wp.int32),
+def find_contact_forces(
+    # in: the pairs that may touch, and all pairs
+    touch_pair: wp.array(dtype=wp.int32),
+    touch_count: wp.array(dtype=wp.int32),
+    first_touch: int,
+    touch_stride: int,
     pair_start: wp.array(dtype=wp.int32),
     pair_count_of: wp.array(dtype=wp.int32),
     pair_first: wp.array(dtype=wp.int32),
@@ -113,147 +120,157 @@ def add_contact_forces(
     pair_force: wp.array(dtype=wp.float64),
     pair_friction: wp.array(dtype=wp.vec3d),
     pair_normal: wp.array(dtype=wp.vec3d),
-    contact_force: wp.array(dtype=wp.vec3d),
-    contact_couple: wp.array(dtype=wp.vec3d),
+    # out: whether a touch pushes at all; forces on the four nodes of either segment, and couples on its three sections
+    touch_loaded: wp.array(dtype=wp.int32),
+    touch_force: wp.array(dtype=wp.vec3d),
+    touch_couple: wp.array(dtype=wp.vec3d),
     max_penetration: wp.array(dtype=wp.float64),
 ):
-    """One thread a pair, at the places from `find_closest_places`. `stick_share` is k_t over the
-    penalty in `control`. A contact without weight has the
-    overlap -NO_COMMON_WIRE."""
-    pair = wp.tid()
-    if pair >= pair_count[0]:
-        return
-    found = pair_found[pair]
-    if found <= NOT_NEAR:
-        return
-    zero = wp.float64(0.0)
-    one = wp.float64(1.0)
-    i = pair_first[pair]
-    j = pair_second[pair]
-    p = stencil(i, previous, following, position, length, tangent)
-    q = stencil(j, previous, following, position, length, tangent)
-    offset = affine_map(pair_shift[pair], control)
-    q = q + wp.matrix_from_rows(offset, offset, offset, offset)
-    length_factor = control[LENGTH_FACTOR]
-    contact_distance = length_factor * (node_radius[i] + node_radius[j])
-    shape_p = length_factor * rest_shape(i, previous, following, rest_slope, rest_bump, tangent, director)
-    shape_q = length_factor * rest_shape(j, previous, following, rest_slope, rest_bump, tangent, director)
-    curve_p = curve_through(p, shape_p)
-    curve_q = curve_through(q, shape_q)
-    separation = pair_arc_separation[pair]
-    is_same = separation != NO_COMMON_WIRE
-    is_running = control[STATUS] == STATUS_RUNNING
-    step = int(control[STEP])
-    has_more_p = following[following[i]] >= 0
-    has_more_q = following[following[j]] >= 0
-    last = wp.where(found == ONE_PLACE, 1, 3)
-    next_i = following[i]
-    next_j = following[j]
-    overlaps = wp.vec3d()  # and offsets
-    weights = wp.vec3d()  # of the contacts; negative for the saddle
-    without_saddle = one
-    for a in range(3):
-        k = 3 * pair + a
-        pair_force[k] = zero
-        pair_overlap[k] = -NO_COMMON_WIRE
-        if a < last:
+    """Each thread takes every `touch_stride`-th pair that may touch, at its places. `stick_share` is k_t
+    over the penalty in `control`. A contact without weight has the overlap -NO_COMMON_WIRE."""
+    for touch in range(first_touch + wp.tid(), touch_count[0], touch_stride):
+        touch_loaded[touch] = 0
+        pair = touch_pair[touch]
+        found = pair_found[pair]
+        if found <= NOT_NEAR:
+            continue
+        zero = wp.float64(0.0)
+        one = wp.float64(1.0)
+        pushes = bool(False)
+        i = pair_first[pair]
+        j = pair_second[pair]
+        p = stencil(i, previous, following, position, length, tangent)
+        q = stencil(j, previous, following, position, length, tangent)
+        offset = affine_map(pair_shift[pair], control)
+        q = q + wp.matrix_from_rows(offset, offset, offset, offset)
+        length_factor = control[LENGTH_FACTOR]
+        contact_distance = length_factor * (node_radius[i] + node_radius[j])
+        shape_p = length_factor * rest_shape(i, previous, following, rest_slope, rest_bump, tangent, director)
+        shape_q = length_factor * rest_shape(j, previous, following, rest_slope, rest_bump, tangent, director)
+        curve_p = curve_through(p, shape_p)
+        curve_q = curve_through(q, shape_q)
+        separation = pair_arc_separation[pair]
+        is_same = separation != NO_COMMON_WIRE
+        is_running = control[STATUS] == STATUS_RUNNING
+        step = int(control[STEP])
+        has_more_p = following[following[i]] >= 0
+        has_more_q = following[following[j]] >= 0
+        last = wp.where(found == ONE_PLACE, 1, 3)
+        next_i = following[i]
+        next_j = following[j]
+        overlaps = wp.vec3d()  # and offsets
+        weights = wp.vec3d()  # of the contacts; negative for the saddle
+        without_saddle = one
+        for a in range(3):
+            k = 3 * pair + a
+            pair_force[k] = zero
+            pair_overlap[k] = -NO_COMMON_WIRE
+            if a < last:
+                place = pair_place[k]
+                s = place[0]
+                t = place[1]
+                r = point_at(curve_p, s) - point_at(curve_q, t)
+                dp = derivative_at(curve_p, s)
+                dq = derivative_at(curve_q, t)
+                offset_a = between(contact_offset[i], contact_offset[next_i], s) + between(
+                    contact_offset[j], contact_offset[next_j], t
+                )
+                overlaps[a] = contact_distance - wp.length(r) + offset_a
+                weight = one
+                inside = inside_weight(place)
+                s_goes_on = is_bounded(s, wp.dot(r, dp)) and ((s <= zero and previous[i] >= 0) or (s >= one and has_more_p))
+                t_goes_on = is_bounded(t, -wp.dot(r, dq)) and ((t <= zero and previous[j] >= 0) or (t >= one and has_more_q))
+                if (
+                    is_same
+                    and wp.abs(separation + t * natural_length[j] - s * natural_length[i]) < min_arc_separation * node_radius[i]
+                ):
+                    weight = zero
+                    inside = zero
+                elif s_goes_on and t_goes_on:
+                    weight = zero
+                elif s_goes_on or t_goes_on:
+                    weight = line_weight(curve_p, curve_q, place, length[i], length[j], contact_distance)
+                    inside = weight
+                elif (s >= one and has_more_p) or (t >= one and has_more_q):
+                    weight = zero
+                elif a < 2 and inside < one:
+                    inside = wp.max(inside, line_weight(curve_p, curve_q, place, length[i], length[j], contact_distance))
+                weights[a] = weight
+                if a < 2 and found != ONE_PLACE:
+                    without_saddle = without_saddle * (one - inside * saddle_weight(place, pair_place[3 * pair + 2]))
+                elif a == 2:
+                    weights[2] = (without_saddle - one) * weight
+        for a in range(last):
+            weight = weights[a]
+            if weight == zero:
+                continue
+            k = 3 * pair + a
             place = pair_place[k]
             s = place[0]
             t = place[1]
             r = point_at(curve_p, s) - point_at(curve_q, t)
-            dp = derivative_at(curve_p, s)
-            dq = derivative_at(curve_q, t)
-            offset_a = between(contact_offset[i], contact_offset[next_i], s) + between(
-                contact_offset[j], contact_offset[next_j], t
-            )
-            overlaps[a] = contact_distance - wp.length(r) + offset_a
-            weight = one
-            inside = inside_weight(place)
-            s_goes_on = is_bounded(s, wp.dot(r, dp)) and ((s <= zero and previous[i] >= 0) or (s >= one and has_more_p))
-            t_goes_on = is_bounded(t, -wp.dot(r, dq)) and ((t <= zero and previous[j] >= 0) or (t >= one and has_more_q))
-            if (
-                is_same
-                and wp.abs(separation + t * natural_length[j] - s * natural_length[i]) < min_arc_separation * node_radius[i]
-            ):
-                weight = zero
-                inside = zero
-            elif s_goes_on and t_goes_on:
-                weight = zero
-            elif s_goes_on or t_goes_on:
-                weight = line_weight(curve_p, curve_q, place, length[i], length[j], contact_distance)
-                inside = weight
-            elif (s >= one and has_more_p) or (t >= one and has_more_q):
-                weight = zero
-            elif a < 2 and inside < one:
-                inside = wp.max(inside, line_weight(curve_p, curve_q, place, length[i], length[j], contact_distance))
-            weights[a] = weight
-            if a < 2 and found != ONE_PLACE:
-                without_saddle = without_saddle * (one - inside * saddle_weight(place, pair_place[3 * pair + 2]))
-            elif a == 2:
-                weights[2] = (without_saddle - one) * weight
-    for a in range(last):
-        weight = weights[a]
-        if weight == zero:
-            continue
-        k = 3 * pair + a
-        place = pair_place[k]
-        s = place[0]
-        t = place[1]
-        r = point_at(curve_p, s) - point_at(curve_q, t)
-        overlap = overlaps[a]
-        distance = wp.length(r)
-        pair_overlap[k] = contact_distance - distance
-        n = r / distance
-        pair_normal[k] = n
-        if overlap <= zero:
-            continue
-        w = node_weights(s)
-        v = node_weights(t)
-        levers_p = section_offsets(shape_p, s)
-        levers_q = section_offsets(shape_q, t)
-        penalty_p = between(contact_penalty[i], contact_penalty[next_i], s)
-        penalty_q = between(contact_penalty[j], contact_penalty[next_j], t)
-        stiffness = wp.float64(0.5) * (penalty_p + penalty_q)
-        normal_force = weight * stiffness * overlap
-        friction_force = wp.vec3d()
-        couple_p = wp.vec3d()
-        couple_q = wp.vec3d()
-        if friction > zero and a < 2:
-            velocity_p = node_velocities(i, p, previous, following, control, displacement, velocity)
-            velocity_q = node_velocities(j, q, previous, following, control, displacement, velocity)
-            relative_velocity = point_velocity(i, w, velocity_p, levers_p, previous, following, length, tangent, spin)
-            relative_velocity -= point_velocity(j, v, velocity_q, levers_q, previous, following, length, tangent, spin)
-            lever_p = -(length_factor * node_radius[i] / contact_distance) * r
-            lever_q = (length_factor * node_radius[j] / contact_distance) * r
-            rate_p = section_rate(i, row(velocity_p, 2) - row(velocity_p, 1), length, tangent, spin)
-            rate_q = section_rate(j, row(velocity_q, 2) - row(velocity_q, 1), length, tangent, spin)
-            slip_velocity = relative_velocity + wp.cross(rate_p, lever_p) - wp.cross(rate_q, lever_q)
-            slip_velocity = slip_velocity - wp.dot(slip_velocity, n) * n
-            slip = previous_slip(pair, i, j, place, step, previous, following, pair_start, pair_count_of, pair_second,
-                              slip_step, slip_place, elastic_slip)  # fmt: skip
-            slip = slip - wp.dot(slip, n) * n
-            if is_running:
-                slip = slip + control[TIME_STEP] * slip_velocity
-            own = weight
-            if found != ONE_PLACE:
-                own = weight * friction_weight(overlap, overlaps[1 - a], -weights[2] * overlaps[2])
-            friction_force = -(stick_share * control[CONTACT_STIFFNESS] * own) * slip
-            limit = friction * own * normal_force / weight
-            size = wp.length(friction_force)
-            if size > limit:
-                slip = slip * (limit / size)
-                friction_force = friction_force * (limit / size)
-            couple_p = wp.cross(lever_p, friction_force)
-            couple_q = wp.cross(lever_q, -friction_force)
-            if is_running:
-                after = (step + 1) % 2
-                slip_step[after, 2 * pair + a] = step + 1
-                slip_place[after, 2 * pair + a] = place
-                elastic_slip[after, 2 * pair + a] = slip
-        if a < 2:
-            wp.atomic_max(max_penetration, 0, contact_distance - distance)
-        pair_force[k] = normal_force
-        pair_friction[k] = friction_force
-        push = normal_force * n + friction_force
-        add_to_wire(i, w, push, levers_p, couple_p, previous, following, contact_force, contact_couple)
-        add_to_wire(j, v, -push, levers_q, couple_q, previous, following, contact_force, contact_couple)
+            overlap = overlaps[a]
+            distance = wp.length(r)
+            pair_overlap[k] = contact_distance - distance
+            n = r / distance
+            pair_normal[k] = n
+            if overlap <= zero:
+                continue
+            w = node_weights(s)
+            v = node_weights(t)
+            levers_p = section_offsets(shape_p, s)
+            levers_q = section_offsets(shape_q, t)
+            penalty_p = between(contact_penalty[i], contact_penalty[next_i], s)
+            penalty_q = between(contact_penalty[j], contact_penalty[next_j], t)
+            stiffness = wp.float64(0.5) * (penalty_p + penalty_q)
+            normal_force = weight * stiffness * overlap
+            friction_force = wp.vec3d()
+            couple_p = wp.vec3d()
+            couple_q = wp.vec3d()
+            if friction > zero and a < 2:
+                velocity_p = node_velocities(i, p, previous, following, control, displacement, velocity)
+                velocity_q = node_velocities(j, q, previous, following, control, displacement, velocity)
+                relative_velocity = point_velocity(i, w, velocity_p, levers_p, previous, following, length, tangent, spin)
+                relative_velocity -= point_velocity(j, v, velocity_q, levers_q, previous, following, length, tangent, spin)
+                lever_p = -(length_factor * node_radius[i] / contact_distance) * r
+                lever_q = (length_factor * node_radius[j] / contact_distance) * r
+                rate_p = section_rate(i, row(velocity_p, 2) - row(velocity_p, 1), length, tangent, spin)
+                rate_q = section_rate(j, row(velocity_q, 2) - row(velocity_q, 1), length, tangent, spin)
+                slip_velocity = relative_velocity + wp.cross(rate_p, lever_p) - wp.cross(rate_q, lever_q)
+                slip_velocity = slip_velocity - wp.dot(slip_velocity, n) * n
+                slip = previous_slip(pair, i, j, place, step, previous, following, pair_start, pair_count_of, pair_second,
+                                  slip_step, slip_place, elastic_slip)  # fmt: skip
+                slip = slip - wp.dot(slip, n) * n
+                if is_running:
+                    slip = slip + control[TIME_STEP] * slip_velocity
+                own = weight
+                if found != ONE_PLACE:
+                    own = weight * friction_weight(overlap, overlaps[1 - a], -weights[2] * overlaps[2])
+                friction_force = -(stick_share * control[CONTACT_STIFFNESS] * own) * slip
+                limit = friction * own * normal_force / weight
+                size = wp.length(friction_force)
+                if size > limit:
+                    slip = slip * (limit / size)
+                    friction_force = friction_force * (limit / size)
+                couple_p = wp.cross(lever_p, friction_force)
+                couple_q = wp.cross(lever_q, -friction_force)
+                if is_running:
+                    after = (step + 1) % 2
+                    slip_step[after, 2 * pair + a] = step + 1
+                    slip_place[after, 2 * pair + a] = place
+                    elastic_slip[after, 2 * pair + a] = slip
+            if a < 2:
+                wp.atomic_max(max_penetration, 0, contact_distance - distance)
+            pair_force[k] = normal_force
+            pair_friction[k] = friction_force
+            push = normal_force * n + friction_force
+            if not pushes:
+                pushes = True
+                for part in range(8):
+                    touch_force[8 * touch + part] = wp.vec3d()
+                for part in range(6):
+                    touch_couple[6 * touch + part] = wp.vec3d()
+            push_wire(2 * touch, i, w, push, levers_p, couple_p, previous, following, touch_force, touch_couple)
+            push_wire(2 * touch + 1, j, v, -push, levers_q, couple_q, previous, following, touch_force, touch_couple)
+        if pushes:
+            touch_loaded[touch] = 1

@@ -15,6 +15,7 @@ a GPU, on one node of it: the type of `lane` says which, 32 bits for all nodes, 
 """
 
 from . import clamp
+from .arctangent import ARCTANGENT
 from .native import STEERING, constants
 
 BLOCK_SIZE = 128
@@ -134,21 +135,8 @@ _FORCES = r"""
         const real sine = tx[j] * ty[j + 1] - ty[j] * tx[j + 1];
         const real cosine = tx[j] * tx[j + 1] + ty[j] * ty[j + 1];
         // angle = 2 atan(sine / (1 + cosine)), the quotient folded into [-tan(pi/8), tan(pi/8)] before the one division
-        const real below = real(1) + cosine;
-        const real a = sine < real(0) ? -sine : sine;
-        const real steep = a > real(2.414213562373095) * below ? real(1) : real(0);
-        const real middle = (a > real(0.4142135623730951) * below ? real(1) : real(0)) - steep;
-        const real top = steep > real(0) ? -below : (middle > real(0) ? a - below : a);
-        const real bottom = steep > real(0) ? a : (middle > real(0) ? a + below : below);
-        const real x = top / (bottom > real(1e-12) ? bottom : real(1e-12));
-        const real z = x * x;
-        real series;
-        if (sizeof(real) == 4) {
-            series = ATAN_SINGLE;
-        } else {
-            series = ATAN_DOUBLE;
-        }
-        const real folded = x * series + middle * real(0.7853981633974483) + steep * real(1.5707963267948966);
+        const real over = sine, under = real(1) + cosine;
+        ARCTANGENT
         const real angle = real(2) * (sine < real(0) ? -folded : folded);
         bend[j + 1] = hinge_factor * rb[j + 1] * (angle - ra[j + 1]);
         share[j + 1] = real(1);
@@ -243,39 +231,6 @@ _FORCES = r"""
 """
 
 
-def _polynomial(coefficients: tuple[float, ...], variable: str) -> str:
-    """Horner form in C++."""
-    text = f"real({coefficients[-1]!r})"
-    for c in reversed(coefficients[:-1]):
-        text = f"(real({c!r}) + {variable} * {text})"
-    return text
-
-
-# atan(x)/x in powers of x^2 on |x| <= tan(pi/8): interpolation at Chebyshev nodes; errors 6e-10 and below 1e-16.
-ATAN_SINGLE = (
-    0.9999999993712282,
-    -0.33333306893048514,
-    0.19998183041083206,
-    -0.14239532669648974,
-    0.10569828806414448,
-    -0.06026305227658459,
-)
-ATAN_DOUBLE = (
-    1.0,
-    -0.3333333333333312,
-    0.19999999999940893,
-    -0.14285714279250245,
-    0.11111110744919658,
-    -0.09090896809064027,
-    0.07692045330902225,
-    -0.06662951813629191,
-    0.05846878297330872,
-    -0.05035102456601552,
-    0.03796525745386593,
-    -0.017805397205419446,
-)
-
-
 _CLAMP = constants(
     LEVER_X=clamp.LEVER_X,
     LEVER_Y=clamp.LEVER_Y,
@@ -294,6 +249,5 @@ _CLAMP = constants(
 
 def forces(keeps: bool) -> str:
     """The text, to stand before what uses it."""
-    series = {"ATAN_SINGLE": _polynomial(ATAN_SINGLE, "z"), "ATAN_DOUBLE": _polynomial(ATAN_DOUBLE, "z")}
-    text = _FORCES.replace("ATAN_SINGLE", series["ATAN_SINGLE"]).replace("ATAN_DOUBLE", series["ATAN_DOUBLE"])
+    text = _FORCES.replace("ARCTANGENT", ARCTANGENT)
     return STEERING + _CLAMP + constants(BLOCK_SIZE=BLOCK_SIZE, BLOCK_PAD=BLOCK_PAD, KEEPS=keeps) + text

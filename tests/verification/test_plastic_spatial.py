@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from reference.rods import SECTION, Pose, helix, relaxed
-from warpknit.kernels.rod_motion import HELD_NODE, HELD_TURN
+from warpknit.kernels.banded_mass import HELD_NODE, HELD_TURN
 from warpknit.run.run import run_scene
 from warpknit.scene import load_scene
 from warpknit.spatial.rod_relaxation import RodRelaxation

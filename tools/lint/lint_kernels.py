@@ -196,7 +196,7 @@ class KernelFile:
             name, effects = argument.arg, set()
             if not is_array(argument):
                 continue
-            pointer = re.compile(rf"(const )?\w+\* (?:__restrict )?\w+ = {name}\.data\b")
+            pointer = re.compile(rf"(const )?\w+\* (?:__restrict )?\w+ = (?:\(\w[\w ]*\*\))?\(?{name}\.data\b")
             for match in pointer.finditer(text):
                 effects |= {READ} if match[1] else {WRITTEN, MAYBE_READ}
             for match in re.finditer(rf"\b{name}\.data\[", text):

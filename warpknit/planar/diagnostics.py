@@ -111,7 +111,7 @@ class Diagnostics:
     def sums(self) -> Sums:
         """Diagnostics of the current state: wire rows of this rank's strip, all other sums of the global mesh."""
         for parts in self.launches():
-            self._stepper.together(parts)
+            self._stepper.team.together(parts)
         return sum_up(self.model, self._first_block, *self.partial_sums())
 
     def partial_sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -7,16 +7,12 @@ and so the result, does not depend on their number.
 
 from __future__ import annotations
 
-import ctypes
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import warp as wp
 
 from ..kernels import control as c
 from ..kernels.anchored_bodies import step_anchored_bodies
-from ..kernels.barrier import wait_for_all
 from ..kernels.bodies import step_bodies
 from ..kernels.contact import find_contact_forces
 from ..kernels.contact_by_batch import PAIR_BATCH, find_contact_forces_by_batch
@@ -29,6 +25,7 @@ from ..kernels.wire_forces import BLOCK_SIZE
 from ..kernels.wires import step_wires
 from ..launch import Launch, bind
 from ..numerics import GRAPH_STEPS, thread_count
+from ..team import Team
 from .model import Model, body_blocks, contact_batches
 from .state import State
 
@@ -52,14 +49,13 @@ class Stepper:
         # hook contact constraints are not split between threads
         alone = model.device != "cpu" or not model.treatment.is_free
         self.threads = 1 if alone else threads or thread_count(model.panel.node_count // NODES_A_THREAD)
-        self._barrier = wp.zeros(64, dtype=wp.int32, device=model.device)
+        self.team = Team(self.threads, model.device)
         self._launches = [[self._record(parity, part) for parity in (0, 1)] for part in range(self.threads)]
         self._contact = [
             [partial(_launch_all, self._commands(self._contact_work(parity, part))) for part in range(self.threads)]
             for parity in (0, 1)
         ]
         self._graphs: dict[tuple[int, int], list[wp.Graph]] = {}
-        self._helpers = ThreadPoolExecutor(self.threads - 1, "step") if self.threads > 1 else None
 
     def step(self, count: int) -> None:
         """Take `count` steps; a frozen state (kernels/control.py) does not change."""
@@ -71,18 +67,11 @@ class Stepper:
 
     def _replay(self, parity: int, steps: int) -> None:
         """Replay the steps in all threads."""
-        self.together([partial(wp.capture_launch, graph) for graph in self._graphs_of(parity, steps)])
-
-    def together(self, parts: Sequence[Callable[[], object]]) -> None:
-        """Call each part in its own thread, and return when all are done."""
-        waiting = [self._helpers.submit(part) for part in parts[1:]] if self._helpers is not None else []
-        parts[0]()
-        for helper in waiting:
-            helper.result()
+        self.team.together([partial(wp.capture_launch, graph) for graph in self._graphs_of(parity, steps)])
 
     def shares(self, count: int) -> list[tuple[int, int]]:
         """Begin and number of the share of each thread in `count` items."""
-        return [self._share(count, part) for part in range(self.threads)]
+        return [self.team.share(count, part) for part in range(self.threads)]
 
     def _graphs_of(self, parity: int, steps: int) -> list[wp.Graph]:
         """A graph for each thread: `steps` steps from `parity`."""
@@ -102,7 +91,7 @@ class Stepper:
     def evaluate_contact(self) -> None:
         """Contact forces of the current state, without a step."""
         if self.model.pair_count:
-            self.together(self._contact[self.state.parity])
+            self.team.together(self._contact[self.state.parity])
 
     def _contact_work(self, parity: int, part: int) -> list[Launch]:
         """Launches of one part of the contact forces, with friction and the contact constraint."""
@@ -110,10 +99,10 @@ class Stepper:
         sources = (model.rest, model.mesh, state, model.constants)
         coordinates = {"ux": state.node_ux[parity], "uy": state.node_uy[parity]}
         if self.by_node:
-            pair, pairs = self._share(model.pair_count, part)
+            pair, pairs = self.team.share(model.pair_count, part)
             search = bind(find_contact_forces, pairs, *sources, first_pair=pair, **coordinates)
         else:
-            batch, batches = self._share(contact_batches(model), part)
+            batch, batches = self.team.share(contact_batches(model), part)
             search = bind(find_contact_forces_by_batch, batches, *sources, first_batch=batch, **coordinates)
             pair, end = batch * PAIR_BATCH, min((batch + batches) * PAIR_BATCH, model.pair_count)
             pairs = max(0, end - pair)
@@ -124,27 +113,22 @@ class Stepper:
         """Recorded launches, without empty ones."""
         return [launch.record(self.model.device) for launch in work if launch.threads > 0]
 
-    def _share(self, count: int, part: int) -> tuple[int, int]:
-        """Begin and number of the share of a part in `count` items."""
-        begin, end = count * part // self.threads, count * (part + 1) // self.threads
-        return begin, end - begin
-
     def _record(self, parity: int, part: int) -> list[wp.Launch]:
         """One thread's part of a step: contact, wires and bodies; the first thread also grips and control."""
         end = [bind(update_control, 1, self.state)]
-        work = [*self._contact_work(parity, part), *self._wait(), *self._motion(parity, part)]
-        return self._commands([*work, *(end if part == 0 else []), *self._wait()])
+        work = [*self._contact_work(parity, part), *self.team.barrier(), *self._motion(parity, part)]
+        return self._commands([*work, *(end if part == 0 else []), *self.team.barrier()])
 
     def _motion(self, parity: int, part: int) -> list[Launch]:
         """One thread's part of the motion: wires and bodies; the first thread also grips."""
         model, state = self.model, self.state
         now, then = parity, 1 - parity
-        block, blocks = self._share(len(model.panel.block_first), part)
-        body, bodies = self._share(body_blocks(model), part)
+        block, blocks = self.team.share(len(model.panel.block_first), part)
+        body, bodies = self.team.share(body_blocks(model), part)
         return [
             self.wire_launch(now, block, blocks, state.node_vx, state.node_vy, state.node_ux[then], state.node_uy[then]),
             *body_launches(model, state, then, body, bodies),
-            *self._wait(),
+            *self.team.barrier(),
             *(self._grips(then) if part == 0 else []),
         ]
 
@@ -172,24 +156,10 @@ class Stepper:
             partial=state.wire_partial,
         )  # fmt: skip
 
-    def _wait(self) -> list[Launch]:
-        """Barrier of the threads."""
-        if self.threads == 1:
-            return []
-        return [bind(wait_for_all, 1, threads=self.threads, yield_address=_yield_address(), state=self._barrier)]
-
 
 def _launch_all(launches: list[wp.Launch]) -> None:
     for launch in launches:
         launch.launch()
-
-
-def _yield_address() -> int:
-    """Address of sched_yield in the C library, 0 without one."""
-    try:
-        return ctypes.cast(ctypes.CDLL(None).sched_yield, ctypes.c_void_p).value or 0
-    except (AttributeError, OSError, TypeError):
-        return 0
 
 
 class ForceProbe:
@@ -219,7 +189,7 @@ class ForceProbe:
     def launch(self) -> None:
         """Evaluate; the control array must hold PROBING."""
         self._stepper.evaluate_contact()
-        self._stepper.together(self._launches[self.state.parity])
+        self._stepper.team.together(self._launches[self.state.parity])
 
 
 def body_launch(model: Model, state: State, blocks: int, first_block: int, bodies: slice, partial_sums: wp.array) -> Launch:

@@ -95,7 +95,9 @@ class StripStepper(Stepper):
         model, state, parts = self.model, self.state, range(self.threads)
         if name == "contact":
             collect = bind(collect_forces, self._border, state, own_pair=self._own_pair, sent=self._sent.array)
-            return [[*self._contact_work(parity, part), *self._wait(), *([collect] if part == 0 else [])] for part in parts]
+            return [
+                [*self._contact_work(parity, part), *self.team.barrier(), *([collect] if part == 0 else [])] for part in parts
+            ]
         if name == "motion":
             shared = slice(model.owned_bodies, model.panel.body_count)
             move_shared = body_launch(model, state, self._shared_blocks, 0, shared, self._unused_rows)
@@ -103,7 +105,7 @@ class StripStepper(Stepper):
             return [
                 [
                     *([self._distribute()] if part == 0 else []),
-                    *self._wait(),
+                    *self.team.barrier(),
                     *([move_shared] if part == 0 else []),
                     *self._motion(parity, part),
                     *([sums] if part == 0 else []),
@@ -112,7 +114,7 @@ class StripStepper(Stepper):
             ]
         rows = {"wire_partial": self._rows.array, "body_partial": self._no_rows}
         control = bind(update_control, 1, control=state.control, **rows)
-        return [[*([control] if part == 0 else []), *self._wait()] for part in parts]
+        return [[*([control] if part == 0 else []), *self.team.barrier()] for part in parts]
 
     def _replay(self, parity: int, steps: int) -> None:
         self._run(parity, "contact")
@@ -149,7 +151,7 @@ class StripStepper(Stepper):
         key = (parity, names)
         if key not in self._part_graphs:
             self._part_graphs[key] = [self._captured(parity, names, part) for part in range(self.threads)]
-        self.together([partial(wp.capture_launch, graph) for graph in self._part_graphs[key]])
+        self.team.together([partial(wp.capture_launch, graph) for graph in self._part_graphs[key]])
 
     def _captured(self, parity: int, names: tuple[str, ...], part: int) -> wp.Graph:
         with wp.ScopedCapture(device=self.model.device) as capture:

@@ -31,7 +31,9 @@ class MovingClamps:
 
     def launches(self) -> list[Launch]:
         """Launches that move the clamps after the step of the rods."""
-        return [bind(move_clamps, self.count, self.stepper.state, clamp_velocity=self.velocity, **self._clamps)]
+        return [
+            bind(move_clamps, self.count, self.stepper.arrays, self.stepper.state, clamp_velocity=self.velocity, **self._clamps)
+        ]
 
     # --- sliding clamps, in the state last evaluated
 

@@ -28,8 +28,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..kernels.banded_mass import HELD_NODE, HELD_TURN
 from ..kernels.bend import BOW
-from ..kernels.rod_motion import HELD_NODE, HELD_TURN
 from ..numerics import MASS_MARGIN
 from .rods import Rods
 

@@ -98,7 +98,7 @@ class SpatialMechanics:
 
     def compile(self) -> None:
         """Compile all kernels. Raises `ModelError` where centre lines intersect."""
-        self.search()
+        self.contact.search()
         self.step(0)
         self.stepper.evaluate()
         self._refuse_intersecting_centre_lines()
@@ -138,7 +138,6 @@ class SpatialMechanics:
             self.multipliers.stiffen()
         self.relaxation.stop_motion()
         self.contact.expect(float(np.abs(load.gradient - before).max()))
-        self.stepper.evaluate()
         self.relaxation.renew_masses(loading=True)
 
     def _move_clamps(self, load: LoadPoint, factor: float) -> None:
@@ -177,7 +176,7 @@ class SpatialMechanics:
     # --- steps
 
     def search(self) -> None:
-        self.contact.search()
+        self.contact.refresh()
 
     def step(self, count: int) -> None:
         self.stepper.step(count)
@@ -219,7 +218,6 @@ class SpatialMechanics:
         self.relaxation.renew_multipliers(loading=loading)
         if self.multipliers is not None:
             self.multipliers.renew(touching, self.relaxation.multiplier_rate, loading=loading)
-        self.stepper.evaluate()
         self.relaxation.renew_masses(loading=loading)
         self.relaxation.keep_motion()
 

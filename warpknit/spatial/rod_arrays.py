@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 
 import numpy as np
 import warp as wp
 
 from ..kernels import control as c
-from ..kernels.banded_mass import factor_masses, find_accelerations
-from ..kernels.rod_bend import bend_rods
+from ..kernels.banded_mass import FACTORS, factor_masses
+from ..kernels.rod_blocks import ROD_BLOCK
+from ..kernels.rod_forces import find_rod_forces
 from ..kernels.rod_frames import update_frames
-from ..kernels.rod_motion import NODE_BLOCK, move_rods, sum_rod_forces
+from ..kernels.rod_motion import move_rods
 from ..launch import Launch, bind
 from .rods import Rods
 
@@ -22,6 +24,11 @@ class RodArrays:
 
     wire_first: wp.array  # [wire] int
     wire_count: wp.array  # [wire]
+    wire_closed: wp.array  # [wire]
+    block_first: wp.array  # [block] int, see kernels/rod_blocks.py
+    block_count: wp.array  # [block]
+    block_wire: wp.array  # [block]
+    node_wire: wp.array  # int
     previous: wp.array  # int
     following: wp.array
     held: wp.array
@@ -52,12 +59,8 @@ class RodState:
     second_mass: wp.array  # [kg] coupling with the next but one
     spin_inertia: wp.array  # [kg m2] of a segment
     next_inertia: wp.array  # [kg m2] coupling with the next segment
-    mass_pivot: wp.array  # factors of both
-    mass_lower: wp.array
-    mass_border: wp.array
-    spin_pivot: wp.array
-    spin_lower: wp.array
-    spin_border: wp.array
+    mass_factor: wp.array  # (node, FACTORS) vec4d, factors of both
+    wire_quiet: wp.array  # [wire] int, see kernels/banded_mass.py
     load_force: wp.array  # vec3d [N] dead load
     load_torque: wp.array  # [N m] about the segment
     position: wp.array  # vec3d [m]
@@ -65,21 +68,15 @@ class RodState:
     curvature: wp.array  # vec2d [rad] turning vector at a node, along the section directors
     twist: wp.array  # [rad]
     plastic_turn: wp.array  # vec2d [rad] plastic part of the turning vector at the last equilibrium
-    edge_gradient_before: wp.array  # vec3d [N] gradient of bending and twist energy by the edge before the node
-    edge_gradient_after: wp.array  # vec3d [N]
-    angle_gradient_before: wp.array  # [N m] gradient by the angle of the segment before the node
-    angle_gradient_after: wp.array  # [N m]
+    edge_force: wp.array  # vec3d [N] of a segment on its first node
     contact_penalty: wp.array  # [N/m] of the contacts at a node
     contact_offset: wp.array  # [m] augmented Lagrangian multiplier of the contacts at a node, over their penalty
-    contact_force: wp.array  # vec3d [N]
-    contact_couple: wp.array  # vec3d [N m] contact couple on the section of a segment
     force: wp.array  # vec3d [N]
     torque: wp.array  # [N m]
     force_sum: wp.array  # vec3d [N] of all steps since the last convergence check
-    acceleration: wp.array  # vec3d [m/s2]
-    spin_acceleration: wp.array  # [1/s2]
+    sweep: wp.array  # vec4d, see kernels/rod_motion.py
     control: wp.array  # [CONTROL_COUNT], see kernels/control.py
-    partial: wp.array  # [block, PARTIAL_COUNT]
+    partial: wp.array  # [wire, PARTIAL_COUNT]
     no_bodies: wp.array  # [1, PARTIAL_COUNT] zeros: the body rows of a planar model
 
     def arrays(self) -> dict[str, np.ndarray]:
@@ -112,9 +109,15 @@ class RodState:
 def upload_rods(rods: Rods, device: str) -> RodArrays:
     """Rest data on the device; natural curvature and twist default to the rest values times the set fraction."""
     nodes = rods.node_count
+    blocks = _blocks(rods)
     arrays = RodArrays(
         wire_first=wp.array(rods.wire_first, dtype=wp.int32, device=device),
         wire_count=wp.array(rods.wire_count, dtype=wp.int32, device=device),
+        wire_closed=wp.array(rods.wire_closed, dtype=wp.int32, device=device),
+        block_first=wp.array(blocks[0], dtype=wp.int32, device=device),
+        block_count=wp.array(blocks[1], dtype=wp.int32, device=device),
+        block_wire=wp.array(blocks[2], dtype=wp.int32, device=device),
+        node_wire=wp.array(rods.wire_of, dtype=wp.int32, device=device),
         previous=wp.array(rods.previous, dtype=wp.int32, device=device),
         following=wp.array(rods.following, dtype=wp.int32, device=device),
         held=wp.array(rods.held, dtype=wp.int32, device=device),
@@ -127,11 +130,20 @@ def upload_rods(rods: Rods, device: str) -> RodArrays:
     )
     at_rest = rest_state(rods, device)
     frames_launch(arrays, at_rest).run(device)
-    bend_launch(rods, arrays, at_rest).run(device)
+    force_launch(rods, arrays, at_rest, no_contact(rods, device)).run(device)
     curvature, twist = rods.set_fraction * at_rest.curvature.numpy(), rods.set_fraction * at_rest.twist.numpy()
     arrays.natural_curvature.assign(curvature if rods.natural_curvature is None else rods.natural_curvature)
     arrays.natural_twist.assign(twist if rods.natural_twist is None else rods.natural_twist)
     return arrays
+
+
+def _blocks(rods: Rods) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """First node, number of nodes and wire of each block of nodes."""
+    first = [np.arange(f, f + n, ROD_BLOCK) for f, n in zip(rods.wire_first, rods.wire_count, strict=True)]
+    wire = np.repeat(np.arange(len(first)), [len(f) for f in first])
+    begin = np.concatenate(first)
+    end = (rods.wire_first + rods.wire_count)[wire]
+    return begin, np.minimum(ROD_BLOCK, end - begin), wire
 
 
 def rest_state(rods: Rods, device: str) -> RodState:
@@ -161,12 +173,8 @@ def rest_state(rods: Rods, device: str) -> RodState:
         second_mass=reals(),
         spin_inertia=reals(section.rotary_inertia * rods.natural_length),
         next_inertia=reals(),
-        mass_pivot=vectors(),
-        mass_lower=wp.zeros((2, nodes), dtype=wp.vec3d, device=device),
-        mass_border=wp.zeros((2, nodes), dtype=wp.vec3d, device=device),
-        spin_pivot=reals(),
-        spin_lower=reals(),
-        spin_border=reals(),
+        mass_factor=wp.zeros((nodes, FACTORS), dtype=wp.vec4d, device=device),
+        wire_quiet=wp.zeros(len(rods.wire_first), dtype=wp.int32, device=device),
         load_force=vectors(),
         load_torque=reals(),
         position=vectors(rods.position),
@@ -174,21 +182,15 @@ def rest_state(rods: Rods, device: str) -> RodState:
         curvature=wp.zeros(nodes, dtype=wp.vec2d, device=device),
         twist=reals(),
         plastic_turn=wp.zeros(nodes, dtype=wp.vec2d, device=device),
-        edge_gradient_before=vectors(),
-        edge_gradient_after=vectors(),
-        angle_gradient_before=reals(),
-        angle_gradient_after=reals(),
+        edge_force=vectors(),
         contact_penalty=reals(),
         contact_offset=reals(),
-        contact_force=vectors(),
-        contact_couple=vectors(),
         force=vectors(),
         torque=reals(),
         force_sum=vectors(),
-        acceleration=vectors(),
-        spin_acceleration=reals(),
+        sweep=wp.zeros(nodes, dtype=wp.vec4d, device=device),
         control=wp.zeros(c.CONTROL_COUNT, dtype=wp.float64, device=device),
-        partial=wp.zeros((-(-nodes // NODE_BLOCK), c.PARTIAL_COUNT), dtype=wp.float64, device=device),
+        partial=wp.zeros((len(rods.wire_first), c.PARTIAL_COUNT), dtype=wp.float64, device=device),
         no_bodies=wp.zeros((1, c.PARTIAL_COUNT), dtype=wp.float64, device=device),
     )
     state.write_control(
@@ -206,19 +208,75 @@ def rest_state(rods: Rods, device: str) -> RodState:
     return state
 
 
-def frames_launch(arrays: RodArrays, state: RodState) -> Launch:
+@dataclass(frozen=True)
+class TouchArrays:
+    """Pairs of segments that may touch, their forces, and where those of a segment stand (kernels/wire_contact_forces.py).
+
+    A pair is a first segment's by its own number, and a second segment's by `touch_of_second`.
+    """
+
+    touch_pair: wp.array  # [touch] int, in the list of all pairs
+    touch_count: wp.array  # [1]
+    touch_first_start: wp.array  # [node + 1] int
+    touch_second_start: wp.array  # [node + 1]
+    touch_of_second: wp.array  # [touch] int
+    touch_loaded: wp.array  # [touch] int, 0 where there is no force
+    touch_force: wp.array  # [8 touch] vec3d [N] on the four nodes of either segment
+    touch_couple: wp.array  # [6 touch] vec3d [N m] on three sections of either segment
+
+    @property
+    def capacity(self) -> int:
+        return self.touch_pair.shape[0]
+
+    @staticmethod
+    def of(nodes: int, capacity: int, device: str) -> TouchArrays:
+        """Empty ones."""
+
+        def whole(count: int) -> wp.array:
+            return wp.zeros(count, dtype=wp.int32, device=device)
+
+        return TouchArrays(
+            whole(capacity), whole(1), whole(nodes + 1), whole(nodes + 1), whole(capacity), whole(capacity),
+            wp.zeros(8 * capacity, dtype=wp.vec3d, device=device), wp.zeros(6 * capacity, dtype=wp.vec3d, device=device),
+        )  # fmt: skip
+
+
+def no_contact(rods: Rods, device: str) -> TouchArrays:
+    """No pairs."""
+    return TouchArrays.of(rods.node_count, 1, device)
+
+
+Share = Callable[[int], tuple[int, int]]  # begin and number of the share of a thread in so many items
+
+
+def whole(count: int) -> tuple[int, int]:
+    """All items."""
+    return 0, count
+
+
+def frames_launch(arrays: RodArrays, state: RodState, share: Share = whole) -> Launch:
     """Launch of `update_frames`: edges and directors."""
-    return bind(update_frames, len(state.displacement), arrays, state)
+    block, threads, a_block = _block_share(arrays, state, share)
+    return bind(update_frames, threads, arrays, state, first_block=block, threads_a_block=a_block)
 
 
-def bend_launch(rods: Rods, arrays: RodArrays, state: RodState) -> Launch:
-    """Launch of `bend_rods`: bending and twist at the nodes."""
+def force_launch(rods: Rods, arrays: RodArrays, state: RodState, touch: TouchArrays, share: Share = whole) -> Launch:
+    """Launch of `find_rod_forces`: stretch, bending, twist, and the sum of all forces."""
+    block, threads, a_block = _block_share(arrays, state, share)
     section = rods.section
     return bind(
-        bend_rods, rods.node_count, arrays, state,
+        find_rod_forces, threads, arrays, state, touch, first_block=block, threads_a_block=a_block,
         bending_stiffness=wp.float64(section.bending_stiffness), twist_stiffness=wp.float64(section.twist_stiffness),
         yield_curvature=wp.float64(section.yield_curvature), hardening=wp.float64(section.hardening),
     )  # fmt: skip
+
+
+def _block_share(arrays: RodArrays, state: RodState, share: Share) -> tuple[int, int, wp.int32 | wp.int64]:
+    """First block of a share, its threads, and those of a block: one, or one a node on a GPU (kernels/rod_blocks.py)."""
+    begin, blocks = share(len(arrays.block_first))
+    if wp.get_device(state.control.device).is_cpu:
+        return begin, blocks, wp.int32(1)
+    return begin, blocks * ROD_BLOCK, wp.int64(ROD_BLOCK)
 
 
 def factor_launch(arrays: RodArrays, state: RodState) -> Launch:
@@ -226,14 +284,7 @@ def factor_launch(arrays: RodArrays, state: RodState) -> Launch:
     return bind(factor_masses, len(arrays.wire_first), arrays, state)
 
 
-def motion_launches(arrays: RodArrays, state: RodState) -> list[Launch]:
-    """Launches of the accelerations and of the update."""
-    return [
-        bind(find_accelerations, len(arrays.wire_first), arrays, state),
-        bind(move_rods, len(state.displacement), arrays, state),
-    ]
-
-
-def force_launch(arrays: RodArrays, state: RodState) -> Launch:
-    """Launch of `sum_rod_forces`: stretch, and the sum of all forces."""
-    return bind(sum_rod_forces, len(state.displacement), arrays, state)
+def motion_launch(arrays: RodArrays, state: RodState, share: Share = whole) -> Launch:
+    """Launch of `move_rods`: accelerations and update."""
+    wire, wires = share(len(arrays.wire_first))
+    return bind(move_rods, wires, arrays, state, first_wire=wire)

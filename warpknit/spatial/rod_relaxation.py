@@ -6,7 +6,7 @@ The dynamics may soften the axial stiffness; an augmented Lagrangian multiplier,
 
     T = offset + K (|e|/L - 1)        offset -> offset + rate K (strain of the arc - T/EA)
 
-The strain T/EA is that of the arc of a segment, not of its chord (kernels/rod_bend.py), over its natural length at the local
+The strain T/EA is that of the arc of a segment, not of its chord (kernels/rod_forces.py), over its natural length at the local
 temperature (`set_thermal_strain`).
 """
 
@@ -18,8 +18,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from ..kernels import control as c
+from ..kernels.banded_mass import HELD_NODE, HELD_TURN
 from ..kernels.bend import BOW
-from ..kernels.rod_motion import HELD_NODE, HELD_TURN
 from ..numerics import AXIAL_ERROR, FASTEST_DAMPING, LOOK_AHEAD, SPEED_SHARE, STEP_MARGIN, renewed_damping
 from .clamps import MovingClamps
 from .fictitious_masses import BandedMasses, MassProduct
@@ -111,7 +111,7 @@ class RodRelaxation:
         self._has_multipliers |= bool(thermal_strain.any())
 
     def renew_masses(self, *, loading: bool = False) -> None:
-        """Renew the fictitious masses for the state last evaluated; kinetic energy does not grow by it.
+        """Evaluate the state, and renew the fictitious masses for it; kinetic energy does not grow by it.
 
         The speed is limited so that only contacts that the masses allow for can touch until the next convergence check. While
         loading, wires may move at any speed.
@@ -123,6 +123,9 @@ class RodRelaxation:
             if not loading:
                 speed = float(state.read_control()[int(c.SPEED_MAX)])
                 move = min(move, max(FASTER * speed, LEAST_SPEED * stepper.rods.section.thickness))
+            stepper.contact.list_near_pairs(CHECK_STEPS * move)
+        stepper.evaluate()
+        if stepper.contact is not None:
             contact, contact_turn = stepper.contact.stiffness_bounds(APPROACH * CHECK_STEPS * move)
         state.write_control({c.SPEED_LIMIT: move})
         elastic = np.linalg.norm(stepper.yielding.elastic, axis=1)

@@ -1,20 +1,20 @@
 """One time step of rods: the table of contents of the physics in space.
 
-    update_frames  edges, tangents and directors of the displaced nodes
-    bend_rods      bending and twist at the nodes
-    contact        forces between wires, where there is a contact
-    sum_rod_forces stretch, and the sum of all forces
-    find_accelerations    by the masses, which couple neighbours along the wire
-    move_rods      update of nodes and sections
-    clamps         motion of moving and sliding clamps, if any
-    update_control control array of the next step
+    update_frames   edges, tangents and directors of the displaced nodes
+    contact         forces between wires, where there is a contact
+    find_rod_forces bending, twist and stretch, and the sum of all forces
+    move_rods       accelerations by the masses, which couple neighbours along the wire; update of nodes and sections
+    clamps          motion of moving and sliding clamps, if any
+    update_control  control array of the next step
 
-Many steps are captured once as a graph and replayed without Python in between.
+Many steps are captured once as a graph and replayed without Python in between. On the CPU several threads share the blocks,
+contacts and wires of a step; sums do not depend on their number.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -23,22 +23,25 @@ import warp as wp
 from ..kernels import control as c
 from ..kernels.control import update_control
 from ..launch import Launch, bind
-from ..numerics import GRAPH_STEPS
+from ..numerics import GRAPH_STEPS, thread_count
+from ..team import Team
 from .fictitious_masses import Masses
 from .rod_arrays import (
     RodArrays,
     RodState,
-    bend_launch,
+    TouchArrays,
     factor_launch,
     force_launch,
     frames_launch,
-    motion_launches,
+    motion_launch,
+    no_contact,
     rest_state,
     upload_rods,
 )
 from .rods import Rods
 from .yielding import Yielding
 
+NODES_A_THREAD = 2_000  # fewer nodes a thread cost more in waiting than they save
 FROZEN = 3.0  # status in which a step computes forces and moves nothing
 
 
@@ -46,11 +49,18 @@ class Contact(Protocol):
     """Contact forces between the wires."""
 
     @property
-    def version(self) -> int:
-        """Number of the arrays that `launches` uses; launches are captured once per version."""
+    def version(self) -> tuple[int, int]:
+        """Numbers of the arrays that `launches` uses; launches are captured once per version."""
 
-    def launches(self) -> Sequence[Launch]:
-        """Launches that add to contact_force and contact_couple."""
+    @property
+    def touch(self) -> TouchArrays:
+        """What the launches find."""
+
+    def launches(self, part: int, parts: int) -> Sequence[Launch]:
+        """Launches of one part of the contact forces."""
+
+    def list_near_pairs(self, travel: float | None = None) -> None:
+        """List the pairs that may touch within a travel [m] from the state last evaluated."""
 
     def stiffness_bounds(self, approach: float) -> tuple[np.ndarray, np.ndarray]:
         """Bounds on the stiffness of contacts: of nodes (node, 3) [N/m] along x, y, z, and of sections [node] [N m].
@@ -78,57 +88,61 @@ class RodStepper:
         self.yielding = Yielding(rods, self.arrays, self.state)
         self.contact: Contact | None = None
         self.clamps: Clamps | None = None
-        self._graphs: dict[tuple[int, int], wp.Graph] = {}
+        self._team = Team(thread_count(rods.node_count // NODES_A_THREAD) if device == "cpu" else 1, device)
+        self._no_contact = no_contact(rods, device)
+        self._graphs: dict[tuple[tuple[int, ...], int], list[wp.Graph]] = {}
         factor_launch(self.arrays, self.state).run(device)
 
-    def _force_launches(self) -> list[Launch]:
-        """The launches of all forces, in order."""
-        arrays, state = self.arrays, self.state
-        return [
-            frames_launch(arrays, state),
-            bend_launch(self.rods, arrays, state),
-            *(self.contact.launches() if self.contact is not None else ()),
-            force_launch(arrays, state),
-        ]
+    def _force_launches(self, part: int = 0) -> list[Launch]:
+        """The launches of one thread's part of all forces, in order."""
+        arrays, state, wait, share = self.arrays, self.state, self._team.barrier(), partial(self._team.share, part=part)
+        touch, contact = self._no_contact, []
+        if self.contact is not None:
+            touch, contact = self.contact.touch, [*self.contact.launches(part, self._team.threads), *wait]
+        frames = frames_launch(arrays, state, share)
+        return [frames, *wait, *contact, force_launch(self.rods, arrays, state, touch, share), *wait]
 
-    def _motion_launches(self) -> list[Launch]:
-        """The launches of the motion, in order."""
-        moved = motion_launches(self.arrays, self.state)
-        return [*moved, *(self.clamps.launches() if self.clamps is not None else ())]
+    def _motion_launches(self, part: int = 0) -> list[Launch]:
+        """The launches of one thread's part of the motion, in order; the first also moves clamps and control."""
+        wait, state = self._team.barrier(), self.state
+        motion = [motion_launch(self.arrays, state, partial(self._team.share, part=part)), *wait]
+        if part == 0:
+            motion += self.clamps.launches() if self.clamps is not None else ()
+            motion.append(bind(update_control, 1, state, wire_partial=state.partial, body_partial=state.no_bodies))
+        return [*motion, *wait]
 
     def step(self, count: int) -> None:
         """Take `count` steps; they have no effect once the state is frozen (kernels/control.py)."""
         for size in GRAPH_STEPS:
             for _ in range(count // size):
-                wp.capture_launch(self._graph(size))
+                self._replay(size)
             count %= size
 
     def evaluate(self) -> None:
         """Compute positions, frames and forces of the current state, without a step."""
         kept = float(self.state.read_control()[int(c.STATUS)])
         self.state.write_control({c.STATUS: FROZEN})
-        wp.capture_launch(self._graph(0))
+        self._replay(0)
         self.state.write_control({c.STATUS: kept})
 
-    def _launch(self, launches: list[Launch]) -> None:
-        for launch in launches:
-            if launch.threads:
-                launch.run(self.device)
-
-    def _graph(self, steps: int) -> wp.Graph:
-        """A graph of so many steps; of the forces alone for none."""
-        key = (self.contact.version if self.contact is not None else -1, steps)
+    def _replay(self, steps: int) -> None:
+        """Replay so many steps in all threads; for none, the forces alone."""
+        key = (self.contact.version if self.contact is not None else (), steps)
         if key not in self._graphs:
-            state = self.state
-            control = bind(update_control, 1, state, wire_partial=state.partial, body_partial=state.no_bodies)
-            with wp.ScopedCapture(device=self.device) as capture:
-                if not steps:
-                    self._launch(self._force_launches())
-                for _ in range(steps):
-                    state.partial.zero_()
-                    self._launch([*self._force_launches(), *self._motion_launches(), control])
-            self._graphs[key] = capture.graph
-        return self._graphs[key]
+            self._graphs[key] = [self._captured(part, steps) for part in range(self._team.threads)]
+        self._team.together([partial(wp.capture_launch, graph) for graph in self._graphs[key]])
+
+    def _captured(self, part: int, steps: int) -> wp.Graph:
+        """The graph of one thread's part."""
+        work = self._force_launches(part)
+        if steps:
+            work += self._motion_launches(part)
+        commands = [launch.record(self.device) for launch in work if launch.threads]
+        with wp.ScopedCapture(device=self.device) as capture:
+            for _ in range(max(steps, 1)):
+                for command in commands:
+                    command.launch()
+        return capture.graph
 
     # --- the state on the host ---
 
@@ -179,16 +193,7 @@ class RodStepper:
 
     def segment_forces(self) -> np.ndarray:
         """(node, 3) [N] force of each segment on its first node, in the state last evaluated."""
-        rods, state = self.rods, self.state
-        factor = float(state.read_control()[int(c.LENGTH_FACTOR)])
-        strain = state.length.numpy() / (rods.natural_length * factor) - 1.0
-        tension = state.tension_offset.numpy() + state.stretch_stiffness.numpy() * strain
-        tangent, length = state.tangent.numpy(), state.length.numpy()[:, None]
-        edge_force = (
-            tension[:, None] * tangent + state.edge_gradient_after.numpy() + state.edge_gradient_before.numpy()[rods.following]
-        )
-        edge_force = edge_force + np.cross(tangent, state.contact_couple.numpy()) / length
-        return np.where((rods.following >= 0)[:, None], edge_force, 0.0)
+        return self.state.edge_force.numpy().copy()
 
     def energy(self) -> float:
         """[J] energy of stretch, bending and twist in the state last evaluated."""

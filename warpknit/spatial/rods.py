@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..kernels.rod_motion import HELD_NODE, HELD_TURN
+from ..kernels.banded_mass import HELD_NODE, HELD_TURN
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Rods:
     wire_period: np.ndarray  # (wire, 3) [m] shift of a closed wire from its first node to the node after its last
     position: np.ndarray  # (node, 3) [m] at rest
     director: np.ndarray  # (node, 3) unit vectors normal to the segment: orientation of its section at rest
-    held: np.ndarray  # [node] int, HELD_NODE | HELD_TURN of kernels/rod_motion.py
+    held: np.ndarray  # [node] int, HELD_NODE | HELD_TURN of kernels/banded_mass.py
     natural_length: np.ndarray  # [node] [m] of the segment
     natural_curvature: np.ndarray | None = None  # (node, 2) [rad] along the section directors; None: as at rest
     natural_twist: np.ndarray | None = None  # [node] [rad]; None: as at rest

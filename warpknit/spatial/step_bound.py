@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..kernels.rod_motion import HELD_NODE
+from ..kernels.banded_mass import HELD_NODE
 from .rest_curve import RestCurve
 from .rods import Rods
 

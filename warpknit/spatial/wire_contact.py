@@ -9,14 +9,15 @@ import warp as wp
 
 from ..errors import OutOfResources
 from ..kernels import control as c
-from ..kernels.wire_closest import NOT_NEAR, ONE_PLACE, PLACES, find_closest_places
-from ..kernels.wire_contact_forces import add_contact_forces
+from ..kernels.wire_closest import NOT_NEAR, ONE_PLACE, PLACES, find_closest_places, mark_near_pairs
+from ..kernels.wire_contact_forces import find_contact_forces
 from ..kernels.wire_curve import CLOSING_RATE
 from ..kernels.wire_friction import transfer_elastic_slip
 from ..kernels.wire_pairs import find_segment_pairs, place_segments_in_hash
 from ..launch import Launch, bind
 from ..memory import available_memory
 from .rest_curve import RestCurve, catmull_rom
+from .rod_arrays import TouchArrays
 from .rod_step import RodStepper
 from .rods import Rods
 from .search_cells import search_cells
@@ -32,10 +33,19 @@ MORE_TILT = 0.1  # allowance for the components of the normal; more between wire
 LEAST_WEIGHT, BEYOND_WEIGHT = 0.5, 0.08  # of the nodes of the segment, at least, and of the nodes beyond
 # memory of one pair; two lists exist while a search runs
 PAIR_BYTES = 8 * (3 + 3 + PLACES * (2 * 3 + 2 + 2) + 2 * 2 * (3 + 2)) + 4 * (3 + 2 * 2)
+NEXT_TRAVEL = 0.4  # of the thickness, most travel before near pairs are listed again
 CAPACITY_MARGIN = 1.3  # capacity of a list over the pairs found
 PAIR_ARRAYS = ("first", "second", "shift", "arc_separation", "wake_travel", "renewal_travel", "found")
 SLIP_ARRAYS = ("slip_step", "slip_place", "elastic_slip")
 NODE_ARRAYS = ("start", "count")
+
+
+def _fill(array: wp.array, values: np.ndarray) -> None:
+    """Write values to the begin of an array of whole numbers."""
+    host = array.numpy()
+    host[: len(values)] = values
+    if not wp.get_device(array.device).is_cpu:
+        array.assign(host)
 
 
 @dataclass(frozen=True)
@@ -59,26 +69,22 @@ class Contacts:
 class _WireArrays:
     """Rest data for contact; [node] unless noted."""
 
-    node_wire: wp.array
     node_arc: wp.array  # [m]
     node_radius: wp.array  # [m]
     rest_slope: wp.array
     rest_bump: wp.array
     rest_bulge: wp.array
-    wire_closed: wp.array  # [wire]
     wire_length: wp.array  # [wire] [m]
     wire_period: wp.array  # [wire] [m]
 
 
 def _upload_wires(rods: Rods, curve: RestCurve, device: str) -> _WireArrays:
     return _WireArrays(
-        node_wire=wp.array(rods.wire_of, dtype=wp.int32, device=device),
         node_arc=wp.array(rods.arc, dtype=wp.float64, device=device),
         node_radius=wp.array(rods.wire_radius[rods.wire_of], dtype=wp.float64, device=device),
         rest_slope=wp.array(curve.slope, dtype=wp.vec2d, device=device),
         rest_bump=wp.array(curve.bump, dtype=wp.vec4d, device=device),
         rest_bulge=wp.array(curve.bulge, dtype=wp.float64, device=device),
-        wire_closed=wp.array(rods.wire_closed, dtype=wp.int32, device=device),
         wire_length=wp.array(rods.wire_length, dtype=wp.float64, device=device),
         wire_period=wp.array(rods.wire_period, dtype=wp.vec3d, device=device),
     )
@@ -97,7 +103,9 @@ class _PairList:
         self.first, self.second = make(wp.int32), make(wp.int32)
         self.shift = make(wp.vec3d)
         self.arc_separation, self.wake_travel = make(wp.float64), make(wp.float64)
-        self.renewal_travel, self.found = make(wp.float64), make(wp.int32)
+        self.renewal_travel, self.found, self.is_near = make(wp.float64), make(wp.int32), make(wp.int32)
+        self.by_second = np.zeros(0, dtype=np.int64)  # the pairs in the order of their second segments
+        self.second_start = np.zeros(nodes + 1, dtype=np.int64)  # where those of each segment begin
         self.friction, self.normal = make(wp.vec3d, PLACES * capacity), make(wp.vec3d, PLACES * capacity)
         self.overlap, self.force = make(wp.float64, PLACES * capacity), make(wp.float64, PLACES * capacity)
         self.place = make(wp.vec2d, PLACES * capacity)
@@ -105,6 +113,12 @@ class _PairList:
         self.slip_step = wp.full((2, 2 * capacity), -1, dtype=wp.int32, device=device)
         self.slip_place = wp.zeros((2, 2 * capacity), dtype=wp.vec2d, device=device)
         self.elastic_slip = wp.zeros((2, 2 * capacity), dtype=wp.vec3d, device=device)
+
+    def order(self, total: int) -> None:
+        """Order the pairs by their second segments, after the list has been filled with so many."""
+        second = self.second.numpy()[:total]
+        self.by_second = np.argsort(second, kind="stable")
+        self.second_start = np.searchsorted(second[self.by_second], np.arange(len(self.second_start)))
 
     def named(self, *names: str) -> dict[str, wp.array]:
         """Arrays by the names of the kernel arguments."""
@@ -141,35 +155,39 @@ class WireContact:
         self._hash_place = wp.zeros(rods.node_count, dtype=wp.vec3, device=device)
         self._wires = _upload_wires(rods, curve, device)
         self.max_penetration = wp.zeros(1, dtype=wp.float64, device=device)  # [m] since the last `pop_max_penetration`
+        self._travel = NEXT_TRAVEL * rods.section.thickness  # [m] until the near pairs are listed again
+        self._search_travel = 0.0  # [m] until the next search
+        self.touch = TouchArrays.of(rods.node_count, 64, device)
         self._list, self._other = (_PairList(64, rods.node_count, device, number) for number in (0, 1))
         stepper.state.write_control({c.CONTACT_STIFFNESS: stiffness})
         stepper.state.contact_penalty.fill_(stiffness)
         stepper.contact = self
 
     @property
-    def version(self) -> int:
-        """The list that the launches use; recorded launches are reused for the same version."""
-        return self._list.number
+    def version(self) -> tuple[int, int]:
+        """The arrays that the launches use; recorded launches are reused for the same version."""
+        return (self._list.number, self.touch.capacity)
 
     @property
     def pair_count(self) -> int:
         """Segment pairs in the list."""
         return int(self._list.total.numpy()[0])
 
-    def launches(self) -> list[Launch]:
-        """Launches that add the contact forces."""
-        stepper, pairs = self.stepper, self._list
-        sources = (self._wires, stepper.arrays, stepper.state)
-        named = pairs.named("first", "second", "shift", "found", "place") | {"pair_count": pairs.total}
+    def launches(self, part: int = 0, parts: int = 1) -> list[Launch]:
+        """Launches that find a part of the contact forces."""
+        stepper, pairs, touch = self.stepper, self._list, self.touch
+        sources = (self._wires, stepper.arrays, stepper.state, touch)
+        threads = 1 if stepper.device == "cpu" else touch.capacity
+        named = pairs.named("first", "second", "shift", "found", "place") | {"first_touch": part, "touch_stride": parts * threads}
         own = pairs.named("start", "arc_separation", "overlap", "force", "friction", "normal") | {"pair_count_of": pairs.count}
         slip = {name: getattr(pairs, name) for name in SLIP_ARRAYS}
         return [
             bind(
-                find_closest_places, pairs.capacity, *sources, search_ratio=wp.float64(SEARCH_RATIO),
-                **named, **pairs.named("wake_travel", "renewal_travel"),
+                find_closest_places, threads, *sources, search_ratio=wp.float64(SEARCH_RATIO), **named,
+                **pairs.named("wake_travel", "renewal_travel"),
             ),
             bind(
-                add_contact_forces, pairs.capacity, *sources, min_arc_separation=wp.float64(MIN_ARC_SEPARATION),
+                find_contact_forces, threads, *sources, min_arc_separation=wp.float64(MIN_ARC_SEPARATION),
                 friction=wp.float64(self.friction), stick_share=wp.float64(STICK_SHARE), max_penetration=self.max_penetration,
                 **named, **own, **slip,
             ),
@@ -222,10 +240,52 @@ class WireContact:
             **pairs.named("first", "second", "shift"),
         ).run(device)  # fmt: skip
         pairs.found.fill_(int(NOT_NEAR))
+        pairs.order(total)
         self._list, self._other = pairs, before
         self.searches += 1
-        budget = max((self.margin - self._expected) / float(CLOSING_RATE), 0.025 * self.margin)
-        state.write_control({c.TRAVEL: 0.0, c.TRAVEL_LIMIT: budget, c.STATUS: 0.0})
+        self._search_travel = max((self.margin - self._expected) / float(CLOSING_RATE), 0.025 * self.margin)
+        state.write_control({c.TRAVEL: 0.0})
+        self.list_near_pairs()
+
+    def list_near_pairs(self, travel: float | None = None) -> None:
+        """List the pairs that may touch within a travel [m] from the state last evaluated; default: the last one given."""
+        stepper, state, pairs = self.stepper, self.stepper.state, self._list
+        if travel is not None:
+            self._travel = min(travel, NEXT_TRAVEL * stepper.rods.section.thickness)
+        total = self.pair_count
+        threads = 1 if stepper.device == "cpu" else max(total, 1)
+        bind(
+            mark_near_pairs, threads, self._wires, stepper.arrays, state, pair_count=pairs.total, pair_stride=threads,
+            approach=wp.float64(float(CLOSING_RATE) * self._travel + self._expected),
+            **pairs.named("first", "second", "shift", "wake_travel", "found", "is_near"),
+        ).run(stepper.device)  # fmt: skip
+        is_near = pairs.is_near.numpy()[:total] != 0
+        self._take_near_pairs(np.flatnonzero(is_near), is_near)
+        reached = float(state.read_control()[int(c.TRAVEL)]) + self._travel
+        state.write_control({c.TRAVEL_LIMIT: min(reached, self._search_travel), c.STATUS: 0.0})
+
+    def _take_near_pairs(self, near: np.ndarray, is_near: np.ndarray) -> None:
+        """Have the steps look at the pairs `near`, those that are `is_near` of all."""
+        pairs, nodes, count = self._list, self.stepper.rods.node_count, len(near)
+        if count > self.touch.capacity:
+            self.touch = TouchArrays.of(nodes, self._capacity(count), self.stepper.device)
+        before = np.concatenate([[0], np.cumsum(is_near)])  # near pairs before each
+        by_second = is_near[pairs.by_second]
+        before_second = np.concatenate([[0], np.cumsum(by_second)])
+        touch = self.touch
+        _fill(touch.touch_pair, near)
+        _fill(touch.touch_of_second, before[pairs.by_second[by_second]])
+        _fill(touch.touch_first_start, np.append(before[pairs.start.numpy()], count))
+        _fill(touch.touch_second_start, before_second[pairs.second_start])
+        touch.touch_count.fill_(count)
+
+    def refresh(self) -> None:
+        """Search again, or list near pairs again, whichever the travel has used up."""
+        if float(self.stepper.state.read_control()[int(c.TRAVEL)]) > self._search_travel:
+            self.search()
+        else:
+            self.stepper.evaluate()
+            self.list_near_pairs()
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Arrays for a checkpoint: the pair list with its elastic slips."""
@@ -234,7 +294,9 @@ class WireContact:
         kept["pairs_place"] = pairs.place.numpy()[: PLACES * count].copy()
         kept |= {f"pairs_{name}": getattr(pairs, name).numpy()[:, : 2 * count].copy() for name in SLIP_ARRAYS}
         kept |= {f"pairs_{name}": getattr(pairs, name).numpy().copy() for name in NODE_ARRAYS}
-        return kept | {"contact": np.array([self._expected, self.searches, self.max_penetration.numpy()[0]])}
+        kept["pairs_near"] = self.touch.touch_pair.numpy()[: int(self.touch.touch_count.numpy()[0])].copy()
+        numbers = [self._expected, self.searches, self.max_penetration.numpy()[0], self._travel, self._search_travel]
+        return kept | {"contact": np.array(numbers)}
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         """Restore what `state_dict` returned."""
@@ -251,9 +313,14 @@ class WireContact:
         for name in NODE_ARRAYS:
             getattr(pairs, name).assign(kept[f"pairs_{name}"])
         pairs.total.fill_(total)
+        pairs.order(total)
         self._list = pairs
-        self._expected, self.searches = float(kept["contact"][0]), int(kept["contact"][1])
-        self.max_penetration.fill_(float(kept["contact"][2]))
+        self._expected, searches, penetration, self._travel, self._search_travel = kept["contact"].tolist()
+        self.searches = int(searches)
+        self.max_penetration.fill_(penetration)
+        near, is_near = kept["pairs_near"], np.zeros(total, dtype=bool)
+        is_near[near] = True
+        self._take_near_pairs(near, is_near)
 
     def stiffness_bounds(self, approach: float) -> tuple[np.ndarray, np.ndarray]:
         """Bounds on the stiffness of the contacts: of nodes (node, 3) [N/m] along x, y, z, and of sections [node] [N m].
@@ -319,7 +386,7 @@ class WireContact:
             control = state.read_control()
             taken += int(control[int(c.STEP)]) - before
             if control[int(c.STATUS)] == 1.0:
-                self.search()
+                self.refresh()
             elif control[int(c.STATUS)] != 0.0:
                 break
         return taken
@@ -332,12 +399,14 @@ class WireContact:
 
     def read_contacts(self, distance: float | None = None) -> Contacts:
         """Contacts of the state last evaluated: those with a force, or all with a gap below `distance` [m]."""
-        pairs, count = self._list, self.pair_count
-        found = pairs.found.numpy()[:count, None]
+        pairs, count = self._list, int(self.touch.touch_count.numpy()[0])
+        near = self.touch.touch_pair.numpy()[:count, None]
+        found = pairs.found.numpy()[near]
+        places = (PLACES * near + np.arange(PLACES)).ravel()
         is_there = (found > int(NOT_NEAR)) & (np.arange(PLACES) < np.where(found == int(ONE_PLACE), 1, PLACES))
-        force, overlap = (values.numpy()[: PLACES * count] for values in (pairs.force, pairs.overlap))
+        force, overlap = (values.numpy()[places] for values in (pairs.force, pairs.overlap))
         kept = force != 0.0 if distance is None else (force != 0.0) | (overlap > -distance)
-        which = np.flatnonzero(kept & is_there.ravel())
+        which = places[kept & is_there.ravel()]
         of_pair = {name: getattr(pairs, name).numpy()[which // PLACES] for name in ("first", "second", "shift")}
         names = ("place", "force", "friction", "normal", "overlap")
         return Contacts(**of_pair, **{name: getattr(pairs, name).numpy()[which] for name in names})

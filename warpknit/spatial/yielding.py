@@ -1,6 +1,6 @@
 """Plastic bending of spatial wires, updated from one equilibrium to the next.
 
-Backward Euler of the flow rule of kernels/rod_bend.py. Twist and tension stay elastic.
+Backward Euler of the flow rule of kernels/rod_forces.py. Twist and tension stay elastic.
 """
 
 from __future__ import annotations

@@ -1,0 +1,55 @@
+"""The arctangent of a quotient, for native functions: vectorises, and needs one division.
+
+C++ that sets `folded` to atan(|over|/under) for under > 0, from `over` and `under` of the type `real`. The quotient is folded
+into [-tan(pi/8), tan(pi/8)] before the division.
+"""
+
+
+def _polynomial(coefficients: tuple[float, ...], variable: str) -> str:
+    """Horner form in C++."""
+    text = f"real({coefficients[-1]!r})"
+    for c in reversed(coefficients[:-1]):
+        text = f"(real({c!r}) + {variable} * {text})"
+    return text
+
+
+# atan(x)/x in powers of x^2 on |x| <= tan(pi/8): interpolation at Chebyshev nodes; errors 6e-10 and below 1e-16.
+ATAN_SINGLE = (
+    0.9999999993712282,
+    -0.33333306893048514,
+    0.19998183041083206,
+    -0.14239532669648974,
+    0.10569828806414448,
+    -0.06026305227658459,
+)
+ATAN_DOUBLE = (
+    1.0,
+    -0.3333333333333312,
+    0.19999999999940893,
+    -0.14285714279250245,
+    0.11111110744919658,
+    -0.09090896809064027,
+    0.07692045330902225,
+    -0.06662951813629191,
+    0.05846878297330872,
+    -0.05035102456601552,
+    0.03796525745386593,
+    -0.017805397205419446,
+)
+
+ARCTANGENT = r"""
+        const real a = over < real(0) ? -over : over;
+        const real steep = a > real(2.414213562373095) * under ? real(1) : real(0);
+        const real middle = (a > real(0.4142135623730951) * under ? real(1) : real(0)) - steep;
+        const real top = steep > real(0) ? -under : (middle > real(0) ? a - under : a);
+        const real bottom = steep > real(0) ? a : (middle > real(0) ? a + under : under);
+        const real x = top / (bottom > real(1e-12) ? bottom : real(1e-12));
+        const real z = x * x;
+        real series;
+        if (sizeof(real) == 4) {
+            series = SINGLE_SERIES;
+        } else {
+            series = DOUBLE_SERIES;
+        }
+        const real folded = x * series + middle * real(0.7853981633974483) + steep * real(1.5707963267948966);
+""".replace("SINGLE_SERIES", _polynomial(ATAN_SINGLE, "z")).replace("DOUBLE_SERIES", _polynomial(ATAN_DOUBLE, "z"))

@@ -1,0 +1,24 @@
+"""Blocks of nodes of rods: what the native functions on them begin with.
+
+A block holds at most ROD_BLOCK consecutive nodes of one wire. A thread works on a block, or, as on a GPU, on one node of it: the
+type of `lane` says which, 32 bits for all nodes, 64 bits for the node at `lane` alone.
+"""
+
+from .native import STEERING, constants
+
+ROD_BLOCK = 64
+
+BLOCK = (
+    STEERING
+    + constants(ROD_BLOCK=ROD_BLOCK)
+    + r"""
+    // loops run over whole vectors: PAD places behind the last node hold numbers that nothing uses
+    enum { ALONE = sizeof(lane) == 8, HALO = 3, PAD = ALONE ? 1 : 8, SPAN = (ALONE ? 1 : ROD_BLOCK) + 2 * HALO + PAD };
+    const int first = block_first.data[block] + (int)lane;
+    const int count = ALONE ? 1 : block_count.data[block];
+    const int wire = block_wire.data[block];
+    const int wire_begin = wire_first.data[wire], wire_nodes = wire_count.data[wire], closed = wire_closed.data[wire];
+    const int wire_end = wire_begin + wire_nodes;
+    const double* steer = control.data;
+"""
+)

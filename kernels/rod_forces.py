@@ -1,0 +1,370 @@
+"""Forces of rods: stretch, bending, twist and contact, summed at the nodes (discrete elastic rods; Bergou and others 2008, 2010).
+
+With e, f the unit tangents before and after the node, d1, d2 the directors of either segment and l the natural length of the
+node,
+
+    kb = 2 e x f/(1 + e . f)                                        curvature binormal, integrated over the node
+    k1 = (d2_before + d2_after) . kb/2     k2 = - (d1_before + d1_after) . kb/2
+    a  = k 2 atan(|k|/2)/|k|                                        turning vector: |k| is 2 tan(angle/2), |a| the angle itself
+    m  = angle from d1_before, transported to f, to d1_after        twist, integrated
+    E  = B |a - A|^2/(2 l) + C (m - M)^2/(2 l)                      A, M: natural values
+
+Where the wire yields, p [rad] is the plastic part of the turn at the last equilibrium, and the moment is B e/l with
+
+    t = a - A - p      b = kept/(1 - kept) p      e = t - (1 - kept) max(0, 1 - y/|t - b|) (t - b)
+
+in place of a - A. A round section is isotropic: it yields where the moment differs from its back moment by y B/l in any
+direction, and flows in that direction (radial return; linear kinematic hardening, `kept` being the tangent stiffness over the
+elastic one).
+
+A segment of length L between turns a and a' is an arc, longer than its chord by L (|a|^2 + |a'|^2)/48. Where arc lengths are kept
+(BOW_MOMENT), its tension T adds the moment T L a/24 at either end (bend.py, in the plane).
+
+The gradient by the two edges, with transported directors, and by the angle of either segment:
+
+    dk1/d(edge before) = (- k1 t' + f x d2')/|edge|       dk1/d(edge after) = (- k1 t' - e x d2')/|edge|
+    dk2/d(edge before) = (- k2 t' - f x d1')/|edge|       dk2/d(edge after) = (- k2 t' + e x d1')/|edge|
+    dm/d(either edge)  = kb/(2 |edge|)
+    dk1/d(angle) = - d1 . kb/2      dk2/d(angle) = - d2 . kb/2      dm/d(angle) = -1 before, +1 after
+
+with t' = (e + f)/(1 + e . f) and d' = (d_before + d_after)/(1 + e . f).
+
+A segment j pulls its nodes and turns by
+
+    n_j = T_j t_j + (gradient of bending and twist by edge j) + t_j x c_j/|e_j|       f_i = n_i - n_(i-1) + contact + load
+    torque of segment j = - gradient by its angle + t_j . c_j + load
+
+with the tension T and the contact couple c_j on its section. Contact forces are gathered from the contacts of the segments in
+their order (wire_contact_forces.py), so that sums do not depend on the number of threads.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from .arctangent import ARCTANGENT
+from .rod_blocks import BLOCK
+
+_FORCES = (
+    (
+        BLOCK
+        + r"""
+    // local node k is node first - HALO + k of the wire, unrolled around a closed one; segment k joins nodes k and k + 1
+    typedef double real;
+    const int nodes = count + 2 * HALO, whole = (nodes + PAD - 1) / PAD * PAD;
+    const double factor = steer[LENGTH_FACTOR], bow_moment = steer[BOW_MOMENT];
+    int at[SPAN];
+    double has[SPAN], inner[SPAN];
+    for (int k = 0; k < whole; ++k) {
+        int i = first - HALO + (k < nodes ? k : nodes - 1);
+        if (closed) {
+            while (i < wire_begin) i += wire_nodes;
+            while (i >= wire_end) i -= wire_nodes;
+            has[k] = inner[k] = 1;
+        } else {
+            has[k] = i >= wire_begin && i < wire_end - 1 ? 1 : 0;
+            inner[k] = i > wire_begin && i < wire_end - 1 ? 1 : 0;
+            i = i < wire_begin ? wire_begin : (i >= wire_end ? wire_end - 1 : i);
+        }
+        at[k] = i;
+    }
+    double tx[SPAN], ty[SPAN], tz[SPAN], dx[SPAN], dy[SPAN], dz[SPAN], il[SPAN], pull[SPAN], natural[SPAN], spread[SPAN];
+    double own_x[SPAN], own_y[SPAN], own_m[SPAN], flow_x[SPAN], flow_y[SPAN];
+    {
+    const double* t = (const double*)tangent.data;
+    const double* d = (const double*)director.data;
+    const double* bent = (const double*)natural_curvature.data;
+    const double* flow = (const double*)plastic_turn.data;
+    for (int k = 0; k < whole; ++k) {
+        const int i = at[k];
+        tx[k] = t[3 * i];
+        ty[k] = t[3 * i + 1];
+        tz[k] = t[3 * i + 2];
+        dx[k] = d[3 * i];
+        dy[k] = d[3 * i + 1];
+        dz[k] = d[3 * i + 2];
+        const double l = length.data[i], rest = natural_length.data[i] * factor;
+        natural[k] = rest;
+        il[k] = 1 / l;
+        pull[k] = has[k] * (tension_offset.data[i] + stretch_stiffness.data[i] * (l - rest) / rest);
+        spread[k] = inner[k] / (node_length.data[i] * factor);
+        own_x[k] = bent[2 * i];
+        own_y[k] = bent[2 * i + 1];
+        own_m[k] = natural_twist.data[i];
+        flow_x[k] = flow[2 * i];
+        flow_y[k] = flow[2 * i + 1];
+    }
+    }
+    // bending and twist: gradients by the edges before and after a node, and by the angles of both segments
+    double gbx[SPAN], gby[SPAN], gbz[SPAN], gax[SPAN], gay[SPAN], gaz[SPAN], gb[SPAN], ga[SPAN];
+    double turn_x[SPAN], turn_y[SPAN], turned[SPAN];
+    const bool yields = yield_curvature > 0 && hardening < 1;
+    const double back = yields ? hardening / (1 - hardening) : 0.0;
+    {
+    #pragma clang fp reassociate(on) contract(fast)
+    #pragma clang loop vectorize(enable)
+    for (int k = 1; k < whole; ++k) {
+        const double ex = tx[k - 1], ey = ty[k - 1], ez = tz[k - 1], fx = tx[k], fy = ty[k], fz = tz[k];
+        const double ax = dx[k - 1], ay = dy[k - 1], az = dz[k - 1], cx = dx[k], cy = dy[k], cz = dz[k];
+        const double bx = ey * az - ez * ay, by = ez * ax - ex * az, bz = ex * ay - ey * ax;
+        const double hx = fy * cz - fz * cy, hy = fz * cx - fx * cz, hz = fx * cy - fy * cx;
+        const double dot = ex * fx + ey * fy + ez * fz, share = 1 / (1 + dot);
+        const double vx = ey * fz - ez * fy, vy = ez * fx - ex * fz, vz = ex * fy - ey * fx;
+        const double nx = 2 * share * vx, ny = 2 * share * vy, nz = 2 * share * vz;
+        const double k1 = 0.5 * ((bx + hx) * nx + (by + hy) * ny + (bz + hz) * nz);
+        const double k2 = -0.5 * ((ax + cx) * nx + (ay + cy) * ny + (az + cz) * nz);
+        // twist: the angle from the director before, transported, to the one after
+        const double lean_on = share * (vx * ax + vy * ay + vz * az);
+        const double mx = dot * ax + vy * az - vz * ay + vx * lean_on;
+        const double my = dot * ay + vz * ax - vx * az + vy * lean_on;
+        const double mz = dot * az + vx * ay - vy * ax + vz * lean_on;
+        const double sine = (my * cz - mz * cy) * fx + (mz * cx - mx * cz) * fy + (mx * cy - my * cx) * fz;
+        const double cosine = mx * cx + my * cy + mz * cz;
+        double m;
+        {
+            const real over = sine, under = 1 + cosine;
+            ARCTANGENT
+            m = 2 * (over < 0 ? -folded : folded);
+        }
+        // share of the turning vector and its slope: 2 atan(x/2)/x
+        const double square = k1 * k1 + k2 * k2, size = sqrt(square), half = 0.5 * size;
+        double part;
+        {
+            const real over = half, under = 1;
+            ARCTANGENT
+            part = half > 1e-8 ? folded / (half > 1e-8 ? half : 1.0) : 1.0;
+        }
+        const double steep_slope = (1 / (1 + 0.25 * square) - part) / (size > SMALL ? square : 1.0);
+        const double slope = size > SMALL ? steep_slope : -1.0 / 6;
+        const double px = part * k1, py = part * k2;
+        const double trial_x = px - own_x[k] - flow_x[k], trial_y = py - own_y[k] - flow_y[k];
+        const double beyond_x = trial_x - back * flow_x[k], beyond_y = trial_y - back * flow_y[k];
+        const double reach = sqrt(beyond_x * beyond_x + beyond_y * beyond_y);
+        const double most = spread[k] > 0 ? yield_curvature / (spread[k] > 0 ? spread[k] : 1.0) : 0.0;
+        const double off = yields && reach > most ? (1 - hardening) * (1 - most / (reach > most ? reach : 1.0)) : 0.0;
+        const double bend = bending_stiffness * spread[k];
+        const double bow = bow_moment * (natural[k - 1] * pull[k - 1] + natural[k] * pull[k]) * inner[k];
+        const double moment_x = bend * (trial_x - off * beyond_x) + bow * px;
+        const double moment_y = bend * (trial_y - off * beyond_y) + bow * py;
+        const double both = slope * (k1 * moment_x + k2 * moment_y);
+        const double g1 = part * moment_x + both * k1, g2 = part * moment_y + both * k2;
+        const double g = twist_stiffness * spread[k] * (m - own_m[k]);
+        const double lean = -(g1 * k1 + g2 * k2) * share;
+        const double qx = share * (g1 * (bx + hx) - g2 * (ax + cx));
+        const double qy = share * (g1 * (by + hy) - g2 * (ay + cy));
+        const double qz = share * (g1 * (bz + hz) - g2 * (az + cz));
+        const double sx = lean * (ex + fx) + 0.5 * g * nx, sy = lean * (ey + fy) + 0.5 * g * ny;
+        const double sz = lean * (ez + fz) + 0.5 * g * nz;
+        gbx[k] = il[k - 1] * (sx + fy * qz - fz * qy);
+        gby[k] = il[k - 1] * (sy + fz * qx - fx * qz);
+        gbz[k] = il[k - 1] * (sz + fx * qy - fy * qx);
+        gax[k] = il[k] * (sx - ey * qz + ez * qy);
+        gay[k] = il[k] * (sy - ez * qx + ex * qz);
+        gaz[k] = il[k] * (sz - ex * qy + ey * qx);
+        gb[k] = -0.5 * ((g1 * ax + g2 * bx) * nx + (g1 * ay + g2 * by) * ny + (g1 * az + g2 * bz) * nz) - g;
+        ga[k] = -0.5 * ((g1 * cx + g2 * hx) * nx + (g1 * cy + g2 * hy) * ny + (g1 * cz + g2 * hz) * nz) + g;
+        turn_x[k] = inner[k] * px;
+        turn_y[k] = inner[k] * py;
+        turned[k] = inner[k] * m;
+    }
+    }
+    // contact: forces on four nodes and couples on three sections from each contact of a segment
+    double cfx[SPAN], cfy[SPAN], cfz[SPAN], ccx[SPAN], ccy[SPAN], ccz[SPAN];
+    for (int k = 0; k < whole; ++k) cfx[k] = cfy[k] = cfz[k] = ccx[k] = ccy[k] = ccz[k] = 0;
+    const int* start_of_first = touch_first_start.data;
+    const int* start_of_second = touch_second_start.data;
+    for (int k = HALO - 2; k <= HALO + count; ++k) {
+        if (has[k] == 0) continue;
+        for (int side = 0; side < 2; ++side) {
+            const int* start = (side ? start_of_second : start_of_first) + at[k];
+            for (int q = start[0]; q < start[1]; ++q) {
+                const int touch = side ? touch_of_second.data[q] : q;
+                if (!touch_loaded.data[touch]) continue;
+                const double* push = (const double*)(touch_force.data + 8 * touch + 4 * side);
+                const double* couple = (const double*)(touch_couple.data + 6 * touch + 3 * side);
+                for (int a = 0; a < 4; ++a) {
+                    cfx[k - 1 + a] += push[3 * a];
+                    cfy[k - 1 + a] += push[3 * a + 1];
+                    cfz[k - 1 + a] += push[3 * a + 2];
+                }
+                for (int a = 0; a < 3; ++a) {
+                    ccx[k - 1 + a] += couple[3 * a];
+                    ccy[k - 1 + a] += couple[3 * a + 1];
+                    ccz[k - 1 + a] += couple[3 * a + 2];
+                }
+            }
+        }
+    }
+    // forces of the segments, and their sums
+    double nx[SPAN], ny[SPAN], nz[SPAN];
+    {
+    #pragma clang fp reassociate(on) contract(fast)
+    #pragma clang loop vectorize(enable)
+    for (int k = HALO - 1; k < HALO + count; ++k) {
+        const double x = ty[k] * ccz[k] - tz[k] * ccy[k], y = tz[k] * ccx[k] - tx[k] * ccz[k];
+        const double z = tx[k] * ccy[k] - ty[k] * ccx[k];
+        nx[k] = has[k] * (pull[k] * tx[k] + gax[k] + gbx[k + 1] + il[k] * x);
+        ny[k] = has[k] * (pull[k] * ty[k] + gay[k] + gby[k + 1] + il[k] * y);
+        nz[k] = has[k] * (pull[k] * tz[k] + gaz[k] + gbz[k + 1] + il[k] * z);
+    }
+    }
+    const double* given = (const double*)(load_force.data + first - HALO);
+    double* __restrict sum = (double*)(force.data + first - HALO);
+    double* __restrict edge = (double*)(edge_force.data + first - HALO);
+    double* __restrict turning = (double*)(curvature.data + first - HALO);
+    for (int k = HALO; k < HALO + count; ++k) {
+        sum[3 * k] = given[3 * k] + cfx[k] + (nx[k] - nx[k - 1]);
+        sum[3 * k + 1] = given[3 * k + 1] + cfy[k] + (ny[k] - ny[k - 1]);
+        sum[3 * k + 2] = given[3 * k + 2] + cfz[k] + (nz[k] - nz[k - 1]);
+        edge[3 * k] = nx[k];
+        edge[3 * k + 1] = ny[k];
+        edge[3 * k + 2] = nz[k];
+        turning[2 * k] = turn_x[k];
+        turning[2 * k + 1] = turn_y[k];
+        twist.data[first - HALO + k] = turned[k];
+        const double about = ccx[k] * tx[k] + ccy[k] * ty[k] + ccz[k] * tz[k];
+        torque.data[first - HALO + k] = load_torque.data[first - HALO + k] + has[k] * (about - ga[k] - gb[k + 1]);
+    }
+"""
+    )
+    .replace("ARCTANGENT", ARCTANGENT)
+    .replace("SMALL", "1e-4")
+)  # |k| below which two terms of the series are exact to round-off
+
+
+@wp.func_native(_FORCES)
+def forces_of_block(
+    # in: blocks and wires
+    block: wp.int32,
+    lane: Any,
+    block_first: wp.array(dtype=wp.int32),
+    block_count: wp.array(dtype=wp.int32),
+    block_wire: wp.array(dtype=wp.int32),
+    wire_first: wp.array(dtype=wp.int32),
+    wire_count: wp.array(dtype=wp.int32),
+    wire_closed: wp.array(dtype=wp.int32),
+    # in: rest data
+    natural_length: wp.array(dtype=wp.float64),
+    node_length: wp.array(dtype=wp.float64),
+    natural_curvature: wp.array(dtype=wp.vec2d),
+    natural_twist: wp.array(dtype=wp.float64),
+    bending_stiffness: wp.float64,
+    twist_stiffness: wp.float64,
+    yield_curvature: wp.float64,
+    hardening: wp.float64,
+    stretch_stiffness: wp.array(dtype=wp.float64),
+    load_force: wp.array(dtype=wp.vec3d),
+    load_torque: wp.array(dtype=wp.float64),
+    # in: what steers the step
+    control: wp.array(dtype=wp.float64),
+    # in: contact
+    touch_first_start: wp.array(dtype=wp.int32),
+    touch_second_start: wp.array(dtype=wp.int32),
+    touch_of_second: wp.array(dtype=wp.int32),
+    touch_loaded: wp.array(dtype=wp.int32),
+    touch_force: wp.array(dtype=wp.vec3d),
+    touch_couple: wp.array(dtype=wp.vec3d),
+    # state in
+    tension_offset: wp.array(dtype=wp.float64),
+    length: wp.array(dtype=wp.float64),
+    tangent: wp.array(dtype=wp.vec3d),
+    director: wp.array(dtype=wp.vec3d),
+    plastic_turn: wp.array(dtype=wp.vec2d),
+    # out: turning vector and twist [rad], force of a segment on its first node, and the sums [N, N m], held nodes included
+    curvature: wp.array(dtype=wp.vec2d),
+    twist: wp.array(dtype=wp.float64),
+    edge_force: wp.array(dtype=wp.vec3d),
+    force: wp.array(dtype=wp.vec3d),
+    torque: wp.array(dtype=wp.float64),
+): ...
+
+
+@wp.kernel
+def find_rod_forces(
+    # in: blocks and wires
+    block_first: wp.array(dtype=wp.int32),
+    block_count: wp.array(dtype=wp.int32),
+    block_wire: wp.array(dtype=wp.int32),
+    wire_first: wp.array(dtype=wp.int32),
+    wire_count: wp.array(dtype=wp.int32),
+    wire_closed: wp.array(dtype=wp.int32),
+    first_block: int,
+    threads_a_block: Any,
+    # in: rest data
+    natural_length: wp.array(dtype=wp.float64),
+    node_length: wp.array(dtype=wp.float64),
+    natural_curvature: wp.array(dtype=wp.vec2d),
+    natural_twist: wp.array(dtype=wp.float64),
+    bending_stiffness: wp.float64,
+    twist_stiffness: wp.float64,
+    yield_curvature: wp.float64,
+    hardening: wp.float64,
+    stretch_stiffness: wp.array(dtype=wp.float64),
+    load_force: wp.array(dtype=wp.vec3d),
+    load_torque: wp.array(dtype=wp.float64),
+    # in: what steers the step
+    control: wp.array(dtype=wp.float64),
+    # in: contact
+    touch_first_start: wp.array(dtype=wp.int32),
+    touch_second_start: wp.array(dtype=wp.int32),
+    touch_of_second: wp.array(dtype=wp.int32),
+    touch_loaded: wp.array(dtype=wp.int32),
+    touch_force: wp.array(dtype=wp.vec3d),
+    touch_couple: wp.array(dtype=wp.vec3d),
+    # state in
+    tension_offset: wp.array(dtype=wp.float64),
+    length: wp.array(dtype=wp.float64),
+    tangent: wp.array(dtype=wp.vec3d),
+    director: wp.array(dtype=wp.vec3d),
+    plastic_turn: wp.array(dtype=wp.vec2d),
+    # out: turning vector and twist [rad], force of a segment on its first node, and the sums [N, N m], held nodes included
+    curvature: wp.array(dtype=wp.vec2d),
+    twist: wp.array(dtype=wp.float64),
+    edge_force: wp.array(dtype=wp.vec3d),
+    force: wp.array(dtype=wp.vec3d),
+    torque: wp.array(dtype=wp.float64),
+):
+    """A thread a block, or with 64-bit `threads_a_block` = ROD_BLOCK a thread a node."""
+    thread = wp.tid()
+    threads = wp.int32(threads_a_block)
+    block = first_block + thread / threads
+    lane = thread % threads
+    if lane < block_count[block]:
+        forces_of_block(
+            block,
+            type(threads_a_block)(lane),
+            block_first,
+            block_count,
+            block_wire,
+            wire_first,
+            wire_count,
+            wire_closed,
+            natural_length,
+            node_length,
+            natural_curvature,
+            natural_twist,
+            bending_stiffness,
+            twist_stiffness,
+            yield_curvature,
+            hardening,
+            stretch_stiffness,
+            load_force,
+            load_torque,
+            control,
+            touch_first_start,
+            touch_second_start,
+            touch_of_second,
+            touch_loaded,
+            touch_force,
+            touch_couple,
+            tension_offset,
+            length,
+            tangent,
+            director,
+            plastic_turn,
+            curvature,
+            twist,
+            edge_force,
+            force,
+            torque,
+        )

@@ -1,0 +1,47 @@
+"""Threads that share the launches of a step on the CPU, where Warp runs a launch on one thread."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import warp as wp
+
+from .kernels.barrier import wait_for_all
+from .launch import Launch, bind
+
+
+class Team:
+    """So many threads; each replays its part of the launches, with barriers in between."""
+
+    def __init__(self, threads: int, device: str) -> None:
+        self.threads = threads
+        self._state = wp.zeros(64, dtype=wp.int32, device=device)
+        self._helpers = ThreadPoolExecutor(threads - 1, "step") if threads > 1 else None
+
+    def together(self, parts: Sequence[Callable[[], object]]) -> None:
+        """Call each part in its own thread, and return when all are done."""
+        waiting = [self._helpers.submit(part) for part in parts[1:]] if self._helpers is not None else []
+        parts[0]()
+        for helper in waiting:
+            helper.result()
+
+    def barrier(self) -> list[Launch]:
+        """What each thread launches to wait for all others; nothing for a single thread."""
+        if self.threads == 1:
+            return []
+        return [bind(wait_for_all, 1, threads=self.threads, yield_address=_yield_address(), state=self._state)]
+
+    def share(self, count: int, part: int) -> tuple[int, int]:
+        """Begin and number of the share of a part in `count` items."""
+        begin, end = count * part // self.threads, count * (part + 1) // self.threads
+        return begin, end - begin
+
+
+def _yield_address() -> int:
+    """Address of sched_yield in the C library, 0 without one."""
+    try:
+        return ctypes.cast(ctypes.CDLL(None).sched_yield, ctypes.c_void_p).value or 0
+    except (AttributeError, OSError, TypeError):
+        return 0
