@@ -11,7 +11,7 @@ A step starts from the closest points of the step before, and searches anew afte
 
 import warp as wp
 
-from .control import LENGTH_FACTOR, RAMP_STEP, RAMP_STEPS, STATUS, STATUS_RUNNING, TRAVEL
+from .control import EVALUATED_GAP, LENGTH_FACTOR, RAMP_STEP, RAMP_STEPS, STATUS, STATUS_RUNNING, TRAVEL
 from .rod_frames import affine_map
 from .wire_curve import (
     CLOSING_RATE,
@@ -290,7 +290,6 @@ def find_closest_places(
     contact_offset: wp.array(dtype=wp.float64),
     # in: what steers the step
     control: wp.array(dtype=wp.float64),
-    search_ratio: wp.float64,
     # state in
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
@@ -303,18 +302,19 @@ def find_closest_places(
     pair_place: wp.array(dtype=wp.vec2d),
 ):
     """Each thread takes every `touch_stride`-th pair that may touch. A step evaluates pairs whose curves may touch;
-    an evaluation without a step those that may be nearer than `search_ratio` times the contact distance."""
+    an evaluation without a step those whose gap may be below EVALUATED_GAP."""
     for touch in range(first_touch + wp.tid(), touch_count[0], touch_stride):
         pair = touch_pair[touch]
         is_running = control[STATUS] == STATUS_RUNNING
         is_loaded = control[RAMP_STEP] >= control[RAMP_STEPS]  # while loading, affine motion adds to the travel
         travel = control[TRAVEL]
+        evaluated_gap = wp.where(is_running, wp.float64(0.0), control[EVALUATED_GAP])
         found = pair_found[pair]
         i = pair_first[pair]
         j = pair_second[pair]
         offset = wp.max(contact_offset[i], contact_offset[following[i]])
         offset += wp.max(contact_offset[j], contact_offset[following[j]])
-        if is_running and is_loaded and CLOSING_RATE * (pair_wake_travel[pair] - travel) > offset:
+        if is_loaded and CLOSING_RATE * (pair_wake_travel[pair] - travel) > offset + evaluated_gap:
             pair_found[pair] = -wp.abs(found)
             continue
         pair_found[pair] = NOT_NEAR
@@ -327,11 +327,8 @@ def find_closest_places(
         chords = closest_on_chords(row(p, 1), row(p, 2), row(q, 1), row(q, 2))
         r = row(p, 1) + chords[0] * (row(p, 2) - row(p, 1)) - row(q, 1) - chords[1] * (row(q, 2) - row(q, 1))
         gap = wp.length(r) - sag(p, length_factor * rest_bulge[i]) - sag(q, length_factor * rest_bulge[j]) - contact_distance
-        if is_running:
-            if gap > wp.float64(0.0):
-                pair_wake_travel[pair] = travel + (gap + offset) / CLOSING_RATE
-                continue
-        elif gap > (search_ratio - wp.float64(1.0)) * contact_distance:
+        if gap > evaluated_gap:
+            pair_wake_travel[pair] = travel + (gap + offset) / CLOSING_RATE
             continue
         curve_p = curve_through(p, length_factor * rest_shape(i, previous, following, rest_slope, rest_bump, tangent, director))
         curve_q = curve_through(q, length_factor * rest_shape(j, previous, following, rest_slope, rest_bump, tangent, director))
@@ -341,7 +338,7 @@ def find_closest_places(
         from_other = wp.vec3d()
         k = 3 * pair
         was_two = wp.abs(found) == TWO_PLACES
-        is_followed = found != NOT_NEAR and (was_two or (is_running and is_loaded and travel <= pair_renewal_travel[pair]))
+        is_followed = found != NOT_NEAR and (was_two or (is_loaded and travel <= pair_renewal_travel[pair]))
         if is_followed:
             from_one = closest_on_curves(curve_p, curve_q, pair_place[k])
             from_other = from_one

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
+from ..host import fetch, store
 from ..kernels.rod_clamps import move_clamps
 from ..launch import Launch, bind
 from .rod_step import RodStepper
@@ -40,19 +41,19 @@ class MovingClamps:
     @property
     def mass(self) -> np.ndarray:
         """[sliding clamp] [kg] mass of both nodes."""
-        return self.stepper.state.node_mass.numpy()[self.sliding_node, 1].sum(axis=1)
+        return fetch(self.stepper.state.node_mass)[self.sliding_node, 1].sum(axis=1)
 
     @property
     def place(self) -> np.ndarray:
         """[sliding clamp] [m] displacement from the affine position of its first node."""
-        return self.stepper.state.displacement.numpy()[self.sliding_node[:, 0], 1].copy()
+        return fetch(self.stepper.state.displacement)[self.sliding_node[:, 0], 1].copy()
 
     @property
     def force(self) -> np.ndarray:
         """(sliding clamp, 3) [N] unbalanced force, along the warp."""
-        force = self.stepper.state.force.numpy()[self.sliding_node].sum(axis=1)
+        force = fetch(self.stepper.state.force)[self.sliding_node].sum(axis=1)
         return force * np.array([0.0, 1.0, 0.0])
 
     def stop(self) -> None:
         """Set all velocities to zero."""
-        self.velocity.zero_()
+        store(self.velocity, 0)

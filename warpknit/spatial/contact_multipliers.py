@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..host import fetch, store
 from .wire_contact import Contacts, WireContact
 
 FORCE_PENALTY = 20.0  # penalty over N/d: a twentieth of the thickness is the overlap of a force without offset
@@ -30,7 +31,7 @@ class ContactMultipliers:
         self._state = contact.stepper.state
         self._after, self._before = rods.following, rods.previous
         self._thickness = rods.section.thickness
-        self._state.contact_penalty.fill_(floor)
+        store(self._state.contact_penalty, floor)
 
     def error(self, touching: Contacts) -> float:
         """Largest overlap or gap of a contact over the thickness; of forces below the mean, in proportion."""
@@ -52,7 +53,7 @@ class ContactMultipliers:
         np.maximum.at(largest, node, force[which])
         is_touched = total > 0.0
         state = self._state
-        before, offset = state.contact_penalty.numpy(), state.contact_offset.numpy()
+        before, offset = fetch(state.contact_penalty), fetch(state.contact_offset)
         floor = self._floor if loading else LOADED * self._floor
         wanted = np.maximum(floor, FORCE_PENALTY * largest / self._thickness)
         penalty = np.where(is_touched, np.clip(wanted, DECAY * before, GROWTH * before), floor)
@@ -60,16 +61,16 @@ class ContactMultipliers:
         # the force of the offset is kept
         moved = offset * before / penalty + 0.5 * rate * mean_overlap
         offset = np.where(is_touched, moved, WITHOUT_CONTACT * offset)
-        state.contact_penalty.assign(penalty)
-        state.contact_offset.assign(np.clip(offset, 0.0, MAX_OFFSET * self._thickness))
+        store(state.contact_penalty, penalty)
+        store(state.contact_offset, np.clip(offset, 0.0, MAX_OFFSET * self._thickness))
 
     def stiffen(self) -> None:
         """Raise the penalties to the floor for a load to come; the forces of the offsets are kept."""
         state = self._state
-        before = state.contact_penalty.numpy()
+        before = fetch(state.contact_penalty)
         penalty = np.maximum(before, self._floor)
-        state.contact_offset.assign(state.contact_offset.numpy() * before / penalty)
-        state.contact_penalty.assign(penalty)
+        store(state.contact_offset, fetch(state.contact_offset) * before / penalty)
+        store(state.contact_penalty, penalty)
 
     def _spread(self, contacts: Contacts, which: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Nodes of contacts with their weights, and the contact among `which` that each belongs to."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from .. import measure
 from ..errors import ModelError
+from ..host import fetch, store
 from ..kernels import control as c
 from ..mechanics import Check, Drift, strength_exceeded
 from ..mesh.load_point import LoadPoint
@@ -143,12 +144,12 @@ class SpatialMechanics:
     def _move_clamps(self, load: LoadPoint, factor: float) -> None:
         """Move the held nodes to their places under the load; given stations of the edge move while it is applied."""
         held = self.model.wires.held_node
-        displacement = self.state.displacement.numpy().copy()
+        displacement = fetch(self.state.displacement).copy()
         displacement[held, :2] = self.model.held_shift(load.gradient, factor)
         if self.edge is not None and load.stations is not None:
             self.edge.set_target(load.stations)
             displacement[held, :2] += self.edge.mesh_displacement(self.edge.station_displacement)[held]
-        self.state.displacement.assign(displacement)
+        store(self.state.displacement, displacement)
 
     def load_steps(self, load: LoadPoint, predicted: bool) -> int:
         strain = float(np.abs(load.gradient - self.state.gradient).max())
@@ -157,12 +158,12 @@ class SpatialMechanics:
         return CHECK_STEPS * round(LOAD_STEPS / CHECK_STEPS * max(1.0, strain / LOAD_STRAIN))
 
     def predict(self, ratio: float) -> None:
-        displacement = self.state.displacement.numpy().copy()
+        displacement = fetch(self.state.displacement).copy()
         if ratio > 0.0 and self._last is not None:
             move = ratio * (displacement - self._last[1])
             largest = float(np.linalg.norm(move, axis=1).max(initial=0.0))
             limit = MAX_PREDICTION * self.model.rods.section.thickness
-            self.state.displacement.assign(displacement + move * min(1.0, limit / max(largest, 1e-300)))
+            store(self.state.displacement, displacement + move * min(1.0, limit / max(largest, 1e-300)))
         self._last = self.state.gradient, displacement
         self.relaxation.stop_motion()
 
@@ -186,7 +187,7 @@ class SpatialMechanics:
 
     def fastest(self) -> tuple[int, int]:
         rods = self.model.rods
-        speed = np.nan_to_num(np.linalg.norm(self.state.velocity.numpy(), axis=1), nan=np.inf)
+        speed = np.nan_to_num(np.linalg.norm(fetch(self.state.velocity), axis=1), nan=np.inf)
         node = int(np.argmax(speed))
         wire = int(rods.wire_of[node])
         return wire, node - int(rods.wire_first[wire])
@@ -197,7 +198,7 @@ class SpatialMechanics:
         self.contact.pop_max_penetration()
 
     def check(self, checks: int, *, loading: bool) -> Check:
-        self.stepper.evaluate()
+        self.stepper.evaluate(0.0)
         self.relaxation.renew_damping()
         touching = self.contact.read_contacts()
         if not loading and self.contact.expected > 0.0:
@@ -227,13 +228,13 @@ class SpatialMechanics:
         if steps <= loading:
             move = edge.move_given(steps / loading)
         elif edge.rim.is_free and checks % EDGE_CHECKS == 0 and ratio < EDGE_RATIO:
-            move = edge.relax_free(self.state.gradient, self.state.force.numpy())
+            move = edge.relax_free(self.state.gradient, fetch(self.state.force))
         else:
             return
         if np.any(move):
-            displacement = self.state.displacement.numpy().copy()
+            displacement = fetch(self.state.displacement).copy()
             displacement[:, :2] += move
-            self.state.displacement.assign(displacement)
+            store(self.state.displacement, displacement)
             self.contact.search()
             self.relaxation.reset_damping_estimate()
 

@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..host import fetch
 from ..kernels import control as c
 from ..measure import strain
 from ..measure.boundary import Boundary
@@ -288,8 +289,8 @@ def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: 
     share = np.divide(1.0, rods.node_length * factor, out=np.zeros(rods.node_count), where=inside)
     yielding = stepper.yielding
     bent = share[:, None] * yielding.elastic
-    twisted = share * (state.twist.numpy() - stepper.arrays.natural_twist.numpy())
-    segment_tension, tangent = relaxation.tension(), state.tangent.numpy()
+    twisted = share * (fetch(state.twist) - fetch(stepper.arrays.natural_twist))
+    segment_tension, tangent = relaxation.tension(), fetch(state.tangent)
     tension = np.where(relaxation.can_stretch, segment_tension, 0.0)
     length = np.where(rods.following >= 0, rods.natural_length * factor, 0.0)
     touching = contact.read_contacts()
@@ -298,20 +299,20 @@ def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: 
         model=model,
         sites=sites,
         control=state.read_control().copy(),
-        position=state.position.numpy().copy(),
-        director=state.director.numpy().copy(),
+        position=fetch(state.position).copy(),
+        director=fetch(state.director).copy(),
         tension=tension,
         rigid_pull=float(np.sum((segment_tension - tension)[:, None] * tangent[:, :2] * rods.rest_edge[:, :2])),
         curvature_change=bent,
         plastic_curvature=share[:, None] * yielding.plastic,
         twist_change=twisted,
         segment_force=stepper.segment_forces(),
-        force=state.force.numpy().copy(),
+        force=fetch(state.force).copy(),
         stretch_stiffness=relaxation.stored_stiffness,
         stretch_energy=float(np.sum(0.5 * tension**2 * length / relaxation.stored_stiffness)),
         bend_energy=float(np.sum(0.5 * hinge * rods.node_length * factor)),
         hardened_energy=yielding.hardened_energy,
-        contact_growth=_contact_growth(model, touching, tangent, state.director.numpy()),
+        contact_growth=_contact_growth(model, touching, tangent, fetch(state.director)),
         thermal_strain=relaxation.thermal_strain,
         touching=touching,
         near=contact.read_contacts((NEAR - 1.0) * section.thickness),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import warp as wp
 
+from ..host import fetch, store
 from ..kernels import control as c
 from ..kernels.banded_mass import FACTORS, factor_masses
 from ..kernels.rod_blocks import ROD_BLOCK
@@ -86,19 +87,19 @@ class RodState:
     def restore(self, arrays: dict[str, np.ndarray]) -> None:
         """Restore what `arrays` returned."""
         for name, value in arrays.items():
-            getattr(self, name).assign(value)
+            store(getattr(self, name), value)
 
     def write_control(self, values: dict[int, float]) -> None:
         """Set entries of the control array."""
-        host = self.control.numpy()
+        host = fetch(self.control)
         for index, value in values.items():
             host[int(index)] = value
         if not wp.get_device(self.control.device).is_cpu:
-            self.control.assign(host)
+            store(self.control, host)
 
     def read_control(self) -> np.ndarray:
         """The control array on the host: a view on the CPU, a copy from a GPU."""
-        return self.control.numpy()
+        return fetch(self.control)
 
     @property
     def gradient(self) -> np.ndarray:
@@ -131,9 +132,9 @@ def upload_rods(rods: Rods, device: str) -> RodArrays:
     at_rest = rest_state(rods, device)
     frames_launch(arrays, at_rest).run(device)
     force_launch(rods, arrays, at_rest, no_contact(rods, device)).run(device)
-    curvature, twist = rods.set_fraction * at_rest.curvature.numpy(), rods.set_fraction * at_rest.twist.numpy()
-    arrays.natural_curvature.assign(curvature if rods.natural_curvature is None else rods.natural_curvature)
-    arrays.natural_twist.assign(twist if rods.natural_twist is None else rods.natural_twist)
+    curvature, twist = rods.set_fraction * fetch(at_rest.curvature), rods.set_fraction * fetch(at_rest.twist)
+    store(arrays.natural_curvature, curvature if rods.natural_curvature is None else rods.natural_curvature)
+    store(arrays.natural_twist, twist if rods.natural_twist is None else rods.natural_twist)
     return arrays
 
 

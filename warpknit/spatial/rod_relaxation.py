@@ -17,6 +17,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from ..host import fetch, store
 from ..kernels import control as c
 from ..kernels.banded_mass import HELD_NODE, HELD_TURN
 from ..kernels.bend import BOW
@@ -24,7 +25,7 @@ from ..numerics import AXIAL_ERROR, FASTEST_DAMPING, LOOK_AHEAD, SPEED_SHARE, ST
 from .clamps import MovingClamps
 from .fictitious_masses import BandedMasses, MassProduct
 from .rest_curve import RestCurve
-from .rod_step import RodStepper
+from .rod_step import EVALUATED, RodStepper
 from .step_bound import largest_rates, stable_step
 
 CHECK_STEPS = 25  # steps between convergence checks
@@ -77,7 +78,7 @@ class RodRelaxation:
         self.can_stretch = self.has_segment & (self.free | self.free[rods.following])
         self.free_sections = ((rods.held & int(HELD_TURN)) == 0) & self.has_segment
         self.softened_stiffness = rods.section.axial_stiffness / softening
-        state.stretch_stiffness.fill_(self.softened_stiffness)
+        store(state.stretch_stiffness, self.softened_stiffness)
         stepper.set_time_step(1.0, FASTEST_DAMPING, LOOK_AHEAD)
         stepper.evaluate()
         self.keeps_arc_length = multipliers and softening != 1.0
@@ -123,16 +124,18 @@ class RodRelaxation:
             if not loading:
                 speed = float(state.read_control()[int(c.SPEED_MAX)])
                 move = min(move, max(FASTER * speed, LEAST_SPEED * stepper.rods.section.thickness))
+            approach = min(APPROACH * CHECK_STEPS * move, EVALUATED * stepper.rods.section.thickness)
             stepper.contact.list_near_pairs(CHECK_STEPS * move)
-        stepper.evaluate()
-        if stepper.contact is not None:
-            contact, contact_turn = stepper.contact.stiffness_bounds(APPROACH * CHECK_STEPS * move)
+            stepper.evaluate(approach)
+            contact, contact_turn = stepper.contact.stiffness_bounds(approach)
+        else:
+            stepper.evaluate()
         state.write_control({c.SPEED_LIMIT: move})
         elastic = np.linalg.norm(stepper.yielding.elastic, axis=1)
         inside = np.maximum(stepper.yielding.length, 1e-300)
         masses = self._banded.at(
-            stretch_stiffness=state.stretch_stiffness.numpy(),
-            turning=np.linalg.norm(state.curvature.numpy(), axis=1),
+            stretch_stiffness=fetch(state.stretch_stiffness),
+            turning=np.linalg.norm(fetch(state.curvature), axis=1),
             moment=stepper.rods.section.bending_stiffness * elastic / inside,
             tension=self.tension(),
             contact=contact,
@@ -144,24 +147,24 @@ class RodRelaxation:
         if now > before:
             slower = math.sqrt(before / now)
             for velocity in (state.velocity, state.spin, *([] if self.clamps is None else [self.clamps.velocity])):
-                velocity.assign(slower * velocity.numpy())
+                store(velocity, slower * fetch(velocity))
 
     def _velocities(self) -> tuple[np.ndarray, np.ndarray]:
         """Velocities (node, 3) [m/s] of nodes, those of sliding clamps included, and spins [node] [1/s]."""
         state = self.stepper.state
-        velocity = state.velocity.numpy()
+        velocity = fetch(state.velocity)
         if self.clamps is not None:
             velocity = velocity.copy()
-            velocity[self.clamps.sliding_node, 1] = self.clamps.velocity.numpy()[self.clamps.sliding][:, None]
-        return velocity, state.spin.numpy()
+            velocity[self.clamps.sliding_node, 1] = fetch(self.clamps.velocity)[self.clamps.sliding][:, None]
+        return velocity, fetch(state.spin)
 
     def stable_time_step(self) -> float:
         """[s] stable time step for the current masses, turning angles and tensions."""
         state = self.stepper.state
         rates = largest_rates(
             self.stepper.rods,
-            state.node_mass.numpy()[:, 0],
-            state.spin_inertia.numpy(),
+            fetch(state.node_mass)[:, 0],
+            fetch(state.spin_inertia),
             stretch_stiffness=self.softened_stiffness,
             turning=self.turning(),
             tension=float(np.max(self.tension(), initial=0.0)),
@@ -172,13 +175,13 @@ class RodRelaxation:
 
     def turning(self) -> np.ndarray:
         """[node] [rad] largest turning angle at a node and its neighbours, in the state last evaluated."""
-        return self.stepper.rods.widest_turn(np.linalg.norm(self.stepper.state.curvature.numpy(), axis=1))
+        return self.stepper.rods.widest_turn(np.linalg.norm(fetch(self.stepper.state.curvature), axis=1))
 
     def strain(self) -> np.ndarray:
         """[node] strain of the chords of the segments, in the state last evaluated."""
         state, rods = self.stepper.state, self.stepper.rods
         factor = float(state.read_control()[int(c.LENGTH_FACTOR)])
-        strain = state.length.numpy() / (rods.natural_length * factor) - 1.0
+        strain = fetch(state.length) / (rods.natural_length * factor) - 1.0
         return np.where(self.has_segment, strain, 0.0)
 
     def arc_strain(self) -> np.ndarray:
@@ -189,18 +192,18 @@ class RodRelaxation:
 
     def _bow(self) -> np.ndarray:
         """[node] relative excess of the arc over the chord of each segment (kernels/bend.py)."""
-        square = np.sum(self.stepper.state.curvature.numpy() ** 2, axis=1)
+        square = np.sum(fetch(self.stepper.state.curvature) ** 2, axis=1)
         return float(BOW) * (square + square[self.stepper.rods.following])
 
     def tension(self) -> np.ndarray:
         """[node] [N] tension of the segments, in the state last evaluated."""
         state = self.stepper.state
-        tension = state.tension_offset.numpy() + state.stretch_stiffness.numpy() * self.strain()
+        tension = fetch(state.tension_offset) + fetch(state.stretch_stiffness) * self.strain()
         return np.where(self.has_segment, tension, 0.0)
 
     def unbalanced_forces(self) -> np.ndarray:
         """(free node, 3) [N] unbalanced forces in the state last evaluated, then those of sliding clamps."""
-        free = self.stepper.state.force.numpy()[self.free]
+        free = fetch(self.stepper.state.force)[self.free]
         return free if self.clamps is None else np.concatenate([free, self.clamps.force])
 
     def mean_unbalanced_forces(self) -> np.ndarray:
@@ -208,12 +211,12 @@ class RodRelaxation:
 
         A contact may appear with a force: in equilibrium it then comes and goes, and balances in the mean.
         """
-        mean = self.stepper.state.force_sum.numpy()[self.free] / CHECK_STEPS
+        mean = fetch(self.stepper.state.force_sum)[self.free] / CHECK_STEPS
         return mean if self.clamps is None else np.concatenate([mean, self.clamps.force])
 
     def unbalanced_torques(self) -> np.ndarray:
         """[free segment] [N m] unbalanced torques in the state last evaluated."""
-        return self.stepper.state.torque.numpy()[self.free_sections]
+        return fetch(self.stepper.state.torque)[self.free_sections]
 
     def stretch_error(self) -> float:
         """Largest difference between strain and T/EA: the remaining error of the softening."""
@@ -264,12 +267,12 @@ class RodRelaxation:
         """Move the tension offsets by the error of the softening, in the state last evaluated; stiffen taut wires."""
         if self._has_multipliers:
             state, excess = self.stepper.state, self._excess_strain()
-            stiffness = state.stretch_stiffness.numpy()
-            offset = state.tension_offset.numpy() + self.multiplier_rate * stiffness * excess
+            stiffness = fetch(state.stretch_stiffness)
+            offset = fetch(state.tension_offset) + self.multiplier_rate * stiffness * excess
             stiffer = stiffness if loading else self._stiffer(stiffness, np.where(self.can_stretch, excess, 0.0))
             offset = offset + (stiffness - stiffer) * self.strain()  # the tension is kept
-            state.tension_offset.assign(np.where(self.can_stretch, offset, 0.0))
-            state.stretch_stiffness.assign(stiffer)
+            store(state.tension_offset, np.where(self.can_stretch, offset, 0.0))
+            store(state.stretch_stiffness, stiffer)
 
     def _stiffer(self, stiffness: np.ndarray, excess: np.ndarray) -> np.ndarray:
         """[node] [N] softened axial stiffness, raised where a wire is taut: its mean excess strain is imposed and makes no
@@ -288,25 +291,25 @@ class RodRelaxation:
     def keep_motion(self) -> None:
         """Keep the state last evaluated for the next `renew_damping`; velocities become kinetic energy in the control array."""
         self._last_check = self._motion()
-        self.stepper.state.force_sum.zero_()
+        store(self.stepper.state.force_sum, 0)
         energy = self._product.twice_energy(self.stepper.masses(), *self._velocities())
         self.stepper.state.write_control({c.KINETIC_TWICE: energy})
 
     def _motion(self) -> _Motion:
         state, free, turns = self.stepper.state, self.free, self.free_sections
-        place, force = (np.where(free[:, None], array.numpy(), 0.0) for array in (state.displacement, state.force))
+        place, force = (np.where(free[:, None], fetch(array), 0.0) for array in (state.displacement, state.force))
         if self.clamps is not None:
             sliding = self.clamps.sliding_node  # both nodes move, and carry the mass, but the force counts once
             place[sliding, 1], force[sliding[:, 0]] = self.clamps.place[:, None], self.clamps.force
-        return _Motion(place, force, np.where(turns, state.angle.numpy(), 0.0), np.where(turns, state.torque.numpy(), 0.0))
+        return _Motion(place, force, np.where(turns, fetch(state.angle), 0.0), np.where(turns, fetch(state.torque), 0.0))
 
     def stop_motion(self) -> None:
         """Stop all motion, after the state was moved from outside; multipliers start with their full rate."""
         self._reset_rate()
         state = self.stepper.state
         state.write_control({c.DAMPING: FASTEST_DAMPING, c.SPEED_MAX: 0.0})
-        state.velocity.zero_()
-        state.spin.zero_()
+        store(state.velocity, 0)
+        store(state.spin, 0)
         if self.clamps is not None:
             self.clamps.stop()
         self._last_check = None
@@ -322,7 +325,7 @@ class RodRelaxation:
         kept["multiplier_rate"] = np.array([self._rate, self._best_ratio, self._stalled])
         if self._last_check is not None:
             kept |= {f"check_{name}": array for name, array in vars(self._last_check).items()}
-        return kept if self.clamps is None else kept | {"clamp_velocity": self.clamps.velocity.numpy().copy()}
+        return kept if self.clamps is None else kept | {"clamp_velocity": fetch(self.clamps.velocity).copy()}
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         """Restore what `state_dict` returned."""
@@ -334,4 +337,4 @@ class RodRelaxation:
         if "check_place" in kept:
             self._last_check = _Motion(*(kept[f"check_{field.name}"] for field in fields(_Motion)))
         if self.clamps is not None:
-            self.clamps.velocity.assign(kept["clamp_velocity"])
+            store(self.clamps.velocity, kept["clamp_velocity"])

@@ -20,6 +20,7 @@ from typing import Protocol
 import numpy as np
 import warp as wp
 
+from ..host import fetch, store
 from ..kernels import control as c
 from ..kernels.control import update_control
 from ..launch import Launch, bind
@@ -42,6 +43,7 @@ from .rods import Rods
 from .yielding import Yielding
 
 NODES_A_THREAD = 2_000  # fewer nodes a thread cost more in waiting than they save
+EVALUATED = 0.3  # thicknesses: gap up to which an evaluation finds closest points
 FROZEN = 3.0  # status in which a step computes forces and moves nothing
 
 
@@ -58,6 +60,9 @@ class Contact(Protocol):
 
     def launches(self, part: int, parts: int) -> Sequence[Launch]:
         """Launches of one part of the contact forces."""
+
+    def wake_all(self) -> None:
+        """Wake all pairs, after the wires were moved from outside."""
 
     def list_near_pairs(self, travel: float | None = None) -> None:
         """List the pairs that may touch within a travel [m] from the state last evaluated."""
@@ -118,10 +123,14 @@ class RodStepper:
                 self._replay(size)
             count %= size
 
-    def evaluate(self) -> None:
-        """Compute positions, frames and forces of the current state, without a step."""
+    def evaluate(self, gap: float | None = None) -> None:
+        """Compute positions, frames and forces of the current state, without a step.
+
+        gap [m]: up to which closest points of wires are found; default: EVALUATED thicknesses.
+        """
         kept = float(self.state.read_control()[int(c.STATUS)])
-        self.state.write_control({c.STATUS: FROZEN})
+        gap = EVALUATED * self.rods.section.thickness if gap is None else gap
+        self.state.write_control({c.STATUS: FROZEN, c.EVALUATED_GAP: gap})
         self._replay(0)
         self.state.write_control({c.STATUS: kept})
 
@@ -162,38 +171,40 @@ class RodStepper:
     def set_masses(self, masses: Masses) -> None:
         """Set the masses of the dynamics."""
         state = self.state
-        state.node_mass.assign(masses.node)
-        state.next_mass.assign(masses.next)
-        state.second_mass.assign(masses.second)
-        state.spin_inertia.assign(masses.spin)
-        state.next_inertia.assign(masses.next_spin)
+        store(state.node_mass, masses.node)
+        store(state.next_mass, masses.next)
+        store(state.second_mass, masses.second)
+        store(state.spin_inertia, masses.spin)
+        store(state.next_inertia, masses.next_spin)
         factor_launch(self.arrays, state).run(self.device)
 
     def masses(self) -> Masses:
         """The masses of the dynamics, on the host."""
         state = self.state
         return Masses(
-            state.node_mass.numpy(), state.next_mass.numpy(), state.second_mass.numpy(),
-            state.spin_inertia.numpy(), state.next_inertia.numpy(),
+            fetch(state.node_mass), fetch(state.next_mass), fetch(state.second_mass),
+            fetch(state.spin_inertia), fetch(state.next_inertia),
         )  # fmt: skip
 
     def place(self, position: np.ndarray, turn: np.ndarray | None = None) -> None:
         """Move nodes to positions (node, 3) [m] and rotate sections by angles [node] [rad]; frames follow."""
         affine = self.rods.position.copy()
         affine[:, :2] = affine[:, :2] @ self.state.gradient.T
-        self.state.displacement.assign(np.asarray(position) - affine)
+        store(self.state.displacement, np.asarray(position) - affine)
         if turn is not None:
-            self.state.pending_turn.assign(turn)
+            store(self.state.pending_turn, turn)
+        if self.contact is not None:
+            self.contact.wake_all()
         self.evaluate()
 
     def forces(self) -> tuple[np.ndarray, np.ndarray]:
         """Forces (node, 3) [N] and torques of the segments [node] [N m] of the current state."""
         self.evaluate()
-        return self.state.force.numpy().copy(), self.state.torque.numpy().copy()
+        return fetch(self.state.force).copy(), fetch(self.state.torque).copy()
 
     def segment_forces(self) -> np.ndarray:
         """(node, 3) [N] force of each segment on its first node, in the state last evaluated."""
-        return self.state.edge_force.numpy().copy()
+        return fetch(self.state.edge_force).copy()
 
     def energy(self) -> float:
         """[J] energy of stretch, bending and twist in the state last evaluated."""
@@ -202,9 +213,9 @@ class RodStepper:
         factor = float(state.read_control()[int(c.LENGTH_FACTOR)])
         has_segment, is_inside = rods.following >= 0, (rods.following >= 0) & (rods.previous >= 0)
         natural = rods.natural_length * factor
-        strain = state.length.numpy() / natural - 1.0
-        stretch = natural * (state.tension_offset.numpy() * strain + 0.5 * state.stretch_stiffness.numpy() * strain**2)
+        strain = fetch(state.length) / natural - 1.0
+        stretch = natural * (fetch(state.tension_offset) * strain + 0.5 * fetch(state.stretch_stiffness) * strain**2)
         share = np.divide(1.0, rods.node_length * factor, out=np.zeros(rods.node_count), where=is_inside)
-        twisted = (state.twist.numpy() - self.arrays.natural_twist.numpy()) ** 2
+        twisted = (fetch(state.twist) - fetch(self.arrays.natural_twist)) ** 2
         twist = 0.5 * share * section.twist_stiffness * twisted
         return float(stretch[has_segment].sum() + twist[is_inside].sum()) + self.yielding.potential()

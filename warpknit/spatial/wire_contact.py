@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from ..errors import OutOfResources
+from ..host import fetch, store
 from ..kernels import control as c
 from ..kernels.wire_closest import NOT_NEAR, ONE_PLACE, PLACES, find_closest_places, mark_near_pairs
 from ..kernels.wire_contact_forces import find_contact_forces
@@ -25,7 +26,6 @@ from .search_cells import search_cells
 MIN_ARC_SEPARATION = (
     4.0  # radii along a wire, below which its segments do not touch each other; bent back onto itself it takes pi
 )
-SEARCH_RATIO = 1.3  # of the contact distance, up to which an evaluation finds the closest points of a pair
 STICK_SHARE = 0.5  # tangential over normal stiffness
 # bounds on the stiffness of a contact, whose weights change until the next update of the masses
 WEIGHT_SUM = 2.5  # sum of the sizes of the weights of both wires: 5/4 in the middle of a segment
@@ -42,10 +42,10 @@ NODE_ARRAYS = ("start", "count")
 
 def _fill(array: wp.array, values: np.ndarray) -> None:
     """Write values to the begin of an array of whole numbers."""
-    host = array.numpy()
+    host = fetch(array)
     host[: len(values)] = values
     if not wp.get_device(array.device).is_cpu:
-        array.assign(host)
+        store(array, host)
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class _PairList:
 
     def order(self, total: int) -> None:
         """Order the pairs by their second segments, after the list has been filled with so many."""
-        second = self.second.numpy()[:total]
+        second = fetch(self.second)[:total]
         self.by_second = np.argsort(second, kind="stable")
         self.second_start = np.searchsorted(second[self.by_second], np.arange(len(self.second_start)))
 
@@ -156,11 +156,11 @@ class WireContact:
         self._wires = _upload_wires(rods, curve, device)
         self.max_penetration = wp.zeros(1, dtype=wp.float64, device=device)  # [m] since the last `pop_max_penetration`
         self._travel = NEXT_TRAVEL * rods.section.thickness  # [m] until the near pairs are listed again
-        self._search_travel = 0.0  # [m] until the next search
+        self._search_travel = -1.0  # [m] until the next search
         self.touch = TouchArrays.of(rods.node_count, 64, device)
         self._list, self._other = (_PairList(64, rods.node_count, device, number) for number in (0, 1))
         stepper.state.write_control({c.CONTACT_STIFFNESS: stiffness})
-        stepper.state.contact_penalty.fill_(stiffness)
+        store(stepper.state.contact_penalty, stiffness)
         stepper.contact = self
 
     @property
@@ -171,7 +171,7 @@ class WireContact:
     @property
     def pair_count(self) -> int:
         """Segment pairs in the list."""
-        return int(self._list.total.numpy()[0])
+        return int(fetch(self._list.total)[0])
 
     def launches(self, part: int = 0, parts: int = 1) -> list[Launch]:
         """Launches that find a part of the contact forces."""
@@ -182,10 +182,7 @@ class WireContact:
         own = pairs.named("start", "arc_separation", "overlap", "force", "friction", "normal") | {"pair_count_of": pairs.count}
         slip = {name: getattr(pairs, name) for name in SLIP_ARRAYS}
         return [
-            bind(
-                find_closest_places, threads, *sources, search_ratio=wp.float64(SEARCH_RATIO), **named,
-                **pairs.named("wake_travel", "renewal_travel"),
-            ),
+            bind(find_closest_places, threads, *sources, **named, **pairs.named("wake_travel", "renewal_travel")),
             bind(
                 find_contact_forces, threads, *sources, min_arc_separation=wp.float64(MIN_ARC_SEPARATION),
                 friction=wp.float64(self.friction), stick_share=wp.float64(STICK_SHARE), max_penetration=self.max_penetration,
@@ -204,8 +201,9 @@ class WireContact:
         self.search()
 
     def wake_all(self) -> None:
-        """Wake all pairs; sleeping ones did not take the motion of a new load into account."""
-        self._list.wake_travel.zero_()
+        """Wake all pairs, after the wires were moved from outside or where a new load moves them."""
+        store(self._list.wake_travel, 0)
+        store(self._list.renewal_travel, -1)
 
     def strain_within(self, share: float) -> float:
         """Strain of a load whose affine motion uses `share` of the search margin."""
@@ -224,13 +222,13 @@ class WireContact:
         radius = longer * self._radius / min(narrowest, 1.0) / float(self._cell.min())
         self._find(pairs, radius, filling=False)
         wp.utils.array_scan(pairs.count, pairs.start, inclusive=False)
-        total = int(pairs.start.numpy()[-1] + pairs.count.numpy()[-1])
+        total = int(fetch(pairs.start)[-1] + fetch(pairs.count)[-1])
         if total > pairs.capacity:
             larger = _PairList(self._capacity(total), nodes, device, pairs.number + 2)
             wp.copy(larger.start, pairs.start)
             wp.copy(larger.count, pairs.count)
             pairs = larger
-        pairs.total.fill_(total)
+        store(pairs.total, total)
         self._find(pairs, radius, filling=True)
         bind(
             transfer_elastic_slip, pairs.capacity, step=int(state.read_control()[int(c.STEP)]),
@@ -239,7 +237,7 @@ class WireContact:
             pair_count=pairs.total, slip_step=pairs.slip_step, slip_place=pairs.slip_place, elastic_slip=pairs.elastic_slip,
             **pairs.named("first", "second", "shift"),
         ).run(device)  # fmt: skip
-        pairs.found.fill_(int(NOT_NEAR))
+        store(pairs.found, int(NOT_NEAR))
         pairs.order(total)
         self._list, self._other = pairs, before
         self.searches += 1
@@ -259,7 +257,7 @@ class WireContact:
             approach=wp.float64(float(CLOSING_RATE) * self._travel + self._expected),
             **pairs.named("first", "second", "shift", "wake_travel", "found", "is_near"),
         ).run(stepper.device)  # fmt: skip
-        is_near = pairs.is_near.numpy()[:total] != 0
+        is_near = fetch(pairs.is_near)[:total] != 0
         self._take_near_pairs(np.flatnonzero(is_near), is_near)
         reached = float(state.read_control()[int(c.TRAVEL)]) + self._travel
         state.write_control({c.TRAVEL_LIMIT: min(reached, self._search_travel), c.STATUS: 0.0})
@@ -275,9 +273,9 @@ class WireContact:
         touch = self.touch
         _fill(touch.touch_pair, near)
         _fill(touch.touch_of_second, before[pairs.by_second[by_second]])
-        _fill(touch.touch_first_start, np.append(before[pairs.start.numpy()], count))
+        _fill(touch.touch_first_start, np.append(before[fetch(pairs.start)], count))
         _fill(touch.touch_second_start, before_second[pairs.second_start])
-        touch.touch_count.fill_(count)
+        store(touch.touch_count, count)
 
     def refresh(self) -> None:
         """Search again, or list near pairs again, whichever the travel has used up."""
@@ -290,12 +288,12 @@ class WireContact:
     def state_dict(self) -> dict[str, np.ndarray]:
         """Arrays for a checkpoint: the pair list with its elastic slips."""
         pairs, count = self._list, self.pair_count
-        kept = {f"pairs_{name}": getattr(pairs, name).numpy()[:count].copy() for name in PAIR_ARRAYS}
-        kept["pairs_place"] = pairs.place.numpy()[: PLACES * count].copy()
-        kept |= {f"pairs_{name}": getattr(pairs, name).numpy()[:, : 2 * count].copy() for name in SLIP_ARRAYS}
-        kept |= {f"pairs_{name}": getattr(pairs, name).numpy().copy() for name in NODE_ARRAYS}
-        kept["pairs_near"] = self.touch.touch_pair.numpy()[: int(self.touch.touch_count.numpy()[0])].copy()
-        numbers = [self._expected, self.searches, self.max_penetration.numpy()[0], self._travel, self._search_travel]
+        kept = {f"pairs_{name}": fetch(getattr(pairs, name))[:count].copy() for name in PAIR_ARRAYS}
+        kept["pairs_place"] = fetch(pairs.place)[: PLACES * count].copy()
+        kept |= {f"pairs_{name}": fetch(getattr(pairs, name))[:, : 2 * count].copy() for name in SLIP_ARRAYS}
+        kept |= {f"pairs_{name}": fetch(getattr(pairs, name)).copy() for name in NODE_ARRAYS}
+        kept["pairs_near"] = fetch(self.touch.touch_pair)[: int(fetch(self.touch.touch_count)[0])].copy()
+        numbers = [self._expected, self.searches, fetch(self.max_penetration)[0], self._travel, self._search_travel]
         return kept | {"contact": np.array(numbers)}
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
@@ -304,20 +302,20 @@ class WireContact:
         pairs = _PairList(max(self._capacity(total), 1), self.stepper.rods.node_count, self.stepper.device, self._list.number + 2)
         for name in (*PAIR_ARRAYS, "place", *SLIP_ARRAYS):
             array, values = getattr(pairs, name), kept[f"pairs_{name}"]
-            filled = array.numpy().copy()
+            filled = fetch(array).copy()
             if name in SLIP_ARRAYS:
                 filled[:, : values.shape[1]] = values
             else:
                 filled[: len(values)] = values
-            array.assign(filled)
+            store(array, filled)
         for name in NODE_ARRAYS:
-            getattr(pairs, name).assign(kept[f"pairs_{name}"])
-        pairs.total.fill_(total)
+            store(getattr(pairs, name), kept[f"pairs_{name}"])
+        store(pairs.total, total)
         pairs.order(total)
         self._list = pairs
         self._expected, searches, penetration, self._travel, self._search_travel = kept["contact"].tolist()
         self.searches = int(searches)
-        self.max_penetration.fill_(penetration)
+        store(self.max_penetration, penetration)
         near, is_near = kept["pairs_near"], np.zeros(total, dtype=bool)
         is_near[near] = True
         self._take_near_pairs(near, is_near)
@@ -325,13 +323,13 @@ class WireContact:
     def stiffness_bounds(self, approach: float) -> tuple[np.ndarray, np.ndarray]:
         """Bounds on the stiffness of the contacts: of nodes (node, 3) [N/m] along x, y, z, and of sections [node] [N m].
 
-        Contacts count that touch or may do so after an approach [m] of at most the thickness.
+        Contacts count that touch or may do so after an approach [m], up to which the last evaluation looked.
         """
         rods, state = self.stepper.rods, self.stepper.state
         thickness, nodes = rods.section.thickness, rods.node_count
-        near = self.read_contacts(min(approach, thickness))
+        near = self.read_contacts(approach)
         after, before = self._after, self._before
-        penalty = state.contact_penalty.numpy()
+        penalty = fetch(state.contact_penalty)
         own = np.maximum(penalty, penalty[after])
         sticking = 0.0 if self.friction == 0.0 else STICK_SHARE * float(state.read_control()[int(c.CONTACT_STIFFNESS)])
         stiffness = self._curve.weight_square * np.maximum(own[near.first], own[near.second])
@@ -393,20 +391,20 @@ class WireContact:
 
     def pop_max_penetration(self) -> float:
         """[m] largest penetration since the last call; resets it."""
-        max_penetration = float(self.max_penetration.numpy()[0])
-        self.max_penetration.zero_()
+        max_penetration = float(fetch(self.max_penetration)[0])
+        store(self.max_penetration, 0)
         return max_penetration
 
     def read_contacts(self, distance: float | None = None) -> Contacts:
         """Contacts of the state last evaluated: those with a force, or all with a gap below `distance` [m]."""
-        pairs, count = self._list, int(self.touch.touch_count.numpy()[0])
-        near = self.touch.touch_pair.numpy()[:count, None]
-        found = pairs.found.numpy()[near]
+        pairs, count = self._list, int(fetch(self.touch.touch_count)[0])
+        near = fetch(self.touch.touch_pair)[:count, None]
+        found = fetch(pairs.found)[near]
         places = (PLACES * near + np.arange(PLACES)).ravel()
         is_there = (found > int(NOT_NEAR)) & (np.arange(PLACES) < np.where(found == int(ONE_PLACE), 1, PLACES))
-        force, overlap = (values.numpy()[places] for values in (pairs.force, pairs.overlap))
+        force, overlap = (fetch(values)[places] for values in (pairs.force, pairs.overlap))
         kept = force != 0.0 if distance is None else (force != 0.0) | (overlap > -distance)
         which = places[kept & is_there.ravel()]
-        of_pair = {name: getattr(pairs, name).numpy()[which // PLACES] for name in ("first", "second", "shift")}
+        of_pair = {name: fetch(getattr(pairs, name))[which // PLACES] for name in ("first", "second", "shift")}
         names = ("place", "force", "friction", "normal", "overlap")
-        return Contacts(**of_pair, **{name: getattr(pairs, name).numpy()[which] for name in names})
+        return Contacts(**of_pair, **{name: fetch(getattr(pairs, name))[which] for name in names})

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..host import fetch, store
 from ..kernels import control as c
 from .rod_arrays import RodArrays, RodState
 from .rods import Rods
@@ -34,7 +35,7 @@ class Yielding:
     @property
     def plastic(self) -> np.ndarray:
         """(node, 2) [rad] plastic turn."""
-        return self.state.plastic_turn.numpy()
+        return fetch(self.state.plastic_turn)
 
     @property
     def back(self) -> np.ndarray:
@@ -42,7 +43,7 @@ class Yielding:
         return self._kept / (1.0 - self._kept) * self.plastic if self.yields else np.zeros_like(self.plastic)
 
     def _trial(self) -> np.ndarray:
-        turn = self.state.curvature.numpy() - self.arrays.natural_curvature.numpy() - self.plastic
+        turn = fetch(self.state.curvature) - fetch(self.arrays.natural_curvature) - self.plastic
         return np.where(self._inside[:, None], turn, 0.0)
 
     def _beyond(self) -> tuple[np.ndarray, np.ndarray]:
@@ -84,7 +85,7 @@ class Yielding:
         change = (1.0 - self._kept) * self._beyond()[0]
         section = self.rods.section
         self.dissipated += section.bending_stiffness * section.yield_curvature * float(np.linalg.norm(change, axis=1).sum())
-        self.state.plastic_turn.assign(self.plastic + change)
+        store(self.state.plastic_turn, self.plastic + change)
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Arrays for a checkpoint, in addition to the state of the rods."""
