@@ -1,14 +1,20 @@
-"""Where the time of a step in space goes: with and without contact, kernel by kernel, and the search of pairs.
+"""A step in space beside a C loop of free rods, where its time goes kernel by kernel, and the search of pairs.
 
-Runs the spatial cell to 10 % roughly, then times its steps in the state reached. Kernels alone are timed with a time step of
-zero, which leaves the state where it is. Times are in us, that of the search spread over all steps.
+Runs the double atlas of the spatial cell to 10 % and a tight tricot to 6 %, both roughly, then times their steps in the state
+reached: free, without contact, and with it. The C loop (rod_loop.c, needs gcc) steps free rods of as many nodes, turn about with
+warpknit. Kernels alone are timed with a time step of zero, which leaves the state where it is. Times are in us, that of the
+search spread over all steps.
 """
 
 from __future__ import annotations
 
 import argparse
+import ctypes
 import math
+import subprocess
+import tempfile
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,24 +25,34 @@ from warpknit.kernels import control as c
 from warpknit.model import build_model
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
+from warpknit.spatial.rod_step import RodStepper
 
 from .turns import best
 
-SCENE = Path(__file__).parents[2] / "scenes" / "atlas_cell_spatial.toml"
+HERE = Path(__file__).parent
+SCENE = HERE.parents[1] / "scenes" / "atlas_cell_spatial.toml"
 STEPS = 200
 NODES_PER_LOOP = 64
+TRICOT = [
+    'wire.material="molybdenum"', 'wire.diameter="30 um"', 'knit.bars=[{chain = "1-0/1-2"}, {chain = "1-2/1-0"}]',
+    'knit.wale_spacing="0.98 mm"', 'knit.course_spacing="0.85 mm"', "load.strain_weft=0.06", "load.strain_warp=0.06",
+]  # fmt: skip
+KNITS: dict[str, list[str]] = {"double atlas": [], "tricot": TRICOT}
 PARTS = {
     "update_frames": "rods",
-    "bend_rods": "rods",
-    "step_rods": "rods",
+    "find_rod_forces": "rods",
+    "move_rods": "rods",
     "find_closest_places": "narrow_phase",
-    "add_contact_forces": "contact_forces",
+    "find_contact_forces": "contact_forces",
+    "update_control": "rods",
+    "wait_for_all": "waiting",
 }
 
 
-def at_load(repeats: int, overrides: list[str]) -> Simulation:
-    """The cell at rest, roughly."""
+def at_load(knit: str, repeats: int, overrides: list[str]) -> Simulation:
+    """A knit at rest under its load, roughly."""
     options = [
+        *KNITS[knit],
         "solver.preset=draft",
         "solver.residual_tolerance=0.05",
         "output.frames=3",
@@ -59,57 +75,94 @@ def repeated(relaxation: Simulation, kernel: wp.Kernel, dim: int, inputs: list) 
 
 
 def kernels_alone(relaxation: Simulation, rounds: int) -> dict[str, float]:
-    """[s] of each kernel of a step."""
+    """[s] of each kernel of a step, on one thread."""
     stepper = relaxation.mechanics.stepper
     kept = {c.TIME_STEP: float(stepper.state.read_control()[int(c.TIME_STEP)])}
     stepper.state.write_control({c.TIME_STEP: 0.0})
-    works = {kernel.key: repeated(relaxation, kernel, dim, inputs) for kernel, dim, inputs in stepper.launches()}
+    launches = {one.kernel.key: one for one in stepper.launches() if one.threads and one.kernel.key != "wait_for_all"}
+    works = {key: repeated(relaxation, one.kernel, one.threads, one.arguments) for key, one in launches.items()}
     taken = best(works, rounds)
     stepper.state.write_control(kept)
     return {name: seconds / STEPS for name, seconds in taken.items()}
 
 
-def measure(repeats: int, overrides: list[str], rounds: int) -> dict[str, Any]:
-    """What a step takes, and its parts."""
-    relaxation = at_load(repeats, overrides)
+class CLoop:
+    """rod_loop.c on one closed wire with the rest data of so many nodes of a stepper, repeated where it has fewer."""
+
+    def __init__(self, stepper: RodStepper, folder: Path) -> None:
+        library = folder / "rod_loop.so"
+        if not library.exists():
+            command = ["gcc", "-O3", "-march=native", "-ffast-math", "-fopenmp", "-shared", "-fPIC", "-DREAL=double"]
+            subprocess.run([*command, "-o", str(library), str(HERE / "rod_loop.c"), "-lm"], check=True)
+        self.library, rods, state, arrays = ctypes.CDLL(str(library)), stepper.rods, stepper.state, stepper.arrays
+        self.nodes = nodes = rods.node_count
+
+        def rows(values: np.ndarray) -> np.ndarray:
+            return np.ascontiguousarray(values.T)
+
+        def zeros(*shape: int) -> np.ndarray:
+            return np.zeros((*shape, nodes))
+
+        # mass and inertia make a step of 1 s stable
+        bend, spacing = rods.section.bending_stiffness, rods.natural_length
+        mass, inertia = 64.0 * bend / spacing**3, 64.0 * bend / spacing
+        self.arrays = [
+            zeros(3), zeros(3), rows(state.tangent.numpy()), rows(state.director.numpy()), rows(rods.rest_edge), zeros(3),
+            zeros(), zeros(), zeros(), spacing.copy(), rows(arrays.natural_curvature.numpy()), arrays.natural_twist.numpy(),
+            mass, inertia, np.array([1.0, 0.0, 0.0, 1.0]),
+        ]  # fmt: skip
+        section = rods.section
+        self.numbers = [1e-3 * section.axial_stiffness, section.bending_stiffness, section.twist_stiffness, 0.99, 1.0, 1.0]
+
+    def step(self, steps: int, threads: int) -> None:
+        addresses = [values.ctypes.data_as(ctypes.c_void_p) for values in self.arrays]
+        self.library.take_steps(ctypes.c_int64(self.nodes), steps, threads, *addresses, *map(ctypes.c_double, self.numbers))
+
+
+def measure(knit: str, repeats: int, options: argparse.Namespace, folder: Path) -> Iterator[dict[str, Any]]:
+    """What a step takes, and its parts; without contact, then with it."""
+    relaxation = at_load(knit, repeats, options.overrides)
     stepper, contact, steps = relaxation.mechanics.stepper, relaxation.mechanics.contact, relaxation.progress.steps
-    nodes, searches = relaxation.model.rods.node_count, contact.searches
+    rounds, threads, nodes, searches = options.rounds, stepper.threads, relaxation.model.rods.node_count, contact.searches
     contact.search()
     stepper.state.write_control({c.TRAVEL_LIMIT: np.inf})
-    stepper.step(STEPS)
-    whole = best({"step": lambda: stepper.step(STEPS)}, rounds)["step"] / STEPS
+    loop = CLoop(stepper, folder)
+    works = {"step": partial(stepper.step, STEPS), "c": partial(loop.step, STEPS, threads)}
+    best(works, 1)
+    whole = best(works, rounds)
     parts = kernels_alone(relaxation, rounds)
     near, pairs = contact.read_contacts(), contact.pair_count
     search = best({"search": contact.search}, rounds)["search"] * searches / max(steps, 1)
-    stepper.contact = None
-    stepper.step(STEPS)
-    free = best({"step": lambda: stepper.step(STEPS)}, rounds)["step"] / STEPS
     share = dict.fromkeys(("broad_phase", *dict.fromkeys(PARTS.values())), 0.0) | {"broad_phase": search}
     for name, seconds in parts.items():
         share[PARTS[name]] += seconds
-    return {
-        "case": "space",
-        "nodes": nodes,
-        "precision": "double",
-        "threads": 1,
-        "device": str(stepper.device),
-        "node_steps_per_s": nodes / whole,
-        "compile_s": None,
-        "c_loop_node_steps_per_s": None,
-        "bandwidth_floor_node_steps_per_s": None,
-        "node_steps_per_s_without_contact": nodes / free,
+    common = {"nodes": nodes, "precision": "double", "threads": threads, "device": str(stepper.device)}
+
+    def speeds(taken: dict[str, float]) -> dict[str, Any]:
+        one = {name: nodes * STEPS / seconds for name, seconds in taken.items()}
+        ratio = one["step"] / one["c"]
+        return {"node_steps_per_s": one["step"], "c_loop_node_steps_per_s": one["c"], "to_c_loop": round(ratio, 3)}
+
+    contacts = {
         "pairs": pairs,
         "contacts": int((near.force > 0.0).sum()),
         "searches": searches,
         "steps": steps,
-        "step_us": 1e6 * whole,
+        "step_us": 1e6 * whole["step"] / STEPS,
         **{f"{name}_us": 1e6 * seconds for name, seconds in share.items()},
         "kernels_us": {name: 1e6 * seconds for name, seconds in parts.items()},
     }
+    stepper.contact = None
+    best(works, 1)
+    yield {"case": f"{knit}, free", **common, **speeds(best(works, rounds))}
+    yield {"case": knit, **common, **speeds(whole), **contacts}
 
 
 def cases(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
-    """A dictionary a size, of as many columns as rows of repeats."""
-    one = build_model(load_scene(SCENE, [f"model.nodes_per_loop={NODES_PER_LOOP}"])).rods.node_count
-    for nodes in options.nodes:
-        yield measure(max(1, round(math.sqrt(nodes / one))), options.overrides, options.rounds)
+    """Two dictionaries a knit and a size, of as many columns as rows of repeats."""
+    with tempfile.TemporaryDirectory() as folder:
+        for knit, overrides in KNITS.items():
+            one = build_model(load_scene(SCENE, [*overrides, f"model.nodes_per_loop={NODES_PER_LOOP}", "knit.repeats=[3, 3]"]))
+            for nodes in options.nodes:
+                repeats = max(1 if knit == "double atlas" else 3, round(3.0 * math.sqrt(nodes / one.rods.node_count)))
+                yield from measure(knit, repeats, options, Path(folder))

@@ -134,6 +134,15 @@ class RodStepper:
         self._replay(0)
         self.state.write_control({c.STATUS: kept})
 
+    @property
+    def threads(self) -> int:
+        """Threads that share a step."""
+        return self._team.threads
+
+    def launches(self) -> list[Launch]:
+        """The launches of a step, those of its first thread."""
+        return [*self._force_launches(), *self._motion_launches()]
+
     def _replay(self, steps: int) -> None:
         """Replay so many steps in all threads; for none, the forces alone."""
         key = (self.contact.version if self.contact is not None else (), steps)
