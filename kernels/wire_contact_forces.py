@@ -93,7 +93,9 @@ def find_contact_forces(
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
     natural_length: wp.array(dtype=wp.float64),
+    node_wire: wp.array(dtype=wp.int32),
     node_radius: wp.array(dtype=wp.float64),
+    wire_period: wp.array(dtype=wp.vec3d),
     rest_slope: wp.array(dtype=wp.vec2d),
     rest_bump: wp.array(dtype=wp.vec4d),
     contact_penalty: wp.array(dtype=wp.float64),
@@ -238,7 +240,8 @@ def find_contact_forces(
                 rate_q = section_rate(j, row(velocity_q, 2) - row(velocity_q, 1), length, tangent, spin)
                 slip_velocity = relative_velocity + wp.cross(rate_p, lever_p) - wp.cross(rate_q, lever_q)
                 slip_velocity = slip_velocity - wp.dot(slip_velocity, n) * n
-                slip = previous_slip(pair, i, j, place, step, previous, following, pair_start, pair_count_of, pair_second,
+                slip = previous_slip(pair, i, j, place, step, previous, following, node_wire, node_radius, wire_period,
+                                  pair_start, pair_count_of, pair_second, pair_shift,
                                   slip_step, slip_place, elastic_slip)  # fmt: skip
                 slip = slip - wp.dot(slip, n) * n
                 if is_running:

@@ -2,7 +2,8 @@
 
 A contact of step n writes n + 1, its place and its elastic slip into the half of the arrays that step n + 1 reads. There a
 contact takes the slip of the nearest contact of the step before, in its own pair or in a neighbouring one. The two halves
-alternate, so no entry is read while it is written.
+alternate, so no entry is read while it is written. Pairs of the same segments differ in the periodic shift of the second; where a
+wire continues at its first node, the shift of a neighbouring pair differs by its period.
 """
 
 import warp as wp
@@ -24,16 +25,36 @@ def neighbour(i: int, offset: int, previous: wp.array(dtype=wp.int32), following
 
 
 @wp.func
+def period_between(
+    i: int,
+    other: int,
+    offset: int,
+    node_wire: wp.array(dtype=wp.int32),
+    wire_period: wp.array(dtype=wp.vec3d),
+) -> wp.vec3d:
+    """[m] at rest, shift that puts segment `other`, which is `offset` on from segment i, next to it: where a wire continues."""
+    period = wire_period[node_wire[i]]
+    if offset > 0 and other < i:
+        return period
+    if offset < 0 and other > i:
+        return -period
+    return wp.vec3d()
+
+
+@wp.func
 def pair_of(
     i: int,
     j: int,
+    shift: wp.vec3d,
     start: wp.array(dtype=wp.int32),
     count: wp.array(dtype=wp.int32),
     second: wp.array(dtype=wp.int32),
+    pair_shift: wp.array(dtype=wp.vec3d),
+    node_radius: wp.array(dtype=wp.float64),
 ) -> int:
-    """The pair of segments i < j in the list; -1 where it has none."""
+    """The pair of segments i <= j in the list, j moved by `shift` but for round-off; -1 where it has none."""
     for k in range(start[i], start[i] + count[i]):
-        if second[k] == j:
+        if second[k] == j and wp.length(pair_shift[k] - shift) < node_radius[i]:
             return k
     return -1
 
@@ -47,9 +68,13 @@ def previous_slip(
     step: int,
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
+    node_wire: wp.array(dtype=wp.int32),
+    node_radius: wp.array(dtype=wp.float64),
+    wire_period: wp.array(dtype=wp.vec3d),
     pair_start: wp.array(dtype=wp.int32),
     pair_count_of: wp.array(dtype=wp.int32),
     pair_second: wp.array(dtype=wp.int32),
+    pair_shift: wp.array(dtype=wp.vec3d),
     slip_step: wp.array2d(dtype=wp.int32),
     slip_place: wp.array2d(dtype=wp.vec2d),
     elastic_slip: wp.array2d(dtype=wp.vec3d),
@@ -72,14 +97,21 @@ def previous_slip(
         second_offset = candidate % 3 - 1
         first = neighbour(i, first_offset, previous, following)
         second = neighbour(j, second_offset, previous, following)
-        if candidate != 4 and first >= 0 and second >= 0 and first != second:
-            other = pair_of(wp.min(first, second), wp.max(first, second), pair_start, pair_count_of, pair_second)
+        if candidate != 4 and first >= 0 and second >= 0:
+            shift = pair_shift[pair] + period_between(j, second, second_offset, node_wire, wire_period)
+            shift = shift - period_between(i, first, first_offset, node_wire, wire_period)
+            is_swapped = first > second
+            other = pair_of(wp.min(first, second), wp.max(first, second), wp.where(is_swapped, -shift, shift),
+                            pair_start, pair_count_of, pair_second, pair_shift, node_radius)  # fmt: skip
+            if first == second and other < 0:
+                is_swapped = True
+                other = pair_of(first, second, -shift, pair_start, pair_count_of, pair_second, pair_shift, node_radius)
             if other >= 0:
                 for k in range(2 * other, 2 * other + 2):
                     if slip_step[half, k] == step:
                         place_there = slip_place[half, k]
                         slip_there = elastic_slip[half, k]
-                        if first > second:
+                        if is_swapped:
                             place_there = wp.vec2d(place_there[1], place_there[0])
                             slip_there = -slip_there
                         distance_first = wp.abs(place_there[0] + wp.float64(first_offset) - place[0])

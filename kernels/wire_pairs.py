@@ -1,9 +1,11 @@
 """Which segments of wires may touch: a spatial hash proposes pairs, their chords decide.
 
 The hash works on rest coordinates F^-1 x, scaled so that a cell is 1 wide and the cells of a periodic tile divide it evenly:
-the grid wraps as the tile does. The segment with the smaller number keeps the pair. Segments of one wire with an arc separation
-below `min_arc_separation` are left out, by arc length and not by number, so that segments shorter than the thickness do not
-push each other apart. Pairs are counted before the list is filled, so it never overflows.
+the grid wraps as the tile does. A segment forms a pair with every periodic image of another within reach, so a pair consists of
+two segments and the shift of the second. The segment with the smaller number keeps the pair; of the images of the segment
+itself, those with a positive shift count. Segments of one wire with an arc separation below `min_arc_separation` are left out, by
+arc length and not by number, so that segments shorter than the thickness do not push each other apart. Pairs are counted before
+the list is filled, so it never overflows.
 """
 
 import warp as wp
@@ -27,11 +29,40 @@ def affine_inverse(vector: wp.vec3d, control: wp.array(dtype=wp.float64)) -> wp.
 
 
 @wp.func
-def tile_shift(distance: wp.float64, tile: wp.float64) -> wp.float64:
-    """[m] multiple of the tile size nearest to a distance; 0 in a direction without tiles."""
+def largest_rest_extent(control: wp.array(dtype=wp.float64)) -> wp.vec3d:
+    """Largest components of F^-1 v of all unit vectors v."""
+    xx = control[GRADIENT]
+    xy = control[GRADIENT + 1]
+    yx = control[GRADIENT + 2]
+    yy = control[GRADIENT + 3]
+    determinant = wp.abs(xx * yy - xy * yx)
+    return wp.vec3d(wp.sqrt(yy * yy + xy * xy) / determinant, wp.sqrt(xx * xx + yx * yx) / determinant, wp.float64(1.0))
+
+
+@wp.func
+def first_image(distance: wp.float64, reach: wp.float64, tile: wp.float64) -> int:
+    """Number of the first periodic image with a shift within `reach` [m] of a distance; 0 in a direction without tiles."""
     if tile <= wp.float64(0.0):
-        return wp.float64(0.0)
-    return tile * wp.floor(distance / tile + wp.float64(0.5))
+        return 0
+    return int(wp.ceil((distance - reach) / tile))
+
+
+@wp.func
+def image_count(distance: wp.float64, reach: wp.float64, tile: wp.float64) -> int:
+    """Periodic images with a shift within `reach` [m] of a distance; 1 in a direction without tiles."""
+    if tile <= wp.float64(0.0):
+        return 1
+    return int(wp.floor((distance + reach) / tile)) - first_image(distance, reach, tile) + 1
+
+
+@wp.func
+def is_positive(shift: wp.vec3d) -> bool:
+    """Whether the first component that is not zero is positive."""
+    if shift[0] != wp.float64(0.0):
+        return shift[0] > wp.float64(0.0)
+    if shift[1] != wp.float64(0.0):
+        return shift[1] > wp.float64(0.0)
+    return shift[2] > wp.float64(0.0)
 
 
 @wp.func
@@ -50,10 +81,12 @@ def arc_separation(
     if node_wire[j] != wire:
         return NO_COMMON_WIRE
     separation = node_arc[j] - node_arc[i]
-    if wire_closed[wire] == 0:
-        return wp.where(wp.length(shift) > wp.float64(0.0), NO_COMMON_WIRE, separation)
     period = wire_period[wire]
     size = wp.dot(period, period)
+    if size == wp.float64(0.0) and wp.length(shift) > wp.float64(0.0):
+        return NO_COMMON_WIRE
+    if wire_closed[wire] == 0:
+        return separation
     if size == wp.float64(0.0):
         return separation - wire_length[wire] * wp.floor(separation / wire_length[wire] + wp.float64(0.5))
     rounds = wp.floor(wp.dot(shift, period) / size + wp.float64(0.5))
@@ -117,8 +150,9 @@ def find_segment_pairs(
     pair_arc_separation: wp.array(dtype=wp.float64),
     pair_wake_travel: wp.array(dtype=wp.float64),
 ):
-    """One thread a segment. Pairs are segments whose surfaces may come nearer than `margin` [m]; on one wire their arc separation
-    is at least `min_arc_separation` radii. No curve deviates from its chord by more than `max_sag` of its segment.
+    """One thread a segment. Pairs are segments and images whose surfaces may come nearer than `margin` [m]; on one wire
+    their arc separation is at least `min_arc_separation` radii. No curve deviates from its chord by more than `max_sag` of its
+    segment.
 
     `pair_shift` [m] at rest moves the second segment next to the first; `pair_arc_separation` [m] is `arc_separation`;
     `pair_wake_travel` [m] is the travel since this search at which the pair may touch, when the load itself closes the gap by
@@ -135,48 +169,60 @@ def find_segment_pairs(
     p2 = row(p, 2)
     length_factor = control[LENGTH_FACTOR]
     bulge = sag(p, length_factor * rest_bulge[i])
+    zero = wp.float64(0.0)
     half = wp.float64(0.5)
     middle = half * (p1 + p2)
+    rest_extent = largest_rest_extent(control)
     query = wp.hash_grid_query(grid, place[i], hash_radius)
     j = int(0)
     while wp.hash_grid_query_next(query, j):
-        if j <= i or following[j] < 0:
+        if j < i or following[j] < 0:
             continue
         q1 = position[j]
         q2 = q1 + length[j] * tangent[j]
-        rest_offset = affine_inverse(middle - half * (q1 + q2), control)
-        shift = wp.vec3d(
-            tile_shift(rest_offset[0], tile[0]), tile_shift(rest_offset[1], tile[1]), tile_shift(rest_offset[2], tile[2])
-        )
-        offset = affine_map(shift, control)
-        q1 = q1 + offset
-        q2 = q2 + offset
+        between = middle - half * (q1 + q2)
         contact_distance = length_factor * (node_radius[i] + node_radius[j])
         search_distance = contact_distance + margin
-        max_distance = half * (length[i] + length[j]) + search_distance + bulge
-        if wp.length(middle - half * (q1 + q2)) > max_distance + max_sag * length[j]:
-            continue
-        separation = arc_separation(i, j, shift, node_wire, node_arc, wire_closed, wire_length, wire_period)
-        is_same = separation != NO_COMMON_WIRE
-        if is_same and wp.abs(separation) + wp.max(length[i], length[j]) < min_arc_separation * node_radius[i]:
-            continue
-        is_before = following[i] == j and separation > wp.float64(0.0) and is_same
-        if is_before or (following[j] == i and separation < wp.float64(0.0)):
-            continue  # neighbours share a node; they could touch only where the wire is bent back onto itself
-        near = closest_on_chords(p1, p2, q1, q2)
-        gap = wp.length(p1 + near[0] * (p2 - p1) - q1 - near[1] * (q2 - q1)) - bulge
-        if gap > search_distance + max_sag * length[j]:
-            continue
-        gap -= sag(stencil(j, previous, following, position, length, tangent), length_factor * rest_bulge[j])
-        if gap > search_distance:
-            continue
-        if is_filling != 0:
-            k = start[i] + found
-            pair_first[k] = i
-            pair_second[k] = j
-            pair_shift[k] = shift
-            pair_arc_separation[k] = separation
-            pair_wake_travel[k] = (gap - contact_distance - expected_approach) / CLOSING_RATE
-        found += 1
+        reach = half * (length[i] + length[j]) + search_distance + bulge + max_sag * length[j]
+        rest_offset = affine_inverse(between, control)
+        rest_reach = reach * rest_extent
+        images_x = image_count(rest_offset[0], rest_reach[0], tile[0])
+        images_y = image_count(rest_offset[1], rest_reach[1], tile[1])
+        images = images_x * images_y * image_count(rest_offset[2], rest_reach[2], tile[2])
+        for image in range(images):
+            shift = wp.vec3d(
+                tile[0] * wp.float64(first_image(rest_offset[0], rest_reach[0], tile[0]) + image % images_x),
+                tile[1] * wp.float64(first_image(rest_offset[1], rest_reach[1], tile[1]) + (image / images_x) % images_y),
+                tile[2] * wp.float64(first_image(rest_offset[2], rest_reach[2], tile[2]) + image / (images_x * images_y)),
+            )
+            if j == i and not is_positive(shift):
+                continue
+            offset = affine_map(shift, control)
+            if wp.length(between - offset) > reach:
+                continue
+            separation = arc_separation(i, j, shift, node_wire, node_arc, wire_closed, wire_length, wire_period)
+            is_same = separation != NO_COMMON_WIRE
+            if is_same and wp.abs(separation) + wp.max(length[i], length[j]) < min_arc_separation * node_radius[i]:
+                continue
+            is_near = is_same and wp.abs(separation) < wire_length[node_wire[i]]
+            if is_near and ((following[i] == j and separation > zero) or (following[j] == i and separation < zero)):
+                continue  # neighbours share a node; they could touch only where the wire is bent back onto itself
+            r1 = q1 + offset
+            r2 = q2 + offset
+            near = closest_on_chords(p1, p2, r1, r2)
+            gap = wp.length(p1 + near[0] * (p2 - p1) - r1 - near[1] * (r2 - r1)) - bulge
+            if gap > search_distance + max_sag * length[j]:
+                continue
+            gap -= sag(stencil(j, previous, following, position, length, tangent), length_factor * rest_bulge[j])
+            if gap > search_distance:
+                continue
+            if is_filling != 0:
+                k = start[i] + found
+                pair_first[k] = i
+                pair_second[k] = j
+                pair_shift[k] = shift
+                pair_arc_separation[k] = separation
+                pair_wake_travel[k] = (gap - contact_distance - expected_approach) / CLOSING_RATE
+            found += 1
     if is_filling == 0:
         count[i] = found

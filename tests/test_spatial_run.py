@@ -39,13 +39,6 @@ def test_what_only_the_planar_model_does_is_refused(override: str, line: str) ->
     assert "\n" not in str(error.value)
 
 
-def test_a_small_tile_with_long_segments_is_refused(tmp_path: Path) -> None:
-    """A segment that would meet two copies of another cannot be run."""
-    scene = load_scene(SCENES / "atlas_cell.toml", ["model.kind=spatial", "model.nodes_per_loop=8", "wire.diameter='200 um'"])
-    with pytest.raises(Exception, match="so that no segment touches two periodic images of another"):
-        run_scene(scene, out=tmp_path / "run", device="cpu")
-
-
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("spatial") / "run"

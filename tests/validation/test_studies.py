@@ -16,7 +16,11 @@ from paths import Overload, cycle, overload
 from rhombus import Row, both_ways, curve_of, nodes, rows_of, sizes
 from statements import ContactMap, contact_maps, heat_shares, statements, sweep_row
 from study import run_model, scene_of
+from tight_knits import KNITS, LOADS
+from tight_knits import rows_of as levels_of
+from tight_knits import scene_of as tight_scene
 
+from warpknit.knit.lapping import lapping_table
 from warpknit.model import build_model
 from warpknit.run.history import row_of
 from warpknit.run.warnings_of import warnings_of
@@ -113,6 +117,32 @@ def test_a_ramp_ends_at_rest_whatever_the_body_mass() -> None:
     ends = [rows_of("", "", both_ways(CELL, 0.14, 10, *kept, f"contact.body_mass={m}"), (0.14,), curve)[-1] for m in (0.1, 1.0)]
     assert ends[0].force_mean_N == pytest.approx(ends[1].force_mean_N, rel=0.01)
     assert 16 * ends[0].force_mean_N == pytest.approx(curve.at(0.14), rel=0.02)
+
+
+# --- tight knits ------------------------------------------------------------------------------------------------------
+
+
+def test_a_tight_knit_is_told_of_level_by_level(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A row for each level that converges, and one for that at which a run ends, with the reason."""
+    first, second = levels_of("closed tricot", "30um", "6", 2, "draft")
+    assert (first.level, second.level, first.ending, second.ending) == (1, 2, "converged", "converged")
+    assert first.strain_weft == pytest.approx(0.03) and second.strain_weft == pytest.approx(0.06)
+    assert 0.0 < first.tension_warp < second.tension_warp and second.active_percent > 0.0
+    assert 0 < second.steps < 100 * second.planned_steps
+    monkeypatch.setattr("tight_knits.MAX_STEPS", 300)
+    (last,) = levels_of("closed tricot", "30um", "6", 1, "draft")
+    assert (last.level, last.ending) == (1, "Diverged") and "did not converge in 300 steps" in last.said
+    assert last.steps > 300 and np.isnan(last.tension_warp)
+
+
+@pytest.mark.parametrize("knit", KNITS)
+def test_tight_knits_are_knits(knit: str) -> None:
+    """Each with a loop of every bar, but for inlays, on every needle and course; by any load."""
+    for load in LOADS:
+        scene = tight_scene(knit, "4x17um", load, 1, "draft")
+    lapping = lapping_table(scene.knit.bars)
+    loops = sum(stitch.kind != "inlay" for stitch in lapping.stitches)
+    assert loops == lapping.wales * lapping.courses * (1 if "inlaid" in knit else len(KNITS[knit]))
 
 
 # --- heat -------------------------------------------------------------------------------------------------------------

@@ -87,7 +87,8 @@ def test_every_leg_of_plain_knit_hooks(scene: str, overrides: tuple[str, ...], h
 
 @pytest.mark.parametrize("repeats", [[1, 2], [2, 2]])
 def test_contacts_of_a_file_belong_to_their_hooks(repeats: list[int]) -> None:
-    """What touches in the middle of a lens is that hook's, whichever of its wires comes first; else is none's."""
+    """What touches in the middle of a lens is that hook's, whichever of its wires comes first; elsewhere, or with another image,
+    is none's."""
     mesh = build_model(load_scene(SCENES / "plain_knit_spatial.toml", [f"wires.repeats={repeats}"]))
     wires, rods = mesh.wires, mesh.rods
     sites, place = Sites(wires, rods), np.rint(wires.site_seed).astype(np.int64)
@@ -95,10 +96,11 @@ def test_contacts_of_a_file_belong_to_their_hooks(repeats: list[int]) -> None:
     assert sites.count == mesh.panel.body_count == 2 * np.prod(repeats)
     assert mesh.layout().body_wires.shape == (sites.count, 2)
     for first, second, side in ((nodes[:, 0], nodes[:, 1], 1.0), (nodes[:, 1], nodes[:, 0], -1.0)):
-        site, sign = sites.of(first, second)
+        site, sign = sites.of(first, second, side * sites.shift)
         assert site.tolist() == list(range(sites.count))
         assert (sign == side).all()
     wire = mesh.rods.wire_of[nodes[:, 1]]
     first, count = mesh.rods.wire_first[wire], mesh.rods.wire_count[wire]
     away = first + (nodes[:, 1] - first + count // (2 * repeats[0])) % count  # half a loop along the second wire
-    assert (sites.of(nodes[:, 0], away)[0] == NOWHERE).all()
+    assert (sites.of(nodes[:, 0], away, sites.shift)[0] == NOWHERE).all()
+    assert (sites.of(nodes[:, 0], nodes[:, 1], sites.shift + [3.0 * rods.tile[0], 0.0, 0.0])[0] == NOWHERE).all()

@@ -333,8 +333,8 @@ def searching_only(relaxation: Simulation, mesh: SpatialModel, clasps: set[int])
     def renew() -> None:
         search()
         pairs, count = contact._list, contact.pair_count
-        site, _ = relaxation.mechanics.sites.of(pairs.first.numpy()[:count], pairs.second.numpy()[:count])
         shift = pairs.shift.numpy()
+        site, _ = relaxation.mechanics.sites.of(pairs.first.numpy()[:count], pairs.second.numpy()[:count], shift[:count])
         shift[:count][~np.isin(np.where(site >= 0, site % of_repeat, -1), list(clasps))] = FAR
         pairs.shift.assign(shift)
 

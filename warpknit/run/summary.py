@@ -114,7 +114,7 @@ def run_summary(
             "precision": model.precision.name,
             "wires": len(panel.wire_first),
             "nodes": model.node_count,
-            "repeats": list(scene.knit.repeats),
+            "repeats": list(scene.knit.repeats if scene.wires is None else scene.wires.repeats),
             "bodies": panel.body_count,
             "pairs": model.pair_count,
             "rest_curve_error": model.curve_error / scene.wire.diameter,

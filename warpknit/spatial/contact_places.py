@@ -40,12 +40,8 @@ def _touched(r: Any, contact: int, sign: float) -> np.ndarray:
 
 def _nearest(r: Any, site: int) -> np.ndarray:
     """(3,) [m] midpoint between the nearest points of the two wires of a site, within its reach."""
-    wires = r.model.wires
-    rest = [_along(r, r.model.rods.position, np.eye(2), site, side)[0] for side in (0, 1)]
-    lines, shifts = zip(*(_along(r, r.position, r.gradient, site, side) for side in (0, 1)), strict=True)
-    offset = rest[0].mean(axis=0) - rest[1].mean(axis=0)
-    tiles = np.rint(np.divide(offset, wires.tile, out=np.zeros(3), where=wires.tile > 0))
-    shift = tiles * wires.tile
+    lines, shifts = zip(*(_along(r, site, side) for side in (0, 1)), strict=True)
+    shift = r.sites.shift[site].copy()
     shift[:2] = r.gradient @ shift[:2]
     a, b = (grid.ravel() for grid in np.meshgrid(np.arange(len(lines[0]) - 1), np.arange(len(lines[1]) - 1)))
     begin, other = lines[0], lines[1] + shift
@@ -56,7 +52,7 @@ def _nearest(r: Any, site: int) -> np.ndarray:
     return np.asarray(0.5 * (own + facing) - shifts[0][a[k]])
 
 
-def _along(r: Any, position: np.ndarray, gradient: np.ndarray, site: int, side: int) -> tuple[np.ndarray, np.ndarray]:
+def _along(r: Any, site: int, side: int) -> tuple[np.ndarray, np.ndarray]:
     """(n, 3) [m] nodes of one wire of a site within its reach, and the periodic shift (n, 3) [m] of each."""
     rods, wires = r.model.rods, r.model.wires
     wire = int(wires.site_wire[site, side])
@@ -69,9 +65,9 @@ def _along(r: Any, position: np.ndarray, gradient: np.ndarray, site: int, side: 
             number = np.array([max(0, min(round(seed), count - 1) - 1), min(round(seed), count - 1)])
     turns = number // count if rods.wire_closed[wire] else np.zeros(len(number), dtype=int)
     closing = np.zeros(3)
-    closing[:2] = gradient @ rods.wire_period[wire, :2]
+    closing[:2] = r.gradient @ rods.wire_period[wire, :2]
     shift = turns[:, None] * closing
-    return position[first + number - turns * count] + shift, shift
+    return r.position[first + number - turns * count] + shift, shift
 
 
 def contact_places(r: Any) -> ContactPlaces:

@@ -53,7 +53,7 @@ def size_of(scene: Scene, cloth: Cloth | None) -> tuple[Size, bool]:
 
 
 def size_of_model(model: SpatialModel) -> Size:
-    """The sizes of a mesh. Raises `ModelError` where its tile is too small for its segments."""
+    """The sizes of a mesh."""
     rods = model.rods
     gaps = pair_gaps(rods, search_cells(rods, model.curve))
     return Size(

@@ -127,7 +127,7 @@ class SpatialModel:
 
     def layout(self) -> WireLayout:
         """Layout of the wires for the exports; each site counts as a body."""
-        p, rods = self.panel, self.rods
+        p, rods, wires = self.panel, self.rods, self.scene.wires
         return WireLayout(
             wire_start=np.concatenate([rods.wire_first, [rods.node_count]]),
             wire_closed=rods.wire_closed,
@@ -136,7 +136,7 @@ class SpatialModel:
             body_radius=0.0,
             body_wires=p.pair_wire.reshape(-1, 2),
             rhombus_bodies=p.rhombus_bodies,
-            repeats=np.array(self.scene.knit.repeats),
+            repeats=np.array(self.scene.knit.repeats if wires is None else wires.repeats),
             wire_closing=self.rods.wire_period[:, :2],
             curve_parts=curve_parts(rods.node_count, self.scene.model.nodes_per_loop),
         )

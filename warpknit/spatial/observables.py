@@ -136,7 +136,7 @@ class SpatialObservables(Boundary):
     @cached_property
     def touching_site(self) -> tuple[np.ndarray, np.ndarray]:
         """Site and sign [contact] of the touching contacts (`Sites.of`)."""
-        return self.sites.of(self.touching.first, self.touching.second)
+        return self.sites.of(self.touching.first, self.touching.second, self.touching.shift)
 
     @cached_property
     def site_force(self) -> np.ndarray:
@@ -157,7 +157,7 @@ class SpatialObservables(Boundary):
     def body_near(self) -> np.ndarray:
         """[site] whether its wires are closer than NEAR, the measure of the paper."""
         found = np.zeros(self.sites.count, dtype=bool)
-        site, _ = self.sites.of(self.near.first, self.near.second)
+        site, _ = self.sites.of(self.near.first, self.near.second, self.near.shift)
         found[site[site != NOWHERE]] = True
         return found
 

@@ -1,11 +1,14 @@
 """Sites: the places where the knit hooks two wires into each other, and the contacts that belong to them.
 
 The planar model has one body at each site (a clasp of the knit, nested lenses merged) with a pair for each of the two wires; a
-pair may slide along its wire within a reach. In space a contact belongs to a site if it is between the wires of the site and
-within the reach on both; if several sites qualify, to the nearest. Other contacts belong to no site.
+pair may slide along its wire within a reach. In space a contact belongs to a site if it is between the wires of the site, in the
+periodic images that hook there, and within the reach on both; if several sites qualify, to the nearest. Other contacts belong to
+no site.
 """
 
 from __future__ import annotations
+
+import itertools
 
 import numpy as np
 
@@ -13,6 +16,7 @@ from .placed_wires import SpatialWires
 from .rods import Rods
 
 NOWHERE = -1
+SAME_SHIFT = 1e-3  # of the tile: round-off of a periodic shift
 
 
 class Sites:
@@ -24,11 +28,24 @@ class Sites:
         self._low, self._high = wires.site_low, wires.site_high
         self._round = np.where(rods.wire_closed, rods.wire_count, 0)[self._wire]
         self._node_wire, self._first = rods.wire_of, rods.wire_first
+        self._period = rods.wire_period[self._wire]
+        self._tile = rods.tile
+        self.shift = self._shift_at_seeds(rods)  # (site, 3) [m] at rest, of the second wire next to the first
 
-    def of(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _shift_at_seeds(self, rods: Rods) -> np.ndarray:
+        """The periodic shift that brings the two wires of each site together at their seeds."""
+        place = []
+        for wire, seed in zip(self._wire.T, self._seed.T, strict=True):
+            node = rods.wire_first[wire] + np.clip(seed, 0, rods.wire_count[wire] - 1).astype(int)
+            place.append(rods.position[node] + (seed - np.floor(seed))[:, None] * rods.rest_edge[node])
+        apart = place[0] - place[1]
+        return self._tile * np.rint(np.divide(apart, self._tile, out=np.zeros_like(apart), where=self._tile > 0))
+
+    def of(self, first: np.ndarray, second: np.ndarray, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """[contact] site of contacts between segments that begin at these nodes, NOWHERE for none; and a sign.
 
-        The sign is +1 where the first node is on the first wire of the site, -1 where it is on the second.
+        The sign is +1 where the first node is on the first wire of the site, -1 where it is on the second. shift (contact, 3)
+        [m]: at rest, of the second segment next to the first.
         """
         found, sign = np.full(len(first), NOWHERE), np.ones(len(first))
         nearest = np.full(len(first), np.inf)
@@ -36,13 +53,27 @@ class Sites:
             wires = self._node_wire[nodes]
             for k in range(len(nodes)):
                 fits = np.flatnonzero((self._wire == wires[k]).all(axis=1))
-                offset = nodes[k] - self._first[wires[k]] - self._seed[fits]
-                rounds, low = self._round[fits], self._low[fits]
-                turns = np.floor_divide(offset - low, np.maximum(rounds, 1))
-                offset = np.where(rounds > 0, offset - rounds * turns, offset)
-                inside = ((offset >= low) & (offset <= self._high[fits])).all(axis=1)
-                span = (self._high[fits] - low + 1.0).clip(1.0)
-                distance = np.where(inside, np.abs(offset / span).sum(axis=1), np.inf)
+                distance = self._distance(fits, nodes[k] - self._first[wires[k]], side * shift[k])
                 if len(distance) and distance.min() < nearest[k]:
                     nearest[k], found[k], sign[k] = distance.min(), fits[np.argmin(distance)], side
         return found, sign
+
+    def _distance(self, sites: np.ndarray, number: np.ndarray, shift: np.ndarray) -> np.ndarray:
+        """[site] distance of a contact from the seeds, over the reach; infinite beyond the reach or of other images.
+
+        number (2,): of the segments along the two wires of all these sites; shift (3,) [m] of the second.
+        """
+        low, high, rounds = self._low[sites], self._high[sites], self._round[sites]
+        offset = number - self._seed[sites]
+        turns = np.floor_divide(offset - low, np.maximum(rounds, 1)) * (rounds > 0)
+        distance = np.full(len(sites), np.inf)
+        again = np.divide(high - low, rounds, out=np.zeros(low.shape), where=rounds > 0).max(axis=0, initial=0.0).astype(int)
+        for more in itertools.product(*(range(n + 1) for n in again)):
+            turned = turns - np.array(more) * (rounds > 0)
+            along = offset - rounds * turned
+            period = turned[:, :, None] * self._period[sites]
+            is_image = np.abs(shift - self.shift[sites] - period[:, 0] + period[:, 1]) <= SAME_SHIFT * self._tile
+            inside = ((along >= low) & (along <= high)).all(axis=1) & is_image.all(axis=1)
+            span = (high - low + 1.0).clip(1.0)
+            distance = np.minimum(distance, np.where(inside, np.abs(along / span).sum(axis=1), np.inf))
+        return distance

@@ -52,6 +52,8 @@ def _fill(array: wp.array, values: np.ndarray) -> None:
 class Contacts:
     """Contacts on the host; arrays [contact]. `first` and `second` are the first nodes of the two segments.
 
+    Two contacts of the same segments with different shifts are contacts with different periodic images.
+
     A saddle between two contacts of a pair counts as a contact with a negative force (kernels/wire_weights.py).
     """
 
@@ -126,11 +128,7 @@ class _PairList:
 
 
 class WireContact:
-    """Contact of all wires of a stepper with each other and themselves. Sets itself as the stepper's contact.
-
-    Raises:
-        ModelError: the tile is so small that a segment could touch two periodic images of another.
-    """
+    """Contact of all wires of a stepper with each other and themselves. Sets itself as the stepper's contact."""
 
     def __init__(
         self,
