@@ -95,6 +95,18 @@ def arc_separation(
     return separation + rounds * wire_length[wire]
 
 
+@wp.func
+def nearest_image_square(between: wp.vec3, cell: wp.vec3, tile: wp.vec3) -> float:
+    """[m2] squared distance of the nearest periodic images of two places, from their difference in cells."""
+    square = float(0.0)
+    for k in range(3):
+        d = between[k] * cell[k]
+        if tile[k] > 0.0:
+            d -= tile[k] * wp.floor(d / tile[k] + 0.5)
+        square += d * d
+    return square
+
+
 @wp.kernel
 def place_segments_in_hash(
     # state in
@@ -118,6 +130,8 @@ def find_segment_pairs(
     # how
     grid: wp.uint64,
     hash_radius: float,
+    search_radius: float,
+    cell: wp.vec3,
     margin: wp.float64,
     expected_approach: wp.float64,
     min_arc_separation: wp.float64,
@@ -164,6 +178,7 @@ def find_segment_pairs(
     if following[i] < 0:
         return
     found = int(0)
+    tile_size = wp.vec3(float(tile[0]), float(tile[1]), float(tile[2]))
     p = stencil(i, previous, following, position, length, tangent)
     p1 = row(p, 1)
     p2 = row(p, 2)
@@ -177,6 +192,8 @@ def find_segment_pairs(
     j = int(0)
     while wp.hash_grid_query_next(query, j):
         if j < i or following[j] < 0:
+            continue
+        if nearest_image_square(place[j] - place[i], cell, tile_size) > search_radius * search_radius:
             continue
         q1 = position[j]
         q2 = q1 + length[j] * tangent[j]

@@ -34,6 +34,7 @@ LEAST_WEIGHT, BEYOND_WEIGHT = 0.5, 0.08  # of the nodes of the segment, at least
 # memory of one pair; two lists exist while a search runs
 PAIR_BYTES = 8 * (3 + 3 + PLACES * (2 * 3 + 2 + 2) + 2 * 2 * (3 + 2)) + 4 * (3 + 2 * 2)
 NEXT_TRAVEL = 0.4  # of the thickness, most travel before near pairs are listed again
+SINGLE = 1.0001  # allowance for distances in single precision
 CAPACITY_MARGIN = 1.3  # capacity of a list over the pairs found
 PAIR_ARRAYS = ("first", "second", "shift", "arc_separation", "wake_travel", "renewal_travel", "found")
 SLIP_ARRAYS = ("slip_step", "slip_place", "elastic_slip")
@@ -217,7 +218,7 @@ class WireContact:
         self._grid.build(self._hash_place, 1.0)
         before, pairs = self._list, self._other
         longer = max(float(state.read_control()[int(c.LENGTH_FACTOR)]), 1.0)
-        radius = longer * self._radius / min(narrowest, 1.0) / float(self._cell.min())
+        radius = longer * self._radius / min(narrowest, 1.0)
         self._find(pairs, radius, filling=False)
         wp.utils.array_scan(pairs.count, pairs.start, inclusive=False)
         total = int(fetch(pairs.start)[-1] + fetch(pairs.count)[-1])
@@ -363,7 +364,8 @@ class WireContact:
         stepper, rods = self.stepper, self.stepper.rods
         bind(
             find_segment_pairs, rods.node_count, self._wires, stepper.arrays, stepper.state,
-            grid=wp.uint64(self._grid.id), hash_radius=radius, margin=wp.float64(self.margin),
+            grid=wp.uint64(self._grid.id), hash_radius=radius / float(self._cell.min()), search_radius=SINGLE * radius,
+            cell=wp.vec3(*self._cell), margin=wp.float64(self.margin),
             expected_approach=wp.float64(self._expected), min_arc_separation=wp.float64(MIN_ARC_SEPARATION),
             max_sag=wp.float64(self._max_sag),
             tile=wp.vec3d(*rods.tile), is_filling=int(filling), place=self._hash_place,
