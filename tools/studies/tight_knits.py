@@ -110,7 +110,8 @@ def rows_of(knit: str, yarn: str, load: str, levels: int, preset: str) -> Iterat
     """The levels of a run, and the one at which it ends if it does."""
     nothing = dict.fromkeys(Row.__dataclass_fields__, math.nan) | {"nodes": 0, "pairs": 0, "steps": 0, "planned_steps": 0}
     common = nothing | {"knit": knit, "yarn": yarn, "load": load, "levels": levels}
-    level, begin, simulation = 0, time.process_time(), None
+    begin, simulation = time.process_time(), None
+    records: list[Record] = []
     try:
         scene = scene_of(knit, yarn, load, levels, preset)
         planned = make_plan(scene, "cpu")
@@ -118,12 +119,11 @@ def rows_of(knit: str, yarn: str, load: str, levels: int, preset: str) -> Iterat
         simulation = Simulation(build_model(scene))
         simulation.compile()
         common |= {"nodes": simulation.model.node_count}
-        records: list[Record] = []
         begin = time.process_time()
         for record in simulation.run():
             records.append(record)
             level = len(records) - 1
-            steps = record.steps - (records[-2].steps if level else 0)
+            steps = record.steps - (records[-2].steps if level else 0)  # level 0: as knitted
             seconds = time.process_time() - begin
             pairs = simulation.mechanics.contact.pair_count
             values = {
@@ -137,7 +137,12 @@ def rows_of(knit: str, yarn: str, load: str, levels: int, preset: str) -> Iterat
                 yield Row(**common | values | _state(record) | {"ending": "converged", "said": _said(simulation, records)})
             begin = time.process_time()
     except (WarpknitError, KnitError) as error:
-        found = {"ending": type(error).__name__, "said": str(error), "seconds": time.process_time() - begin, "level": level + 1}
+        found = {
+            "ending": type(error).__name__,
+            "said": str(error),
+            "level": len(records),
+            "seconds": time.process_time() - begin,
+        }
         if simulation is not None:
             done = records[-1].steps if records else 0
             strains = simulation.state.gradient.diagonal() - 1.0
