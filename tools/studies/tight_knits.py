@@ -4,8 +4,8 @@
 
 One repeat of each knit, periodic, at 26 wales and 30 courses an inch, of 30 um molybdenum wire and of a yarn of four 17 um wires;
 by 2, 6 and 12 % both ways, and by 6 % one way with the other one free of tension. Every level is a row: steps and processor time,
-the residual, tension, contacts and stress, and the steps and time that `warpknit plan` expects of a level. Bars are given as in a
-scene: the last one is the front guide bar, whose underlaps lie outermost. Prints the table and renews its rows in
+the criteria of convergence, tension, contacts and stress, and the steps and time that `warpknit plan` expects of a level. Bars are
+given as in a scene: the last one is the front guide bar, whose underlaps lie outermost. Prints the table and renews its rows in
 tight_knits_levels.csv; options choose a part of them.
 """
 
@@ -76,7 +76,8 @@ class Row:
     pairs: int  # of segments in the list of the search
     steps: int
     seconds: float  # of the processor
-    residual: float
+    balance: float  # unbalanced forces or motion, compared with solver.residual_tolerance
+    overlap: float  # [d] largest overlap or gap of a contact, compared with OVERLAP_ERROR of spatial/residual.py
     tension_weft: float
     tension_warp: float
     active_percent: float
@@ -126,13 +127,7 @@ def rows_of(knit: str, yarn: str, load: str, levels: int, preset: str) -> Iterat
             steps = record.steps - (records[-2].steps if level else 0)  # level 0: as knitted
             seconds = time.process_time() - begin
             pairs = simulation.mechanics.contact.pair_count
-            values = {
-                "level": level,
-                "steps": steps,
-                "seconds": seconds,
-                "residual": simulation.progress.residual,
-                "pairs": pairs,
-            }
+            values = {"level": level, "steps": steps, "seconds": seconds, "pairs": pairs, **_criteria(simulation)}
             if level:
                 yield Row(**common | values | _state(record) | {"ending": "converged", "said": _said(simulation, records)})
             begin = time.process_time()
@@ -146,9 +141,18 @@ def rows_of(knit: str, yarn: str, load: str, levels: int, preset: str) -> Iterat
         if simulation is not None:
             done = records[-1].steps if records else 0
             strains = simulation.state.gradient.diagonal() - 1.0
-            found |= {"steps": simulation.progress.steps - done, "residual": simulation.progress.residual}
+            found |= {"steps": simulation.progress.steps - done, **_criteria(simulation)}
             found |= {"strain_weft": float(strains[0]), "strain_warp": float(strains[1])}
         yield Row(**common | found)
+
+
+def _criteria(simulation: Simulation) -> dict[str, float]:
+    """What the last convergence check compared with the tolerances."""
+    mechanics = simulation.mechanics
+    mechanics.stepper.evaluate()
+    touching = mechanics.contact.read_contacts()
+    balance = mechanics.residual.measure(touching, mechanics.relaxation.unbalanced_forces())
+    return {"balance": balance, "overlap": mechanics.multipliers.error(touching)}
 
 
 def _state(record: Record) -> dict[str, float]:
@@ -185,7 +189,7 @@ def line(row: Row) -> str:
     """One row as text."""
     load = f"{row.knit:22s} {row.yarn:7s} {row.load:7s} {row.level}/{row.levels} {row.ending:10s}"
     cost = f"{row.steps:7d} ({row.planned_steps:5d}) steps {row.seconds:6.1f} ({row.planned_seconds:5.1f}) s"
-    cost += f", residual {row.residual:8.2g}"
+    cost += f", balance {row.balance:7.1g}, overlap {row.overlap:7.1g} d"
     tension = f"{1e3 * row.tension_weft:9.4g} {1e3 * row.tension_warp:9.4g} mN/m"
     return f"{load} {cost}  {tension} {row.active_percent:5.1f} % {1e-6 * row.stress_max:6.0f} MPa  {row.said[:100]}"
 
