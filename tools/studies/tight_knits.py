@@ -4,8 +4,8 @@
 
 One repeat of each knit, periodic, at 26 wales and 30 courses an inch, of 30 um molybdenum wire and of a yarn of four 17 um wires;
 by 2, 6 and 12 % both ways, and by 6 % one way with the other one free of tension. Every level is a row: steps and processor time,
-the criteria of convergence, tension, contacts and stress, and the steps and time that `warpknit plan` expects of a level. Bars
-are given as in a scene: the last one is the front guide bar, whose underlaps lie outermost. Prints the table and renews its rows in
+the criteria of convergence, tension, contacts and stress, and the steps and time that `warpknit plan` expects of a level. The
+last bar of a knit is the front guide bar, whose underlaps lie outermost. Prints the table and renews its rows in
 tight_knits_levels.csv; options choose a part of them.
 """
 
