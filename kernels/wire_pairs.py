@@ -48,11 +48,11 @@ def first_image(distance: wp.float64, reach: wp.float64, tile: wp.float64) -> in
 
 
 @wp.func
-def image_count(distance: wp.float64, reach: wp.float64, tile: wp.float64) -> int:
-    """Periodic images with a shift within `reach` [m] of a distance; 1 in a direction without tiles."""
+def last_image(distance: wp.float64, reach: wp.float64, tile: wp.float64) -> int:
+    """Number of the last one, less than `first_image` where there is none; 0 in a direction without tiles."""
     if tile <= wp.float64(0.0):
-        return 1
-    return int(wp.floor((distance + reach) / tile)) - first_image(distance, reach, tile) + 1
+        return 0
+    return int(wp.floor((distance + reach) / tile))
 
 
 @wp.func
@@ -203,14 +203,17 @@ def find_segment_pairs(
         reach = half * (length[i] + length[j]) + search_distance + bulge + max_sag * length[j]
         rest_offset = affine_inverse(between, control)
         rest_reach = reach * rest_extent
-        images_x = image_count(rest_offset[0], rest_reach[0], tile[0])
-        images_y = image_count(rest_offset[1], rest_reach[1], tile[1])
-        images = images_x * images_y * image_count(rest_offset[2], rest_reach[2], tile[2])
-        for image in range(images):
+        first_x = first_image(rest_offset[0], rest_reach[0], tile[0])
+        first_y = first_image(rest_offset[1], rest_reach[1], tile[1])
+        first_z = first_image(rest_offset[2], rest_reach[2], tile[2])
+        images_x = wp.max(last_image(rest_offset[0], rest_reach[0], tile[0]) - first_x + 1, 0)
+        images_y = wp.max(last_image(rest_offset[1], rest_reach[1], tile[1]) - first_y + 1, 0)
+        images_z = wp.max(last_image(rest_offset[2], rest_reach[2], tile[2]) - first_z + 1, 0)
+        for image in range(images_x * images_y * images_z):
             shift = wp.vec3d(
-                tile[0] * wp.float64(first_image(rest_offset[0], rest_reach[0], tile[0]) + image % images_x),
-                tile[1] * wp.float64(first_image(rest_offset[1], rest_reach[1], tile[1]) + (image / images_x) % images_y),
-                tile[2] * wp.float64(first_image(rest_offset[2], rest_reach[2], tile[2]) + image / (images_x * images_y)),
+                tile[0] * wp.float64(first_x + image % images_x),
+                tile[1] * wp.float64(first_y + (image / images_x) % images_y),
+                tile[2] * wp.float64(first_z + image / (images_x * images_y)),
             )
             if j == i and not is_positive(shift):
                 continue

@@ -4,8 +4,8 @@
 
 One repeat of each knit, periodic, at 26 wales and 30 courses an inch, of 30 um molybdenum wire and of a yarn of four 17 um wires;
 by 2, 6 and 12 % both ways, and by 6 % one way with the other one free of tension. Every level is a row: steps and processor time,
-the residual, tension, contacts and stress, and the steps and time that `warpknit plan` expects of a level. Bars are given as in a
-scene: the last one is the front guide bar, whose underlaps lie outermost. Prints the table and renews its rows in
+the criteria of convergence, tension, contacts and stress, and the steps and time that `warpknit plan` expects of a level. The
+last bar of a knit is the front guide bar, whose underlaps lie outermost. Prints the table and renews its rows in
 tight_knits_levels.csv; options choose a part of them.
 """
 
@@ -76,7 +76,8 @@ class Row:
     pairs: int  # of segments in the list of the search
     steps: int
     seconds: float  # of the processor
-    residual: float
+    balance: float  # unbalanced forces or motion, compared with solver.residual_tolerance
+    overlap: float  # [d] largest overlap or gap of a contact, compared with OVERLAP_ERROR of spatial/residual.py
     tension_weft: float
     tension_warp: float
     active_percent: float
@@ -110,7 +111,8 @@ def rows_of(knit: str, yarn: str, load: str, levels: int, preset: str) -> Iterat
     """The levels of a run, and the one at which it ends if it does."""
     nothing = dict.fromkeys(Row.__dataclass_fields__, math.nan) | {"nodes": 0, "pairs": 0, "steps": 0, "planned_steps": 0}
     common = nothing | {"knit": knit, "yarn": yarn, "load": load, "levels": levels}
-    level, begin, simulation = 0, time.process_time(), None
+    begin, simulation = time.process_time(), None
+    records: list[Record] = []
     try:
         scene = scene_of(knit, yarn, load, levels, preset)
         planned = make_plan(scene, "cpu")
@@ -118,32 +120,39 @@ def rows_of(knit: str, yarn: str, load: str, levels: int, preset: str) -> Iterat
         simulation = Simulation(build_model(scene))
         simulation.compile()
         common |= {"nodes": simulation.model.node_count}
-        records: list[Record] = []
         begin = time.process_time()
         for record in simulation.run():
             records.append(record)
             level = len(records) - 1
-            steps = record.steps - (records[-2].steps if level else 0)
+            steps = record.steps - (records[-2].steps if level else 0)  # level 0: as knitted
             seconds = time.process_time() - begin
             pairs = simulation.mechanics.contact.pair_count
-            values = {
-                "level": level,
-                "steps": steps,
-                "seconds": seconds,
-                "residual": simulation.progress.residual,
-                "pairs": pairs,
-            }
+            values = {"level": level, "steps": steps, "seconds": seconds, "pairs": pairs, **_criteria(simulation)}
             if level:
                 yield Row(**common | values | _state(record) | {"ending": "converged", "said": _said(simulation, records)})
             begin = time.process_time()
     except (WarpknitError, KnitError) as error:
-        found = {"ending": type(error).__name__, "said": str(error), "seconds": time.process_time() - begin, "level": level + 1}
+        found = {
+            "ending": type(error).__name__,
+            "said": str(error),
+            "level": len(records),
+            "seconds": time.process_time() - begin,
+        }
         if simulation is not None:
             done = records[-1].steps if records else 0
             strains = simulation.state.gradient.diagonal() - 1.0
-            found |= {"steps": simulation.progress.steps - done, "residual": simulation.progress.residual}
+            found |= {"steps": simulation.progress.steps - done, **_criteria(simulation)}
             found |= {"strain_weft": float(strains[0]), "strain_warp": float(strains[1])}
         yield Row(**common | found)
+
+
+def _criteria(simulation: Simulation) -> dict[str, float]:
+    """What the last convergence check compared with the tolerances."""
+    mechanics = simulation.mechanics
+    mechanics.stepper.evaluate()
+    touching = mechanics.contact.read_contacts()
+    balance = mechanics.residual.measure(touching, mechanics.relaxation.unbalanced_forces())
+    return {"balance": balance, "overlap": mechanics.multipliers.error(touching)}
 
 
 def _state(record: Record) -> dict[str, float]:
@@ -180,7 +189,7 @@ def line(row: Row) -> str:
     """One row as text."""
     load = f"{row.knit:22s} {row.yarn:7s} {row.load:7s} {row.level}/{row.levels} {row.ending:10s}"
     cost = f"{row.steps:7d} ({row.planned_steps:5d}) steps {row.seconds:6.1f} ({row.planned_seconds:5.1f}) s"
-    cost += f", residual {row.residual:8.2g}"
+    cost += f", balance {row.balance:7.1g}, overlap {row.overlap:7.1g} d"
     tension = f"{1e3 * row.tension_weft:9.4g} {1e3 * row.tension_warp:9.4g} mN/m"
     return f"{load} {cost}  {tension} {row.active_percent:5.1f} % {1e-6 * row.stress_max:6.0f} MPa  {row.said[:100]}"
 
