@@ -1,9 +1,10 @@
 """Compatibility of meshes, models, drives, boundaries, features and commands, in one table.
 
-`TRAITS` (traits.py) are features that a scene or a command may request, `RULES` (rules.py) the combinations that are excluded. From
-these follow the refusals (`refuse`, called when a scene is read and by each command), the keys without effect (`without_effect`,
-shown by `warpknit plan`), what a kind of model lacks (`lacking`), and docs/capabilities.md (reference.py). Limits that depend on a
-size, a file or values of a model are checked where these are known: in wires/read.py, mesh/, planar/model.py, spatial/.
+`TRAITS` (traits.py) are features that a scene or a command may request, `RULES` (rules.py) the combinations that are excluded.
+From these follow the refusals (`refuse`, called when a scene is read and by each command), the keys without effect
+(`without_effect`, shown by `warpknit plan`), what a kind of model lacks (`lacking`), and docs/capabilities.md (reference.py).
+Limits that depend on a size, a file or values of a model are checked where these are known: in wires/read.py, mesh/,
+planar/model.py, spatial/.
 """
 
 from __future__ import annotations
@@ -46,6 +47,13 @@ def without_effect(scene: Scene) -> Iterator[str]:
         if not rule.refused:
             for location, _ in _places(rule, case):
                 yield f"without effect: {dotted(location)}, {rule.allowed}"
+
+
+def lacking(case: Case, kind: str, *, at_command: bool = False) -> Iterator[str]:
+    """Features of a scene, or those that its command adds, that are refused with a kind of model, by their words."""
+    for rule in RULES:
+        if rule.refused and kind in rule.traits and at_command == bool(rule.traits & AT_COMMAND) and list(_places(rule, case)):
+            yield " and ".join(TRAITS[name].words for name in TRAITS if name in rule.traits - {kind})
 
 
 def _places(rule: Rule, case: Case) -> Iterable[Place]:

@@ -198,9 +198,10 @@ class ModelOptions(Table):
 
     kind: Kind = key(
         "`planar`: two coordinates per node, contact bodies where wires hook. `spatial`: three coordinates, with twist and"
-        " contact of round wires ([physics.md](physics.md#the-spatial-model)); required with `[wires]`. See"
-        " [capabilities.md](capabilities.md) for the features of each.",
-        "planar",
+        " contact of round wires ([physics.md](physics.md#the-spatial-model)); required with `[wires]`. `auto`: the plane where"
+        " it is good for the knit, else space ([below](#the-kind-of-model)). See [capabilities.md](capabilities.md) for the"
+        " features of each.",
+        "auto",
     )
     boundary: Boundary = key(
         "`gripped`: cut along an outline, with every cut wire end clamped. `periodic`: one tile of an endless mesh.", "gripped"
@@ -413,6 +414,7 @@ class Scene:
     solver: Solver
     output: Output
     sweep: Sweep | None
+    kind_reason: str = field(default="as given", compare=False)  # of `model.kind`, which is resolved (model_choice.py)
 
     @property
     def has_moving_edge(self) -> bool:

@@ -92,9 +92,10 @@ def _as_code(found: re.Match[str]) -> str:
 
 CAPABILITIES = """# Compatibility of features
 
-Generated from `warpknit/scene/traits.py` and `warpknit/scene/rules.py` by `python -m warpknit.scene.reference docs`. Excluded combinations
-are refused with a message of one line and exit status 2. Limits that depend on a size, a file or values of a model are not in
-this table; the message states them.
+Generated from `warpknit/scene/traits.py` and `warpknit/scene/rules.py` by `python -m warpknit.scene.reference docs`. Excluded
+combinations are refused with a message of one line and exit status 2. Limits that depend on a size, a file or values of a model
+are not in this table; the message states them. `model.kind = "auto"` takes a model that has
+what the scene and the command ask for.
 
 Empty: the two are alternatives. *no effect*: the key changes nothing, and `warpknit plan` says so. *partly*: excluded together
 with a third feature, see below. A report includes a map: whatever excludes a map excludes a report.
