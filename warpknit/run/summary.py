@@ -110,6 +110,7 @@ def run_summary(
         "warnings": [*notes, *warnings_of(model, rows, stages), *([estimate.warning] if estimate.warning else [])],
         "model": {
             "kind": scene.model.kind,
+            "kind_reason": scene.kind_reason,
             "boundary": scene.model.boundary,
             "precision": model.precision.name,
             "wires": len(panel.wire_first),
