@@ -19,7 +19,7 @@ from warpknit.scene.digest import digest
 from warpknit.scene.hook import Hook
 from warpknit.scene.keys import Table, key
 from warpknit.scene.panel_options import PanelOptions
-from warpknit.scene.presets import DEFAULT_PRESET, preset_like
+from warpknit.scene.presets import DEFAULT_PRESET, PRESETS, preset_like
 from warpknit.scene.units import shown
 from warpknit.scene.values import (
     TREATMENTS,
@@ -424,10 +424,17 @@ class Scene:
     @property
     def preset_in_force(self) -> str | None:
         """The preset that matches the numerics of a relaxation, regardless of `solver.preset`; None if none matches."""
-        if self.solver.drive != "relax" or not self.solver.multipliers or self.hook is not None:
+        model, solver = self.model, self.solver
+        if solver.drive != "relax" or not solver.multipliers or self.hook is not None or self.wires is not None:
             return None
-        solver = self.solver
-        return preset_like(self.model.nodes_per_loop, solver.axial_softening, solver.precision, solver.residual_tolerance)
+        numerics = (solver.axial_softening, solver.precision, solver.residual_tolerance)
+        return preset_like(model.kind, model.nodes_per_loop, *numerics)
+
+    @property
+    def preset_error_percent(self) -> float | None:
+        """[%] measured error of the preset in force; None without one."""
+        name = self.preset_in_force
+        return None if name is None else PRESETS[name].of(self.model.kind, self.solver.drive).error_percent
 
     @property
     def depends_on_path(self) -> bool:

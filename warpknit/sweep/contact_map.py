@@ -110,7 +110,7 @@ def _mean(rows: Sequence[MapRow]) -> MapRow:
     reason = STEADY if len(steady) == len(rows) else f"{len(steady)} of {len(rows)} seeds steady" if steady else "diverged"
 
     def over(name: str, how: Callable[[list[float]], Any]) -> float | None:
-        values = [vars(row).get(name) for row in steady]
+        values: list[Any] = [vars(row).get(name) for row in steady]
         return float(how(values)) if values and None not in values else None
 
     measures = {line.name: over(line.name, line.over_seeds) for line in measures_of("map") + measures_of("details")}
