@@ -1,8 +1,8 @@
 """Probe runs: a small mesh of the same knit, wire and load, at few and at many nodes, to estimate discretisation errors.
 
-Discretisation errors are the same in every repeat, and the same at every grip. One repeat therefore stands for a periodic tile, or
-the fewest that its model can take, and PATCH repeats a side for a gripped mesh, where the share of the grips is larger by the ratio
-of the sizes. Hooks and scattered loops are probed at full size. Pulls at the edge and temperature gradients are left out.
+Discretisation errors are the same in every repeat, and the same at every grip. One repeat therefore stands for a periodic tile,
+or the fewest that its model can take, and PATCH repeats a side for a gripped mesh, where the share of the grips is larger by the
+ratio of the sizes. Hooks and scattered loops are probed at full size. Pulls at the edge and temperature gradients are left out.
 """
 
 from __future__ import annotations
