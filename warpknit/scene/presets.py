@@ -52,7 +52,8 @@ class Preset:
 # `error_percent` is the largest error in active share, tension, sum of contact forces and largest stress over the 12 loads of one
 # repeat of the double atlas mesh in tools/studies/results/presets.csv (python tools/studies/accuracy.py presets): 2 to 25 %
 # strain, even and uneven, 15 and 30 um wire, lenses merged or not. `node_steps` is the median there. Other knits and grips are
-# in docs/trade.md; `run --error` measures on the scene itself.
+# in docs/trade.md; `run --error` measures on the scene itself. Those in space are of presets_spatial.csv (`accuracy.py space`); the
+# draft's is one contact of six that is about to close at 10 % strain, else it is 1.5.
 PRESETS = {
     "draft": Preset(
         nodes_per_loop=12,
@@ -65,8 +66,8 @@ PRESETS = {
         residual_tolerance=1e-2,
         error_percent=2.1,
         node_steps=1.03e5,
-        spatial_error_percent=16.7,
-        spatial_node_steps=2.9e5,
+        spatial_error_percent=17.0,
+        spatial_node_steps=3.2e5,
     ),
     "standard": Preset(
         nodes_per_loop=16,
@@ -79,8 +80,8 @@ PRESETS = {
         residual_tolerance=3e-3,
         error_percent=1.7,
         node_steps=1.84e5,
-        spatial_error_percent=0.7,
-        spatial_node_steps=4.4e5,
+        spatial_error_percent=1.6,
+        spatial_node_steps=4.6e5,
     ),
     "reference": Preset(
         nodes_per_loop=48,
@@ -93,8 +94,8 @@ PRESETS = {
         residual_tolerance=1e-4,
         error_percent=0.1,
         node_steps=4.6e6,
-        spatial_error_percent=0.1,
-        spatial_node_steps=1.5e6,
+        spatial_error_percent=0.7,
+        spatial_node_steps=1.7e6,
     ),
 }
 DEFAULT_PRESET = "standard"
