@@ -101,14 +101,15 @@ def celsius(temperature: float) -> str:
     return f"{temperature - ZERO_CELSIUS:.4g} degC"
 
 
-def validity(model_warnings: Sequence[str]) -> tuple[str, float, str, str]:
-    """Row on whether the model is good for the mesh, with its warnings."""
-    return "model_valid", float(not model_warnings), "1", "; ".join(model_warnings) or "0 if the model is not good for the knit"
+def validity(scene: Scene, model_warnings: Sequence[str]) -> tuple[str, float, str, str]:
+    """Row on whether the model is good for the mesh, with its warnings, and which model it is and why."""
+    said = "; ".join(model_warnings) or "1 if the model is good for the knit, else 0"
+    return "model_valid", float(not model_warnings), "1", f"{said}; model: {scene.model.kind}, {scene.kind_reason}"
 
 
 def write_card(card: MaterialCard, scene: Scene, where: str, out: Path, model_warnings: Sequence[str] = ()) -> None:
     """Write both files into `out`; where: the state of the card, in words; model_warnings: of its map."""
-    rows = [validity(model_warnings), *card_values(card)]
+    rows = [validity(scene, model_warnings), *card_values(card)]
     columns = zip(("name", "value", "unit", "meaning"), zip(*rows, strict=True), strict=True)
     write_table(out / "material_card.csv", {heading: np.array(column, dtype=object) for heading, column in columns})
     content: dict[str, Any] = {
