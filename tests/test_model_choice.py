@@ -222,3 +222,8 @@ def test_an_error_bound_is_met_in_the_model_that_auto_takes(tmp_path: Path) -> N
     assert chosen.model.kind == "spatial" and chosen.model.nodes_per_loop == bound.setting.nodes_per_loop
     summary = run_scene(chosen, out=tmp_path / "run", device="cpu", error_estimator=bound.error_estimator(scene)).summary
     assert 0.0 <= summary["quality"]["estimated_error"] <= 0.2
+
+
+def test_how_bodies_are_placed_does_not_change_the_choice() -> None:
+    """Nested lenses count as one, whether each has a body or not."""
+    assert load_scene(ATLAS, ["model.merge_lenses=false"]).kind_reason == load_scene(ATLAS).kind_reason
