@@ -16,8 +16,10 @@ from warpknit.plan import make_plan
 from warpknit.ranks.ranks import One
 from warpknit.run.run import run_scene
 from warpknit.scene import load_scene, make_scene
-from warpknit.scene.capabilities import AT_COMMAND, COLUMNS, GROUPS, RULES, TRAITS, Case, goes_together, with_needs
+from warpknit.scene.capabilities import goes_together, with_needs
 from warpknit.scene.reference import capabilities_page
+from warpknit.scene.rules import RULES
+from warpknit.scene.traits import AT_COMMAND, COLUMNS, GROUPS, TRAITS, Case
 from warpknit.sweep import sweep
 from warpknit.trade import error_estimate
 

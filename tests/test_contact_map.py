@@ -20,6 +20,7 @@ def row(weft, warp, active=50.0, stress=1e8, tension=(0.1, 0.2), reason="steady"
         "active_rhombus_percent": None,
         "contact_force_max_N": 1e-6,
         "stress_interior_max_Pa": stress,
+        "slid_max_m": 0.0,
         "residual": 1e-3,
     }
     return MapRow(

@@ -33,7 +33,7 @@ PATCH = ROOT / "scenes" / "atlas_patch.toml"
 def test_keys_are_those_scripts_rely_on():
     planned = make_plan(load_scene(CELL), "cpu").as_dict()
     assert set(planned) == {
-        "nodes", "wires", "bodies", "pairs", "memory_bytes", "time_step_s", "limited_by", "steps", "wall_s", "physics",
+        "nodes", "wires", "bodies", "pairs", "memory_bytes", "time_step_s", "limited_by", "steps", "wall_s", "physics", "model",
     }  # fmt: skip
     assert json.loads(json.dumps(planned, allow_nan=False)) == planned
 

@@ -40,7 +40,7 @@ def test_run_leaves_the_files_of_the_contract(tmp_path: Path) -> None:
     summary = json.loads((tmp_path / "r" / "summary.json").read_text())
     expected = {
         "scene": {"name", "hash"},
-        "model": {"kind", "boundary", "precision", "wires", "nodes", "repeats", "bodies", "pairs"},
+        "model": {"kind", "kind_reason", "boundary", "precision", "wires", "nodes", "repeats", "bodies", "pairs"},
         "solver": {"time_step_s", "steps", "wall_s", "compile_s", "node_steps_per_s", "mass_scaling", "axial_softening",
                    "preset"},
         "quality": {"kinetic_to_internal", "energy_balance", "residual", "penetration_max", "estimated_error"},

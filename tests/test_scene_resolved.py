@@ -53,6 +53,7 @@ def test_the_resolved_file_keeps_every_bit(diameter, courses, strain):
             "wire": {"diameter": f"{diameter * 1e6!r} um"},
             "knit": {"wales": f"{courses!r} /mm", "course_spacing": "1 mm"},
             "load": {"strain_weft": strain},
+            "model": {"kind": "planar"},  # nothing is laid out
         }
     )
     assert make_scene(tomllib.loads(resolved_toml(scene))) == scene

@@ -91,12 +91,14 @@ def result_options(command: Any) -> Any:
     return command
 
 
-def open_scene(scene: str, overrides: tuple[str, ...], preset: str | None, out: str | None, *, quiet: bool) -> tuple[Scene, Path]:
-    """Load the scene, choose the output directory, set up the log."""
+def open_scene(
+    scene: str, overrides: tuple[str, ...], preset: str | None, out: str | None, command: str, *, quiet: bool, ranks: int = 1
+) -> tuple[Scene, Path]:
+    """Load the scene for a command (scene/capabilities.py), choose the output directory, set up the log."""
     configure_logging(logging.WARNING if quiet else logging.INFO)
     from warpknit.scene import load_scene
 
-    loaded = load_scene(scene, overrides, preset)
+    loaded = load_scene(scene, overrides, preset, command=command, ranks=ranks)
     return loaded, Path(out) if out else Path("runs") / loaded.name
 
 
@@ -136,7 +138,8 @@ def run(
     """Run SCENE and write its results to DIR."""
     _refuse_both(resume, force)
     quiet = quiet or not ranks.is_first
-    loaded, directory = open_scene(scene, overrides, preset, out, quiet=quiet)
+    command = "run" if error is None else "error"
+    loaded, directory = open_scene(scene, overrides, preset, out, command, quiet=quiet, ranks=ranks.count)
 
     from warpknit.run.progress_display import progress_for
     from warpknit.run.run import run_scene
@@ -149,7 +152,8 @@ def run(
 
             _refuse_error(error, preset, loaded)
             bound = ranks.from_first(lambda: settings_for_error(loaded, error))
-            loaded, error_estimator = load_scene(scene, (*overrides, *bound.overrides)), bound.error_estimator(loaded)
+            error_estimator = bound.error_estimator(loaded)
+            loaded = load_scene(scene, (*overrides, *bound.overrides), command=command, ranks=ranks.count)
         result = run_scene(
             loaded,
             out=directory,
@@ -187,7 +191,7 @@ def contact_map(
 ) -> int:
     """Run the strains of SCENE's [sweep] and write the contact map to DIR."""
     _refuse_both(resume, force)
-    loaded, directory = open_scene(scene, overrides, preset, out, quiet=quiet)
+    loaded, directory = open_scene(scene, overrides, preset, out, "map", quiet=quiet)
 
     from warpknit.run.progress_display import progress_for
     from warpknit.scene.capabilities import refuse
@@ -218,7 +222,7 @@ def trade(
 ) -> int:
     """Measure speed against accuracy: run SCENE at many settings, write errors and costs to DIR."""
     _refuse_both(resume, force)
-    loaded, directory = open_scene(scene, overrides, preset, out, quiet=quiet)
+    loaded, directory = open_scene(scene, overrides, preset, out, "trade", quiet=quiet)
 
     from warpknit.run.progress_display import progress_for
     from warpknit.scene import load_scene
@@ -226,7 +230,7 @@ def trade(
 
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         result = run_trade(
-            lambda more, other: load_scene(scene, (*overrides, *more), other or preset),
+            lambda more, other: load_scene(scene, (*overrides, *more), other or preset, command="trade"),
             out=directory, against=against, device=device, resume=resume, force=force, progress=progress,
         )  # fmt: skip
     if result.exit_code != FINISHED:
@@ -270,29 +274,35 @@ def report(
     count = positive_quantity("--openings", openings, "per_length")
     length = positive_quantity("--fit-loop-length", fit_loop_length, "length")
     mass = positive_quantity("--areal-mass", areal_mass, "areal_mass")
-    from warpknit.design.inputs import Known, with_known
+    from warpknit.design.inputs import Known, fitted_overrides, with_known
     from warpknit.design.report import make_report, report_scene
 
-    loaded, directory = open_scene(scene, overrides, preset, out, quiet=quiet)
+    loaded, directory = open_scene(scene, overrides, preset, out, "report", quiet=quiet)
     loaded = report_scene(loaded)
 
     from warpknit.run.progress_display import progress_for
+    from warpknit.scene import load_scene
     from warpknit.sweep.contact_map import read_map
     from warpknit.sweep.sweep import map_lines, run_map
 
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         if length or fit_curve:
             progress.stage("fit of the loops", number=1, of=1)
-        fitted = with_known(loaded, Known(count, length, Path(fit_curve) if fit_curve else None, mass))
-        loaded = fitted.scene
+        notes: tuple[str, ...] = ()
+        if count or length:  # another knit, for which auto may take another model
+            fitted = with_known(loaded, Known(count, length))
+            notes, more = fitted.notes, fitted_overrides(overrides, fitted.scene.knit)
+            loaded = report_scene(load_scene(scene, more, preset, command="report"))
+        fitted = with_known(loaded, Known(None, None, Path(fit_curve) if fit_curve else None, mass))
+        loaded, notes = fitted.scene, (*notes, *fitted.notes)
         result = run_map(loaded, out=directory, device=device, resume=not force, force=force, progress=progress)
         if result.exit_code != FINISHED:
             return unfinished(result, "; the same command continues it")
         rows = read_map(directory / "map.csv", directory / "map_details.csv")
-        page = make_report(loaded, rows, directory, tension=asked, notes=fitted.notes, progress=progress)
+        page = make_report(loaded, rows, directory, tension=asked, notes=notes, progress=progress)
     from warpknit.run.summary_table import print_table
 
-    lines = [("mesh", note) for note in fitted.notes]
+    lines = [("mesh", note) for note in notes]
     lines += [*map_lines(result.summary), ("material card", page.card_state)]
     lines += [*(("warning", warning) for warning in page.warnings), ("page", str(directory / "report.html"))]
     print_table(lines)
@@ -373,6 +383,7 @@ def naming_the_file(scene: Scene) -> Iterator[None]:
     """Prefix errors of the knit and the model with the scene file."""
     from warpknit.knit.chain import KnitError
     from warpknit.scene.messages import scene_error
+    from warpknit.scene.model_choice import GIVEN
     from warpknit.scene.units import shown
 
     try:
@@ -380,4 +391,5 @@ def naming_the_file(scene: Scene) -> Iterator[None]:
     except KnitError as error:
         raise scene_error(scene.path, error.key, shown(error.given), error.allowed) from error
     except ModelError as error:
-        raise type(error)(f"{scene.path}: {error}") from error
+        chosen = "" if scene.kind_reason == GIVEN else f" (model.kind: {scene.model.kind}, {scene.kind_reason})"
+        raise type(error)(f"{scene.path}: {error}{chosen}") from error

@@ -56,6 +56,8 @@ class Plan:
     factor: float  # uncertainty of steps and time
     hooked_by: str  # meaning of the number of bodies, in words
     exception: str  # known exceptions to the estimate, in words
+    kind: str  # of model
+    kind_reason: str
     file: WireReport | None = None  # of wires from a file
 
     def as_dict(self) -> dict[str, Any]:
@@ -63,8 +65,9 @@ class Plan:
         values = asdict(replace(self, file=None))
         for name in ("scene", "device", "available_bytes", "counted", "relaxes", "knit", "sweep", "accuracy", "hooked_by"):
             del values[name]
-        for name in ("factor", "exception", "file"):
+        for name in ("factor", "exception", "file", "kind", "kind_reason"):
             del values[name]
+        values["model"] = {"kind": self.kind, "kind_reason": self.kind_reason}
         file = {} if self.file is None else self.file.as_dict()
         return file | values | {"physics": list(self.physics)}
 
@@ -89,6 +92,7 @@ class Plan:
         rows = [
             ("scene", f"{self.scene}, on {self.device}"),
             *mesh,
+            ("model", f"{self.kind}, {self.kind_reason}"),
             ("memory", f"{memory(self.memory_bytes)} of {memory(self.available_bytes)} available"),
             ("time step", step),
             ("steps", f"about {rounded(self.steps):,}"),
@@ -142,6 +146,8 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         factor=notes.factor,
         hooked_by=notes.hooked_by,
         exception=notes.exception,
+        kind=scene.model.kind,
+        kind_reason=scene.kind_reason,
         file=file,
     )
 

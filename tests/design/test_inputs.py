@@ -71,7 +71,7 @@ def test_an_areal_mass_is_compared(scene):
 def test_the_areal_mass_is_that_of_all_bars(scene):
     """Locknit lays two loops on each needle and course: the mass of the mesh as it is modelled, whatever the number of bars."""
     bars = [{"chain": "1-0/1-2", "threading": "|"}, {"chain": "2-3/1-0", "threading": "|"}]
-    locknit = make_scene({"knit": {"bars": bars}, "model": {"boundary": "periodic"}})
+    locknit = make_scene({"knit": {"bars": bars}, "model": {"kind": "planar", "boundary": "periodic"}})
     model = build_model(locknit)
     mass = measure.areal_mass(read(model, initial_state(model)))
     assert mass == pytest.approx(knit_scene(locknit).wire_per_area * locknit.wire.linear_density, rel=1e-9)

@@ -94,7 +94,8 @@ strain_weft = 0.08
 strain_warp = 0.08
 [[path]]
 temperature = "-150 degC"
-""", bars, "wire.material=molybdenum", "wire.diameter='30 um'", "solver.preset=standard", "output.frames=20"))  # fmt: skip
+""", bars, "model.kind=planar", "wire.material=molybdenum", "wire.diameter='30 um'",
+        "solver.preset=standard", "output.frames=20"))  # fmt: skip
     for record in Simulation(model, initial_state(model)).run():
         weft, warp = measure.mesh_tension(record.observables)
         assert abs(weft) < 0.01 * warp + 1e-4

@@ -1,6 +1,7 @@
 """What settings miss: presets, the estimate of `warpknit run --error`, and single precision, each against a truer run.
 
     python tools/studies/accuracy.py presets [DIR] [--quick]
+    python tools/studies/accuracy.py space [DIR] [--quick]
     python tools/studies/accuracy.py estimate [DIR] [--error PERCENT] [--quick]
     python tools/studies/accuracy.py precision [DIR] [--quick]
 
@@ -8,6 +9,8 @@
 scene is run at each setting, tiles in five levels, patches in one, hooks in their own, and held against TRUE_NODES in double
 precision to a tolerance of 1e-4 (1e-3 of patches and with friction). Leaves presets.csv, a row a scene and setting, and prints
 the worst and the median error of each setting; goes on with the scenes that are missing there.
+
+*space*: the same of the presets in space, on the tile of the double atlas and on two tight knits, in presets_spatial.csv.
 
 *estimate*: is the error that `warpknit run --error 2` estimates above the true one? Ten scenes that its numbers were not set by,
 each run as `run --error` runs it, in five levels, and then with CHECK_NODES in double precision to a tolerance of 1e-4 (1e-3 of a
@@ -152,6 +155,50 @@ def rows_of(name: str, file: str, overrides: Sequence[str], quick: bool) -> Iter
         found = outcome(keys)
         print(name, setting, found.stop_reason, found.message[:80], flush=True)
         yield _row(name, setting, dict(keys), found, truth.results, scales)
+
+
+SPACE = "model.kind=spatial"
+TRUE_IN_SPACE = (("model.nodes_per_loop", 160), ("solver.residual_tolerance", 1e-4))
+TIGHT_KNITS = {
+    "closed tricot of two bars": '[{chain = "1-0/1-2"}, {chain = "1-2/1-0"}]',
+    "locknit": TRICOT,
+}
+
+
+def scenes_in_space() -> dict[str, tuple[str, ...]]:
+    """The same of tiles in space: overrides by name."""
+    left_out = ("friction", "unmerged")  # states that depend on the path; lenses are of the plane
+    found = {
+        name: overrides
+        for name, (_, overrides) in scenes().items()
+        if name.startswith("cell") and not any(word in name for word in left_out)
+    }
+    for name, bars in TIGHT_KNITS.items():
+        for e in (0.02, 0.05):
+            found[f"{name} {100 * e:g} %"] = (f"knit.bars={bars}", "knit.repeats=[3, 2]", *both(e, e))
+    return found
+
+
+def rows_in_space(name: str, overrides: Sequence[str], quick: bool) -> Iterator[PresetRow]:
+    """One scene in space with every preset."""
+
+    def outcome(keys: Sequence[tuple[str, Any]]) -> Any:
+        levels = "output.frames=1" if quick else LEVELS
+        return run_point(lambda: scene_of("atlas_cell.toml", *overrides, levels, SPACE, *keys), watch=lambda _progress: None)
+
+    truth = outcome((("model.nodes_per_loop", 56), ("solver.residual_tolerance", 3e-3)) if quick else TRUE_IN_SPACE)
+    if truth.results is None:
+        print(f"{name}: left out, {truth.message}", flush=True)
+        return
+    scales = scales_of(build_model(scene_of("atlas_cell.toml", *overrides, SPACE)))
+    for preset in list(PRESETS)[: 1 if quick else None]:
+        scene = scene_of("atlas_cell.toml", *overrides, SPACE, f"solver.preset={preset}")
+        keys = {
+            "model.nodes_per_loop": scene.model.nodes_per_loop, "solver.residual_tolerance": scene.solver.residual_tolerance,
+        }  # fmt: skip
+        found = outcome((("solver.preset", preset),))
+        print(name, preset, found.stop_reason, found.message[:80], flush=True)
+        yield _row(name, preset, keys, found, truth.results, scales)
 
 
 def _row(name: str, setting: str, keys: dict[str, Any], outcome: Any, truth: Results, scales: Any) -> PresetRow:
@@ -341,6 +388,22 @@ def study_presets(given: argparse.Namespace) -> None:
             continue
         rows += rows_of(name, file, overrides, given.quick)
         write_rows(path, rows)
+    _show_worst(rows)
+
+
+def study_space(given: argparse.Namespace) -> None:
+    path = table_path(given, "presets_spatial.csv")
+    rows = read_rows(path, PresetRow)
+    there = {row.scene for row in rows}
+    for name, overrides in list(scenes_in_space().items())[: 1 if given.quick else None]:
+        if name not in there:
+            rows += rows_in_space(name, overrides, given.quick)
+            write_rows(path, rows)
+    _show_worst(rows)
+
+
+def _show_worst(rows: Sequence[PresetRow]) -> None:
+    """Print the worst and the median error of each setting."""
     table = []
     for setting in dict.fromkeys(row.setting for row in rows):
         those = [row for row in rows if row.setting == setting and row.error_largest == row.error_largest]
@@ -376,6 +439,7 @@ def study_precision(given: argparse.Namespace) -> None:
 
 QUICK = {
     "presets": "a coarser reference and three scenes",
+    "space": "a coarser reference, one scene and one preset",
     "estimate": "34 nodes count as true, and two scenes are run",
     "precision": "leave out the strip",
 }
@@ -388,5 +452,5 @@ def add_options(name: str, parser: argparse.ArgumentParser) -> None:
 
 
 if __name__ == "__main__":
-    studies = {"presets": study_presets, "estimate": study_estimate, "precision": study_precision}
+    studies = {"presets": study_presets, "space": study_space, "estimate": study_estimate, "precision": study_precision}
     sys.exit(run_one_of(__doc__, studies, add_options))

@@ -37,7 +37,7 @@ from warpknit.solve.simulate import Simulation
 BASE: dict[str, dict[str, Any]] = {
     "wire": {"material": "tungsten", "diameter": 15e-6},
     "knit": {"wale_spacing": 1.7e-3, "course_spacing": 1e-3},
-    "model": {"boundary": "periodic"},
+    "model": {"kind": "planar", "boundary": "periodic"},
     "load": {"strain_weft": 0.14, "strain_warp": 0.14},
     "solver": {"preset": "standard"},
     "output": {"frames": 4, "usd": False, "figures": False},

@@ -46,7 +46,10 @@ def main() -> None:
     for wire, settings in MATERIALS.items():
         for diameter in DIAMETERS:
             name = f"{wire.replace(' ', '_')}_{diameter}um"
-            scene = load_scene(options.scene, [*options.overrides, *settings, f"wire.diameter={diameter} um", f"name={name}"])
+            scene = load_scene(
+                options.scene,
+                ["model.kind=planar", *options.overrides, *settings, f"wire.diameter={diameter} um", f"name={name}"],
+            )
             out = options.out / name
             result = run_map(scene, out=out, force=True)
             with open(out / "map.csv", newline="", encoding="utf-8") as file:

@@ -118,6 +118,7 @@ def random_table(random: np.random.Generator) -> tuple[str, dict[str, Any]]:
             "loop": loop,
         },
         "model": {
+            "kind": "planar",
             "boundary": str(random.choice(["periodic", "periodic", "gripped"])), "nodes_per_loop": int(random.integers(12, 49)),
         },
         "load": {

@@ -72,10 +72,14 @@ def picture_path(given: argparse.Namespace, name: str) -> Path:
 
 
 def scene_of(file: str, *overrides: str, path: Sequence[dict[str, Any]] = (), **tables: dict[str, Any]) -> Scene:
-    """The scene in scenes/`file`, with `tables` merged into its own, `path` as its stages behind [load], and overrides."""
+    """The scene in scenes/`file`, with `tables` merged into its own, `path` as its stages behind [load], and overrides.
+
+    It is in the plane unless it names a model.
+    """
     table = tomllib.loads((SCENES / file).read_text(encoding="utf-8"))
     for name, values in tables.items():
         table[name] = table.get(name, {}) | values
+    table["model"] = {"kind": "planar"} | table.get("model", {})
     if path:
         table["path"] = list(path)
     return make_scene(table, overrides, path=SCENES / file)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -101,13 +101,21 @@ def celsius(temperature: float) -> str:
     return f"{temperature - ZERO_CELSIUS:.4g} degC"
 
 
-def write_card(card: MaterialCard, scene: Scene, where: str, out: Path) -> None:
-    """Write both files into `out`; where: the state of the card, in words."""
-    rows = list(card_values(card))
+def validity(scene: Scene, model_warnings: Sequence[str]) -> tuple[str, float, str, str]:
+    """Row on whether the model is good for the mesh, with its warnings, and which model it is and why."""
+    said = "; ".join(model_warnings) or "1 if the model is good for the knit, else 0"
+    return "model_valid", float(not model_warnings), "1", f"{said}; model: {scene.model.kind}, {scene.kind_reason}"
+
+
+def write_card(card: MaterialCard, scene: Scene, where: str, out: Path, model_warnings: Sequence[str] = ()) -> None:
+    """Write both files into `out`; where: the state of the card, in words; model_warnings: of its map."""
+    rows = [validity(scene, model_warnings), *card_values(card)]
     columns = zip(("name", "value", "unit", "meaning"), zip(*rows, strict=True), strict=True)
     write_table(out / "material_card.csv", {heading: np.array(column, dtype=object) for heading, column in columns})
     content: dict[str, Any] = {
         "mesh": scene.name,
+        "warnings": list(model_warnings),
+        "model": {"kind": scene.model.kind, "kind_reason": scene.kind_reason},
         "state": where,
         "temperature_K": card.temperature,
         "axes": AXES,

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import csv
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,8 @@ from ..knit.lapping import lapping_table
 from ..knit.loops import RANGES, LoopProportions, loop_shape
 from ..knit.openings import find_openings
 from ..mesh.layout import knit_scene
-from ..scene import Scene
+from ..scene import Knit, Scene
+from ..scene.overrides import Override
 from ..sweep.states import mesh_of
 from .fine_states import states_at
 
@@ -29,6 +31,7 @@ SCALED = {
     "circular-oval": ("closed_radius", "closed_head", "open_head", "open_half_width"),
     "general": ("foot_half_width", "leg_half_width", "head_height"),
 }
+SPACINGS = {"knit.wales", "knit.courses", "knit.wale_spacing", "knit.course_spacing"}
 SAME_AREA = 0.99  # of the rhombus's area: openings that are counted
 COLUMNS = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m")  # of a measured curve
 FIT_TOLERANCE = 2e-3  # of the factor
@@ -75,6 +78,13 @@ def with_known(scene: Scene, known: Known) -> Fitted:
             f" {1e3 * known.areal_mass:.3g} g/m2, which requires {1e3 * needed:.3g} mm of wire per loop",
         )
     return Fitted(scene, notes)
+
+
+def fitted_overrides(overrides: Sequence[str], knit: Knit) -> list[Override]:
+    """Overrides of a scene that also give it the spacings and the loops of a fitted knit."""
+    kept = [override for override in overrides if override.partition("=")[0].strip() not in SPACINGS]
+    loop = [(f"knit.loop.{name}", value) for name, value in asdict(knit.loop).items() if value is not None]
+    return [*kept, ("knit.wale_spacing", knit.wale_spacing), ("knit.course_spacing", knit.course_spacing), *loop]
 
 
 def openings_per_length(scene: Scene) -> float | None:

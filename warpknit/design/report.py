@@ -17,7 +17,7 @@ from ..measure import Observables
 from ..run.progress_display import Progress
 from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
-from ..sweep.contact_map import MapRow, Optimum, find_optimum, grid
+from ..sweep.contact_map import MapRow, Optimum, find_optimum, grid, model_warnings
 from ..sweep.states import Mesh, mesh_of
 from .card import MaterialCard, find_card, find_card_at_tension
 from .card_files import card_warnings, celsius, write_card
@@ -29,7 +29,6 @@ from .page import Page
 from .sections import card_section, curve_section, electric_section, map_section, mesh_section, openings_section
 from .service import SERVICE_TENSIONS, EqualTension, equal_tension, strains_at_tension, strains_on_finer_grid
 
-WHERE = {"planar": "", "spatial": " with the spatial model"}  # by kind of model
 DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))  # of the map where the scene has no [sweep]
 
 
@@ -51,6 +50,7 @@ class Findings:
     tensioned: Observables | None  # the mesh of the card
     knitted_openings: Sequence[Opening]
     tensioned_openings: Sequence[Opening]
+    model_warnings: Sequence[str]  # where the states are outside the validity of their model
 
     @property
     def card_state(self) -> str:
@@ -108,6 +108,7 @@ def make_report(
         tensioned=tensioned,
         knitted_openings=[] if isinstance(knitted, Diverged) else openings(knitted),
         tensioned_openings=[] if tensioned is None else openings(tensioned),
+        model_warnings=model_warnings(model, rows),
     )
     _write(found, out)
     return found
@@ -153,18 +154,21 @@ def _write(found: Findings, out: Path) -> None:
     for name in ("material_card.csv", "material_card.json"):
         (out / name).unlink(missing_ok=True)  # of an earlier report
     if found.card is not None:
-        write_card(found.card, found.scene, found.where, out)
+        write_card(found.card, found.scene, found.where, out, found.model_warnings)
     with write_aside(out / "report.html") as file:
         file.write(_page(found, _figures(found, out / "figures")).html())
 
 
 def _page(found: Findings, figures: dict[str, Path]) -> Page:
-    wire, wires = found.scene.wire, WHERE[found.scene.model.kind]
+    wire = found.scene.wire
     page = Page(f"{found.scene.name}: {wire.material} mesh, {1e6 * wire.diameter:g} um wire")
+    for warning in found.model_warnings:
+        page.warning(f"{warning[0].upper()}{warning[1:]}.")
     page.text(
-        f"Computed by warpknit for endless cloth{wires}, without friction; every state is loaded proportionally from the mesh as"
+        "Computed by warpknit for endless cloth, without friction; every state is loaded proportionally from the mesh as"
         " knitted. Weft is across the wales (axis 1, x), warp along them (axis 2, y). Tensions are forces per current width."
     )
+    page.text(f"Model: {found.scene.model.kind}, {found.scene.kind_reason}.")
     if found.requested is not None and strains_at_tension(found.rows, found.requested) is None:
         page.warning(
             f"The mesh does not reach {found.requested:g} N/m in both directions within the strains of the map."
@@ -201,6 +205,7 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
         "map": lambda path: map_figure(
             path, weft, warp, grid(found.rows, "active_percent", weft, warp),
             title=f"{found.scene.name}: active contacts", label="active contacts [% of pairs]", percent=True, marks=marks,
+            warnings=found.model_warnings,
         ),
         "curves": lambda path: tension_strain_figure(curves, path, yield_stress=limit),
         "openings": lambda path: openings_figure(circles, BANDS, path),

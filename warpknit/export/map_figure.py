@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import cycle
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ LEAST_LEVEL = 0.02  # of the largest value: lines of less are left out
 LIMIT_COLOUR, OPTIMUM_COLOUR, PLACE_COLOUR = "#D55E00", "white", "#CC79A7"
 PLACE_MARKERS = "osD^v"
 LEGEND_COLUMNS = 3
+WARNING_WIDTH = 100  # characters of a line
 
 
 @dataclass(frozen=True)
@@ -50,8 +52,9 @@ def map_figure(
     label: str,
     percent: bool,
     marks: Marks,
+    warnings: Sequence[str] = (),
 ) -> Path:
-    """Draw `values` (warp, weft) over strains; nan stays blank. `percent`: colours go from 0 to 100.
+    """Draw `values` (warp, weft) over strains; nan stays blank. `percent`: colours go from 0 to 100. `warnings` stand on top.
 
     A tile of colour is one cell, half of it at the edges; lines of equal value go between the cells' middles.
     """
@@ -82,6 +85,9 @@ def map_figure(
     axes.set_xlabel("weft strain [%]")
     axes.set_ylabel("warp strain [%]")
     axes.set_title(title, fontsize="medium")
+    if warnings:
+        lines = "\n".join(fill(warning, WARNING_WIDTH) for warning in warnings)
+        figure.suptitle(lines, fontsize="small", color=LIMIT_COLOUR)
     return save_figure(figure, path)
 
 

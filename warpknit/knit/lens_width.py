@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from .clasps import Arm, Clasp
 from .cloth import Cloth
 
 PARTS = 4  # of the diameter, between the points that are compared
+MOST_POINTS = 20_000  # of an arm: wires of a ten-thousandth of their loops
 
 
 def lens_widths(cloth: Cloth, diameter: float) -> NDArray[np.float64]:
@@ -38,9 +40,11 @@ def _widths(cloth: Cloth, clasp: Clasp, diameter: float) -> tuple[float, float]:
     if width <= diameter:
         return width, diameter
     # moved by t along the way, a point of the second wire is within a diameter of one of the first where |along - t| < root
-    apart = one[:, None, :] - two[None, :, :]
-    along = apart @ (way / width)
-    root = np.sqrt((diameter**2 - np.sum(apart**2, axis=2) + along**2).clip(0.0))
+    direction = way / width
+    across = np.array([[-direction[1], direction[0], 0.0], [0.0, 0.0, 1.0]]).T
+    near = cKDTree(one @ across).sparse_distance_matrix(cKDTree(two @ across), diameter, output_type="ndarray")
+    along = (one[near["i"]] - two[near["j"]]) @ direction
+    root = np.sqrt((diameter**2 - near["v"] ** 2).clip(0.0))
     ahead = (root > 0.0) & (along > 0.0)
     moved = np.min((along - root)[ahead].clip(0.0), initial=width - diameter)
     return width, width - float(moved)
@@ -51,5 +55,5 @@ def _points(cloth: Cloth, arm: Arm, diameter: float) -> NDArray[np.float64]:
     points = cloth.threads[arm.thread].stretch(arm.arc_low, arm.arc_high, cloth.size[1])
     points = points + [arm.column * cloth.size[0], 0.0, 0.0]
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    even = np.linspace(0.0, length[-1], 2 + int(PARTS * length[-1] / diameter))
+    even = np.linspace(0.0, length[-1], 2 + min(int(PARTS * length[-1] / diameter), MOST_POINTS))
     return np.stack([np.interp(even, length, points[:, k]) for k in range(3)], axis=1)

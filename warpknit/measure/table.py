@@ -162,7 +162,7 @@ MEASURES: tuple[Measure, ...] = (
     Measure("plastic_fraction", lambda r: m.plastic_extremes(r)[0], summary="wire"),
     Measure("plastic_strain_max", lambda r: m.plastic_extremes(r)[1], summary="wire"),
     Measure("axial_strain_max", lambda r: float(np.max(np.abs(r.axial_strain))), summary="wire"),
-    Measure("slid_max_m", m.slid, summary="wire"),
+    Measure("slid_max_m", m.slid, summary="wire", map="details", over_seeds=max),
     Measure("contact_force_max_N", m.largest_contact_force, history=True, map="details", over_seeds=max),
     Measure("stress_interior_max_Pa", m.interior_stress, summary="wire", map="details", over_seeds=max),
     # energies and work

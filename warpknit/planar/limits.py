@@ -8,19 +8,21 @@ from typing import Any
 from ..knit.cloth import Cloth
 from ..knit.lens_width import way_left
 from ..scene import Scene
+from ..scene.model_choice import PLANE_IS_GOOD, first_touch
 
-EARLY = 0.8  # relative approach at which wires in space touch, over that in the plane: the double atlas cell has 0.88
 SLID = 0.5  # diameters of sliding between wires: the double atlas cell has 1e-3
 CHECK = "compare with model.kind = 'spatial'"
 
 
 def tight_loops(scene: Scene, cloth: Cloth) -> Iterator[str]:
     """Warning where wires in space touch long before the lenses of the plane close."""
-    wire = scene.wire
-    share = way_left(cloth, wire.thickness, wire.thickness + 2.0 * scene.model.body_radius)
-    if share < EARLY:
+    share, loops = first_touch(scene), "tight loops"
+    if share >= PLANE_IS_GOOD and scene.knit.scatter:
+        wire, loops = scene.wire, "the tightest of the scattered loops"
+        share = way_left(cloth, wire.thickness, wire.thickness + 2.0 * scene.model.body_radius)
+    if share < PLANE_IS_GOOD:
         yield (
-            f"tight loops: wires in space touch after {share:.0%} of the planar approach, so they hook earlier and carry more;"
+            f"{loops}: wires in space touch after {share:.0%} of the planar approach, so they hook earlier and carry more;"
             f" {CHECK}"
         )
 

@@ -9,7 +9,6 @@ from typing import Any
 from .. import __version__, measure
 from ..measure import MeshModel, table
 from ..measure.table import Record
-from ..scene.presets import PRESETS
 from .history import Row
 from .warnings_of import warnings_of
 
@@ -110,6 +109,7 @@ def run_summary(
         "warnings": [*notes, *warnings_of(model, rows, stages), *([estimate.warning] if estimate.warning else [])],
         "model": {
             "kind": scene.model.kind,
+            "kind_reason": scene.kind_reason,
             "boundary": scene.model.boundary,
             "precision": model.precision.name,
             "wires": len(panel.wire_first),
@@ -129,7 +129,7 @@ def run_summary(
             "mass_scaling": 1.0 + model.added_mass,
             "axial_softening": model.softening,
             "preset": scene.solver.preset,
-            "preset_error_percent": None if scene.preset_in_force is None else PRESETS[scene.preset_in_force].error_percent,
+            "preset_error_percent": scene.preset_error_percent,
             "drive": scene.solver.drive,
         },
         **last,

@@ -20,6 +20,7 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
             entry = entry.get(key) if isinstance(entry, Mapping) else None
         return entry
 
+    yield from model_rows(value("model"))
     stages = value("stages") or []
     if len(stages) > 1:
         yield "at the end of stage", f"{stages[-1].get('name')} ({len(stages)} stages; summary.json has all)"
@@ -63,6 +64,12 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
     for warning in value("warnings") or []:
         yield "warning", str(warning)
     yield "results in", str(directory)
+
+
+def model_rows(model: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
+    """Row of the kind of model, from the section `model` of a summary; none for one without a reason."""
+    if model is not None and "kind_reason" in model:
+        yield "model", f"{model['kind']}, {model['kind_reason']}"
 
 
 def _hook_rows(hook: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

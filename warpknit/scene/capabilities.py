@@ -1,78 +1,28 @@
 """Compatibility of meshes, models, drives, boundaries, features and commands, in one table.
 
-`TRAITS` are features that a scene or a command may request, `RULES` the combinations that are excluded. From these follow the
-refusals (`refuse`, called when a scene is read and by each command), the keys without effect (`without_effect`, shown by
-`warpknit plan`), and docs/capabilities.md (reference.py). Limits that depend on a size, a file or values of a model are checked
-where these are known: in wires/read.py, mesh/, planar/model.py, spatial/.
+`TRAITS` (traits.py) are features that a scene or a command may request, `RULES` (rules.py) the combinations that are excluded.
+From these follow the refusals (`refuse`, called when a scene is read and by each command), the keys without effect
+(`without_effect`, shown by `warpknit plan`), what a kind of model lacks (`lacking`), and docs/capabilities.md (reference.py).
+Limits that depend on a size, a file or values of a model are checked where these are known: in wires/read.py, mesh/,
+planar/model.py, spatial/.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
-from pathlib import PurePath
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any, cast
 
 from warpknit.errors import SceneError
 from warpknit.scene.keys import Table
-from warpknit.scene.materials import MATERIALS
 from warpknit.scene.messages import dotted, scene_error
+from warpknit.scene.rules import RULES, Rule
+from warpknit.scene.traits import AT_COMMAND, GROUPS, TRAITS, Case, Location, Place, Words
 from warpknit.scene.units import shown
-from warpknit.scene.wire import Wire
 
 if TYPE_CHECKING:
     from warpknit.scene.file import SceneFile
-    from warpknit.scene.objects import Scene, Stage
+    from warpknit.scene.objects import Scene
     from warpknit.scene.source import Source
-
-Location = tuple[int | str, ...]
-Place = tuple[Location, Any]  # a key, and its value
-
-
-@dataclass(frozen=True)
-class Case:
-    """A scene, as in its file or resolved, with the command, device and ranks."""
-
-    scene: Scene | SceneFile
-    command: str = ""
-    device: str | None = None  # that was named
-    ranks: int = 1
-
-    @property
-    def stages(self) -> Iterator[tuple[Location, Stage]]:
-        """Where each stage stands, and the stage; of a map and a report the first one, which is all that they run."""
-        for number, stage in enumerate(self.scene.stages[:1] if self.command in ("map", "report") else self.scene.stages):
-            yield ("load",) if number == 0 else ("path", number - 1), stage
-
-
-Asked = Callable[[Case], Iterable[Place]]
-
-
-@dataclass(frozen=True)
-class Trait:
-    """A feature that a scene or a command may request."""
-
-    words: str
-    key: str  # that requests it
-    asked: Asked  # the keys that request it in a case; empty if none does
-    example: dict[str, Any] = field(default_factory=dict)  # tables of a scene that requests it
-    needs: tuple[str, ...] = ()  # traits that it implies
-
-
-@dataclass(frozen=True)
-class Rule:
-    """A trait that excludes others."""
-
-    trait: str  # whose key the message names
-    others: tuple[str, ...]  # all of them together; the first gives the column of the table
-    allowed: str  # of the message
-    why: str  # reason, for the documents
-    refused: bool = True  # else it has no effect
-
-    @property
-    def traits(self) -> frozenset[str]:
-        return frozenset((self.trait, *self.others))
 
 
 def refuse(
@@ -97,6 +47,13 @@ def without_effect(scene: Scene) -> Iterator[str]:
         if not rule.refused:
             for location, _ in _places(rule, case):
                 yield f"without effect: {dotted(location)}, {rule.allowed}"
+
+
+def lacking(case: Case, kind: str, *, at_command: bool = False) -> Iterator[str]:
+    """Features of a scene, or those that its command adds, that are refused with a kind of model, by their words."""
+    for rule in RULES:
+        if rule.refused and kind in rule.traits and at_command == bool(rule.traits & AT_COMMAND) and list(_places(rule, case)):
+            yield " and ".join(TRAITS[name].words for name in TRAITS if name in rule.traits - {kind})
 
 
 def _places(rule: Rule, case: Case) -> Iterable[Place]:
@@ -135,340 +92,3 @@ def goes_together(one: str, other: str) -> str:
     if any(rule.refused for rule in between):
         return "partly"
     return "no effect" if between else "yes"
-
-
-class Words(str):
-    """A value shown unquoted, because it is not the value of a key."""
-
-
-# --- requests of a trait -----------------------------------------------------------------------------------------
-
-
-def _value(key: str, case: Case) -> Any:
-    """The value of a dotted key, None where there is no such table."""
-    value: Any = case.scene
-    for part in key.split("."):
-        value = None if value is None else getattr(value, part)
-    return value
-
-
-def _is(key: str, wanted: Any) -> Asked:
-    """Where a key has this value."""
-    return lambda case: [(tuple(key.split(".")), wanted)] if _value(key, case) == wanted else []
-
-
-def _given(key: str, *nothing: Any) -> Asked:
-    """Where a key has a value other than None and these."""
-    return lambda case: (
-        [(tuple(key.split(".")), value)] if (value := _value(key, case)) is not None and value not in nothing else []
-    )
-
-
-def _staged(*keys: str, nothing: tuple[Any, ...] = ()) -> Asked:
-    """Where a stage has one of these keys."""
-    return lambda case: [
-        ((*location, key), value)
-        for location, stage in case.stages
-        for key in keys
-        if (value := getattr(stage, key)) is not None and value not in nothing
-    ]
-
-
-def _is_knit(case: Case) -> bool:
-    return case.scene.hook is None and case.scene.wires is None
-
-
-def _wires(case: Case) -> Iterable[Place]:
-    wires = case.scene.wires
-    return [] if wires is None else [(("wires", "file"), PurePath(wires.file).name)]
-
-
-def _panel(case: Case) -> Iterable[Place]:
-    panel = case.scene.panel
-    return [(("panel",), panel)] if panel != type(panel)() else []
-
-
-def _turned_and_pulled(case: Case) -> Iterable[Place]:
-    for location, stage in case.stages:
-        if stage.clamp_rotation and stage.pull:
-            yield (*location, "clamp_rotation"), stage.clamp_rotation
-
-
-def _other_poisson(case: Case) -> Iterable[Place]:
-    wire = case.scene.wire
-    usual = wire.poissons_ratio in (None, MATERIALS[wire.material].poissons_ratio)
-    return [] if usual else [(("wire", "poissons_ratio"), wire.poissons_ratio)]
-
-
-def _other_body_radius(case: Case) -> Iterable[Place]:
-    radius = case.scene.model.body_radius
-    usual = radius is None or math.isclose(radius, case.scene.wire.diameter / 8)
-    return [] if usual else [(("model", "body_radius"), radius)]
-
-
-# --- the traits -------------------------------------------------------------------------------------------------------
-
-
-def _choice(key: str, value: str) -> Trait:
-    table, name = key.split(".")
-    return Trait(f'`{key} = "{value}"`', key, _is(key, value), {table: {name: value}})
-
-
-def _key(words: str, key: str, value: Any, *nothing: Any, needs: tuple[str, ...] = ()) -> Trait:
-    """Requested by a key with a value other than `nothing`, such as `value`."""
-    *above, last = key.split(".")
-    example: dict[str, Any] = {last: value}
-    for part in reversed(above):
-        example = {part: example}
-    return Trait(words, key, _given(key, *nothing), example, needs)
-
-
-def _load(words: str, key: str, value: Any, *others: str, nothing: tuple[Any, ...] = ()) -> Trait:
-    """Requested by a key of a stage."""
-    return Trait(words, f"load.{key}", _staged(key, *others, nothing=nothing), {"load": {key: value}})
-
-
-def _command(words: str, *commands: str, needs: tuple[str, ...] = (), example: dict[str, Any] | None = None) -> Trait:
-    asked: Asked = lambda case: [((case.command,), Words("a scene"))] if case.command in commands else []  # noqa: E731
-    return Trait(words, commands[0], asked, example or {}, needs)
-
-
-PULL = {"at": ["1.7 mm", "0 mm"], "by": ["0.1 mm", "0 mm"], "width": "1 mm"}  # one repeat of the default knit is 3.4 mm wide
-CORD = {"grip_pitch": "2 mm", "cord": {"tension": "1 N", "stiffness": "1 kN"}}
-SWEEP = {"strain_weft": [0.0, 0.1], "strain_warp": [0.0]}
-
-# A scene has one of each group, by default the first.
-GROUPS = (
-    ("knit", "hook", "wires"),
-    ("planar", "spatial"),
-    ("gripped", "periodic"),
-    ("relax", "ramp"),
-    ("no sweep", "sweep"),
-    ("even loops", "scatter"),
-    ("elastic", "plastic"),
-)
-TRAITS = {
-    # the mesh, the model, its edge, how it is driven
-    "knit": Trait("a knit", "knit", lambda case: [(("knit",), case.scene.knit)] if _is_knit(case) else []),
-    "hook": Trait("two hooked wires", "hook", _given("hook"), {"hook": {}}, ("gripped",)),
-    "wires": Trait("wires from a file", "wires", _wires, {"wires": {"file": "plain_knit.csv"}}, ("spatial",)),
-    "planar": _choice("model.kind", "planar"),
-    "spatial": _choice("model.kind", "spatial"),
-    "gripped": _choice("model.boundary", "gripped"),
-    "periodic": _choice("model.boundary", "periodic"),
-    "relax": _choice("solver.drive", "relax"),
-    "ramp": _choice("solver.drive", "ramp"),
-    # loads
-    "strain": _load("loads by strain", "strain_weft", 0.1, "strain_warp"),
-    "tension": _load("loads by tension", "tension_weft", 0.1, "tension_warp"),
-    "displacement": _load("load by displacement", "displacement", "0.1 mm"),
-    "shear": _load("shear", "shear", 0.1),
-    "temperature": _load("temperature", "temperature", "-190 degC"),
-    "gradient": _load("temperature gradient", "temperature_gradient", [100.0, 0.0], nothing=((0.0, 0.0),)),
-    "pull": _load("pulls at the edge", "pull", [PULL], nothing=((),)),
-    "rotation": _load("clamp rotation", "clamp_rotation", 0.1, nothing=(0.0,)),
-    "rotation and pull": Trait(
-        "clamp rotation and pulls in one stage",
-        "load.clamp_rotation",
-        _turned_and_pulled,
-        {"load": {"clamp_rotation": 0.1, "pull": [PULL]}},
-        ("rotation", "pull"),
-    ),
-    "path": Trait(
-        "stages after the first",
-        "path",
-        lambda case: [(("path",), Words("stages"))] if len(case.scene.stages) > 1 else [],
-        {"path": [{"name": "second"}]},
-    ),
-    # the wire and the knit
-    "friction": _key("friction", "contact.friction", 0.2, 0.0),
-    "elastic": Trait("elastic wire", "wire.plastic", _is("wire.plastic", False)),
-    "plastic": _key("plastic wire", "wire.plastic", True, False),
-    "hardening": _key("hardening", "wire.hardening", 0.2, Wire.hardening),
-    "poisson": Trait("own Poisson's ratio", "wire.poissons_ratio", _other_poisson, {"wire": {"poissons_ratio": 0.4}}),
-    "plating": _key("plating", "wire.plating", {"thickness": "0.2 um"}),
-    "even loops": Trait("uniform loops", "knit.scatter", _is("knit.scatter", 0.0)),
-    "scatter": _key("scattered loops", "knit.scatter", 0.05, 0.0, needs=("knit",)),
-    "seed": _key("seed", "knit.seed", 3, 0, needs=("knit",)),
-    # the edge
-    "panel": Trait("an outline, net, or surface", "panel", _panel, {"panel": {"active_threshold": 50}}),
-    "outline": Trait(
-        "an outline other than a rectangle",
-        "panel.outline",
-        _given("panel.outline", "rectangle"),
-        {"panel": {"outline": "disc", "size": "10 mm"}},
-        ("panel",),
-    ),
-    "cord": Trait("edge cords", "panel.cord", _given("panel.cord"), {"panel": CORD}, ("panel",)),
-    "focal length": _key("held on a paraboloid", "panel.focal_length", "1 m", needs=("panel",)),
-    # contact
-    "stiffness": _key("contact penalty", "contact.stiffness", "10 N/m"),
-    "body radius": Trait("own body radius", "model.body_radius", _other_body_radius, {"model": {"body_radius": "3 um"}}),
-    "treatment": _key("contact treatment", "contact.treatment", "ring", "free-body", needs=("hook",)),
-    "body mass": _key("body mass", "contact.body_mass", 0.3, needs=("ramp",)),
-    "crossing distance": _key("crossing distance of hooked wires", "hook.crossing_distance", "20 um", needs=("hook", "spatial")),
-    "file repeats": _key("repeats of a file", "wires.repeats", [2, 1], (1, 1), needs=("wires", "periodic")),
-    # the solver
-    "single": _key("single precision", "solver.precision", "single", "double"),
-    "no multipliers": Trait(
-        "no multipliers", "solver.multipliers", _is("solver.multipliers", False), {"solver": {"multipliers": False}}
-    ),
-    "mass scaling": _key("scaled masses", "solver.mass_scaling", 100.0, 1.0, needs=("ramp",)),
-    "target time step": _key("target time step", "solver.target_time_step", "1 us", needs=("ramp",)),
-    "loading time": _key("given loading time", "solver.loading_time", "10 ms", needs=("ramp",)),
-    "damping": _key("given damping", "solver.damping", "100 /s"),
-    "max steps": _key("step limit", "solver.max_steps", 10_000),
-    # the sweep
-    "no sweep": Trait("no sweep", "sweep", lambda case: [(("sweep",), Words("nothing"))] if case.scene.sweep is None else []),
-    "sweep": Trait("a sweep", "sweep", _given("sweep"), {"sweep": SWEEP}),
-    "seeds": Trait(
-        "several seeds", "sweep.seeds", _given("sweep.seeds", 1), {"sweep": {**SWEEP, "seeds": 2}}, ("sweep", "scatter")
-    ),
-    # commands, and options besides the scene
-    "map": _command("`warpknit map`", "map", "report", needs=("sweep", "relax")),
-    "trade": _command("`warpknit trade`", "trade"),
-    "report": _command("`warpknit report`", "report", needs=("map", "periodic")),
-    "error": _command("`run --error`", "error", needs=("relax",)),
-    "ranks": Trait("`mpirun`", "mpirun", lambda case: [(("mpirun",), Words(f"{case.ranks} ranks"))] if case.ranks > 1 else []),
-    "cuda": Trait("a GPU", "--device", lambda case: [(("--device",), case.device)] if case.device not in (None, "cpu") else []),
-}
-AT_COMMAND = frozenset({"map", "trade", "report", "error", "ranks", "cuda"})
-COLUMNS = (*GROUPS[1], *GROUPS[2], *GROUPS[3], *GROUPS[0], "map", "trade", "report", "error", "ranks", "cuda")
-
-# --- the rules --------------------------------------------------------------------------------------------------------
-
-NOT_BUILT = "not implemented"
-SPATIAL = "with model.kind = 'spatial'"
-HOOK_LOADS = "only displacement and temperature with [hook]"
-WIRE_LOADS = "strains, tensions, shear and temperature with [wires]"
-NO_EDGE = "nothing with model.boundary = 'periodic', which has no edge"
-NOT_IN_A_RAMP = "nothing with solver.drive = 'ramp'"
-STRAINS_ONLY = "strains with friction or yield: a search for tension would be part of the load history"
-ON_THE_PATH = "left out for a map (its meshes are elastic, frictionless and uniformly strained)"
-ENDS = "only the two upper ends of a hook move"
-SIZE = "the size of the mesh is known only when the file is read"
-SYMMETRY = "a periodic tile requires a uniform load"
-ALONE = "a map strains its mesh uniformly"
-REAL_TIME = "only with drive = 'ramp' (a relaxation has no real time)"
-FICTITIOUS = "the masses of a relaxation are fictitious"
-OWN_CONTACT = "in space wires touch each other directly: there are no bodies"
-
-RULES = (
-    # the mesh and its model
-    Rule("planar", ("wires",), "'spatial' with [wires], whose wires are curves in space", "its wires are curves in space"),
-    Rule("periodic", ("hook",), "'gripped' with [hook]: its ends are held", "its ends are held"),
-    Rule("panel", ("hook",), "no [panel] with [hook]: its ends are where its wires end", "it ends where its wires end"),
-    Rule("panel", ("wires",), "no [panel] with [wires]", "it ends where its wires end"),
-    Rule("sweep", ("hook",), "no [sweep] with [hook]: it has no strains", "it has no strains"),
-    Rule("sweep", ("wires",), "no [sweep] with [wires]", NOT_BUILT),
-    Rule("ramp", ("wires",), "'relax' with [wires]", NOT_BUILT),
-    Rule("file repeats", ("gripped",), "[1, 1] unless model.boundary = 'periodic'", "wires held at their ends do not repeat"),
-    Rule(
-        "crossing distance",
-        ("planar",),
-        "left out with model.kind = 'planar', where both wires lie in one plane",
-        "both wires lie in one plane",
-    ),
-    Rule("seeds", ("even loops",), "1 without knit.scatter, as all seeds give the same mesh", "all seeds give the same mesh"),
-    # contact
-    Rule("treatment", ("spatial",), f"left out {SPATIAL}, whose wires touch each other themselves", OWN_CONTACT),
-    Rule(
-        "treatment",
-        ("knit",),
-        "'free-body' for a knit; the others are for the two wires of [hook]",
-        "the others are for comparison on a single contact",
-    ),
-    Rule("body mass", ("spatial",), f"left out {SPATIAL}, whose wires touch each other themselves", OWN_CONTACT),
-    Rule(
-        "body mass",
-        ("relax",),
-        "only with solver.drive = 'ramp' (the masses of a relaxation are fictitious)",
-        FICTITIOUS,
-    ),
-    Rule("body radius", ("spatial",), "as only the planar model has contact bodies", OWN_CONTACT, refused=False),
-    Rule(
-        "friction",
-        ("treatment",),
-        "0 unless contact.treatment = 'free-body'",
-        "each treatment is studied without friction",
-    ),
-    # friction and yield
-    Rule("friction", ("ramp",), "0 with solver.drive = 'ramp'", NOT_BUILT),
-    Rule("plastic", ("ramp",), "false with solver.drive = 'ramp'", NOT_BUILT),
-    Rule("hardening", ("elastic",), "as it applies only with wire.plastic = true", "the wire stays elastic", refused=False),
-    Rule("poisson", ("planar",), "as wires do not twist in the plane", "wires do not twist in the plane", refused=False),
-    Rule("seed", ("even loops",), "as it applies only with knit.scatter", "uniform loops need no seed", refused=False),
-    # loads
-    *(Rule(trait, ("hook",), HOOK_LOADS, ENDS) for trait in ("strain", "tension", "shear", "gradient", "pull", "rotation")),
-    *(Rule(trait, ("wires",), WIRE_LOADS, SIZE) for trait in ("displacement", "gradient", "pull")),
-    *(Rule(trait, ("periodic",), NO_EDGE, SYMMETRY) for trait in ("gradient", "pull", "rotation")),
-    *(Rule(trait, ("ramp",), NOT_IN_A_RAMP, NOT_BUILT) for trait in ("gradient", "pull", "rotation", "cord")),
-    Rule("rotation", ("cord",), "nothing with panel.cord, which holds the clamps", "the clamps hang on the cord"),
-    Rule("rotation", ("spatial", "pull"), f"0 with pulls {SPATIAL}", NOT_BUILT),
-    Rule("rotation and pull", (), "nothing together with a pull", "each of them moves the clamps"),
-    Rule(
-        "gradient",
-        ("no multipliers",),
-        "nothing with solver.multipliers = false: the multipliers apply it",
-        "the multipliers apply it",
-    ),
-    *(
-        Rule("tension", (trait,), STRAINS_ONLY, "a search for tension would be part of the load history")
-        for trait in ("friction", "plastic")
-    ),
-    Rule("path", ("sweep",), "as `warpknit map` runs only [load]", "each strain of a map is loaded separately", refused=False),
-    # the solver
-    Rule("single", ("hook",), "'double' with [hook], which has few nodes", "double precision costs nothing with few nodes"),
-    Rule("single", ("spatial",), f"'double' {SPATIAL}", NOT_BUILT),
-    Rule("no multipliers", ("spatial",), f"true {SPATIAL}", NOT_BUILT),
-    Rule("focal length", ("spatial",), f"left out {SPATIAL}", NOT_BUILT),
-    Rule("target time step", ("relax",), REAL_TIME, FICTITIOUS),
-    Rule("loading time", ("relax",), REAL_TIME, FICTITIOUS),
-    Rule(
-        "mass scaling",
-        ("relax",),
-        "1 with drive = 'relax' (its masses are fictitious), 1 or more with drive = 'ramp'",
-        FICTITIOUS,
-    ),
-    Rule("damping", ("relax",), "as it applies only to a ramp", FICTITIOUS, refused=False),
-    Rule("max steps", ("ramp",), "as it applies only to a relaxation", "a ramp ends when its time is over", refused=False),
-    # rules for a whole table, after those for its keys
-    Rule("periodic", ("panel",), "'gripped' with [panel]: a periodic tile has no outline", "a tile has no outline"),
-    # commands
-    Rule("wires", ("map",), "[knit] for a map", NOT_BUILT),
-    Rule("wires", ("trade",), "[knit] or [hook] for a trade", NOT_BUILT),
-    Rule("wires", ("error",), "[knit] or [hook] with --error", "settings are tried on a smaller mesh, which requires a knit"),
-    Rule("hook", ("map",), "[knit] for a map", "it has no strains"),
-    Rule("hook", ("ranks",), "[knit] for several ranks: run without mpirun", "two wires are too few for several ranks"),
-    Rule("no sweep", ("map",), "a table [sweep] with strain_weft and strain_warp, for `warpknit map`", "it defines the strains"),
-    Rule("ramp", ("map",), "'relax' for a map", "a map consists of equilibria"),
-    Rule("ramp", ("error",), "'relax' with --error", "errors are those of equilibria"),
-    Rule(
-        "spatial",
-        ("trade",),
-        "'planar' for a trade; --against spatial takes a reference in space",
-        "its parameters are those of the planar model",
-    ),
-    Rule("spatial", ("error", "hook"), "'planar' for a hook with --error", "its errors were not measured for hooks in space"),
-    Rule("spatial", ("ranks",), "'planar' for several ranks: run without mpirun", NOT_BUILT),
-    Rule("gripped", ("report",), "'periodic' for a report (a card is for endless cloth)", "a card is for endless cloth"),
-    Rule(
-        "friction",
-        ("report",),
-        "0 for a report (a card is for states that do not depend on the load history)",
-        "a card is for states that do not depend on the load history",
-    ),
-    Rule("friction", ("map", "planar"), ON_THE_PATH, NOT_BUILT),
-    *(
-        Rule(trait, ("map",), ON_THE_PATH, why)
-        for trait, why in (
-            ("plastic", NOT_BUILT),
-            ("pull", ALONE),
-            ("rotation", ALONE),
-            ("gradient", ALONE),
-            ("cord", ALONE),
-        )
-    ),
-    Rule("cuda", ("map",), "cpu for a map (its small meshes fit the caches of a CPU)", "small meshes fit the caches of a CPU"),
-    Rule("ranks", ("map",), "one rank for a map: run it without mpirun", "its meshes are small"),
-)

@@ -19,7 +19,7 @@ from warpknit.scene.digest import digest
 from warpknit.scene.hook import Hook
 from warpknit.scene.keys import Table, key
 from warpknit.scene.panel_options import PanelOptions
-from warpknit.scene.presets import DEFAULT_PRESET, preset_like
+from warpknit.scene.presets import DEFAULT_PRESET, PRESETS, preset_like
 from warpknit.scene.units import shown
 from warpknit.scene.values import (
     TREATMENTS,
@@ -198,9 +198,10 @@ class ModelOptions(Table):
 
     kind: Kind = key(
         "`planar`: two coordinates per node, contact bodies where wires hook. `spatial`: three coordinates, with twist and"
-        " contact of round wires ([physics.md](physics.md#the-spatial-model)); required with `[wires]`. See"
-        " [capabilities.md](capabilities.md) for the features of each.",
-        "planar",
+        " contact of round wires ([physics.md](physics.md#the-spatial-model)); required with `[wires]`. `auto`: the plane where"
+        " it is good for the knit, else space ([below](#the-kind-of-model)). See [capabilities.md](capabilities.md) for the"
+        " features of each.",
+        "auto",
     )
     boundary: Boundary = key(
         "`gripped`: cut along an outline, with every cut wire end clamped. `periodic`: one tile of an endless mesh.", "gripped"
@@ -413,6 +414,7 @@ class Scene:
     solver: Solver
     output: Output
     sweep: Sweep | None
+    kind_reason: str = field(default="as given", compare=False)  # of `model.kind`, which is resolved (model_choice.py)
 
     @property
     def has_moving_edge(self) -> bool:
@@ -422,10 +424,17 @@ class Scene:
     @property
     def preset_in_force(self) -> str | None:
         """The preset that matches the numerics of a relaxation, regardless of `solver.preset`; None if none matches."""
-        if self.solver.drive != "relax" or not self.solver.multipliers or self.hook is not None:
+        model, solver = self.model, self.solver
+        if solver.drive != "relax" or not solver.multipliers or self.hook is not None or self.wires is not None:
             return None
-        solver = self.solver
-        return preset_like(self.model.nodes_per_loop, solver.axial_softening, solver.precision, solver.residual_tolerance)
+        numerics = (solver.axial_softening, solver.precision, solver.residual_tolerance)
+        return preset_like(model.kind, model.nodes_per_loop, *numerics)
+
+    @property
+    def preset_error_percent(self) -> float | None:
+        """[%] measured error of the preset in force; None without one."""
+        name = self.preset_in_force
+        return None if name is None else PRESETS[name].of(self.model.kind, self.solver.drive).error_percent
 
     @property
     def depends_on_path(self) -> bool:

@@ -11,9 +11,11 @@ from collections.abc import Iterable, Iterator
 from dataclasses import MISSING
 from pathlib import Path
 
-from warpknit.scene.capabilities import AT_COMMAND, COLUMNS, GROUPS, RULES, TRAITS, goes_together
+from warpknit.scene.capabilities import goes_together
 from warpknit.scene.file import SceneFile
 from warpknit.scene.keys import Key, keys_below, keys_of
+from warpknit.scene.rules import RULES
+from warpknit.scene.traits import AT_COMMAND, COLUMNS, GROUPS, TRAITS
 from warpknit.text import engineering
 
 BEGIN, END = "<!-- keys of {}, written by warpknit.scene.reference -->", "<!-- end of keys -->"
@@ -90,9 +92,10 @@ def _as_code(found: re.Match[str]) -> str:
 
 CAPABILITIES = """# Compatibility of features
 
-Generated from the table in `warpknit/scene/capabilities.py` by `python -m warpknit.scene.reference docs`. Excluded combinations
-are refused with a message of one line and exit status 2. Limits that depend on a size, a file or values of a model are not in
-this table; the message states them.
+Generated from `warpknit/scene/traits.py` and `warpknit/scene/rules.py` by `python -m warpknit.scene.reference docs`. Excluded
+combinations are refused with a message of one line and exit status 2. Limits that depend on a size, a file or values of a model
+are not in this table; the message states them. `model.kind = "auto"` takes a model that has
+what the scene and the command ask for.
 
 Empty: the two are alternatives. *no effect*: the key changes nothing, and `warpknit plan` says so. *partly*: excluded together
 with a third feature, see below. A report includes a map: whatever excludes a map excludes a report.

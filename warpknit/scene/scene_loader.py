@@ -18,6 +18,7 @@ from warpknit.scene.hook_defaults import hook_of
 from warpknit.scene.keys import as_object
 from warpknit.scene.materials import MATERIALS
 from warpknit.scene.messages import dotted, first_error, scene_error
+from warpknit.scene.model_choice import choose_model
 from warpknit.scene.objects import TREATMENT_KEYS, Contact, Knit, KnitTable, ModelOptions, Scene, Solver
 from warpknit.scene.overrides import Override, with_overrides
 from warpknit.scene.panel_options import PanelError, PanelOptions, covering_repeats, panel_options
@@ -41,12 +42,20 @@ OF_THE_METAL = ("youngs_modulus", "poissons_ratio", "density", "expansion", "yie
 SINGLE_TOLERANCE = 1e-3  # least residual tolerance that single precision can meet
 
 
-def load_scene(path: str | os.PathLike[str], overrides: Sequence[Override] = (), preset: str | None = None) -> Scene:
+def load_scene(
+    path: str | os.PathLike[str],
+    overrides: Sequence[Override] = (),
+    preset: str | None = None,
+    *,
+    command: str = "",
+    ranks: int = 1,
+) -> Scene:
     """The scene in the TOML file at `path`.
 
     overrides: "key=value" strings (the value is TOML, else a plain string) or (key, value) pairs; keys are dotted. A
     strain set this way takes the place of the file's tension in that direction, and so for other ways to say the same.
     preset: takes the place of `solver.preset`; keys that the file gives still stand.
+    command, ranks: what the scene is for, as in `refuse`; `model.kind = "auto"` takes a model that has it.
     Raises SceneError.
     """
     path = Path(path)
@@ -57,7 +66,7 @@ def load_scene(path: str | os.PathLike[str], overrides: Sequence[Override] = (),
         raise scene_error(path, "the file", (error.strerror or "an unreadable file").lower(), expected) from error
     except (ValueError, RecursionError) as error:
         raise scene_error(path, "the file", f"invalid TOML ({error})", expected) from error
-    return make_scene(table, overrides, preset, path=path)
+    return make_scene(table, overrides, preset, path=path, command=command, ranks=ranks)
 
 
 def make_scene(
@@ -66,6 +75,8 @@ def make_scene(
     preset: str | None = None,
     *,
     path: str | os.PathLike[str] = "scene.toml",
+    command: str = "",
+    ranks: int = 1,
 ) -> Scene:
     """The scene of a table as read from TOML; `path` is for messages, and names a scene without `name`."""
     path = Path(path)
@@ -76,28 +87,21 @@ def make_scene(
         file = checked_file(table)
     except ValidationError as error:
         raise first_error(path, error) from error
-    if file.wires is not None and "kind" not in table.get("model", {}):
-        file = replace(file, model=replace(file.model, kind="spatial"))
     source = Source(path, table)
     refuse(file, source=source)
     wire = _wire(source, file.wire)
+    panel = _panel(source, file)
+    knit = _knit(source, file, wire, panel) if file.hook is None and file.wires is None else None
+    choice = choose_model(file, wire, knit, command=command, ranks=ranks)
+    file = replace(file, model=replace(file.model, kind=choice.kind))
+    refuse(file, source=source)  # with the kind of model
     hook = None if file.hook is None else hook_of(source, file, wire)
     wires = wire_file(source, file, wire)
     if hook is not None:
         knit = _nothing_knitted(file, hook.radius)
     elif wires is not None:
         knit = _nothing_knitted(file, wires.loop_size)
-    else:
-        knit = _knit(source, file.knit, wire)
-    panel = _panel(source, file)
-    if panel.outline != "rectangle":
-        repeats = covering_repeats(panel.shape(knit.size), knit.repeat)
-        if file.knit.repeats not in ((1, 1), repeats):
-            allowed = (
-                f"left out with panel.outline = {panel.outline!r}, which sets the size of the mesh ({list(repeats)} cover it)"
-            )
-            raise source.refusal(("knit", "repeats"), list(file.knit.repeats), allowed)
-        knit = replace(knit, repeats=repeats)
+    assert knit is not None
     numerics = PRESETS[file.solver.preset].of(file.model.kind, file.solver.drive)
     if wires is not None:
         numerics = replace(numerics, nodes_per_loop=wires.nodes_per_loop)
@@ -119,6 +123,7 @@ def make_scene(
         solver=_solver(source, file, numerics, wire.diameter / knit.wale_spacing),
         output=file.output,
         sweep=file.sweep,
+        kind_reason=choice.reason,
     )
 
 
@@ -138,7 +143,19 @@ def _wire(source: Source, table: Wire) -> Wire:
     return wire
 
 
-def _knit(source: Source, table: KnitTable, wire: Wire) -> Knit:
+def _knit(source: Source, file: SceneFile, wire: Wire, panel: PanelOptions) -> Knit:
+    """What is knitted, of as many repeats as cover the panel."""
+    knit = _one_knit(source, file.knit, wire)
+    if panel.outline == "rectangle":
+        return knit
+    repeats = covering_repeats(panel.shape(knit.size), knit.repeat)
+    if file.knit.repeats not in ((1, 1), repeats):
+        allowed = f"left out with panel.outline = {panel.outline!r}, which sets the size of the mesh ({list(repeats)} cover it)"
+        raise source.refusal(("knit", "repeats"), list(file.knit.repeats), allowed)
+    return replace(knit, repeats=repeats)
+
+
+def _one_knit(source: Source, table: KnitTable, wire: Wire) -> Knit:
     spacing = {}
     for key, length, count_key, count in (
         ("wale_spacing", table.wale_spacing, "wales", table.wales),

@@ -18,6 +18,7 @@ import numpy as np
 from ..files import write_aside
 from ..measure import Observables, table
 from ..measure.table import Measure
+from ..mechanics import Model
 
 STEADY = "steady"
 SAME_SHARE = 0.01  # percentage points: tolerance for equal shares of active contacts
@@ -109,7 +110,7 @@ def _mean(rows: Sequence[MapRow]) -> MapRow:
     reason = STEADY if len(steady) == len(rows) else f"{len(steady)} of {len(rows)} seeds steady" if steady else "diverged"
 
     def over(name: str, how: Callable[[list[float]], Any]) -> float | None:
-        values = [getattr(row, name) for row in steady]
+        values: list[Any] = [vars(row).get(name) for row in steady]
         return float(how(values)) if values and None not in values else None
 
     measures = {line.name: over(line.name, line.over_seeds) for line in measures_of("map") + measures_of("details")}
@@ -123,6 +124,11 @@ def _mean(rows: Sequence[MapRow]) -> MapRow:
         message=next((row.message for row in rows if row.message), ""),
         **measures,
     )
+
+
+def model_warnings(mesh: Model, rows: Sequence[MapRow]) -> list[str]:
+    """Where the states of a map are outside the validity of their model, a sentence each."""
+    return list(mesh.warnings([{"wire": {"slid_max_m": vars(row).get("slid_max_m") or 0.0}} for row in rows]))
 
 
 def grid(rows: Sequence[MapRow], name: str, weft: Sequence[float], warp: Sequence[float]) -> np.ndarray:

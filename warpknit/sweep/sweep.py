@@ -24,10 +24,11 @@ from ..numerics import thread_count
 from ..run.interrupts import Interrupted, Interrupts
 from ..run.progress_display import Progress as Display
 from ..run.run_directory import CommandResult, continues_earlier, finished_result, open_directory
+from ..run.summary_table import model_rows
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.capabilities import refuse
 from ..text import duration, engineering
-from .contact_map import STEADY, MapRow, find_optimum, grid, map_row, mean_map, read_map, write_map
+from .contact_map import STEADY, MapRow, find_optimum, grid, map_row, mean_map, model_warnings, read_map, write_map
 from .states import States, mesh_of, states_of
 
 _log = logging.getLogger(__name__)
@@ -133,6 +134,10 @@ class _Mapper:
     def rows(self) -> list[MapRow]:
         return mean_map(self.maps)
 
+    @property
+    def model_warnings(self) -> list[str]:
+        return model_warnings(self.meshes[0], self.rows)
+
     # --- cells ---
 
     def _run_seed(self, seed: int, done: list[MapRow]) -> None:
@@ -192,7 +197,7 @@ class _Mapper:
         rows, wire = self.rows, self.scene.wire
         failed = [row for row in rows if row.stop_reason != STEADY]
         optimum = find_optimum(rows, wire.yield_stress)
-        warnings = []
+        warnings = list(self.model_warnings)
         if failed:
             warnings.append(f"{len(failed)} of {len(rows)} pairs of strains did not converge; map_details.csv has the reasons")
         if len(self.scene.stages) > 1:
@@ -207,6 +212,7 @@ class _Mapper:
             "seeds": self.sweep.seeds,
             "model": {
                 "kind": self.scene.model.kind,
+                "kind_reason": self.scene.kind_reason,
                 "boundary": self.scene.model.boundary,
                 "nodes": self.nodes,
                 "bodies": self.meshes[0].panel.body_count,
@@ -237,18 +243,21 @@ class _Mapper:
             yield_stress=self.scene.wire.yield_stress,
             optimum=None if optimum is None else (optimum["strain_weft"], optimum["strain_warp"]),
         )
-        wire, seeds = self.scene.wire, self.sweep.seeds
+        wire, seeds, warnings = self.scene.wire, self.sweep.seeds, self.model_warnings
         scatter = f", mean of {seeds} seeds, loops scattered by {self.scene.knit.scatter:.0%}" if seeds > 1 else ""
         mesh = f"{self.scene.name}: {wire.material} {1e6 * wire.diameter:g} um, {self.scene.model.boundary}{scatter}"
         for name, values, label, unit, factor in FIGURES + (SEED_FIGURES if seeds > 1 else ()):
             map_figure(
                 self.out / "figures" / f"{name}.png", weft, warp, column(values, factor),
-                title=mesh, label=f"{label} [{unit}]", percent=name == "contact_map", marks=marks,
+                title=mesh, label=f"{label} [{unit}]", percent=name == "contact_map", marks=marks, warnings=warnings,
             )  # fmt: skip
 
 
 def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     """Table of a map: pairs of a heading and a text."""
+    for warning in summary["warnings"]:
+        yield "warning", warning
+    yield from model_rows(summary["model"])
     cells, solver, optimum = summary["cells"], summary["solver"], summary["optimum"]
     meshes = "" if summary["seeds"] == 1 else f", {summary['seeds']} meshes each"
     yield "pairs of strains", f"{cells['steady']} of {cells['wanted']} converged{meshes}"
@@ -266,5 +275,3 @@ def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         margin = f"margin {optimum['stress_margin']:.0%} of the elastic limit"
         yield "  largest stress", f"{engineering(optimum['stress_max_Pa'], 'Pa')}, {margin}"
     yield "stopped", summary["stop_reason"]
-    for warning in summary["warnings"]:
-        yield "warning", warning

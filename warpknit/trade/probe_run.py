@@ -1,22 +1,26 @@
 """Probe runs: a small mesh of the same knit, wire and load, at few and at many nodes, to estimate discretisation errors.
 
 Discretisation errors are the same in every repeat, and the same at every grip. One repeat therefore stands for a periodic tile,
-and PATCH repeats a side for a gripped mesh, where the share of the grips is larger by the ratio of the sizes. Hooks and
-scattered loops are probed at full size. Pulls at the edge and temperature gradients are left out.
+or the fewest that its model can take, and PATCH repeats a side for a gripped mesh, where the share of the grips is larger by the
+ratio of the sizes. Hooks and scattered loops are probed at full size. Pulls at the edge and temperature gradients are left out.
 """
 
 from __future__ import annotations
 
 from dataclasses import asdict, replace
 from functools import cached_property
+from itertools import product
+from math import prod
 
-from ..errors import Diverged
-from ..model import build_model, trials_of
+from ..errors import Diverged, ModelError
+from ..mesh.layout import knit_scene
+from ..model import build_model, estimates_of, trials_of
 from ..scene import PanelOptions, Scene
 from ..trial import Setting, edge_of
 from .point import Errors, Outcome, Results, Scales, errors_of, run_point, scales_of
 
 PATCH = 2  # repeats a side of the gripped mesh
+TILES = 12  # sizes that are tried of a tile, the smallest first
 LEVELS = 2  # of a mesh whose state does not depend on the load history
 SAFETY = 1.3  # factor on the estimate
 FLOOR_PERCENT = 0.2  # added to it: error of the fine run and of the convergence tolerance
@@ -118,9 +122,20 @@ def _small(scene: Scene) -> Scene:
     small = replace(scene, output=output, solver=solver)
     if scene.hook is not None or scene.knit.scatter:
         return small
-    repeats = (1, 1)
-    if scene.model.boundary == "gripped":
-        columns, rows = scene.knit.repeats
-        repeats = min(PATCH, columns), min(PATCH, rows)
     stages = tuple(replace(stage, pull=(), temperature_gradient=(0.0, 0.0)) for stage in scene.stages)
-    return replace(small, knit=replace(scene.knit, repeats=repeats), panel=PanelOptions(), stages=stages)
+    small = replace(small, panel=PanelOptions(), stages=stages)
+    columns, rows = scene.knit.repeats
+    if scene.model.boundary == "gripped":
+        return _of_repeats(small, min(PATCH, columns), min(PATCH, rows))
+    for repeats in sorted(product(range(1, columns + 1), range(1, rows + 1)), key=prod)[:TILES]:
+        tile = _of_repeats(small, *repeats)
+        try:
+            estimates_of(tile).size_of(tile, knit_scene(tile))
+        except ModelError:  # too narrow
+            continue
+        return tile
+    return small
+
+
+def _of_repeats(scene: Scene, columns: int, rows: int) -> Scene:
+    return replace(scene, knit=replace(scene.knit, repeats=(columns, rows)))

@@ -22,6 +22,7 @@ from ..numerics import slowest_rate
 from ..run.interrupts import Interrupted, Interrupts
 from ..run.progress_display import Progress as Display
 from ..run.run_directory import CommandResult, continues_earlier, finished_result, open_directory
+from ..run.summary_table import model_rows
 from ..scene import Scene, resolved_toml
 from ..scene.capabilities import refuse
 from ..text import duration
@@ -214,6 +215,8 @@ class _Study:
             "scene": {"name": self.base.scene.name, "hash": self.base.scene.hash},
             "version": __version__,
             "stop_reason": reason,
+            "warnings": list(self.base.warnings([])),
+            "model": {"kind": self.base.scene.model.kind, "kind_reason": self.base.scene.kind_reason},
             "points": len(self.rows),
             "without_result": sum(row.outcome.results is None for row in self.rows),
             "reference": self._reference(),
@@ -301,6 +304,9 @@ def _columns(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 def trade_lines(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """Table of a trade: pairs of a heading and a text."""
+    for warning in summary.get("warnings", ()):
+        yield "warning", warning
+    yield from model_rows(summary.get("model"))
     yield "points", f"{summary['points']}, {summary['without_result']} without a result"
     own = summary["reference"].get("own_error")
     if own:
