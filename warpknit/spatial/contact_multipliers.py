@@ -2,7 +2,8 @@
 
 A contact pushes with N = k (overlap + offset); at each convergence check the offsets at its nodes take up a share of its overlap,
 until it carries its force without overlap. The penalty may then be soft: it follows the force, k = FORCE_PENALTY N/d, and is at
-least `floor`. A soft contact is about as stiff as the loops that it connects, so it does not make the masses heavy.
+least `floor`. A soft contact is about as stiff as the loops that it connects, so it does not make the masses heavy. Contacts that
+share nodes share offsets: where their overlaps stall above the tolerance, the penalty is raised.
 """
 
 from __future__ import annotations
@@ -10,8 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..host import fetch, store
+from .stalled import Stalled
 from .wire_contact import Contacts, WireContact
 
+OVERLAP_ERROR = 0.004  # of the thickness: allowed overlap of a contact
 FORCE_PENALTY = 20.0  # penalty over N/d: a twentieth of the thickness is the overlap of a force without offset
 GROWTH, DECAY = 8.0, 0.5  # largest changes of a penalty at a check
 WITHOUT_CONTACT = 0.5  # share of the offset that is left after a check without contact
@@ -19,6 +22,7 @@ LOADED = 0.2  # share of the floor that is kept once the load is applied: nothin
 MAX_OFFSET = 0.25  # thicknesses
 NEIGHBOUR = 0.1  # weight of a contact at the two nodes beyond its segment
 LEAST_WEIGHT = 0.3  # the same at the two nodes of its segment, at least
+RAISED, MOST_RAISED = 2.0, 64.0  # factor of the penalty where overlaps stall, and the most that it comes to
 
 
 class ContactMultipliers:
@@ -31,14 +35,19 @@ class ContactMultipliers:
         self._state = contact.stepper.state
         self._after, self._before = rods.following, rods.previous
         self._thickness = rods.section.thickness
+        self._stalled = Stalled(rods.node_count, OVERLAP_ERROR)
+        self._raised = np.ones(rods.node_count)
         store(self._state.contact_penalty, floor)
 
     def error(self, touching: Contacts) -> float:
-        """Largest overlap or gap of a contact over the thickness; of forces below the mean, in proportion."""
-        if not len(touching.force):
-            return 0.0
-        share = np.minimum(1.0, np.abs(touching.force) / np.abs(touching.force).mean())
-        return float((share * np.abs(touching.overlap)).max()) / self._thickness
+        """Largest of `errors`, in thicknesses."""
+        return float(self._errors(touching).max(initial=0.0))
+
+    def _errors(self, touching: Contacts) -> np.ndarray:
+        """[contact] overlap or gap over the thickness; of forces below the mean, in proportion."""
+        force = np.abs(touching.force)
+        share = np.minimum(1.0, force / max(float(force.mean()) if len(force) else 0.0, 1e-300))
+        return np.asarray(share * np.abs(touching.overlap) / self._thickness)
 
     def renew(self, touching: Contacts, rate: float, *, loading: bool) -> None:
         """Move the offsets by `rate` times the overlaps, and the penalties with the forces."""
@@ -55,7 +64,9 @@ class ContactMultipliers:
         state = self._state
         before, offset = fetch(state.contact_penalty), fetch(state.contact_offset)
         floor = self._floor if loading else LOADED * self._floor
-        wanted = np.maximum(floor, FORCE_PENALTY * largest / self._thickness)
+        if not loading:
+            self._raise_stalled(touching)
+        wanted = np.maximum(floor, FORCE_PENALTY * self._raised * largest / self._thickness)
         penalty = np.where(is_touched, np.clip(wanted, DECAY * before, GROWTH * before), floor)
         penalty = np.maximum(penalty, floor)
         # the force of the offset is kept
@@ -64,8 +75,29 @@ class ContactMultipliers:
         store(state.contact_penalty, penalty)
         store(state.contact_offset, np.clip(offset, 0.0, MAX_OFFSET * self._thickness))
 
+    def _raise_stalled(self, touching: Contacts) -> None:
+        """Raise the penalty at the nodes of contacts whose overlaps have stalled."""
+        everywhere = np.ones(len(touching.force), dtype=bool)
+        node, weight, which = self._spread(touching, everywhere)
+        inside = weight > NEIGHBOUR
+        error = np.zeros(self._nodes)
+        np.maximum.at(error, node[inside], self._errors(touching)[which[inside]])
+        stalled = self._stalled.after(error)
+        self._raised[stalled] = np.minimum(RAISED * self._raised[stalled], MOST_RAISED)
+
+    def state_dict(self) -> dict[str, np.ndarray]:
+        """Arrays for a checkpoint, beside the state of the rods."""
+        return {"penalty_raised": self._raised, **self._stalled.state_dict("overlap")}
+
+    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+        """Restore what `state_dict` returned."""
+        self._raised = kept["penalty_raised"].copy()
+        self._stalled.load_state_dict("overlap", kept)
+
     def stiffen(self) -> None:
         """Raise the penalties to the floor for a load to come; the forces of the offsets are kept."""
+        self._raised[:] = 1.0
+        self._stalled.reset()
         state = self._state
         before = fetch(state.contact_penalty)
         penalty = np.maximum(before, self._floor)

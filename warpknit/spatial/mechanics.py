@@ -305,8 +305,8 @@ class SpatialMechanics:
     def state_dict(self) -> dict[str, np.ndarray]:
         kept: dict[str, Any] = {"notes": np.array(json.dumps(self.notes)), "searched_at": self._searched_at}
         kept |= self.contact.state_dict() | self.relaxation.state_dict() | self.stepper.yielding.state_dict()
-        if self.edge is not None:
-            kept |= self.edge.state_dict()
+        for part in (self.edge, self.multipliers):
+            kept |= part.state_dict() if part is not None else {}
         if self._last is not None:
             kept |= {"gradient_before": self._last[0], "displacement_before": self._last[1]}
         return kept
@@ -317,8 +317,9 @@ class SpatialMechanics:
         self.contact.load_state_dict(kept)
         self.relaxation.load_state_dict(kept)
         self.stepper.yielding.load_state_dict(kept)
-        if self.edge is not None:
-            self.edge.load_state_dict(kept)
+        for part in (self.edge, self.multipliers):
+            if part is not None:
+                part.load_state_dict(kept)
         self._last = None
         if "gradient_before" in kept:
             self._last = kept["gradient_before"].copy(), kept["displacement_before"].copy()

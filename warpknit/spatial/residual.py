@@ -8,12 +8,10 @@ import numpy as np
 
 from ..kernels import control as c
 from ..numerics import AXIAL_ERROR, ENERGY_FLOOR, FORCE_FLOOR, LOCAL_ALLOWANCE
-from .contact_multipliers import ContactMultipliers
+from .contact_multipliers import OVERLAP_ERROR, ContactMultipliers
 from .model import SpatialModel
 from .rod_relaxation import RodRelaxation
 from .wire_contact import Contacts
-
-OVERLAP_ERROR = 0.004  # of the thickness: allowed overlap of a contact
 
 
 class Residual:

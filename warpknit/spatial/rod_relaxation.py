@@ -26,6 +26,7 @@ from .clamps import MovingClamps
 from .fictitious_masses import BandedMasses, MassProduct
 from .rest_curve import RestCurve
 from .rod_step import EVALUATED, RodStepper
+from .stalled import Stalled
 from .step_bound import largest_rates, stable_step
 
 CHECK_STEPS = 25  # steps between convergence checks
@@ -36,8 +37,7 @@ RATE_PATIENCE, LOWER_RATE = 12, 0.6  # checks without progress before the rate i
 APPROACH = 2.4  # of two wires, over the largest displacement
 # thicknesses: largest displacement a step of wires that may touch, and the least limit; up to FASTER times the speed
 CONTACT_SPEED, LEAST_SPEED, FASTER = 0.1, 0.001, 1.5
-# a wire is taut if its mean excess strain does not fall to this share of itself in so many checks; it is then made stiffer
-TAUT_PROGRESS, TAUT_PATIENCE, TAUT_FACTOR = 0.8, 20, 4.0
+TAUT_FACTOR = 4.0  # by which a taut wire is made stiffer: its mean excess strain has stalled
 LEAST_DAMPING = 0.01  # [1/s] banded masses leave few modes slower than half of it
 
 
@@ -103,8 +103,7 @@ class RodRelaxation:
         self._rate: float = MAX_RATE
         self._best_ratio: float = math.inf
         self._stalled = 0  # checks without progress
-        self._imposed = np.full(len(rods.wire_first), np.inf)  # [wire] mean excess strain at the last progress
-        self._taut = np.zeros(len(rods.wire_first), dtype=int)  # [wire] checks without progress of it
+        self._taut = Stalled(len(rods.wire_first), AXIAL_ERROR)  # [wire] mean excess strain
 
     def set_thermal_strain(self, thermal_strain: np.ndarray) -> None:
         """Set the strain [node] of the natural lengths beyond the common length factor; the multipliers apply it."""
@@ -261,7 +260,7 @@ class RodRelaxation:
     def _reset_rate(self) -> None:
         """Start with the full rate of the multipliers."""
         self._rate, self._best_ratio, self._stalled = MAX_RATE, math.inf, 0
-        self._imposed, self._taut = np.full_like(self._imposed, np.inf), np.zeros_like(self._taut)
+        self._taut.reset()
 
     def renew_multipliers(self, *, loading: bool = False) -> None:
         """Move the tension offsets by the error of the softening, in the state last evaluated; stiffen taut wires."""
@@ -279,12 +278,7 @@ class RodRelaxation:
         progress."""
         rods = self.stepper.rods
         total = np.add.reduceat(np.where(self.has_segment, excess * rods.natural_length, 0.0), rods.wire_first)
-        imposed = np.abs(total) / rods.wire_length
-        stuck = (imposed > AXIAL_ERROR) & (imposed > TAUT_PROGRESS * self._imposed)
-        self._imposed = np.where(stuck, self._imposed, imposed)
-        self._taut = np.where(stuck, self._taut + 1, 0)
-        raised = self._taut >= TAUT_PATIENCE
-        self._taut[raised] = 0
+        raised = self._taut.after(np.abs(total) / rods.wire_length)
         factor = np.repeat(np.where(raised, TAUT_FACTOR, 1.0), rods.wire_count)
         return np.minimum(factor * stiffness, rods.section.axial_stiffness)
 
@@ -321,7 +315,7 @@ class RodRelaxation:
     def state_dict(self) -> dict[str, np.ndarray]:
         """Arrays for a checkpoint, in addition to the state of the rods."""
         kept = {"thermal_strain": self.thermal_strain, "multipliers": np.array(self._has_multipliers)}
-        kept |= {"imposed": self._imposed, "taut": self._taut}
+        kept |= self._taut.state_dict("taut")
         kept["multiplier_rate"] = np.array([self._rate, self._best_ratio, self._stalled])
         if self._last_check is not None:
             kept |= {f"check_{name}": array for name, array in vars(self._last_check).items()}
@@ -332,7 +326,7 @@ class RodRelaxation:
         self.thermal_strain, self._has_multipliers = kept["thermal_strain"], bool(kept["multipliers"])
         self._rate, self._best_ratio, stalled = kept["multiplier_rate"].tolist()
         self._stalled = int(stalled)
-        self._imposed, self._taut = kept["imposed"].copy(), kept["taut"].copy()
+        self._taut.load_state_dict("taut", kept)
         self._last_check = None
         if "check_place" in kept:
             self._last_check = _Motion(*(kept[f"check_{field.name}"] for field in fields(_Motion)))

@@ -9,18 +9,14 @@ from __future__ import annotations
 
 from dataclasses import asdict, replace
 from functools import cached_property
-from itertools import product
-from math import prod
 
-from ..errors import Diverged, ModelError
-from ..mesh.layout import knit_scene
-from ..model import build_model, estimates_of, trials_of
+from ..errors import Diverged
+from ..model import build_model, trials_of
 from ..scene import PanelOptions, Scene
 from ..trial import Setting, edge_of
 from .point import Errors, Outcome, Results, Scales, errors_of, run_point, scales_of
 
 PATCH = 2  # repeats a side of the gripped mesh
-TILES = 12  # sizes that are tried of a tile, the smallest first
 LEVELS = 2  # of a mesh whose state does not depend on the load history
 SAFETY = 1.3  # factor on the estimate
 FLOOR_PERCENT = 0.2  # added to it: error of the fine run and of the convergence tolerance
@@ -127,14 +123,7 @@ def _small(scene: Scene) -> Scene:
     columns, rows = scene.knit.repeats
     if scene.model.boundary == "gripped":
         return _of_repeats(small, min(PATCH, columns), min(PATCH, rows))
-    for repeats in sorted(product(range(1, columns + 1), range(1, rows + 1)), key=prod)[:TILES]:
-        tile = _of_repeats(small, *repeats)
-        try:
-            estimates_of(tile).size_of(tile, knit_scene(tile))
-        except ModelError:  # too narrow
-            continue
-        return tile
-    return small
+    return _of_repeats(small, 1, 1)
 
 
 def _of_repeats(scene: Scene, columns: int, rows: int) -> Scene:

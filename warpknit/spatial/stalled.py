@@ -1,0 +1,37 @@
+"""Which softened constraints have stalled: their error stays above its tolerance and makes no progress."""
+
+from __future__ import annotations
+
+import numpy as np
+
+PROGRESS, PATIENCE = 0.8, 20  # an error makes progress if it falls to this share of itself within so many convergence checks
+
+
+class Stalled:
+    """Errors of `count` constraints over the convergence checks."""
+
+    def __init__(self, count: int, tolerance: float) -> None:
+        self._tolerance = tolerance
+        self._best = np.full(count, np.inf)  # error at the last progress
+        self._checks = np.zeros(count, dtype=int)  # without progress since
+
+    def reset(self) -> None:
+        """Start anew."""
+        self._best[:], self._checks[:] = np.inf, 0
+
+    def after(self, error: np.ndarray) -> np.ndarray:
+        """[constraint] bool: which have stalled with these errors at a check; their count starts anew."""
+        waits = (error > self._tolerance) & (error > PROGRESS * self._best)
+        self._best = np.where(waits, self._best, error)
+        self._checks = np.where(waits, self._checks + 1, 0)
+        stalled = np.asarray(self._checks >= PATIENCE)
+        self._checks[stalled] = 0
+        return stalled
+
+    def state_dict(self, name: str) -> dict[str, np.ndarray]:
+        """Arrays for a checkpoint, with names that begin with `name`."""
+        return {f"{name}_best": self._best, f"{name}_checks": self._checks}
+
+    def load_state_dict(self, name: str, kept: dict[str, np.ndarray]) -> None:
+        """Restore what `state_dict` returned."""
+        self._best, self._checks = kept[f"{name}_best"].copy(), kept[f"{name}_checks"].copy()
