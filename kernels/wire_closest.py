@@ -1,8 +1,8 @@
 """Closest points of two wires: minima of the distance of their curves (wire_curve.py), segment by segment.
 
 Wires that hook at a small angle touch on both sides of their crossing, and the two contacts may be closer to each other than a
-segment is long. Minima are therefore searched from both ends of a segment. Two different minima have a saddle of the distance
-between them.
+segment is long. Minima are therefore searched from both ends of a segment and from the nearest of a grid of places. Two different
+minima have a saddle of the distance between them.
 
 Steps look at the pairs alone that may touch soon (`mark_near_pairs`); a pair is evaluated only where the distance of its chords,
 less the sag of the curves, is below the contact distance; one that does not touch sleeps until the travel has used up its gap.
@@ -35,6 +35,8 @@ MAX_STEP = wp.constant(wp.float64(0.25))  # of a segment
 SAME_PLACE = wp.constant(wp.float64(1.0e-6))  # of a segment: closer places are one
 MIN_BARRIER = wp.constant(wp.float64(1.0e-9))  # between two minima, of the contact distance
 SADDLE_STEPS = 40
+SAMPLES = 5  # places along a segment, of the grid that a search starts from
+SAMPLE_SPACING = wp.constant(wp.float64(0.25))
 RENEWAL_TRAVEL = wp.constant(wp.float64(0.01))  # of the contact distance
 PLACES = 3  # of a pair: two minima and the saddle between them
 
@@ -192,6 +194,23 @@ def projected_end(p: Powers, q: Powers, end: wp.float64) -> wp.vec2d:
 def distance_at(p: Powers, q: Powers, place: wp.vec2d) -> wp.float64:
     """[m] distance of two points of two curves."""
     return wp.length(point_at(p, place[0]) - point_at(q, place[1]))
+
+
+@wp.func
+def nearest_sample(p: Powers, q: Powers) -> wp.vec2d:
+    """The places (s, t) of least distance on a grid of SAMPLES places along either curve."""
+    nearest = wp.float64(1.0e300)
+    place = wp.vec2d()
+    for a in range(SAMPLES):
+        s = SAMPLE_SPACING * wp.float64(a)
+        at_p = point_at(p, s)
+        for b in range(SAMPLES):
+            t = SAMPLE_SPACING * wp.float64(b)
+            square = wp.length_sq(at_p - point_at(q, t))
+            if square < nearest:
+                nearest = square
+                place = wp.vec2d(s, t)
+    return place
 
 
 @wp.func
@@ -353,6 +372,16 @@ def find_closest_places(
             from_other = closest_on_curves(curve_p, curve_q, projected_end(curve_p, curve_q, wp.float64(1.0)))
             one = wp.vec2d(from_one[0], from_one[1])
             other = wp.vec2d(from_other[0], from_other[1])
+            from_sample = closest_on_curves(curve_p, curve_q, nearest_sample(curve_p, curve_q))
+            sample = wp.vec2d(from_sample[0], from_sample[1])
+            if are_distinct(sample, one) and are_distinct(sample, other):
+                # of three minima the nearest two
+                if distance_at(curve_p, curve_q, one) > distance_at(curve_p, curve_q, other):
+                    from_one = from_sample
+                    one = sample
+                else:
+                    from_other = from_sample
+                    other = sample
             pair_renewal_travel[pair] = travel + RENEWAL_TRAVEL * contact_distance
         minima = ONE_PLACE
         nearest = distance_at(curve_p, curve_q, one)

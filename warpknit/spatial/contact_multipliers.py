@@ -37,7 +37,13 @@ class ContactMultipliers:
         self._thickness = rods.section.thickness
         self._stalled = Stalled(rods.node_count, OVERLAP_ERROR)
         self._raised = np.ones(rods.node_count)
+        self._force = 0.0  # [N] mean of the contacts
         store(self._state.contact_penalty, floor)
+
+    @property
+    def _loading_floor(self) -> float:
+        """[N/m] smallest penalty while a load is applied: new contacts may have to carry as much as others at once."""
+        return max(self._floor, FORCE_PENALTY * self._force / self._thickness)
 
     def error(self, touching: Contacts) -> float:
         """Largest of `errors`, in thicknesses."""
@@ -63,7 +69,9 @@ class ContactMultipliers:
         is_touched = total > 0.0
         state = self._state
         before, offset = fetch(state.contact_penalty), fetch(state.contact_offset)
-        floor = self._floor if loading else LOADED * self._floor
+        if len(force):
+            self._force = float(force.mean())
+        floor = self._loading_floor if loading else LOADED * self._floor
         if not loading:
             self._raise_stalled(touching)
         wanted = np.maximum(floor, FORCE_PENALTY * self._raised * largest / self._thickness)
@@ -87,11 +95,15 @@ class ContactMultipliers:
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Arrays for a checkpoint, beside the state of the rods."""
-        return {"penalty_raised": self._raised, **self._stalled.state_dict("overlap")}
+        return {
+            "penalty_raised": self._raised,
+            "mean_contact_force": np.array(self._force),
+            **self._stalled.state_dict("overlap"),
+        }
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         """Restore what `state_dict` returned."""
-        self._raised = kept["penalty_raised"].copy()
+        self._raised, self._force = kept["penalty_raised"].copy(), float(kept["mean_contact_force"])
         self._stalled.load_state_dict("overlap", kept)
 
     def stiffen(self) -> None:
@@ -100,7 +112,7 @@ class ContactMultipliers:
         self._stalled.reset()
         state = self._state
         before = fetch(state.contact_penalty)
-        penalty = np.maximum(before, self._floor)
+        penalty = np.maximum(before, self._loading_floor)
         store(state.contact_offset, fetch(state.contact_offset) * before / penalty)
         store(state.contact_penalty, penalty)
 
