@@ -59,7 +59,8 @@ SLOPE_FACTOR = wp.constant(44)  # [1/(N m2)] SLOPE_SHARE/EI (bend.py)
 EVEN_RAMP = wp.constant(45)  # 1: equal load increments, as for an interval of a longer ramp
 LOAD_STEP = wp.constant(46)  # 4 entries: increment of GRADIENT in the last step
 EVALUATED_GAP = wp.constant(50)  # [m] of wires in space, up to which an evaluation without a step finds their closest points
-CONTROL_COUNT = 51
+NEAR_GAP = wp.constant(51)  # [m] of wires in space, up to which a pair of segments is listed as near
+CONTROL_COUNT = 52
 
 STATUS_RUNNING = wp.constant(wp.float64(0.0))
 STATUS_STALE = wp.constant(wp.float64(1.0))

@@ -11,7 +11,7 @@ A step starts from the closest points of the step before, and searches anew afte
 
 import warp as wp
 
-from .control import EVALUATED_GAP, LENGTH_FACTOR, RAMP_STEP, RAMP_STEPS, STATUS, STATUS_RUNNING, TRAVEL
+from .control import EVALUATED_GAP, LENGTH_FACTOR, NEAR_GAP, RAMP_STEP, RAMP_STEPS, STATUS, STATUS_RUNNING, TRAVEL
 from .rod_frames import affine_map
 from .wire_curve import (
     CLOSING_RATE,
@@ -249,9 +249,8 @@ def mark_near_pairs(
     node_radius: wp.array(dtype=wp.float64),
     rest_bulge: wp.array(dtype=wp.float64),
     contact_offset: wp.array(dtype=wp.float64),
-    # in: what steers the step; [m] gap of pairs to be marked
+    # in: what steers the step
     control: wp.array(dtype=wp.float64),
-    approach: wp.float64,
     # state in
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
@@ -262,7 +261,7 @@ def mark_near_pairs(
     pair_found: wp.array(dtype=wp.int32),
     pair_is_near: wp.array(dtype=wp.int32),
 ):
-    """Each thread takes every `pair_stride`-th pair: whether its wires may be nearer than `approach`, by chords, sag and
+    """Each thread takes every `pair_stride`-th pair: whether its wires may be nearer than NEAR_GAP, by chords, sag and
     what pushes them apart."""
     for pair in range(wp.tid(), pair_count[0], pair_stride):
         travel = control[TRAVEL]
@@ -270,7 +269,7 @@ def mark_near_pairs(
         j = pair_second[pair]
         offset = wp.max(contact_offset[i], contact_offset[following[i]]) + wp.max(contact_offset[j], contact_offset[following[j]])
         gap = CLOSING_RATE * (pair_wake_travel[pair] - travel) - offset
-        if gap <= approach:
+        if gap <= control[NEAR_GAP]:
             p = stencil(i, previous, following, position, length, tangent)
             q = stencil(j, previous, following, position, length, tangent)
             shift = affine_map(pair_shift[pair], control)
@@ -282,7 +281,7 @@ def mark_near_pairs(
             gap = gap - length_factor * (node_radius[i] + node_radius[j])
             pair_wake_travel[pair] = travel + gap / CLOSING_RATE
             gap = gap - offset
-        if gap <= approach:
+        if gap <= control[NEAR_GAP]:
             pair_is_near[pair] = 1
         else:
             pair_is_near[pair] = 0

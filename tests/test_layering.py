@@ -26,11 +26,11 @@ KERNELS = ROOT / "kernels"
 # A module imports from its own layer and from those above it in this list.
 LAYERS = (
     # what everything may use
-    {"errors", "files", "text", "processes", "hermite", "kernels", "launch"},
+    {"errors", "files", "text", "processes", "hermite", "kernels", "launch", "host"},
     # ranks that share a mesh; the pattern; the form in which results leave
     {"ranks", "knit", "frame"},
     {"scene"},
-    {"wires", "memory", "device", "numerics", "precision"},
+    {"wires", "memory", "device", "numerics", "precision", "team"},
     {"mesh"},
     {"measure"},
     {"mechanics", "estimate", "trial"},

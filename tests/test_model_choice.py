@@ -171,12 +171,6 @@ def test_an_interrupted_run_goes_on_in_its_model(tricot: Path, tmp_path: Path, m
     assert json.loads((parts / "summary.json").read_text())["model"]["kind"] == "spatial"
 
 
-def test_a_refusal_in_space_says_why_it_is_in_space(tricot: Path) -> None:
-    code, said = command("plan", tricot, "--set", "knit.repeats=[1, 1]")
-    assert code == 2 and len(said.splitlines()) == 1
-    assert "knit.repeats" in said and "(model.kind: spatial, taken by auto: wires in space first touch after 70%" in said
-
-
 def test_a_map_in_the_plane_of_a_tight_knit_begins_with_its_warning(tricot: Path, tmp_path: Path) -> None:
     code, said = command("map", tricot, "--out", tmp_path / "map", "--quiet", "--set", "model.kind=planar")
     first, second, *_ = said.splitlines()
@@ -213,10 +207,10 @@ def test_a_report_and_its_card_in_the_plane_of_a_tight_knit_begin_with_its_warni
 
 
 def test_an_error_bound_is_met_in_the_model_that_auto_takes(tmp_path: Path) -> None:
-    """On a tight knit that hardly touches: settings of space are found, on a tile that is wide enough for it, and used."""
+    """On a tight knit that hardly touches: settings of space are found, on a single repeat, and used."""
     table = {**TIGHT, "load": {"strain_warp": 0.01}, "output": {"frames": 1, "usd": False, "figures": False}}
     scene = make_scene(table, command="error")
-    assert ProbeRun(scene).small.knit.repeats == (2, 1)
+    assert ProbeRun(scene).small.knit.repeats == (1, 1)
     bound = settings_for_error(scene, 20.0)
     chosen = make_scene(table, bound.overrides, command="error")
     assert chosen.model.kind == "spatial" and chosen.model.nodes_per_loop == bound.setting.nodes_per_loop

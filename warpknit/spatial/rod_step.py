@@ -96,7 +96,8 @@ class RodStepper:
         self._team = Team(thread_count(rods.node_count // NODES_A_THREAD) if device == "cpu" else 1, device)
         self._no_contact = no_contact(rods, device)
         self._graphs: dict[tuple[tuple[int, ...], int], list[wp.Graph]] = {}
-        factor_launch(self.arrays, self.state).run(device)
+        self._factor = factor_launch(self.arrays, self.state).record(device)
+        self._factor.launch()
 
     def _force_launches(self, part: int = 0) -> list[Launch]:
         """The launches of one thread's part of all forces, in order."""
@@ -185,7 +186,7 @@ class RodStepper:
         store(state.second_mass, masses.second)
         store(state.spin_inertia, masses.spin)
         store(state.next_inertia, masses.next_spin)
-        factor_launch(self.arrays, state).run(self.device)
+        self._factor.launch()
 
     def masses(self) -> Masses:
         """The masses of the dynamics, on the host."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -51,7 +52,7 @@ class Rods:
     def node_count(self) -> int:
         return len(self.position)
 
-    @property
+    @cached_property
     def following(self) -> np.ndarray:
         """[node] next node of the wire; -1 at the end of an open wire."""
         after = np.arange(self.node_count) + 1
@@ -59,24 +60,24 @@ class Rods:
         after[last] = np.where(self.wire_closed, self.wire_first, -1)
         return after
 
-    @property
+    @cached_property
     def previous(self) -> np.ndarray:
         """[node] previous node of the wire; -1 at the start of an open wire."""
         before = np.arange(self.node_count) - 1
         before[self.wire_first] = np.where(self.wire_closed, self.wire_first + self.wire_count - 1, -1)
         return before
 
-    @property
+    @cached_property
     def wire_of(self) -> np.ndarray:
         """[node] wire of each node."""
         return np.repeat(np.arange(len(self.wire_first)), self.wire_count)
 
-    @property
+    @cached_property
     def wire_radius(self) -> np.ndarray:
         """[wire] [m] contact radius."""
         return np.full(len(self.wire_first), 0.5 * self.section.thickness) if self.thicker is None else self.thicker
 
-    @property
+    @cached_property
     def rest_edge(self) -> np.ndarray:
         """(node, 3) [m] edge to the next node; at the end of an open wire, the previous edge."""
         after = self.following
@@ -86,7 +87,7 @@ class Rods:
         edge[after < 0] = edge[self.previous[after < 0]]
         return edge
 
-    @property
+    @cached_property
     def rest_turning(self) -> np.ndarray:
         """[node] [rad] turning angle between the two segments at rest; 0 at the ends of wires."""
         edge = self.rest_edge
@@ -100,20 +101,20 @@ class Rods:
         before = np.where(self.previous >= 0, angle[self.previous], 0.0)
         return np.maximum(angle, np.maximum(after, before))
 
-    @property
+    @cached_property
     def node_length(self) -> np.ndarray:
         """[node] [m] natural length of a node: half of both segments."""
         own = np.where(self.following >= 0, self.natural_length, 0.0)
         before = np.where(self.previous >= 0, self.natural_length[self.previous], 0.0)
         return 0.5 * (own + before)
 
-    @property
+    @cached_property
     def arc(self) -> np.ndarray:
         """[node] [m] natural arc length from the first node of the wire."""
         total = np.concatenate([[0.0], np.cumsum(self.natural_length)[:-1]])
         return total - np.repeat(total[self.wire_first], self.wire_count)
 
-    @property
+    @cached_property
     def wire_length(self) -> np.ndarray:
         """[wire] [m] natural length; of a closed wire, once around."""
         return np.add.reduceat(np.where(self.following >= 0, self.natural_length, 0.0), self.wire_first)

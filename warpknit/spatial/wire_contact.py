@@ -49,6 +49,11 @@ def _fill(array: wp.array, values: np.ndarray) -> None:
         store(array, host)
 
 
+def _sum_at(node: np.ndarray, values: np.ndarray, nodes: int) -> np.ndarray:
+    """[node] sums of the values at their nodes, of which -1 does not exist."""
+    return np.bincount(node + 1, values, nodes + 1)[1:]
+
+
 @dataclass(frozen=True)
 class Contacts:
     """Contacts on the host; arrays [contact]. `first` and `second` are the first nodes of the two segments.
@@ -107,6 +112,7 @@ class _PairList:
         self.shift = make(wp.vec3d)
         self.arc_separation, self.wake_travel = make(wp.float64), make(wp.float64)
         self.renewal_travel, self.found, self.is_near = make(wp.float64), make(wp.int32), make(wp.int32)
+        self.mark: wp.Launch | None = None  # of `mark_near_pairs`, once it is recorded
         self.by_second = np.zeros(0, dtype=np.int64)  # the pairs in the order of their second segments
         self.second_start = np.zeros(nodes + 1, dtype=np.int64)  # where those of each segment begin
         self.friction, self.normal = make(wp.vec3d, PLACES * capacity), make(wp.vec3d, PLACES * capacity)
@@ -250,12 +256,14 @@ class WireContact:
         if travel is not None:
             self._travel = min(travel, NEXT_TRAVEL * stepper.rods.section.thickness)
         total = self.pair_count
-        threads = 1 if stepper.device == "cpu" else max(total, 1)
-        bind(
-            mark_near_pairs, threads, self._wires, stepper.arrays, state, pair_count=pairs.total, pair_stride=threads,
-            approach=wp.float64(float(CLOSING_RATE) * self._travel + self._expected),
-            **pairs.named("first", "second", "shift", "wake_travel", "found", "is_near"),
-        ).run(stepper.device)  # fmt: skip
+        state.write_control({c.NEAR_GAP: float(CLOSING_RATE) * self._travel + self._expected})
+        if pairs.mark is None:
+            threads = 1 if stepper.device == "cpu" else pairs.capacity
+            named = pairs.named("first", "second", "shift", "wake_travel", "found", "is_near")
+            sources = (self._wires, stepper.arrays, state)
+            mark = bind(mark_near_pairs, threads, *sources, pair_count=pairs.total, pair_stride=threads, **named)
+            pairs.mark = mark.record(stepper.device)
+        pairs.mark.launch()
         is_near = fetch(pairs.is_near)[:total] != 0
         self._take_near_pairs(np.flatnonzero(is_near), is_near)
         reached = float(state.read_control()[int(c.TRAVEL)]) + self._travel
@@ -335,19 +343,17 @@ class WireContact:
         tilt = MORE_TILT + np.maximum(-near.overlap, 0.0) / thickness
         along = np.abs(near.normal) + tilt[:, None]
         bound = WEIGHT_SUM * ((stiffness * along.sum(axis=1))[:, None] * along + sticking)
-        node_bound, section_bound = np.zeros((nodes, 3)), np.zeros(nodes)
+        there, weights, arms, sections, levers = [], [], [], [], []
         for node, s in ((near.first, near.place[:, 0]), (near.second, near.place[:, 1])):
-            arm = sticking * (thickness / rods.natural_length[node]) ** 2  # tilting segments
             beyond = np.full(len(s), BEYOND_WEIGHT)
-            last = after[after[node]]
-            weights = (beyond, np.maximum(1.0 - s, LEAST_WEIGHT), np.maximum(s, LEAST_WEIGHT), beyond)
-            for there, weight in zip((before[node], node, after[node], last), weights, strict=True):
-                kept = there >= 0
-                for k in range(3):
-                    node_bound[:, k] += np.bincount(there[kept], (weight * bound[:, k] + arm)[kept], nodes)
-            lever = stiffness * self._curve.lever**2 + sticking * 0.25 * thickness**2
-            for there in (before[node], node, after[node]):
-                section_bound += np.bincount(there[there >= 0], lever[there >= 0], nodes)
+            there += [before[node], node, after[node], after[after[node]]]
+            weights += [beyond, np.maximum(1.0 - s, LEAST_WEIGHT), np.maximum(s, LEAST_WEIGHT), beyond]
+            arms += 4 * [sticking * (thickness / rods.natural_length[node]) ** 2]  # tilting segments
+            sections += [before[node], node, after[node]]
+            levers += 3 * [stiffness * self._curve.lever**2 + sticking * 0.25 * thickness**2]
+        sums = np.concatenate(weights)[:, None] * np.tile(bound, (8, 1)) + np.concatenate(arms)[:, None]
+        node_bound = np.stack([_sum_at(np.concatenate(there), sums[:, k], nodes) for k in range(3)], axis=1)
+        section_bound = _sum_at(np.concatenate(sections), np.concatenate(levers), nodes)
         return node_bound, section_bound
 
     def _capacity(self, total: int) -> int:
