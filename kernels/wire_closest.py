@@ -403,6 +403,8 @@ def find_closest_places(
         pair_place[k + 1] = other
         if is_running and nearest >= contact_distance:
             pair_found[pair] = -minima
-            pair_wake_travel[pair] = travel + (nearest - contact_distance + offset) / CLOSING_RATE
+            wake = travel + (nearest - contact_distance + offset) / CLOSING_RATE
+            # a place that was followed may no longer be the nearest
+            pair_wake_travel[pair] = wp.where(is_followed, wp.min(wake, pair_renewal_travel[pair]), wake)
         else:
             pair_found[pair] = minima

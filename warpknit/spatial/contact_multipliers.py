@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..host import fetch, store
+from ..kernels import control as c
 from .stalled import Stalled
 from .wire_contact import Contacts, WireContact
 
@@ -18,7 +19,7 @@ OVERLAP_ERROR = 0.004  # of the thickness: allowed overlap of a contact
 FORCE_PENALTY = 20.0  # penalty over N/d: a twentieth of the thickness is the overlap of a force without offset
 GROWTH, DECAY = 8.0, 0.5  # largest changes of a penalty at a check
 WITHOUT_CONTACT = 0.5  # share of the offset that is left after a check without contact
-LOADED = 0.2  # share of the floor that is kept once the load is applied: nothing moves fast any more
+LOADED, SLOW = 0.2, 0.01  # share of the floor that is kept once the load is applied and no wire moves faster [thicknesses a step]
 MAX_OFFSET = 0.25  # thicknesses
 NEIGHBOUR = 0.1  # weight of a contact at the two nodes beyond its segment
 LEAST_WEIGHT = 0.3  # the same at the two nodes of its segment, at least
@@ -71,7 +72,8 @@ class ContactMultipliers:
         before, offset = fetch(state.contact_penalty), fetch(state.contact_offset)
         if len(force):
             self._force = float(force.mean())
-        floor = self._loading_floor if loading else LOADED * self._floor
+        is_fast = loading or float(state.read_control()[int(c.SPEED_MAX)]) > SLOW * self._thickness
+        floor = self._loading_floor if is_fast else LOADED * self._floor
         if not loading:
             self._raise_stalled(touching)
         wanted = np.maximum(floor, FORCE_PENALTY * self._raised * largest / self._thickness)
