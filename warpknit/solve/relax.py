@@ -94,11 +94,11 @@ class Relaxation(Drive):
             else:
                 yield self.record(stage, step, steady=True)
 
-    def levels(self, stage: Stage) -> Iterator[float | Unsolved]:
+    def levels(self, stage: Stage, levels: int | None = None) -> Iterator[float | Unsolved]:
         """Load factors of the levels of a stage, each as the mesh is in equilibrium there; UNSOLVED wherever it is to be brought
-        to equilibrium first."""
+        to equilibrium first. levels: their number, default `output.frames`."""
         progress = self.progress
-        levels = self.scene.output.frames
+        levels = levels or self.scene.output.frames
         unloaded = progress.stage_index == 0
         driven = np.array(stage.by_tension)
         tension_start = np.array(progress.start.tension)

@@ -23,17 +23,27 @@ class Batch:
     """One stage for each mesh of a group; `run` yields outcomes as meshes converge."""
 
     def __init__(
-        self, model: Any, stages: Sequence[Stage], *, watch: Callable[[Batch], None] | None = None, threads: int | None = None
+        self,
+        model: Any,
+        stages: Sequence[Stage],
+        levels: Sequence[int] | None = None,
+        *,
+        watch: Callable[[Batch], None] | None = None,
+        threads: int | None = None,
     ) -> None:
-        """`stages`: the load of each mesh, by strain in both directions. `watch` is called at every convergence check, and may
-        raise to stop. `threads`: default WARPKNIT_THREADS, or one a core."""
+        """`stages`: the load of each mesh, by strain in both directions; `levels` of each, default `output.frames`.
+
+        `watch` is called at every convergence check, and may raise to stop. `threads`: default WARPKNIT_THREADS, or one a core.
+        """
         self.model, self.stages = model, tuple(stages)
         self.group = replicas_of(model, len(self.stages), threads)
         self.members: list[Relaxation] = []
         self.equilibrium = Equilibrium(self.group, self.members)
         for row, mechanics in enumerate(self.group.members):
             self.members.append(Relaxation(mechanics, equilibrium=self.equilibrium, row=row))
-        self._levels = [member.levels(stage) for member, stage in zip(self.members, self.stages, strict=True)]
+        self._count = list(levels or [model.scene.output.frames] * len(self.stages))
+        of_each = zip(self.members, self.stages, self._count, strict=True)
+        self._levels = [member.levels(stage, count) for member, stage, count in of_each]
         self._watch = watch or (lambda _batch: None)
 
     @property
@@ -44,8 +54,7 @@ class Batch:
     @property
     def done(self) -> float:
         """Completed share of all load levels."""
-        levels = sum(member.progress.level for member in self.members)
-        return min(1.0, levels / (len(self.members) * self.model.scene.output.frames))
+        return min(1.0, sum(member.progress.level for member in self.members) / max(1, sum(self._count)))
 
     def run(self) -> Iterator[Outcome]:
         """Find the equilibrium of every mesh under its load."""

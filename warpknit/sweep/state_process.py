@@ -33,10 +33,10 @@ def main(arguments: list[str]) -> None:
     with suppress(EOFError, BrokenPipeError, ConnectionResetError):
         model = build_model(pipe.recv())
         while True:
-            index, stage = pipe.recv()
+            index, stage, levels = pipe.recv()
             answer: Outcome | Exception
             try:
-                answer = equilibrium_under(model, index, stage, watch)
+                answer = equilibrium_under(model, index, stage, levels, watch)
             except (BrokenPipeError, ConnectionResetError):
                 raise
             except Exception as error:

@@ -33,12 +33,13 @@ class LoadProgress:
     load_factor: float
 
 
-def equilibrium_under(model: Any, index: int, stage: Stage, watch: Callable[[LoadProgress], None]) -> Outcome:
-    """The equilibrium under the load of `stage`, from the mesh as knitted.
+def equilibrium_under(model: Any, index: int, stage: Stage, levels: int, watch: Callable[[LoadProgress], None]) -> Outcome:
+    """The equilibrium under the load of `stage`, from the mesh as knitted and in so many levels.
 
     `watch` is called at every convergence check.
     """
-    single_stage = replace(model, scene=replace(model.scene, stages=(stage,)))
+    output = replace(model.scene.output, frames=levels)
+    single_stage = replace(model, scene=replace(model.scene, stages=(stage,), output=output))
     simulation = Simulation(single_stage, watch=lambda progress: watch(LoadProgress(index, progress.steps, progress.load_factor)))
     simulation.compile()
     observables: Any = None
@@ -58,12 +59,18 @@ class StateProcesses:
         self,
         model: Any,
         stages: Sequence[Stage],
+        levels: Sequence[int] | None = None,
         *,
         watch: Callable[[StateProcesses], None] | None = None,
         processes: int | None = None,
     ) -> None:
-        """`stages`: each load. `watch` is called regularly, and may raise to stop. `processes`: default `thread_count`."""
+        """`stages`: each load; `levels` of each, default `output.frames`.
+
+        `watch` is called regularly, and may raise to stop. `processes`: default `thread_count`.
+        """
         self.model, self.stages = model, tuple(stages)
+        levels = levels or [model.scene.output.frames] * len(self.stages)
+        self._loads = list(enumerate(zip(self.stages, levels, strict=True)))
         self.processes = processes or thread_count(len(self.stages))
         self._watch = watch or (lambda _states: None)
         self._running: dict[int, LoadProgress] = {}
@@ -92,12 +99,12 @@ class StateProcesses:
             self._running[progress.index] = progress
             self._watch(self)
 
-        for index, stage in enumerate(self.stages):
-            yield equilibrium_under(self.model, index, stage, watch)
+        for index, (stage, levels) in self._loads:
+            yield equilibrium_under(self.model, index, stage, levels, watch)
 
     def _in_processes(self) -> Iterator[Outcome]:
         Simulation(self.model).compile()  # kernels are compiled once, not by all processes
-        waiting = list(enumerate(self.stages))[::-1]
+        waiting = [(index, *load) for index, load in self._loads]  # the last ones first: of a map, the largest strains
         with ExitStack() as stack:
             workers = [stack.enter_context(_Worker(self.model.scene)) for _ in range(self.processes)]
             busy = {}
@@ -138,7 +145,7 @@ class _Worker:
         self._process.kill()
         self._process.wait()
 
-    def send(self, what: Scene | tuple[int, Stage]) -> None:
+    def send(self, what: Scene | tuple[int, Stage, int]) -> None:
         try:
             self.pipe.send(what)
         except OSError:

@@ -20,10 +20,12 @@ def mesh_of(scene: Scene) -> Any:
     return build_model(scene)
 
 
-def states_of(model: Model, stages: Sequence[Stage], watch: Callable[[States], None] | None = None) -> States:
+def states_of(
+    model: Model, stages: Sequence[Stage], levels: Sequence[int] | None = None, watch: Callable[[States], None] | None = None
+) -> States:
     """Solver of a mesh under each of `stages`; its `run` yields an `Outcome` each, in any order.
 
-    `watch` is called regularly, and may raise to stop.
+    `levels` of each, default `output.frames`. `watch` is called regularly, and may raise to stop.
     """
     states: Any = Batch if model.has_replicas else StateProcesses
-    return states(model, stages, watch=watch)
+    return states(model, stages, levels, watch=watch)

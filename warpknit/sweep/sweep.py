@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
@@ -152,6 +153,10 @@ class _Mapper:
             replace(load, name=f"weft {x:g}, warp {y:g}", strain_weft=x, strain_warp=y, tension_weft=None, tension_warp=None)
             for x, y in missing
         ]
+        # increments of the same size for all pairs
+        largest = max((abs(strain) for pair in self.strains for strain in pair), default=0.0)
+        share = [max(map(abs, pair)) / (largest or 1.0) for pair in missing]
+        levels = [max(1, math.ceil(one * self.scene.output.frames - 1e-9)) for one in share]
         steps_before = self.steps
 
         def watch(states: States) -> None:
@@ -162,7 +167,7 @@ class _Mapper:
             if time.perf_counter() - self._saved > SAVE_INTERVAL:
                 self._save()
 
-        for outcome in states_of(self.meshes[seed], stages, watch).run():
+        for outcome in states_of(self.meshes[seed], stages, levels, watch).run():
             message = "" if outcome.error is None else str(outcome.error)
             done.append(map_row(missing[outcome.index], outcome.observables, steps=outcome.steps, message=message))
 
@@ -207,7 +212,8 @@ class _Mapper:
             "version": __version__,
             "stop_reason": reason,
             "warnings": warnings,
-            "path": f"each pair of strains separately, proportionally from the knitted mesh, {self.scene.output.frames} levels",
+            "path": "each pair of strains separately, proportionally from the knitted mesh,"
+            f" {self.scene.output.frames} levels to the largest strain",
             "cells": {"wanted": len(self.strains), "done": len(rows), "steady": len(rows) - len(failed)},
             "seeds": self.sweep.seeds,
             "model": {
