@@ -24,7 +24,7 @@ from ..host import fetch, store
 from ..kernels import control as c
 from ..kernels.control import update_control
 from ..launch import Launch, bind
-from ..numerics import GRAPH_STEPS, thread_count
+from ..numerics import thread_count
 from ..team import Team
 from .fictitious_masses import Masses
 from .rod_arrays import (
@@ -42,6 +42,7 @@ from .rod_arrays import (
 from .rods import Rods
 from .yielding import Yielding
 
+GRAPH_STEPS = (5, 1)  # of one graph replay: capturing more takes longer than replaying few more often
 NODES_A_THREAD = 2_000  # fewer nodes a thread cost more in waiting than they save
 EVALUATED = 0.3  # thicknesses: gap up to which an evaluation finds closest points
 FROZEN = 3.0  # status in which a step computes forces and moves nothing

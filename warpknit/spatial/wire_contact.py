@@ -162,8 +162,8 @@ class WireContact:
         self.max_penetration = wp.zeros(1, dtype=wp.float64, device=device)  # [m] since the last `pop_max_penetration`
         self._travel = NEXT_TRAVEL * rods.section.thickness  # [m] until the near pairs are listed again
         self._search_travel = -1.0  # [m] until the next search
-        self.touch = TouchArrays.of(rods.node_count, 64, device)
-        self._list, self._other = (_PairList(64, rods.node_count, device, number) for number in (0, 1))
+        self.touch = TouchArrays.of(rods.node_count, max(64, rods.node_count), device)
+        self._list, self._other = (_PairList(max(64, 2 * rods.node_count), rods.node_count, device, number) for number in (0, 1))
         stepper.state.write_control({c.CONTACT_STIFFNESS: stiffness})
         store(stepper.state.contact_penalty, stiffness)
         stepper.contact = self
