@@ -60,7 +60,8 @@ EVEN_RAMP = wp.constant(45)  # 1: equal load increments, as for an interval of a
 LOAD_STEP = wp.constant(46)  # 4 entries: increment of GRADIENT in the last step
 EVALUATED_GAP = wp.constant(50)  # [m] of wires in space, up to which an evaluation without a step finds their closest points
 NEAR_GAP = wp.constant(51)  # [m] of wires in space, up to which a pair of segments is listed as near
-CONTROL_COUNT = 52
+PAIR_REACH = wp.constant(52)  # [m] of wires in space, by which a unit strain of the load moves the segments of a pair apart
+CONTROL_COUNT = 53
 
 STATUS_RUNNING = wp.constant(wp.float64(0.0))
 STATUS_STALE = wp.constant(wp.float64(1.0))
@@ -158,10 +159,15 @@ def renew_control(
     if not finite or move > control[STEP_LIMIT]:
         control[STATUS] = STATUS_DIVERGED
     else:
+        set_factors(control)
+        factor = control[LENGTH_FACTOR]
+        advance_load(control)
+        strain = wp.abs(control[LENGTH_FACTOR] - factor)
+        for k in range(4):
+            strain += wp.abs(control[LOAD_STEP + k])
+        control[TRAVEL] = control[TRAVEL] + control[PAIR_REACH] * strain
         if control[TRAVEL] > control[TRAVEL_LIMIT]:
             control[STATUS] = STATUS_STALE
-        set_factors(control)
-        advance_load(control)
 
 
 @wp.kernel

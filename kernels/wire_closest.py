@@ -1,8 +1,8 @@
 """Closest points of two wires: minima of the distance of their curves (wire_curve.py), segment by segment.
 
 Wires that hook at a small angle touch on both sides of their crossing, and the two contacts may be closer to each other than a
-segment is long. Minima are therefore searched from both ends of a segment and from the nearest of a grid of places. Two different
-minima have a saddle of the distance between them.
+segment is long. Minima are therefore searched from both ends of a segment; the nearest of a grid of places leads to a nearer one
+that both miss. Two different minima have a saddle of the distance between them.
 
 Steps look at the pairs alone that may touch soon (`mark_near_pairs`); a pair is evaluated only where the distance of its chords,
 less the sag of the curves, is below the contact distance; one that does not touch sleeps until the travel has used up its gap.
@@ -11,7 +11,7 @@ A step starts from the closest points of the step before, and searches anew afte
 
 import warp as wp
 
-from .control import EVALUATED_GAP, LENGTH_FACTOR, NEAR_GAP, RAMP_STEP, RAMP_STEPS, STATUS, STATUS_RUNNING, TRAVEL
+from .control import EVALUATED_GAP, LENGTH_FACTOR, NEAR_GAP, STATUS, STATUS_RUNNING, TRAVEL
 from .rod_frames import affine_map
 from .wire_curve import (
     CLOSING_RATE,
@@ -34,6 +34,7 @@ MIN_CURVATURE = wp.constant(wp.float64(1.0e-4))  # smallest curvature of a Newto
 MAX_STEP = wp.constant(wp.float64(0.25))  # of a segment
 SAME_PLACE = wp.constant(wp.float64(1.0e-6))  # of a segment: closer places are one
 MIN_BARRIER = wp.constant(wp.float64(1.0e-9))  # between two minima, of the contact distance
+MISSED = wp.constant(wp.float64(0.01))  # of the contact distance, by which a third minimum has to be nearer than two others
 SADDLE_STEPS = 40
 SAMPLES = 5  # places along a segment, of the grid that a search starts from
 SAMPLE_SPACING = wp.constant(wp.float64(0.25))
@@ -324,7 +325,6 @@ def find_closest_places(
     for touch in range(first_touch + wp.tid(), touch_count[0], touch_stride):
         pair = touch_pair[touch]
         is_running = control[STATUS] == STATUS_RUNNING
-        is_loaded = control[RAMP_STEP] >= control[RAMP_STEPS]  # while loading, affine motion adds to the travel
         travel = control[TRAVEL]
         evaluated_gap = wp.where(is_running, wp.float64(0.0), control[EVALUATED_GAP])
         found = pair_found[pair]
@@ -332,7 +332,7 @@ def find_closest_places(
         j = pair_second[pair]
         offset = wp.max(contact_offset[i], contact_offset[following[i]])
         offset += wp.max(contact_offset[j], contact_offset[following[j]])
-        if is_loaded and CLOSING_RATE * (pair_wake_travel[pair] - travel) > offset + evaluated_gap:
+        if CLOSING_RATE * (pair_wake_travel[pair] - travel) > offset + evaluated_gap:
             pair_found[pair] = -wp.abs(found)
             continue
         pair_found[pair] = NOT_NEAR
@@ -356,7 +356,7 @@ def find_closest_places(
         from_other = wp.vec3d()
         k = 3 * pair
         was_two = wp.abs(found) == TWO_PLACES
-        is_followed = found != NOT_NEAR and (was_two or (is_loaded and travel <= pair_renewal_travel[pair]))
+        is_followed = found != NOT_NEAR and (was_two or travel <= pair_renewal_travel[pair])
         if is_followed:
             from_one = closest_on_curves(curve_p, curve_q, pair_place[k])
             from_other = from_one
@@ -373,9 +373,11 @@ def find_closest_places(
             other = wp.vec2d(from_other[0], from_other[1])
             from_sample = closest_on_curves(curve_p, curve_q, nearest_sample(curve_p, curve_q))
             sample = wp.vec2d(from_sample[0], from_sample[1])
-            if are_distinct(sample, one) and are_distinct(sample, other):
-                # of three minima the nearest two
-                if distance_at(curve_p, curve_q, one) > distance_at(curve_p, curve_q, other):
+            distance_of_one = distance_at(curve_p, curve_q, one)
+            distance_of_other = distance_at(curve_p, curve_q, other)
+            missed = wp.min(distance_of_one, distance_of_other) - distance_at(curve_p, curve_q, sample)
+            if missed > MISSED * contact_distance:
+                if distance_of_one > distance_of_other:
                     from_one = from_sample
                     one = sample
                 else:

@@ -133,7 +133,6 @@ def find_segment_pairs(
     search_radius: float,
     cell: wp.vec3,
     margin: wp.float64,
-    expected_approach: wp.float64,
     min_arc_separation: wp.float64,
     max_sag: wp.float64,
     tile: wp.vec3d,
@@ -169,8 +168,7 @@ def find_segment_pairs(
     segment.
 
     `pair_shift` [m] at rest moves the second segment next to the first; `pair_arc_separation` [m] is `arc_separation`;
-    `pair_wake_travel` [m] is the travel since this search at which the pair may touch, when the load itself closes the gap by
-    `expected_approach` [m].
+    `pair_wake_travel` [m] is the travel since this search at which the pair may touch.
     """
     i = wp.tid()
     if is_filling == 0:
@@ -242,7 +240,7 @@ def find_segment_pairs(
                 pair_second[k] = j
                 pair_shift[k] = shift
                 pair_arc_separation[k] = separation
-                pair_wake_travel[k] = (gap - contact_distance - expected_approach) / CLOSING_RATE
+                pair_wake_travel[k] = (gap - contact_distance) / CLOSING_RATE
             found += 1
     if is_filling == 0:
         count[i] = found

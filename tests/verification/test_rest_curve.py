@@ -243,7 +243,7 @@ def test_pairs_wake_before_they_touch(seed: int) -> None:
 
 
 def test_wires_that_the_load_brings_together_touch() -> None:
-    """Two wires side by side come together by the load alone, which nothing but the room kept for it tells a sleeping pair."""
+    """Two wires side by side come together by the load alone, which a sleeping pair knows of only as it counts as travel."""
     up = np.arange(6)[:, None] * [0.0, 2.0, 0.0]
     rods = rods_of(SECTION, [up, up + [1.3, 0.3, 0.0]])
     pose, contact = contact_of(rods, None)
@@ -252,6 +252,6 @@ def test_wires_that_the_load_brings_together_touch() -> None:
     pose.stepper.set_time_step(0.005)
     start = {c.FROM: 1.0, c.FROM + 3: 1.0, c.FROM + 4: 1.0, c.RAMP_STEPS: 100.0}
     state.write_control(start | {c.TO: 0.7, c.TO + 3: 1.0, c.TO + 4: 1.0})
-    contact.expect(0.3)
+    contact.search()
     contact.advance(100)
     assert contact.read_contacts().overlap.max(initial=0.0) == pytest.approx(1.0 - 0.7 * 1.3, rel=1e-2, abs=0)

@@ -34,7 +34,6 @@ LOAD_STEPS, LOAD_STRAIN = 200, 0.03  # steps over which the load of a level is a
 EDGE_CHECKS = 4  # convergence checks between steps of the free stations
 EDGE_RATIO = 20.0  # residual ratio below which the free stations move
 MAX_PREDICTION = 0.2  # of the thickness: largest displacement of the prediction
-RESERVED = 0.25  # of the search margin, reserved for the motion of the load until the next search
 DRIFT = Drift(checks=2, max_decay_ratio=0.95)
 
 
@@ -65,7 +64,6 @@ class SpatialMechanics:
         self.residual = Residual(model, self.relaxation, self.multipliers)
         self.edge = Edge(model) if scene.has_moving_edge else None
         self._last: tuple[np.ndarray, np.ndarray] | None = None  # gradient and displacement of the previous level
-        self._searched_at = np.eye(2)  # gradient at the last search that reserved a margin for a ramp
         if model.ramp is not None:
             self._take_real_masses(model.ramp.node_mass, model.ramp.spin_inertia, model.ramp.damping)
 
@@ -122,12 +120,10 @@ class SpatialMechanics:
 
     def set_load(self, load: LoadPoint, steps: int, *, evenly: bool = False) -> None:
         state, factor = self.state, self.model.scene.wire.length_factor(load.temperature)
-        before = state.gradient
         now = state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 5].tolist()
         then = [*load.gradient.ravel().tolist(), factor]
         ramp = {int(c.FROM) + k: now[k] for k in range(5)} | {int(c.TO) + k: then[k] for k in range(5)}
         state.write_control(ramp | {int(c.RAMP_STEP): 0.0, int(c.RAMP_STEPS): float(steps), int(c.EVEN_RAMP): float(evenly)})
-        self.contact.wake_all()
         if self.model.ramp is not None:
             return
         self.relaxation.set_thermal_strain(
@@ -138,7 +134,7 @@ class SpatialMechanics:
         if self.multipliers is not None:
             self.multipliers.stiffen()
         self.relaxation.stop_motion()
-        self.contact.expect(float(np.abs(load.gradient - before).max()))
+        self.contact.search()
         self.relaxation.renew_masses(loading=True)
 
     def _move_clamps(self, load: LoadPoint, factor: float) -> None:
@@ -201,8 +197,6 @@ class SpatialMechanics:
         self.stepper.evaluate(0.0)
         self.relaxation.renew_damping()
         touching = self.contact.read_contacts()
-        if not loading and self.contact.expected > 0.0:
-            self.contact.expect(0.0)  # the load is fully applied
         tolerance = self.model.scene.solver.residual_tolerance
         ratio = (
             np.inf if loading and self.edge is None else self.residual.ratio(touching, self.relaxation.mean_unbalanced_forces())
@@ -275,17 +269,9 @@ class SpatialMechanics:
 
     def reserve_for_load(self) -> None:
         self.contact.pop_max_penetration()
-        self._reserve(self.state.gradient)
 
     def follow_load(self) -> None:
-        gradient = self.state.gradient
-        if 2.0 * np.abs(gradient - self._searched_at).max() > self.contact.strain_within(RESERVED):
-            self._reserve(gradient)
-
-    def _reserve(self, gradient: np.ndarray) -> None:
-        """Search, and reserve a margin for the motion of the load."""
-        self.contact.expect(self.contact.strain_within(RESERVED))
-        self._searched_at = gradient
+        """Nothing: the motion of the load counts as travel."""
 
     def residual_now(self) -> float:
         self.stepper.evaluate()
@@ -303,7 +289,7 @@ class SpatialMechanics:
         return terms
 
     def state_dict(self) -> dict[str, np.ndarray]:
-        kept: dict[str, Any] = {"notes": np.array(json.dumps(self.notes)), "searched_at": self._searched_at}
+        kept: dict[str, Any] = {"notes": np.array(json.dumps(self.notes))}
         kept |= self.contact.state_dict() | self.relaxation.state_dict() | self.stepper.yielding.state_dict()
         for part in (self.edge, self.multipliers):
             kept |= part.state_dict() if part is not None else {}
@@ -313,7 +299,6 @@ class SpatialMechanics:
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         self.notes[:] = json.loads(str(kept["notes"]))
-        self._searched_at = kept["searched_at"].copy()
         self.contact.load_state_dict(kept)
         self.relaxation.load_state_dict(kept)
         self.stepper.yielding.load_state_dict(kept)

@@ -150,7 +150,6 @@ class WireContact:
         self.friction = friction
         rods, device = stepper.rods, stepper.device
         self.searches = 0
-        self._expected = 0.0  # [m] approach by the affine motion of the load, in addition to the travel
         curve = catmull_rom(rods) if curve is None else curve
         self._curve, self._after, self._before = curve, rods.following, rods.previous
         cells = search_cells(rods, curve)
@@ -164,7 +163,8 @@ class WireContact:
         self._search_travel = -1.0  # [m] until the next search
         self.touch = TouchArrays.of(rods.node_count, max(64, rods.node_count), device)
         self._list, self._other = (_PairList(max(64, 2 * rods.node_count), rods.node_count, device, number) for number in (0, 1))
-        stepper.state.write_control({c.CONTACT_STIFFNESS: stiffness})
+        reach = self._radius / float(CLOSING_RATE)
+        stepper.state.write_control({c.CONTACT_STIFFNESS: stiffness, c.PAIR_REACH: reach})
         store(stepper.state.contact_penalty, stiffness)
         stepper.contact = self
 
@@ -195,24 +195,10 @@ class WireContact:
             ),
         ]  # fmt: skip
 
-    @property
-    def expected(self) -> float:
-        """[m] approach by the affine motion of the load, reserved by `expect`."""
-        return self._expected
-
-    def expect(self, strain: float) -> None:
-        """Search, and from now on reserve a margin for the affine motion of a load that strains the mesh by `strain`."""
-        self._expected = 2.0 * strain * self._radius
-        self.search()
-
     def wake_all(self) -> None:
-        """Wake all pairs, after the wires were moved from outside or where a new load moves them."""
+        """Wake all pairs, after the wires were moved from outside."""
         store(self._list.wake_travel, 0)
         store(self._list.renewal_travel, -1)
-
-    def strain_within(self, share: float) -> float:
-        """Strain of a load whose affine motion uses `share` of the search margin."""
-        return share * self.margin / (2.0 * self._radius)
 
     def search(self) -> None:
         """Search all pairs, and start a new travel budget. Raises `OutOfResources`."""
@@ -246,7 +232,7 @@ class WireContact:
         pairs.order(total)
         self._list, self._other = pairs, before
         self.searches += 1
-        self._search_travel = max((self.margin - self._expected) / float(CLOSING_RATE), 0.025 * self.margin)
+        self._search_travel = self.margin / float(CLOSING_RATE)
         state.write_control({c.TRAVEL: 0.0})
         self.list_near_pairs()
 
@@ -256,7 +242,7 @@ class WireContact:
         if travel is not None:
             self._travel = min(travel, NEXT_TRAVEL * stepper.rods.section.thickness)
         total = self.pair_count
-        state.write_control({c.NEAR_GAP: float(CLOSING_RATE) * self._travel + self._expected})
+        state.write_control({c.NEAR_GAP: float(CLOSING_RATE) * self._travel})
         if pairs.mark is None:
             threads = 1 if stepper.device == "cpu" else pairs.capacity
             named = pairs.named("first", "second", "shift", "wake_travel", "found", "is_near")
@@ -300,7 +286,7 @@ class WireContact:
         kept |= {f"pairs_{name}": fetch(getattr(pairs, name))[:, : 2 * count].copy() for name in SLIP_ARRAYS}
         kept |= {f"pairs_{name}": fetch(getattr(pairs, name)).copy() for name in NODE_ARRAYS}
         kept["pairs_near"] = fetch(self.touch.touch_pair)[: int(fetch(self.touch.touch_count)[0])].copy()
-        numbers = [self._expected, self.searches, fetch(self.max_penetration)[0], self._travel, self._search_travel]
+        numbers = [self.searches, fetch(self.max_penetration)[0], self._travel, self._search_travel]
         return kept | {"contact": np.array(numbers)}
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
@@ -320,7 +306,7 @@ class WireContact:
         store(pairs.total, total)
         pairs.order(total)
         self._list = pairs
-        self._expected, searches, penetration, self._travel, self._search_travel = kept["contact"].tolist()
+        searches, penetration, self._travel, self._search_travel = kept["contact"].tolist()
         self.searches = int(searches)
         store(self.max_penetration, penetration)
         near, is_near = kept["pairs_near"], np.zeros(total, dtype=bool)
@@ -372,7 +358,7 @@ class WireContact:
             find_segment_pairs, rods.node_count, self._wires, stepper.arrays, stepper.state,
             grid=wp.uint64(self._grid.id), hash_radius=radius / float(self._cell.min()), search_radius=SINGLE * radius,
             cell=wp.vec3(*self._cell), margin=wp.float64(self.margin),
-            expected_approach=wp.float64(self._expected), min_arc_separation=wp.float64(MIN_ARC_SEPARATION),
+            min_arc_separation=wp.float64(MIN_ARC_SEPARATION),
             max_sag=wp.float64(self._max_sag),
             tile=wp.vec3d(*rods.tile), is_filling=int(filling), place=self._hash_place,
             start=pairs.start, count=pairs.count, **pairs.named("first", "second", "shift", "arc_separation", "wake_travel"),
