@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -83,6 +84,12 @@ def ramp_steps(scene: Scene, loading_time: float, time_step: float) -> int:
     """Steps of a ramp from loading time [s] and initial step [s], which shrinks with the load."""
     stages = sum(RAMP_BY_TENSION if any(stage.by_tension) else 1.0 for stage in scene.stages)
     return max(1, round(RAMP_SHARE * stages * loading_time / time_step))
+
+
+def levels_of_pairs(pairs: Sequence[tuple[float, float]], levels: int) -> list[int]:
+    """[pair] load levels of pairs of strains in a map, so many to the largest strain: increments of one size for all."""
+    largest = max((abs(strain) for pair in pairs for strain in pair), default=0.0) or 1.0
+    return [max(1, math.ceil(max(map(abs, pair)) / largest * levels - 1e-9)) for pair in pairs]
 
 
 def boundary_physics(scene: Scene) -> Iterator[str]:

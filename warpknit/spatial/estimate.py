@@ -8,10 +8,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
-from ..estimate import HOOK_ENDS, Cost, Notes, Size, boundary_physics, endless_counts, ramp_steps
+from ..estimate import HOOK_ENDS, Cost, Notes, Size, boundary_physics, endless_counts, levels_of_pairs, ramp_steps
 from ..knit.cloth import Cloth
 from ..mesh.layout import estimated_nodes
 from ..mesh.load_point import PATH_STRAIN
@@ -29,16 +30,17 @@ SLOW_LEVELS = "a level at which contacts of a tight knit come and go may take te
 STEPS_A_LEVEL = 800.0  # however many nodes
 MEASURED_TOLERANCE, TOLERANCE_POWER = 1e-2, 0.12
 TENSION_STATES = 6  # times the steps of a level that goes by strain: 4 to 9 at 20 mN/m both ways
+FREE_STATES = 2  # the same of a direction without tension: 0.6 to 8 on tight knits
 GRIPPED = 3.0  # times the steps of a tile
 HOOKED = 1.5  # the same of two hooked wires
 FROM_FILE = 0.7  # the same of wires from a file, by their loop_size
 
 # time [s] of a step on one core
-STEP_TIME = 100e-6  # however few nodes, with its share of a convergence check
-NODE_TIME = 0.38e-6
-PAIR_TIME = 0.075e-6  # of two segments that are near each other, most of which sleep
-CLOSE_TIME = 0.15e-6  # more of two that touch or nearly do so, at rest
-SITE_TIME = 0.5e-6  # of a place of hooking, whose wires touch for some of the levels
+STEP_TIME = 45e-6  # however few nodes, with its share of a convergence check
+NODE_TIME = 0.12e-6
+PAIR_TIME = 0.01e-6  # of two segments that are near each other, most of which sleep
+CLOSE_TIME = 0.3e-6  # more of two that touch or nearly do so, at rest
+SITE_TIME = 1.5e-6  # of a place of hooking, whose wires touch for some of the levels
 CLOSE = 0.3  # thicknesses between surfaces
 PAIRS_OF_NODE = 0.45  # pairs of segments near each other: 0.40 and 0.44 on the double atlas, 3.3 on a tight tricot
 
@@ -87,9 +89,10 @@ def cost_of(scene: Scene, size: Size) -> Cost:
 def map_time(scene: Scene, size: Size) -> float | None:
     """[s] of the map of a scene with a sweep: its loads by strain, one after the other in `thread_count` processes."""
     assert scene.sweep is not None
-    loads = len(set(scene.sweep.strain_weft)) * len(set(scene.sweep.strain_warp))
+    pairs = list(product(sorted(set(scene.sweep.strain_weft)), sorted(set(scene.sweep.strain_warp))))
+    levels = sum(levels_of_pairs(pairs, scene.output.frames)) / scene.output.frames
     one = replace(scene, stages=(replace(scene.stages[0], tension_weft=None, tension_warp=None),))
-    return scene.sweep.seeds * math.ceil(loads / thread_count(loads)) * cost_of(one, size).seconds
+    return scene.sweep.seeds * levels / thread_count(len(pairs)) * cost_of(one, size).seconds
 
 
 def notes(scene: Scene, size: Size) -> Notes:
@@ -115,7 +118,7 @@ def _states(scene: Scene, stage: Stage, before: Stage | None) -> int:
     """Steady states of a stage that comes after another."""
     levels = scene.output.frames
     if any(stage.by_tension):
-        return levels * TENSION_STATES
+        return levels * (TENSION_STATES if stage.tension_weft or stage.tension_warp else FREE_STATES)
     if not scene.depends_on_path:
         return levels
     farthest = max(

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import logging
-import math
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
@@ -17,6 +16,7 @@ from typing import Any
 
 from ..device import find_device
 from ..errors import MemoryNeeded, ModelError
+from ..estimate import levels_of_pairs
 from ..files import write_aside
 from ..memory import available_memory, required_memory
 from ..mesh.smaller import smaller_scene
@@ -153,10 +153,8 @@ class _Mapper:
             replace(load, name=f"weft {x:g}, warp {y:g}", strain_weft=x, strain_warp=y, tension_weft=None, tension_warp=None)
             for x, y in missing
         ]
-        # increments of the same size for all pairs
-        largest = max((abs(strain) for pair in self.strains for strain in pair), default=0.0)
-        share = [max(map(abs, pair)) / (largest or 1.0) for pair in missing]
-        levels = [max(1, math.ceil(one * self.scene.output.frames - 1e-9)) for one in share]
+        of_pair = dict(zip(self.strains, levels_of_pairs(self.strains, self.scene.output.frames), strict=True))
+        levels = [of_pair[pair] for pair in missing]
         steps_before = self.steps
 
         def watch(states: States) -> None:
