@@ -17,9 +17,11 @@ HELD_TURN = wp.constant(2)  # the section of the segment behind the node does no
 PIVOT = wp.constant(0)  # 1/D
 NEXT = wp.constant(1)  # L of the row to the node before
 SECOND = wp.constant(2)  # L of the row to the node before that
-OTHER = wp.constant(3)  # L of the last row but one to the node
-LAST = wp.constant(4)  # L of the last row to the node
-FACTORS = 5
+FACTORS = 3
+# full rows
+OTHER = wp.constant(0)  # L of the last row but one to the node
+LAST = wp.constant(1)  # L of the last row to the node
+BORDERS = 2
 
 NEGLIGIBLE = wp.constant(wp.float64(1.0e-30))  # entry of a full row of L that counts as zero: it decays along the wire
 
@@ -91,8 +93,9 @@ def factor_masses(
     second_mass: wp.array(dtype=wp.float64),
     spin_inertia: wp.array(dtype=wp.float64),
     next_inertia: wp.array(dtype=wp.float64),
-    # out: (node, FACTORS), and the first node of each wire from which on the full rows are zero, up to the last four nodes
+    # out: (node, FACTORS) and (node, BORDERS); first node of each wire from which full rows are zero, up to the last four nodes
     mass_factor: wp.array2d(dtype=wp.vec4d),
+    mass_border: wp.array2d(dtype=wp.vec4d),
     wire_quiet: wp.array(dtype=wp.int32),
 ):
     """One thread a wire, of two nodes or more."""
@@ -140,8 +143,8 @@ def factor_masses(
         mass_factor[i, PIVOT] = inverse_pivot(i, d, following, held)
         mass_factor[i, NEXT] = lower
         mass_factor[i, SECOND] = lower_second
-        mass_factor[i, OTHER] = of_other
-        mass_factor[i, LAST] = of_last
+        mass_border[i, OTHER] = of_other
+        mass_border[i, LAST] = of_last
         last -= wp.cw_mul(wp.cw_mul(of_last, of_last), d)
         other -= wp.cw_mul(wp.cw_mul(of_other, of_other), d)
         cross -= wp.cw_mul(wp.cw_mul(of_other, of_last), d)
@@ -157,6 +160,8 @@ def factor_masses(
     for k in range(count - 2, count):
         for factor in range(FACTORS):
             mass_factor[first + k, factor] = wp.vec4d()
+        for border in range(BORDERS):
+            mass_border[first + k, border] = wp.vec4d()
     i = first + count - 2
     mass_factor[i, PIVOT] = inverse_pivot(i, other, following, held)
     mass_factor[i + 1, PIVOT] = inverse_pivot(i + 1, last - wp.cw_mul(lower, cross), following, held)

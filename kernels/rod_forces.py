@@ -43,15 +43,19 @@ from typing import Any
 import warp as wp
 
 from .arctangent import ARCTANGENT
+from .control import STATUS
+from .native import constants
 from .rod_blocks import BLOCK
 
 _FORCES = (
     (
         BLOCK
+        + constants(STATUS=STATUS, STATUS_RUNNING=0)
         + r"""
     // local node k is node first - HALO + k of the wire, unrolled around a closed one; segment k joins nodes k and k + 1
     typedef double real;
     const int nodes = count + 2 * HALO, whole = (nodes + PAD - 1) / PAD * PAD;
+    const bool yields = yield_curvature > 0 && hardening < 1, steps = steer[STATUS] == STATUS_RUNNING;
     const double factor = steer[LENGTH_FACTOR], bow_moment = steer[BOW_MOMENT];
     int at[SPAN];
     double has[SPAN], inner[SPAN];
@@ -91,14 +95,13 @@ _FORCES = (
         own_x[k] = bent[2 * i];
         own_y[k] = bent[2 * i + 1];
         own_m[k] = natural_twist.data[i];
-        flow_x[k] = flow[2 * i];
-        flow_y[k] = flow[2 * i + 1];
+        flow_x[k] = yields ? flow[2 * i] : 0.0;
+        flow_y[k] = yields ? flow[2 * i + 1] : 0.0;
     }
     }
     // bending and twist: gradients by the edges before and after a node, and by the angles of both segments
     double gbx[SPAN], gby[SPAN], gbz[SPAN], gax[SPAN], gay[SPAN], gaz[SPAN], gb[SPAN], ga[SPAN];
     double turn_x[SPAN], turn_y[SPAN], turned[SPAN];
-    const bool yields = yield_curvature > 0 && hardening < 1;
     const double back = yields ? hardening / (1 - hardening) : 0.0;
     {
     #pragma clang fp reassociate(on) contract(fast)
@@ -216,14 +219,17 @@ _FORCES = (
         sum[3 * k] = given[3 * k] + cfx[k] + (nx[k] - nx[k - 1]);
         sum[3 * k + 1] = given[3 * k + 1] + cfy[k] + (ny[k] - ny[k - 1]);
         sum[3 * k + 2] = given[3 * k + 2] + cfz[k] + (nz[k] - nz[k - 1]);
+        const double about = ccx[k] * tx[k] + ccy[k] * ty[k] + ccz[k] * tz[k];
+        torque.data[first - HALO + k] = load_torque.data[first - HALO + k] + has[k] * (about - ga[k] - gb[k + 1]);
+    }
+    if (steps) return;
+    for (int k = HALO; k < HALO + count; ++k) {
         edge[3 * k] = nx[k];
         edge[3 * k + 1] = ny[k];
         edge[3 * k + 2] = nz[k];
         turning[2 * k] = turn_x[k];
         turning[2 * k + 1] = turn_y[k];
         twist.data[first - HALO + k] = turned[k];
-        const double about = ccx[k] * tx[k] + ccy[k] * ty[k] + ccz[k] * tz[k];
-        torque.data[first - HALO + k] = load_torque.data[first - HALO + k] + has[k] * (about - ga[k] - gb[k + 1]);
     }
 """
     )
@@ -270,7 +276,7 @@ def forces_of_block(
     tangent: wp.array(dtype=wp.vec3d),
     director: wp.array(dtype=wp.vec3d),
     plastic_turn: wp.array(dtype=wp.vec2d),
-    # out: turning vector and twist [rad], force of a segment on its first node, and the sums [N, N m], held nodes included
+    # out: turning vector and twist [rad] and force of a segment on its first node, in an evaluation without a step; the sums
     curvature: wp.array(dtype=wp.vec2d),
     twist: wp.array(dtype=wp.float64),
     edge_force: wp.array(dtype=wp.vec3d),
@@ -317,7 +323,7 @@ def find_rod_forces(
     tangent: wp.array(dtype=wp.vec3d),
     director: wp.array(dtype=wp.vec3d),
     plastic_turn: wp.array(dtype=wp.vec2d),
-    # out: turning vector and twist [rad], force of a segment on its first node, and the sums [N, N m], held nodes included
+    # out: turning vector and twist [rad] and force of a segment on its first node, in an evaluation without a step; the sums
     curvature: wp.array(dtype=wp.vec2d),
     twist: wp.array(dtype=wp.float64),
     edge_force: wp.array(dtype=wp.vec3d),

@@ -14,10 +14,11 @@ from .native import STEERING, constants
 # Four numbers a node: x, y, z and spin. Full rows are zero between `quiet` and the last four nodes.
 _MOVE = (
     STEERING
-    + constants(PIVOT=m.PIVOT, NEXT=m.NEXT, SECOND=m.SECOND, OTHER=m.OTHER, LAST=m.LAST, FACTORS=m.FACTORS)
+    + constants(PIVOT=m.PIVOT, NEXT=m.NEXT, SECOND=m.SECOND, OTHER=m.OTHER, LAST=m.LAST, FACTORS=m.FACTORS, BORDERS=m.BORDERS)
     + r"""
     const int first = wire_first.data[wire], count = wire_count.data[wire], quiet = wire_quiet.data[wire];
     const double* __restrict factors = (const double*)(mass_factor.data + FACTORS * first);
+    const double* __restrict borders = (const double*)(mass_border.data + BORDERS * first);
     const double* __restrict push = (const double*)(force.data + first);
     const double* __restrict couple = torque.data + first;
     double* __restrict swept = (double*)(sweep.data + first);
@@ -33,8 +34,8 @@ _MOVE = (
             for (int c = 0; c < 4; ++c) z[c] -= l[4 * SECOND + c] * z2[c];
             for (int c = 0; c < 4; ++c) z[c] -= l[4 * NEXT + c] * z1[c];
             if (j < quiet || j >= count - 4) {
-                for (int c = 0; c < 4; ++c) other[c] += l[4 * OTHER + c] * z[c];
-                for (int c = 0; c < 4; ++c) last[c] += l[4 * LAST + c] * z[c];
+                for (int c = 0; c < 4; ++c) other[c] += (borders + 4 * BORDERS * j)[4 * OTHER + c] * z[c];
+                for (int c = 0; c < 4; ++c) last[c] += (borders + 4 * BORDERS * j)[4 * LAST + c] * z[c];
             }
         }
         for (int c = 0; c < 4; ++c) swept[4 * j + c] = z[c];
@@ -67,8 +68,8 @@ _MOVE = (
             for (int c = 0; c < 4; ++c) z[c] -= (l + 8 * FACTORS)[4 * SECOND + c] * z2[c];
             for (int c = 0; c < 4; ++c) z[c] -= (l + 4 * FACTORS)[4 * NEXT + c] * z1[c];
             if (j < quiet || j >= count - 4) {
-                for (int c = 0; c < 4; ++c) z[c] -= l[4 * OTHER + c] * other[c];
-                for (int c = 0; c < 4; ++c) z[c] -= l[4 * LAST + c] * last[c];
+                for (int c = 0; c < 4; ++c) z[c] -= (borders + 4 * BORDERS * j)[4 * OTHER + c] * other[c];
+                for (int c = 0; c < 4; ++c) z[c] -= (borders + 4 * BORDERS * j)[4 * LAST + c] * last[c];
             }
             for (int c = 0; c < 4; ++c) z2[c] = z1[c];
             for (int c = 0; c < 4; ++c) z1[c] = z[c];
@@ -111,6 +112,7 @@ def move_wire(
     wire_count: wp.array(dtype=wp.int32),
     # in: masses and their factors
     mass_factor: wp.array2d(dtype=wp.vec4d),
+    mass_border: wp.array2d(dtype=wp.vec4d),
     wire_quiet: wp.array(dtype=wp.int32),
     node_mass: wp.array(dtype=wp.vec3d),
     spin_inertia: wp.array(dtype=wp.float64),
@@ -139,6 +141,7 @@ def move_rods(
     first_wire: int,
     # in: masses and their factors
     mass_factor: wp.array2d(dtype=wp.vec4d),
+    mass_border: wp.array2d(dtype=wp.vec4d),
     wire_quiet: wp.array(dtype=wp.int32),
     node_mass: wp.array(dtype=wp.vec3d),
     spin_inertia: wp.array(dtype=wp.float64),
@@ -166,6 +169,7 @@ def move_rods(
         wire_first,
         wire_count,
         mass_factor,
+        mass_border,
         wire_quiet,
         node_mass,
         spin_inertia,

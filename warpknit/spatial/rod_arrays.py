@@ -10,13 +10,15 @@ import warp as wp
 
 from ..host import fetch, store
 from ..kernels import control as c
-from ..kernels.banded_mass import FACTORS, factor_masses
+from ..kernels.banded_mass import BORDERS, FACTORS, factor_masses
 from ..kernels.rod_blocks import ROD_BLOCK
 from ..kernels.rod_forces import find_rod_forces
 from ..kernels.rod_frames import update_frames
 from ..kernels.rod_motion import move_rods
 from ..launch import Launch, bind
 from .rods import Rods
+
+FROZEN = 3.0  # status in which a step evaluates the state and moves nothing
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,7 @@ class RodState:
     spin_inertia: wp.array  # [kg m2] of a segment
     next_inertia: wp.array  # [kg m2] coupling with the next segment
     mass_factor: wp.array  # (node, FACTORS) vec4d, factors of both
+    mass_border: wp.array  # (node, BORDERS) vec4d
     wire_quiet: wp.array  # [wire] int, see kernels/banded_mass.py
     load_force: wp.array  # vec3d [N] dead load
     load_torque: wp.array  # [N m] about the segment
@@ -130,6 +133,7 @@ def upload_rods(rods: Rods, device: str) -> RodArrays:
         natural_twist=wp.zeros(nodes, dtype=wp.float64, device=device),
     )
     at_rest = rest_state(rods, device)
+    at_rest.write_control({c.STATUS: FROZEN})
     frames_launch(arrays, at_rest).run(device)
     force_launch(rods, arrays, at_rest, no_contact(rods, device)).run(device)
     curvature, twist = rods.set_fraction * fetch(at_rest.curvature), rods.set_fraction * fetch(at_rest.twist)
@@ -175,6 +179,7 @@ def rest_state(rods: Rods, device: str) -> RodState:
         spin_inertia=reals(section.rotary_inertia * rods.natural_length),
         next_inertia=reals(),
         mass_factor=wp.zeros((nodes, FACTORS), dtype=wp.vec4d, device=device),
+        mass_border=wp.zeros((nodes, BORDERS), dtype=wp.vec4d, device=device),
         wire_quiet=wp.zeros(len(rods.wire_first), dtype=wp.int32, device=device),
         load_force=vectors(),
         load_torque=reals(),

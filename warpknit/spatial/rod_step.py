@@ -28,6 +28,7 @@ from ..numerics import thread_count
 from ..team import Team
 from .fictitious_masses import Masses
 from .rod_arrays import (
+    FROZEN,
     RodArrays,
     RodState,
     TouchArrays,
@@ -45,7 +46,6 @@ from .yielding import Yielding
 GRAPH_STEPS = (5, 1)  # of one graph replay: capturing more takes longer than replaying few more often
 NODES_A_THREAD = 2_000  # fewer nodes a thread cost more in waiting than they save
 EVALUATED = 0.3  # thicknesses: gap up to which an evaluation finds closest points
-FROZEN = 3.0  # status in which a step computes forces and moves nothing
 
 
 class Contact(Protocol):
@@ -149,6 +149,9 @@ class RodStepper:
         """Replay so many steps in all threads; for none, the forces alone."""
         key = (self.contact.version if self.contact is not None else (), steps)
         if key not in self._graphs:
+            # two lists of pairs take turns; graphs of lists that have grown since are not used again
+            kept = [version for version, _ in self._graphs if version != key[0]][-1:]
+            self._graphs = {k: graphs for k, graphs in self._graphs.items() if k[0] in (key[0], *kept)}
             self._graphs[key] = [self._captured(part, steps) for part in range(self._team.threads)]
         self._team.together([partial(wp.capture_launch, graph) for graph in self._graphs[key]])
 
