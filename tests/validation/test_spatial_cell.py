@@ -2,6 +2,7 @@
 tile."""
 
 import functools
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -42,10 +43,18 @@ def test_nothing_touches_as_knitted() -> None:
     )
 
 
-def test_wires_that_overlap_as_knitted_are_pushed_apart() -> None:
-    """A yarn of three ends is thicker than the knit keeps its centre lines apart: said, and taken out before the load comes
-    on."""
+def test_a_yarn_is_knitted_as_thick_as_it_is() -> None:
+    """The wires of a yarn of three ends do not overlap as knitted either."""
     relaxation, (unloaded, *_) = relaxed("wire.ends=3", "load.strain_weft=0", "load.strain_warp=0", "output.frames=1")
+    assert not relaxation.notes and len(unloaded.touching.force) == 0
+
+
+def test_wires_that_overlap_as_knitted_are_pushed_apart() -> None:
+    """Wires thicker than the knit keeps their centre lines apart: said, and taken out before the load comes on."""
+    model = build_model(load_scene(CELL, [*DRAFT, "load.strain_weft=0", "load.strain_warp=0", "output.frames=1"]))
+    radius = np.full(len(model.rods.wire_first), 0.8 * model.rods.section.thickness)
+    relaxation = Simulation(replace(model, rods=replace(model.rods, thicker=radius)))
+    unloaded, *_ = [record.observables for record in relaxation.run()]
     assert "as knitted, wires overlap in" in relaxation.notes[0]
     assert unloaded.touching.force.max() > 0.0 and unloaded.penetration < 0.01
 

@@ -55,7 +55,7 @@ def knit_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tup
 
     knit: `bars` (each with `chain`, `threading`, `shift`), `wale_spacing` [m], `course_spacing` [m], `loop`
     (`LoopProportions` or any object with its names, None for the defaults), and, where loops differ, `scatter` and `seed`.
-    diameter: of the wire [m].
+    diameter: of the wire, or thickness of the yarn [m].
     merge_lenses: one clasp for nested lenses of the same wires.
     tiles: pattern repeats (weft, warp) taken as one repeat.
     Raises `KnitError` for a knit that cannot be made.
