@@ -15,6 +15,7 @@ from .control import EVALUATED_GAP, LENGTH_FACTOR, NEAR_GAP, STATUS, STATUS_RUNN
 from .rod_frames import affine_map
 from .wire_curve import (
     CLOSING_RATE,
+    Nodes,
     Powers,
     closest_on_chords,
     curve_through,
@@ -231,6 +232,13 @@ def saddle_of(p: Powers, q: Powers, one: wp.vec2d, other: wp.vec2d) -> wp.vec2d:
 
 
 @wp.func
+def least_distance(p: Nodes, q: Nodes, chords: wp.vec2d, bulge_p: wp.float64, bulge_q: wp.float64) -> wp.float64:
+    """[m] bound on the distance of two curves: that of their chords at the places `chords`, less the sag of both."""
+    r = row(p, 1) + chords[0] * (row(p, 2) - row(p, 1)) - row(q, 1) - chords[1] * (row(q, 2) - row(q, 1))
+    return wp.length(r) - sag(p, bulge_p) - sag(q, bulge_q)
+
+
+@wp.func
 def are_distinct(one: wp.vec2d, other: wp.vec2d) -> bool:
     """Whether two searches found different places."""
     return wp.abs(one[0] - other[0]) + wp.abs(one[1] - other[1]) >= SAME_PLACE
@@ -276,9 +284,8 @@ def mark_near_pairs(
             shift = affine_map(pair_shift[pair], control)
             q = q + wp.matrix_from_rows(shift, shift, shift, shift)
             chords = closest_on_chords(row(p, 1), row(p, 2), row(q, 1), row(q, 2))
-            r = row(p, 1) + chords[0] * (row(p, 2) - row(p, 1)) - row(q, 1) - chords[1] * (row(q, 2) - row(q, 1))
             length_factor = control[LENGTH_FACTOR]
-            gap = wp.length(r) - sag(p, length_factor * rest_bulge[i]) - sag(q, length_factor * rest_bulge[j])
+            gap = least_distance(p, q, chords, length_factor * rest_bulge[i], length_factor * rest_bulge[j])
             gap = gap - length_factor * (node_radius[i] + node_radius[j])
             pair_wake_travel[pair] = travel + gap / CLOSING_RATE
             gap = gap - offset
@@ -343,8 +350,7 @@ def find_closest_places(
         length_factor = control[LENGTH_FACTOR]
         contact_distance = length_factor * (node_radius[i] + node_radius[j]) + offset
         chords = closest_on_chords(row(p, 1), row(p, 2), row(q, 1), row(q, 2))
-        r = row(p, 1) + chords[0] * (row(p, 2) - row(p, 1)) - row(q, 1) - chords[1] * (row(q, 2) - row(q, 1))
-        gap = wp.length(r) - sag(p, length_factor * rest_bulge[i]) - sag(q, length_factor * rest_bulge[j]) - contact_distance
+        gap = least_distance(p, q, chords, length_factor * rest_bulge[i], length_factor * rest_bulge[j]) - contact_distance
         if gap > evaluated_gap:
             pair_wake_travel[pair] = travel + (gap + offset) / CLOSING_RATE
             continue
