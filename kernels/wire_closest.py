@@ -28,7 +28,7 @@ from .wire_curve import (
     stencil,
 )
 
-NEWTON_STEPS = 20
+NEWTON_STEPS = 40
 NEWTON_ACCURACY = wp.constant(wp.float64(1.0e-8))  # of a segment: convergence is quadratic below this step
 NEWTON_ROUND_OFF = wp.constant(wp.float64(1.0e-12))  # of a segment: smaller steps are not taken
 MIN_CURVATURE = wp.constant(wp.float64(1.0e-4))  # smallest curvature of a Newton step, over the larger one
@@ -66,8 +66,11 @@ def newton_step(gs: wp.float64, gt: wp.float64, ss: wp.float64, st: wp.float64, 
     axis = wp.vec2d(wp.float64(1.0), wp.float64(0.0))
     if size > wp.float64(0.0):
         axis = wp.normalize(wp.where(lean >= wp.float64(0.0), wp.vec2d(lean + size, st), wp.vec2d(st, size - lean)))
-    steep = mean + size
-    flat = wp.max(wp.abs(mean - size), MIN_CURVATURE * steep)
+    steep = wp.abs(mean + size)
+    flat = wp.abs(mean - size)
+    least = MIN_CURVATURE * wp.max(steep, flat)
+    steep = wp.max(steep, least)
+    flat = wp.max(flat, least)
     along = (axis[0] * gs + axis[1] * gt) / steep
     across_it = (axis[0] * gt - axis[1] * gs) / flat
     step = wp.vec2d(across_it * axis[1] - along * axis[0], -along * axis[1] - across_it * axis[0])
@@ -75,18 +78,41 @@ def newton_step(gs: wp.float64, gt: wp.float64, ss: wp.float64, st: wp.float64, 
 
 
 @wp.func
+def room(place: wp.float64, step: wp.float64) -> wp.float64:
+    """Share of a step from a place in 0 .. 1 that stays in 0 .. 1: 0 at an end and out of it, else at most 1."""
+    if place + step > wp.float64(1.0):
+        return (wp.float64(1.0) - place) / step
+    if place + step < wp.float64(0.0):
+        return -place / step
+    return wp.float64(1.0)
+
+
+@wp.func
 def closest_on_curves(p: Powers, q: Powers, start: wp.vec2d) -> wp.vec3d:
     """Places (s, t) in 0 .. 1 of the closest points of two curves, by Newton's method from `start`, and its last step.
 
-    The last step exceeds NEWTON_ACCURACY along lines of almost equal distance.
+    A step that increases the distance is halved. The last step exceeds NEWTON_ACCURACY along lines of almost equal distance; the
+    places are then the nearest ones visited.
     """
     step_size = wp.float64(0.0)
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
+    half = wp.float64(0.5)
     s = start[0]
     t = start[1]
+    before_s = start[0]
+    before_t = start[1]
+    nearest = wp.float64(1.0e300)
     for _step in range(NEWTON_STEPS):
         r = point_at(p, s) - point_at(q, t)
+        if wp.length_sq(r) > nearest and step_size > NEWTON_ACCURACY:
+            s = half * (s + before_s)
+            t = half * (t + before_t)
+            step_size = half * step_size
+            continue
+        nearest = wp.length_sq(r)
+        before_s = wp.float64(s)
+        before_t = wp.float64(t)
         dp = derivative_at(p, s)
         dq = derivative_at(q, t)
         gs = wp.dot(r, dp)
@@ -99,6 +125,9 @@ def closest_on_curves(p: Powers, q: Powers, start: wp.vec2d) -> wp.vec3d:
             step_size = zero
             break
         step = newton_step(gs, gt, ss, -wp.dot(dp, dq), tt)
+        if not s_stays and not t_stays:
+            s_stays = room(s, step[0]) == zero
+            t_stays = room(t, step[1]) == zero
         if t_stays:
             step = newton_step(gs, zero, ss, zero, wp.dot(dq, dq))
         if s_stays:
@@ -106,13 +135,16 @@ def closest_on_curves(p: Powers, q: Powers, start: wp.vec2d) -> wp.vec3d:
         if wp.abs(step[0]) + wp.abs(step[1]) < NEWTON_ROUND_OFF:
             step_size = zero
             break
-        before_s = s
-        before_t = t
-        s = wp.clamp(s + step[0], zero, one)
-        t = wp.clamp(t + step[1], zero, one)
+        share = wp.min(room(s, step[0]), room(t, step[1]))
+        s = wp.clamp(s + share * step[0], zero, one)
+        t = wp.clamp(t + share * step[1], zero, one)
         step_size = wp.abs(s - before_s) + wp.abs(t - before_t)
+        if share < one:
+            step_size = wp.max(step_size, NEWTON_ACCURACY)
         if step_size < NEWTON_ACCURACY:
             break
+    if step_size >= NEWTON_ACCURACY:
+        return wp.vec3d(before_s, before_t, step_size)
     return wp.vec3d(s, t, step_size)
 
 
@@ -362,7 +394,7 @@ def find_closest_places(
         from_other = wp.vec3d()
         k = 3 * pair
         was_two = wp.abs(found) == TWO_PLACES
-        is_followed = found != NOT_NEAR and (was_two or travel <= pair_renewal_travel[pair])
+        is_followed = found != NOT_NEAR and travel <= pair_renewal_travel[pair]
         if is_followed:
             from_one = closest_on_curves(curve_p, curve_q, pair_place[k])
             from_other = from_one
@@ -411,7 +443,9 @@ def find_closest_places(
         pair_place[k + 1] = other
         if is_running and nearest >= contact_distance:
             pair_found[pair] = -minima
-            wake = travel + (nearest - contact_distance + offset) / CLOSING_RATE
+            if wp.max(from_one[2], from_other[2]) < NEWTON_ACCURACY:
+                gap = nearest - contact_distance
+            wake = travel + (gap + offset) / CLOSING_RATE
             # a place that was followed may no longer be the nearest
             pair_wake_travel[pair] = wp.where(is_followed, wp.min(wake, pair_renewal_travel[pair]), wake)
         else:

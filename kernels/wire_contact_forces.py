@@ -126,7 +126,7 @@ def find_contact_forces(
     touch_loaded: wp.array(dtype=wp.int32),
     touch_force: wp.array(dtype=wp.vec3d),
     touch_couple: wp.array(dtype=wp.vec3d),
-    max_penetration: wp.array(dtype=wp.float64),
+    max_penetration: wp.array(dtype=wp.float64),  # an entry for every `first_touch`
 ):
     """Each thread takes every `touch_stride`-th pair that may touch, at its places. `stick_share` is k_t
     over the penalty in `control`. A contact without weight has the overlap -NO_COMMON_WIRE."""
@@ -263,7 +263,7 @@ def find_contact_forces(
                     slip_place[after, 2 * pair + a] = place
                     elastic_slip[after, 2 * pair + a] = slip
             if a < 2:
-                wp.atomic_max(max_penetration, 0, contact_distance - distance)
+                wp.atomic_max(max_penetration, first_touch, contact_distance - distance)
             pair_force[k] = normal_force
             pair_friction[k] = friction_force
             push = normal_force * n + friction_force

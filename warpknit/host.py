@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,20 @@ _VIEW = "host_view"  # attribute of an array on the CPU: its view, made once
 
 
 def fetch(array: wp.array) -> np.ndarray:
-    """The array on the host: a view on the CPU, a copy from a GPU."""
+    """The array on the host: a view on the CPU, a copy from a GPU.
+
+    The view does not keep the array: values that outlive it are copied.
+    """
     view: np.ndarray | None = array.__dict__.get(_VIEW)
-    if view is None:
-        view = array.numpy()
-        if wp.get_device(array.device).is_cpu:
-            array.__dict__[_VIEW] = view
+    if view is not None:
+        return view
+    host: np.ndarray = array.numpy()
+    if not wp.get_device(array.device).is_cpu or not array.is_contiguous or not host.nbytes:
+        return host
+    # a view that refers to its array, which keeps it, would never be freed: NumPy's arrays are no part of garbage collection
+    memory = (ctypes.c_char * host.nbytes).from_address(array.ptr)
+    view = np.frombuffer(memoryview(memory), dtype=host.dtype).reshape(host.shape)
+    array.__dict__[_VIEW] = view
     return view
 
 
@@ -24,5 +33,5 @@ def store(array: wp.array, values: Any) -> None:
     """Set all entries of the array to values that have its shape on the host, or broadcast to it."""
     host = fetch(array)
     host[...] = values
-    if _VIEW not in array.__dict__:
+    if not wp.get_device(array.device).is_cpu:
         array.assign(host)

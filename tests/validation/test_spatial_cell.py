@@ -15,7 +15,7 @@ from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.observables import SpatialObservables, read
+from warpknit.spatial.observables import NEAR, SpatialObservables, read
 from warpknit.spatial.search_cells import search_cells
 
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell_spatial.toml"
@@ -212,6 +212,24 @@ def test_nominal_stress_of_a_narrow_tile_is_the_derivative_of_the_energy() -> No
     touching = relaxation.mechanics.contact.read_contacts()
     assert len(np.unique(np.abs(touching.shift).round(9), axis=0)) > 2
     assert_stress_is_the_derivative_of_the_energy(relaxation)
+
+
+def test_near_contacts_are_those_of_a_new_search() -> None:
+    """In equilibrium the steps look at fewer pairs than count as near; what they look at stays."""
+    mechanics = relaxed("model.nodes_per_loop=64", "output.frames=1")[0].mechanics
+    contact, distance = mechanics.contact, (NEAR - 1.0) * mechanics.model.rods.section.thickness
+    before = contact._near_pairs()
+    mechanics.stepper.evaluate(distance)
+    seen = contact.read_contacts(distance)
+    near = mechanics.observe().near
+    assert np.array_equal(contact._near_pairs(), before)
+    contact.search()
+    contact.list_near_pairs(np.inf)
+    mechanics.stepper.evaluate(distance)
+    found = contact.read_contacts(distance)
+    assert len(seen.first) < len(found.first) == len(near.first)
+    order = [np.lexsort((*np.rint(1e9 * x.shift).T, x.place[:, 0], x.second, x.first)) for x in (near, found)]
+    assert near.overlap[order[0]] == pytest.approx(found.overlap[order[1]], abs=1e-6 * distance)
 
 
 def test_forces_in_a_narrow_tile_are_those_in_many_repeats() -> None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..host import fetch, store
 from ..kernels import control as c
+from .search_cells import MAX_OFFSET
 from .stalled import Stalled
 from .wire_contact import Contacts, WireContact
 
@@ -20,7 +21,6 @@ FORCE_PENALTY = 20.0  # penalty over N/d: a twentieth of the thickness is the ov
 GROWTH, DECAY = 8.0, 0.5  # largest changes of a penalty at a check
 WITHOUT_CONTACT = 0.5  # share of the offset that is left after a check without contact
 LOADED, SLOW = 0.2, 0.01  # share of the floor that is kept once the load is applied and no wire moves faster [thicknesses a step]
-MAX_OFFSET = 0.25  # thicknesses
 NEIGHBOUR = 0.1  # weight of a contact at the two nodes beyond its segment
 LEAST_WEIGHT = 0.3  # the same at the two nodes of its segment, at least
 RAISED, MOST_RAISED = 2.0, 64.0  # factor of the penalty where overlaps stall, and the most that it comes to
@@ -98,7 +98,7 @@ class ContactMultipliers:
     def state_dict(self) -> dict[str, np.ndarray]:
         """Arrays for a checkpoint, beside the state of the rods."""
         return {
-            "penalty_raised": self._raised,
+            "penalty_raised": self._raised.copy(),
             "mean_contact_force": np.array(self._force),
             **self._stalled.state_dict("overlap"),
         }

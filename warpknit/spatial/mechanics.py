@@ -74,6 +74,7 @@ class SpatialMechanics:
         # limits the approach of two colliding wires to half their thickness a step, so that they cannot pass through each other
         farthest = 0.5 * float(self.model.rods.wire_radius.min())
         self.state.write_control({c.DRIVE: 1.0, c.SPEED_LIMIT: np.inf, c.STEP_LIMIT: farthest})
+        self.contact.list_near_pairs(np.inf)
 
     def _moving_clamps(self) -> MovingClamps | None:
         """Clamps that a kernel moves with the load, and as they slide; not those that hang on a moving edge."""

@@ -315,7 +315,7 @@ def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: 
         contact_growth=_contact_growth(model, touching, tangent, fetch(state.director)),
         thermal_strain=relaxation.thermal_strain,
         touching=touching,
-        near=contact.read_contacts((NEAR - 1.0) * section.thickness),
+        near=contact.find_contacts((NEAR - 1.0) * section.thickness),
     )
 
 

@@ -62,8 +62,8 @@ class Contact(Protocol):
     def launches(self, part: int, parts: int) -> Sequence[Launch]:
         """Launches of one part of the contact forces."""
 
-    def wake_all(self) -> None:
-        """Wake all pairs, after the wires were moved from outside."""
+    def search(self) -> None:
+        """Search all pairs, after the wires were moved from outside."""
 
     def list_near_pairs(self, travel: float | None = None) -> None:
         """List the pairs that may touch within a travel [m] from the state last evaluated."""
@@ -208,7 +208,7 @@ class RodStepper:
         if turn is not None:
             store(self.state.pending_turn, turn)
         if self.contact is not None:
-            self.contact.wake_all()
+            self.contact.search()
         self.evaluate()
 
     def forces(self) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,8 @@ import numpy as np
 from .rest_curve import RestCurve
 from .rods import Rods
 
-MARGIN = 0.5  # of a segment: approach allowed before the next search
+APPROACH = 0.5  # of a segment: approach allowed before the next search
+MAX_OFFSET = 0.25  # thicknesses: most that the multiplier of either wire adds to its radius (contact_multipliers.py)
 MAX_SAG = 0.3  # of a segment: bound on the sag of a Catmull-Rom curve, 4/27 from either end
 FREE_CELLS = (64, 64, 8)  # along x, y and z in directions without tiles
 
@@ -18,7 +19,8 @@ FREE_CELLS = (64, 64, 8)  # along x, y and z in directions without tiles
 class SearchCells:
     """Margin, radius and cells of the search; lengths in m."""
 
-    margin: float  # approach allowed before the next search
+    approach: float  # of two wires, allowed before the next search
+    margin: float  # gap up to which pairs are listed: what multipliers push apart, and the approach
     max_sag: float  # of a segment, over its length
     radius: float  # largest distance of the midpoints of two segments that may touch before the next search
     count: np.ndarray  # (3,) cells along x, y and z
@@ -28,10 +30,11 @@ class SearchCells:
 def search_cells(rods: Rods, curve: RestCurve) -> SearchCells:
     """The search cells for wires that touch on `curve`, no narrower than the search radius."""
     segments = rods.natural_length[rods.following >= 0]
-    margin = MARGIN * float(segments.max())
+    approach = APPROACH * float(segments.max())
+    margin = approach + 2.0 * MAX_OFFSET * rods.section.thickness
     longest = 1.2 * float(segments.max())  # allows for stretch by the load
     max_sag = MAX_SAG + float((curve.bulge / rods.natural_length).max())
     radius = longest * (1.0 + 2.0 * max_sag) + 2.0 * float(rods.wire_radius.max()) + margin
     is_tiled = rods.tile > 0
     count = np.where(is_tiled, np.maximum(np.floor(rods.tile / radius), 1), FREE_CELLS).astype(int)
-    return SearchCells(margin, max_sag, radius, count, np.where(is_tiled & (count > 1), rods.tile / count, radius))
+    return SearchCells(approach, margin, max_sag, radius, count, np.where(is_tiled & (count > 1), rods.tile / count, radius))

@@ -49,6 +49,13 @@ def _fill(array: wp.array, values: np.ndarray) -> None:
         store(array, host)
 
 
+def _is_one_of(members: np.ndarray, total: int) -> np.ndarray:
+    """[number] bool: which of the numbers below `total` are members."""
+    found = np.zeros(total, dtype=bool)
+    found[members] = True
+    return found
+
+
 def _sum_at(node: np.ndarray, values: np.ndarray, nodes: int) -> np.ndarray:
     """[node] sums of the values at their nodes, of which -1 does not exist."""
     return np.bincount(node + 1, values, nodes + 1)[1:]
@@ -153,18 +160,19 @@ class WireContact:
         curve = catmull_rom(rods) if curve is None else curve
         self._curve, self._after, self._before = curve, rods.following, rods.previous
         cells = search_cells(rods, curve)
-        self.margin, self._radius, self._max_sag, self._cell = cells.margin, cells.radius, cells.max_sag, cells.size
+        self.margin, self._approach, self._max_sag = cells.margin, cells.approach, cells.max_sag
+        self._radius, self._cell = cells.radius, cells.size
         along_x, along_y, along_z = map(int, cells.count)
         self._grid = wp.HashGrid(along_x, along_y, along_z, device=device)
         self._hash_place = wp.zeros(rods.node_count, dtype=wp.vec3, device=device)
         self._wires = _upload_wires(rods, curve, device)
-        self.max_penetration = wp.zeros(1, dtype=wp.float64, device=device)  # [m] since the last `pop_max_penetration`
+        # [thread] [m] since the last `pop_max_penetration`
+        self.max_penetration = wp.zeros(stepper.threads, dtype=wp.float64, device=device)
         self._travel = NEXT_TRAVEL * rods.section.thickness  # [m] until the near pairs are listed again
         self._search_travel = -1.0  # [m] until the next search
         self.touch = TouchArrays.of(rods.node_count, max(64, rods.node_count), device)
         self._list, self._other = (_PairList(max(64, 2 * rods.node_count), rods.node_count, device, number) for number in (0, 1))
-        reach = self._radius / float(CLOSING_RATE)
-        stepper.state.write_control({c.CONTACT_STIFFNESS: stiffness, c.PAIR_REACH: reach})
+        stepper.state.write_control({c.CONTACT_STIFFNESS: stiffness})
         store(stepper.state.contact_penalty, stiffness)
         stepper.contact = self
 
@@ -194,11 +202,6 @@ class WireContact:
                 **named, **own, **slip,
             ),
         ]  # fmt: skip
-
-    def wake_all(self) -> None:
-        """Wake all pairs, after the wires were moved from outside."""
-        store(self._list.wake_travel, 0)
-        store(self._list.renewal_travel, -1)
 
     def search(self) -> None:
         """Search all pairs, and start a new travel budget. Raises `OutOfResources`."""
@@ -232,17 +235,34 @@ class WireContact:
         pairs.order(total)
         self._list, self._other = pairs, before
         self.searches += 1
-        self._search_travel = self.margin / float(CLOSING_RATE)
-        state.write_control({c.TRAVEL: 0.0})
+        self._search_travel = self._approach / float(CLOSING_RATE)
+        state.write_control({c.TRAVEL: 0.0, c.PAIR_REACH: self._reach(total) / float(CLOSING_RATE)})
         self.list_near_pairs()
 
+    def _reach(self, total: int) -> float:
+        """[m] bound on the distance at rest of two points whose segments form a pair: by what a unit strain moves them apart."""
+        rods, pairs = self.stepper.rods, self._list
+        first, second, shift = (fetch(values)[:total] for values in (pairs.first, pairs.second, pairs.shift))
+        apart = rods.position[first] - rods.position[second] - shift
+        return self._radius + float(np.sqrt(np.max(np.sum(apart**2, axis=1), initial=0.0)))
+
     def list_near_pairs(self, travel: float | None = None) -> None:
-        """List the pairs that may touch within a travel [m] from the state last evaluated; default: the last one given."""
-        stepper, state, pairs = self.stepper, self.stepper.state, self._list
+        """List the pairs that may touch within a travel [m] from the state last evaluated; default: the last one given.
+
+        The travel is at most NEXT_TRAVEL thicknesses. It leaves out the look-ahead of the steps, less than a quarter of a step's
+        motion, and the rotation of the rest shape with its sections: what they bring together touches a step later.
+        """
+        stepper, state = self.stepper, self.stepper.state
         if travel is not None:
             self._travel = min(travel, NEXT_TRAVEL * stepper.rods.section.thickness)
-        total = self.pair_count
-        state.write_control({c.NEAR_GAP: float(CLOSING_RATE) * self._travel})
+        self._list_near(float(CLOSING_RATE) * self._travel)
+        reached = float(state.read_control()[int(c.TRAVEL)]) + self._travel
+        state.write_control({c.TRAVEL_LIMIT: min(reached, self._search_travel), c.STATUS: 0.0})
+
+    def _list_near(self, gap: float) -> None:
+        """List the pairs with a gap [m] in the state last evaluated, without what pushes them apart."""
+        stepper, state, pairs = self.stepper, self.stepper.state, self._list
+        state.write_control({c.NEAR_GAP: gap})
         if pairs.mark is None:
             threads = 1 if stepper.device == "cpu" else pairs.capacity
             named = pairs.named("first", "second", "shift", "wake_travel", "found", "is_near")
@@ -250,14 +270,12 @@ class WireContact:
             mark = bind(mark_near_pairs, threads, *sources, pair_count=pairs.total, pair_stride=threads, **named)
             pairs.mark = mark.record(stepper.device)
         pairs.mark.launch()
-        is_near = fetch(pairs.is_near)[:total] != 0
-        self._take_near_pairs(np.flatnonzero(is_near), is_near)
-        reached = float(state.read_control()[int(c.TRAVEL)]) + self._travel
-        state.write_control({c.TRAVEL_LIMIT: min(reached, self._search_travel), c.STATUS: 0.0})
+        self._take_near_pairs(fetch(pairs.is_near)[: self.pair_count] != 0)
 
-    def _take_near_pairs(self, near: np.ndarray, is_near: np.ndarray) -> None:
-        """Have the steps look at the pairs `near`, those that are `is_near` of all."""
-        pairs, nodes, count = self._list, self.stepper.rods.node_count, len(near)
+    def _take_near_pairs(self, is_near: np.ndarray) -> None:
+        """Have the steps look at those of all pairs that are near."""
+        pairs, nodes, near = self._list, self.stepper.rods.node_count, np.flatnonzero(is_near)
+        count = len(near)
         if count > self.touch.capacity:
             self.touch = TouchArrays.of(nodes, self._capacity(count), self.stepper.device)
         before = np.concatenate([[0], np.cumsum(is_near)])  # near pairs before each
@@ -285,8 +303,8 @@ class WireContact:
         kept["pairs_place"] = fetch(pairs.place)[: PLACES * count].copy()
         kept |= {f"pairs_{name}": fetch(getattr(pairs, name))[:, : 2 * count].copy() for name in SLIP_ARRAYS}
         kept |= {f"pairs_{name}": fetch(getattr(pairs, name)).copy() for name in NODE_ARRAYS}
-        kept["pairs_near"] = fetch(self.touch.touch_pair)[: int(fetch(self.touch.touch_count)[0])].copy()
-        numbers = [self.searches, fetch(self.max_penetration)[0], self._travel, self._search_travel]
+        kept["pairs_near"] = self._near_pairs()
+        numbers = [self.searches, fetch(self.max_penetration).max(), self._travel, self._search_travel]
         return kept | {"contact": np.array(numbers)}
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
@@ -309,9 +327,7 @@ class WireContact:
         searches, penetration, self._travel, self._search_travel = kept["contact"].tolist()
         self.searches = int(searches)
         store(self.max_penetration, penetration)
-        near, is_near = kept["pairs_near"], np.zeros(total, dtype=bool)
-        is_near[near] = True
-        self._take_near_pairs(near, is_near)
+        self._take_near_pairs(_is_one_of(kept["pairs_near"], total))
 
     def stiffness_bounds(self, approach: float) -> tuple[np.ndarray, np.ndarray]:
         """Bounds on the stiffness of the contacts: of nodes (node, 3) [N/m] along x, y, z, and of sections [node] [N m].
@@ -383,14 +399,26 @@ class WireContact:
 
     def pop_max_penetration(self) -> float:
         """[m] largest penetration since the last call; resets it."""
-        max_penetration = float(fetch(self.max_penetration)[0])
+        max_penetration = float(fetch(self.max_penetration).max())
         store(self.max_penetration, 0)
         return max_penetration
 
+    def _near_pairs(self) -> np.ndarray:
+        """Numbers of the pairs that the steps look at."""
+        return fetch(self.touch.touch_pair)[: int(fetch(self.touch.touch_count)[0])].copy()
+
+    def find_contacts(self, distance: float) -> Contacts:
+        """All contacts of the state last evaluated with a gap below `distance` [m], at most 2 MAX_OFFSET thicknesses."""
+        near = self._near_pairs()
+        self._list_near(distance)
+        self.stepper.evaluate(distance)
+        contacts = self.read_contacts(distance)
+        self._take_near_pairs(_is_one_of(near, self.pair_count))
+        return contacts
+
     def read_contacts(self, distance: float | None = None) -> Contacts:
-        """Contacts of the state last evaluated: those with a force, or all with a gap below `distance` [m]."""
-        pairs, count = self._list, int(fetch(self.touch.touch_count)[0])
-        near = fetch(self.touch.touch_pair)[:count, None]
+        """Contacts of the state last evaluated: those with a force, or those found with a gap below `distance` [m]."""
+        pairs, near = self._list, self._near_pairs()[:, None]
         found = fetch(pairs.found)[near]
         places = (PLACES * near + np.arange(PLACES)).ravel()
         is_there = (found > int(NOT_NEAR)) & (np.arange(PLACES) < np.where(found == int(ONE_PLACE), 1, PLACES))

@@ -1,0 +1,58 @@
+"""Newton's method for the closest points of two curves."""
+
+import numpy as np
+import warp as wp
+
+from warpknit.kernels.wire_closest import NEWTON_ACCURACY, closest_on_curves, distance_at
+from warpknit.kernels.wire_curve import Nodes, Shape, curve_through, derivative_at, point_at
+
+CURVES = 20_000
+
+
+@wp.kernel
+def closest(
+    one: wp.array(dtype=Nodes),
+    other: wp.array(dtype=Nodes),
+    start: wp.array(dtype=wp.vec2d),
+    # out: places with the last step, distances at the start and at the places, and slopes of the distance there
+    place: wp.array(dtype=wp.vec3d),
+    distance: wp.array(dtype=wp.vec2d),
+    slope: wp.array(dtype=wp.vec2d),
+):
+    k = wp.tid()
+    p = curve_through(one[k], Shape())
+    q = curve_through(other[k], Shape())
+    place[k] = closest_on_curves(p, q, start[k])
+    at = wp.vec2d(place[k][0], place[k][1])
+    distance[k] = wp.vec2d(distance_at(p, q, start[k]), distance_at(p, q, at))
+    n = wp.normalize(point_at(p, at[0]) - point_at(q, at[1]))
+    slope[k] = wp.vec2d(wp.dot(n, derivative_at(p, at[0])), -wp.dot(n, derivative_at(q, at[1])))
+
+
+def bent(rng: np.random.Generator) -> np.ndarray:
+    """(curve, 4, 3) nodes of segments of length 1 in all directions, whose neighbours turn by up to 2 rad."""
+    along = rng.normal(size=(CURVES, 3))
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    across = rng.normal(size=(2, CURVES, 3))
+    across -= np.sum(across * along, axis=-1, keepdims=True) * along
+    across /= np.linalg.norm(across, axis=-1, keepdims=True)
+    turn = 2.0 * rng.random((2, CURVES, 1))
+    before, after = np.cos(turn) * along + np.sin(turn) * across
+    first = 0.5 * rng.normal(size=(CURVES, 3))
+    return np.stack([first - before, first, first + along, first + along + after], axis=1)
+
+
+def test_steps_lead_to_a_minimum_and_never_away_from_it() -> None:
+    """From any start: a step may overshoot where curves bend as strongly as they are apart, but it is then halved."""
+    rng = np.random.default_rng(1)
+    one, other = (wp.array(bent(rng), dtype=Nodes, device="cpu") for _ in range(2))
+    start = wp.array(rng.random((CURVES, 2)), dtype=wp.vec2d, device="cpu")
+    place, distance, slope = (wp.zeros(CURVES, dtype=kind, device="cpu") for kind in (wp.vec3d, wp.vec2d, wp.vec2d))
+    wp.launch(closest, CURVES, [one, other, start, place, distance, slope], device="cpu")
+    at, last_step, slope = place.numpy()[:, :2], place.numpy()[:, 2], slope.numpy()
+    from_start, reached = distance.numpy().T
+    assert (reached <= from_start).all()
+    is_bounded = ((at == 0.0) & (slope > 0.0)) | ((at == 1.0) & (slope < 0.0))
+    has_converged = last_step < float(NEWTON_ACCURACY)
+    assert has_converged.mean() > 0.999
+    assert np.abs(np.where(is_bounded, 0.0, slope))[has_converged].max() < 1e-6
