@@ -394,7 +394,9 @@ def find_closest_places(
         from_other = wp.vec3d()
         k = 3 * pair
         was_two = wp.abs(found) == TWO_PLACES
-        is_followed = found != NOT_NEAR and travel <= pair_renewal_travel[pair]
+        is_due = travel > pair_renewal_travel[pair]
+        # of three minima a new search may find another two: two that are known are kept, unless they miss the nearest
+        is_followed = found != NOT_NEAR and (was_two or not is_due)
         if is_followed:
             from_one = closest_on_curves(curve_p, curve_q, pair_place[k])
             from_other = from_one
@@ -409,6 +411,7 @@ def find_closest_places(
             from_other = closest_on_curves(curve_p, curve_q, projected_end(curve_p, curve_q, wp.float64(1.0)))
             one = wp.vec2d(from_one[0], from_one[1])
             other = wp.vec2d(from_other[0], from_other[1])
+        if is_due or not is_followed:
             from_sample = closest_on_curves(curve_p, curve_q, nearest_sample(curve_p, curve_q))
             sample = wp.vec2d(from_sample[0], from_sample[1])
             distance_of_one = distance_at(curve_p, curve_q, one)
