@@ -317,10 +317,10 @@ def mark_near_pairs(
             q = q + wp.matrix_from_rows(shift, shift, shift, shift)
             chords = closest_on_chords(row(p, 1), row(p, 2), row(q, 1), row(q, 2))
             length_factor = control[LENGTH_FACTOR]
-            gap = least_distance(p, q, chords, length_factor * rest_bulge[i], length_factor * rest_bulge[j])
-            gap = gap - length_factor * (node_radius[i] + node_radius[j])
-            pair_wake_travel[pair] = travel + gap / CLOSING_RATE
-            gap = gap - offset
+            bound = least_distance(p, q, chords, length_factor * rest_bulge[i], length_factor * rest_bulge[j])
+            bound = bound - length_factor * (node_radius[i] + node_radius[j])
+            pair_wake_travel[pair] = wp.max(pair_wake_travel[pair], travel + bound / CLOSING_RATE)
+            gap = wp.max(gap, bound - offset)
         if gap <= control[NEAR_GAP]:
             pair_is_near[pair] = 1
         else:
@@ -444,12 +444,9 @@ def find_closest_places(
             pair_renewal_travel[pair] = -wp.float64(1.0)
         pair_place[k] = one
         pair_place[k + 1] = other
-        if is_running and nearest >= contact_distance:
-            pair_found[pair] = -minima
-            if wp.max(from_one[2], from_other[2]) < NEWTON_ACCURACY:
-                gap = nearest - contact_distance
-            wake = travel + (gap + offset) / CLOSING_RATE
-            # a place that was followed may no longer be the nearest
-            pair_wake_travel[pair] = wp.where(is_followed, wp.min(wake, pair_renewal_travel[pair]), wake)
-        else:
-            pair_found[pair] = minima
+        if wp.max(from_one[2], from_other[2]) < NEWTON_ACCURACY:
+            gap = nearest - contact_distance
+        wake = travel + (gap + offset) / CLOSING_RATE
+        # a place that was followed may no longer be the nearest
+        pair_wake_travel[pair] = wp.where(is_followed, wp.min(wake, pair_renewal_travel[pair]), wake)
+        pair_found[pair] = wp.where(is_running and nearest >= contact_distance, -minima, minima)

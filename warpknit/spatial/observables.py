@@ -278,8 +278,10 @@ class SpatialObservables(Boundary):
         """None: meshes in space are too small for a map."""
 
 
-def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: WireContact) -> SpatialObservables:
-    """Evaluate the state and copy it to the host."""
+def read(
+    model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: WireContact, *, find_near: bool = True
+) -> SpatialObservables:
+    """Evaluate the state and copy it to the host; `find_near`: with contacts closer than NEAR, else `near` is `touching`."""
     stepper = relaxation.stepper
     stepper.evaluate()
     state, rods = stepper.state, model.rods
@@ -315,7 +317,7 @@ def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: 
         contact_growth=_contact_growth(model, touching, tangent, fetch(state.director)),
         thermal_strain=relaxation.thermal_strain,
         touching=touching,
-        near=contact.find_contacts((NEAR - 1.0) * section.thickness),
+        near=contact.find_contacts((NEAR - 1.0) * section.thickness) if find_near else touching,
     )
 
 
