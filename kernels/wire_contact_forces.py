@@ -117,11 +117,11 @@ def find_contact_forces(
     slip_step: wp.array2d(dtype=wp.int32),
     slip_place: wp.array2d(dtype=wp.vec2d),
     elastic_slip: wp.array2d(dtype=wp.vec3d),
-    # out: [m] overlap, [N] normal force and friction on the first wire, unit normal towards it
-    pair_overlap: wp.array(dtype=wp.float64),
-    pair_force: wp.array(dtype=wp.float64),
-    pair_friction: wp.array(dtype=wp.vec3d),
-    pair_normal: wp.array(dtype=wp.vec3d),
+    # out: of each place, [m] overlap, [N] normal force and friction on the first wire, unit normal towards it
+    touch_overlap: wp.array(dtype=wp.float64),
+    touch_normal_force: wp.array(dtype=wp.float64),
+    touch_friction: wp.array(dtype=wp.vec3d),
+    touch_normal: wp.array(dtype=wp.vec3d),
     # out: whether a touch pushes at all; forces on the four nodes of either segment, and couples on its three sections
     touch_loaded: wp.array(dtype=wp.int32),
     touch_force: wp.array(dtype=wp.vec3d),
@@ -164,11 +164,10 @@ def find_contact_forces(
         weights = wp.vec3d()  # of the contacts; negative for the saddle
         without_saddle = one
         for a in range(3):
-            k = 3 * pair + a
-            pair_force[k] = zero
-            pair_overlap[k] = -NO_COMMON_WIRE
+            touch_normal_force[3 * touch + a] = zero
+            touch_overlap[3 * touch + a] = -NO_COMMON_WIRE
             if a < last:
-                place = pair_place[k]
+                place = pair_place[3 * pair + a]
                 s = place[0]
                 t = place[1]
                 r = point_at(curve_p, s) - point_at(curve_q, t)
@@ -206,16 +205,16 @@ def find_contact_forces(
             weight = weights[a]
             if weight == zero:
                 continue
-            k = 3 * pair + a
-            place = pair_place[k]
+            k = 3 * touch + a
+            place = pair_place[3 * pair + a]
             s = place[0]
             t = place[1]
             r = point_at(curve_p, s) - point_at(curve_q, t)
             overlap = overlaps[a]
             distance = wp.length(r)
-            pair_overlap[k] = contact_distance - distance
+            touch_overlap[k] = contact_distance - distance
             n = r / distance
-            pair_normal[k] = n
+            touch_normal[k] = n
             if overlap <= zero:
                 continue
             w = node_weights(s)
@@ -264,8 +263,8 @@ def find_contact_forces(
                     elastic_slip[after, 2 * pair + a] = slip
             if a < 2:
                 wp.atomic_max(max_penetration, first_touch, contact_distance - distance)
-            pair_force[k] = normal_force
-            pair_friction[k] = friction_force
+            touch_normal_force[k] = normal_force
+            touch_friction[k] = friction_force
             push = normal_force * n + friction_force
             if not pushes:
                 pushes = True

@@ -15,6 +15,7 @@ from ..kernels.rod_blocks import ROD_BLOCK
 from ..kernels.rod_forces import find_rod_forces
 from ..kernels.rod_frames import update_frames
 from ..kernels.rod_motion import move_rods
+from ..kernels.wire_closest import PLACES
 from ..launch import Launch, bind
 from .rods import Rods
 
@@ -229,6 +230,11 @@ class TouchArrays:
     touch_loaded: wp.array  # [touch] int, 0 where there is no force
     touch_force: wp.array  # [8 touch] vec3d [N] on the four nodes of either segment
     touch_couple: wp.array  # [6 touch] vec3d [N m] on three sections of either segment
+    # of each place of a pair, PLACES a touch
+    touch_overlap: wp.array  # [m]
+    touch_normal_force: wp.array  # [N]
+    touch_friction: wp.array  # vec3d [N] on the first wire
+    touch_normal: wp.array  # vec3d towards the first wire
 
     @property
     def capacity(self) -> int:
@@ -241,9 +247,16 @@ class TouchArrays:
         def whole(count: int) -> wp.array:
             return wp.zeros(count, dtype=wp.int32, device=device)
 
+        def reals(count: int) -> wp.array:
+            return wp.zeros(count, dtype=wp.float64, device=device)
+
+        def vectors(count: int) -> wp.array:
+            return wp.zeros(count, dtype=wp.vec3d, device=device)
+
+        places = PLACES * capacity
         return TouchArrays(
             whole(capacity), whole(1), whole(nodes + 1), whole(nodes + 1), whole(capacity), whole(capacity),
-            wp.zeros(8 * capacity, dtype=wp.vec3d, device=device), wp.zeros(6 * capacity, dtype=wp.vec3d, device=device),
+            vectors(8 * capacity), vectors(6 * capacity), reals(places), reals(places), vectors(places), vectors(places),
         )  # fmt: skip
 
 

@@ -31,8 +31,10 @@ STICK_SHARE = 0.5  # tangential over normal stiffness
 WEIGHT_SUM = 2.5  # sum of the sizes of the weights of both wires: 5/4 in the middle of a segment
 MORE_TILT = 0.1  # allowance for the components of the normal; more between wires that do not touch
 LEAST_WEIGHT, BEYOND_WEIGHT = 0.5, 0.08  # of the nodes of the segment, at least, and of the nodes beyond
-# memory of one pair; two lists exist while a search runs
-PAIR_BYTES = 8 * (3 + 3 + PLACES * (2 * 3 + 2 + 2) + 2 * 2 * (3 + 2)) + 4 * (3 + 2 * 2)
+# memory of one pair, its elastic slips, and of a pair that may touch
+PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2 + 1) + 4 * 4, 2 * 2 * (8 * (3 + 2) + 4)
+TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (2 + 2 * 3)) + 4 * 3
+LEAST_CAPACITY = 64  # of a list
 NEXT_TRAVEL = 0.4  # of the thickness, most travel before near pairs are listed again
 SINGLE = 1.0001  # allowance for distances in single precision
 CAPACITY_MARGIN = 1.3  # capacity of a list over the pairs found
@@ -108,7 +110,7 @@ def _upload_wires(rods: Rods, curve: RestCurve, device: str) -> _WireArrays:
 class _PairList:
     """Device arrays of a list of at most `capacity` segment pairs; `number` identifies the list."""
 
-    def __init__(self, capacity: int, nodes: int, device: str, number: int) -> None:
+    def __init__(self, capacity: int, nodes: int, device: str, number: int, *, with_slip: bool) -> None:
         def make(dtype: type, count: int = capacity) -> wp.array:
             return wp.zeros(count, dtype=dtype, device=device)
 
@@ -122,13 +124,12 @@ class _PairList:
         self.mark: wp.Launch | None = None  # of `mark_near_pairs`, once it is recorded
         self.by_second = np.zeros(0, dtype=np.int64)  # the pairs in the order of their second segments
         self.second_start = np.zeros(nodes + 1, dtype=np.int64)  # where those of each segment begin
-        self.friction, self.normal = make(wp.vec3d, PLACES * capacity), make(wp.vec3d, PLACES * capacity)
-        self.overlap, self.force = make(wp.float64, PLACES * capacity), make(wp.float64, PLACES * capacity)
         self.place = make(wp.vec2d, PLACES * capacity)
         # elastic slip of friction: two contacts a pair, double-buffered by the parity of the step
-        self.slip_step = wp.full((2, 2 * capacity), -1, dtype=wp.int32, device=device)
-        self.slip_place = wp.zeros((2, 2 * capacity), dtype=wp.vec2d, device=device)
-        self.elastic_slip = wp.zeros((2, 2 * capacity), dtype=wp.vec3d, device=device)
+        slips = (2, 2 * capacity if with_slip else 0)
+        self.slip_step = wp.full(slips, -1, dtype=wp.int32, device=device)
+        self.slip_place = wp.zeros(slips, dtype=wp.vec2d, device=device)
+        self.elastic_slip = wp.zeros(slips, dtype=wp.vec3d, device=device)
 
     def order(self, total: int) -> None:
         """Order the pairs by their second segments, after the list has been filled with so many."""
@@ -170,8 +171,9 @@ class WireContact:
         self.max_penetration = wp.zeros(stepper.threads, dtype=wp.float64, device=device)
         self._travel = NEXT_TRAVEL * rods.section.thickness  # [m] until the near pairs are listed again
         self._search_travel = -1.0  # [m] until the next search
-        self.touch = TouchArrays.of(rods.node_count, max(64, rods.node_count), device)
-        self._list, self._other = (_PairList(max(64, 2 * rods.node_count), rods.node_count, device, number) for number in (0, 1))
+        self.touch = TouchArrays.of(rods.node_count, LEAST_CAPACITY, device)
+        self._list = self._new_list(LEAST_CAPACITY, 0)
+        self._other = self._new_list(LEAST_CAPACITY, 1) if friction else self._list  # the list before, for its elastic slips
         stepper.state.write_control({c.CONTACT_STIFFNESS: stiffness})
         store(stepper.state.contact_penalty, stiffness)
         stepper.contact = self
@@ -192,7 +194,7 @@ class WireContact:
         sources = (self._wires, stepper.arrays, stepper.state, touch)
         threads = 1 if stepper.device == "cpu" else touch.capacity
         named = pairs.named("first", "second", "shift", "found", "place") | {"first_touch": part, "touch_stride": parts * threads}
-        own = pairs.named("start", "arc_separation", "overlap", "force", "friction", "normal") | {"pair_count_of": pairs.count}
+        own = pairs.named("start", "arc_separation") | {"pair_count_of": pairs.count}
         slip = {name: getattr(pairs, name) for name in SLIP_ARRAYS}
         return [
             bind(find_closest_places, threads, *sources, **named, **pairs.named("wake_travel", "renewal_travel")),
@@ -202,6 +204,10 @@ class WireContact:
                 **named, **own, **slip,
             ),
         ]  # fmt: skip
+
+    def _new_list(self, capacity: int, number: int) -> _PairList:
+        stepper = self.stepper
+        return _PairList(capacity, stepper.rods.node_count, stepper.device, number, with_slip=self.friction > 0.0)
 
     def search(self) -> None:
         """Search all pairs, and start a new travel budget. Raises `OutOfResources`."""
@@ -218,22 +224,23 @@ class WireContact:
         wp.utils.array_scan(pairs.count, pairs.start, inclusive=False)
         total = int(fetch(pairs.start)[-1] + fetch(pairs.count)[-1])
         if total > pairs.capacity:
-            larger = _PairList(self._capacity(total), nodes, device, pairs.number + 2)
+            larger = self._new_list(self._capacity(total, PAIR_BYTES + SLIP_BYTES * (self.friction > 0.0)), pairs.number + 2)
             wp.copy(larger.start, pairs.start)
             wp.copy(larger.count, pairs.count)
             pairs = larger
         store(pairs.total, total)
         self._find(pairs, radius, filling=True)
-        bind(
-            transfer_elastic_slip, pairs.capacity, step=int(state.read_control()[int(c.STEP)]),
-            old_start=before.start, old_count=before.count, old_second=before.second, old_shift=before.shift,
-            old_step=before.slip_step, old_place=before.slip_place, old_elastic_slip=before.elastic_slip,
-            pair_count=pairs.total, slip_step=pairs.slip_step, slip_place=pairs.slip_place, elastic_slip=pairs.elastic_slip,
-            **pairs.named("first", "second", "shift"),
-        ).run(device)  # fmt: skip
+        if self.friction > 0.0:
+            bind(
+                transfer_elastic_slip, pairs.capacity, step=int(state.read_control()[int(c.STEP)]),
+                old_start=before.start, old_count=before.count, old_second=before.second, old_shift=before.shift,
+                old_step=before.slip_step, old_place=before.slip_place, old_elastic_slip=before.elastic_slip,
+                pair_count=pairs.total, slip_step=pairs.slip_step, slip_place=pairs.slip_place,
+                elastic_slip=pairs.elastic_slip, **pairs.named("first", "second", "shift"),
+            ).run(device)  # fmt: skip
         store(pairs.found, int(NOT_NEAR))
         pairs.order(total)
-        self._list, self._other = pairs, before
+        self._list, self._other = pairs, before if self.friction > 0.0 else pairs
         self.searches += 1
         self._search_travel = self._approach / float(CLOSING_RATE)
         state.write_control({c.TRAVEL: 0.0, c.PAIR_REACH: self._reach(total) / float(CLOSING_RATE)})
@@ -277,7 +284,7 @@ class WireContact:
         pairs, nodes, near = self._list, self.stepper.rods.node_count, np.flatnonzero(is_near)
         count = len(near)
         if count > self.touch.capacity:
-            self.touch = TouchArrays.of(nodes, self._capacity(count), self.stepper.device)
+            self.touch = TouchArrays.of(nodes, self._capacity(count, TOUCH_BYTES), self.stepper.device)
         before = np.concatenate([[0], np.cumsum(is_near)])  # near pairs before each
         by_second = is_near[pairs.by_second]
         before_second = np.concatenate([[0], np.cumsum(by_second)])
@@ -310,7 +317,7 @@ class WireContact:
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         """Restore what `state_dict` returned."""
         total = len(kept["pairs_first"])
-        pairs = _PairList(max(self._capacity(total), 1), self.stepper.rods.node_count, self.stepper.device, self._list.number + 2)
+        pairs = self._new_list(max(self._capacity(total, PAIR_BYTES), 1), self._list.number + 2)
         for name in (*PAIR_ARRAYS, "place", *SLIP_ARRAYS):
             array, values = getattr(pairs, name), kept[f"pairs_{name}"]
             filled = fetch(array).copy()
@@ -324,6 +331,8 @@ class WireContact:
         store(pairs.total, total)
         pairs.order(total)
         self._list = pairs
+        if self.friction == 0.0:
+            self._other = pairs
         searches, penetration, self._travel, self._search_travel = kept["contact"].tolist()
         self.searches = int(searches)
         store(self.max_penetration, penetration)
@@ -358,9 +367,10 @@ class WireContact:
         section_bound = _sum_at(np.concatenate(sections), np.concatenate(levers), nodes)
         return node_bound, section_bound
 
-    def _capacity(self, total: int) -> int:
+    def _capacity(self, total: int, size: int) -> int:
+        """Capacity of a list of so many pairs of `size` bytes."""
         capacity = round(CAPACITY_MARGIN * total)
-        needed, available = 2 * PAIR_BYTES * capacity, available_memory()
+        needed, available = size * capacity, available_memory()
         if needed > available:
             raise OutOfResources(
                 f"memory ran out: {total:,} pairs of neighbouring segments need {needed / 2**20:,.0f} MiB,"
@@ -414,17 +424,19 @@ class WireContact:
         self.stepper.evaluate(distance)
         contacts = self.read_contacts(distance)
         self._take_near_pairs(_is_one_of(near, self.pair_count))
+        self.stepper.evaluate()
         return contacts
 
     def read_contacts(self, distance: float | None = None) -> Contacts:
         """Contacts of the state last evaluated: those with a force, or those found with a gap below `distance` [m]."""
-        pairs, near = self._list, self._near_pairs()[:, None]
-        found = fetch(pairs.found)[near]
-        places = (PLACES * near + np.arange(PLACES)).ravel()
+        pairs, touch, near = self._list, self.touch, self._near_pairs()
+        found = fetch(pairs.found)[near][:, None]
         is_there = (found > int(NOT_NEAR)) & (np.arange(PLACES) < np.where(found == int(ONE_PLACE), 1, PLACES))
-        force, overlap = (fetch(values)[places] for values in (pairs.force, pairs.overlap))
+        force, overlap = (fetch(x)[: PLACES * len(near)] for x in (touch.touch_normal_force, touch.touch_overlap))
         kept = force != 0.0 if distance is None else (force != 0.0) | (overlap > -distance)
-        which = places[kept & is_there.ravel()]
-        of_pair = {name: fetch(getattr(pairs, name))[which // PLACES] for name in ("first", "second", "shift")}
-        names = ("place", "force", "friction", "normal", "overlap")
-        return Contacts(**of_pair, **{name: fetch(getattr(pairs, name))[which] for name in names})
+        which = np.flatnonzero(kept & is_there.ravel())
+        pair = near[which // PLACES]
+        first, second, shift = (fetch(x)[pair] for x in (pairs.first, pairs.second, pairs.shift))
+        place = fetch(pairs.place)[PLACES * pair + which % PLACES]
+        friction, normal = (fetch(x)[which] for x in (touch.touch_friction, touch.touch_normal))
+        return Contacts(first, second, place, shift, force[which], friction, normal, overlap[which])
