@@ -153,8 +153,9 @@ class Relaxation(Drive):
         return mechanics.observe().nominal_stress, mechanics.state_variables()
 
     def _prepare(self, load: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
-        """Prepare a load level; return its load."""
-        return load
+        """Prepare a load level; return its load, with the strain at which the wanted tension is expected."""
+        strain = None if wanted is None else self.progress.search.predicted_strain(wanted.tension, wanted.driven)
+        return load if wanted is None or strain is None else load.strained(wanted.gradient(load.gradient, strain))
 
     def begin_level(self, load: LoadPoint) -> None:
         """Start the next level: predict its state and apply its load."""
@@ -186,7 +187,9 @@ class Relaxation(Drive):
             observed = self.mechanics.observe()
             strain = np.diag(observed.stretch) - 1.0
             tension = self.mesh_tension(observed)
-            next_strain = self.progress.search.next_strain(strain, tension, wanted.tension, wanted.driven, scale)
+            next_strain = self.progress.search.next_strain(
+                strain, tension, wanted.tension, wanted.driven, scale, self.scene.solver.residual_tolerance
+            )
             if next_strain is None:
                 return
             if self.progress.search.states > MAX_STATES:

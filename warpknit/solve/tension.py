@@ -1,7 +1,8 @@
 """The strain at which the mesh carries a prescribed tension, by Broyden's method over equilibria.
 
 Only tension-driven directions are unknowns. The mesh stiffens with strain, so steps are bounded and the diagonal of the
-tangent is kept positive.
+tangent is kept positive. The tensions of equilibria scatter by the tolerance of their convergence: a change of tension that is
+not well above it does not renew the tangent.
 """
 
 from __future__ import annotations
@@ -11,7 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 STEP_LIMIT = 0.02  # strain
+PROBE = 2e-4  # strain of the first step, which measures the stiffness: before it the order of magnitude is unknown
 TOLERANCE = 2e-3  # relative to the target
+SIGNIFICANT = 2.0  # residual tolerances: relative change of tension that renews the tangent
 MAX_STATES = 60  # equilibria tried for one load level
 
 
@@ -28,31 +31,56 @@ class TensionSearch:
         self.states = 0
 
     def next_strain(
-        self, strain: np.ndarray, tension: np.ndarray, target: np.ndarray, driven: np.ndarray, scale: float
+        self,
+        strain: np.ndarray,
+        tension: np.ndarray,
+        target: np.ndarray,
+        driven: np.ndarray,
+        scale: float,
+        residual_tolerance: float,
     ) -> np.ndarray | None:
         """Strain (2,) to try next, or None where the tension is reached.
 
         strain, tension [N/m], target [N/m] are (weft, warp); `driven` marks the directions driven by tension; `scale`
-        [N/m] is EI/C^3, the first guess of the stiffness.
+        [N/m] is EI/C^3, below which tensions count as zero; `residual_tolerance` is that of the equilibria.
         """
-        if not self.stiffness:
-            self.stiffness = (scale * np.eye(2)).tolist()
-        k = np.array(self.stiffness)
-        if self.strain is not None and self.tension is not None:
-            moved = strain - np.array(self.strain)
-            if moved @ moved > 1e-16:
-                k = k + np.outer(tension - np.array(self.tension) - k @ moved, moved) / (moved @ moved)
-        least = 0.02 * scale
-        k[np.diag_indices(2)] = np.maximum(np.diag(k), least)
-        self.stiffness, self.strain, self.tension = k.tolist(), strain.tolist(), tension.tolist()
+        significant = SIGNIFICANT * residual_tolerance * max(float(np.abs(tension).max()), 0.01 * scale)
+        self._renew_tangent(strain, tension, driven, significant, 0.02 * scale)
         self.states += 1
         miss = np.where(driven, target - tension, 0.0)
         if np.all(np.abs(miss) <= TOLERANCE * np.maximum(np.abs(target), 0.01 * scale)):
             return None
-        step = np.zeros(2)
-        index = np.nonzero(driven)[0]
+        return strain + (self._step(miss, driven) if self.stiffness else PROBE * np.sign(miss))
+
+    def predicted_strain(self, target: np.ndarray, driven: np.ndarray) -> np.ndarray | None:
+        """Strain (2,) at which the next target is expected, by the tangent; None before there is one."""
+        if not self.stiffness:
+            return None
+        return np.array(self.strain) + self._step(target - np.array(self.tension), driven)
+
+    def _step(self, miss: np.ndarray, driven: np.ndarray) -> np.ndarray:
+        """Strain step (2,) that the tangent gives for a change of tension, at most STEP_LIMIT."""
+        k, step, index = np.array(self.stiffness), np.zeros(2), np.nonzero(driven)[0]
         step[index] = np.linalg.lstsq(k[np.ix_(index, index)], miss[index], rcond=None)[0]
-        largest = np.abs(step).max()
-        if largest > STEP_LIMIT:
-            step *= STEP_LIMIT / largest
-        return strain + step
+        return np.asarray(step * min(1.0, STEP_LIMIT / max(float(np.abs(step).max()), 1e-300)))
+
+    def _renew_tangent(
+        self, strain: np.ndarray, tension: np.ndarray, driven: np.ndarray, significant: float, least: float
+    ) -> None:
+        """Take a change of tension, if it is `significant` [N/m], into the tangent; its diagonal is at least `least` [N/m]."""
+        if self.strain is None or self.tension is None:
+            self.strain, self.tension = strain.tolist(), tension.tolist()
+            return
+        moved, pulled = strain - np.array(self.strain), tension - np.array(self.tension)
+        if not moved.any():
+            return
+        if not self.stiffness:
+            ratio = np.divide(pulled, moved, out=np.zeros(2), where=moved != 0.0)
+            k = np.diag(np.where(driven & (ratio > 0.0), ratio, ratio.max()))
+        else:
+            k = np.array(self.stiffness)
+            if max(np.abs(pulled).max(), np.abs(k @ moved).max()) < significant:
+                return
+            k = k + np.outer(pulled - k @ moved, moved) / (moved @ moved)
+        k[np.diag_indices(2)] = np.maximum(np.diag(k), least)
+        self.stiffness, self.strain, self.tension = k.tolist(), strain.tolist(), tension.tolist()

@@ -1,0 +1,38 @@
+"""The search for the strain at which a mesh carries a tension."""
+
+import numpy as np
+import pytest
+
+from warpknit.solve.tension import TOLERANCE, TensionSearch
+
+BOTH = np.array([True, True])
+SCALE = 20.0  # [N/m]
+
+
+def states_to(search: TensionSearch, stiffness: np.ndarray, target: np.ndarray, scatter: float) -> tuple[int, np.ndarray]:
+    """Equilibria until a mesh of this stiffness [N/m] carries the target, and its tension; tensions scatter, relative."""
+    rng = np.random.default_rng(3)
+    strain = search.predicted_strain(target, BOTH)
+    strain = np.zeros(2) if strain is None else strain
+    for states in range(1, 30):
+        tension = stiffness @ strain * (1.0 + scatter * rng.uniform(-1.0, 1.0, 2))
+        next_strain = search.next_strain(strain, tension, target, BOTH, SCALE, 1e-2)
+        if next_strain is None:
+            return states, tension
+        strain = next_strain
+    raise AssertionError("not found")
+
+
+@pytest.mark.parametrize("factor", [0.1, 1.0, 100.0])
+@pytest.mark.parametrize(("scatter", "most"), [(0.0, 6), (3e-3, 12)])
+def test_the_stiffness_of_a_mesh_is_found_whatever_its_size(factor: float, scatter: float, most: int) -> None:
+    """Meshes much stiffer or softer than EI/C^3, whose tensions scatter as those of equilibria do: by more than the search
+    allows, so a few tries are needed, but the scatter does not spoil the tangent."""
+    stiffness = factor * SCALE * np.array([[1.0, 0.3], [0.3, 0.5]])
+    search = TensionSearch()
+    for level in range(1, 6):
+        target = 0.1 * level * factor * np.array([2.0, 3.0])
+        search.begin_level()
+        states, tension = states_to(search, stiffness, target, scatter)
+        assert states <= most
+        assert tension == pytest.approx(target, rel=TOLERANCE, abs=0.01 * TOLERANCE * SCALE)
