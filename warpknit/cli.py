@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from warpknit.errors import ModelError
+from warpknit.errors import Diverged, ModelError
 from warpknit.program import FINISHED, INTERRUPTED, Program, configure_logging
 from warpknit.ranks.ranks import Ranks
 
@@ -306,6 +306,8 @@ def report(
     lines += [*map_lines(result.summary), ("material card", page.card_state)]
     lines += [*(("warning", warning) for warning in page.warnings), ("page", str(directory / "report.html"))]
     print_table(lines)
+    if asked is not None and page.card is None:
+        raise Diverged(page.where)
     return FINISHED
 
 

@@ -34,13 +34,13 @@ def make_report(out: Path, *arguments: str, scene: str = "contact_map.toml"):
 
 @pytest.fixture(scope="module")
 def reports(tmp_path_factory):
-    """(page, card, map.csv) for a tension out of reach and for one that the mesh carries, made one after the other."""
+    """(page, card, map.csv) for the optimum and for a tension that the mesh carries, made one after the other."""
     out = tmp_path_factory.mktemp("report") / "r"
     found = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(curves, "POINTS", 2)
-        for tension in ("2 N/m", "0.06 N/m"):
-            done = make_report(out, "--tension", tension)
+        for tension in ("", "0.06 N/m"):
+            done = make_report(out, *(["--tension", tension] if tension else []))
             assert done.exit_code == 0, done.output
             page = (out / "report.html").read_text(encoding="utf-8")
             card = json.loads((out / "material_card.json").read_text(encoding="utf-8"))
@@ -51,7 +51,7 @@ def reports(tmp_path_factory):
 def test_the_page_holds_all_it_shows(reports):
     """Every picture is inside, as are the words; nothing is looked for elsewhere."""
     out, found = reports
-    page, _, _ = found["2 N/m"]
+    page, _, _ = found[""]
     sources = re.findall(r'(?:src|href)="([^"]*)"', page)
     assert len(sources) == 4 and all(source.startswith("data:image/png;base64,") for source in sources)
     page = re.sub(r'"data:image/png;base64,[^"]*"', '""', page)  # which may spell any word
@@ -62,17 +62,26 @@ def test_the_page_holds_all_it_shows(reports):
     assert len(list((out / "figures").glob("report_*.png"))) == 4
 
 
-def test_a_tension_out_of_reach_is_said_and_the_optimum_taken(reports):
+def test_without_a_tension_the_card_is_for_the_optimum(reports):
     _, found = reports
-    page, card, _ = found["2 N/m"]
-    assert "does not reach 2 N/m" in page and page.count("<td>not reached</td>") == 3
-    assert "optimum" in card["state"] and card["values"]["prestress1"] < 2.0
+    page, card, _ = found[""]
+    assert page.count("<td>not reached</td>") == 3
+    assert "optimum" in card["state"]
+
+
+def test_a_tension_that_is_not_found_is_said_and_is_no_success(tmp_path, monkeypatch):
+    """A card that was asked for and is missing: exit status 3, one line that says what to change, and the page is there."""
+    monkeypatch.setattr(curves, "POINTS", 2)
+    done = make_report(tmp_path / "r", "--tension", "1 N/m", "--set", "solver.max_steps=2000")
+    assert done.exit_code == 3 and "no card for 1 N/m in both directions" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    page = (tmp_path / "r" / "report.html").read_text(encoding="utf-8")
+    assert "No card for 1 N/m" in page and not (tmp_path / "r" / "material_card.json").exists()
 
 
 def test_a_tension_within_reach_is_the_prestress_of_the_card(reports):
     out, found = reports
     page, card, _ = found["0.06 N/m"]
-    assert "does not reach" not in page
     assert card["values"]["prestress1"] == pytest.approx(0.06, rel=5e-3)
     assert card["values"]["prestress2"] == pytest.approx(0.06, rel=5e-3)
     with open(out / "material_card.csv", newline="", encoding="utf-8") as file:
@@ -83,7 +92,7 @@ def test_a_tension_within_reach_is_the_prestress_of_the_card(reports):
 
 def test_the_map_that_is_there_is_used_again(reports):
     _, found = reports
-    assert found["2 N/m"][2] == found["0.06 N/m"][2]
+    assert found[""][2] == found["0.06 N/m"][2]
 
 
 def test_the_curves_are_a_table(reports):

@@ -19,6 +19,7 @@ What a test machine sees is D, the change of the true tension s by the strains e
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,14 +27,13 @@ import numpy as np
 from .. import measure
 from ..errors import Diverged
 from ..measure import Observables
+from ..solve.tension import TensionSearch
 from ..sweep.states import Mesh
 from .fine_states import states_at
 
 STEP = 1e-3  # strain step of the finite differences
 AGREEMENT = 0.05  # of the largest stiffness: larger changes from STEP to 2 STEP give a warning
-TENSION_TOLERANCE = 5e-3  # relative, of the requested tension
-MAX_ITERATIONS = 10  # of Newton's method for the strains
-MAX_STRAIN_STEP = 0.02  # of one iteration
+MAX_ITERATIONS = 20  # of the search for the strains of a tension
 WAVE_DIRECTIONS = 180  # directions of plane waves
 VOIGT = np.array([[0, 2], [2, 1]])  # row of the stiffness for a pair of axes
 
@@ -163,22 +163,26 @@ def _stress(r: Observables, f: np.ndarray, tensioned: np.ndarray) -> tuple[float
     return float(s[0, 0]), float(s[1, 1]), 0.5 * float(s[0, 1] + s[1, 0])
 
 
-def find_card_at_tension(model: Mesh, tension: float, start: tuple[float, float]) -> tuple[MaterialCard, Observables]:
-    """The card where the mesh carries `tension` [N/m] both ways within TENSION_TOLERANCE, by Newton from strains `start`.
+def find_card_at_tension(
+    model: Mesh, tension: float, start: tuple[float, float], tangent: Sequence[Sequence[float]] = ()
+) -> tuple[MaterialCard, Observables]:
+    """The card where the mesh carries `tension` [N/m] both ways, searched from strains `start`.
 
-    Raises `Diverged` where no such strains are found.
+    tangent (2, 2) [N/m]: change of the tensions by the strains there; default: found by a small step. Raises `Diverged` where no
+    such strains are found.
     """
-    place, step, best = np.array(start), np.zeros(2), np.inf
+    search, place = TensionSearch([list(row) for row in tangent]), np.array(start)
+    scale, target, both = measure.tension_scale(model), np.full(2, tension), np.array([True, True])
     for _ in range(MAX_ITERATIONS):
-        card, state = find_card(model, *(place + step).tolist())
-        missing = tension - np.array([card.tension_weft, card.tension_warp])
-        missed = float(np.abs(missing).max())
-        if missed <= TENSION_TOLERANCE * tension:
-            return card, state
-        if missed >= best:  # the step has passed closing contacts
-            step *= 0.5
-            continue
-        place, best = place + step, missed
-        step = (1.0 + place) * np.linalg.solve(card.tension_slope, missing)
-        step *= min(1.0, MAX_STRAIN_STEP / float(np.abs(step).max()))
-    raise Diverged(f"no strains found with a tension of {tension:g} N/m in both directions within {TENSION_TOLERANCE:.1%}")
+        [state] = states_at(model, [np.diag(1.0 + place)])
+        if isinstance(state, Diverged):
+            raise state
+        found = np.array(measure.mesh_tension(state))
+        next_place = search.next_strain(place, found, target, both, scale, model.scene.solver.residual_tolerance)
+        if next_place is None:
+            return find_card(model, *place.tolist())
+        place = next_place
+    raise Diverged(
+        f"no strains found with a tension of {tension:g} N/m in both directions (last state: {found[0]:.3g} and"
+        f" {found[1]:.3g} N/m)"
+    )

@@ -27,7 +27,7 @@ from .network import contact_resistances, sheet_resistance
 from .opening_size import BANDS, Opening, openings
 from .page import Page
 from .sections import card_section, curve_section, electric_section, map_section, mesh_section, openings_section
-from .service import SERVICE_TENSIONS, EqualTension, equal_tension, strains_at_tension, strains_on_finer_grid
+from .service import SERVICE_TENSIONS, EqualTension, equal_tension, strains_at_tension, strains_under_tension
 
 DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))  # of the map where the scene has no [sweep]
 
@@ -118,15 +118,24 @@ def _card(
     scene: Scene, rows: Sequence[MapRow], optimum: Optimum | None, tension: float | None
 ) -> tuple[MaterialCard | None, Observables | None, str]:
     """The card, its mesh, and its state in words; or None and the reason."""
-    place = None if tension is None else strains_at_tension(rows, tension)
-    if tension is not None and place is not None:
-        text, find = f"{tension:g} N/m in both directions", lambda model: _card_at(model, rows, tension, place)
+    if tension is not None:
+        text = f"{tension:g} N/m in both directions"
+        try:
+            start, tangent = strains_under_tension(scene, tension)
+        except Diverged as error:
+            return None, None, f"no card for {text}: {error}"
+
+        def find(model: Mesh) -> tuple[MaterialCard, Observables]:
+            return find_card_at_tension(model, tension, start, tangent)
+
     elif optimum is not None:
-        strains = optimum.strain_weft, optimum.strain_warp
-        missed = f", because the map does not reach {tension:g} N/m in both directions" if tension is not None else ""
-        text, find = f"the optimum of the map{missed}", lambda model: find_card(model, *strains)
+        text, strains = "the optimum of the map", (optimum.strain_weft, optimum.strain_warp)
+
+        def find(model: Mesh) -> tuple[MaterialCard, Observables]:
+            return find_card(model, *strains)
+
     else:
-        return None, None, "no card: the map has no optimum" + (" and does not reach the tension" if tension else "")
+        return None, None, "no card: the map has no optimum; ask for a tension, or widen [sweep]"
     why = ""
     for tolerance in (DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE):
         try:
@@ -134,17 +143,6 @@ def _card(
         except Diverged as error:
             why = str(error)
     return None, None, f"no card for {text}: {why}"
-
-
-def _card_at(model: Mesh, rows: Sequence[MapRow], tension: float, start: tuple[float, float]) -> tuple[MaterialCard, Observables]:
-    """The card at a tension, from strains of the map, or of a finer grid where contacts close between the points of the map."""
-    try:
-        return find_card_at_tension(model, tension, start)
-    except Diverged:
-        nearer = strains_on_finer_grid(model, rows, tension, start)
-        if nearer is None:
-            raise
-        return find_card_at_tension(model, tension, nearer)
 
 
 def _write(found: Findings, out: Path) -> None:
@@ -169,11 +167,8 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
         " knitted. Weft is across the wales (axis 1, x), warp along them (axis 2, y). Tensions are forces per current width."
     )
     page.text(f"Model: {found.scene.model.kind}, {found.scene.kind_reason}.")
-    if found.requested is not None and strains_at_tension(found.rows, found.requested) is None:
-        page.warning(
-            f"The mesh does not reach {found.requested:g} N/m in both directions within the strains of the map."
-            f" {found.equal_tension.text()} The results below are for the optimum instead."
-        )
+    if found.card is None:
+        page.warning(f"{found.where[0].upper()}{found.where[1:]}.")
     load = found.scene.stages[0]
     page.text(f"The optimum, the curves and the card are at {celsius(load.temperature)}, the temperature of [load].")
     mesh_section(page, found.scene, found.model.cloth, found.card, found.notes)

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from .. import measure
-from ..errors import Diverged
+from ..scene import Scene
+from ..solve.simulate import Simulation
 from ..sweep.contact_map import MapRow, grid
-from ..sweep.states import Mesh
+from ..sweep.states import mesh_of
 from ..text import engineering
-from .fine_states import states_at
 
 SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf. Ser. 402, 66)
 REFINED = 16  # times finer than the map on each side, for the search of equal tensions
-FINER = 9  # strains a side of the finer grid
 SIDES = ("weft", "warp")
 INSIDE = 1e-6  # tolerance of a solution: of the tension, and of a cell of the map outside it
 ROOM = 0.1  # of a cell of the map, allowed outside it during the search, which converges badly at a bound
@@ -61,19 +59,16 @@ def strains_on_grid(weft: Sequence[float], warp: Sequence[float], both: np.ndarr
     return min(found, key=sum, default=None)
 
 
-def strains_on_finer_grid(
-    model: Mesh, rows: Sequence[MapRow], tension: float, about: tuple[float, float]
-) -> tuple[float, float] | None:
-    """Strains of equal tension from states on a finer grid, up to one step of the map from the strains `about`."""
-    axes = []
-    for side, middle in enumerate(about):
-        strains = np.unique([row.strains[side] for row in rows])
-        step = float(np.diff(strains).max())
-        axes.append(np.linspace(max(strains[0], middle - step), min(strains[-1], middle + step), FINER))
-    weft, warp = axes
-    states = states_at(model, [np.diag([1.0 + x, 1.0 + y]) for y in warp for x in weft])
-    tensions = [(np.nan, np.nan) if isinstance(state, Diverged) else measure.mesh_tension(state) for state in states]
-    return strains_on_grid(weft.tolist(), warp.tolist(), np.array(tensions).T.reshape(2, FINER, FINER), tension)
+def strains_under_tension(scene: Scene, tension: float) -> tuple[tuple[float, float], list[list[float]]]:
+    """Weft and warp strain at which a run under `tension` [N/m] in both directions ends, and its tangent (2, 2) [N/m].
+
+    In `output.frames` levels from the mesh as knitted. Raises `Diverged`.
+    """
+    stage = replace(scene.stages[0], tension_weft=tension, tension_warp=tension, shear=0.0)
+    simulation = Simulation(mesh_of(replace(scene, stages=(stage,), sweep=None)))
+    *_, last = simulation.run()
+    weft, warp = np.diag(last.observables.stretch) - 1.0
+    return (float(weft), float(warp)), simulation.progress.search.stiffness
 
 
 @dataclass(frozen=True)
