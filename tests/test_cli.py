@@ -56,7 +56,7 @@ def behind(monkeypatch):
     ("arguments", "said"),
     [
         (["run"], "Missing argument 'SCENE'"),
-        (["run", CELL, "--fast"], "No such option"),
+        (["run", CELL, "--fast"], "See 'warpknit run --help'"),
         (["run", CELL, "--set"], "requires an argument"),
         (["run", CELL, "extra"], "unexpected extra argument"),
         (["walk"], "No such command 'walk'"),

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from warpknit.scene import SceneError, load_scene, make_scene
@@ -12,12 +12,13 @@ from warpknit.scene.messages import known_keys
 SCENES = Path(__file__).parent.parent / "scenes"
 
 
-LENGTH = "a length above 0 m, such as '15 um'"
+LENGTH = "a length above 0 m and at most 0.01 m, such as '15 um'"
 REFUSED = [
     # wrong unit, type or value
     ('wire.diameter="15 kg"', "wire.diameter", "'15 kg'", LENGTH),
     ("wire.diameter=-1.5e-5", "wire.diameter", "-1.5e-05", LENGTH),
     ("wire.diameter=0", "wire.diameter", "0", LENGTH),
+    ("wire.diameter=30", "wire.diameter", "30", LENGTH),  # meant as um
     ("wire.diameter=nan", "wire.diameter", "nan", LENGTH),
     ("wire.diameter=inf", "wire.diameter", "inf", LENGTH),
     ("wire.diameter=true", "wire.diameter", "true", LENGTH),
@@ -31,7 +32,7 @@ REFUSED = [
     ("wire.ends=true", "wire.ends", "true", "a whole number from 1"),
     ("wire.ends=0", "wire.ends", "0", "a whole number from 1"),
     ("wire.set_fraction=1.5", "wire.set_fraction", "1.5", "a number from 0 to 1"),
-    ("wire.plating.material=gold", "wire.plating.thickness", "nothing", LENGTH),
+    ("wire.plating.material=gold", "wire.plating.thickness", "nothing", "a length above 0 m, such as '15 um'"),
     ("wire.plating.thickness=1 mm", "wire.plating.thickness", "'1 mm'", "at most the radius of the wire, 7.5 um"),
     ("wire.yield_stress=5 GPa", "wire.yield_stress", "'5 GPa'", "at most the tensile strength, 4.5 GPa"),
     ("wire.reference_temperature=-1", "wire.reference_temperature", "-1", "a temperature above 0 K"),
@@ -140,8 +141,8 @@ def test_an_unknown_key_names_the_nearest_known_one(override, key, nearest):
     assert ", allowed: " in str(caught.value)
 
 
-def test_the_first_error_is_told_and_the_others_are_counted():
-    with pytest.raises(SceneError, match=r"wire\.diameter: given -1.*\(and 2 more\)$"):
+def test_the_first_error_is_told_and_the_others_are_named():
+    with pytest.raises(SceneError, match=r"wire\.diameter: given -1.*\(also wrong: load\.shear, output\.frames\)$"):
         make_scene({"wire": {"diameter": -1}, "load": {"shear": 7}, "output": {"frames": "x"}})
 
 
@@ -173,7 +174,7 @@ def test_two_ways_to_give_a_spacing_are_one_too_many():
     ("content", "given"),
     [
         (b"[wire", "invalid TOML"),
-        (b"\xff\xfe", "invalid TOML"),
+        (b"\xff\xfe", "a byte that is not UTF-8 (0xff)"),
         (b"a = 1\na = 2", "invalid TOML"),
         (None, "no such file"),
     ],
@@ -185,7 +186,7 @@ def test_an_unreadable_file_is_one_line(tmp_path, content, given):
     with pytest.raises(SceneError) as caught:
         load_scene(path)
     assert str(caught.value).startswith(f"{path}: the file: given {given}")
-    assert str(caught.value).endswith(", allowed: a scene file in TOML")
+    assert ", allowed: a scene file in TOML" in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
@@ -194,6 +195,7 @@ def test_a_directory_is_no_scene(tmp_path):
         load_scene(tmp_path)
 
 
+@settings(deadline=None)
 @given(
     st.sampled_from([key.replace("path[0]", "load") for key in known_keys()]),
     st.recursive(

@@ -26,7 +26,8 @@ def exit_status(error: BaseException) -> tuple[int, str] | None:
         case WarpknitError():
             return error.exit_code, str(error)
         case click.UsageError():
-            return BAD_INPUT, f"{error.format_message()} See 'warpknit --help'."
+            command = "warpknit" if error.ctx is None or error.ctx.info_name is None else error.ctx.command_path
+            return BAD_INPUT, f"{error.format_message()} See '{command} --help'."
         case click.ClickException():
             return BAD_INPUT, error.format_message()
         case KeyboardInterrupt() | click.Abort():

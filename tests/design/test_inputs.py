@@ -51,6 +51,15 @@ def test_wales_and_courses_follow_from_openings(scene):
         with_openings(scene, 1e6)
 
 
+def test_loops_of_any_shape_take_numbers_of_numpy():
+    """As a fit sets them: the general loops of a single atlas."""
+    scene = load_scene(SCENE, ['knit.bars=[{chain="1-0/1-2/2-3/2-1"}]', "knit.repeats=[1,1]"])
+    proportions = replace(scene.knit.loop, foot_half_width=np.float64(0.1))
+    found = knit_scene(replace(scene, knit=replace(scene.knit, loop=proportions)))
+    same = knit_scene(replace(scene, knit=replace(scene.knit, loop=replace(proportions, foot_half_width=0.1))))
+    assert found.stitch_length == same.stitch_length
+
+
 def test_loops_are_fitted_to_their_wire_length(scene):
     """The knitted loop has the length that was asked for, within what the tolerance of the factor makes of it."""
     found = fit_loop_length(scene, 5.7e-3)

@@ -104,7 +104,7 @@ def _thread_keys(stitches: tuple[Stitch, ...], height: float, frame: LoopFrame) 
     loops = []
     for index, stitch in enumerate(stitches):
         onward = stitch.direction * (feet[(index + 1) % len(stitches)][0] - feet[index][1]) / frame.wale
-        turn = (onward > 1e-9) - (onward < -1e-9)
+        turn = int(onward > 1e-9) - int(onward < -1e-9)
         loops.append(loop_keys(stitch, turn, frame))
     plan: list[ArrayLike] = []
     owner: list[ArrayLike] = []

@@ -17,16 +17,16 @@ Location = tuple[int | str, ...]
 UNKNOWN = ("unexpected_keyword_argument", "invalid_key")  # what pydantic calls an unknown key
 
 
-def scene_error(file: object, key: str, given: str, allowed: str, more: int = 0) -> SceneError:
-    """The error for one key; more: the number of other errors."""
-    line = f"{file}: {key}: given {given}, allowed: {allowed}" + (f" (and {more} more)" if more else "")
+def scene_error(file: object, key: str, given: str, allowed: str, more: Sequence[str] = ()) -> SceneError:
+    """The error for one key; more: the keys of other errors."""
+    line = f"{file}: {key}: given {given}, allowed: {allowed}" + (f" (also wrong: {', '.join(more)})" if more else "")
     return SceneError(_one_line(line))
 
 
 def first_error(file: object, error: ValidationError) -> SceneError:
     """The first of pydantic's errors; unknown keys come first, because they often cause the others."""
     found = sorted(error.errors(include_url=False), key=lambda item: item["type"] not in UNKNOWN)
-    item, more = found[0], len(found) - 1
+    item, more = found[0], [dotted(other["loc"]) for other in found[1:]]
     location: Location = item["loc"]
     context = item.get("ctx", {})
     given = shown(item["input"])

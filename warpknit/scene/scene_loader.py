@@ -64,6 +64,10 @@ def load_scene(
         table = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except OSError as error:
         raise scene_error(path, "the file", (error.strerror or "an unreadable file").lower(), expected) from error
+    except UnicodeDecodeError as error:
+        raise scene_error(
+            path, "the file", f"a byte that is not UTF-8 ({error.object[error.start]:#x})", f"{expected} saved as UTF-8"
+        ) from error
     except (ValueError, RecursionError) as error:
         raise scene_error(path, "the file", f"invalid TOML ({error})", expected) from error
     return make_scene(table, overrides, preset, path=path, command=command, ranks=ranks)

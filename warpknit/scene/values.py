@@ -202,6 +202,7 @@ def proportion(least: float, most: float) -> BeforeValidator:
 TREATMENTS = ("free-body", "point", "spring-point", "spring-cylinder", "ring", "friction-plane")
 
 Length = Annotated[float, BeforeValidator(Quantity("length", above=0.0))]
+ThinLength = Annotated[float, BeforeValidator(Quantity("length", above=0.0, most=0.01))]
 LengthUnit = Annotated[float, BeforeValidator(Unit())]
 Period = Annotated[tuple[float, float], BeforeValidator(Pair(Quantity("length", above=0.0)))]
 Number = Annotated[float, BeforeValidator(Quantity("number"))]

@@ -19,6 +19,7 @@ from warpknit.scene.values import (
     PoissonsRatio,
     Stress,
     Temperature,
+    ThinLength,
 )
 
 ROOM_TEMPERATURE = 293.15  # [K]
@@ -64,7 +65,7 @@ class Wire(Table):
         None,
         left_out="that of the metal at the surface",
     )
-    diameter: Length = key("Diameter of one wire, without plating.", 15e-6)
+    diameter: ThinLength = key("Diameter of one wire, without plating.", 15e-6)
     ends: Ends = key(
         "Number of parallel wires knitted as one yarn. Stiffness and mass add up; for contact the yarn is a round bundle of the"
         " same cross-section.",
