@@ -22,6 +22,7 @@ from .page import Page
 from .service import EqualTension
 
 INCH = 0.0254  # [m]
+FOR_PEOPLE = {"Pa": (1e-6, "MPa"), "kg/m^2": (1e3, "g/m2"), "1/K": (1e6, "1e-6/K")}  # factor from SI, and unit
 
 
 def mesh_section(page: Page, scene: Scene, cloth: Cloth | None, card: MaterialCard | None, notes: Sequence[str]) -> None:
@@ -92,6 +93,19 @@ def curve_section(page: Page, curves: Sequence[CurvePoint], figure: Path) -> Non
     page.text("The values are in tension_strain.csv.")
 
 
+def _shown(name: str, value: float, unit: str) -> tuple[str, str]:
+    """A value of the card and its unit, for people."""
+    if name == "stable":
+        return "yes" if value else "no", "-"
+    if name == "temperature":
+        number, unit = celsius(value).split()
+        return number, unit
+    if unit == "1" and not name.startswith("nu"):
+        return f"{100 * value:.3g}", "%"
+    factor, unit = FOR_PEOPLE.get(unit, (1.0, "-" if unit == "1" else unit))
+    return f"{factor * value:.4g}", unit
+
+
 def card_section(page: Page, scene: Scene, card: MaterialCard | None, where: str) -> None:
     """The material card. where: its state, or why there is none."""
     page.heading("Material card")
@@ -100,9 +114,9 @@ def card_section(page: Page, scene: Scene, card: MaterialCard | None, where: str
         return
     tensions = _pair(card.tension_weft, card.tension_warp, "N/m")
     page.text(f"Valid at {where}: {tensions} in weft and warp, at {celsius(card.temperature)}.")
-    rows = [(name, f"{value:.4g}", "-" if unit == "1" else unit, meaning) for name, value, unit, meaning in card_values(card)]
+    rows = [(name, *_shown(name, value, unit), meaning) for name, value, unit, meaning in card_values(card)]
     page.table(rows, ("", "value", "unit", "meaning"))
-    page.text(DEFINITION + " material_card.csv and material_card.json contain the same values.")
+    page.text(DEFINITION + " material_card.csv and material_card.json contain the same values, in SI units.")
     for warning in card_warnings(card, scene):
         page.warning(warning[0].upper() + warning[1:] + ".")
     if card.difference <= AGREEMENT:
