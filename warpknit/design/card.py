@@ -19,7 +19,7 @@ What a test machine sees is D, the change of the true tension s by the strains e
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -115,16 +115,19 @@ def stretch(strain: np.ndarray) -> np.ndarray:
     return np.array([[a, b], [0.0, np.sqrt(1.0 + 2.0 * strain[1] - b * b)]])
 
 
-def find_card(model: Mesh, weft: float, warp: float) -> tuple[MaterialCard, Observables]:
+def find_card(
+    model: Mesh, weft: float, warp: float, watch: Callable[[float], None] = lambda _: None
+) -> tuple[MaterialCard, Observables]:
     """The card at the strains `weft` and `warp`, and the tensioned mesh. `model`: periodic, see `exact_model`.
 
+    `watch` is called with the share of its states that is found.
     Raises `Diverged` where the mesh does not converge.
     """
     tensioned = np.diag([1.0 + weft, 1.0 + warp])
     steps = [sign * size * np.eye(3)[k] for size in (STEP, 2.0 * STEP) for k in range(3) for sign in (1.0, -1.0)]
     stretches = [stretch(strain) for strain in (np.zeros(3), *steps)]
     states = []
-    for state in states_at(model, [f @ tensioned for f in stretches]):
+    for state in states_at(model, [f @ tensioned for f in stretches], watch):
         if isinstance(state, Diverged):
             raise state
         states.append(state)
@@ -164,11 +167,16 @@ def _stress(r: Observables, f: np.ndarray, tensioned: np.ndarray) -> tuple[float
 
 
 def find_card_at_tension(
-    model: Mesh, tension: float, start: tuple[float, float], tangent: Sequence[Sequence[float]] = ()
+    model: Mesh,
+    tension: float,
+    start: tuple[float, float],
+    tangent: Sequence[Sequence[float]] = (),
+    watch: Callable[[float], None] = lambda _: None,
 ) -> tuple[MaterialCard, Observables]:
     """The card where the mesh carries `tension` [N/m] both ways, searched from strains `start`.
 
-    tangent (2, 2) [N/m]: change of the tensions by the strains there; default: found by a small step. Raises `Diverged` where no
+    tangent (2, 2) [N/m]: change of the tensions by the strains there; default: found by a small step. `watch` is called with the
+    share of the states of the card that is found. Raises `Diverged` where no
     such strains are found.
     """
     search, place = TensionSearch([list(row) for row in tangent]), np.array(start)
@@ -180,7 +188,7 @@ def find_card_at_tension(
         found = np.array(measure.mesh_tension(state))
         next_place = search.next_strain(place, found, target, both, scale, model.scene.solver.residual_tolerance)
         if next_place is None:
-            return find_card(model, *place.tolist())
+            return find_card(model, float(place[0]), float(place[1]), watch)
         place = next_place
     raise Diverged(
         f"no strains found with a tension of {tension:g} N/m in both directions (last state: {found[0]:.3g} and"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,14 +33,17 @@ class CurvePoint:
     sheet_resistance_warp_ohm: float | None
 
 
-def tension_strain(model: Mesh, weft: float, warp: float) -> list[CurvePoint]:
-    """The curves of all LOADS up to the strains `weft` and `warp`; with equal strain, up to the smaller one."""
+def tension_strain(model: Mesh, weft: float, warp: float, watch: Callable[[float], None] = lambda _: None) -> list[CurvePoint]:
+    """The curves of all LOADS up to the strains `weft` and `warp`; with equal strain, up to the smaller one.
+
+    `watch` is called with the share of them that is found.
+    """
     wanted = []
     for name, along_weft, along_warp in LOADS:
         end = min(weft, warp) if along_weft and along_warp else weft if along_weft else warp
         shares = np.linspace(0.0, 1.0, POINTS + 1)
         wanted += [(name, float(along_weft * end * share), float(along_warp * end * share)) for share in shares]
-    states = states_at(model, [np.diag([1.0 + x, 1.0 + y]) for _, x, y in wanted])
+    states = states_at(model, [np.diag([1.0 + x, 1.0 + y]) for _, x, y in wanted], watch)
     return [_point(*place, state) for place, state in zip(wanted, states, strict=True)]
 
 

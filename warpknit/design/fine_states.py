@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,10 +27,13 @@ def exact_model(scene: Scene, tolerance: float = DIFFERENCE_TOLERANCE) -> Mesh:
     return mesh_of(replace(scene, solver=replace(scene.solver, precision="double", residual_tolerance=tolerance)))
 
 
-def states_at(model: Mesh, gradients: Sequence[np.ndarray]) -> list[Observables | Diverged]:
+def states_at(
+    model: Mesh, gradients: Sequence[np.ndarray], watch: Callable[[float], None] = lambda _: None
+) -> list[Observables | Diverged]:
     """Equilibrium at each of the upper triangular deformation gradients (2, 2), or the error where it did not converge.
 
-    Each is reached proportionally from the mesh as knitted, at the temperature of the scene's first stage.
+    Each is reached proportionally from the mesh as knitted, at the temperature of the scene's first stage. `watch` is called with
+    the share of the states that are found.
     """
     load = model.scene.stages[0]
     stages = [
@@ -45,4 +48,5 @@ def states_at(model: Mesh, gradients: Sequence[np.ndarray]) -> list[Observables 
             found[outcome.index] = outcome.observables
         elif outcome.error is not None:
             found[outcome.index] = outcome.error
+        watch(len(found) / len(stages))
     return [found[index] for index in range(len(stages))]

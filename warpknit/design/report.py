@@ -29,6 +29,7 @@ from .page import Page
 from .sections import card_section, curve_section, electric_section, map_section, mesh_section, openings_section
 from .service import SERVICE_TENSIONS, EqualTension, equal_tension, strains_at_tension, strains_under_tension
 
+UNDER_TENSION, SEARCHED = 0.3, 0.5  # of the time of a card at a tension: run under it, and search for its strains
 DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))  # of the map where the scene has no [sweep]
 
 
@@ -87,10 +88,11 @@ def make_report(
     show = progress or Progress()
     show.stage("tension-strain curves", number=1, of=3)
     model = mesh_of(scene)
-    curves = tension_strain(model, max(row.strain_weft for row in rows), max(row.strain_warp for row in rows))
+    largest = max(row.strain_weft for row in rows), max(row.strain_warp for row in rows)
+    curves = tension_strain(model, *largest, lambda share: show.update(done=share, load_factor=share))
     show.stage("material card", number=2, of=3)
     optimum = find_optimum(rows, scene.wire.yield_stress)
-    card, tensioned, where = _card(scene, rows, optimum, tension)
+    card, tensioned, where = _card(scene, optimum, tension, lambda share: show.update(done=share, load_factor=share))
     show.stage("openings and page", number=3, of=3)
     knitted = states_at(model, [np.eye(2)])[0]
     found = Findings(
@@ -115,24 +117,24 @@ def make_report(
 
 
 def _card(
-    scene: Scene, rows: Sequence[MapRow], optimum: Optimum | None, tension: float | None
+    scene: Scene, optimum: Optimum | None, tension: float | None, watch: Callable[[float], None]
 ) -> tuple[MaterialCard | None, Observables | None, str]:
-    """The card, its mesh, and its state in words; or None and the reason."""
+    """The card, its mesh, and its state in words; or None and the reason. `watch` is called with the share that is done."""
     if tension is not None:
         text = f"{tension:g} N/m in both directions"
         try:
-            start, tangent = strains_under_tension(scene, tension)
+            start, tangent = strains_under_tension(scene, tension, lambda share: watch(UNDER_TENSION * share))
         except Diverged as error:
             return None, None, f"no card for {text}: {error}"
 
         def find(model: Mesh) -> tuple[MaterialCard, Observables]:
-            return find_card_at_tension(model, tension, start, tangent)
+            return find_card_at_tension(model, tension, start, tangent, lambda share: watch(SEARCHED + (1 - SEARCHED) * share))
 
     elif optimum is not None:
         text, strains = "the optimum of the map", (optimum.strain_weft, optimum.strain_warp)
 
         def find(model: Mesh) -> tuple[MaterialCard, Observables]:
-            return find_card(model, *strains)
+            return find_card(model, *strains, watch)
 
     else:
         return None, None, "no card: the map has no optimum; ask for a tension, or widen [sweep]"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -59,14 +59,17 @@ def strains_on_grid(weft: Sequence[float], warp: Sequence[float], both: np.ndarr
     return min(found, key=sum, default=None)
 
 
-def strains_under_tension(scene: Scene, tension: float) -> tuple[tuple[float, float], list[list[float]]]:
+def strains_under_tension(
+    scene: Scene, tension: float, watch: Callable[[float], None] = lambda _: None
+) -> tuple[tuple[float, float], list[list[float]]]:
     """Weft and warp strain at which a run under `tension` [N/m] in both directions ends, and its tangent (2, 2) [N/m].
 
-    In `output.frames` levels from the mesh as knitted. Raises `Diverged`.
+    In `output.frames` levels from the mesh as knitted; `watch` is called with the share of the load. Raises `Diverged`.
     """
     stage = replace(scene.stages[0], tension_weft=tension, tension_warp=tension, shear=0.0)
     simulation = Simulation(mesh_of(replace(scene, stages=(stage,), sweep=None)))
-    *_, last = simulation.run()
+    for last in simulation.run():
+        watch(last.load_factor)
     weft, warp = np.diag(last.observables.stretch) - 1.0
     return (float(weft), float(warp)), simulation.progress.search.stiffness
 

@@ -13,6 +13,8 @@ import time
 from types import TracebackType
 from typing import Any
 
+from ..text import duration
+
 _log = logging.getLogger(__name__)
 
 LINE_INTERVAL = 30.0  # [s] between lines where there is no terminal
@@ -38,16 +40,23 @@ class StageLines(Progress):
     """Log lines, without a terminal: one a stage and one every LINE_INTERVAL."""
 
     def __init__(self) -> None:
-        self._last_line = time.monotonic()
+        self._last_line = self._begin = time.monotonic()
+        self._done_before = 0.0
 
     def stage(self, name: str, *, number: int, of: int) -> None:
+        self._begin, self._done_before = time.monotonic(), -1.0
         _log.info("stage %d of %d: %s", number, of, name)
 
     def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None) -> None:
-        if time.monotonic() - self._last_line > LINE_INTERVAL:
-            self._last_line = time.monotonic()
+        now = time.monotonic()
+        if self._done_before < 0.0:  # a stage may go on from a checkpoint
+            self._begin, self._done_before = now, done
+        if now - self._last_line > LINE_INTERVAL:
+            self._last_line = now
             rate = "" if node_steps_per_s is None else f", {node_steps_per_s:.2g} node-steps/s"
-            _log.info("  %.0f %% done, load %.0f %%%s", 100 * done, 100 * load_factor, rate)
+            gained = done - self._done_before
+            left = f", {duration((now - self._begin) * (1.0 - done) / gained)} left" if gained > 0.0 else ""
+            _log.info("  %.0f %% done, load %.0f %%%s%s", 100 * done, 100 * load_factor, rate, left)
 
 
 class Bar(Progress):
