@@ -74,6 +74,7 @@ def test_the_optimum_has_the_most_contacts_below_the_elastic_limit():
     assert best is not None
     assert (best.strain_weft, best.strain_warp) == (0.4, 0.1)
     assert best.stress_margin == pytest.approx(0.5 / 5.5)
+    assert best.at_edge == ("weft",) and "a wider [sweep]" in (best.edge_warning or "")
 
 
 def test_among_equal_shares_the_optimum_has_equal_neighbours_and_the_least_stress():
@@ -81,6 +82,7 @@ def test_among_equal_shares_the_optimum_has_equal_neighbours_and_the_least_stres
     best = find_optimum(square(lambda i, j: 60 * (i >= 1), lambda i, j: 1e8 * (1 + i + j)), yield_stress=2e9)
     assert best is not None
     assert (best.strain_weft, best.strain_warp) == (0.2, 0.1)
+    assert best.edge_warning is None
 
 
 @pytest.mark.parametrize(

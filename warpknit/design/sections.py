@@ -71,6 +71,8 @@ def map_section(
             ("largest wire stress", f"{engineering(optimum.stress_max_Pa, 'Pa')}, {margin}"),
         ])  # fmt: skip
     page.text("The optimum is the load with the most active contacts among those that keep the wire below its elastic limit.")
+    if optimum is not None and optimum.edge_warning is not None:
+        page.warning(f"{optimum.edge_warning[0].upper()}{optimum.edge_warning[1:]}.")
     page.table(
         [
             (f"{tension:g} N/m", "not reached" if place is None else f"{place[0]:.1%} / {place[1]:.1%}")

@@ -149,6 +149,14 @@ class Optimum:
     active_percent: float
     stress_max_Pa: float
     stress_margin: float  # 1 - stress over yield stress
+    at_edge: tuple[str, ...] = ()  # directions (weft, warp) in which the map ends there: a wider one may have a better optimum
+
+    @property
+    def edge_warning(self) -> str | None:
+        """What it means that the optimum is at the edge of the map."""
+        if not self.at_edge:
+            return None
+        return f"the optimum is at the edge of the map in {' and '.join(self.at_edge)}: a wider [sweep] may have a better one"
 
 
 def find_optimum(rows: Sequence[MapRow], yield_stress: float) -> Optimum | None:
@@ -178,5 +186,10 @@ def find_optimum(rows: Sequence[MapRow], yield_stress: float) -> Optimum | None:
         order = (round(share / SAME_SHARE), neighbours, -stress)
         if best is None or order > best[0]:
             margin = 1.0 - stress / yield_stress
-            best = order, Optimum(*row.strains, tension_weft, tension_warp, share, stress, margin)
+            edges = tuple(
+                side
+                for side, strain, axis in zip(("weft", "warp"), row.strains, (weft, warp), strict=True)
+                if len(axis) > 1 and (strain == axis[-1] or strain == axis[0] != 0.0)
+            )
+            best = order, Optimum(*row.strains, tension_weft, tension_warp, share, stress, margin, edges)
     return None if best is None else best[1]

@@ -205,6 +205,8 @@ class _Mapper:
             warnings.append(f"{len(failed)} of {len(rows)} pairs of strains did not converge; map_details.csv has the reasons")
         if len(self.scene.stages) > 1:
             warnings.append("a map does not run the stages of [[path]]")
+        if optimum is not None and optimum.edge_warning is not None and len(rows) == len(self.strains):
+            warnings.append(optimum.edge_warning)
         return {
             "scene": {"name": self.scene.name, "hash": self.scene.hash},
             "version": __version__,
