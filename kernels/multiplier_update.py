@@ -12,7 +12,7 @@ from typing import Any
 
 import warp as wp
 
-from .control import MULTIPLIER_RATE
+from .control import EXTRAPOLATION, MULTIPLIER_RATE
 
 
 @wp.kernel
@@ -66,17 +66,17 @@ def update_pair_offset(
 @wp.kernel
 def extrapolate(
     # in
-    ratio: wp.float64,
+    control: wp.array(dtype=wp.float64),
     limit: wp.float64,
     lowest: wp.float64,
     # in and out: the value of this level becomes that of the last
     value: wp.array(dtype=Any),
     last: wp.array(dtype=Any),
 ):
-    """value += ratio (value - last), at most `limit` far and not below `lowest`: where two levels point to."""
+    """value += EXTRAPOLATION (value - last), at most `limit` far and not below `lowest`: where two levels point to."""
     i = wp.tid()
     now = value[i]
-    step = wp.clamp(ratio * wp.float64(now - last[i]), -limit, limit)
+    step = wp.clamp(control[EXTRAPOLATION] * wp.float64(now - last[i]), -limit, limit)
     value[i] = value.dtype(wp.max(wp.float64(now) + step, lowest))
     last[i] = now
 
@@ -84,7 +84,7 @@ def extrapolate(
 @wp.kernel
 def extrapolate_held_bodies(
     # in
-    ratio: wp.float64,
+    control: wp.array(dtype=wp.float64),
     limit: wp.float64,
     pair_force: wp.array(dtype=Any),
     # in and out
@@ -95,6 +95,6 @@ def extrapolate_held_bodies(
     body = wp.tid()
     now = value[body]
     if pair_force[2 * body] != pair_force.dtype(0.0) and pair_force[2 * body + 1] != pair_force.dtype(0.0):
-        step = wp.clamp(ratio * wp.float64(now - last[body]), -limit, limit)
+        step = wp.clamp(control[EXTRAPOLATION] * wp.float64(now - last[body]), -limit, limit)
         value[body] = value.dtype(wp.float64(now) + step)
     last[body] = now

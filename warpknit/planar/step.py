@@ -7,7 +7,8 @@ and so the result, does not depend on their number.
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import Callable
+from functools import cached_property, partial
 
 import warp as wp
 
@@ -50,12 +51,20 @@ class Stepper:
         alone = model.device != "cpu" or not model.treatment.is_free
         self.threads = 1 if alone else threads or thread_count(model.panel.node_count // NODES_A_THREAD)
         self.team = Team(self.threads, model.device)
-        self._launches = [[self._record(parity, part) for parity in (0, 1)] for part in range(self.threads)]
-        self._contact = [
+        self._graphs: dict[tuple[int, int], list[wp.Graph]] = {}
+
+    @cached_property
+    def _launches(self) -> list[list[list[wp.Launch]]]:
+        """[part][parity] launches of a step."""
+        return [[self._record(parity, part) for parity in (0, 1)] for part in range(self.threads)]
+
+    @cached_property
+    def _contact(self) -> list[list[Callable[[], object]]]:
+        """[parity][part] launches of the contact forces."""
+        return [
             [partial(_launch_all, self._commands(self._contact_work(parity, part))) for part in range(self.threads)]
             for parity in (0, 1)
         ]
-        self._graphs: dict[tuple[int, int], list[wp.Graph]] = {}
 
     def step(self, count: int) -> None:
         """Take `count` steps; a frozen state (kernels/control.py) does not change."""
