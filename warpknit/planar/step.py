@@ -30,7 +30,7 @@ from ..team import Team
 from .model import Model, body_blocks, contact_batches
 from .state import State
 
-NODES_A_THREAD = 4_000  # fewer nodes a thread cost more in waiting than they save
+NODES_A_THREAD = 2_500  # fewer nodes a thread cost more in waiting than they save
 # a step then stores f/m as velocities and moves nothing
 PROBING = {c.VELOCITY_FACTOR: 0.0, c.FORCE_FACTOR: 1.0, c.TIME_STEP: 0.0}
 
