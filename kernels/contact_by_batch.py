@@ -69,7 +69,8 @@ _BATCH = r"""
             __builtin_prefetch(pair_force.data + next + k, 1);
             __builtin_prefetch(pair_body_x.data + next + k, 1);
             __builtin_prefetch(pair_body_y.data + next + k, 1);
-            for (int n = 0; n < CACHED_NUMBERS; ++n) __builtin_prefetch(cached_number.data + CACHED_NUMBERS * next + n * LANES + k);
+            for (int n = 0; n < CACHED_NUMBERS; ++n)
+                __builtin_prefetch(cached_number.data + CACHED_NUMBERS * next + n * LANES + k);
             for (int n = 0; n < 4; ++n) {
                 __builtin_prefetch(cached_node.data + CACHED_NODES * (next + AHEAD * LANES) + n * LANES + k);
                 __builtin_prefetch(pair_nodal_x.data + 4 * next + n * LANES + k, 1);

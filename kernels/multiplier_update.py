@@ -21,6 +21,7 @@ def update_tension_offset(
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_wire: wp.array(dtype=wp.int32),
+    first_block: int,
     block_size: int,
     # in
     control: wp.array(dtype=wp.float64),
@@ -34,8 +35,8 @@ def update_tension_offset(
 ):
     """One update of every segment; a change of a wire's stiffness from `axial_before` to `axial` keeps T."""
     thread = wp.tid()
-    block = thread / block_size
-    lane = thread - block * block_size
+    block = first_block + thread / block_size
+    lane = thread % block_size
     if lane >= block_count[block]:
         return
     i = block_first[block] + lane
@@ -50,13 +51,14 @@ def update_tension_offset(
 @wp.kernel
 def update_pair_offset(
     # in
+    first_pair: int,
     control: wp.array(dtype=wp.float64),
     pair_force: wp.array(dtype=Any),
     # in and out
     pair_offset: wp.array(dtype=Any),
 ):
     """offset += rate (F - offset)."""
-    pair = wp.tid()
+    pair = first_pair + wp.tid()
     offset = pair_offset[pair] + pair_offset.dtype(control[MULTIPLIER_RATE]) * (pair_force[pair] - pair_offset[pair])
     if offset < pair_offset.dtype(1.0e-16):
         offset = pair_offset.dtype(0.0)  # an open pair forgets

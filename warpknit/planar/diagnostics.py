@@ -91,7 +91,7 @@ class Diagnostics:
         names = ("force_x", "force_y", "strain", "tension", "turning")
         arrays = {name: wp.zeros(panel.node_count, dtype=real, device=device) for name in names}
         self._force_x, self._force_y, self.strain, self.tension, self.turning = arrays.values()
-        self._stepper = stepper
+        self.stepper = stepper
         shares = stepper.shares(len(panel.block_first))
         self._evaluate: list[list[Callable[[], object]]] = [
             [evaluation(model, state, parity, arrays, share).launch for share in shares] for parity in (0, 1)
@@ -108,12 +108,16 @@ class Diagnostics:
             for block, blocks in shares
         ]
         pairs = {"pair_block": k.PAIR_BLOCK, "partial": self._pairs}
-        self._sum_pairs = bind(k.sum_pairs, self._pairs.shape[0], *sources, **pairs).record(device)
+        self._sum_pairs: list[Callable[[], object]] = [
+            bind(k.sum_pairs, blocks, *sources, first_block=block, **pairs).record(device).launch
+            for block, blocks in stepper.shares(self._pairs.shape[0])
+            if blocks > 0
+        ]
 
     def sums(self) -> Sums:
         """Diagnostics of the current state: wire rows of this rank's strip, all other sums of the global mesh."""
         for parts in self.launches():
-            self._stepper.team.together(parts)
+            self.stepper.team.together(parts)
         return sum_up(self.model, self._first_block, *self.partial_sums())
 
     def partial_sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -122,7 +126,7 @@ class Diagnostics:
 
     def launches(self) -> list[list[Callable[[], object]]]:
         """Launches of a check, in order; those of one list may run in parallel."""
-        return [self._evaluate[self.state.parity], self._sum_wires, [self._sum_pairs.launch]]
+        return [self._evaluate[self.state.parity], self._sum_wires, self._sum_pairs]
 
     def held_stress(self) -> np.ndarray:
         """(2, 2) [N m] contribution of held nodes, which move with their clamp."""
