@@ -11,7 +11,6 @@ import warp as wp
 from .kernels.barrier import wait_for_all
 from .launch import Launch, bind
 
-
 TRIAL = 20  # calls after which the slower way is tried again
 
 
