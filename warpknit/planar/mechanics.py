@@ -60,7 +60,7 @@ class PlanarMechanics:
         self.drift = drift_of(model.scene.model.nodes_per_loop)
         self.stepper = stepper_of(model, state)
         self.neighbours = NeighbourSearch(model, state)
-        self.diagnostics = Diagnostics(model, state, self.stepper)
+        self.diagnostics = Diagnostics(model, state, self.stepper.for_checks)
         self.residual = Residual(model)
         self._has_temperature_field = any(any(stage.temperature_gradient) for stage in model.scene.stages)
         self._last: list[wp.array] = []  # values at the end of the previous level; none before the first
@@ -75,7 +75,7 @@ class PlanarMechanics:
 
     @cached_property
     def slowest_mode(self) -> SlowestMode:
-        return SlowestMode(self.model, self.state, self.stepper)
+        return SlowestMode(self.model, self.state, self.stepper.for_checks)
 
     @cached_property
     def history(self) -> HistoryVariables:

@@ -72,6 +72,11 @@ class Stepper:
             for parity in (0, 1)
         ]
 
+    @property
+    def for_checks(self) -> Stepper:
+        """The stepper for single launches: alone where steps are short, as handing a launch over takes longer than it."""
+        return self._alone or self
+
     def step(self, count: int) -> None:
         """Take `count` steps; a frozen state (kernels/control.py) does not change."""
         if self._alone is None:
