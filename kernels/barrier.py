@@ -19,7 +19,7 @@ import warp as wp
 #if defined(__x86_64__)
             __builtin_ia32_pause();
 #endif
-            if (yield_address && turn % 1024 == 0) { typedef int yield_function(void); ((yield_function*)yield_address)(); }
+            if (yield_address && turn % 32 == 0) { typedef int yield_function(void); ((yield_function*)yield_address)(); }
         }
     }
 """)

@@ -15,6 +15,7 @@ from .control import STATUS, STATUS_RUNNING
 from .native import STEERING, constants
 
 PAIR_BATCH = wp.constant(16)  # pairs
+UNCACHED_PAIRS = 30_000  # pairs whose data, 300 bytes each, are beyond the cache
 CACHED_NODES = 4  # indices a pair: the nodes whose place the curve depends on
 CACHED_NUMBERS = 20  # numbers a pair: three rest edges, place of the body from the first node, coefficients of the curve
 
@@ -45,12 +46,36 @@ _BATCH = r"""
         for (int l = 0; l < count; ++l) pair_force.data[begin + l] = zero;
         return;
     }
-    // what a later batch will gather is fetched by now
+    // what a later batch will gather is fetched by now, and of a mesh beyond the cache all that it reads and writes
     if (begin + (AHEAD + 1) * LANES <= pairs) {
-        const int* later = cached_node.data + CACHED_NODES * (begin + AHEAD * LANES) + LANES;
+        const int next = begin + AHEAD * LANES;
+        const int* later = cached_node.data + CACHED_NODES * next + LANES;
         for (int l = 0; l < LANES; ++l) {
             __builtin_prefetch(ux.data + later[l]);
             __builtin_prefetch(uy.data + later[l]);
+        }
+        enum { LINE = 64 / sizeof(real) };
+        for (int k = 0; pairs > UNCACHED_PAIRS && k < LANES; k += LINE) {
+            __builtin_prefetch(pair_wake.data + next + k);
+            __builtin_prefetch(pair_low.data + next + k);
+            __builtin_prefetch(pair_high.data + next + k);
+            __builtin_prefetch(pair_side.data + next + k);
+            __builtin_prefetch(pair_offset.data + next + k);
+            __builtin_prefetch(cached_slide.data + next + k);
+            __builtin_prefetch(pair_slide.data + next + k, 1);
+            __builtin_prefetch(pair_u.data + next + k, 1);
+            __builtin_prefetch(pair_node.data + next + k, 1);
+            __builtin_prefetch(pair_gap.data + next + k, 1);
+            __builtin_prefetch(pair_force.data + next + k, 1);
+            __builtin_prefetch(pair_body_x.data + next + k, 1);
+            __builtin_prefetch(pair_body_y.data + next + k, 1);
+            for (int n = 0; n < CACHED_NUMBERS; ++n)
+                __builtin_prefetch(cached_number.data + CACHED_NUMBERS * next + n * LANES + k);
+            for (int n = 0; n < 4; ++n) {
+                __builtin_prefetch(cached_node.data + CACHED_NODES * (next + AHEAD * LANES) + n * LANES + k);
+                __builtin_prefetch(pair_nodal_x.data + 4 * next + n * LANES + k, 1);
+                __builtin_prefetch(pair_nodal_y.data + 4 * next + n * LANES + k, 1);
+            }
         }
     }
     int* __restrict at = cached_node.data + CACHED_NODES * begin;
@@ -275,6 +300,7 @@ UNCACHED = -(2**30)  # in cached_slide: nothing is kept yet
 
 _CONSTANTS = STEERING + constants(
     PAIR_BATCH=PAIR_BATCH,
+    UNCACHED_PAIRS=UNCACHED_PAIRS,
     CACHED_NODES=CACHED_NODES,
     CACHED_NUMBERS=CACHED_NUMBERS,
     CURVE_COEFFICIENTS=CURVE_COEFFICIENTS,

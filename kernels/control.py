@@ -61,7 +61,9 @@ LOAD_STEP = wp.constant(46)  # 4 entries: increment of GRADIENT in the last step
 EVALUATED_GAP = wp.constant(50)  # [m] of wires in space, up to which an evaluation without a step finds their closest points
 NEAR_GAP = wp.constant(51)  # [m] of wires in space, up to which a pair of segments is listed as near
 PAIR_REACH = wp.constant(52)  # [m] of wires in space, by which a unit strain of the load moves the segments of a pair apart
-CONTROL_COUNT = 53
+LOAD_MOTION = wp.constant(53)  # [m] of the plane, by which the load moves a body and a wire together until the next search
+EXTRAPOLATION = wp.constant(54)  # [-] change of a level predicted, over that of the level before (multiplier_update.py)
+CONTROL_COUNT = 55
 
 STATUS_RUNNING = wp.constant(wp.float64(0.0))
 STATUS_STALE = wp.constant(wp.float64(1.0))

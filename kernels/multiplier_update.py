@@ -12,7 +12,7 @@ from typing import Any
 
 import warp as wp
 
-from .control import MULTIPLIER_RATE
+from .control import EXTRAPOLATION, MULTIPLIER_RATE
 
 
 @wp.kernel
@@ -21,6 +21,7 @@ def update_tension_offset(
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_wire: wp.array(dtype=wp.int32),
+    first_block: int,
     block_size: int,
     # in
     control: wp.array(dtype=wp.float64),
@@ -34,8 +35,8 @@ def update_tension_offset(
 ):
     """One update of every segment; a change of a wire's stiffness from `axial_before` to `axial` keeps T."""
     thread = wp.tid()
-    block = thread / block_size
-    lane = thread - block * block_size
+    block = first_block + thread / block_size
+    lane = thread % block_size
     if lane >= block_count[block]:
         return
     i = block_first[block] + lane
@@ -50,13 +51,14 @@ def update_tension_offset(
 @wp.kernel
 def update_pair_offset(
     # in
+    first_pair: int,
     control: wp.array(dtype=wp.float64),
     pair_force: wp.array(dtype=Any),
     # in and out
     pair_offset: wp.array(dtype=Any),
 ):
     """offset += rate (F - offset)."""
-    pair = wp.tid()
+    pair = first_pair + wp.tid()
     offset = pair_offset[pair] + pair_offset.dtype(control[MULTIPLIER_RATE]) * (pair_force[pair] - pair_offset[pair])
     if offset < pair_offset.dtype(1.0e-16):
         offset = pair_offset.dtype(0.0)  # an open pair forgets
@@ -66,17 +68,17 @@ def update_pair_offset(
 @wp.kernel
 def extrapolate(
     # in
-    ratio: wp.float64,
+    control: wp.array(dtype=wp.float64),
     limit: wp.float64,
     lowest: wp.float64,
     # in and out: the value of this level becomes that of the last
     value: wp.array(dtype=Any),
     last: wp.array(dtype=Any),
 ):
-    """value += ratio (value - last), at most `limit` far and not below `lowest`: where two levels point to."""
+    """value += EXTRAPOLATION (value - last), at most `limit` far and not below `lowest`: where two levels point to."""
     i = wp.tid()
     now = value[i]
-    step = wp.clamp(ratio * wp.float64(now - last[i]), -limit, limit)
+    step = wp.clamp(control[EXTRAPOLATION] * wp.float64(now - last[i]), -limit, limit)
     value[i] = value.dtype(wp.max(wp.float64(now) + step, lowest))
     last[i] = now
 
@@ -84,7 +86,7 @@ def extrapolate(
 @wp.kernel
 def extrapolate_held_bodies(
     # in
-    ratio: wp.float64,
+    control: wp.array(dtype=wp.float64),
     limit: wp.float64,
     pair_force: wp.array(dtype=Any),
     # in and out
@@ -95,6 +97,6 @@ def extrapolate_held_bodies(
     body = wp.tid()
     now = value[body]
     if pair_force[2 * body] != pair_force.dtype(0.0) and pair_force[2 * body + 1] != pair_force.dtype(0.0):
-        step = wp.clamp(ratio * wp.float64(now - last[body]), -limit, limit)
+        step = wp.clamp(control[EXTRAPOLATION] * wp.float64(now - last[body]), -limit, limit)
         value[body] = value.dtype(wp.float64(now) + step)
     last[body] = now

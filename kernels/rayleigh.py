@@ -19,6 +19,7 @@ def sum_rayleigh(
     block_count: wp.array(dtype=wp.int32),
     block_table: wp.array(dtype=wp.int32),
     block_wire: wp.array(dtype=wp.int32),
+    first_block: int,
     wire_mass: wp.array(dtype=Any),
     inverse_mass: wp.array(dtype=Any),
     unit: Any,
@@ -36,7 +37,7 @@ def sum_rayleigh(
     partial: wp.array2d(dtype=wp.float64),
 ):
     """One row of partial sums a block: - sum m du . d(f/m), sum m du . du."""
-    block = wp.tid()
+    block = first_block + wp.tid()
     force = wp.float64(0.0)
     moved = wp.float64(0.0)
     scale = wp.float64(unit)

@@ -103,6 +103,7 @@ def sum_wires(
 @wp.kernel
 def sum_pairs(
     # in: pairs
+    first_block: int,
     pair_block: int,
     unit: Any,
     pair_wire: wp.array(dtype=wp.int32),
@@ -120,7 +121,7 @@ def sum_pairs(
     # out
     partial: wp.array2d(dtype=wp.float64),
 ):
-    block = wp.tid()
+    block = first_block + wp.tid()
     zero = type(unit)(0.0)
     closed = wp.float64(0.0)
     force = wp.float64(0.0)

@@ -16,11 +16,20 @@ class Launch(NamedTuple):
 
     def run(self, device: str) -> None:
         """Launch the kernel now."""
-        wp.launch(self.kernel, dim=self.threads, inputs=self.arguments, device=device)
+        if self.threads > 0:
+            self.record(device).launch()
 
     def record(self, device: str) -> wp.Launch:
         """A recorded Warp launch, to repeat or to capture in a graph."""
-        return wp.launch(self.kernel, dim=self.threads, inputs=self.arguments, device=device, record_cmd=True)
+        types = (self.kernel, *((a.dtype, a.ndim) if isinstance(a, wp.array) else type(a) for a in self.arguments))
+        kernel = _OVERLOADS.get(types, self.kernel)
+        recorded = wp.launch(kernel, dim=self.threads, inputs=self.arguments, device=device, record_cmd=True)
+        if recorded is not None:  # there are threads
+            _OVERLOADS[types] = recorded.kernel
+        return recorded
+
+
+_OVERLOADS: dict[Any, wp.Kernel] = {}  # of generic kernels, by the types of the arguments, which are slow to resolve
 
 
 def bind(kernel: wp.Kernel, threads: int, /, *sources: object, **named: object) -> Launch:

@@ -11,6 +11,8 @@ import warp as wp
 from .kernels.barrier import wait_for_all
 from .launch import Launch, bind
 
+TRIAL = 20  # calls after which the slower way is tried again
+
 
 class Team:
     """So many threads; each replays its part of the launches, with barriers in between."""
@@ -37,6 +39,26 @@ class Team:
         """Begin and number of the share of a part in `count` items."""
         begin, end = count * part // self.threads, count * (part + 1) // self.threads
         return begin, end - begin
+
+
+class Pace:
+    """Chooses between sharing short steps and taking them alone, by what both took last.
+
+    Threads that share a step wait for each other, which takes far longer than the step where other programs use the cores.
+    """
+
+    def __init__(self) -> None:
+        self._seconds = [0.0, 0.0]  # a step, alone and shared
+        self._calls = 0
+
+    def is_shared(self) -> bool:
+        """Whether to share the next steps: what is faster, and now and then the other."""
+        self._calls += 1
+        return (self._seconds[1] <= self._seconds[0]) != (self._calls % TRIAL == 0)
+
+    def took(self, shared: bool, seconds: float) -> None:
+        """Note what a step took."""
+        self._seconds[shared] = seconds
 
 
 def _yield_address() -> int:

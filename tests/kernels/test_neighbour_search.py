@@ -47,7 +47,7 @@ def narrowed(made: Mesh) -> Mesh:
 
 @pytest.mark.parametrize("mesh", MESHES)
 @pytest.mark.parametrize("case", ["settled", "rest", "narrow"])
-def test_hash_finds_the_nearest_node(mesh: str, case: str, device: str) -> None:
+def test_search_finds_the_nearest_node(mesh: str, case: str, device: str) -> None:
     """For every open pair: the nearest node within the search radius, or none where brute force finds none."""
     made = shaken(mesh, "single", device, size=0.2)
     if case == "rest":

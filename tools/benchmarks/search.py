@@ -1,6 +1,6 @@
-"""What finding contacts costs: the hash search, the walk along the arc, and what sleeping pairs save.
+"""What finding contacts costs: the neighbour search, the walk along the arc, and what sleeping pairs save.
 
-Runs a scene, then times, on the state it has then: one neighbour search through the hash, one step's contact kernel with the
+Runs a scene, then times, on the state it has then: one neighbour search, one step's contact kernel with the
 pairs that sleep, the same with every pair awake (each walks along the arc from its last contact point), and the whole step.
 `search_share` is the share of all searches of the run in its steps.
 """

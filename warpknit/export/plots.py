@@ -35,7 +35,7 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
         if axes.get_xlabel() and axes.get_xscale() == "linear":
             axes.xaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 5, 10]))
     with path_aside(path) as aside:
-        figure.savefig(aside, format="png", dpi=DOTS_PER_INCH)
+        FigureCanvasAgg(figure).print_png(aside)  # `savefig` would lay the figure out in a drawing of its own
     return path
 
 

@@ -6,6 +6,7 @@ x is weft (wales side by side), y is warp (courses), z > 0 the technical face; S
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,12 @@ class Cloth:
     def wire_per_area(self) -> float:
         """Plan wire length in an area [1/m]: of all bars, however many of them lay a loop on each needle and course."""
         return sum(thread.length for thread in self.threads) / float(np.prod(self.size))
+
+
+@lru_cache(maxsize=8)
+def same_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tuple[int, int] = (1, 1)) -> Cloth:
+    """`knit_cloth` of a knit that can be hashed, made once; its arrays must not be changed."""
+    return knit_cloth(knit, diameter, merge_lenses, tiles)
 
 
 def knit_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tuple[int, int] = (1, 1)) -> Cloth:

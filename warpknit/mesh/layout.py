@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
 from ..errors import MemoryNeeded
 from ..knit.chain import KnitError
-from ..knit.cloth import Cloth, knit_cloth
+from ..knit.cloth import Cloth, same_cloth
 from ..memory import available_memory, required_memory
 from ..scene import Scene
 from .panel import Panel, build_panel, table_lead
@@ -36,7 +35,8 @@ def knit_scene(scene: Scene) -> Cloth:
     """One repeat of the scene's cloth, or all of it where loops differ; refuses (`MemoryNeeded`) a mesh that cannot fit before
     anything is laid out, and (`KnitError`) loops so far from the mean that they hook
     otherwise."""
-    cloth = knit_cloth(scene.knit, scene.wire.thickness, scene.model.merge_lenses, _tiles(scene))
+    knit = scene.knit if scene.knit.scatter else scene.knit.even
+    cloth = same_cloth(knit, scene.wire.thickness, scene.model.merge_lenses, _tiles(scene))
     _refuse_other_hooks(scene, cloth)
     nodes = estimated_nodes(scene, cloth)
     needed, available = required_memory(scene, nodes), available_memory()
@@ -55,7 +55,7 @@ def _tiles(scene: Scene) -> tuple[int, int]:
 def _refuse_other_hooks(scene: Scene, cloth: Cloth) -> None:
     if not scene.knit.scatter:
         return
-    even = knit_cloth(replace(scene.knit, scatter=0.0), scene.wire.thickness, scene.model.merge_lenses)
+    even = same_cloth(scene.knit.even, scene.wire.thickness, scene.model.merge_lenses)
     meant, found = len(even.clasps) * math.prod(_tiles(scene)), len(cloth.clasps)
     if found != meant:
         allowed = f"less, or another seed: with seed {scene.knit.seed} loops hook {found} times where {meant} are meant"

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from ..host import fetch
 from ..kernels import sums as k
 from ..launch import bind
 from ..mesh.panel import Panel
@@ -90,12 +91,13 @@ class Diagnostics:
         names = ("force_x", "force_y", "strain", "tension", "turning")
         arrays = {name: wp.zeros(panel.node_count, dtype=real, device=device) for name in names}
         self._force_x, self._force_y, self.strain, self.tension, self.turning = arrays.values()
-        self._stepper = stepper
+        self.stepper = stepper
         shares = stepper.shares(len(panel.block_first))
         self._evaluate: list[list[Callable[[], object]]] = [
             [evaluation(model, state, parity, arrays, share).launch for share in shares] for parity in (0, 1)
         ]
         self._pairs_at_clamps = _pairs_at_clamps(model)
+        self._held_first = np.isin(panel.held_node, panel.wire_first)
         self._first_block = first_blocks(panel)
         self._wires = wp.zeros((len(panel.block_first), k.WIRE_COLUMNS), dtype=wp.float64, device=device)
         self._pairs = wp.zeros((max(1, -(-model.pair_count // k.PAIR_BLOCK)), k.PAIR_COLUMNS), dtype=wp.float64, device=device)
@@ -106,21 +108,25 @@ class Diagnostics:
             for block, blocks in shares
         ]
         pairs = {"pair_block": k.PAIR_BLOCK, "partial": self._pairs}
-        self._sum_pairs = bind(k.sum_pairs, self._pairs.shape[0], *sources, **pairs).record(device)
+        self._sum_pairs: list[Callable[[], object]] = [
+            bind(k.sum_pairs, blocks, *sources, first_block=block, **pairs).record(device).launch
+            for block, blocks in stepper.shares(self._pairs.shape[0])
+            if blocks > 0
+        ]
 
     def sums(self) -> Sums:
         """Diagnostics of the current state: wire rows of this rank's strip, all other sums of the global mesh."""
         for parts in self.launches():
-            self._stepper.team.together(parts)
+            self.stepper.team.together(parts)
         return sum_up(self.model, self._first_block, *self.partial_sums())
 
     def partial_sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Partial sums of the last check, for `sum_up`: of wires, of pairs, of held nodes."""
-        return self._wires.numpy(), self._pairs.numpy(), self.held_stress()
+        return fetch(self._wires), fetch(self._pairs), self.held_stress()
 
     def launches(self) -> list[list[Callable[[], object]]]:
         """Launches of a check, in order; those of one list may run in parallel."""
-        return [self._evaluate[self.state.parity], self._sum_wires, [self._sum_pairs.launch]]
+        return [self._evaluate[self.state.parity], self._sum_wires, self._sum_pairs]
 
     def held_stress(self) -> np.ndarray:
         """(2, 2) [N m] contribution of held nodes, which move with their clamp."""
@@ -138,19 +144,18 @@ class Diagnostics:
 
     def _held_forces(self) -> np.ndarray:
         """(held, 2) [N] forces of wires and contacts on held nodes."""
-        panel, state = self.model.panel, self.state
-        node = panel.held_node
-        force_x, force_y = self._force_x.numpy(), self._force_y.numpy()
+        state, node = self.state, self.model.panel.held_node
+        force_x, force_y = fetch(self._force_x), fetch(self._force_y)
         force, before = (np.stack([force_x[at], force_y[at]], axis=1).astype(np.float64) for at in (node, node - 1))
-        before[np.isin(node, panel.wire_first)] = 0.0
+        before[self._held_first] = 0.0
         total = force - before
         # contacts that reach over a held node
         pair = self._pairs_at_clamps
-        pair = pair[state.pair_force.numpy()[pair] > 0]
-        reached = state.pair_node.numpy()[pair][:, None] + np.arange(-1, 3)
+        pair = pair[fetch(state.pair_force)[pair] > 0]
+        reached = fetch(state.pair_node)[pair][:, None] + np.arange(-1, 3)
         place = np.minimum(np.searchsorted(node, reached), len(node) - 1)
         held = node[place] == reached
-        nodal = np.stack([a.numpy().reshape(-1, 4)[pair] for a in (state.pair_nodal_x, state.pair_nodal_y)], axis=2)
+        nodal = np.stack([fetch(a).reshape(-1, 4)[pair] for a in (state.pair_nodal_x, state.pair_nodal_y)], axis=2)
         np.add.at(total, place[held], nodal[held])
         return total
 

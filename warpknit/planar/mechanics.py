@@ -60,10 +60,11 @@ class PlanarMechanics:
         self.drift = drift_of(model.scene.model.nodes_per_loop)
         self.stepper = stepper_of(model, state)
         self.neighbours = NeighbourSearch(model, state)
-        self.diagnostics = Diagnostics(model, state, self.stepper)
+        self.diagnostics = Diagnostics(model, state, self.stepper.for_checks)
         self.residual = Residual(model)
         self._has_temperature_field = any(any(stage.temperature_gradient) for stage in model.scene.stages)
-        self._last: list[wp.array] | None = None  # values at the end of the previous level
+        self._last: list[wp.array] = []  # values at the end of the previous level; none before the first
+        self._predictions: dict[int, list[wp.Launch]] = {}  # by parity
         self._active_as_knitted = 0  # pairs that carry force as knitted
 
     # for relaxations only
@@ -74,7 +75,7 @@ class PlanarMechanics:
 
     @cached_property
     def slowest_mode(self) -> SlowestMode:
-        return SlowestMode(self.model, self.state, self.stepper)
+        return SlowestMode(self.model, self.state, self.stepper.for_checks)
 
     @cached_property
     def history(self) -> HistoryVariables:
@@ -127,23 +128,31 @@ class PlanarMechanics:
         return [s.node_ux[s.parity], s.node_uy[s.parity], s.body_ux, s.body_uy, s.tension_offset, s.pair_offset]
 
     def predict(self, ratio: float) -> None:
+        self.state.write_control({c.EXTRAPOLATION: ratio})
+        if self.state.parity not in self._predictions:
+            self._predictions[self.state.parity] = self._record_prediction()
+        for launch in self._predictions[self.state.parity]:
+            launch.launch()
+        self.stop()
+
+    def _record_prediction(self) -> list[wp.Launch]:
+        """Record the launches of `predict` at the current parity."""
         values, s = self._level_values(), self.state
-        if self._last is None:
-            self._last = [wp.zeros_like(value) for value in values]
+        self._last = self._last or [wp.zeros_like(value) for value in values]
         # within the margin of the neighbour search, so that no body changes sides
         max_move = 0.5 * self.neighbours.margin / self.model.precision.unit
         if self.model.scene.hook is not None:
             max_move = np.inf  # the frame moves a fixed wire affinely (hook.py); the prediction must undo all of it
+        launches = []
         for value, last in zip(values, self._last, strict=True):
             limit = np.inf if value is s.tension_offset or value is s.pair_offset else max_move
-            named = {"ratio": wp.float64(ratio), "limit": wp.float64(limit), "value": value, "last": last}
+            named = {"control": s.control, "limit": wp.float64(limit), "value": value, "last": last}
             if value is s.body_ux or value is s.body_uy:
-                launch = bind(extrapolate_held_bodies, value.shape[0], pair_force=s.pair_force, **named)
+                launches.append(bind(extrapolate_held_bodies, value.shape[0], pair_force=s.pair_force, **named))
             else:
                 lowest = wp.float64(0.0 if value is s.pair_offset else -np.inf)
-                launch = bind(extrapolate, value.shape[0], lowest=lowest, **named)
-            launch.run(self.model.device)
-        self.stop()
+                launches.append(bind(extrapolate, value.shape[0], lowest=lowest, **named))
+        return [launch.record(self.model.device) for launch in launches if launch.threads > 0]
 
     def stop(self) -> None:
         """Set all velocities to zero."""
@@ -287,7 +296,7 @@ class PlanarMechanics:
         kept = self.neighbours.state_dict()
         if self._relaxes:
             kept |= self.history.state_dict() | self.multipliers.state_dict() | self.slowest_mode.state_dict()
-            kept |= {f"last_{k}": value.numpy().copy() for k, value in enumerate(self._last or [])}
+            kept |= {f"last_{k}": value.numpy().copy() for k, value in enumerate(self._last)}
         return kept
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
@@ -296,8 +305,7 @@ class PlanarMechanics:
             self.history.load_state_dict(kept)
             self.multipliers.load_state_dict(kept)
             self.slowest_mode.load_state_dict(kept)
-            self._last = None
-            if "last_0" in kept:
+            if "last_0" in kept and not self._last:
                 self._last = [wp.zeros_like(value) for value in self._level_values()]
-                for k, value in enumerate(self._last):
-                    value.assign(kept[f"last_{k}"])
+            for k, value in enumerate(self._last):
+                value.assign(kept[f"last_{k}"]) if "last_0" in kept else value.zero_()

@@ -11,14 +11,17 @@ of each wire (numerics.unit_step_mass).
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import warp as wp
 
 from ..kernels import control as c
 from ..kernels.multiplier_update import update_pair_offset, update_tension_offset
+from ..kernels.wire_forces import BLOCK_SIZE
 from ..launch import bind
 from .diagnostics import Diagnostics, Sums
-from .model import Model, block_threads
+from .model import Model
 from .multiplier_rules import MultiplierRules
 from .state import State
 
@@ -74,18 +77,22 @@ class Multipliers:
     def _move_offsets(self, axial: np.ndarray, rate: float) -> None:
         self.axial.assign(axial)
         self.state.write_control({c.MULTIPLIER_RATE: rate})
-        for launch in self.launches:
-            launch()
+        for parts in filter(None, self.launches):
+            self.diagnostics.stepper.team.together(parts)
 
     def _record(self) -> None:
-        """Record the launches of an update."""
-        model, state = self.model, self.state
-        wires = bind(
-            update_tension_offset, block_threads(model), model.mesh, state, model.constants, self.diagnostics,
-            axial_before=state.wire_axial, axial=self.axial,
-        )  # fmt: skip
-        pairs = bind(update_pair_offset, max(1, model.pair_count), state)
-        self.launches = [launch.record(model.device).launch for launch in (pairs, wires)]
+        """Record the launches of an update: `launches` in order; those of one list may run in parallel."""
+        model, state, stepper = self.model, self.state, self.diagnostics.stepper
+        sources = (model.mesh, state, model.constants, self.diagnostics)
+        stiffness = {"axial_before": state.wire_axial, "axial": self.axial}
+        wires = [
+            bind(update_tension_offset, blocks * BLOCK_SIZE, *sources, first_block=block, **stiffness)
+            for block, blocks in stepper.shares(len(model.panel.block_first))
+        ]
+        pairs = [bind(update_pair_offset, n, state, first_pair=first) for first, n in stepper.shares(model.pair_count)]
+        self.launches: list[list[Callable[[], object]]] = [
+            [launch.record(model.device).launch for launch in parts if launch.threads > 0] for parts in (pairs, wires)
+        ]
 
     def renew(self, axial: np.ndarray, penalty: float, sums: Sums) -> None:
         """Set new stiffnesses, and raise the fictitious masses where the step is unstable."""

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import warp as wp
 
 from ..kernels import control as c
-from ..kernels.contact_search import find_nearest_segments, place_nodes_in_hash
+from ..kernels.contact_search import find_nearest_segments
 from ..launch import bind
-from .model import Model, block_threads
+from .model import Model
 from .state import State
 
 SAG = 0.15  # of the node spacing: largest distance of a wire from the chord of a segment (radius 0.8 spacings)
@@ -17,7 +19,7 @@ MARGIN = 0.1  # in course spacings: largest approach of a body and a wire before
 
 
 class NeighbourSearch:
-    """The hash grid of the nodes, and the search for the initial segment of each pair."""
+    """The search for the initial segment of each pair."""
 
     def __init__(self, model: Model, state: State) -> None:
         self.model = model
@@ -26,13 +28,6 @@ class NeighbourSearch:
         # the nearer node of a touched segment is within half a (stretched) spacing along the wire
         self.radius = model.contact_reach + self.margin + 0.75 * float(model.table.spacing.max())
         self.searches = 0
-        size = np.asarray(model.panel.size)
-        cells = np.maximum(1, np.floor(size / (1.25 * self.radius))).astype(int)
-        self._cell = size / cells
-        if model.panel.boundary != "periodic":
-            cells = cells + 4
-        self._grid = wp.HashGrid(int(cells[0]), int(cells[1]), 1, device=model.device)
-        self._position = wp.zeros(model.panel.node_count, dtype=wp.vec3, device=model.device)
         self._expected = 0.0
         self._gradient = np.array([1.0, 0.0, 0.0, 1.0])
 
@@ -56,33 +51,27 @@ class NeighbourSearch:
         self.search()
 
     def search(self) -> None:
-        """Build the hash, seed every open pair, and reset the travel budget.
+        """Seed every open pair, and reset the travel budget.
 
         Pairs of a hook with another contact constraint never sleep and need no search.
         """
+        budget = max(0.5 * self.margin - self._expected, 0.1 * self.margin) if self.model.pair_count else np.inf
+        self.state.write_control({c.LOAD_MOTION: self._expected, c.TRAVEL: 0.0, c.TRAVEL_LIMIT: budget, c.STATUS: 0.0})
         if self.model.pair_count and self.model.treatment.is_free:
-            self._search()
+            self._launches[self.state.parity].launch()
         self.searches += 1
         self._gradient = self.state.gradient.ravel()
-        budget = max(0.5 * self.margin - self._expected, 0.1 * self.margin)
-        self.state.write_control(
-            {c.TRAVEL: 0.0, c.TRAVEL_LIMIT: budget, c.STATUS: 0.0} if self.model.pair_count else
-            {c.TRAVEL: 0.0, c.TRAVEL_LIMIT: np.inf, c.STATUS: 0.0}
-        )  # fmt: skip
 
-    def _search(self) -> None:
+    @cached_property
+    def _launches(self) -> list[wp.Launch]:
+        """The search from the displacements of each parity."""
         model, state = self.model, self.state
-        real, now = model.precision.real, state.parity
-        spacing = float(model.table.spacing.max())
-        narrowest = float(np.linalg.svd(state.gradient, compute_uv=False).min())
-        cell_x, cell_y = wp.float64(self._cell[0]), wp.float64(self._cell[1])
-        sources = (model.rest, model.mesh, state, model.constants)
-        named = {"cell_x": cell_x, "cell_y": cell_y, "ux": state.node_ux[now], "uy": state.node_uy[now]}
-        bind(place_nodes_in_hash, block_threads(model), *sources, hash_position=self._position, **named).run(model.device)
-        self._grid.build(self._position, 1.0)
-        bind(
-            find_nearest_segments, model.pair_count, *sources, grid=wp.uint64(self._grid.id),
-            hash_radius=self.radius / narrowest / float(self._cell.min()), radius=real(self.radius),
-            half_chord=real(0.6 * spacing), sag=real(SAG * spacing), reach=real(model.contact_reach),
-            expected=real(self._expected), **named,
-        ).run(model.device)  # fmt: skip
+        real, spacing = model.precision.real, float(model.table.spacing.max())
+        return [
+            bind(
+                find_nearest_segments, model.pair_count, model.rest, model.mesh, state, model.constants,
+                radius=real(self.radius), half_chord=real(0.6 * spacing), sag=real(SAG * spacing),
+                reach=real(model.contact_reach), ux=state.node_ux[parity], uy=state.node_uy[parity],
+            ).record(model.device)
+            for parity in (0, 1)
+        ]  # fmt: skip

@@ -197,7 +197,8 @@ class ReplicaGroup:
             for member in self.members:
                 sums = [launch for parts in member.diagnostics.launches() for launch in parts]
                 probe = [member.slowest_mode.probe.launch, member.slowest_mode.launch_sum]
-                named: dict[str, list[Any]] = {"check": probe + sums, "sums": sums, "move": member.multipliers.launches}
+                moves = [launch for parts in member.multipliers.launches for launch in parts]
+                named: dict[str, list[Any]] = {"check": probe + sums, "sums": sums, "move": moves}
                 with wp.ScopedCapture(device=self.model.device) as capture:
                     for launch in named[name]:
                         launch()

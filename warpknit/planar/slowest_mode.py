@@ -29,13 +29,15 @@ class SlowestMode:
         kinds = [model.precision.coordinate] * 2 + [model.precision.real] * 2
         self._last = [wp.zeros(nodes, dtype=kind, device=device) for kind in kinds]
         self.partial = wp.zeros((len(model.panel.block_first), 2), dtype=wp.float64, device=device)  # see kernels/rayleigh.py
-        self._sum = [self._record(parity) for parity in (0, 1)]
+        shares = stepper.shares(len(model.panel.block_first))
+        self._team = stepper.team
+        self._sum = [[self._record(parity, *share).launch for share in shares] for parity in (0, 1)]
 
-    def _record(self, parity: int) -> wp.Launch:
+    def _record(self, parity: int, first_block: int, blocks: int) -> wp.Launch:
         model, state = self.model, self.state
         kept = dict(zip(("last_ux", "last_uy", "last_acceleration_x", "last_acceleration_y"), self._last, strict=True))
         return bind(
-            sum_rayleigh, len(model.panel.block_first), model.rest, model.mesh, state, model.constants, self.probe,
+            sum_rayleigh, blocks, model.rest, model.mesh, state, model.constants, self.probe, first_block=first_block,
             ux=state.node_ux[parity], uy=state.node_uy[parity], partial=self.partial, **kept,
         ).record(model.device)  # fmt: skip
 
@@ -59,7 +61,7 @@ class SlowestMode:
 
     def launch_sum(self) -> None:
         """Sum the changes since the last check, after the probe, and store the state."""
-        self._sum[self.state.parity].launch()
+        self._team.together(self._sum[self.state.parity])
 
     def renewed(self, damping: np.ndarray, total: np.ndarray) -> np.ndarray:
         """Updated damping (...) [1/s] from the sums (..., 2) of kernels/rayleigh.py; unchanged without motion.

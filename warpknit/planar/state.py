@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..host import fetch
 from ..kernels import contact_by_batch as b
 from ..kernels import control as c
 from ..kernels.bend import BOW, SLOPE_SHARE
@@ -102,7 +103,7 @@ class State:
 
     def read_control(self) -> np.ndarray:
         """The control array on the host: a view on the CPU, a copy from a GPU."""
-        return self.control.numpy()
+        return fetch(self.control)
 
     @property
     def gradient(self) -> np.ndarray:
@@ -130,7 +131,7 @@ class State:
 
     def write_control(self, values: dict[int, float]) -> None:
         """Set entries of the control array."""
-        host = self.control.numpy()
+        host = fetch(self.control)
         for index, value in values.items():
             host[..., int(index)] = value
         if str(self.control.device) != "cpu":  # on the CPU `host` is the array itself

@@ -7,7 +7,9 @@ and so the result, does not depend on their number.
 
 from __future__ import annotations
 
-from functools import partial
+import time
+from collections.abc import Callable
+from functools import cached_property, partial
 
 import warp as wp
 
@@ -25,11 +27,13 @@ from ..kernels.wire_forces import BLOCK_SIZE
 from ..kernels.wires import step_wires
 from ..launch import Launch, bind
 from ..numerics import GRAPH_STEPS, thread_count
-from ..team import Team
+from ..team import Pace, Team
 from .model import Model, body_blocks, contact_batches
 from .state import State
 
-NODES_A_THREAD = 4_000  # fewer nodes a thread cost more in waiting than they save
+SHARED_GRAPH_STEPS = (10, 1)  # of several threads: recording longer graphs takes longer than replaying these more often
+LONG_STEP_NODES = 100_000  # from there on a step takes longer than threads wait for each other
+NODES_A_THREAD = 2_500  # fewer nodes a thread cost more in waiting than they save
 # a step then stores f/m as velocities and moves nothing
 PROBING = {c.VELOCITY_FACTOR: 0.0, c.FORCE_FACTOR: 1.0, c.TIME_STEP: 0.0}
 
@@ -41,7 +45,7 @@ class Stepper:
         """`by_node`: kernels with a thread a node and a pair (GPU), else a thread a block of nodes and a batch of pairs (CPU).
         Default: by the device.
 
-        `threads` of a step on the CPU; default: by cores and mesh size.
+        `threads` of a step on the CPU; default: by cores and mesh size, and where a step is short, by what is faster.
         """
         self.model = model
         self.state = state
@@ -50,16 +54,40 @@ class Stepper:
         alone = model.device != "cpu" or not model.treatment.is_free
         self.threads = 1 if alone else threads or thread_count(model.panel.node_count // NODES_A_THREAD)
         self.team = Team(self.threads, model.device)
-        self._launches = [[self._record(parity, part) for parity in (0, 1)] for part in range(self.threads)]
-        self._contact = [
+        short = threads is None and self.threads > 1 and model.panel.node_count < LONG_STEP_NODES and model.strip is None
+        self._alone = Stepper(model, state, threads=1) if short else None
+        self._pace = Pace()
+        self._graphs: dict[tuple[int, int], list[wp.Graph]] = {}
+
+    @cached_property
+    def _launches(self) -> list[list[list[wp.Launch]]]:
+        """[part][parity] launches of a step."""
+        return [[self._record(parity, part) for parity in (0, 1)] for part in range(self.threads)]
+
+    @cached_property
+    def _contact(self) -> list[list[Callable[[], object]]]:
+        """[parity][part] launches of the contact forces."""
+        return [
             [partial(_launch_all, self._commands(self._contact_work(parity, part))) for part in range(self.threads)]
             for parity in (0, 1)
         ]
-        self._graphs: dict[tuple[int, int], list[wp.Graph]] = {}
+
+    @property
+    def for_checks(self) -> Stepper:
+        """The stepper for single launches: alone where steps are short, as handing a launch over takes longer than it."""
+        return self._alone or self
 
     def step(self, count: int) -> None:
         """Take `count` steps; a frozen state (kernels/control.py) does not change."""
-        for size in GRAPH_STEPS:
+        if self._alone is None:
+            self._take(count)
+            return
+        shared, begin = self._pace.is_shared(), time.perf_counter()
+        (self if shared else self._alone)._take(count)
+        self._pace.took(shared, (time.perf_counter() - begin) / max(1, count))
+
+    def _take(self, count: int) -> None:
+        for size in GRAPH_STEPS if self.threads == 1 else SHARED_GRAPH_STEPS:
             for _ in range(count // size):
                 self._replay(self.state.parity, size)
                 self.state.parity = (self.state.parity + size) % 2

@@ -68,7 +68,7 @@ def _of_knit(file: SceneFile, wire: Wire, knit: Knit) -> Choice:
 
     radius = wire.diameter / 8 if file.model.body_radius is None else file.model.body_radius
     try:
-        touch, loops = _laid_out(_even(knit), wire.thickness, radius)
+        touch, loops = _laid_out(knit.even, wire.thickness, radius)
     except KnitError:
         return Choice("planar", "the knit cannot be laid out")
     if touch == 1.0:
@@ -92,19 +92,14 @@ def first_touch(scene: Scene) -> float:
     """Where wires of the scene's knit first touch in space, as a share of the planar approach; 1: not before they do in the
     plane. Raises `KnitError`."""
     wire, model = scene.wire, scene.model
-    return _laid_out(_even(scene.knit), wire.thickness, model.body_radius)[0]
-
-
-def _even(knit: Knit) -> Knit:
-    """One repeat of the knit, without scatter."""
-    return replace(knit, scatter=0.0, seed=0, repeats=(1, 1))
+    return _laid_out(scene.knit.even, wire.thickness, model.body_radius)[0]
 
 
 @lru_cache(maxsize=64)
 def _laid_out(knit: Knit, thickness: float, body_radius: float) -> tuple[float, int]:
     """`first_touch` of one repeat, and its loops; lengths in [m]."""
-    from warpknit.knit.cloth import knit_cloth
+    from warpknit.knit.cloth import same_cloth
     from warpknit.knit.lens_width import way_left
 
-    cloth = knit_cloth(knit, thickness)  # with nested lenses as one, however many bodies they get
+    cloth = same_cloth(knit, thickness)  # with nested lenses as one, however many bodies they get
     return way_left(cloth, thickness, thickness + 2.0 * body_radius), len(cloth.stitches)

@@ -8,7 +8,7 @@ hook.py, the panel in panel.py, wires from a file in wires.py; file.py puts them
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -177,6 +177,11 @@ class Knit(Table):
     def size(self) -> tuple[float, float]:
         """Width and height of all repeats [m]."""
         return (self.repeats[0] * self.repeat[0], self.repeats[1] * self.repeat[1])
+
+    @property
+    def even(self) -> Knit:
+        """One repeat of the knit, without scatter."""
+        return replace(self, scatter=0.0, seed=0, repeats=(1, 1))
 
 
 @dataclass(frozen=True, kw_only=True)

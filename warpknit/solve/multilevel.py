@@ -25,7 +25,8 @@ from .relax import Relaxation, WantedTension
 
 MOVE_STEPS = 200  # steps between increments of an edge displacement
 EDGE_TOLERANCE = 0.05  # out-of-balance force on the stations of a cord over the force of the wires
-CORRECTION_CHECKS = 6  # convergence checks between membrane corrections
+CORRECTION_CHECKS = 5  # convergence checks between membrane corrections
+MIN_IMBALANCE = 0.4  # over the tolerance, corrected while the mesh is not converged: it would decay slowly
 CORRECTION_GAIN = 0.7  # a correction has failed if the imbalance exceeds this share of the smallest so far
 MAX_FAILED_CORRECTIONS = 8  # before membrane corrections are abandoned for the level
 RELAXATION_FACTORS = (0.1, 1.0)  # smallest and largest
@@ -199,7 +200,7 @@ class MultilevelRelaxation(Relaxation):
         if membrane is None:
             return ratio
         if progress.checks % CORRECTION_CHECKS == 0 and (progress.relaxation_factor > 0.0 or membrane.rim.is_free):
-            self._correct_as_membrane(membrane)
+            self._correct_as_membrane(membrane, MIN_IMBALANCE if ratio > 1.0 else 1.0)
         return max(ratio, progress.imbalance)
 
     def _step_on(self, steps: int) -> None:
@@ -215,8 +216,8 @@ class MultilevelRelaxation(Relaxation):
         """[N/m] lower bound of the tension in relative errors."""
         return TENSION_FLOOR * tension_scale(self.model)
 
-    def _correct_as_membrane(self, membrane: Membrane) -> None:
-        """Apply a membrane correction unless the mesh is balanced."""
+    def _correct_as_membrane(self, membrane: Membrane, least: float) -> None:
+        """Apply a membrane correction unless the imbalance over its tolerance is at most `least`."""
         progress, rim = self.progress, membrane.rim
         pulled = self.mechanics.clamp_forces() if rim.is_free else np.zeros((0, 2))
         solve = membrane.solve if progress.relaxation_factor > 0.0 else membrane.solve_rim
@@ -226,7 +227,7 @@ class MultilevelRelaxation(Relaxation):
         if rim.is_free:
             edge = membrane.edge_imbalance(self.state.gradient, self.stations, pulled, self.least_tension)
             progress.imbalance = max(progress.imbalance, edge / EDGE_TOLERANCE)
-        if progress.imbalance <= 1.0:
+        if progress.imbalance <= least or (progress.imbalance <= 1.0 and progress.failed_corrections > 1):
             return
         progress.failed_corrections += 1
         if progress.imbalance < CORRECTION_GAIN * progress.least_imbalance:
