@@ -29,10 +29,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..kernels.banded_mass import HELD_NODE, HELD_TURN
-from ..kernels.bend import BOW
+from ..kernels.bend import BOW, SLOPE_SHARE
 from ..numerics import MASS_MARGIN
 from .rods import Rods
 
+SLOPE_FACTOR = 1.0 + 4.0 * SLOPE_SHARE
 TURNED = 2.0  # e of the bound
 COUPLING = 0.5  # of displacements and twist
 MORE_TURN = 0.15  # [rad] allowance for turns sharpened until the next update
@@ -102,7 +103,7 @@ class BandedMasses:
         pull = MORE_TENSION * np.maximum(tension, 0.0)
         turn_square = (turning[inner] + MORE_TURN) ** 2
         # bending across
-        bend = section.bending_stiffness / self._node_length
+        bend = SLOPE_FACTOR * section.bending_stiffness / self._node_length
         if keeps_arc_length:
             bend = bend + 2.0 * float(BOW) * (pull[before] * previous + pull[inner] * own)
         bend = (1.0 + TURNED) * self._bend_share * bend
@@ -116,7 +117,7 @@ class BandedMasses:
         second_mass += np.bincount(before, bend * a * c, nodes)
         # along the segments
         turned = (
-            ((1.0 + 1.0 / TURNED) * section.bending_stiffness + section.twist_stiffness) * turn_square / (2.0 * self._node_length)
+            ((1.0 + 1.0 / TURNED) * SLOPE_FACTOR * section.bending_stiffness + section.twist_stiffness) * turn_square / (2.0 * self._node_length)
         )
         turned = turned + np.abs(moment[inner])
         edge = np.bincount(before, turned * a**2, nodes) + np.bincount(inner, turned * c**2, nodes)
@@ -128,7 +129,7 @@ class BandedMasses:
         twist = section.twist_stiffness / self._node_length
         spin = np.bincount(before, twist, nodes) + np.bincount(inner, twist, nodes)
         next_spin = -np.bincount(before, twist, nodes)
-        bent = section.bending_stiffness * turn_square / (2.0 * self._node_length)
+        bent = SLOPE_FACTOR * section.bending_stiffness * turn_square / (2.0 * self._node_length)
         spin += np.bincount(before, bent, nodes) + np.bincount(inner, bent, nodes)
         share, spin_share = (0.25 * MASS_MARGIN * (1.0 + x) for x in (COUPLING, 1.0 / COUPLING))
         return Masses(

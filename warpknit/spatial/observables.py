@@ -310,7 +310,7 @@ def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: 
         force=fetch(state.force).copy(),
         stretch_stiffness=relaxation.stored_stiffness,
         stretch_energy=float(np.sum(0.5 * tension**2 * length / relaxation.stored_stiffness)),
-        bend_energy=float(np.sum(0.5 * hinge * rods.node_length * factor)),
+        bend_energy=float(np.sum(0.5 * hinge * rods.node_length * factor)) + yielding.slope_energy,
         hardened_energy=yielding.hardened_energy,
         contact_growth=_contact_growth(model, touching, tangent, fetch(state.director)),
         thermal_strain=relaxation.thermal_strain,

@@ -6,7 +6,7 @@ curve by s^2 (1 - s)^2 (B0 + s B1). Open wires keep straight ends.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
@@ -25,6 +25,14 @@ class CentreLine:
 
     slope: np.ndarray  # (node, 3) of any length, along the line
     between: np.ndarray  # (node, place, 3) [m] at FIT_PLACES of the segment behind a node, relative to that node
+
+
+def along_centre_line(rods: Rods, line: CentreLine | None) -> Rods:
+    """Rods whose natural arcs are those of the centre line, where it is known."""
+    if line is None:
+        return rods
+    points = np.concatenate([np.zeros((rods.node_count, 1, 3)), line.between, rods.rest_edge[:, None]], axis=1)
+    return replace(rods, natural_arc=np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1))
 
 
 @dataclass(frozen=True)

@@ -41,6 +41,8 @@ class RodArrays:
     node_length: wp.array  # [m]
     natural_curvature: wp.array  # vec2d [rad]
     natural_twist: wp.array  # [rad]
+    slope_length: wp.array  # [m] of the segment, where the slope of the moment stores energy; else 0
+    moment_turn: wp.array  # vec2d cosine and sine of the twist from node to node at rest, by which moments turn
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,7 @@ class RodState:
     position: wp.array  # vec3d [m]
     length: wp.array  # [m]
     curvature: wp.array  # vec2d [rad] turning vector at a node, along the section directors
+    moment: wp.array  # vec2d [N m] bending moment at a node, along the section directors
     twist: wp.array  # [rad]
     plastic_turn: wp.array  # vec2d [rad] plastic part of the turning vector at the last equilibrium
     edge_force: wp.array  # vec3d [N] of a segment on its first node
@@ -131,12 +134,17 @@ def upload_rods(rods: Rods, device: str) -> RodArrays:
         node_length=wp.array(rods.node_length, dtype=wp.float64, device=device),
         natural_curvature=wp.zeros(nodes, dtype=wp.vec2d, device=device),
         natural_twist=wp.zeros(nodes, dtype=wp.float64, device=device),
+        slope_length=wp.array(rods.slope_length, dtype=wp.float64, device=device),
+        moment_turn=wp.zeros(nodes, dtype=wp.vec2d, device=device),
     )
     at_rest = rest_state(rods, device)
     at_rest.write_control({c.STATUS: FROZEN})
     frames_launch(arrays, at_rest).run(device)
     force_launch(rods, arrays, at_rest, no_contact(rods, device)).run(device)
-    curvature, twist = rods.set_fraction * fetch(at_rest.curvature), rods.set_fraction * fetch(at_rest.twist)
+    twist = fetch(at_rest.twist)
+    between = 0.5 * (twist + twist[rods.following])
+    store(arrays.moment_turn, np.stack([np.cos(between), np.sin(between)], axis=1))
+    curvature, twist = rods.set_fraction * fetch(at_rest.curvature), rods.set_fraction * twist
     store(arrays.natural_curvature, curvature if rods.natural_curvature is None else rods.natural_curvature)
     store(arrays.natural_twist, twist if rods.natural_twist is None else rods.natural_twist)
     return arrays
@@ -186,6 +194,7 @@ def rest_state(rods: Rods, device: str) -> RodState:
         position=vectors(rods.position),
         length=reals(np.linalg.norm(edge, axis=1)),
         curvature=wp.zeros(nodes, dtype=wp.vec2d, device=device),
+        moment=wp.zeros(nodes, dtype=wp.vec2d, device=device),
         twist=reals(),
         plastic_turn=wp.zeros(nodes, dtype=wp.vec2d, device=device),
         edge_force=vectors(),

@@ -1,4 +1,4 @@
-"""Plastic bending of spatial wires, updated from one equilibrium to the next.
+"""Bending of spatial wires: its energy, and plastic turns, updated from one equilibrium to the next.
 
 Backward Euler of the flow rule of kernels/rod_forces.py. Twist and tension stay elastic.
 """
@@ -66,12 +66,23 @@ class Yielding:
     def potential(self) -> float:
         """[J] incremental bending potential, whose gradient are the moments: stored energy plus plastic dissipation."""
         if not self.yields:
-            return self._energy(0.5 * np.sum(self._trial() ** 2, axis=1))
+            return self._energy(0.5 * np.sum(self._trial() ** 2, axis=1)) + self.slope_energy
         over, size = self._beyond()
         passed = np.linalg.norm(over, axis=1)
         limit = size - passed
         bent = 0.5 * limit**2 + limit * passed + 0.5 * self._kept * passed**2
-        return self._energy(bent + np.sum(self.back * (self._trial() - self.back), axis=1))
+        return self._energy(bent + np.sum(self.back * (self._trial() - self.back), axis=1)) + self.slope_energy
+
+    @property
+    def slope_energy(self) -> float:
+        """[J] of the slope of the moment along the segments (kernels/rod_forces.py)."""
+        rods, section = self.rods, self.rods.section
+        turn = np.divide(self.elastic, self.length[:, None], out=np.zeros_like(self.plastic), where=self._inside[:, None])
+        cosine, sine = fetch(self.arrays.moment_turn).T
+        there = turn[rods.following]
+        slope = np.stack([cosine * there[:, 0] - sine * there[:, 1], sine * there[:, 0] + cosine * there[:, 1]], axis=1) - turn
+        factor = float(self.state.read_control()[int(c.LENGTH_FACTOR)])
+        return section.bending_stiffness * factor / 12.0 * float(np.sum(rods.slope_length * np.sum(slope**2, axis=1)))
 
     def _energy(self, square: np.ndarray) -> float:
         """EI/l times squares of turns [rad^2], summed."""
