@@ -93,7 +93,9 @@ class SpatialObservables(Boundary):
         behind = np.where((rods.following[after] >= 0)[:, None], edge[after], here)
         s = place[:, None]
         h10, h01, h11 = s * (1 - s) ** 2, s * s * (3 - 2 * s), s * s * (s - 1)
-        return rods.position[node] + 0.5 * h10 * (before + here) + h01 * here + 0.5 * h11 * (here + behind)
+        m = self.model.curve.slope_weight[node][:, :, None]
+        begin, end = m[:, 0] * before + m[:, 1] * here, m[:, 2] * here + m[:, 3] * behind
+        return rods.position[node] + h10 * begin + h01 * here + h11 * end
 
     @property
     def thermal_force(self) -> float:
@@ -136,7 +138,7 @@ class SpatialObservables(Boundary):
     @cached_property
     def touching_site(self) -> tuple[np.ndarray, np.ndarray]:
         """Site and sign [contact] of the touching contacts (`Sites.of`)."""
-        return self.sites.of(self.touching.first, self.touching.second, self.touching.shift)
+        return self.sites.of(self.touching.first, self.touching.second, self.touching.shift, self.touching.place)
 
     @cached_property
     def site_force(self) -> np.ndarray:
@@ -157,7 +159,7 @@ class SpatialObservables(Boundary):
     def body_near(self) -> np.ndarray:
         """[site] whether its wires are closer than NEAR, the measure of the paper."""
         found = np.zeros(self.sites.count, dtype=bool)
-        site, _ = self.sites.of(self.near.first, self.near.second, self.near.shift)
+        site, _ = self.sites.of(self.near.first, self.near.second, self.near.shift, self.near.place)
         found[site[site != NOWHERE]] = True
         return found
 

@@ -6,6 +6,7 @@ curve by s^2 (1 - s)^2 (B0 + s B1). Open wires keep straight ends.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.polynomial.legendre import leggauss
 
 from ..frame import WireLayout
 from ..hermite import hermite
-from ..measure.drawn_curve import WireCurve, curve_of, edges_of
+from ..measure.drawn_curve import WireCurve, edges_of
 from .rods import Rods
 
 FIT_PLACES = 0.5 * (leggauss(12)[0] + 1.0)  # places 0 .. 1 on a segment where the centre line is sampled
@@ -23,8 +24,14 @@ FIT_PLACES = 0.5 * (leggauss(12)[0] + 1.0)  # places 0 .. 1 on a segment where t
 class CentreLine:
     """The true centre line of the wires at rest, at the nodes and between them."""
 
-    slope: np.ndarray  # (node, 3) of any length, along the line
+    slope: np.ndarray  # (node, 3) derivative by a parameter along the line
     between: np.ndarray  # (node, place, 3) [m] at FIT_PLACES of the segment behind a node, relative to that node
+    step: np.ndarray  # [node] change of the parameter along the segment
+
+    @staticmethod
+    def joined(lines: Sequence[CentreLine]) -> CentreLine:
+        """Those of several wires, one after the other."""
+        return CentreLine(*(np.concatenate([getattr(one, name) for one in lines]) for name in ("slope", "between", "step")))
 
 
 def along_centre_line(rods: Rods, line: CentreLine | None) -> Rods:
@@ -39,7 +46,9 @@ def along_centre_line(rods: Rods, line: CentreLine | None) -> Rods:
 class RestCurve:
     """Arrays [node], those of segments too."""
 
-    slope: np.ndarray  # (node, 2) [m] along the directors of the mean section at a node
+    slope: np.ndarray  # (node, 2) correction of the direction at a node, along the directors of the sections there
+    slope_weight: np.ndarray  # (node, 4) weights of the edges in the slopes at both ends of a segment
+    length: np.ndarray  # [m] of the segments, by which slopes are multiplied
     bump: np.ndarray  # (node, 4) [m] along the directors of a segment: two of s^2 (1 - s)^2, two of s^3 (1 - s)^2
     bulge: np.ndarray  # [m] largest correction of the curve of a segment by both
     fit_error: float  # [m] largest distance of the curve from the centre line
@@ -52,6 +61,8 @@ def catmull_rom(rods: Rods) -> RestCurve:
     none = np.zeros(rods.node_count)
     return RestCurve(
         slope=np.zeros((rods.node_count, 2)),
+        slope_weight=np.full((rods.node_count, 4), 0.5),
+        length=rods.natural_length,
         bump=np.zeros((rods.node_count, 4)),
         bulge=none,
         fit_error=0.0,
@@ -70,8 +81,20 @@ def spatial_curve(
     section = np.stack([director, np.cross(tangent, director)], axis=2)  # (node, 3, 2)
     previous = np.arange(len(position)) - 1
     previous[edges.following[edges.has_segment]] = np.flatnonzero(edges.has_segment)
-    rise = np.einsum("nac,nc->na", 0.5 * length_factor * (section[previous] + section), rest.slope)
-    return curve_of(edges, rise, np.einsum("nac,npc->npa", length_factor * section, rest.bump.reshape(-1, 2, 2)))
+    following, m = edges.following, rest.slope_weight[:, :, None]
+    length, slope = length_factor * rest.length[:, None], rest.slope
+
+    def edge_slope(edge: np.ndarray, length: np.ndarray, section: np.ndarray, slope: np.ndarray) -> np.ndarray:
+        return edge + length * np.einsum("nac,nc->na", section, slope)
+
+    begin = m[:, 0] * edge_slope(edges.before, length[previous], section[previous], slope)
+    begin += m[:, 1] * edge_slope(edges.behind, length, section, slope)
+    end = m[:, 2] * edge_slope(edges.behind, length, section, slope[following])
+    end += m[:, 3] * edge_slope(edges.behind[following], length[following], section[following], slope[following])
+    bump = np.einsum("nac,npc->npa", length_factor * section, rest.bump.reshape(-1, 2, 2))
+    has, zero = edges.has_segment[:, None], np.zeros(3)
+    begin, end, edge = (np.where(has, vector, zero) for vector in (begin, end, edges.behind))
+    return WireCurve(edge, begin, end, np.where(has[:, None], bump, zero))
 
 
 def offsets_at(
@@ -88,9 +111,12 @@ def offsets_at(
         d1 = director[section]
         return one[:, :1] * d1 + one[:, 1:] * np.cross(tangent[section], d1)
 
-    first, second, bump = 0.5 * curve.slope[node], 0.5 * curve.slope[after], curve.bump[node]
-    begin = across(node, first) + np.where(has_before, across(before, first), 0.0)
-    end = across(node, second) + np.where(has_more, across(after, second), 0.0)
+    length, m = curve.length[:, None], curve.slope_weight[node][:, :, None]
+    first, second, bump = curve.slope[node], curve.slope[after], curve.bump[node]
+    begin = m[:, 1] * length[node] * across(node, first)
+    begin += np.where(has_before, m[:, 0] * length[before] * across(before, first), 0.0)
+    end = m[:, 2] * length[node] * across(node, second)
+    end += np.where(has_more, m[:, 3] * length[after] * across(after, second), 0.0)
     s = place[:, None]
     own = across(node, bump[:, :2]) + s * across(node, bump[:, 2:])
     h10, _, h11 = hermite(s)
@@ -103,9 +129,18 @@ def fit_rest_curve(rods: Rods, line: CentreLine) -> RestCurve:
     has_segment, is_inside = after >= 0, (after >= 0) & (before >= 0)
     length = np.linalg.norm(edge, axis=1)
     section = np.stack([rods.director, np.cross(edge / length[:, None], rods.director)], axis=2)  # (node, 3, 2)
-    mean = np.where(is_inside[:, None], 0.5 * (edge[before] + edge), edge)
-    slope, rise = _slopes(0.5 * (section[before] + section), mean, line.slope, is_inside)
-    one, two = (mean + rise)[:, None], (mean + rise)[after][:, None]
+    weight = slope_weights(rods)
+    share, ratio = weight[:, 1:2], weight[:, :1]
+    frame = (1.0 - share[:, :, None]) * section[before] + share[:, :, None] * section
+    direction = np.where(is_inside[:, None], ratio * edge[before] + share * edge, edge) / length[:, None]
+    slope, rise = _slopes(frame, direction, line.slope, is_inside)
+    # speeds at both ends of a segment are those of the line
+    speed = np.linalg.norm(line.slope, axis=1) / np.linalg.norm(direction + rise, axis=1)
+    faster = np.stack([line.step * speed, line.step * speed[after]], axis=1) / length[:, None]
+    faster = np.where(np.stack([is_inside, is_inside[after]], axis=1), faster, 1.0)
+    weight = np.repeat(faster, 2, axis=1) * weight
+    scale = (length[:, None] * faster)[:, :, None, None]
+    one, two = scale[:, 0] * (direction + rise)[:, None], scale[:, 1] * (direction + rise)[after][:, None]
     s = FIT_PLACES[:, None]
     h10, h01, h11 = hermite(s)
     along = (1 - s) * (1 - 3 * s) * one + 6 * s * (1 - s) * edge[:, None] + s * (3 * s - 2) * two
@@ -118,10 +153,12 @@ def fit_rest_curve(rods: Rods, line: CentreLine) -> RestCurve:
     bump = (np.linalg.pinv(system) @ missed.reshape(rods.node_count, -1, 1))[..., 0]
     remainder = missed.reshape(rods.node_count, -1) - np.einsum("nkc,nc->nk", system, bump)
     own = np.einsum("nspa,np->nsa", moves, bump)
-    correction = h10 * rise[:, None] + h11 * rise[after][:, None] + own
-    weight_square, lever = _weight_bounds(slope, own, length, before, after)
+    correction = scale[:, 0] * h10 * rise[:, None] + scale[:, 1] * h11 * rise[after][:, None] + own
+    weight_square, lever = _weight_bounds(slope, weight, own, length, before, after)
     return RestCurve(
         slope=slope,
+        slope_weight=weight,
+        length=length,
         bump=bump,
         bulge=np.where(has_segment, np.linalg.norm(correction, axis=2).max(axis=1), 0.0),
         fit_error=float(np.linalg.norm(remainder.reshape(missed.shape), axis=2).max()),
@@ -130,9 +167,19 @@ def fit_rest_curve(rods: Rods, line: CentreLine) -> RestCurve:
     )
 
 
+def slope_weights(rods: Rods) -> np.ndarray:
+    """(node, 4) weights m0 .. m3 of the edges in the slopes of a segment (kernels/wire_curve.py)."""
+    before, after = rods.previous, rods.following
+    own = np.linalg.norm(rods.rest_edge, axis=1)
+    length = np.where(before >= 0, own[before], own)
+    share = length / (length + own)  # c; 1/2 at the begin of an open wire
+    next_length = np.where((after >= 0) & (after[after] >= 0), own[after], own)
+    next_share = own / (own + next_length)
+    return np.stack([(1.0 - share) * own / length, share, 1.0 - next_share, next_share * own / next_length], axis=1)
+
+
 def _slopes(frame: np.ndarray, mean: np.ndarray, wanted: np.ndarray, is_inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corrections of mean slopes (node, 3) that make them parallel to `wanted`: in the frames, (node, 2) [m], and in space (node,
-    3).
+    """Corrections of directions (node, 3) that make them parallel to `wanted`: in the frames, (node, 2), and in space (node, 3).
 
     frame (node, 3, 2): directors at the nodes. No correction at the ends of wires.
     """
@@ -149,14 +196,22 @@ def _across(vector: np.ndarray, along: np.ndarray) -> np.ndarray:
 
 
 def _weight_bounds(
-    slope: np.ndarray, own: np.ndarray, length: np.ndarray, before: np.ndarray, after: np.ndarray
+    slope: np.ndarray, weight: np.ndarray, own: np.ndarray, length: np.ndarray, before: np.ndarray, after: np.ndarray
 ) -> tuple[float, float]:
     """`weight_square` and `lever` of a RestCurve; own (node, place, 3) [m]: correction of the curve by bumps."""
     h10, h01, h11 = hermite(FIT_PLACES)
     h11 = -h11
-    half = 0.5 * np.linalg.norm(slope, axis=1)
-    first, last = h10 * half[:, None], h11 * half[after][:, None]  # of the previous and of the next section
-    middle = first + last + np.linalg.norm(own, axis=2)
+    m, size = weight[:, :, None], np.linalg.norm(slope, axis=1)
+    begin, end = h10 * size[:, None], h11 * size[after][:, None]
+    first = m[:, 0] * length[before][:, None] * begin  # of the previous section
+    last = m[:, 3] * length[after][:, None] * end  # and of the next one
+    middle = length[:, None] * (m[:, 1] * begin + m[:, 2] * end) + np.linalg.norm(own, axis=2)
     a, b, c = first / length[before][:, None], middle / length[:, None], last / length[after][:, None]
-    total = (0.5 * h10 + a) ** 2 + (1 - h01 + 0.5 * h11 + a + b) ** 2 + (h01 + 0.5 * h10 + b + c) ** 2 + (0.5 * h11 + c) ** 2
-    return max(1.0, float(total.max())), float(max(first.max(), middle.max(), last.max()))
+    pushes = (
+        m[:, 0] * h10 + a,
+        np.abs(1 - h01 + (m[:, 0] - m[:, 1]) * h10 + m[:, 2] * h11) + a + b,
+        np.abs(h01 + m[:, 1] * h10 + (m[:, 3] - m[:, 2]) * h11) + b + c,
+        m[:, 3] * h11 + c,
+    )
+    total = sum(push**2 for push in pushes)
+    return max(1.0, float(np.max(total))), float(max(first.max(), middle.max(), last.max()))
