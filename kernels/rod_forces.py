@@ -7,9 +7,9 @@ node,
     k1 = (d2_before + d2_after) . kb/2     k2 = - (d1_before + d1_after) . kb/2
     a  = k 2 atan(|k|/2)/|k|                                        turning vector: |k| is 2 tan(angle/2), |a| the angle itself
     m  = angle from d1_before, transported to f, to d1_after        twist, integrated
-    E  = B |a - A|^2/(2 l) + C (m - M)^2/(2 l)                      A, M: natural values
+    E  = (a - A, m - M) . S (a - A, m - M)/2                        A, M: natural values
 
-Where the wire yields, p [rad] is the plastic part of the turn at the last equilibrium, and the moment is B e/l with
+S is about B/l for bending and C/l for twist (spatial/node_stiffness.py). Where the wire yields, p [rad] is the plastic part of the turn at the last equilibrium, and the moment is B e/l with
 
     t = a - A - p      b = kept/(1 - kept) p      e = t - (1 - kept) max(0, 1 - y/|t - b|) (t - b)
 
@@ -21,13 +21,13 @@ Turns at points represent curvature to second order in the spacing. The missing 
 the moment along each segment (bend.py). The components of a moment turn with the section; R turns those at the node behind a segment
 of length L into those at the node before it, by the twist between both as knitted:
 
-    E_slope = L |R m' - m|^2/(12 B)        g = m + (de/dt) (B/l) [L_before (m - R_before^T m_before) - L (R m' - m)]/(6 B)
+    E_slope = L |R m' - m|^2/(12 B)        g = m + (dm/dt) [L_before (m - R_before^T m_before) - L (R m' - m)]/(6 B)
 
-Here m = B e/l is the moment of the turn, and g what acts on the edges in its place. Behind a free end m is 0; a segment that a clamp
+Here m is the moment of the turn, dE/dt, and g what acts on the edges in its place; the twist moment is added to likewise. Behind a free end m is 0; a segment that a clamp
 holds has no slope energy.
 
-A segment of length L between turns a and a' is an arc, longer than its chord by L (|a|^2 + |a'|^2)/48. Where arc lengths are kept
-(BOW_MOMENT), its tension T adds the moment T L a/24 at either end (bend.py, in the plane).
+A segment of length L between turns a and a' is an arc, longer than its chord by L ((L/l)^2 |a|^2 + (L/l')^2 |a'|^2)/48. Where arc
+lengths are kept (BOW_MOMENT), its tension T adds the moment T L (L/l)^2 a/24 at either end (bend.py, in the plane).
 
 The gradient by the two edges, with transported directors, and by the angle of either segment:
 
@@ -83,6 +83,7 @@ _FORCES = (
     }
     double tx[SPAN], ty[SPAN], tz[SPAN], dx[SPAN], dy[SPAN], dz[SPAN], il[SPAN], pull[SPAN], natural[SPAN], spread[SPAN];
     double own_x[SPAN], own_y[SPAN], own_m[SPAN], flow_x[SPAN], flow_y[SPAN], sixth[SPAN], cos_r[SPAN], sin_r[SPAN];
+    double s11[SPAN], s12[SPAN], s22[SPAN], s13[SPAN], s23[SPAN], s33[SPAN], arc_pull[SPAN];
     {
     const double* turned_by = (const double*)moment_turn.data;
     const double* t = (const double*)tangent.data;
@@ -108,6 +109,15 @@ _FORCES = (
         flow_x[k] = yields ? flow[2 * i] : 0.0;
         flow_y[k] = yields ? flow[2 * i + 1] : 0.0;
         sixth[k] = has[k] * slope_length.data[i] * factor / 6;
+        arc_pull[k] = 36 * sixth[k] * sixth[k] * rest * pull[k];
+        const double* __restrict stiff = node_stiffness.data + 6 * i;
+        const double share = inner[k] / factor;
+        s11[k] = share * stiff[0];
+        s12[k] = share * stiff[1];
+        s22[k] = share * stiff[2];
+        s13[k] = share * stiff[3];
+        s23[k] = share * stiff[4];
+        s33[k] = share * stiff[5];
         cos_r[k] = turned_by[2 * i];
         sin_r[k] = turned_by[2 * i + 1];
     }
@@ -116,7 +126,7 @@ _FORCES = (
     double kx[SPAN], ky[SPAN], size_part[SPAN], size_slope[SPAN], bow_x[SPAN], bow_y[SPAN], twist_moment[SPAN];
     double nbx[SPAN], nby[SPAN], nbz[SPAN], shared[SPAN], mx[SPAN], my[SPAN], softer[SPAN], along_x[SPAN], along_y[SPAN];
     double turn_x[SPAN], turn_y[SPAN], turned[SPAN];
-    const double back = yields ? hardening / (1 - hardening) : 0.0;
+    const double back = yields ? hardening / (1 - hardening) : 0.0, softness = 1 / bending_stiffness;
     mx[0] = my[0] = mx[whole] = my[whole] = 0;
     {
     #pragma clang fp reassociate(on) contract(fast)
@@ -161,8 +171,8 @@ _FORCES = (
         const bool over_most = yields && reach > most;
         const double inverse = over_most ? 1 / (reach > most ? reach : 1.0) : 0.0;
         const double off = over_most ? (1 - hardening) * (1 - most * inverse) : 0.0;
-        const double bend = bending_stiffness * spread[k];
-        const double bow = bow_moment * (natural[k - 1] * pull[k - 1] + natural[k] * pull[k]) * inner[k];
+        const double change_x = trial_x - off * beyond_x, change_y = trial_y - off * beyond_y, change = m - own_m[k];
+        const double bow = bow_moment * spread[k] * spread[k] * (arc_pull[k - 1] + arc_pull[k]);
         kx[k] = k1;
         ky[k] = k2;
         size_part[k] = part;
@@ -171,8 +181,9 @@ _FORCES = (
         nby[k] = ny;
         nbz[k] = nz;
         shared[k] = share;
-        mx[k] = bend * (trial_x - off * beyond_x);
-        my[k] = bend * (trial_y - off * beyond_y);
+        mx[k] = s11[k] * change_x + s12[k] * change_y + s13[k] * change;
+        my[k] = s12[k] * change_x + s22[k] * change_y + s23[k] * change;
+        twist_moment[k] = s13[k] * change_x + s23[k] * change_y + s33[k] * change;
         bow_x[k] = bow * angle_x;
         bow_y[k] = bow * angle_y;
         // tangent of what yields: (1 - softer) - the square of the direction `along`
@@ -180,7 +191,6 @@ _FORCES = (
         const double radial = over_most ? sqrt((1 - hardening) * most * inverse) * inverse : 0.0;
         along_x[k] = radial * beyond_x;
         along_y[k] = radial * beyond_y;
-        twist_moment[k] = twist_stiffness * spread[k] * (m - own_m[k]);
         turn_x[k] = inner[k] * angle_x;
         turn_y[k] = inner[k] * angle_y;
         turned[k] = inner[k] * m;
@@ -202,8 +212,9 @@ _FORCES = (
         const double from_y = my[k] + sin_r[k - 1] * mx[k - 1] - cos_r[k - 1] * my[k - 1];
         const double to_x = cos_r[k] * mx[k + 1] - sin_r[k] * my[k + 1] - mx[k];
         const double to_y = sin_r[k] * mx[k + 1] + cos_r[k] * my[k + 1] - my[k];
-        const double add_x = spread[k] * (sixth[k - 1] * from_x - sixth[k] * to_x);
-        const double add_y = spread[k] * (sixth[k - 1] * from_y - sixth[k] * to_y);
+        const double by_x = (sixth[k - 1] * from_x - sixth[k] * to_x) * softness;
+        const double by_y = (sixth[k - 1] * from_y - sixth[k] * to_y) * softness;
+        const double add_x = s11[k] * by_x + s12[k] * by_y, add_y = s12[k] * by_x + s22[k] * by_y;
         const double kept = 1 - softer[k], along = along_x[k] * add_x + along_y[k] * add_y;
         const double moment_x = mx[k] + kept * add_x - along * along_x[k] + bow_x[k];
         const double moment_y = my[k] + kept * add_y - along * along_y[k] + bow_y[k];
@@ -211,7 +222,7 @@ _FORCES = (
         acting_y[k] = inner[k] * moment_y;
         const double both = size_slope[k] * (k1 * moment_x + k2 * moment_y);
         const double g1 = size_part[k] * moment_x + both * k1, g2 = size_part[k] * moment_y + both * k2;
-        const double g = twist_moment[k];
+        const double g = twist_moment[k] + s13[k] * by_x + s23[k] * by_y;
         const double lean = -(g1 * k1 + g2 * k2) * share;
         const double qx = share * (g1 * (bx + hx) - g2 * (ax + cx));
         const double qy = share * (g1 * (by + hy) - g2 * (ay + cy));
@@ -316,8 +327,8 @@ def forces_of_block(
     natural_twist: wp.array(dtype=wp.float64),
     slope_length: wp.array(dtype=wp.float64),
     moment_turn: wp.array(dtype=wp.vec2d),
+    node_stiffness: wp.array2d(dtype=wp.float64),
     bending_stiffness: wp.float64,
-    twist_stiffness: wp.float64,
     yield_curvature: wp.float64,
     hardening: wp.float64,
     stretch_stiffness: wp.array(dtype=wp.float64),
@@ -367,8 +378,8 @@ def find_rod_forces(
     natural_twist: wp.array(dtype=wp.float64),
     slope_length: wp.array(dtype=wp.float64),
     moment_turn: wp.array(dtype=wp.vec2d),
+    node_stiffness: wp.array2d(dtype=wp.float64),
     bending_stiffness: wp.float64,
-    twist_stiffness: wp.float64,
     yield_curvature: wp.float64,
     hardening: wp.float64,
     stretch_stiffness: wp.array(dtype=wp.float64),
@@ -419,8 +430,8 @@ def find_rod_forces(
             natural_twist,
             slope_length,
             moment_turn,
+            node_stiffness,
             bending_stiffness,
-            twist_stiffness,
             yield_curvature,
             hardening,
             stretch_stiffness,

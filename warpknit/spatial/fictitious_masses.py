@@ -105,7 +105,8 @@ class BandedMasses:
         # bending across
         bend = SLOPE_FACTOR * section.bending_stiffness / self._node_length
         if keeps_arc_length:
-            bend = bend + 2.0 * float(BOW) * (pull[before] * previous + pull[inner] * own)
+            weight, next_weight = self._rods.bow_weights
+            bend = bend + 2.0 * float(BOW) * (pull[before] * previous * next_weight[before] + pull[inner] * own * weight[inner])
         bend = (1.0 + TURNED) * self._bend_share * bend
         a, c = 1.0 / previous, 1.0 / own
         b = -(a + c)
@@ -126,7 +127,7 @@ class BandedMasses:
         mass += np.bincount(segment, edge, nodes) + np.bincount(end, edge, nodes)
         next_mass -= np.bincount(segment, edge, nodes)
         # twist
-        twist = section.twist_stiffness / self._node_length
+        twist = max(section.twist_stiffness, section.bending_stiffness) / self._node_length
         spin = np.bincount(before, twist, nodes) + np.bincount(inner, twist, nodes)
         next_spin = -np.bincount(before, twist, nodes)
         bent = SLOPE_FACTOR * section.bending_stiffness * turn_square / (2.0 * self._node_length)

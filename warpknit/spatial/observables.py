@@ -296,7 +296,6 @@ def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: 
     tension = np.where(relaxation.can_stretch, segment_tension, 0.0)
     length = np.where(rods.following >= 0, rods.natural_length * factor, 0.0)
     touching = contact.read_contacts()
-    hinge = section.bending_stiffness * np.sum(bent**2, axis=1) + section.twist_stiffness * twisted**2
     return SpatialObservables(
         model=model,
         sites=sites,
@@ -312,7 +311,7 @@ def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: 
         force=fetch(state.force).copy(),
         stretch_stiffness=relaxation.stored_stiffness,
         stretch_energy=float(np.sum(0.5 * tension**2 * length / relaxation.stored_stiffness)),
-        bend_energy=float(np.sum(0.5 * hinge * rods.node_length * factor)) + yielding.slope_energy,
+        bend_energy=yielding.elastic_energy,
         hardened_energy=yielding.hardened_energy,
         contact_growth=_contact_growth(model, touching, tangent, fetch(state.director)),
         thermal_strain=relaxation.thermal_strain,

@@ -15,6 +15,7 @@ from numpy.polynomial.legendre import leggauss
 from ..frame import WireLayout
 from ..hermite import hermite
 from ..measure.drawn_curve import WireCurve, edges_of
+from .node_stiffness import node_stiffness
 from .rods import Rods
 
 FIT_PLACES = 0.5 * (leggauss(12)[0] + 1.0)  # places 0 .. 1 on a segment where the centre line is sampled
@@ -35,11 +36,12 @@ class CentreLine:
 
 
 def along_centre_line(rods: Rods, line: CentreLine | None) -> Rods:
-    """Rods whose natural arcs are those of the centre line, where it is known."""
+    """Rods whose natural arcs and stiffnesses are those of the centre line, where it is known."""
     if line is None:
         return rods
-    points = np.concatenate([np.zeros((rods.node_count, 1, 3)), line.between, rods.rest_edge[:, None]], axis=1)
-    return replace(rods, natural_arc=np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1))
+    pieces = np.diff(line.between, axis=1, prepend=0.0, append=rods.rest_edge[:, None])
+    rods = replace(rods, natural_arc=np.linalg.norm(pieces, axis=2).sum(axis=1))
+    return replace(rods, node_stiffness=node_stiffness(rods, pieces, np.concatenate([[0.0], FIT_PLACES, [1.0]])))
 
 
 @dataclass(frozen=True)

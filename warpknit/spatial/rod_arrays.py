@@ -16,6 +16,7 @@ from ..kernels.rod_forces import find_rod_forces
 from ..kernels.rod_frames import update_frames
 from ..kernels.rod_motion import move_rods
 from ..launch import Launch, bind
+from .node_stiffness import node_stiffness
 from .rods import Rods
 
 FROZEN = 3.0  # status in which a step evaluates the state and moves nothing
@@ -41,6 +42,7 @@ class RodArrays:
     node_length: wp.array  # [m]
     natural_curvature: wp.array  # vec2d [rad]
     natural_twist: wp.array  # [rad]
+    node_stiffness: wp.array  # (node, 6) [N m], see node_stiffness.py
     slope_length: wp.array  # [m] of the segment, where the slope of the moment stores energy; else 0
     moment_turn: wp.array  # vec2d cosine and sine of the twist from node to node at rest, by which moments turn
 
@@ -134,6 +136,7 @@ def upload_rods(rods: Rods, device: str) -> RodArrays:
         node_length=wp.array(rods.node_length, dtype=wp.float64, device=device),
         natural_curvature=wp.zeros(nodes, dtype=wp.vec2d, device=device),
         natural_twist=wp.zeros(nodes, dtype=wp.float64, device=device),
+        node_stiffness=wp.array(node_stiffness(rods) if rods.node_stiffness is None else rods.node_stiffness, dtype=wp.float64),
         slope_length=wp.array(rods.slope_length, dtype=wp.float64, device=device),
         moment_turn=wp.zeros(nodes, dtype=wp.vec2d, device=device),
     )
@@ -281,7 +284,7 @@ def force_launch(rods: Rods, arrays: RodArrays, state: RodState, touch: TouchArr
     section = rods.section
     return bind(
         find_rod_forces, threads, arrays, state, touch, first_block=block, threads_a_block=a_block,
-        bending_stiffness=wp.float64(section.bending_stiffness), twist_stiffness=wp.float64(section.twist_stiffness),
+        bending_stiffness=wp.float64(section.bending_stiffness),
         yield_curvature=wp.float64(section.yield_curvature), hardening=wp.float64(section.hardening),
     )  # fmt: skip
 

@@ -47,6 +47,7 @@ class Rods:
     natural_curvature: np.ndarray | None = None  # (node, 2) [rad] along the section directors; None: as at rest
     natural_twist: np.ndarray | None = None  # [node] [rad]; None: as at rest
     set_fraction: float = 1.0  # natural over rest curvature and twist, where these are None
+    node_stiffness: np.ndarray | None = None  # (node, 6) [N m], see node_stiffness.py; None: of the polygon
     thicker: np.ndarray | None = None  # [wire] [m] contact radius; None: half the section's thickness
     tile: np.ndarray = field(default_factory=lambda: np.zeros(3))  # [m] periods of the world along x, y, z; 0: none
 
@@ -96,6 +97,12 @@ class Rods:
         before = edge[self.previous]
         angle = np.arctan2(np.linalg.norm(np.cross(before, edge), axis=1), np.sum(before * edge, axis=1))
         return np.where((self.following >= 0) & (self.previous >= 0), angle, 0.0)
+
+    @cached_property
+    def bow_weights(self) -> tuple[np.ndarray, np.ndarray]:
+        """[node] by which the squared turns at both ends of a segment count in its bow (kernels/rod_forces.py)."""
+        node = np.maximum(self.node_length, 1e-300)
+        return (self.slope_length / node) ** 2, (self.slope_length / node[self.following]) ** 2
 
     def widest_turn(self, angle: np.ndarray) -> np.ndarray:
         """[node] largest of the angles [node] at each node and its two neighbours."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..host import fetch, store
 from ..kernels import control as c
+from .node_stiffness import ENTRIES
 from .rod_arrays import RodArrays, RodState
 from .rods import Rods
 
@@ -64,25 +65,31 @@ class Yielding:
         return self._energy(0.5 * np.sum(self.back * self.plastic, axis=1))
 
     def potential(self) -> float:
-        """[J] incremental bending potential, whose gradient are the moments: stored energy plus plastic dissipation."""
+        """[J] incremental potential of bending and twist, whose gradient are the moments: stored energy plus plastic dissipation."""
         if not self.yields:
-            return self._energy(0.5 * np.sum(self._trial() ** 2, axis=1)) + self.slope_energy
+            return self.elastic_energy
         over, size = self._beyond()
         passed = np.linalg.norm(over, axis=1)
         limit = size - passed
         bent = 0.5 * limit**2 + limit * passed + 0.5 * self._kept * passed**2
-        return self._energy(bent + np.sum(self.back * (self._trial() - self.back), axis=1)) + self.slope_energy
+        bent += np.sum(self.back * (self._trial() - self.back), axis=1)
+        return self._energy(bent - 0.5 * np.sum(self.elastic**2, axis=1)) + self.elastic_energy
 
     @property
-    def slope_energy(self) -> float:
-        """[J] of the slope of the moment along the segments (kernels/rod_forces.py)."""
-        rods, section = self.rods, self.rods.section
-        turn = np.divide(self.elastic, self.length[:, None], out=np.zeros_like(self.plastic), where=self._inside[:, None])
-        cosine, sine = fetch(self.arrays.moment_turn).T
-        there = turn[rods.following]
-        slope = np.stack([cosine * there[:, 0] - sine * there[:, 1], sine * there[:, 0] + cosine * there[:, 1]], axis=1) - turn
+    def elastic_energy(self) -> float:
+        """[J] of elastic turns and twists and of the slopes of moments along the segments (kernels/rod_forces.py)."""
+        twist = np.where(self._inside, fetch(self.state.twist) - fetch(self.arrays.natural_twist), 0.0)
+        turn = np.column_stack([self.elastic, twist])
         factor = float(self.state.read_control()[int(c.LENGTH_FACTOR)])
-        return section.bending_stiffness * factor / 12.0 * float(np.sum(rods.slope_length * np.sum(slope**2, axis=1)))
+        stiffness = np.zeros((len(twist), 3, 3))
+        for (a, b), values in zip(ENTRIES, fetch(self.arrays.node_stiffness).T, strict=True):
+            stiffness[:, a, b] = stiffness[:, b, a] = values / factor
+        moment = np.where(self._inside[:, None], np.einsum("nab,nb->na", stiffness, turn), 0.0)
+        cosine, sine = fetch(self.arrays.moment_turn).T
+        x, y = moment[self.rods.following, :2].T
+        slope = np.column_stack([cosine * x - sine * y, sine * x + cosine * y]) - moment[:, :2]
+        along = self.rods.slope_length * factor * np.sum(slope**2, axis=1) / (12.0 * self.rods.section.bending_stiffness)
+        return float(0.5 * np.sum(turn * moment) + np.sum(along))
 
     def _energy(self, square: np.ndarray) -> float:
         """EI/l times squares of turns [rad^2], summed."""
