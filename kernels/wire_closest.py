@@ -15,6 +15,7 @@ from .control import EVALUATED_GAP, LENGTH_FACTOR, NEAR_GAP, STATUS, STATUS_RUNN
 from .rod_frames import affine_map
 from .wire_curve import (
     CLOSING_RATE,
+    Bump,
     Nodes,
     Powers,
     closest_on_chords,
@@ -317,7 +318,7 @@ def find_closest_places(
     node_radius: wp.array(dtype=wp.float64),
     natural_length: wp.array(dtype=wp.float64),
     rest_slope: wp.array(dtype=wp.vec2d),
-    rest_bump: wp.array(dtype=wp.vec4d),
+    rest_bump: wp.array(dtype=Bump),
     rest_bulge: wp.array(dtype=wp.float64),
     slope_weight: wp.array(dtype=wp.vec4d),
     contact_offset: wp.array(dtype=wp.float64),

@@ -22,7 +22,7 @@ import warp as wp
 from .control import CONTACT_STIFFNESS, LENGTH_FACTOR, STATUS, STATUS_RUNNING, STEP, TIME_STEP
 from .rod_frames import affine_map
 from .wire_closest import NOT_NEAR, ONE_PLACE, is_bounded
-from .wire_curve import curve_through, derivative_at, node_weights, point_at, rest_shape, row, section_offsets, stencil
+from .wire_curve import Bump, curve_through, derivative_at, node_weights, point_at, rest_shape, row, section_offsets, stencil
 from .wire_friction import previous_slip
 from .wire_motion import node_velocities, point_velocity, section_rate
 from .wire_pairs import NO_COMMON_WIRE
@@ -97,7 +97,7 @@ def find_contact_forces(
     node_radius: wp.array(dtype=wp.float64),
     wire_period: wp.array(dtype=wp.vec3d),
     rest_slope: wp.array(dtype=wp.vec2d),
-    rest_bump: wp.array(dtype=wp.vec4d),
+    rest_bump: wp.array(dtype=Bump),
     slope_weight: wp.array(dtype=wp.vec4d),
     contact_penalty: wp.array(dtype=wp.float64),
     contact_offset: wp.array(dtype=wp.float64),

@@ -2,14 +2,14 @@
 
 On the segment from node 1 to node 2, with nodes 0 and 3 beside it and relative to node 1, for s in 0 .. 1
 
-    p(s) = h10 M1 + h01 (x2 - x1) + h11 M2 + s^2 (1 - s)^2 (B0 + s B1)
+    p(s) = h10 M1 + h01 (x2 - x1) + h11 M2 + s^2 (1 - s)^2 (B0 + s B1 + s^2 B2 + s^3 B3)
     M1 = m0 (x1 - x0 + L_before A1) + m1 (x2 - x1 + L A1)     M2 = m2 (x2 - x1 + L A2) + m3 (x3 - x2 + L_next A2)
     h10 = s (1 - s)^2    h01 = s^2 (3 - 2 s)    h11 = s^2 (s - 1)
 
 with the lengths L of the segments at rest. m0 L_before : m1 L = L : L_before, as the slope of the parabola through three nodes. A
 belongs to a node and rotates with the sections of both segments; B belongs to a segment and rotates with its section,
 
-    A = a1 d1 + a2 d2        B0 = b0 d1 + b1 d2     B1 = b2 d1 + b3 d2
+    A = a1 d1 + a2 d2        B0 = b0 d1 + b1 d2     ...     B3 = b6 d1 + b7 d2
 
 so the curve has a unique direction at each node in any shape of the wire. With a, b and the sizes of m fitted it equals the true
 centre line wherever the wire has its rest shape. Without A and B, and with all m = 1/2, it is a Catmull-Rom curve. A force F at p
@@ -33,9 +33,10 @@ MAX_RATIO = 2.0  # of the lengths of two segments that share a node
 CLOSING_RATE = wp.constant(wp.float64(2.0 + 32.0 / 27.0 * MAX_RATIO))
 
 Nodes = wp.types.matrix(shape=(4, 3), dtype=wp.float64)  # of a segment and adjacent to it, as rows
-Powers = wp.types.matrix(shape=(6, 3), dtype=wp.float64)  # coefficients of 1, s, s^2 .. s^5, as rows
-# m L A1 of the previous and own section, m L A2 of the own and next section, B0, B1
-Shape = wp.types.matrix(shape=(6, 3), dtype=wp.float64)
+Powers = wp.types.matrix(shape=(8, 3), dtype=wp.float64)  # coefficients of 1, s, s^2 .. s^7, as rows
+Bump = wp.types.vector(length=8, dtype=wp.float64)  # b0 .. b7
+# m L A1 of the previous and own section, m L A2 of the own and next section, B0 .. B3
+Shape = wp.types.matrix(shape=(8, 3), dtype=wp.float64)
 
 
 @wp.func
@@ -86,7 +87,7 @@ def rest_shape(
     following: wp.array(dtype=wp.int32),
     natural_length: wp.array(dtype=wp.float64),
     rest_slope: wp.array(dtype=wp.vec2d),
-    rest_bump: wp.array(dtype=wp.vec4d),
+    rest_bump: wp.array(dtype=Bump),
     slope_weight: wp.array(dtype=wp.vec4d),
     tangent: wp.array(dtype=wp.vec3d),
     director: wp.array(dtype=wp.vec3d),
@@ -114,6 +115,8 @@ def rest_shape(
         three,
         section_vector(own, t, b[0], b[1]),
         section_vector(own, t, b[2], b[3]),
+        section_vector(own, t, b[4], b[5]),
+        section_vector(own, t, b[6], b[7]),
     )
 
 
@@ -127,13 +130,17 @@ def curve_through(nodes: Nodes, shape: Shape, m: wp.vec4d) -> Powers:
     m2 = m[2] * edge + m[3] * (row(nodes, 3) - row(nodes, 2)) + row(shape, 2) + row(shape, 3)
     b0 = row(shape, 4)
     b1 = row(shape, 5)
+    b2 = row(shape, 6)
+    b3 = row(shape, 7)
     return wp.matrix_from_rows(
         x1,
         m1,
         wp.float64(3.0) * edge - two * m1 - m2 + b0,
         m1 + m2 - two * edge - two * b0 + b1,
-        b0 - two * b1,
-        b1,
+        b0 - two * b1 + b2,
+        b1 - two * b2 + b3,
+        b2 - two * b3,
+        b3,
     )
 
 
@@ -143,32 +150,36 @@ def section_offsets(shape: Shape, s: wp.float64) -> wp.types.matrix(shape=(3, 3)
     h10 = hermite_10(s)
     h11 = hermite_11(s)
     both = s * (wp.float64(1.0) - s)
-    own = h10 * row(shape, 1) + h11 * row(shape, 2) + (both * both) * (row(shape, 4) + s * row(shape, 5))
+    bump = row(shape, 4) + s * (row(shape, 5) + s * (row(shape, 6) + s * row(shape, 7)))
+    own = h10 * row(shape, 1) + h11 * row(shape, 2) + (both * both) * bump
     return wp.matrix_from_rows(h10 * row(shape, 0), own, h11 * row(shape, 3))
 
 
 @wp.func
 def point_at(curve: Powers, s: wp.float64) -> wp.vec3d:
     """p(s) [m]."""
-    s2 = s * s
-    s3 = s2 * s
-    p = row(curve, 0) + s * row(curve, 1) + s2 * row(curve, 2)
-    return p + s3 * row(curve, 3) + (s2 * s2) * row(curve, 4) + (s2 * s3) * row(curve, 5)
+    p = row(curve, 7)
+    for k in range(1, 8):
+        p = row(curve, 7 - k) + s * p
+    return p
 
 
 @wp.func
 def derivative_at(curve: Powers, s: wp.float64) -> wp.vec3d:
     """dp/ds."""
-    s2 = s * s
-    p = row(curve, 1) + (wp.float64(2.0) * s) * row(curve, 2) + (wp.float64(3.0) * s2) * row(curve, 3)
-    return p + (wp.float64(4.0) * s2 * s) * row(curve, 4) + (wp.float64(5.0) * s2 * s2) * row(curve, 5)
+    p = wp.float64(7.0) * row(curve, 7)
+    for k in range(1, 7):
+        p = wp.float64(7 - k) * row(curve, 7 - k) + s * p
+    return p
 
 
 @wp.func
 def second_derivative_at(curve: Powers, s: wp.float64) -> wp.vec3d:
     """d2p/ds2."""
-    p = wp.float64(2.0) * row(curve, 2) + (wp.float64(6.0) * s) * row(curve, 3)
-    return p + (wp.float64(12.0) * s * s) * row(curve, 4) + (wp.float64(20.0) * s * s * s) * row(curve, 5)
+    p = wp.float64(42.0) * row(curve, 7)
+    for k in range(1, 6):
+        p = wp.float64((7 - k) * (6 - k)) * row(curve, 7 - k) + s * p
+    return p
 
 
 @wp.func

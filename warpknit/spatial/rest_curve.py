@@ -1,7 +1,7 @@
 """Rest-shape correction that makes the curve between the nodes the true centre line at rest (kernels/wire_curve.py).
 
 Slopes at the nodes are corrected to point along the centre line. The remaining error between two nodes is fitted normal to the
-curve by s^2 (1 - s)^2 (B0 + s B1). Open wires keep straight ends.
+curve by s^2 (1 - s)^2 (B0 + s B1 + s^2 B2 + s^3 B3). Open wires keep straight ends.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from ..measure.drawn_curve import WireCurve, edges_of
 from .node_stiffness import node_stiffness
 from .rods import Rods
 
+BUMPS = 4  # B0 .. B3
 FIT_PLACES = 0.5 * (leggauss(12)[0] + 1.0)  # places 0 .. 1 on a segment where the centre line is sampled
 
 
@@ -51,7 +52,7 @@ class RestCurve:
     slope: np.ndarray  # (node, 2) correction of the direction at a node, along the directors of the sections there
     slope_weight: np.ndarray  # (node, 4) weights of the edges in the slopes at both ends of a segment
     length: np.ndarray  # [m] of the segments, by which slopes are multiplied
-    bump: np.ndarray  # (node, 4) [m] along the directors of a segment: two of s^2 (1 - s)^2, two of s^3 (1 - s)^2
+    bump: np.ndarray  # (node, 2 BUMPS) [m] along the directors of a segment: two of s^2 (1 - s)^2, two of s^3 (1 - s)^2 ..
     bulge: np.ndarray  # [m] largest correction of the curve of a segment by both
     fit_error: float  # [m] largest distance of the curve from the centre line
     weight_square: float = 1.0  # largest sum of squared weights of a force on the curve, couples on sections taken as forces
@@ -65,7 +66,7 @@ def catmull_rom(rods: Rods) -> RestCurve:
         slope=np.zeros((rods.node_count, 2)),
         slope_weight=np.full((rods.node_count, 4), 0.5),
         length=rods.natural_length,
-        bump=np.zeros((rods.node_count, 4)),
+        bump=np.zeros((rods.node_count, 2 * BUMPS)),
         bulge=none,
         fit_error=0.0,
     )
@@ -93,7 +94,7 @@ def spatial_curve(
     begin += m[:, 1] * edge_slope(edges.behind, length, section, slope)
     end = m[:, 2] * edge_slope(edges.behind, length, section, slope[following])
     end += m[:, 3] * edge_slope(edges.behind[following], length[following], section[following], slope[following])
-    bump = np.einsum("nac,npc->npa", length_factor * section, rest.bump.reshape(-1, 2, 2))
+    bump = np.einsum("nac,npc->npa", length_factor * section, rest.bump.reshape(-1, BUMPS, 2))
     has, zero = edges.has_segment[:, None], np.zeros(3)
     begin, end, edge = (np.where(has, vector, zero) for vector in (begin, end, edges.behind))
     return WireCurve(edge, begin, end, np.where(has[:, None], bump, zero))
@@ -120,7 +121,7 @@ def offsets_at(
     end = m[:, 2] * length[node] * across(node, second)
     end += np.where(has_more, m[:, 3] * length[after] * across(after, second), 0.0)
     s = place[:, None]
-    own = across(node, bump[:, :2]) + s * across(node, bump[:, 2:])
+    own = sum(s**k * across(node, bump[:, 2 * k : 2 * k + 2]) for k in range(BUMPS))
     h10, _, h11 = hermite(s)
     return h10 * begin + h11 * end + (s * (1 - s)) ** 2 * own
 
@@ -149,9 +150,9 @@ def fit_rest_curve(rods: Rods, line: CentreLine) -> RestCurve:
     along /= np.linalg.norm(along, axis=2, keepdims=True)
     missed = _across(line.between - (h10 * one + h01 * edge[:, None] + h11 * two), along)
     missed[~has_segment] = 0.0
-    basis = (s * (1 - s)) ** 2 * np.hstack([np.ones_like(s), s])  # (place, power)
-    moves = np.einsum("nac,sp->nspca", section, basis).reshape(*missed.shape[:2], 4, 3)
-    system = np.swapaxes(_across(moves, along[:, :, None]), 2, 3).reshape(rods.node_count, -1, 4)
+    basis = (s * (1 - s)) ** 2 * s ** np.arange(BUMPS)  # (place, power)
+    moves = np.einsum("nac,sp->nspca", section, basis).reshape(*missed.shape[:2], 2 * BUMPS, 3)
+    system = np.swapaxes(_across(moves, along[:, :, None]), 2, 3).reshape(rods.node_count, -1, 2 * BUMPS)
     bump = (np.linalg.pinv(system) @ missed.reshape(rods.node_count, -1, 1))[..., 0]
     remainder = missed.reshape(rods.node_count, -1) - np.einsum("nkc,nc->nk", system, bump)
     own = np.einsum("nspa,np->nsa", moves, bump)

@@ -12,7 +12,7 @@ from ..host import fetch, store
 from ..kernels import control as c
 from ..kernels.wire_closest import NOT_NEAR, ONE_PLACE, PLACES, find_closest_places, mark_near_pairs
 from ..kernels.wire_contact_forces import find_contact_forces
-from ..kernels.wire_curve import CLOSING_RATE
+from ..kernels.wire_curve import CLOSING_RATE, Bump
 from ..kernels.wire_friction import transfer_elastic_slip
 from ..kernels.wire_pairs import find_segment_pairs, place_segments_in_hash
 from ..launch import Launch, bind
@@ -92,7 +92,7 @@ def _upload_wires(rods: Rods, curve: RestCurve, device: str) -> _WireArrays:
         node_arc=wp.array(rods.arc, dtype=wp.float64, device=device),
         node_radius=wp.array(rods.wire_radius[rods.wire_of], dtype=wp.float64, device=device),
         rest_slope=wp.array(curve.slope, dtype=wp.vec2d, device=device),
-        rest_bump=wp.array(curve.bump, dtype=wp.vec4d, device=device),
+        rest_bump=wp.array(curve.bump, dtype=Bump, device=device),
         rest_bulge=wp.array(curve.bulge, dtype=wp.float64, device=device),
         slope_weight=wp.array(curve.slope_weight, dtype=wp.vec4d, device=device),
         wire_length=wp.array(rods.wire_length, dtype=wp.float64, device=device),
