@@ -197,7 +197,7 @@ _FORCES = (
     }
     }
     // gradients of bending and twist by the edges before and after a node, and by the angles of both segments
-    double gbx[SPAN], gby[SPAN], gbz[SPAN], gax[SPAN], gay[SPAN], gaz[SPAN], gb[SPAN], ga[SPAN], acting_x[SPAN], acting_y[SPAN];
+    double gbx[SPAN], gby[SPAN], gbz[SPAN], gax[SPAN], gay[SPAN], gaz[SPAN], gb[SPAN], ga[SPAN], acting_x[SPAN], acting_y[SPAN], acting_m[SPAN];
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
@@ -223,6 +223,7 @@ _FORCES = (
         const double both = size_slope[k] * (k1 * moment_x + k2 * moment_y);
         const double g1 = size_part[k] * moment_x + both * k1, g2 = size_part[k] * moment_y + both * k2;
         const double g = twist_moment[k] + s13[k] * by_x + s23[k] * by_y;
+        acting_m[k] = inner[k] * g;
         const double lean = -(g1 * k1 + g2 * k2) * share;
         const double qx = share * (g1 * (bx + hx) - g2 * (ax + cx));
         const double qy = share * (g1 * (by + hy) - g2 * (ay + cy));
@@ -298,8 +299,9 @@ _FORCES = (
         edge[3 * k + 2] = nz[k];
         turning[2 * k] = turn_x[k];
         turning[2 * k + 1] = turn_y[k];
-        acting[2 * k] = acting_x[k];
-        acting[2 * k + 1] = acting_y[k];
+        acting[3 * k] = acting_x[k];
+        acting[3 * k + 1] = acting_y[k];
+        acting[3 * k + 2] = acting_m[k];
         twist.data[first - HALO + k] = turned[k];
     }
 """
@@ -349,10 +351,10 @@ def forces_of_block(
     tangent: wp.array(dtype=wp.vec3d),
     director: wp.array(dtype=wp.vec3d),
     plastic_turn: wp.array(dtype=wp.vec2d),
-    # out: turning vector [rad], moment [N m] and twist [rad], force of a segment on its first node, in an evaluation without a
+    # out: turning vector [rad], moments of turn and twist [N m], twist [rad], force of a segment on its first node, in an evaluation without a
     # step; the sums
     curvature: wp.array(dtype=wp.vec2d),
-    moment: wp.array(dtype=wp.vec2d),
+    moment: wp.array(dtype=wp.vec3d),
     twist: wp.array(dtype=wp.float64),
     edge_force: wp.array(dtype=wp.vec3d),
     force: wp.array(dtype=wp.vec3d),
@@ -400,10 +402,10 @@ def find_rod_forces(
     tangent: wp.array(dtype=wp.vec3d),
     director: wp.array(dtype=wp.vec3d),
     plastic_turn: wp.array(dtype=wp.vec2d),
-    # out: turning vector [rad], moment [N m] and twist [rad], force of a segment on its first node, in an evaluation without a
+    # out: turning vector [rad], moments of turn and twist [N m], twist [rad], force of a segment on its first node, in an evaluation without a
     # step; the sums
     curvature: wp.array(dtype=wp.vec2d),
-    moment: wp.array(dtype=wp.vec2d),
+    moment: wp.array(dtype=wp.vec3d),
     twist: wp.array(dtype=wp.float64),
     edge_force: wp.array(dtype=wp.vec3d),
     force: wp.array(dtype=wp.vec3d),

@@ -23,7 +23,8 @@ from ..measure.observables import Energies, WireStress
 from .contact_places import contact_places, site_places
 from .hook_contact import hook_contact
 from .model import SpatialModel
-from .rest_curve import offsets_at, spatial_curve
+from .moments import bending_moments
+from .rest_curve import section_offsets, spatial_curve
 from .rod_relaxation import RodRelaxation
 from .sites import NOWHERE, Sites
 from .wire_contact import Contacts, WireContact
@@ -42,7 +43,8 @@ class SpatialObservables(Boundary):
     director: np.ndarray  # (node, 3) across the segment
     tension: np.ndarray  # [N] of the segments; 0 of rigid ones between held nodes
     rigid_pull: float  # [J] of rigid segments: tension times rest length, in the plane
-    curvature_change: np.ndarray  # (node, 2) [1/m] elastic
+    segment_tangent: np.ndarray  # (node, 3)
+    moment: np.ndarray  # (node, 3) [N m] against turns along the section directors, and twist
     plastic_curvature: np.ndarray  # (node, 2) [1/m] plastic
     twist_change: np.ndarray  # [1/m]
     segment_force: np.ndarray  # (node, 3) [N]
@@ -193,13 +195,14 @@ class SpatialObservables(Boundary):
 
     @cached_property
     def wire_stress(self) -> WireStress:
-        """[Pa] E (d/2) |kappa - kappa0| + N E/EA at the nodes, with the larger tension of the two segments."""
+        """[Pa] E (d/2) M/EI + N E/EA with the moments of moments.py; at nodes the larger tension of the two segments."""
         wire, rods = self.model.scene.wire, self.model.rods
-        bending = wire.youngs_modulus * wire.radius * np.linalg.norm(self.curvature_change, axis=1)
-        own = np.abs(self.tension)
+        own = np.abs(self.tension) * wire.youngs_modulus / wire.axial_stiffness
         before = np.where(rods.previous >= 0, own[rods.previous], 0.0)
-        node = bending + np.maximum(own, before) * wire.youngs_modulus / wire.axial_stiffness
-        return WireStress(node, np.zeros(0))
+        moments, per_moment = bending_moments(self), wire.youngs_modulus * wire.radius / wire.bending_stiffness
+        between = (own[:, None] + per_moment * moments.between)[rods.slope_length > 0.0]
+        peaks = np.concatenate([between.ravel(), own[moments.segment] + per_moment * moments.contact])
+        return WireStress(np.maximum(own, before) + per_moment * moments.node, peaks)
 
     @property
     def shear_stress(self) -> np.ndarray:
@@ -290,7 +293,6 @@ def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: 
     inside = (rods.following >= 0) & (rods.previous >= 0)
     share = np.divide(1.0, rods.node_length * factor, out=np.zeros(rods.node_count), where=inside)
     yielding = stepper.yielding
-    bent = share[:, None] * yielding.elastic
     twisted = share * (fetch(state.twist) - fetch(stepper.arrays.natural_twist))
     segment_tension, tangent = relaxation.tension(), fetch(state.tangent)
     tension = np.where(relaxation.can_stretch, segment_tension, 0.0)
@@ -304,7 +306,8 @@ def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: 
         director=fetch(state.director).copy(),
         tension=tension,
         rigid_pull=float(np.sum((segment_tension - tension)[:, None] * tangent[:, :2] * rods.rest_edge[:, :2])),
-        curvature_change=bent,
+        segment_tangent=tangent.copy(),
+        moment=fetch(state.moment).copy(),
         plastic_curvature=share[:, None] * yielding.plastic,
         twist_change=twisted,
         segment_force=stepper.segment_forces(),
@@ -321,12 +324,12 @@ def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: 
 
 
 def _contact_growth(model: SpatialModel, t: Contacts, tangent: np.ndarray, director: np.ndarray) -> float:
-    """[J] sum over contacts of N (r_p + r_q - n . (a_p - a_q)), with the offsets a of `offsets_at`."""
+    """[J] sum over contacts of N (r_p + r_q - n . (a_p - a_q)), with the offsets a of `section_offsets`."""
     if not len(t.force):
         return 0.0
     rods = model.rods
     own, other = (
-        offsets_at(rods, model.curve, tangent, director, node, t.place[:, k]) for k, node in enumerate((t.first, t.second))
+        section_offsets(rods, model.curve, tangent, director, node, t.place[:, k]).sum(axis=1) for k, node in enumerate((t.first, t.second))
     )
     thick = rods.wire_radius[rods.wire_of[t.first]] + rods.wire_radius[rods.wire_of[t.second]]
     return float(np.sum(t.force * (thick - np.sum(t.normal * (own - other), axis=1))))

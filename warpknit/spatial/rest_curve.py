@@ -100,10 +100,12 @@ def spatial_curve(
     return WireCurve(edge, begin, end, np.where(has[:, None], bump, zero))
 
 
-def offsets_at(
+def section_offsets(
     rods: Rods, curve: RestCurve, tangent: np.ndarray, director: np.ndarray, node: np.ndarray, place: np.ndarray
 ) -> np.ndarray:
-    """(contact, 3) [m] part of the curve that rotates with sections, at places 0 .. 1 on the segments behind nodes.
+    """(contact, 3, 3) [m] parts of the curve that rotate with the previous, own and next section, as rows.
+
+    At places 0 .. 1 on the segments behind nodes.
 
     tangent, director (node, 3): orientation of the sections.
     """
@@ -116,14 +118,13 @@ def offsets_at(
 
     length, m = curve.length[:, None], curve.slope_weight[node][:, :, None]
     first, second, bump = curve.slope[node], curve.slope[after], curve.bump[node]
-    begin = m[:, 1] * length[node] * across(node, first)
-    begin += np.where(has_before, m[:, 0] * length[before] * across(before, first), 0.0)
-    end = m[:, 2] * length[node] * across(node, second)
-    end += np.where(has_more, m[:, 3] * length[after] * across(after, second), 0.0)
+    begin = np.where(has_before, m[:, 0] * length[before] * across(before, first), 0.0)
+    end = np.where(has_more, m[:, 3] * length[after] * across(after, second), 0.0)
     s = place[:, None]
     own = sum(s**k * across(node, bump[:, 2 * k : 2 * k + 2]) for k in range(BUMPS))
     h10, _, h11 = hermite(s)
-    return h10 * begin + h11 * end + (s * (1 - s)) ** 2 * own
+    middle = length[node] * (m[:, 1] * h10 * across(node, first) + m[:, 2] * h11 * across(node, second))
+    return np.stack([h10 * begin, middle + (s * (1 - s)) ** 2 * own, h11 * end], axis=1)
 
 
 def fit_rest_curve(rods: Rods, line: CentreLine) -> RestCurve:

@@ -74,7 +74,7 @@ class RodState:
     position: wp.array  # vec3d [m]
     length: wp.array  # [m]
     curvature: wp.array  # vec2d [rad] turning vector at a node, along the section directors
-    moment: wp.array  # vec2d [N m] bending moment at a node, along the section directors
+    moment: wp.array  # vec3d [N m] at a node, against turns along the section directors and twist
     twist: wp.array  # [rad]
     plastic_turn: wp.array  # vec2d [rad] plastic part of the turning vector at the last equilibrium
     edge_force: wp.array  # vec3d [N] of a segment on its first node
@@ -197,7 +197,7 @@ def rest_state(rods: Rods, device: str) -> RodState:
         position=vectors(rods.position),
         length=reals(np.linalg.norm(edge, axis=1)),
         curvature=wp.zeros(nodes, dtype=wp.vec2d, device=device),
-        moment=wp.zeros(nodes, dtype=wp.vec2d, device=device),
+        moment=vectors(),
         twist=reals(),
         plastic_turn=wp.zeros(nodes, dtype=wp.vec2d, device=device),
         edge_force=vectors(),
