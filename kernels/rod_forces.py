@@ -21,9 +21,13 @@ Turns at points represent curvature to second order in the spacing. The missing 
 the moment along each segment (bend.py). The components of a moment turn with the section; R turns those at the node behind a segment
 of length L into those at the node before it, by the twist between both as knitted:
 
-    E_slope = L |R m' - m|^2/(12 B)        g = m + (dm/dt) [L_before (m - R_before^T m_before) - L (R m' - m)]/(6 B)
+    E_slope = sum of L |R m' - m|^2/(12 B) + sum of q . S q/2
+    q = [L_before (m - R_before^T m_before) - L (R m' - m)]/(6 B)        g = m + (dm/dt) q(m + S q(m))
 
-Here m is the moment of the turn, dE/dt, and g what acts on the edges in its place; the twist moment is added to likewise. Behind a free end m is 0; a segment that a clamp
+Here m is the moment of the turn, dE/dt, and g what acts on the edges in its place; to the twist moment the same is added. A beam
+loaded at its nodes has moments linear between them: with the lengths l on the diagonal of D and its compliance C, a tridiagonal
+matrix of the lengths L, the energy is that of C^-1, of which the sum takes D^-1 + D^-1 (D - C) D^-1 + (D^-1 (D - C))^2 D^-1.
+Behind a free end m is 0; a segment that a clamp
 holds has no slope energy.
 
 A segment of length L between turns a and a' is an arc, longer than its chord by L ((L/l)^2 |a|^2 + (L/l')^2 |a'|^2)/48. Where arc
@@ -196,6 +200,23 @@ _FORCES = (
         turned[k] = inner[k] * m;
     }
     }
+    // moments with the first correction by their slopes along both segments
+    double ux[SPAN], uy[SPAN];
+    ux[0] = uy[0] = ux[whole] = uy[whole] = 0;
+    {
+    #pragma clang fp reassociate(on) contract(fast)
+    #pragma clang loop vectorize(enable)
+    for (int k = 1; k < whole; ++k) {
+        const double from_x = mx[k] - cos_r[k - 1] * mx[k - 1] - sin_r[k - 1] * my[k - 1];
+        const double from_y = my[k] + sin_r[k - 1] * mx[k - 1] - cos_r[k - 1] * my[k - 1];
+        const double to_x = cos_r[k] * mx[k + 1] - sin_r[k] * my[k + 1] - mx[k];
+        const double to_y = sin_r[k] * mx[k + 1] + cos_r[k] * my[k + 1] - my[k];
+        const double by_x = (sixth[k - 1] * from_x - sixth[k] * to_x) * softness;
+        const double by_y = (sixth[k - 1] * from_y - sixth[k] * to_y) * softness;
+        ux[k] = mx[k] + s11[k] * by_x + s12[k] * by_y;
+        uy[k] = my[k] + s12[k] * by_x + s22[k] * by_y;
+    }
+    }
     // gradients of bending and twist by the edges before and after a node, and by the angles of both segments
     double gbx[SPAN], gby[SPAN], gbz[SPAN], gax[SPAN], gay[SPAN], gaz[SPAN], gb[SPAN], ga[SPAN], acting_x[SPAN], acting_y[SPAN], acting_m[SPAN];
     {
@@ -207,11 +228,11 @@ _FORCES = (
         const double bx = ey * az - ez * ay, by = ez * ax - ex * az, bz = ex * ay - ey * ax;
         const double hx = fy * cz - fz * cy, hy = fz * cx - fx * cz, hz = fx * cy - fy * cx;
         const double nx = nbx[k], ny = nby[k], nz = nbz[k], share = shared[k], k1 = kx[k], k2 = ky[k];
-        // what the slope of the moment along both segments adds
-        const double from_x = mx[k] - cos_r[k - 1] * mx[k - 1] - sin_r[k - 1] * my[k - 1];
-        const double from_y = my[k] + sin_r[k - 1] * mx[k - 1] - cos_r[k - 1] * my[k - 1];
-        const double to_x = cos_r[k] * mx[k + 1] - sin_r[k] * my[k + 1] - mx[k];
-        const double to_y = sin_r[k] * mx[k + 1] + cos_r[k] * my[k + 1] - my[k];
+        // what the slopes of the moments add
+        const double from_x = ux[k] - cos_r[k - 1] * ux[k - 1] - sin_r[k - 1] * uy[k - 1];
+        const double from_y = uy[k] + sin_r[k - 1] * ux[k - 1] - cos_r[k - 1] * uy[k - 1];
+        const double to_x = cos_r[k] * ux[k + 1] - sin_r[k] * uy[k + 1] - ux[k];
+        const double to_y = sin_r[k] * ux[k + 1] + cos_r[k] * uy[k + 1] - uy[k];
         const double by_x = (sixth[k - 1] * from_x - sixth[k] * to_x) * softness;
         const double by_y = (sixth[k - 1] * from_y - sixth[k] * to_y) * softness;
         const double add_x = s11[k] * by_x + s12[k] * by_y, add_y = s12[k] * by_x + s22[k] * by_y;

@@ -29,11 +29,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..kernels.banded_mass import HELD_NODE, HELD_TURN
-from ..kernels.bend import BOW, SLOPE_SHARE
+from ..kernels.bend import BOW
 from ..numerics import MASS_MARGIN
 from .rods import Rods
+from .step_bound import SLOPE_FACTOR
 
-SLOPE_FACTOR = 1.0 + 4.0 * SLOPE_SHARE
 TURNED = 2.0  # e of the bound
 COUPLING = 0.5  # of displacements and twist
 MORE_TURN = 0.15  # [rad] allowance for turns sharpened until the next update

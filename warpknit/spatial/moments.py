@@ -23,8 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from ..hermite import hermite
-from .rest_curve import section_offsets
+from .rest_curve import node_weights, section_offsets
 
 BETWEEN = np.array([0.25, 0.5, 0.75])  # places on a segment where moments are taken too
 STRAIGHT = 1e-9  # [rad] turn whose axis does not matter
@@ -94,9 +93,7 @@ def _pushes(r: Any) -> _Pushes:
 
 def _weights(r: Any, at: _Pushes) -> np.ndarray:
     """(push, 4) of the nodes around; beyond its ends a wire is straight."""
-    rods, m = r.model.rods, r.model.curve.slope_weight[at.node].T
-    h10, h01, h11 = hermite(at.place)
-    w = np.stack([-m[0] * h10, 1 - h01 + (m[0] - m[1]) * h10 - m[2] * h11, h01 + m[1] * h10 + (m[2] - m[3]) * h11, m[3] * h11])
+    rods, w = r.model.rods, node_weights(r.model.curve, at.node, at.place).T
     begins, ends = rods.previous[at.node] < 0, rods.following[rods.following[at.node]] < 0
     w[1] += np.where(begins, 2 * w[0], 0.0) - np.where(ends, w[3], 0.0)
     w[2] += np.where(ends, 2 * w[3], 0.0) - np.where(begins, w[0], 0.0)

@@ -20,10 +20,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..kernels.banded_mass import HELD_NODE
-from ..kernels.bend import BEND_EIGENVALUE, SLOPE_SHARE
+from ..kernels.bend import SLOPE_SHARE
 from .rest_curve import RestCurve
 from .rods import Rods
 
+SLOPE_FACTOR = 1.0 + 4.0 * SLOPE_SHARE + (4.0 * SLOPE_SHARE) ** 2  # largest by which slopes of moments stiffen (kernels/rod_forces.py)
 MAX_TURN = 0.5 * math.pi  # [rad] turning angle of the largest coupling
 TWIST_SHARE = 0.25  # largest squared frequency of twist over that of translation: keeps the coupled one below the limit
 
@@ -116,7 +117,7 @@ def _stiffnesses(
     h = np.minimum(own, np.where(rods.previous >= 0, own[rods.previous], np.inf))
     turn = np.minimum(np.broadcast_to(turning, h.shape), MAX_TURN)
     axial = section.axial_stiffness if stretch_stiffness is None else stretch_stiffness
-    bending = BEND_EIGENVALUE * section.bending_stiffness + 0.5 * turn**2 * section.twist_stiffness
+    bending = 16 * SLOPE_FACTOR * section.bending_stiffness + 0.5 * turn**2 * section.twist_stiffness
     share, lever = (1.0, 0.0) if curve is None else (curve.weight_square, curve.lever)
     contact = np.full(h.shape, 4.0 * contact_stiffness * share)
     surface = 4.0 * contact_stiffness * lever**2
@@ -125,7 +126,7 @@ def _stiffnesses(
     return _Stiffnesses(
         stretch=half * 4 * axial / h,
         bending=half * bending / h**3,
-        twist=(4 * section.twist_stiffness + turn**2 * (1.0 + 4.0 * SLOPE_SHARE) * section.bending_stiffness) / h + surface,
+        twist=(4 * section.twist_stiffness + turn**2 * SLOPE_FACTOR * section.bending_stiffness) / h + surface,
         contact=contact,
         additive=half * 4 * max(tension, 0.0) / h + contact,
         coupling=np.sin(turn) ** 2,

@@ -88,8 +88,13 @@ class Yielding:
         cosine, sine = fetch(self.arrays.moment_turn).T
         x, y = moment[self.rods.following, :2].T
         slope = np.column_stack([cosine * x - sine * y, sine * x + cosine * y]) - moment[:, :2]
-        along = self.rods.slope_length * factor * np.sum(slope**2, axis=1) / (12.0 * self.rods.section.bending_stiffness)
-        return float(0.5 * np.sum(turn * moment) + np.sum(along))
+        share = self.rods.slope_length * factor / (6.0 * self.rods.section.bending_stiffness)
+        x, y = (share[:, None] * slope)[self.rods.previous].T
+        behind, before = np.stack([cosine, sine])[:, self.rods.previous], share[:, None] * slope
+        turned = np.column_stack([behind[0] * x + behind[1] * y, behind[0] * y - behind[1] * x]) - before
+        again = np.where(self._inside[:, None], np.einsum("nab,nb->na", stiffness[:, :2, :2], turned), 0.0)
+        along = share @ np.sum(slope**2, axis=1)
+        return float(0.5 * (np.sum(turn * moment) + along + np.sum(turned * again)))
 
     def _energy(self, square: np.ndarray) -> float:
         """EI/l times squares of turns [rad^2], summed."""
