@@ -1,7 +1,7 @@
 """Augmented Lagrangian multipliers of contact between wires, and the penalty that follows the contact force.
 
 A contact pushes with N = k (overlap + offset); at each convergence check the offsets at its nodes take up a share of its overlap,
-until it carries its force without overlap, apart from that by which wires give way between their nodes. The penalty may then be soft: it follows the force, k = FORCE_PENALTY N/d, and is at
+until it carries its force without overlap. The penalty may then be soft: it follows the force, k = FORCE_PENALTY N/d, and is at
 least `floor`. A soft contact is about as stiff as the loops that it connects, so it does not make the masses heavy. Contacts that
 share nodes share offsets: where their overlaps stall above the tolerance, the penalty is raised.
 """
@@ -54,12 +54,12 @@ class ContactMultipliers:
         """[contact] overlap or gap over the thickness; of forces below the mean, in proportion."""
         force = np.abs(touching.force)
         share = np.minimum(1.0, force / max(float(force.mean()) if len(force) else 0.0, 1e-300))
-        return np.asarray(share * np.abs(touching.excess) / self._thickness)
+        return np.asarray(share * np.abs(touching.overlap) / self._thickness)
 
     def renew(self, touching: Contacts, rate: float, *, loading: bool) -> None:
         """Move the offsets by `rate` times the overlaps, and the penalties with the forces."""
         pushing = touching.force > 0.0
-        force, overlap = touching.force[pushing], touching.excess[pushing]
+        force, overlap = touching.force[pushing], touching.overlap[pushing]
         node, weight, which = self._spread(touching, pushing)
         nodes = self._nodes
         weight = weight * force[which]

@@ -179,20 +179,6 @@ def node_weights(curve: RestCurve, node: np.ndarray, place: np.ndarray) -> np.nd
     return np.stack(w, axis=1)
 
 
-def local_compliance(rods: Rods, curve: RestCurve, node: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """[contact] [m/N] by which a wire gives way to a force at a place more than to its parts w_a at the four nodes around.
-
-    With |x|^3/(12 EI), the deflection of an endless beam at the distance x from a force of 1: - sum w_a w_b |x_a - x_b|^3/(12 EI).
-    """
-    length = rods.natural_length
-    own = length[node]
-    x = np.stack([-length[rods.previous[node]], np.zeros_like(own), own, own + length[rods.following[node]]], axis=1)
-    w = node_weights(curve, node, place)
-    found = -np.einsum("na,nb,nab->n", w, w, np.abs(x[:, :, None] - x[:, None]) ** 3) / (12 * rods.section.bending_stiffness)
-    around = (rods.previous[node] >= 0) & (rods.following[rods.following[node]] >= 0)
-    return np.where(around, np.maximum(found, 0.0), 0.0)
-
-
 def slope_weights(rods: Rods) -> np.ndarray:
     """(node, 4) weights m0 .. m3 of the edges in the slopes of a segment (kernels/wire_curve.py)."""
     before, after = rods.previous, rods.following

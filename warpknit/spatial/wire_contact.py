@@ -17,7 +17,7 @@ from ..kernels.wire_friction import transfer_elastic_slip
 from ..kernels.wire_pairs import find_segment_pairs, place_segments_in_hash
 from ..launch import Launch, bind
 from ..memory import available_memory
-from .rest_curve import RestCurve, catmull_rom, local_compliance
+from .rest_curve import RestCurve, catmull_rom
 from .rod_arrays import TouchArrays
 from .rod_step import RodStepper
 from .rods import Rods
@@ -71,12 +71,6 @@ class Contacts:
     friction: np.ndarray  # (contact, 3) [N] on the first
     normal: np.ndarray  # (contact, 3) towards the first
     overlap: np.ndarray  # [m] negative: gap
-    compliance: np.ndarray  # [m/N] of both wires between their nodes
-
-    @property
-    def excess(self) -> np.ndarray:
-        """[contact] [m] overlap beyond that by which the wires give way between their nodes."""
-        return self.overlap - self.compliance * self.force
 
 
 @dataclass(frozen=True)
@@ -409,7 +403,4 @@ class WireContact:
         which = places[kept & is_there.ravel()]
         of_pair = {name: fetch(getattr(pairs, name))[which // PLACES] for name in ("first", "second", "shift")}
         names = ("place", "force", "friction", "normal", "overlap")
-        found = {name: fetch(getattr(pairs, name))[which] for name in names}
-        ends = zip((of_pair["first"], of_pair["second"]), found["place"].T, strict=True)
-        compliance = sum(local_compliance(self.stepper.rods, self._curve, node, place) for node, place in ends)
-        return Contacts(**of_pair, **found, compliance=np.asarray(compliance))
+        return Contacts(**of_pair, **{name: fetch(getattr(pairs, name))[which] for name in names})
