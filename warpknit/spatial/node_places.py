@@ -2,7 +2,7 @@
 
 The knit describes threads by their arc length in plan view. Where a thread climbs steeply between the layers of a mesh it turns
 sharply, within a thickness or less, and is long in space but short in plan. Half of the nodes follow the length and half the turns:
-with a thread of length S that turns by T, and curvature k as a mean over a thickness, the spacing h is in proportion to
+with a thread of length S that turns by T, and curvature k as a mean over three thicknesses, the spacing h is in proportion to
 
     1/(1/S + k/T)
 
@@ -15,7 +15,8 @@ import numpy as np
 
 from ..mesh.thread_curve import ThreadCurve
 
-GRADING = 0.6  # largest change of the spacing over the distance along the thread
+GRADING = 0.5  # largest change of the spacing over the distance along the thread
+MEAN_OVER = 3.0  # thicknesses, of the curvature
 SAMPLES = 12  # a thickness of plan length
 LEAST_SHARE = 0.5  # smallest spacing over the mean one, and
 LEAST_SPACING = 1.5  # in thicknesses: the smaller one of both
@@ -41,8 +42,9 @@ class SpacedThread:
         turn = np.concatenate([[0.0], np.cumsum(angle)])
         arc, middle = self._around(self._arc, self.length), 0.5 * (self._arc[1:] + self._arc[:-1])
         turns = self._around(turn, float(turn[-1]))
-        bent = np.interp(middle + 0.5 * thickness, arc, turns) - np.interp(middle - 0.5 * thickness, arc, turns)
-        wanted = 2.0 / (1.0 / self.length + bent / (thickness * turn[-1])) / self.nodes
+        width = MEAN_OVER * thickness
+        bent = np.interp(middle + 0.5 * width, arc, turns) - np.interp(middle - 0.5 * width, arc, turns)
+        wanted = 2.0 / (1.0 / self.length + bent / (width * turn[-1])) / self.nodes
         mean = self.length / self.nodes
         least = min(LEAST_SHARE * mean, LEAST_SPACING * thickness)
         low, high = 0.1, 10.0  # factor on the spacing
