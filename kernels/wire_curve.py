@@ -27,9 +27,9 @@ import warp as wp
 
 PARALLEL = wp.constant(wp.float64(1.0e-8))  # squared sine below which two chords count as parallel
 MAX_SLOPE_WEIGHT = wp.constant(wp.float64(4.0 / 27.0))  # largest s (1 - s)^2
-MAX_RATIO = 2.0  # of the lengths of two segments that share a node
-# largest approach of two curves for a unit motion of all nodes: 2 of their chords, and of either sag 2 MAX_SLOPE_WEIGHT times the
-# ratio of lengths at either end
+MAX_RATIO = 1.8  # of m0 + |1 - m1| and m3 + |1 - m2|, the largest mean: 1 where segments are alike
+# largest approach of two curves for a unit motion of all nodes: 2 of their chords, and of either sag 2 MAX_SLOPE_WEIGHT MAX_RATIO
+# from either end
 CLOSING_RATE = wp.constant(wp.float64(2.0 + 32.0 / 27.0 * MAX_RATIO))
 
 Nodes = wp.types.matrix(shape=(4, 3), dtype=wp.float64)  # of a segment and adjacent to it, as rows

@@ -12,7 +12,8 @@ class Preset:
     """Defaults of the keys that a scene leaves out."""
 
     nodes_per_loop: int  # model.nodes_per_loop
-    spatial_nodes_per_loop: int  # the same in space, where wires touch with their own thickness
+    spatial_nodes_per_loop: int  # the same in space, where they are closer together at bends (spatial/node_places.py)
+    spatial_ramp_nodes_per_loop: int  # the same in a ramp in space, at equal distances
     ramp_nodes_per_loop: int  # the same in a ramp, whose segments keep the length of their chords and not of their arcs
     axial_softening: float  # solver.axial_softening: EA is divided by it in the dynamics
     ramp_axial_softening: float  # the same in a ramp, where nothing takes its error out again
@@ -40,7 +41,7 @@ class Preset:
             "planar": numerics,
             "spatial": replace(
                 numerics,
-                nodes_per_loop=self.spatial_nodes_per_loop,
+                nodes_per_loop=self.spatial_nodes_per_loop if drive == "relax" else self.spatial_ramp_nodes_per_loop,
                 axial_softening=softening,
                 precision="double",
                 error_percent=self.spatial_error_percent,
@@ -58,7 +59,8 @@ PRESETS = {
     "draft": Preset(
         nodes_per_loop=12,
         ramp_nodes_per_loop=16,
-        spatial_nodes_per_loop=48,
+        spatial_nodes_per_loop=20,
+        spatial_ramp_nodes_per_loop=48,
         axial_softening=1000.0,
         ramp_axial_softening=100.0,
         precision="single",
@@ -72,7 +74,8 @@ PRESETS = {
     "standard": Preset(
         nodes_per_loop=16,
         ramp_nodes_per_loop=28,
-        spatial_nodes_per_loop=64,
+        spatial_nodes_per_loop=28,
+        spatial_ramp_nodes_per_loop=64,
         axial_softening=1000.0,
         ramp_axial_softening=30.0,
         precision="single",
@@ -86,7 +89,8 @@ PRESETS = {
     "reference": Preset(
         nodes_per_loop=48,
         ramp_nodes_per_loop=72,
-        spatial_nodes_per_loop=128,
+        spatial_nodes_per_loop=64,
+        spatial_ramp_nodes_per_loop=128,
         axial_softening=200.0,
         ramp_axial_softening=1.0,
         precision="double",

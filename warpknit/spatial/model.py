@@ -187,7 +187,7 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
         return _assemble(scene, None, table, panel, wires, rods, length / segments, length, device)
     cloth = knit_scene(scene)
     table, panel, loop_length = lay_out(scene, cloth)
-    wires = place_wires(cloth, table, panel, section.thickness)
+    wires = place_wires(cloth, table, panel, section.thickness, evenly=scene.solver.drive == "ramp")
     rods = rods_of_wires(section, panel, wires)
     return _assemble(scene, cloth, table, panel, wires, rods, float(table.spacing.min()), loop_length, device)
 

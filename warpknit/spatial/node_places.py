@@ -25,15 +25,18 @@ LEAST_SPACING = 1.5  # in thicknesses: the smaller one of both
 class SpacedThread:
     """A thread by its arc length in space [m], with the places of its nodes; both go on beyond a period."""
 
-    def __init__(self, curve: ThreadCurve, nodes: int, thickness: float) -> None:
-        """nodes: of a period."""
+    def __init__(self, curve: ThreadCurve, nodes: int, thickness: float, *, evenly: bool = False) -> None:
+        """nodes: of a period; evenly: at equal arc lengths, as the true masses of a ramp want it."""
         self._curve, self.nodes = curve, nodes
         self._plan = np.linspace(0.0, curve.length, int(np.ceil(SAMPLES * curve.length / thickness)) + 1)
         step = np.diff(curve(self._plan), axis=0)
         size = np.linalg.norm(step, axis=1)
         self._arc = np.concatenate([[0.0], np.cumsum(size)])
         self.length = float(self._arc[-1])  # [m] of a period
-        self._count = self._counted(step / size[:, None], size, thickness)
+        if evenly:
+            self._count = self._arc * (nodes / self.length)
+        else:
+            self._count = self._counted(step / size[:, None], size, thickness)
 
     def _counted(self, tangent: np.ndarray, size: np.ndarray, thickness: float) -> np.ndarray:
         """Nodes up to each sample, from the directions (m, 3) and lengths [m] of the steps between them."""

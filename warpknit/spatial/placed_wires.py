@@ -54,13 +54,13 @@ class SpatialWires:
     sliding_clamp: np.ndarray | None = None  # clamps, of two held nodes each, that slide along the warp; None: none
 
 
-def place_wires(cloth: Cloth, table: Table, panel: Panel, thickness: float) -> SpatialWires:
-    """Place the wires of a panel in space; thickness [m] of the wire."""
+def place_wires(cloth: Cloth, table: Table, panel: Panel, thickness: float, *, evenly: bool = False) -> SpatialWires:
+    """Place the wires of a panel in space; thickness [m] of the wire; evenly: with nodes at equal distances."""
     wire = panel.pair_wire.reshape(-1, 2)
     seed = panel.pair_seed.reshape(-1, 2) - panel.wire_first[wire]
     low, high = panel.pair_low.reshape(-1, 2), panel.pair_high.reshape(-1, 2)
     threads = [
-        SpacedThread(ThreadCurve(thread, cloth.size[1]), int(nodes), thickness)
+        SpacedThread(ThreadCurve(thread, cloth.size[1]), int(nodes), thickness, evenly=evenly)
         for thread, nodes in zip(cloth.threads, table.nodes, strict=True)
     ]
     if panel.boundary == "periodic":
