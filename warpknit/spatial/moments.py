@@ -33,7 +33,7 @@ STRAIGHT = 1e-9  # [rad] turn whose axis does not matter
 class Moments:
     """Sizes of bending moments [N m]."""
 
-    node: np.ndarray  # [node]
+    node: np.ndarray  # [node] of a clamp at the outer node of its segment
     between: np.ndarray  # (node, BETWEEN) on the segments
     contact: np.ndarray  # [pushed place]
     segment: np.ndarray  # [pushed place] its segment
@@ -80,7 +80,14 @@ def bending_moments(r: Any) -> Moments:
         lever = curve.offset(at.node[lag:], at.place[lag:]) - curve.offset(at.node[:-lag], at.place[:-lag])
         under[lag:] += np.where(same[:, None], np.cross(lever, at.force[:-lag]), 0.0)
     peak = np.where(elastic[at.node], _bending(under, curve.derivative(at.node, at.place)), 0.0)
-    return Moments(_bending(moment, curve.begin), np.stack(sizes, axis=1), peak, at.node)
+    # a clamp in the middle of a rigid segment: at the outer one of its nodes
+    rigid = np.flatnonzero(~elastic & (after >= 0))
+    first, last = rigid[before[rigid] < 0], rigid[(before[rigid] >= 0) & (after[after[rigid]] < 0)]
+    moment[first] = moment[after[first]] + np.cross(0.5 * edge[first], force[after[first]])
+    moment[after[last]] = moment[last] - np.cross(0.5 * edge[last], force[before[last]])
+    along = curve.begin.copy()
+    along[after[last]] = edge[last]
+    return Moments(_bending(moment, along), np.stack(sizes, axis=1), peak, at.node)
 
 
 def _pushes(r: Any) -> _Pushes:

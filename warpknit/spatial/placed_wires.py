@@ -21,6 +21,7 @@ from .node_places import SpacedThread
 from .rest_curve import FIT_PLACES, CentreLine
 
 MIN_SEGMENTS = 3  # between two clamps
+HELD = 0.25  # node spacings that a clamp holds on either side: the error of a clamp goes with their square
 SEARCHED = 3.0  # node spacings from the panel's first node, within which the clamp is searched
 
 
@@ -169,8 +170,8 @@ def _clamped_wire(
     ends = thread.at_plan(np.array([found.x, found.x + float(panel.wire_length[wire])]))
     low, high = thread.number(ends)
     segments = max(MIN_SEGMENTS, round(float(high - low)))
-    step = (high - low) / segments
-    arcs = thread.at_node(low + (np.arange(segments + 2) - 0.5) * step)
+    step = (high - low) / (segments - 1 + 2.0 * HELD)
+    arcs = thread.at_node(low + (np.arange(segments + 2) - 1.0 + HELD) * step)
     arcs[[0, -1]] = 2.0 * ends - arcs[[1, -2]]
     line = line_along(thread, arcs, np.append(np.diff(arcs), arcs[-1] - arcs[-2]))
-    return thread(arcs) + origin, line, lambda q: (thread.number(thread.at_plan(plan + q * spacing)) - low) / step + 0.5
+    return thread(arcs) + origin, line, lambda q: (thread.number(thread.at_plan(plan + q * spacing)) - low) / step + 1.0 - HELD
