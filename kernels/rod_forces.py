@@ -9,7 +9,9 @@ node,
     m  = angle from d1_before, transported to f, to d1_after        twist, integrated
     E  = (a - A, m - M) . S (a - A, m - M)/2                        A, M: natural values
 
-S is about B/l for bending and C/l for twist (spatial/node_stiffness.py). Where the wire yields, p [rad] is the plastic part of the turn at the last equilibrium, and the moment is B e/l with
+S is about B/l for bending and C/l for twist (spatial/node_stiffness.py).
+
+Where the wire yields, p [rad] is the plastic part of the turn at the last equilibrium, and the moment is B e/l with
 
     t = a - A - p      b = kept/(1 - kept) p      e = t - (1 - kept) max(0, 1 - y/|t - b|) (t - b)
 
@@ -17,9 +19,9 @@ in place of a - A. A round section is isotropic: it yields where the moment diff
 direction, and flows in that direction (radial return; linear kinematic hardening, `kept` being the tangent stiffness over the
 elastic one).
 
-Turns at points represent curvature to second order in the spacing. The missing part is, to fourth order, the energy of the slope of
-the moment along each segment (bend.py). The components of a moment turn with the section; R turns those at the node behind a segment
-of length L into those at the node before it, by the twist between both as knitted:
+Turns at points represent curvature to second order in the spacing. The missing part is, to fourth order, the energy of the slope
+of the moment along each segment (bend.py). The components of a moment turn with the section; R turns those at the node behind a
+segment of length L into those at the node before it, by the twist between both as knitted:
 
     E_slope = sum of L |R m' - m|^2/(12 B) + sum of q . S q/2
     q = [L_before (m - R_before^T m_before) - L (R m' - m)]/(6 B)        g = m + (dm/dt) q(m + S q(m))
@@ -27,11 +29,10 @@ of length L into those at the node before it, by the twist between both as knitt
 Here m is the moment of the turn, dE/dt, and g what acts on the edges in its place; to the twist moment the same is added. A beam
 loaded at its nodes has moments linear between them: with the lengths l on the diagonal of D and its compliance C, a tridiagonal
 matrix of the lengths L, the energy is that of C^-1, of which the sum takes D^-1 + D^-1 (D - C) D^-1 + (D^-1 (D - C))^2 D^-1.
-Behind a free end m is 0; a segment that a clamp
-holds has no slope energy.
+Behind a free end m is 0; a segment that a clamp holds has no slope energy.
 
-A segment of length L between turns a and a' is an arc, longer than its chord by L ((L/l)^2 |a|^2 + (L/l')^2 |a'|^2)/48. Where arc
-lengths are kept (BOW_MOMENT), its tension T adds the moment T L (L/l)^2 a/24 at either end (bend.py, in the plane).
+A segment of length L between turns a and a' is an arc, longer than its chord by L ((L/l)^2 |a|^2 + (L/l')^2 |a'|^2)/48. Where
+arc lengths are kept (BOW_MOMENT), its tension T adds the moment T L (L/l)^2 a/24 at either end (bend.py, in the plane).
 
 The gradient by the two edges, with transported directors, and by the angle of either segment:
 
@@ -218,7 +219,8 @@ _FORCES = (
     }
     }
     // gradients of bending and twist by the edges before and after a node, and by the angles of both segments
-    double gbx[SPAN], gby[SPAN], gbz[SPAN], gax[SPAN], gay[SPAN], gaz[SPAN], gb[SPAN], ga[SPAN], acting_x[SPAN], acting_y[SPAN], acting_m[SPAN];
+    double gbx[SPAN], gby[SPAN], gbz[SPAN], gax[SPAN], gay[SPAN], gaz[SPAN], gb[SPAN], ga[SPAN];
+    double acting_x[SPAN], acting_y[SPAN], acting_m[SPAN];
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
@@ -372,8 +374,8 @@ def forces_of_block(
     tangent: wp.array(dtype=wp.vec3d),
     director: wp.array(dtype=wp.vec3d),
     plastic_turn: wp.array(dtype=wp.vec2d),
-    # out: turning vector [rad], moments of turn and twist [N m], twist [rad], force of a segment on its first node, in an evaluation without a
-    # step; the sums
+    # out: turning vector [rad], moments of turn and twist [N m], twist [rad], force of a segment on its first node, in an
+    # evaluation without a step; the sums
     curvature: wp.array(dtype=wp.vec2d),
     moment: wp.array(dtype=wp.vec3d),
     twist: wp.array(dtype=wp.float64),
@@ -423,8 +425,8 @@ def find_rod_forces(
     tangent: wp.array(dtype=wp.vec3d),
     director: wp.array(dtype=wp.vec3d),
     plastic_turn: wp.array(dtype=wp.vec2d),
-    # out: turning vector [rad], moments of turn and twist [N m], twist [rad], force of a segment on its first node, in an evaluation without a
-    # step; the sums
+    # out: turning vector [rad], moments of turn and twist [N m], twist [rad], force of a segment on its first node, in an
+    # evaluation without a step; the sums
     curvature: wp.array(dtype=wp.vec2d),
     moment: wp.array(dtype=wp.vec3d),
     twist: wp.array(dtype=wp.float64),

@@ -36,7 +36,8 @@ def deflection(load: float, segments: int, angle: float) -> np.ndarray:
 
 @pytest.mark.parametrize("load", DEFLECTION)
 def test_deflection_converges_at_third_order(load: float) -> None:
-    """Twice the segments, an eighth of the error, give or take the next order; ten segments miss the elastica by less than 1e-4."""
+    """Twice the segments, an eighth of the error, give or take the next order; ten segments miss the elastica by less than
+    1e-4."""
     coarse, fine = (float(np.linalg.norm(deflection(load, n, 0.3)[1:])) for n in (5, 10))
     exact = DEFLECTION[load]
     assert (coarse - exact) / (fine - exact) == pytest.approx(8.0, rel=0.1)

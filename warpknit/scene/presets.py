@@ -68,8 +68,8 @@ PRESETS = {
         residual_tolerance=1e-2,
         error_percent=2.1,
         node_steps=1.03e5,
-        spatial_error_percent=17.0,
-        spatial_node_steps=3.2e5,
+        spatial_error_percent=2.7,
+        spatial_node_steps=1.38e5,
     ),
     "standard": Preset(
         nodes_per_loop=16,
@@ -83,8 +83,8 @@ PRESETS = {
         residual_tolerance=3e-3,
         error_percent=1.7,
         node_steps=1.84e5,
-        spatial_error_percent=1.6,
-        spatial_node_steps=4.6e5,
+        spatial_error_percent=1.4,
+        spatial_node_steps=2.12e5,
     ),
     "reference": Preset(
         nodes_per_loop=48,
@@ -98,8 +98,8 @@ PRESETS = {
         residual_tolerance=1e-4,
         error_percent=0.1,
         node_steps=4.6e6,
-        spatial_error_percent=0.7,
-        spatial_node_steps=1.7e6,
+        spatial_error_percent=0.5,
+        spatial_node_steps=1.32e6,
     ),
 }
 DEFAULT_PRESET = "standard"

@@ -1,9 +1,10 @@
 """Bending moments of the wires by statics: at the nodes, under the contacts and between.
 
-A contact pushes with the force F at the point p of a segment, but the model puts it on the four nodes around, with the weights w_0 ..
-w_3, and by couples on the sections of the segments before, at and behind p, where parts c of the curve rotate with them
-(kernels/wire_curve.py). Both have the same resultant and moment, so beyond the four nodes the wire feels the same. Between them the
-moment M of a force at p follows from that of the model. With the force n of a segment on its first node j, summed over contacts,
+A contact pushes with the force F at the point p of a segment, but the model puts it on the four nodes around, with the weights
+w_0 .. w_3, and by couples on the sections of the segments before, at and behind p, where parts c of the curve rotate with them
+(kernels/wire_curve.py). Both have the same resultant and moment, so beyond the four nodes the wire feels the same. Between them
+the moment M of a force at p follows from that of the model. With the force n of a segment on its first node j, summed over
+contacts,
 
     M_j     += (w_0 (x_(j-1) - x_j) + c_before) x F        M_(j+1) -= (w_3 (x_(j+2) - x_(j+1)) + c_behind) x F
     n_(j-1) += w_0 F       n_j += (w_0 + w_1) F       n_(j+1) -= w_3 F
@@ -53,8 +54,9 @@ def bending_moments(r: Any) -> Moments:
     rods, curve = r.model.rods, r.curve
     before, after, edge = rods.previous, rods.following, curve.edge
     at = _pushes(r)
-    weights, parts = _weights(r, at), r.length_factor * section_offsets(
-        rods, r.model.curve, r.segment_tangent, r.director, at.node, at.place
+    weights, parts = (
+        _weights(r, at),
+        r.length_factor * section_offsets(rods, r.model.curve, r.segment_tangent, r.director, at.node, at.place),
     )
     moment, force = _node_moments(r), r.segment_force.copy()
     behind = after[at.node]

@@ -1,12 +1,12 @@
 """Places of the nodes along a thread in space: close together where it turns, and by its arc length in space.
 
 The knit describes threads by their arc length in plan view. Where a thread climbs steeply between the layers of a mesh it turns
-sharply, within a thickness or less, and is long in space but short in plan. Half of the nodes follow the length and half the turns:
-with a thread of length S that turns by T, and curvature k as a mean over three thicknesses, the spacing h is in proportion to
+sharply, within a thickness or less, and is long in space but short in plan. Half of the nodes follow the length and half the
+turns: with a thread of length S that turns by T, and k the mean curvature over three thicknesses, the spacing is in proportion to
 
     1/(1/S + k/T)
 
-and h changes by at most GRADING along the thread, so that neighbouring segments have similar lengths.
+and changes by at most GRADING along the thread, so that neighbouring segments have similar lengths.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ LEAST_SPACING = 1.5  # in thicknesses: the smaller one of both
 
 
 class SpacedThread:
-    """A thread by its arc length in space [m], with the places of its nodes; both go on beyond a period."""
+    """A thread by its arc length s in space [m], with the places of its nodes; both go on beyond a period."""
 
     def __init__(self, curve: ThreadCurve, nodes: int, thickness: float, *, evenly: bool = False) -> None:
         """nodes: of a period; evenly: at equal arc lengths, as the true masses of a ramp want it."""
-        self._curve, self.nodes = curve, nodes
+        self._curve, self.nodes, self.evenly = curve, nodes, evenly
         self._plan = np.linspace(0.0, curve.length, int(np.ceil(SAMPLES * curve.length / thickness)) + 1)
         step = np.diff(curve(self._plan), axis=0)
         size = np.linalg.norm(step, axis=1)
@@ -87,11 +87,11 @@ class SpacedThread:
         """Nodes, not whole, at arc lengths [m]."""
         return self._along(arc, self._arc, self._count)
 
-    def __call__(self, arc: np.ndarray) -> np.ndarray:
+    def __call__(self, s: np.ndarray) -> np.ndarray:
         """Points (m, 3) [m]."""
-        return self._curve(self._along(arc, self._arc, self._plan))
+        return self._curve(self._along(s, self._arc, self._plan))
 
-    def slope(self, arc: np.ndarray) -> np.ndarray:
+    def slope(self, s: np.ndarray) -> np.ndarray:
         """Unit vectors (m, 3) along it."""
-        slope = self._curve.slope(self._along(arc, self._arc, self._plan))
+        slope = self._curve.slope(self._along(s, self._arc, self._plan))
         return slope / np.linalg.norm(slope, axis=1, keepdims=True)

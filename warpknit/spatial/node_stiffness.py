@@ -5,13 +5,13 @@ rotation of both segments
 
     phi = C M        C = integral of w (t t/GJ + (1 - t t)/EI) ds        w: hat function of the node
 
-so a node between two segments that meet at a large angle p is twisted by moments about either of them. With n the axis of the turn,
-b the unit vector between the tangents and c = b x n, the turn and the twist of kernels/rod_forces.py change by
+so a node between two segments that meet at a large angle p is twisted by moments about either of them. With n the axis of the
+turn, b the unit vector between the tangents and c = b x n, the turn and the twist of kernels/rod_forces.py change by
 
     phi = J (da along A, da across it, dm)        J = diag(1, 2 sin(p/2)/p, cos(p/2)) along n, c, b
 
-and the stiffness is J^T C^-1 J: EI, EI and GJ over the length of the node to second order in p. Where the line between the nodes is
-not known, t is b. Where the wire may yield it stays the same in all directions across the wire.
+and the stiffness is J^T C^-1 J: EI, EI and GJ over the length of the node to second order in p. Where the line between the nodes
+is not known, t is b. Where the wire may yield it stays the same in all directions across the wire.
 """
 
 from __future__ import annotations

@@ -329,7 +329,8 @@ def _contact_growth(model: SpatialModel, t: Contacts, tangent: np.ndarray, direc
         return 0.0
     rods = model.rods
     own, other = (
-        section_offsets(rods, model.curve, tangent, director, node, t.place[:, k]).sum(axis=1) for k, node in enumerate((t.first, t.second))
+        section_offsets(rods, model.curve, tangent, director, node, t.place[:, k]).sum(axis=1)
+        for k, node in enumerate((t.first, t.second))
     )
     thick = rods.wire_radius[rods.wire_of[t.first]] + rods.wire_radius[rods.wire_of[t.second]]
     return float(np.sum(t.force * (thick - np.sum(t.normal * (own - other), axis=1))))

@@ -1,7 +1,7 @@
 """Nodes of the wires of a panel (mesh/panel.py) in space, closed or clamped at both ends.
 
-A closed wire has as many nodes as the panel, at other places (node_places.py). On a clamped wire each clamp sits in the middle of the
-first or last segment and holds its two nodes and its section.
+A closed wire has as many nodes as the panel, at other places (node_places.py). On a clamped wire each clamp sits in the middle of
+the first or last segment, half as long as its neighbours, and holds its two nodes and its section.
 """
 
 from __future__ import annotations
@@ -170,8 +170,9 @@ def _clamped_wire(
     ends = thread.at_plan(np.array([found.x, found.x + float(panel.wire_length[wire])]))
     low, high = thread.number(ends)
     segments = max(MIN_SEGMENTS, round(float(high - low)))
-    step = (high - low) / (segments - 1 + 2.0 * HELD)
-    arcs = thread.at_node(low + (np.arange(segments + 2) - 1.0 + HELD) * step)
+    held = 0.5 if thread.evenly else HELD
+    step = (high - low) / (segments - 1 + 2.0 * held)
+    arcs = thread.at_node(low + (np.arange(segments + 2) - 1.0 + held) * step)
     arcs[[0, -1]] = 2.0 * ends - arcs[[1, -2]]
     line = line_along(thread, arcs, np.append(np.diff(arcs), arcs[-1] - arcs[-2]))
-    return thread(arcs) + origin, line, lambda q: (thread.number(thread.at_plan(plan + q * spacing)) - low) / step + 1.0 - HELD
+    return thread(arcs) + origin, line, lambda q: (thread.number(thread.at_plan(plan + q * spacing)) - low) / step + 1.0 - held

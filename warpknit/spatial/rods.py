@@ -127,13 +127,13 @@ class Rods:
     @cached_property
     def arc(self) -> np.ndarray:
         """[node] [m] natural arc length from the first node of the wire."""
-        total = np.concatenate([[0.0], np.cumsum(self.natural_length)[:-1]])
+        total = np.concatenate([[0.0], np.cumsum(self.natural_arc)[:-1]])
         return total - np.repeat(total[self.wire_first], self.wire_count)
 
     @cached_property
     def wire_length(self) -> np.ndarray:
         """[wire] [m] natural length; of a closed wire, once around."""
-        return np.add.reduceat(np.where(self.following >= 0, self.natural_length, 0.0), self.wire_first)
+        return np.add.reduceat(np.where(self.following >= 0, self.natural_arc, 0.0), self.wire_first)
 
     def holding(self, nodes: np.ndarray | Sequence[int] = (), sections: np.ndarray | Sequence[int] = ()) -> Rods:
         """A copy with these nodes fixed and these sections fixed against rotation."""

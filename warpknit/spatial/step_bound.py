@@ -2,9 +2,10 @@
 
 A straight uniform chain of segments h with node mass m and spin inertia I has the largest squared frequencies
 
-    a = 4 EA/(h m)      b = 16 EI/(h^3 m)      t = 4 GJ/(h I)
+    a = 4 EA/(h m)      b = 16 B/(h^3 m)      t = 4 GJ/(h I)
 
-of stretch, bending and twist. A turning angle p [rad] at the nodes couples them. It adds p^2 EI/(h I) to twist, because a rotated
+of stretch, bending and twist, with B = 19/9 EI by the slopes of moments (kernels/rod_forces.py). A turning angle p [rad] at the
+nodes couples them. It adds p^2 B/(h I) to twist, because a rotated
 section bends against its natural curvature, and p^2 GJ/(2 h^3 m) to bending, because the transverse motion of a node rotates the
 frames. Tension adds 4 T/(h m). Contact of penalty k adds at most 4 k/m: its force acts on four nodes of either wire, with weights
 whose squares sum to one at most, and two contacts may act on the same nodes. With a rest-shape correction (rest_curve.py) a part
@@ -24,7 +25,7 @@ from ..kernels.bend import SLOPE_SHARE
 from .rest_curve import RestCurve
 from .rods import Rods
 
-SLOPE_FACTOR = 1.0 + 4.0 * SLOPE_SHARE + (4.0 * SLOPE_SHARE) ** 2  # largest by which slopes of moments stiffen (kernels/rod_forces.py)
+SLOPE_FACTOR = 1.0 + 4.0 * SLOPE_SHARE + (4.0 * SLOPE_SHARE) ** 2  # 19/9: of the slopes of moments, for the shortest waves
 MAX_TURN = 0.5 * math.pi  # [rad] turning angle of the largest coupling
 TWIST_SHARE = 0.25  # largest squared frequency of twist over that of translation: keeps the coupled one below the limit
 

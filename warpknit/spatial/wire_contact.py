@@ -28,7 +28,7 @@ MIN_ARC_SEPARATION = (
 )
 STICK_SHARE = 0.5  # tangential over normal stiffness
 # bounds on the stiffness of a contact, whose weights change until the next update of the masses
-WEIGHT_SUM = 0.25  # sum of the sizes of the weights of a wire, beyond 1, over those of the outer edges: in the middle of a segment
+WEIGHT_SUM = 0.25  # sum of the sizes of the weights of a wire, beyond 1, over those of the outer edges in the slopes
 MORE_TILT = 0.1  # allowance for the components of the normal; more between wires that do not touch
 LEAST_WEIGHT, BEYOND_WEIGHT = 0.5, 0.16  # of the nodes of the segment, at least; of the nodes beyond, over that of their edge
 # memory of one pair; two lists exist while a search runs

@@ -65,7 +65,7 @@ class Yielding:
         return self._energy(0.5 * np.sum(self.back * self.plastic, axis=1))
 
     def potential(self) -> float:
-        """[J] incremental potential of bending and twist, whose gradient are the moments: stored energy plus plastic dissipation."""
+        """[J] incremental potential of bending and twist, whose gradient are the moments: stored plus dissipated energy."""
         if not self.yields:
             return self.elastic_energy
         over, size = self._beyond()
