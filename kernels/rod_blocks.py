@@ -13,7 +13,7 @@ BLOCK = (
     + constants(ROD_BLOCK=ROD_BLOCK)
     + r"""
     // loops run over whole vectors: PAD places behind the last node hold numbers that nothing uses
-    enum { ALONE = sizeof(lane) == 8, HALO = 3, PAD = ALONE ? 1 : 8, SPAN = (ALONE ? 1 : ROD_BLOCK) + 2 * HALO + PAD };
+    enum { ALONE = sizeof(lane) == 8, HALO = 4, PAD = ALONE ? 1 : 8, SPAN = (ALONE ? 1 : ROD_BLOCK) + 2 * HALO + PAD };
     const int first = block_first.data[block] + (int)lane;
     const int count = ALONE ? 1 : block_count.data[block];
     const int wire = block_wire.data[block];

@@ -7,7 +7,9 @@ node,
     k1 = (d2_before + d2_after) . kb/2     k2 = - (d1_before + d1_after) . kb/2
     a  = k 2 atan(|k|/2)/|k|                                        turning vector: |k| is 2 tan(angle/2), |a| the angle itself
     m  = angle from d1_before, transported to f, to d1_after        twist, integrated
-    E  = B |a - A|^2/(2 l) + C (m - M)^2/(2 l)                      A, M: natural values
+    E  = (a - A, m - M) . S (a - A, m - M)/2                        A, M: natural values
+
+S is about B/l for bending and C/l for twist (spatial/node_stiffness.py).
 
 Where the wire yields, p [rad] is the plastic part of the turn at the last equilibrium, and the moment is B e/l with
 
@@ -17,8 +19,20 @@ in place of a - A. A round section is isotropic: it yields where the moment diff
 direction, and flows in that direction (radial return; linear kinematic hardening, `kept` being the tangent stiffness over the
 elastic one).
 
-A segment of length L between turns a and a' is an arc, longer than its chord by L (|a|^2 + |a'|^2)/48. Where arc lengths are kept
-(BOW_MOMENT), its tension T adds the moment T L a/24 at either end (bend.py, in the plane).
+Turns at points represent curvature to second order in the spacing. The missing part is, to fourth order, the energy of the slope
+of the moment along each segment (bend.py). The components of a moment turn with the section; R turns those at the node behind a
+segment of length L into those at the node before it, by the twist between both as knitted:
+
+    E_slope = sum of L |R m' - m|^2/(12 B) + sum of q . S q/2
+    q = [L_before (m - R_before^T m_before) - L (R m' - m)]/(6 B)        g = m + (dm/dt) q(m + S q(m))
+
+Here m is the moment of the turn, dE/dt, and g what acts on the edges in its place; to the twist moment the same is added. A beam
+loaded at its nodes has moments linear between them: with the lengths l on the diagonal of D and its compliance C, a tridiagonal
+matrix of the lengths L, the energy is that of C^-1, of which the sum takes D^-1 + D^-1 (D - C) D^-1 + (D^-1 (D - C))^2 D^-1.
+Behind a free end m is 0; a segment that a clamp holds has no slope energy.
+
+A segment of length L between turns a and a' is an arc, longer than its chord by L ((L/l)^2 |a|^2 + (L/l')^2 |a'|^2)/48. Where
+arc lengths are kept (BOW_MOMENT), its tension T adds the moment T L (L/l)^2 a/24 at either end (bend.py, in the plane).
 
 The gradient by the two edges, with transported directors, and by the angle of either segment:
 
@@ -73,8 +87,10 @@ _FORCES = (
         at[k] = i;
     }
     double tx[SPAN], ty[SPAN], tz[SPAN], dx[SPAN], dy[SPAN], dz[SPAN], il[SPAN], pull[SPAN], natural[SPAN], spread[SPAN];
-    double own_x[SPAN], own_y[SPAN], own_m[SPAN], flow_x[SPAN], flow_y[SPAN];
+    double own_x[SPAN], own_y[SPAN], own_m[SPAN], flow_x[SPAN], flow_y[SPAN], sixth[SPAN], cos_r[SPAN], sin_r[SPAN];
+    double s11[SPAN], s12[SPAN], s22[SPAN], s13[SPAN], s23[SPAN], s33[SPAN], arc_pull[SPAN];
     {
+    const double* turned_by = (const double*)moment_turn.data;
     const double* t = (const double*)tangent.data;
     const double* d = (const double*)director.data;
     const double* bent = (const double*)natural_curvature.data;
@@ -97,12 +113,26 @@ _FORCES = (
         own_m[k] = natural_twist.data[i];
         flow_x[k] = yields ? flow[2 * i] : 0.0;
         flow_y[k] = yields ? flow[2 * i + 1] : 0.0;
+        sixth[k] = has[k] * slope_length.data[i] * factor / 6;
+        arc_pull[k] = 36 * sixth[k] * sixth[k] * rest * pull[k];
+        const double* __restrict stiff = node_stiffness.data + 6 * i;
+        const double share = inner[k] / factor;
+        s11[k] = share * stiff[0];
+        s12[k] = share * stiff[1];
+        s22[k] = share * stiff[2];
+        s13[k] = share * stiff[3];
+        s23[k] = share * stiff[4];
+        s33[k] = share * stiff[5];
+        cos_r[k] = turned_by[2 * i];
+        sin_r[k] = turned_by[2 * i + 1];
     }
     }
-    // bending and twist: gradients by the edges before and after a node, and by the angles of both segments
-    double gbx[SPAN], gby[SPAN], gbz[SPAN], gax[SPAN], gay[SPAN], gaz[SPAN], gb[SPAN], ga[SPAN];
+    // turning vector and twist at a node, and the moment of the turn
+    double kx[SPAN], ky[SPAN], size_part[SPAN], size_slope[SPAN], bow_x[SPAN], bow_y[SPAN], twist_moment[SPAN];
+    double nbx[SPAN], nby[SPAN], nbz[SPAN], shared[SPAN], mx[SPAN], my[SPAN], softer[SPAN], along_x[SPAN], along_y[SPAN];
     double turn_x[SPAN], turn_y[SPAN], turned[SPAN];
-    const double back = yields ? hardening / (1 - hardening) : 0.0;
+    const double back = yields ? hardening / (1 - hardening) : 0.0, softness = 1 / bending_stiffness;
+    mx[0] = my[0] = mx[whole] = my[whole] = 0;
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
@@ -118,11 +148,11 @@ _FORCES = (
         const double k2 = -0.5 * ((ax + cx) * nx + (ay + cy) * ny + (az + cz) * nz);
         // twist: the angle from the director before, transported, to the one after
         const double lean_on = share * (vx * ax + vy * ay + vz * az);
-        const double mx = dot * ax + vy * az - vz * ay + vx * lean_on;
-        const double my = dot * ay + vz * ax - vx * az + vy * lean_on;
-        const double mz = dot * az + vx * ay - vy * ax + vz * lean_on;
-        const double sine = (my * cz - mz * cy) * fx + (mz * cx - mx * cz) * fy + (mx * cy - my * cx) * fz;
-        const double cosine = mx * cx + my * cy + mz * cz;
+        const double px = dot * ax + vy * az - vz * ay + vx * lean_on;
+        const double py = dot * ay + vz * ax - vx * az + vy * lean_on;
+        const double pz = dot * az + vx * ay - vy * ax + vz * lean_on;
+        const double sine = (py * cz - pz * cy) * fx + (pz * cx - px * cz) * fy + (px * cy - py * cx) * fz;
+        const double cosine = px * cx + py * cy + pz * cz;
         double m;
         {
             const real over = sine, under = 1 + cosine;
@@ -138,20 +168,85 @@ _FORCES = (
             part = half > 1e-8 ? folded / (half > 1e-8 ? half : 1.0) : 1.0;
         }
         const double steep_slope = (1 / (1 + 0.25 * square) - part) / (size > SMALL ? square : 1.0);
-        const double slope = size > SMALL ? steep_slope : -1.0 / 6;
-        const double px = part * k1, py = part * k2;
-        const double trial_x = px - own_x[k] - flow_x[k], trial_y = py - own_y[k] - flow_y[k];
+        const double angle_x = part * k1, angle_y = part * k2;
+        const double trial_x = angle_x - own_x[k] - flow_x[k], trial_y = angle_y - own_y[k] - flow_y[k];
         const double beyond_x = trial_x - back * flow_x[k], beyond_y = trial_y - back * flow_y[k];
         const double reach = sqrt(beyond_x * beyond_x + beyond_y * beyond_y);
         const double most = spread[k] > 0 ? yield_curvature / (spread[k] > 0 ? spread[k] : 1.0) : 0.0;
-        const double off = yields && reach > most ? (1 - hardening) * (1 - most / (reach > most ? reach : 1.0)) : 0.0;
-        const double bend = bending_stiffness * spread[k];
-        const double bow = bow_moment * (natural[k - 1] * pull[k - 1] + natural[k] * pull[k]) * inner[k];
-        const double moment_x = bend * (trial_x - off * beyond_x) + bow * px;
-        const double moment_y = bend * (trial_y - off * beyond_y) + bow * py;
-        const double both = slope * (k1 * moment_x + k2 * moment_y);
-        const double g1 = part * moment_x + both * k1, g2 = part * moment_y + both * k2;
-        const double g = twist_stiffness * spread[k] * (m - own_m[k]);
+        const bool over_most = yields && reach > most;
+        const double inverse = over_most ? 1 / (reach > most ? reach : 1.0) : 0.0;
+        const double off = over_most ? (1 - hardening) * (1 - most * inverse) : 0.0;
+        const double change_x = trial_x - off * beyond_x, change_y = trial_y - off * beyond_y, change = m - own_m[k];
+        const double bow = bow_moment * spread[k] * spread[k] * (arc_pull[k - 1] + arc_pull[k]);
+        kx[k] = k1;
+        ky[k] = k2;
+        size_part[k] = part;
+        size_slope[k] = size > SMALL ? steep_slope : -1.0 / 6;
+        nbx[k] = nx;
+        nby[k] = ny;
+        nbz[k] = nz;
+        shared[k] = share;
+        mx[k] = s11[k] * change_x + s12[k] * change_y + s13[k] * change;
+        my[k] = s12[k] * change_x + s22[k] * change_y + s23[k] * change;
+        twist_moment[k] = s13[k] * change_x + s23[k] * change_y + s33[k] * change;
+        bow_x[k] = bow * angle_x;
+        bow_y[k] = bow * angle_y;
+        // tangent of what yields: (1 - softer) - the square of the direction `along`
+        softer[k] = off;
+        const double radial = over_most ? sqrt((1 - hardening) * most * inverse) * inverse : 0.0;
+        along_x[k] = radial * beyond_x;
+        along_y[k] = radial * beyond_y;
+        turn_x[k] = inner[k] * angle_x;
+        turn_y[k] = inner[k] * angle_y;
+        turned[k] = inner[k] * m;
+    }
+    }
+    // moments with the first correction by their slopes along both segments
+    double ux[SPAN], uy[SPAN];
+    ux[0] = uy[0] = ux[whole] = uy[whole] = 0;
+    {
+    #pragma clang fp reassociate(on) contract(fast)
+    #pragma clang loop vectorize(enable)
+    for (int k = 1; k < whole; ++k) {
+        const double from_x = mx[k] - cos_r[k - 1] * mx[k - 1] - sin_r[k - 1] * my[k - 1];
+        const double from_y = my[k] + sin_r[k - 1] * mx[k - 1] - cos_r[k - 1] * my[k - 1];
+        const double to_x = cos_r[k] * mx[k + 1] - sin_r[k] * my[k + 1] - mx[k];
+        const double to_y = sin_r[k] * mx[k + 1] + cos_r[k] * my[k + 1] - my[k];
+        const double by_x = (sixth[k - 1] * from_x - sixth[k] * to_x) * softness;
+        const double by_y = (sixth[k - 1] * from_y - sixth[k] * to_y) * softness;
+        ux[k] = mx[k] + s11[k] * by_x + s12[k] * by_y;
+        uy[k] = my[k] + s12[k] * by_x + s22[k] * by_y;
+    }
+    }
+    // gradients of bending and twist by the edges before and after a node, and by the angles of both segments
+    double gbx[SPAN], gby[SPAN], gbz[SPAN], gax[SPAN], gay[SPAN], gaz[SPAN], gb[SPAN], ga[SPAN];
+    double acting_x[SPAN], acting_y[SPAN], acting_m[SPAN];
+    {
+    #pragma clang fp reassociate(on) contract(fast)
+    #pragma clang loop vectorize(enable)
+    for (int k = 1; k < whole; ++k) {
+        const double ex = tx[k - 1], ey = ty[k - 1], ez = tz[k - 1], fx = tx[k], fy = ty[k], fz = tz[k];
+        const double ax = dx[k - 1], ay = dy[k - 1], az = dz[k - 1], cx = dx[k], cy = dy[k], cz = dz[k];
+        const double bx = ey * az - ez * ay, by = ez * ax - ex * az, bz = ex * ay - ey * ax;
+        const double hx = fy * cz - fz * cy, hy = fz * cx - fx * cz, hz = fx * cy - fy * cx;
+        const double nx = nbx[k], ny = nby[k], nz = nbz[k], share = shared[k], k1 = kx[k], k2 = ky[k];
+        // what the slopes of the moments add
+        const double from_x = ux[k] - cos_r[k - 1] * ux[k - 1] - sin_r[k - 1] * uy[k - 1];
+        const double from_y = uy[k] + sin_r[k - 1] * ux[k - 1] - cos_r[k - 1] * uy[k - 1];
+        const double to_x = cos_r[k] * ux[k + 1] - sin_r[k] * uy[k + 1] - ux[k];
+        const double to_y = sin_r[k] * ux[k + 1] + cos_r[k] * uy[k + 1] - uy[k];
+        const double by_x = (sixth[k - 1] * from_x - sixth[k] * to_x) * softness;
+        const double by_y = (sixth[k - 1] * from_y - sixth[k] * to_y) * softness;
+        const double add_x = s11[k] * by_x + s12[k] * by_y, add_y = s12[k] * by_x + s22[k] * by_y;
+        const double kept = 1 - softer[k], along = along_x[k] * add_x + along_y[k] * add_y;
+        const double moment_x = mx[k] + kept * add_x - along * along_x[k] + bow_x[k];
+        const double moment_y = my[k] + kept * add_y - along * along_y[k] + bow_y[k];
+        acting_x[k] = inner[k] * moment_x;
+        acting_y[k] = inner[k] * moment_y;
+        const double both = size_slope[k] * (k1 * moment_x + k2 * moment_y);
+        const double g1 = size_part[k] * moment_x + both * k1, g2 = size_part[k] * moment_y + both * k2;
+        const double g = twist_moment[k] + s13[k] * by_x + s23[k] * by_y;
+        acting_m[k] = inner[k] * g;
         const double lean = -(g1 * k1 + g2 * k2) * share;
         const double qx = share * (g1 * (bx + hx) - g2 * (ax + cx));
         const double qy = share * (g1 * (by + hy) - g2 * (ay + cy));
@@ -166,9 +261,6 @@ _FORCES = (
         gaz[k] = il[k] * (sz - ex * qy + ey * qx);
         gb[k] = -0.5 * ((g1 * ax + g2 * bx) * nx + (g1 * ay + g2 * by) * ny + (g1 * az + g2 * bz) * nz) - g;
         ga[k] = -0.5 * ((g1 * cx + g2 * hx) * nx + (g1 * cy + g2 * hy) * ny + (g1 * cz + g2 * hz) * nz) + g;
-        turn_x[k] = inner[k] * px;
-        turn_y[k] = inner[k] * py;
-        turned[k] = inner[k] * m;
     }
     }
     // contact: forces on four nodes and couples on three sections from each contact of a segment
@@ -215,6 +307,7 @@ _FORCES = (
     double* __restrict sum = (double*)(force.data + first - HALO);
     double* __restrict edge = (double*)(edge_force.data + first - HALO);
     double* __restrict turning = (double*)(curvature.data + first - HALO);
+    double* __restrict acting = (double*)(moment.data + first - HALO);
     for (int k = HALO; k < HALO + count; ++k) {
         sum[3 * k] = given[3 * k] + cfx[k] + (nx[k] - nx[k - 1]);
         sum[3 * k + 1] = given[3 * k + 1] + cfy[k] + (ny[k] - ny[k - 1]);
@@ -229,6 +322,9 @@ _FORCES = (
         edge[3 * k + 2] = nz[k];
         turning[2 * k] = turn_x[k];
         turning[2 * k + 1] = turn_y[k];
+        acting[3 * k] = acting_x[k];
+        acting[3 * k + 1] = acting_y[k];
+        acting[3 * k + 2] = acting_m[k];
         twist.data[first - HALO + k] = turned[k];
     }
 """
@@ -254,8 +350,10 @@ def forces_of_block(
     node_length: wp.array(dtype=wp.float64),
     natural_curvature: wp.array(dtype=wp.vec2d),
     natural_twist: wp.array(dtype=wp.float64),
+    slope_length: wp.array(dtype=wp.float64),
+    moment_turn: wp.array(dtype=wp.vec2d),
+    node_stiffness: wp.array2d(dtype=wp.float64),
     bending_stiffness: wp.float64,
-    twist_stiffness: wp.float64,
     yield_curvature: wp.float64,
     hardening: wp.float64,
     stretch_stiffness: wp.array(dtype=wp.float64),
@@ -276,8 +374,10 @@ def forces_of_block(
     tangent: wp.array(dtype=wp.vec3d),
     director: wp.array(dtype=wp.vec3d),
     plastic_turn: wp.array(dtype=wp.vec2d),
-    # out: turning vector and twist [rad] and force of a segment on its first node, in an evaluation without a step; the sums
+    # out: turning vector [rad], moments of turn and twist [N m], twist [rad], force of a segment on its first node, in an
+    # evaluation without a step; the sums
     curvature: wp.array(dtype=wp.vec2d),
+    moment: wp.array(dtype=wp.vec3d),
     twist: wp.array(dtype=wp.float64),
     edge_force: wp.array(dtype=wp.vec3d),
     force: wp.array(dtype=wp.vec3d),
@@ -301,8 +401,10 @@ def find_rod_forces(
     node_length: wp.array(dtype=wp.float64),
     natural_curvature: wp.array(dtype=wp.vec2d),
     natural_twist: wp.array(dtype=wp.float64),
+    slope_length: wp.array(dtype=wp.float64),
+    moment_turn: wp.array(dtype=wp.vec2d),
+    node_stiffness: wp.array2d(dtype=wp.float64),
     bending_stiffness: wp.float64,
-    twist_stiffness: wp.float64,
     yield_curvature: wp.float64,
     hardening: wp.float64,
     stretch_stiffness: wp.array(dtype=wp.float64),
@@ -323,8 +425,10 @@ def find_rod_forces(
     tangent: wp.array(dtype=wp.vec3d),
     director: wp.array(dtype=wp.vec3d),
     plastic_turn: wp.array(dtype=wp.vec2d),
-    # out: turning vector and twist [rad] and force of a segment on its first node, in an evaluation without a step; the sums
+    # out: turning vector [rad], moments of turn and twist [N m], twist [rad], force of a segment on its first node, in an
+    # evaluation without a step; the sums
     curvature: wp.array(dtype=wp.vec2d),
+    moment: wp.array(dtype=wp.vec3d),
     twist: wp.array(dtype=wp.float64),
     edge_force: wp.array(dtype=wp.vec3d),
     force: wp.array(dtype=wp.vec3d),
@@ -349,8 +453,10 @@ def find_rod_forces(
             node_length,
             natural_curvature,
             natural_twist,
+            slope_length,
+            moment_turn,
+            node_stiffness,
             bending_stiffness,
-            twist_stiffness,
             yield_curvature,
             hardening,
             stretch_stiffness,
@@ -369,6 +475,7 @@ def find_rod_forces(
             director,
             plastic_turn,
             curvature,
+            moment,
             twist,
             edge_force,
             force,

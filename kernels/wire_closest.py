@@ -15,6 +15,7 @@ from .control import EVALUATED_GAP, LENGTH_FACTOR, NEAR_GAP, STATUS, STATUS_RUNN
 from .rod_frames import affine_map
 from .wire_curve import (
     CLOSING_RATE,
+    Bump,
     Nodes,
     Powers,
     closest_on_chords,
@@ -264,10 +265,12 @@ def saddle_of(p: Powers, q: Powers, one: wp.vec2d, other: wp.vec2d) -> wp.vec2d:
 
 
 @wp.func
-def least_distance(p: Nodes, q: Nodes, chords: wp.vec2d, bulge_p: wp.float64, bulge_q: wp.float64) -> wp.float64:
+def least_distance(
+    p: Nodes, q: Nodes, chords: wp.vec2d, bulge_p: wp.float64, bulge_q: wp.float64, weight_p: wp.vec4d, weight_q: wp.vec4d
+) -> wp.float64:
     """[m] bound on the distance of two curves: that of their chords at the places `chords`, less the sag of both."""
     r = row(p, 1) + chords[0] * (row(p, 2) - row(p, 1)) - row(q, 1) - chords[1] * (row(q, 2) - row(q, 1))
-    return wp.length(r) - sag(p, bulge_p) - sag(q, bulge_q)
+    return wp.length(r) - sag(p, bulge_p, weight_p) - sag(q, bulge_q, weight_q)
 
 
 @wp.func
@@ -289,6 +292,7 @@ def mark_near_pairs(
     following: wp.array(dtype=wp.int32),
     node_radius: wp.array(dtype=wp.float64),
     rest_bulge: wp.array(dtype=wp.float64),
+    slope_weight: wp.array(dtype=wp.vec4d),
     contact_offset: wp.array(dtype=wp.float64),
     # in: what steers the step
     control: wp.array(dtype=wp.float64),
@@ -317,7 +321,9 @@ def mark_near_pairs(
             q = q + wp.matrix_from_rows(shift, shift, shift, shift)
             chords = closest_on_chords(row(p, 1), row(p, 2), row(q, 1), row(q, 2))
             length_factor = control[LENGTH_FACTOR]
-            bound = least_distance(p, q, chords, length_factor * rest_bulge[i], length_factor * rest_bulge[j])
+            bound = least_distance(
+                p, q, chords, length_factor * rest_bulge[i], length_factor * rest_bulge[j], slope_weight[i], slope_weight[j]
+            )
             bound = bound - length_factor * (node_radius[i] + node_radius[j])
             pair_wake_travel[pair] = wp.max(pair_wake_travel[pair], travel + bound / CLOSING_RATE)
             gap = wp.max(gap, bound - offset)
@@ -342,9 +348,11 @@ def find_closest_places(
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
     node_radius: wp.array(dtype=wp.float64),
+    natural_length: wp.array(dtype=wp.float64),
     rest_slope: wp.array(dtype=wp.vec2d),
-    rest_bump: wp.array(dtype=wp.vec4d),
+    rest_bump: wp.array(dtype=Bump),
     rest_bulge: wp.array(dtype=wp.float64),
+    slope_weight: wp.array(dtype=wp.vec4d),
     contact_offset: wp.array(dtype=wp.float64),
     # in: what steers the step
     control: wp.array(dtype=wp.float64),
@@ -382,12 +390,17 @@ def find_closest_places(
         length_factor = control[LENGTH_FACTOR]
         contact_distance = length_factor * (node_radius[i] + node_radius[j]) + offset
         chords = closest_on_chords(row(p, 1), row(p, 2), row(q, 1), row(q, 2))
-        gap = least_distance(p, q, chords, length_factor * rest_bulge[i], length_factor * rest_bulge[j]) - contact_distance
+        weight_p = slope_weight[i]
+        weight_q = slope_weight[j]
+        gap = least_distance(p, q, chords, length_factor * rest_bulge[i], length_factor * rest_bulge[j], weight_p, weight_q)
+        gap = gap - contact_distance
         if gap > evaluated_gap:
             pair_wake_travel[pair] = travel + (gap + offset) / CLOSING_RATE
             continue
-        curve_p = curve_through(p, length_factor * rest_shape(i, previous, following, rest_slope, rest_bump, tangent, director))
-        curve_q = curve_through(q, length_factor * rest_shape(j, previous, following, rest_slope, rest_bump, tangent, director))
+        shape_p = rest_shape(i, previous, following, natural_length, rest_slope, rest_bump, slope_weight, tangent, director)
+        shape_q = rest_shape(j, previous, following, natural_length, rest_slope, rest_bump, slope_weight, tangent, director)
+        curve_p = curve_through(p, length_factor * shape_p, weight_p)
+        curve_q = curve_through(q, length_factor * shape_q, weight_q)
         one = wp.vec2d()
         other = wp.vec2d()
         from_one = wp.vec3d()

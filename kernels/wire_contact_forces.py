@@ -22,7 +22,7 @@ import warp as wp
 from .control import CONTACT_STIFFNESS, LENGTH_FACTOR, STATUS, STATUS_RUNNING, STEP, TIME_STEP
 from .rod_frames import affine_map
 from .wire_closest import NOT_NEAR, ONE_PLACE, is_bounded
-from .wire_curve import curve_through, derivative_at, node_weights, point_at, rest_shape, row, section_offsets, stencil
+from .wire_curve import Bump, curve_through, derivative_at, node_weights, point_at, rest_shape, row, section_offsets, stencil
 from .wire_friction import previous_slip
 from .wire_motion import node_velocities, point_velocity, section_rate
 from .wire_pairs import NO_COMMON_WIRE
@@ -97,7 +97,8 @@ def find_contact_forces(
     node_radius: wp.array(dtype=wp.float64),
     wire_period: wp.array(dtype=wp.vec3d),
     rest_slope: wp.array(dtype=wp.vec2d),
-    rest_bump: wp.array(dtype=wp.vec4d),
+    rest_bump: wp.array(dtype=Bump),
+    slope_weight: wp.array(dtype=wp.vec4d),
     contact_penalty: wp.array(dtype=wp.float64),
     contact_offset: wp.array(dtype=wp.float64),
     # in: what steers the step
@@ -147,10 +148,12 @@ def find_contact_forces(
         q = q + wp.matrix_from_rows(offset, offset, offset, offset)
         length_factor = control[LENGTH_FACTOR]
         contact_distance = length_factor * (node_radius[i] + node_radius[j])
-        shape_p = length_factor * rest_shape(i, previous, following, rest_slope, rest_bump, tangent, director)
-        shape_q = length_factor * rest_shape(j, previous, following, rest_slope, rest_bump, tangent, director)
-        curve_p = curve_through(p, shape_p)
-        curve_q = curve_through(q, shape_q)
+        shape_p = rest_shape(i, previous, following, natural_length, rest_slope, rest_bump, slope_weight, tangent, director)
+        shape_q = rest_shape(j, previous, following, natural_length, rest_slope, rest_bump, slope_weight, tangent, director)
+        shape_p = length_factor * shape_p
+        shape_q = length_factor * shape_q
+        curve_p = curve_through(p, shape_p, slope_weight[i])
+        curve_q = curve_through(q, shape_q, slope_weight[j])
         separation = pair_arc_separation[pair]
         is_same = separation != NO_COMMON_WIRE
         is_running = control[STATUS] == STATUS_RUNNING
@@ -217,8 +220,8 @@ def find_contact_forces(
             touch_normal[k] = n
             if overlap <= zero:
                 continue
-            w = node_weights(s)
-            v = node_weights(t)
+            w = node_weights(s, slope_weight[i])
+            v = node_weights(t, slope_weight[j])
             levers_p = section_offsets(shape_p, s)
             levers_q = section_offsets(shape_q, t)
             penalty_p = between(contact_penalty[i], contact_penalty[next_i], s)

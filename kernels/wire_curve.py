@@ -2,18 +2,20 @@
 
 On the segment from node 1 to node 2, with nodes 0 and 3 beside it and relative to node 1, for s in 0 .. 1
 
-    p(s) = h10 M1 + h01 (x2 - x1) + h11 M2 + s^2 (1 - s)^2 (B0 + s B1)
-    M1 = (x2 - x0)/2 + A1     M2 = (x3 - x1)/2 + A2
+    p(s) = h10 M1 + h01 (x2 - x1) + h11 M2 + s^2 (1 - s)^2 (B0 + s B1 + s^2 B2 + s^3 B3)
+    M1 = m0 (x1 - x0 + L_before A1) + m1 (x2 - x1 + L A1)     M2 = m2 (x2 - x1 + L A2) + m3 (x3 - x2 + L_next A2)
     h10 = s (1 - s)^2    h01 = s^2 (3 - 2 s)    h11 = s^2 (s - 1)
 
-Without A and B it is a Catmull-Rom curve. With them it equals the true centre line wherever the wire has its rest shape. A
-belongs to a node and rotates with the mean of the two adjacent sections; B belongs to a segment and rotates with its section,
+with the lengths L of the segments at rest. m0 L_before : m1 L = L : L_before, as the slope of the parabola through three nodes. A
+belongs to a node and rotates with the sections of both segments; B belongs to a segment and rotates with its section,
 
-    A = (a1 (d1_before + d1) + a2 (d2_before + d2))/2        B0 = b0 d1 + b1 d2     B1 = b2 d1 + b3 d2
+    A = a1 d1 + a2 d2        B0 = b0 d1 + b1 d2     ...     B3 = b6 d1 + b7 d2
 
-so the curve has a unique tangent at each node in any shape of the wire. A force F at p acts on the four nodes with the weights
+so the curve has a unique direction at each node in any shape of the wire. With a, b and the sizes of m fitted it equals the true
+centre line wherever the wire has its rest shape. Without A and B, and with all m = 1/2, it is a Catmull-Rom curve. A force F at p
+acts on the four nodes with the weights
 
-    w0 = -h10/2    w1 = 1 - h01 - h11/2    w2 = h01 + h10/2    w3 = h11/2
+    w0 = -m0 h10    w1 = 1 - h01 + (m0 - m1) h10 - m2 h11    w2 = h01 + m1 h10 + (m2 - m3) h11    w3 = m3 h11
 
 and on the section of a segment with the couple c x F, where c is the part of p that rotates with it. The weights sum to one, so
 force and moment are conserved, and both are minus the gradient of the energy. Beyond its end a wire is straight: x0 = 2 x1 - x2.
@@ -24,15 +26,17 @@ from typing import Any
 import warp as wp
 
 PARALLEL = wp.constant(wp.float64(1.0e-8))  # squared sine below which two chords count as parallel
-MAX_SLOPE_WEIGHT = wp.constant(wp.float64(2.0 / 27.0))  # largest s (1 - s)^2, times half: slopes are means of two edges
-# largest approach of two curves for a unit motion of all nodes: 2 of their chords, and 8 MAX_SLOPE_WEIGHT of either sag
-CLOSING_RATE = wp.constant(wp.float64(2.0 + 32.0 / 27.0))
+MAX_SLOPE_WEIGHT = wp.constant(wp.float64(4.0 / 27.0))  # largest s (1 - s)^2
+MAX_RATIO = 1.8  # of m0 + |1 - m1| and m3 + |1 - m2|, the largest mean: 1 where segments are alike
+# largest approach of two curves for a unit motion of all nodes: 2 of their chords, and of either sag 2 MAX_SLOPE_WEIGHT MAX_RATIO
+# from either end
+CLOSING_RATE = wp.constant(wp.float64(2.0 + 32.0 / 27.0 * MAX_RATIO))
 
 Nodes = wp.types.matrix(shape=(4, 3), dtype=wp.float64)  # of a segment and adjacent to it, as rows
-Powers = wp.types.matrix(shape=(6, 3), dtype=wp.float64)  # coefficients of 1, s, s^2 .. s^5, as rows
-Shape = wp.types.matrix(
-    shape=(6, 3), dtype=wp.float64
-)  # A1 of the previous and own section, A2 of the own and next section, B0, B1
+Powers = wp.types.matrix(shape=(8, 3), dtype=wp.float64)  # coefficients of 1, s, s^2 .. s^7, as rows
+Bump = wp.types.vector(length=8, dtype=wp.float64)  # b0 .. b7
+# m L A1 of the previous and own section, m L A2 of the own and next section, B0 .. B3
+Shape = wp.types.matrix(shape=(8, 3), dtype=wp.float64)
 
 
 @wp.func
@@ -54,14 +58,14 @@ def hermite_11(s: wp.float64) -> wp.float64:
 
 
 @wp.func
-def node_weights(s: wp.float64) -> wp.vec4d:
-    """w_a(s)."""
-    half = wp.float64(0.5)
-    one = wp.float64(1.0)
+def node_weights(s: wp.float64, m: wp.vec4d) -> wp.vec4d:
+    """w_a(s), with the weights of the edges in the slopes."""
     h10 = hermite_10(s)
     h01 = s * s * (wp.float64(3.0) - wp.float64(2.0) * s)
     h11 = hermite_11(s)
-    return wp.vec4d(-half * h10, one - h01 - half * h11, h01 + half * h10, half * h11)
+    return wp.vec4d(
+        -m[0] * h10, wp.float64(1.0) - h01 + (m[0] - m[1]) * h10 - m[2] * h11, h01 + m[1] * h10 + (m[2] - m[3]) * h11, m[3] * h11
+    )
 
 
 @wp.func
@@ -81,54 +85,62 @@ def rest_shape(
     i: int,
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
+    natural_length: wp.array(dtype=wp.float64),
     rest_slope: wp.array(dtype=wp.vec2d),
-    rest_bump: wp.array(dtype=wp.vec4d),
+    rest_bump: wp.array(dtype=Bump),
+    slope_weight: wp.array(dtype=wp.vec4d),
     tangent: wp.array(dtype=wp.vec3d),
     director: wp.array(dtype=wp.vec3d),
 ) -> Shape:
-    """[m] rest-shape offsets A and B of the curve of segment i, as rows."""
-    half = wp.float64(0.5)
+    """[m] rest-shape offsets m L A and B of the curve of segment i, as rows."""
     own = director[i]
     t = tangent[i]
-    a = half * rest_slope[i]
+    m = slope_weight[i]
+    length = natural_length[i]
+    a = rest_slope[i]
     b = rest_bump[i]
     zero = wp.vec3d()
     before = previous[i]
     if before >= 0:
-        zero = section_vector(director[before], tangent[before], a[0], a[1])
+        zero = (m[0] * natural_length[before]) * section_vector(director[before], tangent[before], a[0], a[1])
     after = following[i]
-    next_a = half * rest_slope[after]
+    next_a = rest_slope[after]
     three = wp.vec3d()
     if following[after] >= 0:
-        three = section_vector(director[after], tangent[after], next_a[0], next_a[1])
+        three = (m[3] * natural_length[after]) * section_vector(director[after], tangent[after], next_a[0], next_a[1])
     return wp.matrix_from_rows(
         zero,
-        section_vector(own, t, a[0], a[1]),
-        section_vector(own, t, next_a[0], next_a[1]),
+        (m[1] * length) * section_vector(own, t, a[0], a[1]),
+        (m[2] * length) * section_vector(own, t, next_a[0], next_a[1]),
         three,
         section_vector(own, t, b[0], b[1]),
         section_vector(own, t, b[2], b[3]),
+        section_vector(own, t, b[4], b[5]),
+        section_vector(own, t, b[6], b[7]),
     )
 
 
 @wp.func
-def curve_through(nodes: Nodes, shape: Shape) -> Powers:
-    """Polynomial coefficients of the curve from node 1 to node 2."""
-    half = wp.float64(0.5)
+def curve_through(nodes: Nodes, shape: Shape, m: wp.vec4d) -> Powers:
+    """Polynomial coefficients of the curve from node 1 to node 2; m are the weights of the edges in the slopes."""
     two = wp.float64(2.0)
     x1 = row(nodes, 1)
     edge = row(nodes, 2) - x1
-    m1 = half * (row(nodes, 2) - row(nodes, 0)) + row(shape, 0) + row(shape, 1)
-    m2 = half * (row(nodes, 3) - x1) + row(shape, 2) + row(shape, 3)
+    m1 = m[0] * (x1 - row(nodes, 0)) + m[1] * edge + row(shape, 0) + row(shape, 1)
+    m2 = m[2] * edge + m[3] * (row(nodes, 3) - row(nodes, 2)) + row(shape, 2) + row(shape, 3)
     b0 = row(shape, 4)
     b1 = row(shape, 5)
+    b2 = row(shape, 6)
+    b3 = row(shape, 7)
     return wp.matrix_from_rows(
         x1,
         m1,
         wp.float64(3.0) * edge - two * m1 - m2 + b0,
         m1 + m2 - two * edge - two * b0 + b1,
-        b0 - two * b1,
-        b1,
+        b0 - two * b1 + b2,
+        b1 - two * b2 + b3,
+        b2 - two * b3,
+        b3,
     )
 
 
@@ -138,32 +150,36 @@ def section_offsets(shape: Shape, s: wp.float64) -> wp.types.matrix(shape=(3, 3)
     h10 = hermite_10(s)
     h11 = hermite_11(s)
     both = s * (wp.float64(1.0) - s)
-    own = h10 * row(shape, 1) + h11 * row(shape, 2) + (both * both) * (row(shape, 4) + s * row(shape, 5))
+    bump = row(shape, 4) + s * (row(shape, 5) + s * (row(shape, 6) + s * row(shape, 7)))
+    own = h10 * row(shape, 1) + h11 * row(shape, 2) + (both * both) * bump
     return wp.matrix_from_rows(h10 * row(shape, 0), own, h11 * row(shape, 3))
 
 
 @wp.func
 def point_at(curve: Powers, s: wp.float64) -> wp.vec3d:
     """p(s) [m]."""
-    s2 = s * s
-    s3 = s2 * s
-    p = row(curve, 0) + s * row(curve, 1) + s2 * row(curve, 2)
-    return p + s3 * row(curve, 3) + (s2 * s2) * row(curve, 4) + (s2 * s3) * row(curve, 5)
+    p = row(curve, 7)
+    for k in range(1, 8):
+        p = row(curve, 7 - k) + s * p
+    return p
 
 
 @wp.func
 def derivative_at(curve: Powers, s: wp.float64) -> wp.vec3d:
     """dp/ds."""
-    s2 = s * s
-    p = row(curve, 1) + (wp.float64(2.0) * s) * row(curve, 2) + (wp.float64(3.0) * s2) * row(curve, 3)
-    return p + (wp.float64(4.0) * s2 * s) * row(curve, 4) + (wp.float64(5.0) * s2 * s2) * row(curve, 5)
+    p = wp.float64(7.0) * row(curve, 7)
+    for k in range(1, 7):
+        p = wp.float64(7 - k) * row(curve, 7 - k) + s * p
+    return p
 
 
 @wp.func
 def second_derivative_at(curve: Powers, s: wp.float64) -> wp.vec3d:
     """d2p/ds2."""
-    p = wp.float64(2.0) * row(curve, 2) + (wp.float64(6.0) * s) * row(curve, 3)
-    return p + (wp.float64(12.0) * s * s) * row(curve, 4) + (wp.float64(20.0) * s * s * s) * row(curve, 5)
+    p = wp.float64(42.0) * row(curve, 7)
+    for k in range(1, 6):
+        p = wp.float64((7 - k) * (6 - k)) * row(curve, 7 - k) + s * p
+    return p
 
 
 @wp.func
@@ -191,11 +207,12 @@ def stencil(
 
 
 @wp.func
-def sag(nodes: Nodes, rest_bulge: wp.float64) -> wp.float64:
+def sag(nodes: Nodes, rest_bulge: wp.float64, m: wp.vec4d) -> wp.float64:
     """[m] bound on the distance of the curve from its chord: 4/27 of the slope differences at both ends, plus the bulge."""
+    one = wp.float64(1.0)
     edge = row(nodes, 2) - row(nodes, 1)
-    before = wp.length(edge - (row(nodes, 1) - row(nodes, 0)))
-    after = wp.length(edge - (row(nodes, 3) - row(nodes, 2)))
+    before = wp.length(m[0] * (row(nodes, 1) - row(nodes, 0)) + (m[1] - one) * edge)
+    after = wp.length(m[3] * (row(nodes, 3) - row(nodes, 2)) + (m[2] - one) * edge)
     return MAX_SLOPE_WEIGHT * (before + after) + rest_bulge
 
 

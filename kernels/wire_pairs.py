@@ -144,6 +144,7 @@ def find_segment_pairs(
     node_arc: wp.array(dtype=wp.float64),
     node_radius: wp.array(dtype=wp.float64),
     rest_bulge: wp.array(dtype=wp.float64),
+    slope_weight: wp.array(dtype=wp.vec4d),
     wire_closed: wp.array(dtype=wp.int32),
     wire_length: wp.array(dtype=wp.float64),
     wire_period: wp.array(dtype=wp.vec3d),
@@ -181,7 +182,7 @@ def find_segment_pairs(
     p1 = row(p, 1)
     p2 = row(p, 2)
     length_factor = control[LENGTH_FACTOR]
-    bulge = sag(p, length_factor * rest_bulge[i])
+    bulge = sag(p, length_factor * rest_bulge[i], slope_weight[i])
     zero = wp.float64(0.0)
     half = wp.float64(0.5)
     middle = half * (p1 + p2)
@@ -231,7 +232,8 @@ def find_segment_pairs(
             gap = wp.length(p1 + near[0] * (p2 - p1) - r1 - near[1] * (r2 - r1)) - bulge
             if gap > search_distance + max_sag * length[j]:
                 continue
-            gap -= sag(stencil(j, previous, following, position, length, tangent), length_factor * rest_bulge[j])
+            q = stencil(j, previous, following, position, length, tangent)
+            gap -= sag(q, length_factor * rest_bulge[j], slope_weight[j])
             if gap > search_distance:
                 continue
             if is_filling != 0:

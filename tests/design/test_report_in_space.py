@@ -42,7 +42,7 @@ def every_segment(r: SpatialObservables):
     periods = r.gradient @ np.diag(r.model.panel.size)
     place = [*r.position[:, :2]]
     per_length = 4.0 * MATERIALS[wire.material].resistivity / (np.pi * wire.diameter**2)
-    ohms_along = per_length * rods.natural_length * r.length_factor
+    ohms_along = per_length * rods.natural_arc * r.length_factor
     ends, reach, ohms, at = [], [], [], {}
     for node, following in enumerate(rods.following):
         last = rods.wire_first[rods.wire_of[node]] + rods.wire_count[rods.wire_of[node]] - 1
@@ -91,8 +91,8 @@ def test_arcs_of_contacts_add_up_to_the_wire(state):
 
 def test_openings_are_those_of_the_planar_mesh_of_equal_strain(state):
     """In plan view both models have the same wires, but for what contacts push them apart by, 0.1 d on either side, and two steps
-    of the grid of d/5. Drawn through as many nodes, as chords cut off the arcs."""
-    (planar,) = states_at(mesh_of(scene_of("planar", "model.nodes_per_loop=48")), [np.diag(1.0 + np.array(STRAINS))])
+    of the grid of d/5."""
+    (planar,) = states_at(mesh_of(scene_of("planar")), [np.diag(1.0 + np.array(STRAINS))])
     mine, other = (max(opening.circle for opening in openings(one)) for one in (state, planar))
     assert mine == pytest.approx(other, abs=0.6 * state.model.scene.wire.thickness)
 

@@ -93,7 +93,7 @@ def test_interrupt_and_resume_give_the_same_bits(tmp_path: Path, monkeypatch: py
     assert len(rows) == 5 and float(rows[-1]["dissipated_J"]) > 0.0
     summary = json.loads((parts / "summary.json").read_text())
     assert summary["solver"]["drive"] == "ramp" and summary["solver"]["time_step_s"] < 1e-5
-    assert abs(summary["quality"]["energy_balance"]) < 0.01
+    assert abs(summary["quality"]["energy_balance"]) < 0.015
     assert any("kinetic energy reached" in line for line in summary["warnings"])
 
 

@@ -97,7 +97,7 @@ def test_pairs_are_those_of_a_search_by_all_images(tile: tuple[float, float]) ->
         along = np.abs(arc[j] - arc[i] + turns * rods.wire_length[wire[i]])
         along = np.where(wire[i] == 2, np.minimum(along, rods.wire_length[2] - along), along)
         after, before = rods.following, rods.previous
-        spacing = np.where(after[i] == j, rods.natural_length[i], np.where(before[i] == j, rods.natural_length[j], -1.0))
+        spacing = np.where(after[i] == j, rods.natural_arc[i], np.where(before[i] == j, rods.natural_arc[j], -1.0))
         left_out = is_same & (
             (np.abs(along - spacing) < 1e-9) | (along + np.maximum(size[i], size[j]) < 0.5 * MIN_ARC_SEPARATION)
         )

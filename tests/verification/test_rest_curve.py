@@ -31,7 +31,7 @@ def line_of(*curves: np.ndarray, nodes: int, step: float) -> tuple[Rods, CentreL
     s = np.arange(nodes) * step
     slope = np.concatenate([(f(s + 1e-5) - f(s - 1e-5)) / 2e-5 for f in curves])
     between = np.concatenate([f(s[:, None] + FIT_PLACES * step) - f(s)[:, None] for f in curves])
-    return rods_of(SECTION, [f(s) for f in curves]), CentreLine(slope, between)
+    return rods_of(SECTION, [f(s) for f in curves]), CentreLine(slope, between, np.full(len(slope), step))
 
 
 def hooked(angle: float, bow: float, gap: float, *, lean: float = 0.0, along: float = 0.0) -> tuple[Rods, CentreLine]:

@@ -49,7 +49,8 @@ def test_forces_and_moments_are_the_gradient_of_the_energy(seed: int) -> None:
 
 
 def test_a_tension_that_keeps_arcs_is_the_gradient_of_their_energy() -> None:
-    """Where T/EA is the strain of the arc, |e|/L - 1 + (|a|^2 + |a'|^2)/48 less that at rest, the energy is EA L/2 its square.
+    """Where T/EA is the strain of the arc, |e|/L - 1 + ((L/l)^2 |a|^2 + (L/l')^2 |a'|^2)/48 less that at rest, with the arcs L of
+    segments and l of nodes, the energy is EA L/2 its square.
 
     Central differences are off by (step)^2 and round-off/step.
     """
@@ -59,8 +60,8 @@ def test_a_tension_that_keeps_arcs_is_the_gradient_of_their_energy() -> None:
     length = np.where(pose.has_segment, rods.natural_length, 0.0)
 
     def bow() -> np.ndarray:
-        square = np.sum(state.curvature.numpy() ** 2, axis=1)
-        return (square + square[rods.following]) / 48
+        square = np.sum((state.curvature.numpy() / rods.node_length[:, None]) ** 2, axis=1)
+        return rods.slope_length**2 * (square + square[rods.following]) / 48
 
     def arc_energy(move: np.ndarray, turn: np.ndarray) -> float:
         stored, *_ = pose.at(move, turn)  # with chords: no offset, and the whole stiffness
@@ -196,7 +197,7 @@ def test_step_bound_of_a_straight_wire_is_sharp(rules: str) -> None:
     assert grown[0] < 1e3 < 1e6 < grown[1]
 
 
-@pytest.mark.parametrize(("turn", "tightness"), [(0.05, 0.99), (0.4, 0.9), (1.2, 0.6)])
+@pytest.mark.parametrize(("turn", "tightness"), [(0.05, 0.99), (0.4, 0.88), (1.2, 0.6)])
 def test_step_bound_of_a_coil_holds(turn: float, tightness: float) -> None:
     """The largest w^2 of M^-1 K of an open coil, by differences, is below the bound; its step is at most 1/tightness of the
     bound's.

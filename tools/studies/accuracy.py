@@ -10,7 +10,8 @@ scene is run at each setting, tiles in five levels, patches in one, hooks in the
 precision to a tolerance of 1e-4 (1e-3 of patches and with friction). Leaves presets.csv, a row a scene and setting, and prints
 the worst and the median error of each setting; goes on with the scenes that are missing there.
 
-*space*: the same of the presets in space, on the tile of the double atlas and on two tight knits, in presets_spatial.csv.
+*space*: the same of the presets in space, on the tile of the double atlas, on two tight knits, and on four of thick wire, in
+presets_spatial.csv.
 
 *estimate*: is the error that `warpknit run --error 2` estimates above the true one? Ten scenes that its numbers were not set by,
 each run as `run --error` runs it, in five levels, and then with CHECK_NODES in double precision to a tolerance of 1e-4 (1e-3 of a
@@ -158,10 +159,15 @@ def rows_of(name: str, file: str, overrides: Sequence[str], quick: bool) -> Iter
 
 
 SPACE = "model.kind=spatial"
-TRUE_IN_SPACE = (("model.nodes_per_loop", 160), ("solver.residual_tolerance", 1e-4))
+TRUE_IN_SPACE = (("model.nodes_per_loop", 128), ("solver.residual_tolerance", 1e-4))
 TIGHT_KNITS = {
     "closed tricot of two bars": '[{chain = "1-0/1-2"}, {chain = "1-2/1-0"}]',
     "locknit": TRICOT,
+}
+JAMMED_KNITS = {  # of thick wire at 26 wales and 30 courses an inch
+    **TIGHT_KNITS,
+    "single atlas": '[{chain = "1-0/1-2/2-3/2-1"}]',
+    "reverse locknit": '[{chain = "2-3/1-0"}, {chain = "1-0/1-2"}]',
 }
 
 
@@ -176,6 +182,9 @@ def scenes_in_space() -> dict[str, tuple[str, ...]]:
     for name, bars in TIGHT_KNITS.items():
         for e in (0.02, 0.05):
             found[f"{name} {100 * e:g} %"] = (f"knit.bars={bars}", "knit.repeats=[3, 2]", *both(e, e))
+    tight = (*MOLYBDENUM, "knit.wale_spacing='0.98 mm'", "knit.course_spacing='0.85 mm'")
+    for name, bars in JAMMED_KNITS.items():
+        found[f"{name}, 30 um, 6 %"] = (f"knit.bars={bars}", *tight, *both(0.06, 0.06))
     return found
 
 

@@ -167,7 +167,7 @@ def without_twist(mesh: SpatialModel) -> SpatialModel:
 def with_high_crossings(mesh: SpatialModel, height: float = HIGH) -> SpatialModel:
     up, wires = np.array([1.0, 1.0, height]), mesh.wires
     assert wires.line is not None
-    line = CentreLine(wires.line.slope * up, wires.line.between * up)
+    line = CentreLine(wires.line.slope * up, wires.line.between * up, wires.line.step)
     wires = replace(wires, points=tuple(points * up for points in wires.points), line=line)
     rods = rods_of_wires(mesh.rods.section, mesh.panel, wires)
     return replace(mesh, wires=wires, rods=rods, curve=fit_rest_curve(rods, line))

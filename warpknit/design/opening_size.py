@@ -34,8 +34,10 @@ class Opening:
 def openings(r: Observables) -> list[Opening]:
     """The openings of one tile of a periodic mesh, the largest first."""
     layout = r.model.layout()
-    node = r.node_position[:, :2]
-    starts, counts = layout.wire_start[:-1], np.diff(layout.wire_start)
+    node = r.node_position[:, None, :2]
+    points = np.concatenate([node, node + r.between[..., :2]], axis=1)
+    node = points.reshape(-1, 2)  # and points of the curve between them
+    starts, counts = points.shape[1] * layout.wire_start[:-1], points.shape[1] * np.diff(layout.wire_start)
     period = r.gradient @ [0.0, layout.period[1]]
     wires = [node[first : first + count] for first, count in zip(starts, counts, strict=True)]
     ends = np.concatenate([np.append(wire[1:], wire[:1] + period, axis=0) for wire in wires])

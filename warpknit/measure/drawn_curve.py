@@ -32,6 +32,14 @@ class WireCurve:
         powers = s ** np.arange(self.bump.shape[1])
         return smooth + (s * (1 - s)) ** 2 * np.einsum("mp,mpa->ma", powers, self.bump[node])
 
+    def derivative(self, node: np.ndarray, s: np.ndarray) -> np.ndarray:
+        """(m, 3) [m] dp/ds at s (m,) on the segments behind nodes (m,)."""
+        s = s[:, None]
+        smooth = (1 - s) * (1 - 3 * s) * self.begin[node] + 6 * s * (1 - s) * self.edge[node] + s * (3 * s - 2) * self.end[node]
+        power = np.arange(self.bump.shape[1])
+        shape = (s * (1 - s)) * (2 * (1 - 2 * s) * s**power + (1 - s) * power * s**power)
+        return smooth + np.einsum("mp,mpa->ma", shape, self.bump[node])
+
     def between(self, parts: int) -> np.ndarray:
         """(node, parts - 1, 3) [m] the same at equal steps of s (`Frame.between`)."""
         nodes = np.arange(len(self.edge))

@@ -42,7 +42,7 @@ class WireStress:
     """Stress in the outermost fibre of the wires [Pa]."""
 
     node: np.ndarray  # [node]
-    contact: np.ndarray  # [touching pair] maximum between two nodes, under a contact; empty where nodes resolve it
+    contact: np.ndarray  # [place] between two nodes: under a contact, in space also elsewhere on the segments
 
 
 class MeshModel(Protocol):

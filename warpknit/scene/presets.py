@@ -12,7 +12,8 @@ class Preset:
     """Defaults of the keys that a scene leaves out."""
 
     nodes_per_loop: int  # model.nodes_per_loop
-    spatial_nodes_per_loop: int  # the same in space, where wires touch with their own thickness
+    spatial_nodes_per_loop: int  # the same in space, where they are closer together at bends (spatial/node_places.py)
+    spatial_ramp_nodes_per_loop: int  # the same in a ramp in space, at equal distances
     ramp_nodes_per_loop: int  # the same in a ramp, whose segments keep the length of their chords and not of their arcs
     axial_softening: float  # solver.axial_softening: EA is divided by it in the dynamics
     ramp_axial_softening: float  # the same in a ramp, where nothing takes its error out again
@@ -40,7 +41,7 @@ class Preset:
             "planar": numerics,
             "spatial": replace(
                 numerics,
-                nodes_per_loop=self.spatial_nodes_per_loop,
+                nodes_per_loop=self.spatial_nodes_per_loop if drive == "relax" else self.spatial_ramp_nodes_per_loop,
                 axial_softening=softening,
                 precision="double",
                 error_percent=self.spatial_error_percent,
@@ -58,7 +59,8 @@ PRESETS = {
     "draft": Preset(
         nodes_per_loop=12,
         ramp_nodes_per_loop=16,
-        spatial_nodes_per_loop=48,
+        spatial_nodes_per_loop=20,
+        spatial_ramp_nodes_per_loop=48,
         axial_softening=1000.0,
         ramp_axial_softening=100.0,
         precision="single",
@@ -66,13 +68,14 @@ PRESETS = {
         residual_tolerance=1e-2,
         error_percent=2.1,
         node_steps=1.03e5,
-        spatial_error_percent=17.0,
-        spatial_node_steps=3.2e5,
+        spatial_error_percent=2.7,
+        spatial_node_steps=1.38e5,
     ),
     "standard": Preset(
         nodes_per_loop=16,
         ramp_nodes_per_loop=28,
-        spatial_nodes_per_loop=64,
+        spatial_nodes_per_loop=28,
+        spatial_ramp_nodes_per_loop=64,
         axial_softening=1000.0,
         ramp_axial_softening=30.0,
         precision="single",
@@ -80,13 +83,14 @@ PRESETS = {
         residual_tolerance=3e-3,
         error_percent=1.7,
         node_steps=1.84e5,
-        spatial_error_percent=1.6,
-        spatial_node_steps=4.6e5,
+        spatial_error_percent=1.4,
+        spatial_node_steps=2.12e5,
     ),
     "reference": Preset(
         nodes_per_loop=48,
         ramp_nodes_per_loop=72,
-        spatial_nodes_per_loop=128,
+        spatial_nodes_per_loop=64,
+        spatial_ramp_nodes_per_loop=128,
         axial_softening=200.0,
         ramp_axial_softening=1.0,
         precision="double",
@@ -94,8 +98,8 @@ PRESETS = {
         residual_tolerance=1e-4,
         error_percent=0.1,
         node_steps=4.6e6,
-        spatial_error_percent=0.7,
-        spatial_node_steps=1.7e6,
+        spatial_error_percent=0.5,
+        spatial_node_steps=1.32e6,
     ),
 }
 DEFAULT_PRESET = "standard"

@@ -77,7 +77,7 @@ def contact_places(r: Any) -> ContactPlaces:
     node = np.stack([contacts.first, contacts.second], axis=1)[kept]
     place, shift = contacts.place[kept], contacts.shift[kept]
     rest = np.stack([r.rest_place(node[:, side], place[:, side]) for side in (0, 1)], axis=1)
-    lengths = rods.natural_length * r.length_factor
+    lengths = rods.natural_arc * r.length_factor
     wire = rods.wire_of[node]
     return ContactPlaces(
         force=contacts.force[kept],

@@ -6,16 +6,17 @@ square of the nodes. A mass that is itself a difference operator along the wire 
 and b, with turning angle p, moment m and lengths l, and per segment with axial stiffness K and tension T, the stiffness is
 bounded by
 
-    (1 + e) (EI/l_n + bow) |dx_b/l_b - dx_a/l_a|^2                bending across; bow = (T_a l_a + T_b l_b)/24, kernels/bend.py
-    [(1 + 1/e) EI + GJ] p^2/(2 l_n) (|dx_a|^2/l_a^2 + |dx_b|^2/l_b^2)        turning edges: the normals of a and b differ by p,
+    (1 + e) (B/l_n + bow) |dx_b/l_b - dx_a/l_a|^2                 bending across; bow = (T_a l_a + T_b l_b)/24, kernels/bend.py
+    [(1 + 1/e) B + GJ] p^2/(2 l_n) (|dx_a|^2/l_a^2 + |dx_b|^2/l_b^2)        turning edges: the normals of a and b differ by p,
                                                                   |n_b . v - n_a . u|^2 <= (1 + e)|v - u|^2 + (1 + 1/e) p^2 ...
     |m| (|dx_a|^2/l_a^2 + |dx_b|^2/l_b^2)                         second derivative of the angle
     (K + T)/l |dx|^2                                              stretch along the segment, tension across
     k (sum of |w n|) |w_i n_x| dx_i^2, ...                        a contact k (w n . dx)^2 of normal n, by Cauchy and Schwarz,
                                                                   and the same along y and z
 
-with the difference dx of the displacements of the two nodes of a segment; and of twist by GJ/l_n (df_b - df_a)^2 and
-EI p^2/(2 l_n) (df_a^2 + df_b^2). Displacements and twist are coupled: the stiffness of both is bounded by 1 + COUPLING times the
+with the difference dx of the displacements of the two nodes of a segment and B = 19/9 EI, by which slopes of moments stiffen the
+shortest waves (kernels/rod_forces.py); and of twist by EI/l_n (df_b - df_a)^2, as a sharp turn couples bending and twist, and
+B p^2/(2 l_n) (df_a^2 + df_b^2). Displacements and twist are coupled: the stiffness of both is bounded by 1 + COUPLING times the
 first and 1 + 1/COUPLING times the second. A quarter of the bound is the mass at the stability limit.
 
 A uniform mass moves waves longer than `wave_length`, which carry almost no force.
@@ -32,6 +33,7 @@ from ..kernels.banded_mass import HELD_NODE, HELD_TURN
 from ..kernels.bend import BOW
 from ..numerics import MASS_MARGIN
 from .rods import Rods
+from .step_bound import SLOPE_FACTOR
 
 TURNED = 2.0  # e of the bound
 COUPLING = 0.5  # of displacements and twist
@@ -102,9 +104,11 @@ class BandedMasses:
         pull = MORE_TENSION * np.maximum(tension, 0.0)
         turn_square = (turning[inner] + MORE_TURN) ** 2
         # bending across
-        bend = section.bending_stiffness / self._node_length
+        stiffest = SLOPE_FACTOR * section.bending_stiffness
+        bend = stiffest / self._node_length
         if keeps_arc_length:
-            bend = bend + 2.0 * float(BOW) * (pull[before] * previous + pull[inner] * own)
+            weight, next_weight = self._rods.bow_weights
+            bend = bend + 2.0 * float(BOW) * (pull[before] * previous * next_weight[before] + pull[inner] * own * weight[inner])
         bend = (1.0 + TURNED) * self._bend_share * bend
         a, c = 1.0 / previous, 1.0 / own
         b = -(a + c)
@@ -115,9 +119,7 @@ class BandedMasses:
         next_mass += np.bincount(before, bend * a * b, nodes) + np.bincount(inner, bend * b * c, nodes)
         second_mass += np.bincount(before, bend * a * c, nodes)
         # along the segments
-        turned = (
-            ((1.0 + 1.0 / TURNED) * section.bending_stiffness + section.twist_stiffness) * turn_square / (2.0 * self._node_length)
-        )
+        turned = ((1.0 + 1.0 / TURNED) * stiffest + section.twist_stiffness) * turn_square / (2.0 * self._node_length)
         turned = turned + np.abs(moment[inner])
         edge = np.bincount(before, turned * a**2, nodes) + np.bincount(inner, turned * c**2, nodes)
         segment, end = self._segment, self._end
@@ -125,10 +127,10 @@ class BandedMasses:
         mass += np.bincount(segment, edge, nodes) + np.bincount(end, edge, nodes)
         next_mass -= np.bincount(segment, edge, nodes)
         # twist
-        twist = section.twist_stiffness / self._node_length
+        twist = max(section.twist_stiffness, section.bending_stiffness) / self._node_length
         spin = np.bincount(before, twist, nodes) + np.bincount(inner, twist, nodes)
         next_spin = -np.bincount(before, twist, nodes)
-        bent = section.bending_stiffness * turn_square / (2.0 * self._node_length)
+        bent = stiffest * turn_square / (2.0 * self._node_length)
         spin += np.bincount(before, bent, nodes) + np.bincount(inner, bent, nodes)
         share, spin_share = (0.25 * MASS_MARGIN * (1.0 + x) for x in (COUPLING, 1.0 / COUPLING))
         return Masses(

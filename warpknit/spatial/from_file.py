@@ -46,7 +46,7 @@ def panel_of_wires(section: Section, wires: Wires, loop_length: float) -> tuple[
     if wires.rest_lengths is not None:
         own = rods.natural_length.copy()
         own[rods.following >= 0] = np.concatenate(wires.rest_lengths)
-        rods = replace(rods, natural_length=own)
+        rods = replace(rods, natural_length=own, natural_arc=own * rods.natural_arc / rods.natural_length)
     rods = rods.holding(placed.held_node.tolist(), placed.held_section.tolist())
     return _panel(wires, hooks, placed, first, count, section.thickness), placed, rods
 

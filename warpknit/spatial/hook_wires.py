@@ -61,7 +61,7 @@ def hook_wires(hook: Hook, panel: Panel, segments: int) -> SpatialWires:
     return SpatialWires(
         points=points,
         tile=np.zeros(3),
-        line=CentreLine(np.concatenate([one.slope for one in lines]), np.concatenate([one.between for one in lines])),
+        line=CentreLine.joined(lines),
         held_node=held.ravel(),
         held_lever=lever,
         held_section=held[:, [0, 2]].ravel(),

@@ -27,7 +27,7 @@ from .from_file import panel_of_wires
 from .hook_wires import hook_wires
 from .placed_wires import SpatialWires, place_wires
 from .ramp_masses import RampNumerics, ramp_numerics
-from .rest_curve import RestCurve, catmull_rom, fit_rest_curve
+from .rest_curve import RestCurve, along_centre_line, catmull_rom, fit_rest_curve
 from .rod_arrays import RodState, rest_state
 from .rods import Rods, Section, rods_of
 
@@ -182,12 +182,12 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
         table = hook_table(scene.hook, segments=segments, set_fraction=set_fraction)
         panel = hook_panel(scene.hook, table, set_fraction=set_fraction)
         wires = hook_wires(scene.hook, panel, segments)
-        rods = rods_of(section, wires.points).holding(wires.held_node, wires.held_section)
+        rods = along_centre_line(rods_of(section, wires.points), wires.line).holding(wires.held_node, wires.held_section)
         length = scene.hook.length
         return _assemble(scene, None, table, panel, wires, rods, length / segments, length, device)
     cloth = knit_scene(scene)
     table, panel, loop_length = lay_out(scene, cloth)
-    wires = place_wires(cloth, table, panel)
+    wires = place_wires(cloth, table, panel, section.thickness, evenly=scene.solver.drive == "ramp")
     rods = rods_of_wires(section, panel, wires)
     return _assemble(scene, cloth, table, panel, wires, rods, float(table.spacing.min()), loop_length, device)
 
@@ -251,4 +251,4 @@ def rods_of_wires(section: Section, panel: Panel, wires: SpatialWires) -> Rods:
     closed = panel.boundary == "periodic"
     up = np.array([0.0, panel.size[1], 0.0])
     rods = rods_of(section, wires.points, [up if closed else None] * len(wires.points), tile=wires.tile)
-    return rods.holding(wires.held_node, wires.held_section)
+    return along_centre_line(rods, wires.line).holding(wires.held_node, wires.held_section)

@@ -23,7 +23,8 @@ from ..measure.observables import Energies, WireStress
 from .contact_places import contact_places, site_places
 from .hook_contact import hook_contact
 from .model import SpatialModel
-from .rest_curve import offsets_at, spatial_curve
+from .moments import bending_moments
+from .rest_curve import section_offsets, spatial_curve
 from .rod_relaxation import RodRelaxation
 from .sites import NOWHERE, Sites
 from .wire_contact import Contacts, WireContact
@@ -42,7 +43,8 @@ class SpatialObservables(Boundary):
     director: np.ndarray  # (node, 3) across the segment
     tension: np.ndarray  # [N] of the segments; 0 of rigid ones between held nodes
     rigid_pull: float  # [J] of rigid segments: tension times rest length, in the plane
-    curvature_change: np.ndarray  # (node, 2) [1/m] elastic
+    segment_tangent: np.ndarray  # (node, 3)
+    moment: np.ndarray  # (node, 3) [N m] against turns along the section directors, and twist
     plastic_curvature: np.ndarray  # (node, 2) [1/m] plastic
     twist_change: np.ndarray  # [1/m]
     segment_force: np.ndarray  # (node, 3) [N]
@@ -93,7 +95,9 @@ class SpatialObservables(Boundary):
         behind = np.where((rods.following[after] >= 0)[:, None], edge[after], here)
         s = place[:, None]
         h10, h01, h11 = s * (1 - s) ** 2, s * s * (3 - 2 * s), s * s * (s - 1)
-        return rods.position[node] + 0.5 * h10 * (before + here) + h01 * here + 0.5 * h11 * (here + behind)
+        m = self.model.curve.slope_weight[node][:, :, None]
+        begin, end = m[:, 0] * before + m[:, 1] * here, m[:, 2] * here + m[:, 3] * behind
+        return rods.position[node] + h10 * begin + h01 * here + h11 * end
 
     @property
     def thermal_force(self) -> float:
@@ -136,7 +140,7 @@ class SpatialObservables(Boundary):
     @cached_property
     def touching_site(self) -> tuple[np.ndarray, np.ndarray]:
         """Site and sign [contact] of the touching contacts (`Sites.of`)."""
-        return self.sites.of(self.touching.first, self.touching.second, self.touching.shift)
+        return self.sites.of(self.touching.first, self.touching.second, self.touching.shift, self.touching.place)
 
     @cached_property
     def site_force(self) -> np.ndarray:
@@ -157,7 +161,7 @@ class SpatialObservables(Boundary):
     def body_near(self) -> np.ndarray:
         """[site] whether its wires are closer than NEAR, the measure of the paper."""
         found = np.zeros(self.sites.count, dtype=bool)
-        site, _ = self.sites.of(self.near.first, self.near.second, self.near.shift)
+        site, _ = self.sites.of(self.near.first, self.near.second, self.near.shift, self.near.place)
         found[site[site != NOWHERE]] = True
         return found
 
@@ -191,13 +195,14 @@ class SpatialObservables(Boundary):
 
     @cached_property
     def wire_stress(self) -> WireStress:
-        """[Pa] E (d/2) |kappa - kappa0| + N E/EA at the nodes, with the larger tension of the two segments."""
+        """[Pa] E (d/2) M/EI + N E/EA with the moments of moments.py; at nodes the larger tension of the two segments."""
         wire, rods = self.model.scene.wire, self.model.rods
-        bending = wire.youngs_modulus * wire.radius * np.linalg.norm(self.curvature_change, axis=1)
-        own = np.abs(self.tension)
+        own = np.abs(self.tension) * wire.youngs_modulus / wire.axial_stiffness
         before = np.where(rods.previous >= 0, own[rods.previous], 0.0)
-        node = bending + np.maximum(own, before) * wire.youngs_modulus / wire.axial_stiffness
-        return WireStress(node, np.zeros(0))
+        moments, per_moment = bending_moments(self), wire.youngs_modulus * wire.radius / wire.bending_stiffness
+        between = (own[:, None] + per_moment * moments.between)[rods.slope_length > 0.0]
+        peaks = np.concatenate([between.ravel(), own[moments.segment] + per_moment * moments.contact])
+        return WireStress(np.maximum(own, before) + per_moment * moments.node, peaks)
 
     @property
     def shear_stress(self) -> np.ndarray:
@@ -290,13 +295,11 @@ def read(
     inside = (rods.following >= 0) & (rods.previous >= 0)
     share = np.divide(1.0, rods.node_length * factor, out=np.zeros(rods.node_count), where=inside)
     yielding = stepper.yielding
-    bent = share[:, None] * yielding.elastic
     twisted = share * (fetch(state.twist) - fetch(stepper.arrays.natural_twist))
     segment_tension, tangent = relaxation.tension(), fetch(state.tangent)
     tension = np.where(relaxation.can_stretch, segment_tension, 0.0)
     length = np.where(rods.following >= 0, rods.natural_length * factor, 0.0)
     touching = contact.read_contacts()
-    hinge = section.bending_stiffness * np.sum(bent**2, axis=1) + section.twist_stiffness * twisted**2
     return SpatialObservables(
         model=model,
         sites=sites,
@@ -305,14 +308,15 @@ def read(
         director=fetch(state.director).copy(),
         tension=tension,
         rigid_pull=float(np.sum((segment_tension - tension)[:, None] * tangent[:, :2] * rods.rest_edge[:, :2])),
-        curvature_change=bent,
+        segment_tangent=tangent.copy(),
+        moment=fetch(state.moment).copy(),
         plastic_curvature=share[:, None] * yielding.plastic,
         twist_change=twisted,
         segment_force=stepper.segment_forces(),
         force=fetch(state.force).copy(),
         stretch_stiffness=relaxation.stored_stiffness,
         stretch_energy=float(np.sum(0.5 * tension**2 * length / relaxation.stored_stiffness)),
-        bend_energy=float(np.sum(0.5 * hinge * rods.node_length * factor)),
+        bend_energy=yielding.elastic_energy,
         hardened_energy=yielding.hardened_energy,
         contact_growth=_contact_growth(model, touching, tangent, fetch(state.director)),
         thermal_strain=relaxation.thermal_strain,
@@ -322,12 +326,13 @@ def read(
 
 
 def _contact_growth(model: SpatialModel, t: Contacts, tangent: np.ndarray, director: np.ndarray) -> float:
-    """[J] sum over contacts of N (r_p + r_q - n . (a_p - a_q)), with the offsets a of `offsets_at`."""
+    """[J] sum over contacts of N (r_p + r_q - n . (a_p - a_q)), with the offsets a of `section_offsets`."""
     if not len(t.force):
         return 0.0
     rods = model.rods
     own, other = (
-        offsets_at(rods, model.curve, tangent, director, node, t.place[:, k]) for k, node in enumerate((t.first, t.second))
+        section_offsets(rods, model.curve, tangent, director, node, t.place[:, k]).sum(axis=1)
+        for k, node in enumerate((t.first, t.second))
     )
     thick = rods.wire_radius[rods.wire_of[t.first]] + rods.wire_radius[rods.wire_of[t.second]]
     return float(np.sum(t.force * (thick - np.sum(t.normal * (own - other), axis=1))))

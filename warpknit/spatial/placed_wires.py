@@ -1,11 +1,12 @@
 """Nodes of the wires of a panel (mesh/panel.py) in space, closed or clamped at both ends.
 
-A closed wire keeps the nodes of the panel. A clamped wire is divided evenly from clamp to clamp: each clamp sits in the middle of
-the first or last segment and holds its two nodes and its section.
+A closed wire has as many nodes as the panel, at other places (node_places.py). On a clamped wire each clamp sits in the middle of
+the first or last segment, half as long as its neighbours, and holds its two nodes and its section.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -16,9 +17,11 @@ from ..knit.cloth import Cloth
 from ..mesh.panel import Panel
 from ..mesh.rest_table import Table
 from ..mesh.thread_curve import ThreadCurve
+from .node_places import SpacedThread
 from .rest_curve import FIT_PLACES, CentreLine
 
 MIN_SEGMENTS = 3  # between two clamps
+HELD = 0.25  # node spacings that a clamp holds on either side: the error of a clamp goes with their square
 SEARCHED = 3.0  # node spacings from the panel's first node, within which the clamp is searched
 
 
@@ -52,29 +55,26 @@ class SpatialWires:
     sliding_clamp: np.ndarray | None = None  # clamps, of two held nodes each, that slide along the warp; None: none
 
 
-def place_wires(cloth: Cloth, table: Table, panel: Panel) -> SpatialWires:
-    """Place the wires of a panel in space."""
+def place_wires(cloth: Cloth, table: Table, panel: Panel, thickness: float, *, evenly: bool = False) -> SpatialWires:
+    """Place the wires of a panel in space; thickness [m] of the wire; evenly: with nodes at equal distances."""
     wire = panel.pair_wire.reshape(-1, 2)
     seed = panel.pair_seed.reshape(-1, 2) - panel.wire_first[wire]
     low, high = panel.pair_low.reshape(-1, 2), panel.pair_high.reshape(-1, 2)
+    threads = [
+        SpacedThread(ThreadCurve(thread, cloth.size[1]), int(nodes), thickness, evenly=evenly)
+        for thread, nodes in zip(cloth.threads, table.nodes, strict=True)
+    ]
     if panel.boundary == "periodic":
-        entry = panel.node_entry
-        origin = np.repeat(panel.block_origin, panel.block_count, axis=0)
-        position = np.stack([table.x[entry] + origin[:, 0], table.y[entry] + origin[:, 1], table.z[entry]], axis=1)
-        none = np.zeros(0, dtype=np.int64)
-        split = tuple(np.split(position, panel.wire_first[1:]))
-        line = _line_of_panel(cloth, table, panel)
-        return SpatialWires(split, np.array([*panel.size, 0.0]), line, none, np.zeros((0, 2)), none, wire, seed, low, high)
+        return _closed_wires(threads, table, panel, wire, seed, low, high)
     points: list[np.ndarray] = []
     lines: list[CentreLine] = []
-    starts, shares = [], []
+    places = []
     for w in range(len(panel.wire_first)):
-        along, line, place, share = _clamped_wire(cloth, table, panel, w)
+        along, line, place = _clamped_wire(threads[int(panel.wire_thread[w])], table, panel, w)
         points.append(along)
         lines.append(line)
-        starts.append(place)
-        shares.append(share)
-    start, share = np.array(starts)[wire], np.array(shares)[wire]
+        places.append(place)
+    seed, low, high = _site_places(seed, low, high, lambda number, side: _at(places, wire[:, side], number))
     count = np.array([len(p) for p in points])
     first = np.concatenate([[0], np.cumsum(count)[:-1]])
     held = np.stack([first, first + 1, first + count - 2, first + count - 1], axis=1)
@@ -83,57 +83,96 @@ def place_wires(cloth: Cloth, table: Table, panel: Panel) -> SpatialWires:
     return SpatialWires(
         points=tuple(points),
         tile=np.zeros(3),
-        line=CentreLine(np.concatenate([one.slope for one in lines]), np.concatenate([one.between for one in lines])),
+        line=CentreLine.joined(lines),
         held_node=held.ravel(),
         held_lever=lever.reshape(-1, 2),
         held_section=held[:, [0, 2]].ravel(),
         site_wire=wire,
-        site_seed=start + share * seed,
-        site_low=share * low,
-        site_high=share * high,
+        site_seed=seed,
+        site_low=low,
+        site_high=high,
     )
 
 
-def line_along(curve: Curve, arcs: np.ndarray, step: float) -> CentreLine:
-    """The centre line at nodes at arc lengths `arcs` [m], and on the segments of `step` [m] behind them."""
-    places = curve((arcs[:, None] + FIT_PLACES * step).ravel()).reshape(len(arcs), len(FIT_PLACES), 3)
-    return CentreLine(curve.slope(arcs), places - curve(arcs)[:, None])
+def line_along(curve: Curve, arcs: np.ndarray, step: np.ndarray | float) -> CentreLine:
+    """The centre line at nodes at arc lengths `arcs` [m], and on the segments of lengths `step` [m] behind them."""
+    step = np.broadcast_to(step, arcs.shape)
+    places = curve((arcs[:, None] + FIT_PLACES * step[:, None]).ravel()).reshape(len(arcs), len(FIT_PLACES), 3)
+    return CentreLine(curve.slope(arcs), places - curve(arcs)[:, None], step)
 
 
-def _line_of_panel(cloth: Cloth, table: Table, panel: Panel) -> CentreLine:
-    """The centre line of the wires of a periodic panel."""
+def _site_places(
+    seed: np.ndarray, low: np.ndarray, high: np.ndarray, place: Callable[[np.ndarray, int], np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Seeds and reaches of sites in nodes of the wires, from those in nodes of the panel; `place` takes nodes and the side."""
+    at = [np.stack([place(x[:, side], side) for side in (0, 1)], axis=1) for x in (seed, seed + low, seed + high)]
+    return at[0], at[1] - at[0], at[2] - at[0]
+
+
+def _at(places: list[Callable[[np.ndarray], np.ndarray]], wire: np.ndarray, number: np.ndarray) -> np.ndarray:
+    """[site] nodes of the wires for nodes of the panel."""
+    return np.array([float(places[w](np.array([x]))[0]) for w, x in zip(wire, number, strict=True)])
+
+
+def _closed_wires(
+    threads: list[SpacedThread], table: Table, panel: Panel, wire: np.ndarray, seed: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> SpatialWires:
+    """The wires of a periodic panel."""
     thread = np.repeat(panel.wire_thread, panel.wire_count)
-    line = CentreLine(np.zeros((panel.node_count, 3)), np.zeros((panel.node_count, len(FIT_PLACES), 3)))
+    origin = np.column_stack([np.repeat(panel.block_origin, panel.block_count, axis=0), np.zeros(panel.node_count)])
+    position = np.zeros((panel.node_count, 3))
+    lines = []
     for t, start in enumerate(table.start):
         nodes = np.flatnonzero(thread == t)
-        found = line_along(
-            ThreadCurve(cloth.threads[t], cloth.size[1]), (panel.node_entry[nodes] - start) * table.spacing[t], table.spacing[t]
-        )
-        line.slope[nodes], line.between[nodes] = found.slope, found.between
-    return line
+        number = panel.node_entry[nodes] - start
+        arc = threads[t].at_node(number)
+        position[nodes] = threads[t](arc) + origin[nodes]
+        lines.append(line_along(threads[t], arc, threads[t].at_node(number + 1) - arc))
+    order = np.argsort(np.concatenate([np.flatnonzero(thread == t) for t in range(len(threads))]))
+    line = CentreLine.joined(lines)
+    first = panel.node_entry[panel.wire_first] - table.start[panel.wire_thread]  # node of its thread with which a wire begins
+
+    def place(number: np.ndarray, side: int) -> np.ndarray:
+        found = np.zeros(len(number))
+        for t, one in enumerate(threads):
+            of = wire[:, side]
+            here = panel.wire_thread[of] == t
+            plan = (number + first[of])[here] * table.spacing[t]
+            found[here] = one.number(one.at_plan(plan)) - first[of][here]
+        return found
+
+    none = np.zeros(0, dtype=np.int64)
+    return SpatialWires(
+        tuple(np.split(position, panel.wire_first[1:])), np.array([*panel.size, 0.0]),
+        CentreLine(line.slope[order], line.between[order], line.step[order]),
+        none, np.zeros((0, 2)), none, wire, *_site_places(seed, low, high, place),
+    )  # fmt: skip
 
 
-def _clamped_wire(cloth: Cloth, table: Table, panel: Panel, wire: int) -> tuple[np.ndarray, CentreLine, float, float]:
-    """Points (n, 3) [m] of a clamped wire, its centre line, the place of the panel's first node, and the ratio of segment counts.
-
-    The place is in segments from the first node; the ratio is segments here per segment of the panel.
-    """
-    thread = int(panel.wire_thread[wire])
-    curve, spacing = ThreadCurve(cloth.threads[thread], cloth.size[1]), float(table.spacing[thread])
+def _clamped_wire(
+    thread: SpacedThread, table: Table, panel: Panel, wire: int
+) -> tuple[np.ndarray, CentreLine, Callable[[np.ndarray], np.ndarray]]:
+    """Points (n, 3) [m] of a clamped wire, its centre line, and its nodes for nodes of the panel."""
+    number = int(panel.wire_thread[wire])
+    spacing = float(table.spacing[number])
     block = int(np.searchsorted(panel.block_first, panel.wire_first[wire]))
-    arc = (int(panel.block_table[block]) - int(table.start[thread])) * spacing
+    plan = (int(panel.block_table[block]) - int(table.start[number])) * spacing
     origin = np.append(panel.block_origin[block], 0.0)
     clamp = panel.clamp_position[2 * wire]
 
     def miss(s: float) -> float:
-        return float(np.linalg.norm(curve(np.array([s]))[0, :2] + origin[:2] - clamp))
+        return float(np.linalg.norm(thread(thread.at_plan(np.array([s])))[0, :2] + origin[:2] - clamp))
 
-    tries = arc + np.linspace(0.0, SEARCHED, 61) * spacing
+    tries = plan + np.linspace(0.0, SEARCHED, 61) * spacing
     near = tries[int(np.argmin([miss(s) for s in tries]))]
     room = 0.06 * spacing
     found = minimize_scalar(miss, bounds=(near - room, near + room), method="bounded", options={"xatol": 1e-9 * spacing})
-    begin, length = float(found.x), float(panel.wire_length[wire])
-    segments = max(MIN_SEGMENTS, round(length / spacing))
-    step = length / segments
-    arcs = begin + (np.arange(segments + 2) - 0.5) * step
-    return curve(arcs) + origin, line_along(curve, arcs, step), (arc - begin) / step + 0.5, spacing / step
+    ends = thread.at_plan(np.array([found.x, found.x + float(panel.wire_length[wire])]))
+    low, high = thread.number(ends)
+    segments = max(MIN_SEGMENTS, round(float(high - low)))
+    held = 0.5 if thread.evenly else HELD
+    step = (high - low) / (segments - 1 + 2.0 * held)
+    arcs = thread.at_node(low + (np.arange(segments + 2) - 1.0 + held) * step)
+    arcs[[0, -1]] = 2.0 * ends - arcs[[1, -2]]
+    line = line_along(thread, arcs, np.append(np.diff(arcs), arcs[-1] - arcs[-2]))
+    return thread(arcs) + origin, line, lambda q: (thread.number(thread.at_plan(plan + q * spacing)) - low) / step + 1.0 - held

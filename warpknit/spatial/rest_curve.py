@@ -1,21 +1,24 @@
 """Rest-shape correction that makes the curve between the nodes the true centre line at rest (kernels/wire_curve.py).
 
 Slopes at the nodes are corrected to point along the centre line. The remaining error between two nodes is fitted normal to the
-curve by s^2 (1 - s)^2 (B0 + s B1). Open wires keep straight ends.
+curve by s^2 (1 - s)^2 (B0 + s B1 + s^2 B2 + s^3 B3). Open wires keep straight ends.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
 from ..frame import WireLayout
 from ..hermite import hermite
-from ..measure.drawn_curve import WireCurve, curve_of, edges_of
+from ..measure.drawn_curve import WireCurve, edges_of
+from .node_stiffness import node_stiffness
 from .rods import Rods
 
+BUMPS = 4  # B0 .. B3
 FIT_PLACES = 0.5 * (leggauss(12)[0] + 1.0)  # places 0 .. 1 on a segment where the centre line is sampled
 
 
@@ -23,16 +26,33 @@ FIT_PLACES = 0.5 * (leggauss(12)[0] + 1.0)  # places 0 .. 1 on a segment where t
 class CentreLine:
     """The true centre line of the wires at rest, at the nodes and between them."""
 
-    slope: np.ndarray  # (node, 3) of any length, along the line
+    slope: np.ndarray  # (node, 3) derivative by a parameter along the line
     between: np.ndarray  # (node, place, 3) [m] at FIT_PLACES of the segment behind a node, relative to that node
+    step: np.ndarray  # [node] change of the parameter along the segment
+
+    @staticmethod
+    def joined(lines: Sequence[CentreLine]) -> CentreLine:
+        """Those of several wires, one after the other."""
+        return CentreLine(*(np.concatenate([getattr(one, name) for one in lines]) for name in ("slope", "between", "step")))
+
+
+def along_centre_line(rods: Rods, line: CentreLine | None) -> Rods:
+    """Rods whose natural arcs and stiffnesses are those of the centre line, where it is known."""
+    if line is None:
+        return rods
+    pieces = np.diff(line.between, axis=1, prepend=0.0, append=rods.rest_edge[:, None])
+    rods = replace(rods, natural_arc=np.linalg.norm(pieces, axis=2).sum(axis=1))
+    return replace(rods, node_stiffness=node_stiffness(rods, pieces, np.concatenate([[0.0], FIT_PLACES, [1.0]])))
 
 
 @dataclass(frozen=True)
 class RestCurve:
     """Arrays [node], those of segments too."""
 
-    slope: np.ndarray  # (node, 2) [m] along the directors of the mean section at a node
-    bump: np.ndarray  # (node, 4) [m] along the directors of a segment: two of s^2 (1 - s)^2, two of s^3 (1 - s)^2
+    slope: np.ndarray  # (node, 2) correction of the direction at a node, along the directors of the sections there
+    slope_weight: np.ndarray  # (node, 4) weights of the edges in the slopes at both ends of a segment
+    length: np.ndarray  # [m] of the segments, by which slopes are multiplied
+    bump: np.ndarray  # (node, 2 BUMPS) [m] along the directors of a segment: two of s^2 (1 - s)^2, two of s^3 (1 - s)^2 ..
     bulge: np.ndarray  # [m] largest correction of the curve of a segment by both
     fit_error: float  # [m] largest distance of the curve from the centre line
     weight_square: float = 1.0  # largest sum of squared weights of a force on the curve, couples on sections taken as forces
@@ -44,7 +64,9 @@ def catmull_rom(rods: Rods) -> RestCurve:
     none = np.zeros(rods.node_count)
     return RestCurve(
         slope=np.zeros((rods.node_count, 2)),
-        bump=np.zeros((rods.node_count, 4)),
+        slope_weight=np.full((rods.node_count, 4), 0.5),
+        length=rods.natural_length,
+        bump=np.zeros((rods.node_count, 2 * BUMPS)),
         bulge=none,
         fit_error=0.0,
     )
@@ -62,14 +84,28 @@ def spatial_curve(
     section = np.stack([director, np.cross(tangent, director)], axis=2)  # (node, 3, 2)
     previous = np.arange(len(position)) - 1
     previous[edges.following[edges.has_segment]] = np.flatnonzero(edges.has_segment)
-    rise = np.einsum("nac,nc->na", 0.5 * length_factor * (section[previous] + section), rest.slope)
-    return curve_of(edges, rise, np.einsum("nac,npc->npa", length_factor * section, rest.bump.reshape(-1, 2, 2)))
+    following, m = edges.following, rest.slope_weight[:, :, None]
+    length, slope = length_factor * rest.length[:, None], rest.slope
+
+    def edge_slope(edge: np.ndarray, length: np.ndarray, section: np.ndarray, slope: np.ndarray) -> np.ndarray:
+        return edge + length * np.einsum("nac,nc->na", section, slope)
+
+    begin = m[:, 0] * edge_slope(edges.before, length[previous], section[previous], slope)
+    begin += m[:, 1] * edge_slope(edges.behind, length, section, slope)
+    end = m[:, 2] * edge_slope(edges.behind, length, section, slope[following])
+    end += m[:, 3] * edge_slope(edges.behind[following], length[following], section[following], slope[following])
+    bump = np.einsum("nac,npc->npa", length_factor * section, rest.bump.reshape(-1, BUMPS, 2))
+    has, zero = edges.has_segment[:, None], np.zeros(3)
+    begin, end, edge = (np.where(has, vector, zero) for vector in (begin, end, edges.behind))
+    return WireCurve(edge, begin, end, np.where(has[:, None], bump, zero))
 
 
-def offsets_at(
+def section_offsets(
     rods: Rods, curve: RestCurve, tangent: np.ndarray, director: np.ndarray, node: np.ndarray, place: np.ndarray
 ) -> np.ndarray:
-    """(contact, 3) [m] part of the curve that rotates with sections, at places 0 .. 1 on the segments behind nodes.
+    """(contact, 3, 3) [m] parts of the curve that rotate with the previous, own and next section, as rows.
+
+    At places 0 .. 1 on the segments behind nodes.
 
     tangent, director (node, 3): orientation of the sections.
     """
@@ -80,13 +116,15 @@ def offsets_at(
         d1 = director[section]
         return one[:, :1] * d1 + one[:, 1:] * np.cross(tangent[section], d1)
 
-    first, second, bump = 0.5 * curve.slope[node], 0.5 * curve.slope[after], curve.bump[node]
-    begin = across(node, first) + np.where(has_before, across(before, first), 0.0)
-    end = across(node, second) + np.where(has_more, across(after, second), 0.0)
+    length, m = curve.length[:, None], curve.slope_weight[node][:, :, None]
+    first, second, bump = curve.slope[node], curve.slope[after], curve.bump[node]
+    begin = np.where(has_before, m[:, 0] * length[before] * across(before, first), 0.0)
+    end = np.where(has_more, m[:, 3] * length[after] * across(after, second), 0.0)
     s = place[:, None]
-    own = across(node, bump[:, :2]) + s * across(node, bump[:, 2:])
+    own = sum(s**k * across(node, bump[:, 2 * k : 2 * k + 2]) for k in range(BUMPS))
     h10, _, h11 = hermite(s)
-    return h10 * begin + h11 * end + (s * (1 - s)) ** 2 * own
+    middle = length[node] * (m[:, 1] * h10 * across(node, first) + m[:, 2] * h11 * across(node, second))
+    return np.stack([h10 * begin, middle + (s * (1 - s)) ** 2 * own, h11 * end], axis=1)
 
 
 def fit_rest_curve(rods: Rods, line: CentreLine) -> RestCurve:
@@ -95,25 +133,36 @@ def fit_rest_curve(rods: Rods, line: CentreLine) -> RestCurve:
     has_segment, is_inside = after >= 0, (after >= 0) & (before >= 0)
     length = np.linalg.norm(edge, axis=1)
     section = np.stack([rods.director, np.cross(edge / length[:, None], rods.director)], axis=2)  # (node, 3, 2)
-    mean = np.where(is_inside[:, None], 0.5 * (edge[before] + edge), edge)
-    slope, rise = _slopes(0.5 * (section[before] + section), mean, line.slope, is_inside)
-    one, two = (mean + rise)[:, None], (mean + rise)[after][:, None]
+    weight = slope_weights(rods)
+    share, ratio = weight[:, 1:2], weight[:, :1]
+    frame = (1.0 - share[:, :, None]) * section[before] + share[:, :, None] * section
+    direction = np.where(is_inside[:, None], ratio * edge[before] + share * edge, edge) / length[:, None]
+    slope, rise = _slopes(frame, direction, line.slope, is_inside)
+    # speeds at both ends of a segment are those of the line
+    speed = np.linalg.norm(line.slope, axis=1) / np.linalg.norm(direction + rise, axis=1)
+    faster = np.stack([line.step * speed, line.step * speed[after]], axis=1) / length[:, None]
+    faster = np.where(np.stack([is_inside, is_inside[after]], axis=1), faster, 1.0)
+    weight = np.repeat(faster, 2, axis=1) * weight
+    scale = (length[:, None] * faster)[:, :, None, None]
+    one, two = scale[:, 0] * (direction + rise)[:, None], scale[:, 1] * (direction + rise)[after][:, None]
     s = FIT_PLACES[:, None]
     h10, h01, h11 = hermite(s)
     along = (1 - s) * (1 - 3 * s) * one + 6 * s * (1 - s) * edge[:, None] + s * (3 * s - 2) * two
     along /= np.linalg.norm(along, axis=2, keepdims=True)
     missed = _across(line.between - (h10 * one + h01 * edge[:, None] + h11 * two), along)
     missed[~has_segment] = 0.0
-    basis = (s * (1 - s)) ** 2 * np.hstack([np.ones_like(s), s])  # (place, power)
-    moves = np.einsum("nac,sp->nspca", section, basis).reshape(*missed.shape[:2], 4, 3)
-    system = np.swapaxes(_across(moves, along[:, :, None]), 2, 3).reshape(rods.node_count, -1, 4)
+    basis = (s * (1 - s)) ** 2 * s ** np.arange(BUMPS)  # (place, power)
+    moves = np.einsum("nac,sp->nspca", section, basis).reshape(*missed.shape[:2], 2 * BUMPS, 3)
+    system = np.swapaxes(_across(moves, along[:, :, None]), 2, 3).reshape(rods.node_count, -1, 2 * BUMPS)
     bump = (np.linalg.pinv(system) @ missed.reshape(rods.node_count, -1, 1))[..., 0]
     remainder = missed.reshape(rods.node_count, -1) - np.einsum("nkc,nc->nk", system, bump)
     own = np.einsum("nspa,np->nsa", moves, bump)
-    correction = h10 * rise[:, None] + h11 * rise[after][:, None] + own
-    weight_square, lever = _weight_bounds(slope, own, length, before, after)
+    correction = scale[:, 0] * h10 * rise[:, None] + scale[:, 1] * h11 * rise[after][:, None] + own
+    weight_square, lever = _weight_bounds(slope, weight, own, length, before, after)
     return RestCurve(
         slope=slope,
+        slope_weight=weight,
+        length=length,
         bump=bump,
         bulge=np.where(has_segment, np.linalg.norm(correction, axis=2).max(axis=1), 0.0),
         fit_error=float(np.linalg.norm(remainder.reshape(missed.shape), axis=2).max()),
@@ -122,9 +171,27 @@ def fit_rest_curve(rods: Rods, line: CentreLine) -> RestCurve:
     )
 
 
+def node_weights(curve: RestCurve, node: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """(contact, 4) weights of a force at places 0 .. 1 on the segments behind nodes (kernels/wire_curve.py)."""
+    m = curve.slope_weight[node].T
+    h10, h01, h11 = hermite(place)
+    w = -m[0] * h10, 1 - h01 + (m[0] - m[1]) * h10 - m[2] * h11, h01 + m[1] * h10 + (m[2] - m[3]) * h11, m[3] * h11
+    return np.stack(w, axis=1)
+
+
+def slope_weights(rods: Rods) -> np.ndarray:
+    """(node, 4) weights m0 .. m3 of the edges in the slopes of a segment (kernels/wire_curve.py)."""
+    before, after = rods.previous, rods.following
+    own = np.linalg.norm(rods.rest_edge, axis=1)
+    length = np.where(before >= 0, own[before], own)
+    share = length / (length + own)  # c; 1/2 at the begin of an open wire
+    next_length = np.where((after >= 0) & (after[after] >= 0), own[after], own)
+    next_share = own / (own + next_length)
+    return np.stack([(1.0 - share) * own / length, share, 1.0 - next_share, next_share * own / next_length], axis=1)
+
+
 def _slopes(frame: np.ndarray, mean: np.ndarray, wanted: np.ndarray, is_inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corrections of mean slopes (node, 3) that make them parallel to `wanted`: in the frames, (node, 2) [m], and in space (node,
-    3).
+    """Corrections of directions (node, 3) that make them parallel to `wanted`: in the frames, (node, 2), and in space (node, 3).
 
     frame (node, 3, 2): directors at the nodes. No correction at the ends of wires.
     """
@@ -141,14 +208,22 @@ def _across(vector: np.ndarray, along: np.ndarray) -> np.ndarray:
 
 
 def _weight_bounds(
-    slope: np.ndarray, own: np.ndarray, length: np.ndarray, before: np.ndarray, after: np.ndarray
+    slope: np.ndarray, weight: np.ndarray, own: np.ndarray, length: np.ndarray, before: np.ndarray, after: np.ndarray
 ) -> tuple[float, float]:
     """`weight_square` and `lever` of a RestCurve; own (node, place, 3) [m]: correction of the curve by bumps."""
     h10, h01, h11 = hermite(FIT_PLACES)
     h11 = -h11
-    half = 0.5 * np.linalg.norm(slope, axis=1)
-    first, last = h10 * half[:, None], h11 * half[after][:, None]  # of the previous and of the next section
-    middle = first + last + np.linalg.norm(own, axis=2)
+    m, size = weight[:, :, None], np.linalg.norm(slope, axis=1)
+    begin, end = h10 * size[:, None], h11 * size[after][:, None]
+    first = m[:, 0] * length[before][:, None] * begin  # of the previous section
+    last = m[:, 3] * length[after][:, None] * end  # and of the next one
+    middle = length[:, None] * (m[:, 1] * begin + m[:, 2] * end) + np.linalg.norm(own, axis=2)
     a, b, c = first / length[before][:, None], middle / length[:, None], last / length[after][:, None]
-    total = (0.5 * h10 + a) ** 2 + (1 - h01 + 0.5 * h11 + a + b) ** 2 + (h01 + 0.5 * h10 + b + c) ** 2 + (0.5 * h11 + c) ** 2
-    return max(1.0, float(total.max())), float(max(first.max(), middle.max(), last.max()))
+    pushes = (
+        m[:, 0] * h10 + a,
+        np.abs(1 - h01 + (m[:, 0] - m[:, 1]) * h10 + m[:, 2] * h11) + a + b,
+        np.abs(h01 + m[:, 1] * h10 + (m[:, 3] - m[:, 2]) * h11) + b + c,
+        m[:, 3] * h11 + c,
+    )
+    total = sum(push**2 for push in pushes)
+    return max(1.0, float(np.max(total))), float(max(first.max(), middle.max(), last.max()))

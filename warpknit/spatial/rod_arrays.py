@@ -17,6 +17,7 @@ from ..kernels.rod_frames import update_frames
 from ..kernels.rod_motion import move_rods
 from ..kernels.wire_closest import PLACES
 from ..launch import Launch, bind
+from .node_stiffness import node_stiffness
 from .rods import Rods
 
 FROZEN = 3.0  # status in which a step evaluates the state and moves nothing
@@ -42,6 +43,9 @@ class RodArrays:
     node_length: wp.array  # [m]
     natural_curvature: wp.array  # vec2d [rad]
     natural_twist: wp.array  # [rad]
+    node_stiffness: wp.array  # (node, 6) [N m], see node_stiffness.py
+    slope_length: wp.array  # [m] of the segment, where the slope of the moment stores energy; else 0
+    moment_turn: wp.array  # vec2d cosine and sine of the twist from node to node at rest, by which moments turn
 
 
 @dataclass(frozen=True)
@@ -71,6 +75,7 @@ class RodState:
     position: wp.array  # vec3d [m]
     length: wp.array  # [m]
     curvature: wp.array  # vec2d [rad] turning vector at a node, along the section directors
+    moment: wp.array  # vec3d [N m] at a node, against turns along the section directors and twist
     twist: wp.array  # [rad]
     plastic_turn: wp.array  # vec2d [rad] plastic part of the turning vector at the last equilibrium
     edge_force: wp.array  # vec3d [N] of a segment on its first node
@@ -132,12 +137,18 @@ def upload_rods(rods: Rods, device: str) -> RodArrays:
         node_length=wp.array(rods.node_length, dtype=wp.float64, device=device),
         natural_curvature=wp.zeros(nodes, dtype=wp.vec2d, device=device),
         natural_twist=wp.zeros(nodes, dtype=wp.float64, device=device),
+        node_stiffness=wp.array(node_stiffness(rods) if rods.node_stiffness is None else rods.node_stiffness, dtype=wp.float64),
+        slope_length=wp.array(rods.slope_length, dtype=wp.float64, device=device),
+        moment_turn=wp.zeros(nodes, dtype=wp.vec2d, device=device),
     )
     at_rest = rest_state(rods, device)
     at_rest.write_control({c.STATUS: FROZEN})
     frames_launch(arrays, at_rest).run(device)
     force_launch(rods, arrays, at_rest, no_contact(rods, device)).run(device)
-    curvature, twist = rods.set_fraction * fetch(at_rest.curvature), rods.set_fraction * fetch(at_rest.twist)
+    twist = fetch(at_rest.twist)
+    between = 0.5 * (twist + twist[rods.following])
+    store(arrays.moment_turn, np.stack([np.cos(between), np.sin(between)], axis=1))
+    curvature, twist = rods.set_fraction * fetch(at_rest.curvature), rods.set_fraction * twist
     store(arrays.natural_curvature, curvature if rods.natural_curvature is None else rods.natural_curvature)
     store(arrays.natural_twist, twist if rods.natural_twist is None else rods.natural_twist)
     return arrays
@@ -187,6 +198,7 @@ def rest_state(rods: Rods, device: str) -> RodState:
         position=vectors(rods.position),
         length=reals(np.linalg.norm(edge, axis=1)),
         curvature=wp.zeros(nodes, dtype=wp.vec2d, device=device),
+        moment=vectors(),
         twist=reals(),
         plastic_turn=wp.zeros(nodes, dtype=wp.vec2d, device=device),
         edge_force=vectors(),
@@ -285,7 +297,7 @@ def force_launch(rods: Rods, arrays: RodArrays, state: RodState, touch: TouchArr
     section = rods.section
     return bind(
         find_rod_forces, threads, arrays, state, touch, first_block=block, threads_a_block=a_block,
-        bending_stiffness=wp.float64(section.bending_stiffness), twist_stiffness=wp.float64(section.twist_stiffness),
+        bending_stiffness=wp.float64(section.bending_stiffness),
         yield_curvature=wp.float64(section.yield_curvature), hardening=wp.float64(section.hardening),
     )  # fmt: skip
 

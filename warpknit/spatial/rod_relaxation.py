@@ -191,8 +191,9 @@ class RodRelaxation:
 
     def _bow(self) -> np.ndarray:
         """[node] relative excess of the arc over the chord of each segment (kernels/bend.py)."""
-        square = np.sum(fetch(self.stepper.state.curvature) ** 2, axis=1)
-        return float(BOW) * (square + square[self.stepper.rods.following])
+        rods, square = self.stepper.rods, np.sum(fetch(self.stepper.state.curvature) ** 2, axis=1)
+        weight, next_weight = rods.bow_weights
+        return float(BOW) * (weight * square + next_weight * square[rods.following])
 
     def tension(self) -> np.ndarray:
         """[node] [N] tension of the segments, in the state last evaluated."""

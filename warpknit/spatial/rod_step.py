@@ -223,13 +223,9 @@ class RodStepper:
     def energy(self) -> float:
         """[J] energy of stretch, bending and twist in the state last evaluated."""
         rods, state = self.rods, self.state
-        section = rods.section
         factor = float(state.read_control()[int(c.LENGTH_FACTOR)])
-        has_segment, is_inside = rods.following >= 0, (rods.following >= 0) & (rods.previous >= 0)
+        has_segment = rods.following >= 0
         natural = rods.natural_length * factor
         strain = fetch(state.length) / natural - 1.0
         stretch = natural * (fetch(state.tension_offset) * strain + 0.5 * fetch(state.stretch_stiffness) * strain**2)
-        share = np.divide(1.0, rods.node_length * factor, out=np.zeros(rods.node_count), where=is_inside)
-        twisted = (fetch(state.twist) - fetch(self.arrays.natural_twist)) ** 2
-        twist = 0.5 * share * section.twist_stiffness * twisted
-        return float(stretch[has_segment].sum() + twist[is_inside].sum()) + self.yielding.potential()
+        return float(stretch[has_segment].sum()) + self.yielding.potential()

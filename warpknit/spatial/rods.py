@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ..kernels.banded_mass import HELD_NODE, HELD_TURN
+from ..kernels.bend import BOW
 
 
 @dataclass(frozen=True)
@@ -41,10 +42,12 @@ class Rods:
     position: np.ndarray  # (node, 3) [m] at rest
     director: np.ndarray  # (node, 3) unit vectors normal to the segment: orientation of its section at rest
     held: np.ndarray  # [node] int, HELD_NODE | HELD_TURN of kernels/banded_mass.py
-    natural_length: np.ndarray  # [node] [m] of the segment
+    natural_length: np.ndarray  # [node] [m] of the segment, a chord
+    natural_arc: np.ndarray  # [node] [m] of the wire along the segment
     natural_curvature: np.ndarray | None = None  # (node, 2) [rad] along the section directors; None: as at rest
     natural_twist: np.ndarray | None = None  # [node] [rad]; None: as at rest
     set_fraction: float = 1.0  # natural over rest curvature and twist, where these are None
+    node_stiffness: np.ndarray | None = None  # (node, 6) [N m], see node_stiffness.py; None: of the polygon
     thicker: np.ndarray | None = None  # [wire] [m] contact radius; None: half the section's thickness
     tile: np.ndarray = field(default_factory=lambda: np.zeros(3))  # [m] periods of the world along x, y, z; 0: none
 
@@ -95,6 +98,12 @@ class Rods:
         angle = np.arctan2(np.linalg.norm(np.cross(before, edge), axis=1), np.sum(before * edge, axis=1))
         return np.where((self.following >= 0) & (self.previous >= 0), angle, 0.0)
 
+    @cached_property
+    def bow_weights(self) -> tuple[np.ndarray, np.ndarray]:
+        """[node] by which the squared turns at both ends of a segment count in its bow (kernels/rod_forces.py)."""
+        node = np.maximum(self.node_length, 1e-300)
+        return (self.slope_length / node) ** 2, (self.slope_length / node[self.following]) ** 2
+
     def widest_turn(self, angle: np.ndarray) -> np.ndarray:
         """[node] largest of the angles [node] at each node and its two neighbours."""
         after = np.where(self.following >= 0, angle[self.following], 0.0)
@@ -103,21 +112,28 @@ class Rods:
 
     @cached_property
     def node_length(self) -> np.ndarray:
-        """[node] [m] natural length of a node: half of both segments."""
-        own = np.where(self.following >= 0, self.natural_length, 0.0)
-        before = np.where(self.previous >= 0, self.natural_length[self.previous], 0.0)
+        """[node] [m] natural length of wire that belongs to a node: half of both segments."""
+        own = np.where(self.following >= 0, self.natural_arc, 0.0)
+        before = np.where(self.previous >= 0, self.natural_arc[self.previous], 0.0)
         return 0.5 * (own + before)
+
+    @cached_property
+    def slope_length(self) -> np.ndarray:
+        """[node] [m] natural arc of a segment along which the moment varies; 0 for a segment that a clamp holds, and none."""
+        held = (self.held & int(HELD_NODE)) != 0
+        rigid = held & held[self.following] & ((self.held & int(HELD_TURN)) != 0)
+        return np.where((self.following >= 0) & ~rigid, self.natural_arc, 0.0)
 
     @cached_property
     def arc(self) -> np.ndarray:
         """[node] [m] natural arc length from the first node of the wire."""
-        total = np.concatenate([[0.0], np.cumsum(self.natural_length)[:-1]])
+        total = np.concatenate([[0.0], np.cumsum(self.natural_arc)[:-1]])
         return total - np.repeat(total[self.wire_first], self.wire_count)
 
     @cached_property
     def wire_length(self) -> np.ndarray:
         """[wire] [m] natural length; of a closed wire, once around."""
-        return np.add.reduceat(np.where(self.following >= 0, self.natural_length, 0.0), self.wire_first)
+        return np.add.reduceat(np.where(self.following >= 0, self.natural_arc, 0.0), self.wire_first)
 
     def holding(self, nodes: np.ndarray | Sequence[int] = (), sections: np.ndarray | Sequence[int] = ()) -> Rods:
         """A copy with these nodes fixed and these sections fixed against rotation."""
@@ -152,6 +168,7 @@ def rods_of(
         director=np.zeros_like(position),
         held=np.zeros(len(position), dtype=np.int32),
         natural_length=np.ones(len(position)),
+        natural_arc=np.ones(len(position)),
         tile=np.zeros(3) if tile is None else np.asarray(tile, dtype=float),
     )
     edge = rods.rest_edge
@@ -161,7 +178,9 @@ def rods_of(
         _evenly_twisted(tangent[f : f + n]) if closed else _without_twist(tangent[f : f + n])
         for f, n, closed in zip(first, count, rods.wire_closed, strict=True)
     ])  # fmt: skip
-    return replace(rods, natural_length=length, director=director)
+    square = rods.rest_turning**2
+    arc = length * (1.0 + float(BOW) * (square + square[rods.following]))
+    return replace(rods, natural_length=length, natural_arc=arc, director=director)
 
 
 def straight(rods: Rods) -> Rods:

@@ -11,7 +11,7 @@ from .rods import Rods
 
 APPROACH = 0.5  # of a segment: approach allowed before the next search
 MAX_OFFSET = 0.25  # thicknesses: most that the multiplier of either wire adds to its radius (contact_multipliers.py)
-MAX_SAG = 0.3  # of a segment: bound on the sag of a Catmull-Rom curve, 4/27 from either end
+MAX_SAG = 0.4  # of a segment: bound on the sag of its curve without bumps, 4/27 (1 + MAX_RATIO/3) from either end
 FREE_CELLS = (64, 64, 8)  # along x, y and z in directions without tiles
 
 

@@ -41,19 +41,23 @@ class Sites:
         apart = place[0] - place[1]
         return self._tile * np.rint(np.divide(apart, self._tile, out=np.zeros_like(apart), where=self._tile > 0))
 
-    def of(self, first: np.ndarray, second: np.ndarray, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def of(
+        self, first: np.ndarray, second: np.ndarray, shift: np.ndarray, place: np.ndarray | float = 0.0
+    ) -> tuple[np.ndarray, np.ndarray]:
         """[contact] site of contacts between segments that begin at these nodes, NOWHERE for none; and a sign.
 
         The sign is +1 where the first node is on the first wire of the site, -1 where it is on the second. shift (contact, 3)
-        [m]: at rest, of the second segment next to the first.
+        [m]: at rest, of the second segment next to the first; place (contact, 2): on both segments, 0 .. 1.
         """
+        places = np.broadcast_to(place, (len(first), 2))
         found, sign = np.full(len(first), NOWHERE), np.ones(len(first))
         nearest = np.full(len(first), np.inf)
-        for side, nodes in ((1.0, np.stack([first, second], axis=1)), (-1.0, np.stack([second, first], axis=1))):
+        both = np.stack([first, second], axis=1)
+        for side, nodes, at in ((1.0, both, places), (-1.0, both[:, ::-1], places[:, ::-1])):
             wires = self._node_wire[nodes]
             for k in range(len(nodes)):
                 fits = np.flatnonzero((self._wire == wires[k]).all(axis=1))
-                distance = self._distance(fits, nodes[k] - self._first[wires[k]], side * shift[k])
+                distance = self._distance(fits, nodes[k] + at[k] - self._first[wires[k]], side * shift[k])
                 if len(distance) and distance.min() < nearest[k]:
                     nearest[k], found[k], sign[k] = distance.min(), fits[np.argmin(distance)], side
         return found, sign
@@ -61,7 +65,7 @@ class Sites:
     def _distance(self, sites: np.ndarray, number: np.ndarray, shift: np.ndarray) -> np.ndarray:
         """[site] distance of a contact from the seeds, over the reach; infinite beyond the reach or of other images.
 
-        number (2,): of the segments along the two wires of all these sites; shift (3,) [m] of the second.
+        number (2,): places along the two wires of all these sites, in nodes; shift (3,) [m] of the second.
         """
         low, high, rounds = self._low[sites], self._high[sites], self._round[sites]
         offset = number - self._seed[sites]

@@ -2,9 +2,10 @@
 
 A straight uniform chain of segments h with node mass m and spin inertia I has the largest squared frequencies
 
-    a = 4 EA/(h m)      b = 16 EI/(h^3 m)      t = 4 GJ/(h I)
+    a = 4 EA/(h m)      b = 16 B/(h^3 m)      t = 4 GJ/(h I)
 
-of stretch, bending and twist. A turning angle p [rad] at the nodes couples them. It adds p^2 EI/(h I) to twist, because a rotated
+of stretch, bending and twist, with B = 19/9 EI by the slopes of moments (kernels/rod_forces.py). A turning angle p [rad] at the
+nodes couples them. It adds p^2 B/(h I) to twist, because a rotated
 section bends against its natural curvature, and p^2 GJ/(2 h^3 m) to bending, because the transverse motion of a node rotates the
 frames. Tension adds 4 T/(h m). Contact of penalty k adds at most 4 k/m: its force acts on four nodes of either wire, with weights
 whose squares sum to one at most, and two contacts may act on the same nodes. With a rest-shape correction (rest_curve.py) a part
@@ -20,9 +21,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..kernels.banded_mass import HELD_NODE
+from ..kernels.bend import SLOPE_SHARE
 from .rest_curve import RestCurve
 from .rods import Rods
 
+SLOPE_FACTOR = 1.0 + 4.0 * SLOPE_SHARE + (4.0 * SLOPE_SHARE) ** 2  # 19/9: of the slopes of moments, for the shortest waves
 MAX_TURN = 0.5 * math.pi  # [rad] turning angle of the largest coupling
 TWIST_SHARE = 0.25  # largest squared frequency of twist over that of translation: keeps the coupled one below the limit
 
@@ -115,7 +118,7 @@ def _stiffnesses(
     h = np.minimum(own, np.where(rods.previous >= 0, own[rods.previous], np.inf))
     turn = np.minimum(np.broadcast_to(turning, h.shape), MAX_TURN)
     axial = section.axial_stiffness if stretch_stiffness is None else stretch_stiffness
-    bending = 16 * section.bending_stiffness + 0.5 * turn**2 * section.twist_stiffness
+    bending = 16 * SLOPE_FACTOR * section.bending_stiffness + 0.5 * turn**2 * section.twist_stiffness
     share, lever = (1.0, 0.0) if curve is None else (curve.weight_square, curve.lever)
     contact = np.full(h.shape, 4.0 * contact_stiffness * share)
     surface = 4.0 * contact_stiffness * lever**2
@@ -124,7 +127,7 @@ def _stiffnesses(
     return _Stiffnesses(
         stretch=half * 4 * axial / h,
         bending=half * bending / h**3,
-        twist=(4 * section.twist_stiffness + turn**2 * section.bending_stiffness) / h + surface,
+        twist=(4 * section.twist_stiffness + turn**2 * SLOPE_FACTOR * section.bending_stiffness) / h + surface,
         contact=contact,
         additive=half * 4 * max(tension, 0.0) / h + contact,
         coupling=np.sin(turn) ** 2,

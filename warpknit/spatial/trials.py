@@ -5,10 +5,10 @@ from __future__ import annotations
 from ..scene import Scene
 from ..trial import SOFTENING, Setting, edge_of
 
-NODES = (40, 48, 56, 64)  # a loop
-FINE = {"periodic": 96, "gripped": 68, "hook": 68}  # nodes of the fine run, a loop, or segments of a wire
+NODES = (20, 24, 28, 36)  # a loop
+FINE = {"periodic": 64, "gripped": 56, "hook": 68}  # nodes of the fine run, a loop, or segments of a wire
 TOLERANCE = 1e-3  # of fine runs and references, about fifty times slower than in the plane
-REFERENCE = 96  # nodes a loop of the reference of a trade
+REFERENCE = 64  # nodes a loop of the reference of a trade
 HOOK_REFERENCE = 68  # segments a wire of the same of a hook, whose lens is a tenth of a wire long
 
 

@@ -12,7 +12,7 @@ from ..host import fetch, store
 from ..kernels import control as c
 from ..kernels.wire_closest import NOT_NEAR, ONE_PLACE, PLACES, find_closest_places, mark_near_pairs
 from ..kernels.wire_contact_forces import find_contact_forces
-from ..kernels.wire_curve import CLOSING_RATE
+from ..kernels.wire_curve import CLOSING_RATE, Bump
 from ..kernels.wire_friction import transfer_elastic_slip
 from ..kernels.wire_pairs import find_segment_pairs, place_segments_in_hash
 from ..launch import Launch, bind
@@ -28,9 +28,9 @@ MIN_ARC_SEPARATION = (
 )
 STICK_SHARE = 0.5  # tangential over normal stiffness
 # bounds on the stiffness of a contact, whose weights change until the next update of the masses
-WEIGHT_SUM = 2.5  # sum of the sizes of the weights of both wires: 5/4 in the middle of a segment
+WEIGHT_SUM = 0.25  # sum of the sizes of the weights of a wire, beyond 1, over those of the outer edges in the slopes
 MORE_TILT = 0.1  # allowance for the components of the normal; more between wires that do not touch
-LEAST_WEIGHT, BEYOND_WEIGHT = 0.5, 0.08  # of the nodes of the segment, at least, and of the nodes beyond
+LEAST_WEIGHT, BEYOND_WEIGHT = 0.5, 0.16  # of the nodes of the segment, at least; of the nodes beyond, over that of their edge
 # memory of one pair, its elastic slips, and of a pair that may touch
 PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2 + 1) + 4 * 4, 2 * 2 * (8 * (3 + 2) + 4)
 TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (2 + 2 * 3)) + 4 * 3
@@ -91,6 +91,7 @@ class _WireArrays:
     rest_slope: wp.array
     rest_bump: wp.array
     rest_bulge: wp.array
+    slope_weight: wp.array
     wire_length: wp.array  # [wire] [m]
     wire_period: wp.array  # [wire] [m]
 
@@ -100,8 +101,9 @@ def _upload_wires(rods: Rods, curve: RestCurve, device: str) -> _WireArrays:
         node_arc=wp.array(rods.arc, dtype=wp.float64, device=device),
         node_radius=wp.array(rods.wire_radius[rods.wire_of], dtype=wp.float64, device=device),
         rest_slope=wp.array(curve.slope, dtype=wp.vec2d, device=device),
-        rest_bump=wp.array(curve.bump, dtype=wp.vec4d, device=device),
+        rest_bump=wp.array(curve.bump, dtype=Bump, device=device),
         rest_bulge=wp.array(curve.bulge, dtype=wp.float64, device=device),
+        slope_weight=wp.array(curve.slope_weight, dtype=wp.vec4d, device=device),
         wire_length=wp.array(rods.wire_length, dtype=wp.float64, device=device),
         wire_period=wp.array(rods.wire_period, dtype=wp.vec3d, device=device),
     )
@@ -353,12 +355,14 @@ class WireContact:
         stiffness = self._curve.weight_square * np.maximum(own[near.first], own[near.second])
         tilt = MORE_TILT + np.maximum(-near.overlap, 0.0) / thickness
         along = np.abs(near.normal) + tilt[:, None]
-        bound = WEIGHT_SUM * ((stiffness * along.sum(axis=1))[:, None] * along + sticking)
+        outer = self._curve.slope_weight[:, [0, 3]]
+        total = 2.0 + WEIGHT_SUM * (outer[near.first] + outer[near.second]).sum(axis=1)
+        bound = total[:, None] * ((stiffness * along.sum(axis=1))[:, None] * along + sticking)
         there, weights, arms, sections, levers = [], [], [], [], []
         for node, s in ((near.first, near.place[:, 0]), (near.second, near.place[:, 1])):
-            beyond = np.full(len(s), BEYOND_WEIGHT)
+            beyond = BEYOND_WEIGHT * outer[node].T
             there += [before[node], node, after[node], after[after[node]]]
-            weights += [beyond, np.maximum(1.0 - s, LEAST_WEIGHT), np.maximum(s, LEAST_WEIGHT), beyond]
+            weights += [beyond[0], np.maximum(1.0 - s, LEAST_WEIGHT), np.maximum(s, LEAST_WEIGHT), beyond[1]]
             arms += 4 * [sticking * (thickness / rods.natural_length[node]) ** 2]  # tilting segments
             sections += [before[node], node, after[node]]
             levers += 3 * [stiffness * self._curve.lever**2 + sticking * 0.25 * thickness**2]

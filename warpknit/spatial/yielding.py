@@ -1,4 +1,4 @@
-"""Plastic bending of spatial wires, updated from one equilibrium to the next.
+"""Bending of spatial wires: its energy, and plastic turns, updated from one equilibrium to the next.
 
 Backward Euler of the flow rule of kernels/rod_forces.py. Twist and tension stay elastic.
 """
@@ -9,6 +9,7 @@ import numpy as np
 
 from ..host import fetch, store
 from ..kernels import control as c
+from .node_stiffness import ENTRIES
 from .rod_arrays import RodArrays, RodState
 from .rods import Rods
 
@@ -64,14 +65,36 @@ class Yielding:
         return self._energy(0.5 * np.sum(self.back * self.plastic, axis=1))
 
     def potential(self) -> float:
-        """[J] incremental bending potential, whose gradient are the moments: stored energy plus plastic dissipation."""
+        """[J] incremental potential of bending and twist, whose gradient are the moments: stored plus dissipated energy."""
         if not self.yields:
-            return self._energy(0.5 * np.sum(self._trial() ** 2, axis=1))
+            return self.elastic_energy
         over, size = self._beyond()
         passed = np.linalg.norm(over, axis=1)
         limit = size - passed
         bent = 0.5 * limit**2 + limit * passed + 0.5 * self._kept * passed**2
-        return self._energy(bent + np.sum(self.back * (self._trial() - self.back), axis=1))
+        bent += np.sum(self.back * (self._trial() - self.back), axis=1)
+        return self._energy(bent - 0.5 * np.sum(self.elastic**2, axis=1)) + self.elastic_energy
+
+    @property
+    def elastic_energy(self) -> float:
+        """[J] of elastic turns and twists and of the slopes of moments along the segments (kernels/rod_forces.py)."""
+        twist = np.where(self._inside, fetch(self.state.twist) - fetch(self.arrays.natural_twist), 0.0)
+        turn = np.column_stack([self.elastic, twist])
+        factor = float(self.state.read_control()[int(c.LENGTH_FACTOR)])
+        stiffness = np.zeros((len(twist), 3, 3))
+        for (a, b), values in zip(ENTRIES, fetch(self.arrays.node_stiffness).T, strict=True):
+            stiffness[:, a, b] = stiffness[:, b, a] = values / factor
+        moment = np.where(self._inside[:, None], np.einsum("nab,nb->na", stiffness, turn), 0.0)
+        cosine, sine = fetch(self.arrays.moment_turn).T
+        x, y = moment[self.rods.following, :2].T
+        slope = np.column_stack([cosine * x - sine * y, sine * x + cosine * y]) - moment[:, :2]
+        share = self.rods.slope_length * factor / (6.0 * self.rods.section.bending_stiffness)
+        x, y = (share[:, None] * slope)[self.rods.previous].T
+        behind, before = np.stack([cosine, sine])[:, self.rods.previous], share[:, None] * slope
+        turned = np.column_stack([behind[0] * x + behind[1] * y, behind[0] * y - behind[1] * x]) - before
+        again = np.where(self._inside[:, None], np.einsum("nab,nb->na", stiffness[:, :2, :2], turned), 0.0)
+        along = share @ np.sum(slope**2, axis=1)
+        return float(0.5 * (np.sum(turn * moment) + along + np.sum(turned * again)))
 
     def _energy(self, square: np.ndarray) -> float:
         """EI/l times squares of turns [rad^2], summed."""

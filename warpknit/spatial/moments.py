@@ -1,0 +1,141 @@
+"""Bending moments of the wires by statics: at the nodes, under the contacts and between.
+
+A contact pushes with the force F at the point p of a segment, but the model puts it on the four nodes around, with the weights
+w_0 .. w_3, and by couples on the sections of the segments before, at and behind p, where parts c of the curve rotate with them
+(kernels/wire_curve.py). Both have the same resultant and moment, so beyond the four nodes the wire feels the same. Between them
+the moment M of a force at p follows from that of the model. With the force n of a segment on its first node j, summed over
+contacts,
+
+    M_j     += (w_0 (x_(j-1) - x_j) + c_before) x F        M_(j+1) -= (w_3 (x_(j+2) - x_(j+1)) + c_behind) x F
+    n_(j-1) += w_0 F       n_j += (w_0 + w_1) F       n_(j+1) -= w_3 F
+    M(r)     = M_j - (r - x_j) x n_j + sum over contacts between x_j and r of (r - p) x F
+
+A node with the turn p has, with n the axis of the turn, b the direction of the node and c = b x n,
+
+    M = g_along n + g_across (p/2)/sin(p/2) c + g_twist/cos(p/2) b
+
+from the moments g that its turn and twist work against (node_stiffness.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .rest_curve import node_weights, section_offsets
+
+BETWEEN = np.array([0.25, 0.5, 0.75])  # places on a segment where moments are taken too
+STRAIGHT = 1e-9  # [rad] turn whose axis does not matter
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Sizes of bending moments [N m]."""
+
+    node: np.ndarray  # [node] of a clamp at the outer node of its segment
+    between: np.ndarray  # (node, BETWEEN) on the segments
+    contact: np.ndarray  # [pushed place]
+    segment: np.ndarray  # [pushed place] its segment
+
+
+@dataclass(frozen=True)
+class _Pushes:
+    """Contact forces on wires; two for each contact, sorted along the wires."""
+
+    node: np.ndarray  # the segment's
+    place: np.ndarray  # 0 .. 1
+    force: np.ndarray  # (push, 3) [N]
+
+
+def bending_moments(r: Any) -> Moments:
+    """Moments of a state; r: `SpatialObservables`."""
+    rods, curve = r.model.rods, r.curve
+    before, after, edge = rods.previous, rods.following, curve.edge
+    at = _pushes(r)
+    weights, parts = (
+        _weights(r, at),
+        r.length_factor * section_offsets(rods, r.model.curve, r.segment_tangent, r.director, at.node, at.place),
+    )
+    moment, force = _node_moments(r), r.segment_force.copy()
+    behind = after[at.node]
+    np.add.at(moment, at.node, np.cross(-weights[:, :1] * edge[before[at.node]] + parts[:, 0], at.force))
+    np.add.at(moment, behind, -np.cross(weights[:, 3:] * edge[behind] + parts[:, 2], at.force))
+    # of the segment before p, of its own up to p, and of the next one
+    np.add.at(force, before[at.node], weights[:, :1] * at.force)
+    np.add.at(force, at.node, (weights[:, :1] + weights[:, 1:2]) * at.force)
+    np.add.at(force, behind, -weights[:, 3:] * at.force)
+    nodes = np.arange(rods.node_count)
+    elastic = rods.slope_length > 0.0
+    sizes = []
+    for s in BETWEEN:
+        reach = curve.offset(nodes, np.full(len(nodes), s))
+        found = moment - np.cross(reach, force)
+        passed = at.place < s
+        lever = reach[at.node] - curve.offset(at.node, at.place)
+        np.add.at(found, at.node[passed], np.cross(lever, at.force)[passed])
+        sizes.append(np.where(elastic, _bending(found, curve.derivative(nodes, np.full(len(nodes), s))), 0.0))
+    under = moment[at.node] - np.cross(curve.offset(at.node, at.place), force[at.node])
+    for lag in range(1, _largest_group(at.node)):
+        same = at.node[lag:] == at.node[:-lag]
+        lever = curve.offset(at.node[lag:], at.place[lag:]) - curve.offset(at.node[:-lag], at.place[:-lag])
+        under[lag:] += np.where(same[:, None], np.cross(lever, at.force[:-lag]), 0.0)
+    peak = np.where(elastic[at.node], _bending(under, curve.derivative(at.node, at.place)), 0.0)
+    # a clamp in the middle of a rigid segment: at the outer one of its nodes
+    rigid = np.flatnonzero(~elastic & (after >= 0))
+    first, last = rigid[before[rigid] < 0], rigid[(before[rigid] >= 0) & (after[after[rigid]] < 0)]
+    moment[first] = moment[after[first]] + np.cross(0.5 * edge[first], force[after[first]])
+    moment[after[last]] = moment[last] - np.cross(0.5 * edge[last], force[before[last]])
+    along = curve.begin.copy()
+    along[after[last]] = edge[last]
+    return Moments(_bending(moment, along), np.stack(sizes, axis=1), peak, at.node)
+
+
+def _pushes(r: Any) -> _Pushes:
+    t = r.touching
+    push = t.force[:, None] * t.normal + t.friction
+    node, place = np.concatenate([t.first, t.second]), np.concatenate([t.place[:, 0], t.place[:, 1]])
+    order = np.lexsort((place, node))
+    return _Pushes(node[order], place[order], np.concatenate([push, -push])[order])
+
+
+def _weights(r: Any, at: _Pushes) -> np.ndarray:
+    """(push, 4) of the nodes around; beyond its ends a wire is straight."""
+    rods, w = r.model.rods, node_weights(r.model.curve, at.node, at.place).T
+    begins, ends = rods.previous[at.node] < 0, rods.following[rods.following[at.node]] < 0
+    w[1] += np.where(begins, 2 * w[0], 0.0) - np.where(ends, w[3], 0.0)
+    w[2] += np.where(ends, 2 * w[3], 0.0) - np.where(begins, w[0], 0.0)
+    w[0], w[3] = np.where(begins, 0.0, w[0]), np.where(ends, 0.0, w[3])
+    return np.asarray(w.T)
+
+
+def _node_moments(r: Any) -> np.ndarray:
+    """(node, 3) [N m] at the nodes, from the moments along the directors."""
+    rods, t, d = r.model.rods, r.segment_tangent, r.director
+    before = rods.previous
+    inside = ((before >= 0) & (rods.following >= 0))[:, None]
+    e, f, d1, d2 = t[before], t, d[before] + d, np.cross(t[before], d[before]) + np.cross(t, d)
+    cosine = np.clip(np.sum(e * f, axis=1), -1.0, 1.0)
+    half = 0.5 * np.arctan2(np.linalg.norm(np.cross(e, f), axis=1), cosine)
+    b = (e + f) / np.maximum(np.linalg.norm(e + f, axis=1), 1e-300)[:, None]
+    n = np.where((half > STRAIGHT)[:, None], np.cross(e, f), d2)
+    n -= np.sum(n * b, axis=1)[:, None] * b
+    n /= np.maximum(np.linalg.norm(n, axis=1), 1e-300)[:, None]
+    along = np.stack([np.sum(d2 * n, axis=1), -np.sum(d1 * n, axis=1)], axis=1)
+    along /= np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
+    g1, g2, twist = r.moment.T
+    in_plane, across = g1 * along[:, 0] + g2 * along[:, 1], g2 * along[:, 0] - g1 * along[:, 1]
+    total = in_plane[:, None] * n + (across / np.sinc(half / np.pi))[:, None] * np.cross(b, n)
+    return np.where(inside, total + (twist / np.cos(half))[:, None] * b, 0.0)
+
+
+def _bending(moment: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """[N m] sizes of moments (n, 3) across a direction (n, 3)."""
+    square = np.maximum(np.sum(along**2, axis=1), 1e-300)
+    return np.asarray(np.linalg.norm(moment - (np.sum(moment * along, axis=1) / square)[:, None] * along, axis=1))
+
+
+def _largest_group(node: np.ndarray) -> int:
+    """Largest number of pushes on a segment."""
+    return int(np.unique(node, return_counts=True)[1].max(initial=0))
