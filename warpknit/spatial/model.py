@@ -61,8 +61,12 @@ class SpatialModel:
     ranks: Ranks
     ramp: RampNumerics | None = None  # masses, step and damping of a ramp
 
-    has_multilevel: ClassVar[bool] = False
     has_replicas: ClassVar[bool] = False
+
+    @property
+    def has_multilevel(self) -> bool:
+        """Whether multilevel starts and membrane corrections are available; not with an edge that moves (edge.py)."""
+        return not self.scene.has_moving_edge
 
     @property
     def time_step(self) -> float:
@@ -98,6 +102,11 @@ class SpatialModel:
     def global_model(self) -> SpatialModel:
         """The global model: this one, as ranks do not share it."""
         return self
+
+    @property
+    def bodies(self) -> np.ndarray:
+        """[site] index in the global model."""
+        return np.arange(self.panel.body_count)
 
     @property
     def node_count(self) -> int:

@@ -49,6 +49,8 @@ class SpatialWires:
     site_seed: np.ndarray  # place nearest to the body at rest
     site_low: np.ndarray  # reach before it, negative
     site_high: np.ndarray  # and behind
+    panel_begin: np.ndarray | None = None  # [wire] place of the first node of the panel's wire; None: the nodes are the panel's
+    panel_step: np.ndarray | None = None  # [wire] nodes for each node of the panel
     sliding_clamp: np.ndarray | None = None  # clamps, of two held nodes each, that slide along the warp; None: none
 
 
@@ -91,6 +93,8 @@ def place_wires(cloth: Cloth, table: Table, panel: Panel) -> SpatialWires:
         site_seed=start + share * seed,
         site_low=share * low,
         site_high=share * high,
+        panel_begin=np.array(starts),
+        panel_step=np.array(shares),
     )
 
 

@@ -30,7 +30,7 @@ class Stalled:
 
     def state_dict(self, name: str) -> dict[str, np.ndarray]:
         """Arrays for a checkpoint, with names that begin with `name`."""
-        return {f"{name}_best": self._best, f"{name}_checks": self._checks}
+        return {f"{name}_best": self._best.copy(), f"{name}_checks": self._checks.copy()}
 
     def load_state_dict(self, name: str, kept: dict[str, np.ndarray]) -> None:
         """Restore what `state_dict` returned."""
