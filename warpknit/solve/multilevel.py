@@ -106,7 +106,7 @@ class MultilevelRelaxation(Relaxation):
         if self.cell is not None and self.membrane is not None:
             self._stations = kept["stations"]
             self.cell.restore(_under("cell_", kept))
-            self._response = load_response(kept, cast(MultilevelMechanics, self.cell.mechanics))
+            self._response = load_response(kept, self.cell.model)
             self.membrane.renew(self._response)
 
     def _prepare(self, load: LoadPoint, wanted: WantedTension | None) -> LoadPoint:

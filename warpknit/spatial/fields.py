@@ -26,6 +26,7 @@ from .wire_contact import WireContact
 
 OF_NODES = ("x", "y", "z", "push")
 OF_SEGMENTS = ("turn", "tension", "strain")
+FIELDS = OF_NODES + OF_SEGMENTS
 STIFFNESSES = ("stretch", "penalty", "raised")  # of segments, and of contacts at nodes; not fields, as they only grow
 
 
@@ -78,7 +79,7 @@ class Fields:
         """Change the fields by values [panel node]; held nodes and sections stay. Without any change nothing moves."""
         if not any(np.any(change) for change in changes.values()):
             return
-        state, change = self.stepper.state, {}
+        state, change = self.stepper.state, dict.fromkeys(FIELDS, np.zeros(self.model.node_count))
         for name, value in changes.items():
             change[name] = self.nodes.of_rods(value, of_segments=name in OF_SEGMENTS)
         self.stepper.evaluate()

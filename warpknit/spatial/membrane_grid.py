@@ -31,10 +31,10 @@ class MembraneGrid:
         return np.asarray(repeats.force.numpy())
 
     def spread(self, displacement: np.ndarray, response: Response) -> None:
-        """Move the mesh with the grid (grid node, 2) [m], its repeats as endless cloth answers; the clamps stay."""
+        """Move the mesh with the grid (grid node, 2) [m]; the clamps stay."""
         self._repeats.set_displacement(displacement)
         changes = {}
-        for name in response.change:
+        for name in ("x", "y"):
             value = wp.zeros(self.model.panel.node_count, dtype=wp.float64, device=self.model.device)
             self._repeats.add_to_nodes(value, name, response, self._one)
             changes[name] = np.asarray(value.numpy())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from ..mechanics import CellState, MultilevelMechanics
 
 STRAIN = 2e-3  # strain increment of the finite differences
 LEAST_STIFFNESS = 1e-2  # smallest eigenvalue of the tangent over the largest; lower ones are raised
-OF_BODIES = "body_"  # names of fields of bodies begin with it
+OF_BODIES, KEPT = "body_", "response_"  # beginnings of names: of fields of bodies, and in a checkpoint
 
 
 @dataclass(frozen=True)
@@ -22,14 +22,15 @@ class Response:
     tangent: np.ndarray  # (2, 2, 2, 2) [N/m] dP/dF, symmetric and positive; zero before the first load
     cell_node: wp.array  # [entry of the rest table] node of the repeat
     change: dict[str, wp.array]  # (4, ...) derivative of each field of a repeat by Fxx, Fxy, Fyx, Fyy
+    no_change: wp.array  # (4, node of the repeat) zeros
 
     def of(self, name: str) -> wp.array:
         """(4, ...) derivative of a field; zero for one that does not respond."""
-        return self.change[name] if name in self.change else wp.zeros_like(self.change["x"])
+        return self.change.get(name, self.no_change)
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Arrays for a checkpoint."""
-        return {"response_tangent": self.tangent} | {f"response_{name}": v.numpy().copy() for name, v in self.change.items()}
+        return {f"{KEPT}tangent": self.tangent} | {f"{KEPT}{name}": v.numpy().copy() for name, v in self.change.items()}
 
 
 def find_response(cell_at: CellState, cell: Any, gradient: np.ndarray, temperature: float) -> Response:
@@ -60,6 +61,7 @@ def find_response(cell_at: CellState, cell: Any, gradient: np.ndarray, temperatu
         ((vectors * eigenvalues) @ vectors.T).reshape(2, 2, 2, 2),
         _node_of_entry(cell),
         {name: wp.array(value, dtype=wp.float64, device=cell.device) for name, value in change.items()},
+        _no_change(cell),
     )
 
 
@@ -69,15 +71,23 @@ def zero_response(repeat: MultilevelMechanics) -> Response:
     change = {
         name: wp.zeros((4, len(value)), dtype=wp.float64, device=cell.device) for name, value in repeat.state_variables().items()
     }
-    return Response(np.zeros((2, 2, 2, 2)), _node_of_entry(cell), change)
+    return Response(np.zeros((2, 2, 2, 2)), _node_of_entry(cell), change, _no_change(cell))
 
 
-def load_response(kept: dict[str, np.ndarray], repeat: MultilevelMechanics) -> Response:
-    """The response from its `state_dict` in a checkpoint."""
-    response = zero_response(repeat)
-    for name, value in response.change.items():
-        value.assign(kept[f"response_{name}"])
-    return replace(response, tangent=kept["response_tangent"])
+def load_response(kept: dict[str, np.ndarray], cell: Any) -> Response:
+    """The response of the model `cell` from its `state_dict` in a checkpoint."""
+    values = {name.removeprefix(KEPT): value for name, value in kept.items() if name.startswith(KEPT)}
+    tangent = values.pop("tangent")
+    return Response(
+        tangent,
+        _node_of_entry(cell),
+        {name: wp.array(value, dtype=wp.float64, device=cell.device) for name, value in values.items()},
+        _no_change(cell),
+    )
+
+
+def _no_change(cell: Any) -> wp.array:
+    return wp.zeros((4, cell.panel.node_count), dtype=wp.float64, device=cell.device)
 
 
 def _node_of_entry(cell: Any) -> wp.array:
