@@ -229,14 +229,15 @@ def _assemble(
     softening = max(1.0, min(scene.solver.axial_softening, most))
     stiffest = max(section.axial_stiffness / softening / spacing, 4.0 * section.bending_stiffness / spacing**3)
     given = scene.contact.stiffness
+    curve = catmull_rom(rods) if wires.line is None else fit_rest_curve(rods, wires.line)
     model = SpatialModel(
         scene=scene,
         cloth=cloth,
         table=table,
         panel=panel,
-        wires=wires,
+        wires=replace(wires, points=(), line=None),  # both are many times as large as the rods
         rods=rods,
-        curve=catmull_rom(rods) if wires.line is None else fit_rest_curve(rods, wires.line),
+        curve=curve,
         softening=softening,
         contact_stiffness=CONTACT_TO_BENDING * stiffest if given is None else given,
         soft_penalty=SOFT_PENALTY * section.bending_stiffness / loop_length**3 if given is None else given,

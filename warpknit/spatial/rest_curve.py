@@ -16,6 +16,7 @@ from ..hermite import hermite
 from ..measure.drawn_curve import WireCurve, curve_of, edges_of
 from .rods import Rods
 
+FITTED = 4096  # segments fitted at a time
 FIT_PLACES = 0.5 * (leggauss(12)[0] + 1.0)  # places 0 .. 1 on a segment where the centre line is sampled
 
 
@@ -92,34 +93,56 @@ def offsets_at(
 def fit_rest_curve(rods: Rods, line: CentreLine) -> RestCurve:
     """The curve fitted to the centre line at rest."""
     before, after, edge = rods.previous, rods.following, rods.rest_edge
-    has_segment, is_inside = after >= 0, (after >= 0) & (before >= 0)
-    length = np.linalg.norm(edge, axis=1)
-    section = np.stack([rods.director, np.cross(edge / length[:, None], rods.director)], axis=2)  # (node, 3, 2)
-    mean = np.where(is_inside[:, None], 0.5 * (edge[before] + edge), edge)
-    slope, rise = _slopes(0.5 * (section[before] + section), mean, line.slope, is_inside)
-    one, two = (mean + rise)[:, None], (mean + rise)[after][:, None]
+    is_inside = ((after >= 0) & (before >= 0))[:, None]
+    section = np.stack([rods.director, np.cross(_unit(edge), rods.director)], axis=2)  # (node, 3, 2)
+    mean = np.where(is_inside, 0.5 * (edge[before] + edge), edge)
+    slope, rise = _slopes(0.5 * (section[before] + section), mean, line.slope, is_inside[:, 0])
+    ends = _Ends(section, edge, mean + rise, rise)
+    bump, bulge = np.zeros((rods.node_count, 4)), np.zeros(rods.node_count)
+    error, weight_square, lever = 0.0, 1.0, 0.0
+    for first in range(0, rods.node_count, FITTED):
+        node = np.arange(first, min(first + FITTED, rods.node_count))
+        bump[node], correction, own, miss = _fit_bumps(ends, node, after[node], line.between[node])
+        has_segment = after[node] >= 0
+        bulge[node] = np.where(has_segment, np.linalg.norm(correction, axis=2).max(axis=1), 0.0)
+        error = max(error, float(np.linalg.norm(miss, axis=2).max()))
+        bounds = _weight_bounds(slope, own, np.linalg.norm(edge, axis=1), node, before[node], after[node])
+        weight_square, lever = max(weight_square, bounds[0]), max(lever, bounds[1])
+    return RestCurve(slope=slope, bump=bump, bulge=bulge, fit_error=error, weight_square=weight_square, lever=lever)
+
+
+@dataclass(frozen=True)
+class _Ends:
+    """What a segment takes from its nodes: sections (node, 3, 2), edges, and slopes with their corrections (node, 3) [m]."""
+
+    section: np.ndarray
+    edge: np.ndarray
+    slope: np.ndarray
+    rise: np.ndarray
+
+
+def _fit_bumps(ends: _Ends, node: np.ndarray, after: np.ndarray, between: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Bumps (n, 4) [m] of the segments from nodes to those after, the correction of the curve, the part of it by bumps, and what
+    the curve misses, (n, place, 3) [m]; between (n, place, 3) [m]: the centre line."""
+    edge = ends.edge[node]
+    one, two = ends.slope[node][:, None], ends.slope[after][:, None]
     s = FIT_PLACES[:, None]
     h10, h01, h11 = hermite(s)
-    along = (1 - s) * (1 - 3 * s) * one + 6 * s * (1 - s) * edge[:, None] + s * (3 * s - 2) * two
-    along /= np.linalg.norm(along, axis=2, keepdims=True)
-    missed = _across(line.between - (h10 * one + h01 * edge[:, None] + h11 * two), along)
-    missed[~has_segment] = 0.0
+    along = _unit((1 - s) * (1 - 3 * s) * one + 6 * s * (1 - s) * edge[:, None] + s * (3 * s - 2) * two)
+    missed = _across(between - (h10 * one + h01 * edge[:, None] + h11 * two), along)
+    missed[after < 0] = 0.0
     basis = (s * (1 - s)) ** 2 * np.hstack([np.ones_like(s), s])  # (place, power)
-    moves = np.einsum("nac,sp->nspca", section, basis).reshape(*missed.shape[:2], 4, 3)
-    system = np.swapaxes(_across(moves, along[:, :, None]), 2, 3).reshape(rods.node_count, -1, 4)
-    bump = (np.linalg.pinv(system) @ missed.reshape(rods.node_count, -1, 1))[..., 0]
-    remainder = missed.reshape(rods.node_count, -1) - np.einsum("nkc,nc->nk", system, bump)
+    moves = np.einsum("nac,sp->nspca", ends.section[node], basis).reshape(*missed.shape[:2], 4, 3)
+    system = np.swapaxes(_across(moves, along[:, :, None]), 2, 3).reshape(len(node), -1, 4)
+    bump = (np.linalg.pinv(system) @ missed.reshape(len(node), -1, 1))[..., 0]
     own = np.einsum("nspa,np->nsa", moves, bump)
-    correction = h10 * rise[:, None] + h11 * rise[after][:, None] + own
-    weight_square, lever = _weight_bounds(slope, own, length, before, after)
-    return RestCurve(
-        slope=slope,
-        bump=bump,
-        bulge=np.where(has_segment, np.linalg.norm(correction, axis=2).max(axis=1), 0.0),
-        fit_error=float(np.linalg.norm(remainder.reshape(missed.shape), axis=2).max()),
-        weight_square=weight_square,
-        lever=lever,
-    )
+    correction = h10 * ends.rise[node][:, None] + h11 * ends.rise[after][:, None] + own
+    return bump, correction, own, missed - np.einsum("nkc,nc->nk", system, bump).reshape(missed.shape)
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    """Unit vectors (..., 3)."""
+    return np.asarray(vector / np.linalg.norm(vector, axis=-1, keepdims=True))
 
 
 def _slopes(frame: np.ndarray, mean: np.ndarray, wanted: np.ndarray, is_inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -128,8 +151,7 @@ def _slopes(frame: np.ndarray, mean: np.ndarray, wanted: np.ndarray, is_inside: 
 
     frame (node, 3, 2): directors at the nodes. No correction at the ends of wires.
     """
-    unit = wanted / np.linalg.norm(wanted, axis=1, keepdims=True)
-    system = np.concatenate([frame, -unit[:, :, None]], axis=2)
+    system = np.concatenate([frame, -_unit(wanted)[:, :, None]], axis=2)
     system[~is_inside] = np.eye(3)
     slope = np.where(is_inside[:, None], np.linalg.solve(system, -mean[:, :, None])[:, :2, 0], 0.0)
     return slope, np.einsum("nac,nc->na", frame, slope)
@@ -141,14 +163,14 @@ def _across(vector: np.ndarray, along: np.ndarray) -> np.ndarray:
 
 
 def _weight_bounds(
-    slope: np.ndarray, own: np.ndarray, length: np.ndarray, before: np.ndarray, after: np.ndarray
+    slope: np.ndarray, own: np.ndarray, length: np.ndarray, node: np.ndarray, before: np.ndarray, after: np.ndarray
 ) -> tuple[float, float]:
-    """`weight_square` and `lever` of a RestCurve; own (node, place, 3) [m]: correction of the curve by bumps."""
+    """`weight_square` and `lever` of a RestCurve, of segments behind some nodes; own (n, place, 3) [m]: correction by bumps."""
     h10, h01, h11 = hermite(FIT_PLACES)
     h11 = -h11
     half = 0.5 * np.linalg.norm(slope, axis=1)
-    first, last = h10 * half[:, None], h11 * half[after][:, None]  # of the previous and of the next section
+    first, last = h10 * half[node][:, None], h11 * half[after][:, None]  # of the previous and of the next section
     middle = first + last + np.linalg.norm(own, axis=2)
-    a, b, c = first / length[before][:, None], middle / length[:, None], last / length[after][:, None]
+    a, b, c = first / length[before][:, None], middle / length[node][:, None], last / length[after][:, None]
     total = (0.5 * h10 + a) ** 2 + (1 - h01 + 0.5 * h11 + a + b) ** 2 + (h01 + 0.5 * h10 + b + c) ** 2 + (0.5 * h11 + c) ** 2
     return max(1.0, float(total.max())), float(max(first.max(), middle.max(), last.max()))
