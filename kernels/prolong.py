@@ -254,8 +254,10 @@ def prolong_bodies(
     # in and out
     value: wp.array(dtype=Any),
 ):
-    """The same for bodies or their pairs, kept positive if `is_positive`; `small_body[clasp, column, row]` is the body of the small mesh,
-    or -1."""
+    """The same for bodies or their pairs, kept positive if `is_positive`.
+
+    `small_body[clasp, column, row]` is the body of the small mesh, or -1.
+    """
     i = wp.tid()
     body = i / per_body
     side = i % per_body

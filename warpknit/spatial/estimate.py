@@ -12,7 +12,17 @@ from itertools import product
 
 import numpy as np
 
-from ..estimate import HOOK_ENDS, Cost, Notes, Size, boundary_physics, endless_counts, levels_of_pairs, multilevel_start, ramp_steps
+from ..estimate import (
+    HOOK_ENDS,
+    Cost,
+    Notes,
+    Size,
+    boundary_physics,
+    endless_counts,
+    levels_of_pairs,
+    multilevel_start,
+    ramp_steps,
+)
 from ..knit.cloth import Cloth
 from ..mesh.layout import estimated_nodes
 from ..mesh.load_point import PATH_STRAIN

@@ -53,7 +53,7 @@ class PanelNodes:
         return values if self._is_same else self._resampled(self._panel_from_rods, values, of_segments)
 
     def _resampled(self, arrays: dict[str, wp.array], values: np.ndarray, of_segments: bool) -> np.ndarray:
-        other = wp.array(values, dtype=wp.float64, device=self._device)
-        value = wp.zeros(len(arrays["node_wire"]), dtype=wp.float64, device=self._device)
+        other: wp.array = wp.array(values, dtype=wp.float64, device=self._device)
+        value: wp.array = wp.zeros(len(arrays["node_wire"]), dtype=wp.float64, device=self._device)
         bind(resample_along_wires, len(value), of_segments=int(of_segments), other=other, value=value, **arrays).run(self._device)
         return value.numpy()

@@ -34,17 +34,15 @@ class Prolongation:
 
         `response`: of the cloth at the load.
         """
-        values, device = self.small.read(), self.large.model.device
-        change = {name: wp.array(value - self._last[name], dtype=wp.float64, device=device) for name, value in values.items()}
+        values, stiffness, device = self.small.read(), self.small.read_stiffness(), self.large.model.device
+        change: dict[str, wp.array] = {
+            name: wp.array(value, dtype=wp.float64, device=device)
+            for name, value in (stiffness | {name: values[name] - self._last[name] for name in values}).items()
+        }
         self._last = values
-        changes = {name: self._prolonged(name, change, response) for name in values}
-        stiffness = self.small.read_stiffness()
-        still = {name: wp.zeros_like(change["x"]) for name in ("x", "y")}
-        for name, value in stiffness.items():
-            there = still | {name: wp.array(value, dtype=wp.float64, device=device)}
-            stiffness[name] = self._prolonged(name, there, response)
+        stiffness = {name: self._prolonged(name, change, response) for name in stiffness}
         self.large.stiffen(stiffness, self.small.multipliers.mean_force)
-        self.large.add(changes)
+        self.large.add({name: self._prolonged(name, change, response) for name in values})
 
     def _prolonged(self, name: str, change: dict[str, wp.array], response: Response) -> np.ndarray:
         """[panel node] of the large mesh, from values of the small one."""

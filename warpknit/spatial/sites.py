@@ -96,7 +96,7 @@ class Sites:
         return np.concatenate(contacts), np.concatenate(sites)
 
     def _distance(self, sites: np.ndarray, number: np.ndarray, shift: np.ndarray) -> np.ndarray:
-        """[candidate] distance of a contact from the seeds of a site, over the reach; infinite beyond the reach or of other images.
+        """[candidate] distance of a contact from the seeds of a site, over the reach; infinite beyond it or of other images.
 
         sites [candidate]; number (candidate, 2): of the segments along both wires; shift (candidate, 3) [m] of the second.
         """

@@ -40,7 +40,7 @@ class RepeatProlongation:
         m.large, m.small, m.offset = (wp.vec2i(*map(int, pair)) for pair in (large_repeats, small_repeats, self._offset))
         m.rim, m.periodic = RIM, int(self.is_periodic)
         fades = self.is_periodic and panel.boundary == "gripped"
-        m.taper = FADED * large.scene.model.nodes_per_loop if fades else 0.0
+        m.taper = wp.float64(FADED * large.scene.model.nodes_per_loop if fades else 0.0)
         self._meshes = m
         block_place = np.rint(panel.block_origin / repeat)
         self._of_nodes = {
