@@ -235,7 +235,7 @@ def _assemble(
         cloth=cloth,
         table=table,
         panel=panel,
-        wires=replace(wires, points=(), line=None),  # both are many times as large as the rods
+        wires=replace(wires, line=None),  # it is as large as the rest of the mesh
         rods=rods,
         curve=curve,
         softening=softening,

@@ -275,7 +275,7 @@ class SpatialObservables(Boundary):
 
     @property
     def panel_map(self) -> None:
-        """None: meshes in space are too small for a map."""
+        """None: not implemented in space."""
 
 
 def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: WireContact) -> SpatialObservables:
