@@ -147,11 +147,15 @@ def gather_forces(
     grid: Grid,
     # out, added to
     grid_force: wp.array2d(dtype=wp.float64),
+    across_force: wp.array2d(dtype=wp.float64),
 ):
-    """grid_force[grid node] [N] in the plane of the mesh, of the nodes that are not held."""
+    """Forces [N] of the nodes that are not held: grid_force[grid node] in the plane, across_force[grid node, 0] across it."""
     i = wp.tid()
     if (held[i] & HELD_NODE) == 0:
-        gather(grid, rest_position[i][0], rest_position[i][1], force[i][0], force[i][1], grid_force)
+        x = rest_position[i][0]
+        y = rest_position[i][1]
+        gather(grid, x, y, force[i][0], force[i][1], grid_force)
+        gather(grid, x, y, force[i][2], wp.float64(0.0), across_force)
 
 
 @wp.func

@@ -208,6 +208,12 @@ class MembraneGrid(Protocol):
     def gather(self) -> np.ndarray:
         """(grid node, 2) [N] out-of-balance forces, as the last convergence check found them."""
 
+    def gather_across(self) -> np.ndarray | None:
+        """[grid node] [N] the same out of the plane of the mesh, as the last `gather` found them; None in a planar model."""
+
+    def spread_across(self, displacement: np.ndarray, response: Any) -> None:
+        """Move the mesh out of its plane with the grid [grid node] [m]; the clamps stay."""
+
     def spread(self, displacement: np.ndarray, response: Any) -> None:
         """Move the mesh with the grid (grid node, 2) [m], its repeats as endless cloth answers; the clamps stay."""
 

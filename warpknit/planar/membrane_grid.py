@@ -36,6 +36,12 @@ class MembraneGrid:
             bind(gather_body_forces, model.owned_bodies, mesh, state, **onto).run(model.device)
         return model.ranks.sum(repeats.force.numpy())
 
+    def gather_across(self) -> None:
+        """None: nothing moves out of the plane."""
+
+    def spread_across(self, displacement: np.ndarray, response: Response) -> None:
+        """Nothing."""
+
     def spread(self, displacement: np.ndarray, response: Response) -> None:
         """Move the mesh with the grid (grid node, 2) [m], its repeats as endless cloth answers; the clamps stay."""
         state, repeats, one = self.state, self._repeats, self._one

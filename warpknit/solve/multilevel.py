@@ -28,6 +28,7 @@ from .relax import Relaxation, WantedTension
 MOVE_STEPS = 200  # steps between increments of an edge displacement
 EDGE_TOLERANCE = 0.05  # out-of-balance force on the stations of a cord over the force of the wires
 CORRECTION_CHECKS = 6  # convergence checks between membrane corrections
+LIFT_CHECKS = 12  # the same between corrections out of the plane
 CORRECTION_GAIN = 0.7  # a correction has failed if the imbalance exceeds this share of the smallest so far
 MAX_FAILED_CORRECTIONS = 8  # before membrane corrections are abandoned for the level
 RELAXATION_FACTORS = (0.1, 1.0)  # smallest and largest
@@ -197,7 +198,7 @@ class MultilevelRelaxation(Relaxation):
         if membrane is None:
             return ratio
         if progress.checks % CORRECTION_CHECKS == 0 and (progress.relaxation_factor > 0.0 or membrane.rim.is_free):
-            self._correct_as_membrane(membrane)
+            self._correct_as_membrane(membrane, ratio)
         return max(ratio, progress.imbalance)
 
     def _step_on(self, steps: int) -> None:
@@ -213,8 +214,8 @@ class MultilevelRelaxation(Relaxation):
         """[N/m] lower bound of the tension in relative errors."""
         return TENSION_FLOOR * tension_scale(self.model)
 
-    def _correct_as_membrane(self, membrane: Membrane) -> None:
-        """Apply a membrane correction unless the mesh is balanced."""
+    def _correct_as_membrane(self, membrane: Membrane, ratio: float) -> None:
+        """Apply a membrane correction unless the mesh is balanced; out of the plane while the residual `ratio` exceeds 1."""
         progress, rim = self.progress, membrane.rim
         pulled = cast(EdgeMechanics, self.mechanics).clamp_forces() if rim.is_free else np.zeros((0, 2))
         solve = membrane.solve if progress.relaxation_factor > 0.0 else membrane.solve_rim
@@ -225,6 +226,9 @@ class MultilevelRelaxation(Relaxation):
             edge = membrane.edge_imbalance(self.state.gradient, self.stations, pulled, self.least_tension)
             progress.imbalance = max(progress.imbalance, edge / EDGE_TOLERANCE)
         if progress.imbalance <= 1.0:
+            is_due = progress.checks % LIFT_CHECKS == 0 and ratio > 1.0
+            if is_due and membrane.lift(self.state.gradient, self.mechanics.checked_stress):
+                self.mechanics.search()
             return
         progress.failed_corrections += 1
         if progress.imbalance < CORRECTION_GAIN * progress.least_imbalance:
