@@ -11,6 +11,7 @@ from warpknit import measure
 from warpknit.kernels.banded_mass import HELD_NODE
 from warpknit.measure.table import values
 from warpknit.model import build_model, initial_state, mechanics_of
+from warpknit.plan import make_plan
 from warpknit.scene import load_scene
 from warpknit.solve.multilevel import MultilevelRelaxation
 from warpknit.solve.relax import Relaxation
@@ -203,3 +204,15 @@ def test_an_edge_on_cords_has_no_smaller_mesh_in_space() -> None:
     cords = ("panel.grip_pitch=5 mm", "panel.cord.tension=20 mN", "panel.cord.stiffness=10 N")
     model = mesh(STRIP, "model.boundary=gripped", *cords)
     assert not isinstance(Simulation(model).drive, MultilevelRelaxation)
+
+
+def test_plan_says_from_which_mesh_a_run_starts() -> None:
+    """As in the plane; an edge that moves has no smaller mesh."""
+    cords = ("panel.grip_pitch=5 mm", "panel.cord.tension=20 mN", "panel.cord.stiffness=10 N")
+
+    def starts(*changes: str) -> list[str]:
+        return [line for line in make_plan(load_scene(CELL, [*SCENE, *changes]), "cpu").physics if line.startswith("multilevel")]
+
+    assert "8 x 3 repeats" in starts(STRIP, "model.boundary=gripped")[0]
+    assert "1 x 1 repeats" in starts("knit.repeats=[3, 2]")[0]
+    assert not starts(STRIP, "model.boundary=gripped", *cords) and not starts("knit.repeats=[1, 1]")
