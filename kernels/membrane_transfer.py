@@ -2,13 +2,15 @@
 
 Grid node (a, b) stands at low + (a, b) cell; its shape function is bilinear in the rest position and falls to zero at the next
 grid nodes. A virtual displacement of the membrane moves nodes and bodies by the shape functions at their rest
-position, so the force on a grid node is the sum of their forces with the same weights.
+position, so the force on a grid node is the sum of their forces with the same weights. A launch spreads the displacement in
+one direction, or what the strain changes in another field.
 """
 
 from typing import Any
 
 import warp as wp
 
+from .banded_mass import HELD_NODE
 from .prolong import weighed
 
 
@@ -137,6 +139,44 @@ def gather_body_forces(
 
 
 @wp.kernel
+def gather_forces(
+    # in: rest positions [m] and forces [N] of nodes in space
+    held: wp.array(dtype=wp.int32),
+    rest_position: wp.array(dtype=wp.vec3d),
+    force: wp.array(dtype=wp.vec3d),
+    grid: Grid,
+    # out, added to
+    grid_force: wp.array2d(dtype=wp.float64),
+    across_force: wp.array2d(dtype=wp.float64),
+):
+    """Forces [N] of the nodes that are not held: grid_force[grid node] in the plane, across_force[grid node, 0] across it."""
+    i = wp.tid()
+    if (held[i] & HELD_NODE) == 0:
+        x = rest_position[i][0]
+        y = rest_position[i][1]
+        gather(grid, x, y, force[i][0], force[i][1], grid_force)
+        gather(grid, x, y, force[i][2], wp.float64(0.0), across_force)
+
+
+@wp.func
+def strained(
+    grid: Grid,
+    x: wp.float64,
+    y: wp.float64,
+    displacement: wp.array2d(dtype=wp.float64),
+    direction: int,
+    cell: wp.array2d(dtype=wp.float64),
+    cell_index: int,
+) -> wp.float64:
+    """Change of a field at a place: the response of a repeat to the strain, and the displacement along `direction` (0, 1)."""
+    moved, gradient = spread(grid, x, y, displacement)
+    total = weighed(cell, cell_index, gradient)
+    if direction >= 0:
+        total += moved[direction]
+    return total
+
+
+@wp.kernel
 def spread_to_nodes(
     # in: blocks
     block_first: wp.array(dtype=wp.int32),
@@ -149,24 +189,20 @@ def spread_to_nodes(
     place_x: wp.array(dtype=wp.float64),
     place_y: wp.array(dtype=wp.float64),
     grid: Grid,
-    wire_axial: wp.array(dtype=Any),
-    # in: displacement of the grid [m], and what changes in one repeat with its deformation gradient
+    # in: displacement of the grid [m]; the field is a displacement along `direction`, or another one with -1
     displacement: wp.array2d(dtype=wp.float64),
+    direction: int,
+    # in: derivatives of the field in one repeat by its deformation gradient, and factors
     cell_node: wp.array(dtype=wp.int32),
-    cell_x: wp.array2d(dtype=wp.float64),
-    cell_y: wp.array2d(dtype=wp.float64),
-    cell_tension: wp.array2d(dtype=wp.float64),
-    cell_strain: wp.array2d(dtype=wp.float64),
-    unit: Any,
+    cell: wp.array2d(dtype=wp.float64),
+    scale: wp.float64,
+    wire_scale: wp.array(dtype=Any),
     # in and out
-    ux: wp.array(dtype=Any),
-    uy: wp.array(dtype=Any),
-    tension_offset: wp.array(dtype=Any),
+    value: wp.array(dtype=Any),
 ):
-    """Move every node with the grid, and by the response of a repeat to the same strain.
+    """Change a field of every node with the grid, and by the response of a repeat to the same strain.
 
-    `cell_node[entry]` is the node of the repeat; `cell_*[gradient entry, node]` are displacement [m], tension [N] and
-    softened strain [-].
+    `cell_node[entry]` is the node of the repeat; `cell[gradient entry, node]` the derivative.
     """
     thread = wp.tid()
     block = thread / block_size
@@ -175,13 +211,10 @@ def spread_to_nodes(
         return
     i = block_first[block] + lane
     t = block_table[block] + lane
-    moved, gradient = spread(grid, place_x[t] + block_origin_x[block], place_y[t] + block_origin_y[block], displacement)
-    node = cell_node[t]
-    per_count = wp.float64(1.0) / wp.float64(unit)
-    ux[i] = ux[i] + ux.dtype((moved[0] + weighed(cell_x, node, gradient)) * per_count)
-    uy[i] = uy[i] + uy.dtype((moved[1] + weighed(cell_y, node, gradient)) * per_count)
-    softened = wp.float64(wire_axial[block_wire[block]]) * weighed(cell_strain, node, gradient)
-    tension_offset[i] = tension_offset[i] + tension_offset.dtype(weighed(cell_tension, node, gradient) - softened)
+    x = place_x[t] + block_origin_x[block]
+    y = place_y[t] + block_origin_y[block]
+    total = strained(grid, x, y, displacement, direction, cell, cell_node[t])
+    value[i] = value[i] + value.dtype(scale * wp.float64(wire_scale[block_wire[block]]) * total)
 
 
 @wp.kernel
@@ -191,25 +224,20 @@ def spread_to_bodies(
     body_origin_y: wp.array(dtype=wp.float64),
     body_clasp: wp.array(dtype=wp.int32),
     grid: Grid,
-    # in: see spread_to_nodes; offsets of pairs [N]
+    # in: see spread_to_nodes; the field has `per_body` values a body
     displacement: wp.array2d(dtype=wp.float64),
-    cell_x: wp.array2d(dtype=wp.float64),
-    cell_y: wp.array2d(dtype=wp.float64),
-    cell_offset: wp.array2d(dtype=wp.float64),
-    unit: Any,
+    direction: int,
+    per_body: int,
+    cell: wp.array2d(dtype=wp.float64),
+    scale: wp.float64,
+    is_positive: int,
     # in and out
-    ux: wp.array(dtype=Any),
-    uy: wp.array(dtype=Any),
-    pair_offset: wp.array(dtype=Any),
+    value: wp.array(dtype=Any),
 ):
-    """The same for bodies and their pairs."""
-    body = wp.tid()
-    moved, gradient = spread(grid, body_origin_x[body], body_origin_y[body], displacement)
-    clasp = body_clasp[body]
-    per_count = wp.float64(1.0) / wp.float64(unit)
-    ux[body] = ux[body] + ux.dtype((moved[0] + weighed(cell_x, clasp, gradient)) * per_count)
-    uy[body] = uy[body] + uy.dtype((moved[1] + weighed(cell_y, clasp, gradient)) * per_count)
-    for side in range(2):
-        change = weighed(cell_offset, 2 * clasp + side, gradient)
-        pair = 2 * body + side
-        pair_offset[pair] = wp.max(pair_offset.dtype(0.0), pair_offset[pair] + pair_offset.dtype(change))
+    """The same for bodies or their pairs, kept positive if `is_positive`."""
+    i = wp.tid()
+    body = i / per_body
+    index = per_body * body_clasp[body] + i % per_body
+    total = strained(grid, body_origin_x[body], body_origin_y[body], displacement, direction, cell, index)
+    moved = value[i] + value.dtype(scale * total)
+    value[i] = wp.where(is_positive != 0, wp.max(moved, value.dtype(0)), moved)

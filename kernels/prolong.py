@@ -4,7 +4,8 @@ Both meshes are copies of one repeat. A node at rest position X of the large mes
 repeat on the small mesh, moved by a shift that depends on X: none within `rim` repeats of an edge, counted from that edge,
 and linear in between, so that edges and corners are copied and the interior is stretched. Shifts are in general not integer:
 values are interpolated between the four repeats around. Stretching reduces gradients, so each repeat is less strained than its
-source: the response of a repeat to that difference is subtracted.
+source: the response of a repeat to that difference is subtracted. A launch adds the change of one field: a displacement, a
+tension, a multiplier.
 
 A mesh cut along another outline starts from one repeat of endless cloth, whose change is tapered towards the clamps.
 
@@ -124,6 +125,52 @@ def found(table: wp.array3d(dtype=wp.int32), a: int, b: int, c: int) -> int:
     return table[a, b, c]
 
 
+@wp.func
+def prolonged(
+    m: Meshes,
+    table: wp.array3d(dtype=wp.int32),
+    strand: int,
+    column: int,
+    row: int,
+    stride: int,
+    k: int,
+    per_source: int,
+    side: int,
+    place: wp.vec2d,
+    change_x: wp.array(dtype=Any),
+    change_y: wp.array(dtype=Any),
+    change: wp.array(dtype=Any),
+    cell: wp.array2d(dtype=wp.float64),
+    cell_index: int,
+) -> wp.float64:
+    """Change of a field at a place on the large mesh.
+
+    `table[strand, column, stride row + k]` is the source on the small mesh, -1 where there is none. A source has `per_source`
+    values, of which `side` is taken; `cell[., cell_index]` are the derivatives in one repeat.
+    """
+    shift = shift_at(m, place)
+    slope = slope_at(m, place)
+    strained = wp.vec4d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
+    complete = int(0)
+    weight = wp.float64(0.0)
+    total = wp.float64(0.0)
+    for corner in range(4):
+        column_there, row_there = corner_on_small(m, shift, column, row, corner)
+        source = found(table, strand, column_there, row_there * stride + k)
+        if source >= 0:
+            weights = corner_weights(shift, corner)
+            w = weights[0] * weights[1]
+            weight += w
+            strained += corner_strain(slope, weights, corner, wp.float64(change_x[source]), wp.float64(change_y[source]))
+            complete += 1
+            total += w * wp.float64(change[per_source * source + side])
+    if weight > wp.float64(0.0):
+        if complete == 4:
+            total += weighed(cell, cell_index, strained)
+        total /= weight
+    return total
+
+
 @wp.kernel
 def prolong_nodes(
     # in: blocks of the large mesh; column and row are those of the repeat of the first node
@@ -139,29 +186,24 @@ def prolong_nodes(
     thread_nodes: wp.array(dtype=wp.int32),
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
-    wire_axial: wp.array(dtype=Any),
     # in: rest places
     place_x: wp.array(dtype=wp.float64),
     place_y: wp.array(dtype=wp.float64),
     # in: the two meshes
     m: Meshes,
     small_node: wp.array3d(dtype=wp.int32),
-    # in: what changed on the small mesh [m], [m], [N], [-]
+    # in: displacements [m] and the field that changed on the small mesh
     change_x: wp.array(dtype=Any),
     change_y: wp.array(dtype=Any),
-    change_tension: wp.array(dtype=Any),
-    change_strain: wp.array(dtype=Any),
-    # in: what changes in one repeat with its deformation gradient, see kernels/membrane_transfer.py
+    change: wp.array(dtype=Any),
+    # in: derivatives of the field in one repeat by its deformation gradient, see kernels/membrane_transfer.py
     cell_node: wp.array(dtype=wp.int32),
-    cell_x: wp.array2d(dtype=wp.float64),
-    cell_y: wp.array2d(dtype=wp.float64),
-    cell_tension: wp.array2d(dtype=wp.float64),
-    cell_strain: wp.array2d(dtype=wp.float64),
-    unit: Any,
+    cell: wp.array2d(dtype=wp.float64),
+    # in: factors of the change
+    scale: wp.float64,
+    wire_scale: wp.array(dtype=Any),
     # in and out
-    ux: wp.array(dtype=Any),
-    uy: wp.array(dtype=Any),
-    tension_offset: wp.array(dtype=Any),
+    value: wp.array(dtype=Any),
 ):
     """Add what changed; `small_node[thread, column, row n + k]` is the node of the small mesh, -1 where there is none."""
     thread = wp.tid()
@@ -178,44 +220,14 @@ def prolong_nodes(
         (place_x[t] - m.low[0]) / m.repeat[0] + wp.float64(block_column[block]),
         (place_y[t] - m.low[1]) / m.repeat[1] + wp.float64(block_row[block]),
     )
-    shift = shift_at(m, place)
-    slope = slope_at(m, place)
     row = block_row[block] + local / n
-    k = local % n
-    strained = wp.vec4d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
-    complete = int(0)
-    weight = wp.float64(0.0)
-    sum_x = wp.float64(0.0)
-    sum_y = wp.float64(0.0)
-    sum_tension = wp.float64(0.0)
-    sum_strain = wp.float64(0.0)
-    for corner in range(4):
-        column_there, row_there = corner_on_small(m, shift, block_column[block], row, corner)
-        source = found(small_node, strand, column_there, row_there * n + k)
-        if source >= 0:
-            weights = corner_weights(shift, corner)
-            w = weights[0] * weights[1]
-            weight += w
-            strained += corner_strain(slope, weights, corner, wp.float64(change_x[source]), wp.float64(change_y[source]))
-            complete += 1
-            sum_x += w * wp.float64(change_x[source])
-            sum_y += w * wp.float64(change_y[source])
-            sum_tension += w * wp.float64(change_tension[source])
-            sum_strain += w * wp.float64(change_strain[source])
-    if weight > wp.float64(0.0):
-        if complete == 4:
-            node = cell_node[t]
-            sum_x += weighed(cell_x, node, strained)
-            sum_y += weighed(cell_y, node, strained)
-            sum_tension += weighed(cell_tension, node, strained)
-            sum_strain += weighed(cell_strain, node, strained)
-        wire = block_wire[block]
-        weight /= wp.max(faded(m, wp.min(i - wire_first[wire], wire_first[wire] + wire_count[wire] - 1 - i)), wp.float64(1.0e-9))
-        per_count = wp.float64(1.0) / (weight * wp.float64(unit))
-        ux[i] = ux[i] + ux.dtype(sum_x * per_count)
-        uy[i] = uy[i] + uy.dtype(sum_y * per_count)
-        softened = wp.float64(wire_axial[block_wire[block]]) * sum_strain
-        tension_offset[i] = tension_offset[i] + tension_offset.dtype((sum_tension - softened) / weight)
+    column = block_column[block]
+    total = prolonged(
+        m, small_node, strand, column, row, n, local % n, 1, 0, place, change_x, change_y, change, cell, cell_node[t]
+    )  # fmt: skip
+    wire = block_wire[block]
+    fade = faded(m, wp.min(i - wire_first[wire], wire_first[wire] + wire_count[wire] - 1 - i))
+    value[i] = value[i] + value.dtype(scale * wp.float64(wire_scale[wire]) * fade * total)
 
 
 @wp.kernel
@@ -230,56 +242,31 @@ def prolong_bodies(
     # in: the two meshes
     m: Meshes,
     small_body: wp.array3d(dtype=wp.int32),
-    # in: what changed on the small mesh [m], [m], [N]
+    # in: displacements [m] and the field that changed on the small mesh, with `per_body` values a body
     change_x: wp.array(dtype=Any),
     change_y: wp.array(dtype=Any),
-    change_offset: wp.array(dtype=Any),
-    # in: what changes in one repeat with its deformation gradient
-    cell_x: wp.array2d(dtype=wp.float64),
-    cell_y: wp.array2d(dtype=wp.float64),
-    cell_offset: wp.array2d(dtype=wp.float64),
-    unit: Any,
+    change: wp.array(dtype=Any),
+    per_body: int,
+    # in: derivatives of the field in one repeat by its deformation gradient
+    cell: wp.array2d(dtype=wp.float64),
+    scale: wp.float64,
+    is_positive: int,
     # in and out
-    ux: wp.array(dtype=Any),
-    uy: wp.array(dtype=Any),
-    pair_offset: wp.array(dtype=Any),
+    value: wp.array(dtype=Any),
 ):
-    """The same for bodies and their pairs; `small_body[clasp, column, row]` is the body of the small mesh, or -1."""
-    body = wp.tid()
+    """The same for bodies or their pairs, kept positive if `is_positive`.
+
+    `small_body[clasp, column, row]` is the body of the small mesh, or -1.
+    """
+    i = wp.tid()
+    body = i / per_body
+    side = i % per_body
+    clasp = body_clasp[body]
     place = wp.vec2d((body_origin_x[body] - m.low[0]) / m.repeat[0], (body_origin_y[body] - m.low[1]) / m.repeat[1])
-    shift = shift_at(m, place)
-    slope = slope_at(m, place)
-    strained = wp.vec4d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
-    complete = int(0)
-    weight = wp.float64(0.0)
-    sum_x = wp.float64(0.0)
-    sum_y = wp.float64(0.0)
-    first = wp.float64(0.0)
-    second = wp.float64(0.0)
-    for corner in range(4):
-        column_there, row_there = corner_on_small(m, shift, body_column[body], body_row[body], corner)
-        source = found(small_body, body_clasp[body], column_there, row_there)
-        if source >= 0:
-            weights = corner_weights(shift, corner)
-            w = weights[0] * weights[1]
-            weight += w
-            strained += corner_strain(slope, weights, corner, wp.float64(change_x[source]), wp.float64(change_y[source]))
-            complete += 1
-            sum_x += w * wp.float64(change_x[source])
-            sum_y += w * wp.float64(change_y[source])
-            first += w * wp.float64(change_offset[2 * source])
-            second += w * wp.float64(change_offset[2 * source + 1])
-    if weight > wp.float64(0.0):
-        if complete == 4:
-            clasp = body_clasp[body]
-            sum_x += weighed(cell_x, clasp, strained)
-            sum_y += weighed(cell_y, clasp, strained)
-            first += weighed(cell_offset, 2 * clasp, strained)
-            second += weighed(cell_offset, 2 * clasp + 1, strained)
-        weight /= wp.max(faded(m, body_from_end[body]), wp.float64(1.0e-9))
-        per_count = wp.float64(1.0) / (weight * wp.float64(unit))
-        ux[body] = ux[body] + ux.dtype(sum_x * per_count)
-        uy[body] = uy[body] + uy.dtype(sum_y * per_count)
-        nothing = pair_offset.dtype(0.0)
-        pair_offset[2 * body] = wp.max(nothing, pair_offset[2 * body] + pair_offset.dtype(first / weight))
-        pair_offset[2 * body + 1] = wp.max(nothing, pair_offset[2 * body + 1] + pair_offset.dtype(second / weight))
+    column = body_column[body]
+    total = prolonged(
+        m, small_body, clasp, column, body_row[body], 1, 0, per_body, side, place, change_x, change_y, change, cell,
+        per_body * clasp + side,
+    )  # fmt: skip
+    moved = value[i] + value.dtype(scale * faded(m, body_from_end[body]) * total)
+    value[i] = wp.where(is_positive != 0, wp.max(moved, value.dtype(0)), moved)

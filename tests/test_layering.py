@@ -34,6 +34,7 @@ LAYERS = (
     {"mesh"},
     {"measure"},
     {"mechanics", "estimate", "trial"},
+    {"transfer"},
     {"planar", "spatial"},
     {"model"},
     {"solve"},

@@ -15,13 +15,14 @@ from warpknit.model import build_model, mechanics_of
 from warpknit.planar.host_state import node_entries
 from warpknit.planar.model import Model
 from warpknit.planar.observables import read
-from warpknit.planar.response import STRAIN, state_variables
 from warpknit.planar.state import State, initial_state
+from warpknit.planar.state_variables import state_variables
 from warpknit.scene import load_scene
 from warpknit.solve.membrane import Correction
 from warpknit.solve.multilevel import MEMBRANE_TOLERANCE
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Progress, Simulation
+from warpknit.transfer.response import STRAIN
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"
 TOLERANCE = 3e-3  # of LOADED: what a tension may still drift

@@ -86,6 +86,13 @@ def ramp_steps(scene: Scene, loading_time: float, time_step: float) -> int:
     return max(1, round(RAMP_SHARE * stages * loading_time / time_step))
 
 
+def multilevel_start(smaller: Scene | None) -> Iterator[str]:
+    """The start from a smaller mesh, if there is one, in a sentence."""
+    if smaller is not None:
+        repeats = " x ".join(map(str, smaller.knit.repeats))
+        yield f"multilevel start: from the equilibrium of a smaller mesh of {repeats} repeats, recursively"
+
+
 def levels_of_pairs(pairs: Sequence[tuple[float, float]], levels: int) -> list[int]:
     """[pair] load levels of pairs of strains in a map, so many to the largest strain: increments of one size for all."""
     largest = max((abs(strain) for pair in pairs for strain in pair), default=0.0) or 1.0

@@ -192,17 +192,6 @@ class Mechanics(Protocol):
         """Restore a `state_dict`."""
 
 
-class Response(Protocol):
-    """How endless cloth answers a change of its deformation gradient F about a load."""
-
-    @property
-    def tangent(self) -> np.ndarray:
-        """(2, 2, 2, 2) [N/m] dP/dF, symmetric and positive; zero before the first load."""
-
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """What a checkpoint keeps."""
-
-
 class Prolongation(Protocol):
     """Carries what changes on a smaller mesh over to a larger one of the same knit."""
 
@@ -219,6 +208,12 @@ class MembraneGrid(Protocol):
     def gather(self) -> np.ndarray:
         """(grid node, 2) [N] out-of-balance forces, as the last convergence check found them."""
 
+    def gather_across(self) -> np.ndarray | None:
+        """[grid node] [N] the same out of the plane of the mesh, as the last `gather` found them; None in a planar model."""
+
+    def spread_across(self, displacement: np.ndarray, response: Any) -> None:
+        """Move the mesh out of its plane with the grid [grid node] [m]; the clamps stay."""
+
     def spread(self, displacement: np.ndarray, response: Any) -> None:
         """Move the mesh with the grid (grid node, 2) [m], its repeats as endless cloth answers; the clamps stay."""
 
@@ -232,6 +227,8 @@ class MultilevelMechanics(Mechanics, Protocol):
     """What a model offers besides, whose large meshes start from smaller ones and are corrected as membranes
     (solve/multilevel.py)."""
 
+    path_increment: float  # largest strain increment of the smallest mesh, whose equilibrium may depend on the load path
+
     def prolongation(self, smaller: Any) -> Prolongation:
         """Prolongation from a smaller mesh of the same knit, given by its mechanics, to this one."""
 
@@ -239,16 +236,18 @@ class MultilevelMechanics(Mechanics, Protocol):
         """A grid of `cells` (2,) from `low` (2,) [m] on, each of size `cell` (2,) [m]."""
 
     def state_variables(self) -> dict[str, np.ndarray]:
-        """Variables of the state, for differences between states."""
+        """Fields of the state (warpknit/transfer/), for differences between states."""
 
-    def find_response(self, cell_at: CellState, cell: Any, gradient: np.ndarray, temperature: float) -> Response:
-        """How endless cloth answers at a load, by states of one repeat, the model `cell`. Raises `Diverged`."""
+    @property
+    def checked_stress(self) -> np.ndarray:
+        """(2, 2) [N/m] nominal stress, as the last convergence check found it."""
 
-    def zero_response(self, cell: Any) -> Response:
-        """A cloth that does nothing."""
+    def stop(self) -> None:
+        """Stop all motion."""
 
-    def load_response(self, kept: dict[str, np.ndarray], cell: Any) -> Response:
-        """The response whose `state_dict` is among what was kept."""
+
+class EdgeMechanics(MultilevelMechanics, Protocol):
+    """What a model offers in addition, whose edge moves with the membrane (`Mechanics.rim` is None)."""
 
     def move_clamps(self, begin: np.ndarray, end: np.ndarray) -> None:
         """Have the next load take the clamps from displacements (clamp, 2) [m] to others."""
@@ -258,13 +257,6 @@ class MultilevelMechanics(Mechanics, Protocol):
 
     def renew_damping(self) -> None:
         """Set the damping by the motion of the last steps."""
-
-    @property
-    def checked_stress(self) -> np.ndarray:
-        """(2, 2) [N/m] nominal stress, as the last convergence check found it."""
-
-    def stop(self) -> None:
-        """Stop all motion."""
 
 
 class Group(Protocol):

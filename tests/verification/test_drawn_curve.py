@@ -17,6 +17,7 @@ from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.contact_places import site_places
+from warpknit.spatial.placed_wires import place_wires
 from warpknit.spatial.rest_curve import FIT_PLACES, spatial_curve
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -60,7 +61,7 @@ def test_at_rest_planar_wires_are_drawn_along_their_centre_lines():
 
 def test_at_rest_wires_in_space_are_drawn_along_their_centre_lines():
     mesh = build_model(load_scene(SCENES / "atlas_cell_spatial.toml", ["model.nodes_per_loop=48"]))
-    rods, line = mesh.rods, mesh.wires.line
+    rods, line = mesh.rods, place_wires(mesh.cloth, mesh.table, mesh.panel).line
     curve = spatial_curve(mesh.layout(), rods.position, np.eye(2), rods.director, mesh.curve, 1.0)
     for k, place in enumerate(FIT_PLACES):
         offset = curve.offset(np.arange(rods.node_count), np.full(rods.node_count, place))

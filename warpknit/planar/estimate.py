@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from ..estimate import HOOK_ENDS, HOOKED, Cost, Notes, Size, boundary_physics, endless_counts, ramp_steps
+from ..estimate import HOOK_ENDS, HOOKED, Cost, Notes, Size, boundary_physics, endless_counts, multilevel_start, ramp_steps
 from ..knit.cloth import Cloth
 from ..mesh.layout import SLIDE_ALLOWANCE, estimated_nodes
 from ..mesh.panel import table_lead
@@ -166,9 +166,8 @@ def physics(scene: Scene, size: Size) -> Iterator[str]:
             merged = "nested lenses merged" if scene.model.merge_lenses else "one for each lens, model.merge_lenses = false"
             yield f"contact: {size.bodies:,} hooks, each a body between two wires ({merged})"
         yield from boundary_physics(scene)
-        if solver.drive == "relax" and (smaller := smaller_scene(scene)) is not None:
-            repeats = " x ".join(map(str, smaller.knit.repeats))
-            yield f"multilevel start: from the equilibrium of a smaller mesh of {repeats} repeats, recursively"
+        if solver.drive == "relax":
+            yield from multilevel_start(smaller_scene(scene))
     if size.softening != 1.0:
         yield f"softening: axial stiffness divided by {size.softening:g} in the dynamics, solver.axial_softening"
     if solver.drive == "relax" and solver.multipliers:

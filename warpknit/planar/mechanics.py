@@ -25,9 +25,9 @@ from .neighbours import RAMP_SHARE, NeighbourSearch
 from .observables import PlanarObservables, read
 from .prolongation import Prolongation
 from .residual import Residual
-from .response import find_response, load_response, state_variables, zero_response
 from .slowest_mode import SlowestMode
 from .state import State
+from .state_variables import state_variables
 from .strip_step import stepper_of
 from .thermal import wire_thermal_strain
 from .time_step import stable_step
@@ -51,6 +51,7 @@ class PlanarMechanics:
 
     check_steps = CHECK_STEPS
     can_overlap = may_overlap = False
+    path_increment = 0.005
     rim: Rim | None = None  # the drive moves the edge with the membrane (solve/multilevel.py)
     stations = np.zeros((0, 2))
 
@@ -278,10 +279,6 @@ class PlanarMechanics:
     @property
     def checked_stress(self) -> np.ndarray:
         return self.sums.stress
-
-    find_response = staticmethod(find_response)
-    zero_response = staticmethod(zero_response)
-    load_response = staticmethod(load_response)
 
     # --- observation
 

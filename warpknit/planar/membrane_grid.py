@@ -5,53 +5,52 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from ..kernels.membrane_transfer import Grid, gather_body_forces, gather_node_forces, spread_to_bodies, spread_to_nodes
+from ..kernels.membrane_transfer import gather_body_forces, gather_node_forces
 from ..launch import bind
+from ..transfer.grid import RepeatGrid
+from ..transfer.response import Response
 from .model import Model, block_threads
-from .response import Response
 from .state import State
 from .step import ForceProbe
 
 
 class MembraneGrid:
-    """A grid of `cells` (2,) from `low` (2,) [m] on, each of size `cell` (2,) [m], over a mesh (kernels/membrane_transfer.py)."""
+    """A grid of `cells` (2,) from `low` (2,) [m] on, each of size `cell` (2,) [m], over a mesh."""
 
     def __init__(
         self, model: Model, state: State, probe: ForceProbe, low: np.ndarray, cell: np.ndarray, cells: np.ndarray
     ) -> None:
         self.model, self.state, self._probe = model, state, probe
-        grid = Grid()
-        grid.low, grid.cell, grid.cells = wp.vec2d(*low), wp.vec2d(*cell), wp.vec2i(*map(int, cells))
-        self._grid = grid
-        count = int(np.prod(cells + 1))
-        self._force = wp.zeros((count, 2), dtype=wp.float64, device=model.device)
-        self._displacement = wp.zeros((count, 2), dtype=wp.float64, device=model.device)
+        self._repeats = RepeatGrid(model, low, cell, cells, model.mesh, model.rest, model.constants)
         self._body_clasp: wp.array = wp.array(model.panel.body_clasp, dtype=wp.int32, device=model.device)
+        self._one = wp.full(len(model.panel.wire_first), 1.0, dtype=model.precision.real, device=model.device)
 
     def gather(self) -> np.ndarray:
         """Out-of-balance forces (grid node, 2) [N], from the accelerations that the probe holds."""
-        model, mesh, state = self.model, self.model.mesh, self.state
-        self._force.zero_()
-        onto = {"grid": self._grid, "force": self._force}
+        model, mesh, state, repeats = self.model, self.model.mesh, self.state, self._repeats
+        repeats.force.zero_()
+        onto = {"grid": repeats.grid, "force": repeats.force}
         nodes = (model.rest, mesh, state, model.constants, self._probe)
         bind(gather_node_forces, block_threads(model), *nodes, **onto).run(model.device)
         if model.owned_bodies:
             bind(gather_body_forces, model.owned_bodies, mesh, state, **onto).run(model.device)
-        return model.ranks.sum(self._force.numpy())
+        return model.ranks.sum(repeats.force.numpy())
+
+    def gather_across(self) -> None:
+        """None: nothing moves out of the plane."""
+
+    def spread_across(self, displacement: np.ndarray, response: Response) -> None:
+        """Nothing."""
 
     def spread(self, displacement: np.ndarray, response: Response) -> None:
         """Move the mesh with the grid (grid node, 2) [m], its repeats as endless cloth answers; the clamps stay."""
-        model, mesh, state = self.model, self.model.mesh, self.state
-        self._displacement.assign(displacement)
-        now = state.parity
-        sources = (mesh, state, model.constants)
-        moved = {"grid": self._grid, "displacement": self._displacement}
-        bind(
-            spread_to_nodes, block_threads(model), *sources, model.rest, response, ux=state.node_ux[now], uy=state.node_uy[now],
-            **moved, **response.of_nodes,
-        ).run(model.device)  # fmt: skip
-        if model.panel.body_count:
-            bind(
-                spread_to_bodies, model.panel.body_count, *sources, body_clasp=self._body_clasp,
-                ux=state.body_ux, uy=state.body_uy, **moved, **response.of_bodies,
-            ).run(model.device)  # fmt: skip
+        state, repeats, one = self.state, self._repeats, self._one
+        repeats.set_displacement(displacement)
+        now, counts, clasp = state.parity, 1.0 / self.model.precision.unit, self._body_clasp
+        repeats.add_to_nodes(state.node_ux[now], "x", response, one, counts)
+        repeats.add_to_nodes(state.node_uy[now], "y", response, one, counts)
+        repeats.add_to_nodes(state.tension_offset, "tension", response, one)
+        repeats.add_to_nodes(state.tension_offset, "strain", response, state.wire_axial, -1.0)
+        repeats.add_to_bodies(state.body_ux, "body_x", response, clasp, counts)
+        repeats.add_to_bodies(state.body_uy, "body_y", response, clasp, counts)
+        repeats.add_to_bodies(state.pair_offset, "body_offset", response, clasp, per_body=2, is_positive=True)

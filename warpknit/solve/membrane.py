@@ -18,8 +18,9 @@ import numpy as np
 import scipy.sparse as sparse
 from scipy.sparse.linalg import splu
 
-from ..mechanics import MultilevelMechanics, Response
+from ..mechanics import MultilevelMechanics
 from ..mesh.rim import REPEATS_A_CELL, Rim
+from ..transfer.response import Response
 
 MAX_CELLS = 96  # cells of the grid in one direction
 MAX_STRAIN = 0.02  # strain of one correction
@@ -53,6 +54,9 @@ class Membrane:
         self._cell = size / self._cells
         self._grid = mechanics.membrane_grid(self.model.panel.low, self._cell, self._cells)
         self._filled = self._filled_share()
+        # of the cloth [N m]: straight wires in all directions
+        wires = float(self.model.panel.wire_length.sum()) / self.model.panel.area
+        self._bending_stiffness = 0.375 * self.model.bending_stiffness * wires
         self._tie_grid()
 
     def _filled_share(self) -> np.ndarray:
@@ -69,6 +73,7 @@ class Membrane:
         is_inside = np.zeros((nx + 2, ny + 2), dtype=bool)
         is_inside[1:-1, 1:-1] = self._filled > 1.0 - 1e-9
         free = (is_inside[:-1, :-1] & is_inside[1:, :-1] & is_inside[:-1, 1:] & is_inside[1:, 1:]).ravel()
+        self._inside = np.flatnonzero(free)
         ix, iy = (a.ravel() for a in np.meshgrid(np.arange(nx + 1), np.arange(ny + 1), indexing="ij"))
         place = self.model.panel.low + self._cell * np.stack([ix, iy], axis=1)
         arc, _ = self.rim.outline.nearest(place[~free])
@@ -84,6 +89,11 @@ class Membrane:
         self._response = response
         if not tangent.any():  # before the first load
             return
+        self._stiffness = (self._tied.T @ self._assembled(tangent) @ self._tied).tocsr()
+        self._solve = None if self.rim.is_free else splu(self._stiffness[self._free][:, self._free].tocsc()).solve
+
+    def _assembled(self, tangent: np.ndarray) -> sparse.csr_matrix:
+        """(2 grid node, 2 grid node) [N/m] stiffness of all cells, by a tangent (2, 2, 2, 2) [N/m]."""
         nx, ny = self._cells
         corner = np.array([[i % 2, i // 2] for i in range(4)])
         points = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
@@ -98,9 +108,7 @@ class Membrane:
         number = (2 * node[:, :, None] + np.arange(2)).reshape(len(node), 8)
         rows, columns = np.repeat(number, 8, axis=1), np.tile(number, (1, 8))
         values = self._filled.ravel()[:, None] * element.reshape(64)
-        matrix = sparse.coo_matrix((values.ravel(), (rows.ravel(), columns.ravel()))).tocsr()
-        self._stiffness = (self._tied.T @ matrix @ self._tied).tocsr()
-        self._solve = None if self.rim.is_free else splu(self._stiffness[self._free][:, self._free].tocsc()).solve
+        return sparse.coo_matrix((values.ravel(), (rows.ravel(), columns.ravel()))).tocsr()
 
     def imbalance(self) -> np.ndarray:
         """Out-of-balance forces (grid node, 2) [N], as the last convergence check found them."""
@@ -110,6 +118,7 @@ class Membrane:
         """Compile every kernel by launching it; the mesh does not move."""
         self._response = response
         self.imbalance()
+        self._grid.spread_across(np.zeros(int(np.prod(self._cells + 1))), response)
         self.move(Correction(np.zeros((int(np.prod(self._cells + 1)), 2)), np.zeros((len(self.rim.arc), 2))))
 
     def solve(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray) -> tuple[Correction, float]:
@@ -189,6 +198,29 @@ class Membrane:
         moved = moved.reshape(*(self._cells + 1), 2)
         along_x, along_y = np.diff(moved, axis=0) / self._cell[0], np.diff(moved, axis=1) / self._cell[1]
         return np.stack([0.5 * (along_x[:, 1:] + along_x[:, :-1]), 0.5 * (along_y[1:] + along_y[:-1])], axis=-1)
+
+    def lift(self, gradient: np.ndarray, stress: np.ndarray) -> bool:
+        """Balance the forces out of the plane of a mesh in space that is under tension; return whether it moved.
+
+        `gradient` (2, 2) of the edge, `stress` (2, 2) [N/m] nominal. The tension S = F^-1 P resists: div(S grad w) + R = 0.
+        """
+        force, tension = self._grid.gather_across(), np.linalg.solve(gradient, stress)
+        tension = 0.5 * (tension + tension.T)
+        if force is None or not len(self._inside) or np.linalg.eigvalsh(tension).min() <= 0.0:
+            return False
+        # two displacements that are not coupled, of which one is taken
+        free = self._inside
+        pulled, laplacian = (
+            self._assembled(np.einsum("ac,bd->abcd", np.eye(2), part))[::2, ::2][free][:, free] for part in (tension, np.eye(2))
+        )
+        area = float(np.prod(self._cell))
+        matrix = pulled + self._bending_stiffness / area * (laplacian @ laplacian)
+        displacement = np.zeros(len(force))
+        displacement[self._inside] = splu(matrix.tocsc()).solve(force[free])
+        slope = self._gradient(np.repeat(displacement, 2))
+        share = min(1.0, MAX_STRAIN / max(float(np.abs(slope).max()), 1e-30))
+        self._grid.spread_across(share * displacement, self._response)
+        return True
 
     def move(self, correction: Correction) -> None:
         """Move the mesh with the grid; the clamps stay."""

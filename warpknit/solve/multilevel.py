@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import cast
 
 import numpy as np
 
@@ -15,9 +16,10 @@ from ..kernels import control as c
 from ..measure import tension_scale
 from ..measure.edge_work import EdgeWork
 from ..measure.strain import stretch
-from ..mechanics import MultilevelMechanics, advance
+from ..mechanics import EdgeMechanics, MultilevelMechanics, advance
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim, build_rim
+from ..transfer.response import find_response, load_response, zero_response
 from .convergence import TENSION_FLOOR
 from .membrane import Correction, Membrane
 from .progress import LoadStart, Progress
@@ -27,11 +29,11 @@ MOVE_STEPS = 200  # steps between increments of an edge displacement
 EDGE_TOLERANCE = 0.05  # out-of-balance force on the stations of a cord over the force of the wires
 CORRECTION_CHECKS = 5  # convergence checks between membrane corrections
 MIN_IMBALANCE = 0.4  # over the tolerance, corrected while the mesh is not converged: it would decay slowly
+LIFT_CHECKS = 10  # the same between corrections out of the plane
 CORRECTION_GAIN = 0.7  # a correction has failed if the imbalance exceeds this share of the smallest so far
 MAX_FAILED_CORRECTIONS = 8  # before membrane corrections are abandoned for the level
 RELAXATION_FACTORS = (0.1, 1.0)  # smallest and largest
 MEMBRANE_TOLERANCE = 0.02  # rms stress out of balance over the tension
-PATH_INCREMENT = 0.005  # largest strain increment of the smallest mesh
 
 
 class MultilevelRelaxation(Relaxation):
@@ -55,7 +57,7 @@ class MultilevelRelaxation(Relaxation):
         self.prolongation = None if smaller is None else mechanics.prolongation(smaller.mechanics)
         repeated = cell or smaller
         assert repeated is not None
-        self._response = mechanics.zero_response(repeated.model)
+        self._response = zero_response(cast(MultilevelMechanics, repeated.mechanics))
         self.membrane: Membrane | None = None
         self._rim: Rim | None = None
         self._stations = np.zeros((0, 2))
@@ -78,15 +80,11 @@ class MultilevelRelaxation(Relaxation):
     def compile(self) -> None:
         if self.smaller is None or self.prolongation is None:
             super().compile()
-            if self.cell is not None and self.membrane is not None:
+            if self.cell is not None:
                 self.cell.compile()
-                kept = self.snapshot()
-                self.membrane.warm_up(self._response)
-                self.restore(kept)
-            return
-        # the smaller mesh uses the same kernels
-        self.smaller.compile()
-        self.prolongation.carry(self._response)
+        else:  # the smaller mesh uses the same kernels
+            self.smaller.compile()
+            self.prolongation.carry(self._response)
         if self.membrane is not None:
             self.membrane.warm_up(self._response)
 
@@ -110,14 +108,14 @@ class MultilevelRelaxation(Relaxation):
         if self.cell is not None and self.membrane is not None:
             self._stations = kept["stations"]
             self.cell.restore(_under("cell_", kept))
-            self._response = self.mechanics.load_response(kept, self.cell.model)
+            self._response = load_response(kept, self.cell.model)
             self.membrane.renew(self._response)
 
     def _prepare(self, load: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
         if self.smaller is not None:
             load = self._solve_smaller(self.smaller, load, wanted)
         if self.cell is not None and self.membrane is not None:
-            self._response = self.mechanics.find_response(self._cell_at, self.cell.model, load.gradient, load.temperature)
+            self._response = find_response(self._cell_at, self.cell.model, load.gradient, load.temperature)
             self.membrane.renew(self._response)
         return load
 
@@ -148,7 +146,7 @@ class MultilevelRelaxation(Relaxation):
             progress.start = LoadStart(smallest.state.gradient.ravel().tolist(), temperature=temperature)
         start = progress.start
         gradient, temperature = np.array(start.gradient).reshape(2, 2), start.temperature
-        levels = max(1, math.ceil(float(np.abs(target.gradient - gradient).max()) / PATH_INCREMENT - 1e-9))
+        levels = max(1, math.ceil(float(np.abs(target.gradient - gradient).max()) / self.mechanics.path_increment - 1e-9))
         while start.levels < levels:
             share = (start.levels + 1.0) / levels
             there = gradient + share * (target.gradient - gradient)
@@ -160,9 +158,10 @@ class MultilevelRelaxation(Relaxation):
         if self.prolongation is None:
             super()._start_level(target)
         else:
+            self.mechanics.set_load(target, 0)
             self.prolongation.carry(self._response)
             self.mechanics.stop()
-            self.mechanics.set_load(target, 0)
+            self.mechanics.search()
         self._move_edge(target)
 
     def _move_edge(self, target: LoadPoint) -> None:
@@ -174,7 +173,7 @@ class MultilevelRelaxation(Relaxation):
             return
         if not self.membrane.tangent.any():
             begin, self._stations = self.stations, self.stations + displacement
-            self.mechanics.move_clamps(self.rim.clamps @ begin, self.rim.clamps @ self.stations)
+            cast(EdgeMechanics, self.mechanics).move_clamps(self.rim.clamps @ begin, self.rim.clamps @ self.stations)
             self.mechanics.set_load(target, self.mechanics.load_steps(target, predicted=False))
             return
         remaining = 1.0
@@ -200,7 +199,7 @@ class MultilevelRelaxation(Relaxation):
         if membrane is None:
             return ratio
         if progress.checks % CORRECTION_CHECKS == 0 and (progress.relaxation_factor > 0.0 or membrane.rim.is_free):
-            self._correct_as_membrane(membrane, MIN_IMBALANCE if ratio > 1.0 else 1.0)
+            self._correct_as_membrane(membrane, ratio)
         return max(ratio, progress.imbalance)
 
     def _step_on(self, steps: int) -> None:
@@ -209,17 +208,19 @@ class MultilevelRelaxation(Relaxation):
         self.progress.steps += taken
         if diverged:
             raise self.divergence()
-        self.mechanics.renew_damping()
+        cast(EdgeMechanics, self.mechanics).renew_damping()
 
     @property
     def least_tension(self) -> float:
         """[N/m] lower bound of the tension in relative errors."""
         return TENSION_FLOOR * tension_scale(self.model)
 
-    def _correct_as_membrane(self, membrane: Membrane, least: float) -> None:
-        """Apply a membrane correction unless the imbalance over its tolerance is at most `least`."""
+    def _correct_as_membrane(self, membrane: Membrane, ratio: float) -> None:
+        """Apply a membrane correction unless the mesh is balanced, well where its residual `ratio` exceeds 1; then also one out
+        of the plane."""
+        least = MIN_IMBALANCE if ratio > 1.0 else 1.0
         progress, rim = self.progress, membrane.rim
-        pulled = self.mechanics.clamp_forces() if rim.is_free else np.zeros((0, 2))
+        pulled = cast(EdgeMechanics, self.mechanics).clamp_forces() if rim.is_free else np.zeros((0, 2))
         solve = membrane.solve if progress.relaxation_factor > 0.0 else membrane.solve_rim
         correction, stress = solve(self.state.gradient, self.stations, pulled)
         scale = max(float(np.abs(self.mechanics.checked_stress).max()), self.least_tension)
@@ -228,6 +229,9 @@ class MultilevelRelaxation(Relaxation):
             edge = membrane.edge_imbalance(self.state.gradient, self.stations, pulled, self.least_tension)
             progress.imbalance = max(progress.imbalance, edge / EDGE_TOLERANCE)
         if progress.imbalance <= least or (progress.imbalance <= 1.0 and progress.failed_corrections > 1):
+            is_due = progress.checks % LIFT_CHECKS == 0 and ratio > 1.0
+            if is_due and membrane.lift(self.state.gradient, self.mechanics.checked_stress):
+                self.mechanics.search()
             return
         progress.failed_corrections += 1
         if progress.imbalance < CORRECTION_GAIN * progress.least_imbalance:
@@ -252,7 +256,7 @@ class MultilevelRelaxation(Relaxation):
         if self.rim is not None:
             self._stations = self.stations + correction.stations
             clamps = self.rim.clamps @ self.stations
-            self.mechanics.move_clamps(clamps, clamps)
+            cast(EdgeMechanics, self.mechanics).move_clamps(clamps, clamps)
 
     def _aitken_factor(self, correction: np.ndarray) -> float:
         """Aitken's relaxation factor, from this correction and the last one.

@@ -37,14 +37,14 @@ class ContactMultipliers:
         self._after, self._before = rods.following, rods.previous
         self._thickness = rods.section.thickness
         self._stalled = Stalled(rods.node_count, OVERLAP_ERROR)
-        self._raised = np.ones(rods.node_count)
-        self._force = 0.0  # [N] mean of the contacts
+        self.raised = np.ones(rods.node_count)  # [node] factor of the penalty where overlaps have stalled
+        self.mean_force = 0.0  # [N] of the contacts
         store(self._state.contact_penalty, floor)
 
     @property
     def _loading_floor(self) -> float:
         """[N/m] smallest penalty while a load is applied: new contacts may have to carry as much as others at once."""
-        return max(self._floor, FORCE_PENALTY * self._force / self._thickness)
+        return max(self._floor, FORCE_PENALTY * self.mean_force / self._thickness)
 
     def error(self, touching: Contacts) -> float:
         """Largest of `errors`, in thicknesses."""
@@ -71,12 +71,12 @@ class ContactMultipliers:
         state = self._state
         before, offset = fetch(state.contact_penalty), fetch(state.contact_offset)
         if len(force):
-            self._force = float(force.mean())
+            self.mean_force = float(force.mean())
         is_fast = loading or float(state.read_control()[int(c.SPEED_MAX)]) > SLOW * self._thickness
         floor = self._loading_floor if is_fast else LOADED * self._floor
         if not loading:
             self._raise_stalled(touching)
-        wanted = np.maximum(floor, FORCE_PENALTY * self._raised * largest / self._thickness)
+        wanted = np.maximum(floor, FORCE_PENALTY * self.raised * largest / self._thickness)
         penalty = np.where(is_touched, np.clip(wanted, DECAY * before, GROWTH * before), floor)
         penalty = np.maximum(penalty, floor)
         # the force of the offset is kept
@@ -93,30 +93,48 @@ class ContactMultipliers:
         error = np.zeros(self._nodes)
         np.maximum.at(error, node[inside], self._errors(touching)[which[inside]])
         stalled = self._stalled.after(error)
-        self._raised[stalled] = np.minimum(RAISED * self._raised[stalled], MOST_RAISED)
+        self.raised[stalled] = np.minimum(RAISED * self.raised[stalled], MOST_RAISED)
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Arrays for a checkpoint, beside the state of the rods."""
         return {
-            "penalty_raised": self._raised.copy(),
-            "mean_contact_force": np.array(self._force),
+            "penalty_raised": self.raised.copy(),
+            "mean_contact_force": np.array(self.mean_force),
             **self._stalled.state_dict("overlap"),
         }
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         """Restore what `state_dict` returned."""
-        self._raised, self._force = kept["penalty_raised"].copy(), float(kept["mean_contact_force"])
+        self.raised, self.mean_force = kept["penalty_raised"].copy(), float(kept["mean_contact_force"])
         self._stalled.load_state_dict("overlap", kept)
 
     def stiffen(self) -> None:
         """Raise the penalties to the floor for a load to come; the forces of the offsets are kept."""
-        self._raised[:] = 1.0
+        self.raised[:] = 1.0
         self._stalled.reset()
         state = self._state
         before = fetch(state.contact_penalty)
         penalty = np.maximum(before, self._loading_floor)
         store(state.contact_offset, fetch(state.contact_offset) * before / penalty)
         store(state.contact_penalty, penalty)
+
+    @property
+    def push(self) -> np.ndarray:
+        """[node] [N] force of the offsets: what the contacts at a node push with, without overlap."""
+        return np.asarray(fetch(self._state.contact_offset) * fetch(self._state.contact_penalty))
+
+    def add_push(self, push: np.ndarray) -> None:
+        """Add to the forces [node] [N] of the offsets."""
+        penalty = np.maximum(fetch(self._state.contact_penalty), 1e-300)
+        store(self._state.contact_offset, np.clip((self.push + push) / penalty, 0.0, MAX_OFFSET * self._thickness))
+
+    def raise_to(self, penalty: np.ndarray, raised: np.ndarray, mean_force: float) -> None:
+        """Raise penalties [node] [N/m] and their factors to at least these; the forces of the offsets are kept."""
+        state, push = self._state, self.push
+        store(state.contact_penalty, np.maximum(fetch(state.contact_penalty), penalty))
+        self.raised = np.clip(raised, self.raised, MOST_RAISED)
+        self.mean_force = max(self.mean_force, mean_force)
+        self.add_push(push - self.push)
 
     def _spread(self, contacts: Contacts, which: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Nodes of contacts with their weights, and the contact among `which` that each belongs to."""

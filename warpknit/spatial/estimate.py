@@ -12,10 +12,21 @@ from itertools import product
 
 import numpy as np
 
-from ..estimate import HOOK_ENDS, Cost, Notes, Size, boundary_physics, endless_counts, levels_of_pairs, ramp_steps
+from ..estimate import (
+    HOOK_ENDS,
+    Cost,
+    Notes,
+    Size,
+    boundary_physics,
+    endless_counts,
+    levels_of_pairs,
+    multilevel_start,
+    ramp_steps,
+)
 from ..knit.cloth import Cloth
 from ..mesh.layout import estimated_nodes
 from ..mesh.load_point import PATH_STRAIN
+from ..mesh.smaller import smaller_scene
 from ..numerics import thread_count
 from ..scene import Scene, Stage
 from ..scene.presets import PRESETS
@@ -32,6 +43,8 @@ MEASURED_TOLERANCE, TOLERANCE_POWER = 1e-2, 0.12
 TENSION_STATES = 6  # times the steps of a level that goes by strain: 4 to 9 at 20 mN/m both ways
 FREE_STATES = 2  # the same of a direction without tension: 0.6 to 8 on tight knits
 GRIPPED = 3.0  # times the steps of a tile
+FROM_REPEAT = 0.2  # the same of a tile that starts from one repeat: 125 steps
+SMALLER_SHARE = 2.0  # time of a gripped mesh with its smaller meshes over that of its own steps: 1.5 to 3
 HOOKED = 1.5  # the same of two hooked wires
 FROM_FILE = 0.7  # the same of wires from a file, by their loop_size
 
@@ -83,7 +96,14 @@ def cost_of(scene: Scene, size: Size) -> Cost:
     else:
         steps = spatial_steps(scene)
     near = size.near or round(PAIRS_OF_NODE * size.nodes)
-    return Cost(steps, spatial_time(steps, replace(size, near=near)))
+    share = SMALLER_SHARE if scene.model.boundary == "gripped" and _smaller(scene) is not None else 1.0
+    return Cost(steps, share * spatial_time(steps, replace(size, near=near)))
+
+
+def _smaller(scene: Scene) -> Scene | None:
+    """The scene of the smaller mesh from which a relaxation starts; not with an edge that moves (model.py)."""
+    is_knit = scene.hook is None and scene.wires is None
+    return smaller_scene(scene) if is_knit and scene.solver.drive == "relax" and not scene.has_moving_edge else None
 
 
 def map_time(scene: Scene, size: Size) -> float | None:
@@ -107,6 +127,8 @@ def spatial_steps(scene: Scene) -> int:
         work *= HOOKED
     elif scene.model.boundary == "gripped":
         work *= GRIPPED
+    elif _smaller(scene) is not None:
+        work *= FROM_REPEAT
     if scene.wires is not None:
         work *= FROM_FILE
     befores = (None, *scene.stages[:-1])
@@ -167,6 +189,7 @@ def physics(scene: Scene, size: Size) -> Iterator[str]:
     yield f"contact: round wires touch each other anywhere; they hook in {size.bodies:,} places, which shares are counted by"
     yield softer
     yield from boundary_physics(scene)
+    yield from multilevel_start(_smaller(scene))
 
 
 def limitations(scene: Scene, cloth: Cloth | None) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,16 @@ from ..mechanics import Check, Drift, strength_exceeded
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
 from ..numerics import AXIAL_ERROR, SLOWEST_WAVE
+from ..transfer.repeat_mesh import RepeatArrays, upload_repeats
 from .clamps import MovingClamps
 from .contact_multipliers import ContactMultipliers
 from .edge import Edge
 from .fictitious_masses import Masses
+from .fields import Fields
+from .membrane_grid import MembraneGrid
 from .model import SpatialModel
 from .observables import SpatialObservables, read
+from .prolongation import Prolongation
 from .residual import Residual
 from .rod_arrays import RodState
 from .rod_relaxation import CHECK_STEPS, RodRelaxation
@@ -44,6 +49,7 @@ class SpatialMechanics:
     can_overlap = True
     may_overlap = False
     drift = DRIFT
+    path_increment = LOAD_STRAIN
 
     def __init__(self, model: SpatialModel, state: RodState) -> None:
         self.model, scene = model, model.scene
@@ -124,13 +130,15 @@ class SpatialMechanics:
         now = state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 5].tolist()
         then = [*load.gradient.ravel().tolist(), factor]
         ramp = {int(c.FROM) + k: now[k] for k in range(5)} | {int(c.TO) + k: then[k] for k in range(5)}
+        if steps == 0:
+            ramp |= {int(c.GRADIENT) + k: then[k] for k in range(5)}
         state.write_control(ramp | {int(c.RAMP_STEP): 0.0, int(c.RAMP_STEPS): float(steps), int(c.EVEN_RAMP): float(evenly)})
         if self.model.ramp is not None:
             return
         self.relaxation.set_thermal_strain(
             segment_thermal_strain(self.model, load.temperature, np.array(load.temperature_gradient))
         )
-        if self.clamps is None:
+        if self.clamps is None or steps == 0:
             self._move_clamps(load, factor)
         if self.multipliers is not None:
             self.multipliers.stiffen()
@@ -277,6 +285,37 @@ class SpatialMechanics:
     def residual_now(self) -> float:
         self.stepper.evaluate()
         return self.residual.measure(self.contact.read_contacts(), self.relaxation.unbalanced_forces())
+
+    # --- meshes of one knit (solve/multilevel.py)
+
+    @cached_property
+    def fields(self) -> Fields:
+        """What is transferred between meshes of one knit."""
+        assert self.multipliers is not None
+        return Fields(self.model, self.relaxation, self.contact, self.multipliers)
+
+    @cached_property
+    def repeats(self) -> RepeatArrays:
+        """The mesh as copies of one repeat."""
+        assert self.model.table is not None
+        return upload_repeats(self.model.panel, self.model.table, self.model.device)
+
+    def prolongation(self, smaller: SpatialMechanics) -> Prolongation:
+        return Prolongation(self.fields, smaller.fields, self.repeats)
+
+    def membrane_grid(self, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> MembraneGrid:
+        return MembraneGrid(self.fields, self.repeats, low, cell, cells)
+
+    def state_variables(self) -> dict[str, np.ndarray]:
+        """None: wires that touch in space would overlap by linear responses."""
+        return {}
+
+    @property
+    def checked_stress(self) -> np.ndarray:
+        return self.stress()
+
+    def stop(self) -> None:
+        self.relaxation.stop_motion()
 
     # --- observation
 

@@ -61,8 +61,12 @@ class SpatialModel:
     ranks: Ranks
     ramp: RampNumerics | None = None  # masses, step and damping of a ramp
 
-    has_multilevel: ClassVar[bool] = False
     has_replicas: ClassVar[bool] = False
+
+    @property
+    def has_multilevel(self) -> bool:
+        """Whether multilevel starts and membrane corrections are available; not with an edge that moves (edge.py)."""
+        return not self.scene.has_moving_edge
 
     @property
     def time_step(self) -> float:
@@ -98,6 +102,11 @@ class SpatialModel:
     def global_model(self) -> SpatialModel:
         """The global model: this one, as ranks do not share it."""
         return self
+
+    @property
+    def bodies(self) -> np.ndarray:
+        """[site] index in the global model."""
+        return np.arange(self.panel.body_count)
 
     @property
     def node_count(self) -> int:
@@ -220,14 +229,15 @@ def _assemble(
     softening = max(1.0, min(scene.solver.axial_softening, most))
     stiffest = max(section.axial_stiffness / softening / spacing, 4.0 * section.bending_stiffness / spacing**3)
     given = scene.contact.stiffness
+    curve = catmull_rom(rods) if wires.line is None else fit_rest_curve(rods, wires.line)
     model = SpatialModel(
         scene=scene,
         cloth=cloth,
         table=table,
         panel=panel,
-        wires=wires,
+        wires=replace(wires, line=None),  # it is as large as the rest of the mesh
         rods=rods,
-        curve=catmull_rom(rods) if wires.line is None else fit_rest_curve(rods, wires.line),
+        curve=curve,
         softening=softening,
         contact_stiffness=CONTACT_TO_BENDING * stiffest if given is None else given,
         soft_penalty=SOFT_PENALTY * section.bending_stiffness / loop_length**3 if given is None else given,

@@ -280,7 +280,7 @@ class SpatialObservables(Boundary):
 
     @property
     def panel_map(self) -> None:
-        """None: meshes in space are too small for a map."""
+        """None: not implemented in space."""
 
 
 def read(

@@ -52,6 +52,9 @@ class SpatialWires:
     site_seed: np.ndarray  # place nearest to the body at rest
     site_low: np.ndarray  # reach before it, negative
     site_high: np.ndarray  # and behind
+    # [wire] place of the node with the number of the panel's first one, counted along the thread; None: the nodes are the panel's
+    panel_begin: np.ndarray | None = None
+    panel_step: np.ndarray | None = None  # [wire] nodes for each node of the panel
     sliding_clamp: np.ndarray | None = None  # clamps, of two held nodes each, that slide along the warp; None: none
 
 
@@ -68,12 +71,14 @@ def place_wires(cloth: Cloth, table: Table, panel: Panel, thickness: float, *, e
         return _closed_wires(threads, table, panel, wire, seed, low, high)
     points: list[np.ndarray] = []
     lines: list[CentreLine] = []
-    places = []
+    places, starts, shares = [], [], []
     for w in range(len(panel.wire_first)):
-        along, line, place = _clamped_wire(threads[int(panel.wire_thread[w])], table, panel, w)
+        along, line, place, start, share = _clamped_wire(threads[int(panel.wire_thread[w])], table, panel, w)
         points.append(along)
         lines.append(line)
         places.append(place)
+        starts.append(start)
+        shares.append(share)
     seed, low, high = _site_places(seed, low, high, lambda number, side: _at(places, wire[:, side], number))
     count = np.array([len(p) for p in points])
     first = np.concatenate([[0], np.cumsum(count)[:-1]])
@@ -91,6 +96,8 @@ def place_wires(cloth: Cloth, table: Table, panel: Panel, thickness: float, *, e
         site_seed=seed,
         site_low=low,
         site_high=high,
+        panel_begin=np.array(starts),
+        panel_step=np.array(shares),
     )
 
 
@@ -151,8 +158,9 @@ def _closed_wires(
 
 def _clamped_wire(
     thread: SpacedThread, table: Table, panel: Panel, wire: int
-) -> tuple[np.ndarray, CentreLine, Callable[[np.ndarray], np.ndarray]]:
-    """Points (n, 3) [m] of a clamped wire, its centre line, and its nodes for nodes of the panel."""
+) -> tuple[np.ndarray, CentreLine, Callable[[np.ndarray], np.ndarray], float, float]:
+    """Points (n, 3) [m] of a clamped wire, its centre line, its nodes at places of the panel's nodes, and `panel_begin` and
+    `panel_step` of SpatialWires."""
     number = int(panel.wire_thread[wire])
     spacing = float(table.spacing[number])
     block = int(np.searchsorted(panel.block_first, panel.wire_first[wire]))
@@ -175,4 +183,9 @@ def _clamped_wire(
     arcs = thread.at_node(low + (np.arange(segments + 2) - 1.0 + held) * step)
     arcs[[0, -1]] = 2.0 * ends - arcs[[1, -2]]
     line = line_along(thread, arcs, np.append(np.diff(arcs), arcs[-1] - arcs[-2]))
-    return thread(arcs) + origin, line, lambda q: (thread.number(thread.at_plan(plan + q * spacing)) - low) / step + 1.0 - held
+    begin = float((plan / spacing - low) / step) + 1.0 - held
+
+    def at(q: np.ndarray) -> np.ndarray:
+        return (thread.number(thread.at_plan(plan + q * spacing)) - low) / step + 1.0 - held
+
+    return thread(arcs) + origin, line, at, begin, float(1.0 / step)

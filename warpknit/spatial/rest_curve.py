@@ -19,6 +19,7 @@ from .node_stiffness import node_stiffness
 from .rods import Rods
 
 BUMPS = 4  # B0 .. B3
+FITTED = 4096  # segments fitted at a time
 FIT_PLACES = 0.5 * (leggauss(12)[0] + 1.0)  # places 0 .. 1 on a segment where the centre line is sampled
 
 
@@ -144,28 +145,37 @@ def fit_rest_curve(rods: Rods, line: CentreLine) -> RestCurve:
     faster = np.where(np.stack([is_inside, is_inside[after]], axis=1), faster, 1.0)
     weight = np.repeat(faster, 2, axis=1) * weight
     scale = (length[:, None] * faster)[:, :, None, None]
-    one, two = scale[:, 0] * (direction + rise)[:, None], scale[:, 1] * (direction + rise)[after][:, None]
+    tangent = direction + rise
+    bump, bulge = np.zeros((rods.node_count, 2 * BUMPS)), np.zeros(rods.node_count)
+    error, weight_square, lever = 0.0, 1.0, 0.0
     s = FIT_PLACES[:, None]
     h10, h01, h11 = hermite(s)
-    along = (1 - s) * (1 - 3 * s) * one + 6 * s * (1 - s) * edge[:, None] + s * (3 * s - 2) * two
-    along /= np.linalg.norm(along, axis=2, keepdims=True)
-    missed = _across(line.between - (h10 * one + h01 * edge[:, None] + h11 * two), along)
-    missed[~has_segment] = 0.0
     basis = (s * (1 - s)) ** 2 * s ** np.arange(BUMPS)  # (place, power)
-    moves = np.einsum("nac,sp->nspca", section, basis).reshape(*missed.shape[:2], 2 * BUMPS, 3)
-    system = np.swapaxes(_across(moves, along[:, :, None]), 2, 3).reshape(rods.node_count, -1, 2 * BUMPS)
-    bump = (np.linalg.pinv(system) @ missed.reshape(rods.node_count, -1, 1))[..., 0]
-    remainder = missed.reshape(rods.node_count, -1) - np.einsum("nkc,nc->nk", system, bump)
-    own = np.einsum("nspa,np->nsa", moves, bump)
-    correction = scale[:, 0] * h10 * rise[:, None] + scale[:, 1] * h11 * rise[after][:, None] + own
-    weight_square, lever = _weight_bounds(slope, weight, own, length, before, after)
+    for first in range(0, rods.node_count, FITTED):
+        node = np.arange(first, min(first + FITTED, rods.node_count))
+        end, own_edge, sizes = after[node], edge[node][:, None], scale[node]
+        one, two = sizes[:, 0] * tangent[node][:, None], sizes[:, 1] * tangent[end][:, None]
+        along = (1 - s) * (1 - 3 * s) * one + 6 * s * (1 - s) * own_edge + s * (3 * s - 2) * two
+        along /= np.linalg.norm(along, axis=2, keepdims=True)
+        missed = _across(line.between[node] - (h10 * one + h01 * own_edge + h11 * two), along)
+        missed[~has_segment[node]] = 0.0
+        moves = np.einsum("nac,sp->nspca", section[node], basis).reshape(*missed.shape[:2], 2 * BUMPS, 3)
+        system = np.swapaxes(_across(moves, along[:, :, None]), 2, 3).reshape(len(node), -1, 2 * BUMPS)
+        bump[node] = (np.linalg.pinv(system) @ missed.reshape(len(node), -1, 1))[..., 0]
+        remainder = missed.reshape(len(node), -1) - np.einsum("nkc,nc->nk", system, bump[node])
+        own = np.einsum("nspa,np->nsa", moves, bump[node])
+        correction = sizes[:, 0] * h10 * rise[node][:, None] + sizes[:, 1] * h11 * rise[end][:, None] + own
+        bulge[node] = np.where(has_segment[node], np.linalg.norm(correction, axis=2).max(axis=1), 0.0)
+        error = max(error, float(np.linalg.norm(remainder.reshape(missed.shape), axis=2).max()))
+        bounds = _weight_bounds(slope, weight, own, length, node, before[node], end)
+        weight_square, lever = max(weight_square, bounds[0]), max(lever, bounds[1])
     return RestCurve(
         slope=slope,
         slope_weight=weight,
         length=length,
         bump=bump,
-        bulge=np.where(has_segment, np.linalg.norm(correction, axis=2).max(axis=1), 0.0),
-        fit_error=float(np.linalg.norm(remainder.reshape(missed.shape), axis=2).max()),
+        bulge=bulge,
+        fit_error=error,
         weight_square=weight_square,
         lever=lever,
     )
@@ -208,17 +218,23 @@ def _across(vector: np.ndarray, along: np.ndarray) -> np.ndarray:
 
 
 def _weight_bounds(
-    slope: np.ndarray, weight: np.ndarray, own: np.ndarray, length: np.ndarray, before: np.ndarray, after: np.ndarray
+    slope: np.ndarray,
+    weight: np.ndarray,
+    own: np.ndarray,
+    length: np.ndarray,
+    node: np.ndarray,
+    before: np.ndarray,
+    after: np.ndarray,
 ) -> tuple[float, float]:
-    """`weight_square` and `lever` of a RestCurve; own (node, place, 3) [m]: correction of the curve by bumps."""
+    """`weight_square` and `lever` of a RestCurve, of segments behind some nodes; own (n, place, 3) [m]: correction by bumps."""
     h10, h01, h11 = hermite(FIT_PLACES)
     h11 = -h11
-    m, size = weight[:, :, None], np.linalg.norm(slope, axis=1)
-    begin, end = h10 * size[:, None], h11 * size[after][:, None]
+    m, here = weight[node][:, :, None], length[node][:, None]
+    begin, end = (h * np.linalg.norm(slope[nodes], axis=1)[:, None] for h, nodes in ((h10, node), (h11, after)))
     first = m[:, 0] * length[before][:, None] * begin  # of the previous section
     last = m[:, 3] * length[after][:, None] * end  # and of the next one
-    middle = length[:, None] * (m[:, 1] * begin + m[:, 2] * end) + np.linalg.norm(own, axis=2)
-    a, b, c = first / length[before][:, None], middle / length[:, None], last / length[after][:, None]
+    middle = here * (m[:, 1] * begin + m[:, 2] * end) + np.linalg.norm(own, axis=2)
+    a, b, c = first / length[before][:, None], middle / here, last / length[after][:, None]
     pushes = (
         m[:, 0] * h10 + a,
         np.abs(1 - h01 + (m[:, 0] - m[:, 1]) * h10 + m[:, 2] * h11) + a + b,

@@ -9,6 +9,7 @@ no site.
 from __future__ import annotations
 
 import itertools
+from functools import cached_property
 
 import numpy as np
 
@@ -26,7 +27,8 @@ class Sites:
         self.count = len(wires.site_wire)
         self._wire, self._seed = wires.site_wire, wires.site_seed
         self._low, self._high = wires.site_low, wires.site_high
-        self._round = np.where(rods.wire_closed, rods.wire_count, 0)[self._wire]
+        self._wire_round = np.where(rods.wire_closed, rods.wire_count, 0)
+        self._round = self._wire_round[self._wire]
         self._node_wire, self._first = rods.wire_of, rods.wire_first
         self._period = rods.wire_period[self._wire]
         self._tile = rods.tile
@@ -55,17 +57,52 @@ class Sites:
         both = np.stack([first, second], axis=1)
         for side, nodes, at in ((1.0, both, places), (-1.0, both[:, ::-1], places[:, ::-1])):
             wires = self._node_wire[nodes]
-            for k in range(len(nodes)):
-                fits = np.flatnonzero((self._wire == wires[k]).all(axis=1))
-                distance = self._distance(fits, nodes[k] + at[k] - self._first[wires[k]], side * shift[k])
-                if len(distance) and distance.min() < nearest[k]:
-                    nearest[k], found[k], sign[k] = distance.min(), fits[np.argmin(distance)], side
+            number = nodes + at - self._first[wires]
+            contact, site = self._candidates(wires, number)
+            distance = self._distance(site, number[contact], side * shift[contact])
+            order = np.lexsort((site, distance, contact))
+            best = order[np.unique(contact[order], return_index=True)[1]]
+            best = best[distance[best] < nearest[contact[best]]]
+            nearest[contact[best]], found[contact[best]], sign[contact[best]] = distance[best], site[best], side
         return found, sign
 
-    def _distance(self, sites: np.ndarray, number: np.ndarray, shift: np.ndarray) -> np.ndarray:
-        """[site] distance of a contact from the seeds, over the reach; infinite beyond the reach or of other images.
+    @cached_property
+    def _by_place(self) -> tuple[np.ndarray, np.ndarray, int]:
+        """Sites in the order of their wires and places on the first one; the key of each, and the span of places."""
+        span = int(np.ceil(np.abs(self._seed).max(initial=0.0))) + 2
+        key = self._key(self._wire, self._seed[:, 0], span)
+        order = np.argsort(key, kind="stable")
+        return order, key[order], span
 
-        number (2,): places along the two wires of all these sites, in nodes; shift (3,) [m] of the second.
+    def _key(self, wires: np.ndarray, place: np.ndarray, span: int) -> np.ndarray:
+        """Numbers that order wires (any, 2) and places on the first one."""
+        return np.asarray((wires[:, 0].astype(float) * len(self._first) + wires[:, 1]) * 4.0 * span + np.clip(place, -span, span))
+
+    def _candidates(self, wires: np.ndarray, number: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Contacts and sites of the same wires (contact, 2) whose places on the first wire are within reach of each other."""
+        order, key, span = self._by_place
+        if not len(order):
+            return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+        rounds = self._wire_round[wires[:, 0]]
+        low, high = float(self._low[:, 0].min()) - 1.0, float(self._high[:, 0].max()) + 1.0
+        if (rounds > 0).any() and high - low >= rounds[rounds > 0].min():
+            windows = [(np.full(len(number), -np.inf), np.full(len(number), np.inf))]  # any place is within reach
+        else:
+            turns = (-1, 0, 1) if rounds.any() else (0,)
+            windows = [(number[:, 0] + turn * rounds - high, number[:, 0] + turn * rounds - low) for turn in turns]
+        contacts, sites = [], []
+        for begin, end in windows:
+            a = np.searchsorted(key, self._key(wires, begin, span), side="left")
+            b = np.searchsorted(key, self._key(wires, end, span), side="right")
+            count = np.maximum(b - a, 0)
+            contacts.append(np.repeat(np.arange(len(number)), count))
+            sites.append(order[np.repeat(a - np.cumsum(count) + count, count) + np.arange(count.sum())])
+        return np.concatenate(contacts), np.concatenate(sites)
+
+    def _distance(self, sites: np.ndarray, number: np.ndarray, shift: np.ndarray) -> np.ndarray:
+        """[candidate] distance of a contact from the seeds of a site, over the reach; infinite beyond it or of other images.
+
+        sites [candidate]; number (candidate, 2): places along both wires, in nodes; shift (candidate, 3) [m] of the second.
         """
         low, high, rounds = self._low[sites], self._high[sites], self._round[sites]
         offset = number - self._seed[sites]

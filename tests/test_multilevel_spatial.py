@@ -1,0 +1,218 @@
+"""Large meshes in space: start from smaller meshes, and membrane corrections."""
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warpknit import measure
+from warpknit.kernels.banded_mass import HELD_NODE
+from warpknit.measure.table import values
+from warpknit.model import build_model, initial_state, mechanics_of
+from warpknit.plan import make_plan
+from warpknit.scene import load_scene
+from warpknit.solve.multilevel import MultilevelRelaxation
+from warpknit.solve.relax import Relaxation
+from warpknit.solve.simulate import Progress, Simulation
+from warpknit.spatial.mechanics import SpatialMechanics
+from warpknit.spatial.model import SpatialModel
+from warpknit.spatial.panel_nodes import PanelNodes
+from warpknit.spatial.rod_relaxation import CHECK_STEPS
+from warpknit.transfer.response import zero_response
+
+CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell_spatial.toml"
+TOLERANCE = 3e-3  # what a tension may still drift
+SCENE = (
+    "solver.preset=draft", "model.nodes_per_loop=32", f"solver.residual_tolerance={TOLERANCE}", "output.frames=1",
+    "load.strain_weft=0.05", "load.strain_warp=0.05",
+)  # fmt: skip
+STRIP = "knit.repeats=[12, 3]"  # one of 8 x 3 repeats is its smaller mesh
+
+
+def mesh(*changes: str) -> SpatialModel:
+    model = build_model(load_scene(CELL, [*SCENE, *changes]))
+    assert isinstance(model, SpatialModel)
+    return model
+
+
+@cache
+def solved(*changes: str, alone: bool = False) -> tuple[SpatialMechanics, Relaxation, int]:
+    """A mesh in equilibrium, with its smaller meshes or without, and its steps."""
+    model = mesh(*changes)
+    simulation = Simulation(model)
+    if alone:
+        simulation.drive = Relaxation(mechanics_of(model, simulation.state), simulation.progress)
+    *_, last = simulation.run()
+    return simulation.mechanics, simulation.drive, last.steps
+
+
+def observed(mechanics: SpatialMechanics) -> tuple[np.ndarray, float]:
+    """Tensions (2,) [N/m], and the share of active contacts."""
+    observables = mechanics.observe()
+    return np.array(measure.mesh_tension(observables)), float(values(observables, ["active_percent"])["active_percent"])
+
+
+def test_one_repeat_in_equilibrium_is_the_equilibrium_of_a_tile() -> None:
+    """Repeats of a tile are alike, so the change of one repeat, added to each, balances at once: after the first check the
+    residual is below the tolerance. The level takes the checks that the drift criterion waits for."""
+    changes = ("knit.repeats=[3, 2]", "load.strain_weft=0.1", "load.strain_warp=0.1")
+    mechanics, drive, steps = solved(*changes)
+    assert isinstance(drive, MultilevelRelaxation) and drive.smaller is not None
+    assert steps == CHECK_STEPS * (mechanics.drift.required_checks + 1)
+    tension, active = observed(mechanics)
+    expected, share = observed(drive.smaller.mechanics)
+    assert tension == pytest.approx(expected, rel=2 * TOLERANCE)
+    assert active == pytest.approx(share)
+
+
+def test_start_from_a_smaller_mesh_gives_the_same_answer_in_fewer_steps() -> None:
+    """12 x 3 repeats with a start from 8 x 3, against the same mesh from the knitted state: tensions within what both may
+    still drift."""
+    mechanics, drive, steps = solved(STRIP, "model.boundary=gripped")
+    assert isinstance(drive, MultilevelRelaxation)
+    alone, _, many = solved(STRIP, "model.boundary=gripped", alone=True)
+    (tension, active), (expected, share) = observed(mechanics), observed(alone)
+    assert tension == pytest.approx(expected, rel=3 * TOLERANCE)
+    assert active == pytest.approx(share, abs=1.0)
+    assert steps < 0.6 * many
+
+
+@pytest.mark.parametrize("stop_at", [pytest.param(20, marks=pytest.mark.slow), 50])
+def test_interrupted_start_continues_to_the_same_bits(stop_at: int) -> None:
+    """A checkpoint in the smaller mesh or in the large one holds all that the rest of the run depends on."""
+    model = mesh(STRIP, "model.boundary=gripped", "load.strain_weft=0.03", "load.strain_warp=0.03")
+
+    class Stop(Exception):
+        pass
+
+    def run(stop_at: int | None, kept: dict | None) -> dict:
+        state = initial_state(model)
+        simulation = Simulation(model, state, progress=Progress.from_dict(kept["progress"]) if kept else None)
+        simulation.compile()
+        if kept:
+            state.restore(kept["state"])
+            simulation.load_state_dict(kept["solver"])
+        checks = 0
+
+        def watch(_progress: Progress) -> None:
+            nonlocal checks
+            checks += 1
+            if checks == stop_at:
+                raise Stop
+
+        simulation.watch = watch
+        try:
+            for _record in simulation.run():
+                pass
+        except Stop:
+            pass
+        about = json.loads(json.dumps(simulation.progress.as_dict()))
+        solver = {name: np.array(value) for name, value in simulation.state_dict().items()}
+        return {"state": state.arrays(), "solver": solver, "progress": about, "checks": checks}
+
+    expected = run(None, None)
+    assert expected["checks"] > stop_at
+    found = run(None, run(stop_at, None))
+    for name, value in expected["state"].items():
+        assert np.array_equal(value, found["state"][name]), name
+
+
+def test_added_fields_are_read_back() -> None:
+    """Displacements and turns of the sections are a description of the state: what is added is what is read, to round-off."""
+    model = mesh("knit.repeats=[1, 1]")
+    mechanics = mechanics_of(model, initial_state(model))
+    assert isinstance(mechanics, SpatialMechanics)
+    fields, rng = mechanics.fields, np.random.default_rng(3)
+    before = fields.read()
+    changes = {name: np.zeros(model.node_count) for name in before}
+    smooth = np.sin(2 * np.pi * np.arange(model.node_count) / model.node_count)
+    for name, size in {"x": 1e-6, "y": 1e-6, "z": 1e-6, "turn": 0.3}.items():
+        changes[name] = size * rng.normal() * smooth
+    fields.add(changes)
+    after = fields.read()
+    for name in ("x", "y", "z", "turn"):
+        assert after[name] - before[name] == pytest.approx(changes[name], abs=1e-12)
+
+
+def test_a_rigid_turn_of_the_sections_adds_no_twist() -> None:
+    """Sections that turn by one angle along a closed wire are bent and twisted as before, about other directors: bending is
+    that of a round section in its own frame, so the natural curvature turns along and only GJ (m - M) stays zero."""
+    model = mesh("knit.repeats=[1, 1]")
+    mechanics = mechanics_of(model, initial_state(model))
+    assert isinstance(mechanics, SpatialMechanics)
+    twist = mechanics.state.twist.numpy().copy()
+    changes = {name: np.zeros(model.node_count) for name in mechanics.fields.read()}
+    mechanics.fields.add(changes | {"turn": np.full(model.node_count, 0.2)})
+    mechanics.stepper.evaluate()
+    assert mechanics.state.twist.numpy() == pytest.approx(twist, abs=1e-12)
+
+
+def test_no_change_moves_nothing() -> None:
+    """A start from a smaller mesh that has not changed leaves the state, but for round-off of the frames."""
+    model = mesh(STRIP, "model.boundary=gripped")
+    drive = Simulation(model).drive
+    assert isinstance(drive, MultilevelRelaxation) and drive.prolongation is not None and drive.cell is not None
+    before = drive.state.displacement.numpy().copy(), drive.state.director.numpy().copy()
+    drive.prolongation.carry(zero_response(drive.cell.mechanics))
+    assert np.array_equal(drive.state.displacement.numpy(), before[0])
+    assert drive.state.director.numpy() == pytest.approx(before[1], abs=1e-14)
+
+
+@pytest.mark.parametrize("of_segments", [False, True])
+def test_cubics_along_wires_are_resampled_exactly(of_segments: bool) -> None:
+    """Nodes of a clamped wire stand at begin + step k in nodes of the panel; interpolation by cubics is exact for cubics."""
+    model = mesh("knit.repeats=[2, 2]", "model.boundary=gripped")
+    nodes, wires, panel, rods = PanelNodes(model), model.wires, model.panel, model.rods
+    assert wires.panel_begin is not None and wires.panel_step is not None
+    half = 0.5 if of_segments else 0.0
+    wire = np.repeat(np.arange(len(panel.wire_first)), panel.wire_count)
+    there = np.arange(panel.node_count) - panel.wire_first[wire] + half
+    place = wires.panel_begin[wire] + wires.panel_step[wire] * there
+
+    def cubic(x: np.ndarray) -> np.ndarray:
+        return 1.0 + 0.1 * x - 2e-3 * x**2 + 1e-5 * x**3
+
+    found = nodes.of_panel(cubic(np.arange(rods.node_count) - rods.wire_first[rods.wire_of] + half), of_segments=of_segments)
+    inside = (place >= half) & (place <= rods.wire_count[wire] - 1 - half)
+    assert np.count_nonzero(inside) > 0.9 * len(inside)
+    assert found[inside] == pytest.approx(cubic(place[inside]), rel=1e-9)
+
+
+def test_gathered_forces_have_the_same_sum_and_moments() -> None:
+    """Bilinear shape functions sum to one and reproduce places: sum R = sum f, sum R x = sum f x over the nodes not held."""
+    model = mesh("knit.repeats=[4, 3]", "model.boundary=gripped")
+    mechanics = mechanics_of(model, initial_state(model))
+    assert isinstance(mechanics, SpatialMechanics)
+    cells, low = np.array([3, 2]), model.panel.low - 1e-3
+    cell = (np.array(model.panel.size) + 2e-3) / cells
+    grid = mechanics.membrane_grid(low, cell, cells)
+    rng = np.random.default_rng(1)
+    force = rng.normal(size=(model.node_count, 3))
+    mechanics.state.force.assign(force)
+    gathered = grid.gather()
+    force[(model.rods.held & int(HELD_NODE)) != 0] = 0.0
+    place = low + cell * np.stack(np.meshgrid(*(np.arange(n + 1) for n in cells), indexing="ij"), axis=-1).reshape(-1, 2)
+    assert gathered.sum(axis=0) == pytest.approx(force[:, :2].sum(axis=0), abs=1e-9)
+    moments = np.einsum("ia,ib->ab", gathered, place)
+    assert moments == pytest.approx(np.einsum("ia,ib->ab", force[:, :2], model.rods.position[:, :2]), abs=1e-12 + 1e-9)
+
+
+def test_an_edge_on_cords_has_no_smaller_mesh_in_space() -> None:
+    """Its stations move with the mesh itself (spatial/edge.py)."""
+    cords = ("panel.grip_pitch=5 mm", "panel.cord.tension=20 mN", "panel.cord.stiffness=10 N")
+    model = mesh(STRIP, "model.boundary=gripped", *cords)
+    assert not isinstance(Simulation(model).drive, MultilevelRelaxation)
+
+
+def test_plan_says_from_which_mesh_a_run_starts() -> None:
+    """As in the plane; an edge that moves has no smaller mesh."""
+    cords = ("panel.grip_pitch=5 mm", "panel.cord.tension=20 mN", "panel.cord.stiffness=10 N")
+
+    def starts(*changes: str) -> list[str]:
+        return [line for line in make_plan(load_scene(CELL, [*SCENE, *changes]), "cpu").physics if line.startswith("multilevel")]
+
+    assert "8 x 3 repeats" in starts(STRIP, "model.boundary=gripped")[0]
+    assert "1 x 1 repeats" in starts("knit.repeats=[3, 2]")[0]
+    assert not starts(STRIP, "model.boundary=gripped", *cords) and not starts("knit.repeats=[1, 1]")

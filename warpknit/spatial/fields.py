@@ -1,0 +1,127 @@
+"""Fields of a spatial mesh that are transferred between meshes of one knit (warpknit/transfer/), at the nodes of its panel.
+
+| field | meaning | unit |
+|---|---|---|
+| x, y, z | displacement of a node from the affine map of its rest position | m |
+| turn | rotation of a section about its segment, beyond the one that tilts its rest tangent t0 into t | rad |
+| tension, strain | of a segment, and of its chord | N, - |
+| push | offset of the contacts at a node times their penalty | N |
+
+The turn does not depend on the history. The rotation that tilts t0 into t carries the rest director d0 to
+
+    p = c d0 + b x d0 + b (b . d0)/(1 + c)        b = t0 x t,  c = t0 . t        turn = angle from p to the director about t
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..host import fetch, store
+from ..kernels.banded_mass import HELD_NODE
+from .contact_multipliers import ContactMultipliers
+from .model import SpatialModel
+from .panel_nodes import PanelNodes
+from .rod_relaxation import RodRelaxation
+from .wire_contact import WireContact
+
+OF_NODES = ("x", "y", "z", "push")
+OF_SEGMENTS = ("turn", "tension", "strain")
+FIELDS = OF_NODES + OF_SEGMENTS
+STIFFNESSES = ("stretch", "penalty", "raised")  # of segments, and of contacts at nodes; not fields, as they only grow
+
+
+class Fields:
+    """Reads the fields of a mesh, and changes them."""
+
+    def __init__(
+        self, model: SpatialModel, relaxation: RodRelaxation, contact: WireContact, multipliers: ContactMultipliers
+    ) -> None:
+        self.model, self.relaxation, self.contact, self.multipliers = model, relaxation, contact, multipliers
+        self.stepper = relaxation.stepper
+        self.nodes = PanelNodes(model)
+        rods = model.rods
+        self._moves = (rods.held & int(HELD_NODE)) == 0
+        self._has_segment = rods.following >= 0
+
+    def read(self) -> dict[str, np.ndarray]:
+        """Fields [panel node] of the current state."""
+        self.stepper.evaluate()
+        displacement = fetch(self.stepper.state.displacement)
+        values = {
+            "x": displacement[:, 0],
+            "y": displacement[:, 1],
+            "z": displacement[:, 2],
+            "push": self.multipliers.push,
+            "turn": self._turn(),
+            "tension": self.relaxation.tension(),
+            "strain": self.relaxation.strain(),
+        }
+        return {name: np.array(self.nodes.of_panel(value, of_segments=name in OF_SEGMENTS)) for name, value in values.items()}
+
+    def read_stiffness(self) -> dict[str, np.ndarray]:
+        """STIFFNESSES [panel node] of the current state."""
+        state = self.stepper.state
+        values = {
+            "stretch": fetch(state.stretch_stiffness),
+            "penalty": fetch(state.contact_penalty),
+            "raised": self.multipliers.raised,
+        }
+        return {name: np.array(self.nodes.of_panel(value, of_segments=name == "stretch")) for name, value in values.items()}
+
+    def stiffen(self, stiffness: dict[str, np.ndarray], mean_force: float) -> None:
+        """Raise stiffnesses to those given [panel node]; mean_force [N] of the contacts."""
+        state = self.stepper.state
+        raised = {name: self.nodes.of_rods(value, of_segments=name == "stretch") for name, value in stiffness.items()}
+        store(state.stretch_stiffness, np.maximum(fetch(state.stretch_stiffness), raised["stretch"]))
+        self.multipliers.raise_to(raised["penalty"], raised["raised"], mean_force)
+
+    def add(self, changes: dict[str, np.ndarray]) -> None:
+        """Change the fields by values [panel node]; held nodes and sections stay. Without any change nothing moves."""
+        if not any(np.any(change) for change in changes.values()):
+            return
+        state, change = self.stepper.state, dict.fromkeys(FIELDS, np.zeros(self.model.node_count))
+        for name, value in changes.items():
+            change[name] = self.nodes.of_rods(value, of_segments=name in OF_SEGMENTS)
+        self.stepper.evaluate()
+        turn = self._turn() + np.where(self.relaxation.free_sections, change["turn"], 0.0)
+        move = np.stack([change["x"], change["y"], change["z"]], axis=1)
+        store(state.displacement, fetch(state.displacement) + np.where(self._moves[:, None], move, 0.0))
+        self._turn_sections(turn)
+        pulled = change["tension"] - fetch(state.stretch_stiffness) * change["strain"]
+        store(state.tension_offset, fetch(state.tension_offset) + np.where(self.relaxation.can_stretch, pulled, 0.0))
+        self.multipliers.add_push(change["push"])
+        self.contact.search()
+        self.relaxation.renew_masses(loading=True)
+        self.relaxation.reset_damping_estimate()
+
+    # --- turns of the sections
+
+    def _turn(self) -> np.ndarray:
+        """[node] [rad] turns of the sections, in the state last evaluated."""
+        state, tangent = self.stepper.state, fetch(self.stepper.state.tangent)
+        director, tilted = fetch(state.director), self._tilted(tangent)
+        sine = np.sum(np.cross(tilted, director) * tangent, axis=1)
+        return np.where(self._has_segment, np.arctan2(sine, np.sum(tilted * director, axis=1)), 0.0)
+
+    def _turn_sections(self, turn: np.ndarray) -> None:
+        """Set directors by the turns [node] [rad], at the tangents of the current displacements."""
+        state, rods = self.stepper.state, self.model.rods
+        displacement, after = fetch(state.displacement), np.maximum(rods.following, 0)
+        edge = rods.rest_edge.copy()
+        edge[:, :2] = edge[:, :2] @ state.gradient.T
+        edge += displacement[after] - displacement
+        tangent = edge / np.linalg.norm(edge, axis=1)[:, None]
+        tilted = self._tilted(tangent)
+        director = np.cos(turn)[:, None] * tilted + np.sin(turn)[:, None] * np.cross(tangent, tilted)
+        for array, value in ((state.tangent, tangent), (state.director, director)):
+            store(array, np.where(self._has_segment[:, None], value, fetch(array)))
+
+    def _tilted(self, tangent: np.ndarray) -> np.ndarray:
+        """(node, 3) rest directors, tilted with their segments to tangents (node, 3)."""
+        rods = self.model.rods
+        rest = rods.rest_edge / np.linalg.norm(rods.rest_edge, axis=1)[:, None]
+        axis, cosine = np.cross(rest, tangent), np.sum(rest * tangent, axis=1)[:, None]
+        along = np.sum(axis * rods.director, axis=1)[:, None] / np.maximum(1.0 + cosine, 1e-9)
+        tilted = cosine * rods.director + np.cross(axis, rods.director) + axis * along
+        tilted -= np.sum(tilted * tangent, axis=1)[:, None] * tangent
+        return np.asarray(tilted / np.linalg.norm(tilted, axis=1)[:, None])

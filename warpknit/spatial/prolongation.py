@@ -1,0 +1,51 @@
+"""Prolongation of a spatial mesh from a smaller one (warpknit/transfer/prolongation.py)."""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+
+from ..transfer.prolongation import RepeatProlongation
+from ..transfer.repeat_mesh import RepeatArrays
+from ..transfer.response import Response
+from .fields import Fields
+
+
+class Prolongation:
+    """Adds the change of the small mesh since the last call to the large one."""
+
+    def __init__(self, large: Fields, small: Fields, arrays: RepeatArrays) -> None:
+        """arrays: of the large mesh."""
+        self.large, self.small = large, small
+        self._last = small.read()
+        self._repeats = RepeatProlongation(large.model, small.model, arrays)
+        self._nodes = large.model.panel.node_count
+        self._one = wp.full(len(large.model.panel.wire_first), 1.0, dtype=wp.float64, device=large.model.device)
+
+    def state_dict(self) -> dict[str, np.ndarray]:
+        """Arrays for a checkpoint."""
+        return {f"prolonged_{name}": value for name, value in self._last.items()}
+
+    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+        self._last = {name: kept[f"prolonged_{name}"] for name in self._last}
+
+    def carry(self, response: Response) -> None:
+        """Add the change of the small mesh to the large one, and raise its stiffnesses to those of the small one.
+
+        `response`: of the cloth at the load.
+        """
+        values, stiffness, device = self.small.read(), self.small.read_stiffness(), self.large.model.device
+        change: dict[str, wp.array] = {
+            name: wp.array(value, dtype=wp.float64, device=device)
+            for name, value in (stiffness | {name: values[name] - self._last[name] for name in values}).items()
+        }
+        self._last = values
+        stiffness = {name: self._prolonged(name, change, response) for name in stiffness}
+        self.large.stiffen(stiffness, self.small.multipliers.mean_force)
+        self.large.add({name: self._prolonged(name, change, response) for name in values})
+
+    def _prolonged(self, name: str, change: dict[str, wp.array], response: Response) -> np.ndarray:
+        """[panel node] of the large mesh, from values of the small one."""
+        value = wp.zeros(self._nodes, dtype=wp.float64, device=self.large.model.device)
+        self._repeats.add_to_nodes(value, name, change, response, self._one)
+        return np.asarray(value.numpy())
