@@ -20,8 +20,9 @@ def closest(
     slope: wp.array(dtype=wp.vec2d),
 ):
     k = wp.tid()
-    p = curve_through(one[k], Shape())
-    q = curve_through(other[k], Shape())
+    half = wp.vec4d(0.5, 0.5, 0.5, 0.5)
+    p = curve_through(one[k], Shape(), half)
+    q = curve_through(other[k], Shape(), half)
     place[k] = closest_on_curves(p, q, start[k])
     at = wp.vec2d(place[k][0], place[k][1])
     distance[k] = wp.vec2d(distance_at(p, q, start[k]), distance_at(p, q, at))
