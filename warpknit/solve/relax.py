@@ -101,7 +101,7 @@ class Relaxation(Drive):
         levels = levels or self.scene.output.frames
         unloaded = progress.stage_index == 0
         driven = np.array(stage.by_tension)
-        tension_start = np.array(progress.start.tension)
+        tension_start = np.zeros(2) if unloaded else np.array(progress.start.tension)  # as knitted it is scatter about zero
         tension_end = np.array([stage.tension_weft or 0.0, stage.tension_warp or 0.0])
         while progress.level < levels + unloaded:
             factor = (progress.level + (not unloaded)) / levels
