@@ -61,6 +61,14 @@ from .control import STATUS
 from .native import constants
 from .rod_blocks import BLOCK
 
+# what the slopes of a moment (VALUEx, VALUEy) along both segments add at their node: by_x, by_y
+_SLOPES = """const double from_x = VALUEx[k] - cos_r[k - 1] * VALUEx[k - 1] - sin_r[k - 1] * VALUEy[k - 1];
+        const double from_y = VALUEy[k] + sin_r[k - 1] * VALUEx[k - 1] - cos_r[k - 1] * VALUEy[k - 1];
+        const double to_x = cos_r[k] * VALUEx[k + 1] - sin_r[k] * VALUEy[k + 1] - VALUEx[k];
+        const double to_y = sin_r[k] * VALUEx[k + 1] + cos_r[k] * VALUEy[k + 1] - VALUEy[k];
+        const double by_x = (sixth[k - 1] * from_x - sixth[k] * to_x) * softness;
+        const double by_y = (sixth[k - 1] * from_y - sixth[k] * to_y) * softness;"""
+
 _FORCES = (
     (
         BLOCK
@@ -208,12 +216,7 @@ _FORCES = (
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
     for (int k = 1; k < whole; ++k) {
-        const double from_x = mx[k] - cos_r[k - 1] * mx[k - 1] - sin_r[k - 1] * my[k - 1];
-        const double from_y = my[k] + sin_r[k - 1] * mx[k - 1] - cos_r[k - 1] * my[k - 1];
-        const double to_x = cos_r[k] * mx[k + 1] - sin_r[k] * my[k + 1] - mx[k];
-        const double to_y = sin_r[k] * mx[k + 1] + cos_r[k] * my[k + 1] - my[k];
-        const double by_x = (sixth[k - 1] * from_x - sixth[k] * to_x) * softness;
-        const double by_y = (sixth[k - 1] * from_y - sixth[k] * to_y) * softness;
+        SLOPES_OF_M
         ux[k] = mx[k] + s11[k] * by_x + s12[k] * by_y;
         uy[k] = my[k] + s12[k] * by_x + s22[k] * by_y;
     }
@@ -231,12 +234,7 @@ _FORCES = (
         const double hx = fy * cz - fz * cy, hy = fz * cx - fx * cz, hz = fx * cy - fy * cx;
         const double nx = nbx[k], ny = nby[k], nz = nbz[k], share = shared[k], k1 = kx[k], k2 = ky[k];
         // what the slopes of the moments add
-        const double from_x = ux[k] - cos_r[k - 1] * ux[k - 1] - sin_r[k - 1] * uy[k - 1];
-        const double from_y = uy[k] + sin_r[k - 1] * ux[k - 1] - cos_r[k - 1] * uy[k - 1];
-        const double to_x = cos_r[k] * ux[k + 1] - sin_r[k] * uy[k + 1] - ux[k];
-        const double to_y = sin_r[k] * ux[k + 1] + cos_r[k] * uy[k + 1] - uy[k];
-        const double by_x = (sixth[k - 1] * from_x - sixth[k] * to_x) * softness;
-        const double by_y = (sixth[k - 1] * from_y - sixth[k] * to_y) * softness;
+        SLOPES_OF_U
         const double add_x = s11[k] * by_x + s12[k] * by_y, add_y = s12[k] * by_x + s22[k] * by_y;
         const double kept = 1 - softer[k], along = along_x[k] * add_x + along_y[k] * add_y;
         const double moment_x = mx[k] + kept * add_x - along * along_x[k] + bow_x[k];
@@ -330,6 +328,8 @@ _FORCES = (
 """
     )
     .replace("ARCTANGENT", ARCTANGENT)
+    .replace("SLOPES_OF_M", _SLOPES.replace("VALUE", "m"))
+    .replace("SLOPES_OF_U", _SLOPES.replace("VALUE", "u"))
     .replace("SMALL", "1e-4")
 )  # |k| below which two terms of the series are exact to round-off
 

@@ -176,8 +176,8 @@ def find_card_at_tension(
     """The card where the mesh carries `tension` [N/m] both ways, searched from strains `start`.
 
     tangent (2, 2) [N/m]: change of the tensions by the strains there; default: found by a small step. `watch` is called with the
-    share of the states of the card that is found. Raises `Diverged` where no
-    such strains are found.
+    share of the states of the card that is found. Raises `Diverged` where no such strains are
+    found.
     """
     search, place = TensionSearch([list(row) for row in tangent]), np.array(start)
     scale, target, both = measure.tension_scale(model), np.full(2, tension), np.array([True, True])
