@@ -13,6 +13,7 @@ from warpknit.measure.table import values
 from warpknit.model import build_model, initial_state, mechanics_of
 from warpknit.plan import make_plan
 from warpknit.scene import load_scene
+from warpknit.solve.aitken import Aitken
 from warpknit.solve.multilevel import MultilevelRelaxation
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Progress, Simulation
@@ -197,6 +198,43 @@ def test_gathered_forces_have_the_same_sum_and_moments() -> None:
     assert gathered.sum(axis=0) == pytest.approx(force[:, :2].sum(axis=0), abs=1e-9)
     moments = np.einsum("ia,ib->ab", gathered, place)
     assert moments == pytest.approx(np.einsum("ia,ib->ab", force[:, :2], model.rods.position[:, :2]), abs=1e-12 + 1e-9)
+
+
+@pytest.mark.parametrize("about", ["x", "y", "z"])
+def test_a_rotation_of_the_grid_rotates_wires_rigidly(about: str) -> None:
+    """Rotated by a small angle, an unstrained mesh carries forces of second order in it; of first order if wires bent or twisted.
+
+    The held nodes at the edges stay, and strain the wires beside them.
+    """
+    model = mesh("knit.repeats=[4, 4]", "model.boundary=gripped")
+    low, size = model.panel.low, np.array(model.panel.size)
+    cells = np.array([3, 3])
+    place = low + size / cells * np.stack(np.meshgrid(*(np.arange(4),) * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    place = place - low - 0.5 * size
+    inside = np.all(np.abs(model.rods.position[:, :2] - low - 0.5 * size) < 0.25 * size, axis=1)
+
+    def largest_force(angle: float) -> float:
+        mechanics = mechanics_of(model, initial_state(model))
+        assert isinstance(mechanics, SpatialMechanics)
+        mechanics.contact.search()
+        grid = mechanics.membrane_grid(low, size / cells, cells)
+        if about == "z":
+            grid.spread(angle * np.stack([-place[:, 1], place[:, 0]], axis=1), zero_response(mechanics))
+        else:
+            grid.spread_across(angle * (place[:, 1] if about == "x" else -place[:, 0]))
+        return float(np.abs(mechanics.stepper.forces()[0][inside]).max())
+
+    assert largest_force(1e-3) == pytest.approx(largest_force(2e-3) / 4.0, rel=0.1)
+
+
+def test_repeated_corrections_that_overshoot_are_relaxed() -> None:
+    """Aitken's factor is exact in one dimension: where a full correction takes off a times the error, the next factor is 1/a."""
+    aitken, error = Aitken(), 1.0
+    for _ in range(2):
+        error -= aitken.next_factor(np.array([error]), 1.0) * 1.9 * error
+    assert error == pytest.approx(0.0, abs=1e-15)
+    aitken.begin()
+    assert aitken.next_factor(np.array([1.0]), 0.3) == 0.3
 
 
 def test_an_edge_on_cords_has_no_smaller_mesh_in_space() -> None:

@@ -205,13 +205,17 @@ class Prolongation(Protocol):
 class MembraneGrid(Protocol):
     """The coarse grid over a mesh, on which it is balanced as a membrane (solve/membrane.py)."""
 
+    @property
+    def max_strain(self) -> float:
+        """Largest strain of one correction."""
+
     def gather(self) -> np.ndarray:
         """(grid node, 2) [N] out-of-balance forces, as the last convergence check found them."""
 
     def gather_across(self) -> np.ndarray | None:
         """[grid node] [N] the same out of the plane of the mesh, as the last `gather` found them; None in a planar model."""
 
-    def spread_across(self, displacement: np.ndarray, response: Any) -> None:
+    def spread_across(self, displacement: np.ndarray) -> None:
         """Move the mesh out of its plane with the grid [grid node] [m]; the clamps stay."""
 
     def spread(self, displacement: np.ndarray, response: Any) -> None:

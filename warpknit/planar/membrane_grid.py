@@ -17,6 +17,8 @@ from .step import ForceProbe
 class MembraneGrid:
     """A grid of `cells` (2,) from `low` (2,) [m] on, each of size `cell` (2,) [m], over a mesh."""
 
+    max_strain = 0.02
+
     def __init__(
         self, model: Model, state: State, probe: ForceProbe, low: np.ndarray, cell: np.ndarray, cells: np.ndarray
     ) -> None:
@@ -39,7 +41,7 @@ class MembraneGrid:
     def gather_across(self) -> None:
         """None: nothing moves out of the plane."""
 
-    def spread_across(self, displacement: np.ndarray, response: Response) -> None:
+    def spread_across(self, displacement: np.ndarray) -> None:
         """Nothing."""
 
     def spread(self, displacement: np.ndarray, response: Response) -> None:

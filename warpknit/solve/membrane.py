@@ -23,7 +23,6 @@ from ..mesh.rim import REPEATS_A_CELL, Rim
 from ..transfer.response import Response
 
 MAX_CELLS = 96  # cells of the grid in one direction
-MAX_STRAIN = 0.02  # strain of one correction
 
 
 @dataclass(frozen=True)
@@ -118,7 +117,6 @@ class Membrane:
         """Compile every kernel by launching it; the mesh does not move."""
         self._response = response
         self.imbalance()
-        self._grid.spread_across(np.zeros(int(np.prod(self._cells + 1))), response)
         self.move(Correction(np.zeros((int(np.prod(self._cells + 1)), 2)), np.zeros((len(self.rim.arc), 2))))
 
     def solve(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray) -> tuple[Correction, float]:
@@ -154,7 +152,7 @@ class Membrane:
         matrix = self._matrix(gradient, stations)[first + free][:, first + free]
         moved = np.zeros(pull.size)
         moved[free] = splu(matrix.tocsc()).solve(pull.ravel()[free])
-        excess = float(np.abs(moved).max()) / (MAX_STRAIN * float(self._cell.min()))
+        excess = float(np.abs(moved).max()) / (self._grid.max_strain * float(self._cell.min()))
         correction = Correction(np.zeros((self._tied.shape[0] // 2, 2)), moved.reshape(-1, 2), 1.0 / max(1.0, excess))
         return correction, 0.0
 
@@ -189,7 +187,7 @@ class Membrane:
         stress = np.einsum("abcd,xycd->xyab", self.tangent, slope)
         share = self._filled / self._filled.sum()
         out_of_balance = float(np.sqrt(np.sum(share * np.sum(stress**2, axis=(2, 3)))))
-        max_factor = min(1.0, MAX_STRAIN / max(float(np.abs(slope).max()), 1e-30))
+        max_factor = min(1.0, self._grid.max_strain / max(float(np.abs(slope).max()), 1e-30))
         there = solution[len(solution) - 2 * len(self.rim.arc) :].reshape(-1, 2)
         return Correction(grid.reshape(-1, 2), there, max_factor), out_of_balance
 
@@ -199,15 +197,15 @@ class Membrane:
         along_x, along_y = np.diff(moved, axis=0) / self._cell[0], np.diff(moved, axis=1) / self._cell[1]
         return np.stack([0.5 * (along_x[:, 1:] + along_x[:, :-1]), 0.5 * (along_y[1:] + along_y[:-1])], axis=-1)
 
-    def lift(self, gradient: np.ndarray, stress: np.ndarray) -> bool:
-        """Balance the forces out of the plane of a mesh in space that is under tension; return whether it moved.
+    def solve_across(self, gradient: np.ndarray, stress: np.ndarray) -> Correction | None:
+        """The correction (grid node, 1) out of the plane of a mesh in space that is under tension; None without tension.
 
         `gradient` (2, 2) of the edge, `stress` (2, 2) [N/m] nominal. The tension S = F^-1 P resists: div(S grad w) + R = 0.
         """
         force, tension = self._grid.gather_across(), np.linalg.solve(gradient, stress)
         tension = 0.5 * (tension + tension.T)
         if force is None or not len(self._inside) or np.linalg.eigvalsh(tension).min() <= 0.0:
-            return False
+            return None
         # two displacements that are not coupled, of which one is taken
         free = self._inside
         pulled, laplacian = (
@@ -218,9 +216,12 @@ class Membrane:
         displacement = np.zeros(len(force))
         displacement[self._inside] = splu(matrix.tocsc()).solve(force[free])
         slope = self._gradient(np.repeat(displacement, 2))
-        share = min(1.0, MAX_STRAIN / max(float(np.abs(slope).max()), 1e-30))
-        self._grid.spread_across(share * displacement, self._response)
-        return True
+        share = min(1.0, self._grid.max_strain / max(float(np.abs(slope).max()), 1e-30))
+        return Correction(displacement[:, None], np.zeros((0, 2)), share)
+
+    def lift(self, correction: Correction) -> None:
+        """Move the mesh out of its plane with the grid; the clamps stay."""
+        self._grid.spread_across(correction.grid[:, 0])
 
     def move(self, correction: Correction) -> None:
         """Move the mesh with the grid; the clamps stay."""

@@ -20,6 +20,7 @@ from ..mechanics import EdgeMechanics, MultilevelMechanics, advance
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim, build_rim
 from ..transfer.response import find_response, load_response, zero_response
+from .aitken import Aitken
 from .convergence import TENSION_FLOOR
 from .membrane import Correction, Membrane
 from .progress import LoadStart, Progress
@@ -27,12 +28,12 @@ from .relax import Relaxation, WantedTension
 
 MOVE_STEPS = 200  # steps between increments of an edge displacement
 EDGE_TOLERANCE = 0.05  # out-of-balance force on the stations of a cord over the force of the wires
-CORRECTION_CHECKS = 5  # convergence checks between membrane corrections
-MIN_IMBALANCE = 0.4  # over the tolerance, corrected while the mesh is not converged: it would decay slowly
-LIFT_CHECKS = 10  # the same between corrections out of the plane
+CORRECTION_CHECKS = 5  # convergence checks between membrane corrections, at least
+SLOW_DECAY = 0.8  # share of the residual that is left after a check: once more is left, short waves have decayed
+MIN_IMBALANCE = 0.05  # over the tolerance, corrected while the mesh is not converged: it would decay slowly
 CORRECTION_GAIN = 0.7  # a correction has failed if the imbalance exceeds this share of the smallest so far
 MAX_FAILED_CORRECTIONS = 8  # before membrane corrections are abandoned for the level
-RELAXATION_FACTORS = (0.1, 1.0)  # smallest and largest
+MAX_SMALL_FAILURES = 4  # the same while the imbalance is within its tolerance
 MEMBRANE_TOLERANCE = 0.02  # rms stress out of balance over the tension
 
 
@@ -67,7 +68,7 @@ class MultilevelRelaxation(Relaxation):
             self._stations = np.zeros((len(rim.arc), 2))
             if self.scene.has_moving_edge:
                 self._rim, self.edge_work = rim, EdgeWork()
-        self._last_correction = np.zeros(0)
+        self._correction, self._lift = Aitken(), Aitken()
 
     @property
     def rim(self) -> Rim | None:
@@ -89,7 +90,7 @@ class MultilevelRelaxation(Relaxation):
             self.membrane.warm_up(self._response)
 
     def state_dict(self) -> dict[str, np.ndarray]:
-        kept = super().state_dict() | {"last_correction": self._last_correction}
+        kept = super().state_dict() | self._correction.state_dict("correction") | self._lift.state_dict("lift")
         if self.smaller is not None and self.prolongation is not None:
             kept |= {f"smaller_{name}": value for name, value in self.smaller.snapshot().items()}
             kept |= self.prolongation.state_dict()
@@ -101,7 +102,8 @@ class MultilevelRelaxation(Relaxation):
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         super().load_state_dict(kept)
-        self._last_correction = kept["last_correction"]
+        self._correction.load_state_dict("correction", kept)
+        self._lift.load_state_dict("lift", kept)
         if self.smaller is not None and self.prolongation is not None:
             self.smaller.restore(_under("smaller_", kept))
             self.prolongation.load_state_dict(kept)
@@ -191,14 +193,20 @@ class MultilevelRelaxation(Relaxation):
     def _begin_solving(self) -> None:
         super()._begin_solving()
         progress = self.progress
-        progress.imbalance, progress.least_imbalance, progress.failed_corrections, progress.relaxation_factor = 1e30, 1e30, 0, 1.0
-        self._last_correction = np.zeros(0)
+        progress.imbalance, progress.least_imbalance, progress.failed_corrections, progress.gave_up = 1e30, 1e30, 0, False
+        progress.ratio, progress.next_correction = 1e30, CORRECTION_CHECKS
+        self._correction.begin()
+        self._lift.begin()
 
     def corrected(self, ratio: float) -> float:
         progress, membrane = self.progress, self.membrane
         if membrane is None:
             return ratio
-        if progress.checks % CORRECTION_CHECKS == 0 and (progress.relaxation_factor > 0.0 or membrane.rim.is_free):
+        is_slow = ratio > SLOW_DECAY * progress.ratio or ratio < 1.0
+        progress.ratio = ratio
+        is_due = progress.checks >= progress.next_correction and is_slow
+        if is_due and (membrane.rim.is_free or not progress.gave_up):
+            progress.next_correction = progress.checks + CORRECTION_CHECKS
             self._correct_as_membrane(membrane, ratio)
         return max(ratio, progress.imbalance)
 
@@ -221,34 +229,36 @@ class MultilevelRelaxation(Relaxation):
         least = MIN_IMBALANCE if ratio > 1.0 else 1.0
         progress, rim = self.progress, membrane.rim
         pulled = cast(EdgeMechanics, self.mechanics).clamp_forces() if rim.is_free else np.zeros((0, 2))
-        solve = membrane.solve if progress.relaxation_factor > 0.0 else membrane.solve_rim
+        solve = membrane.solve_rim if progress.gave_up else membrane.solve
         correction, stress = solve(self.state.gradient, self.stations, pulled)
         scale = max(float(np.abs(self.mechanics.checked_stress).max()), self.least_tension)
         progress.imbalance = stress / (MEMBRANE_TOLERANCE * scale)
         if rim.is_free:
             edge = membrane.edge_imbalance(self.state.gradient, self.stations, pulled, self.least_tension)
             progress.imbalance = max(progress.imbalance, edge / EDGE_TOLERANCE)
-        if progress.imbalance <= least or (progress.imbalance <= 1.0 and progress.failed_corrections > 1):
-            is_due = progress.checks % LIFT_CHECKS == 0 and ratio > 1.0
-            if is_due and membrane.lift(self.state.gradient, self.mechanics.checked_stress):
-                self.mechanics.search()
-            return
+        if progress.imbalance > least and not (progress.imbalance <= 1.0 and progress.failed_corrections > MAX_SMALL_FAILURES):
+            self._move_as_membrane(membrane, correction)
+        lift = membrane.solve_across(self.state.gradient, self.mechanics.checked_stress) if ratio > 1.0 else None
+        if lift is not None:
+            membrane.lift(lift.scaled(self._lift.next_factor(lift.vector, lift.max_factor)))
+        self.mechanics.search()
+
+    def _move_as_membrane(self, membrane: Membrane, correction: Correction) -> None:
+        """Move the mesh by a correction, or the edge alone once corrections are abandoned."""
+        progress = self.progress
         progress.failed_corrections += 1
         if progress.imbalance < CORRECTION_GAIN * progress.least_imbalance:
             progress.least_imbalance, progress.failed_corrections = progress.imbalance, 0
-        if progress.relaxation_factor == 0.0:
+        if progress.gave_up:
             self._move_clamps(correction.scaled(correction.max_factor))
-            self.mechanics.search()
         elif progress.failed_corrections > MAX_FAILED_CORRECTIONS:
             # the mesh differs from a membrane of endless cloth: continue without corrections
             self.membrane_residual = max(self.membrane_residual, MEMBRANE_TOLERANCE * progress.imbalance)
-            progress.relaxation_factor, progress.imbalance = 0.0, 1e30 if rim.is_free else 0.0
+            progress.gave_up, progress.imbalance = True, 1e30 if membrane.rim.is_free else 0.0
         else:
-            progress.relaxation_factor = correction.max_factor * self._aitken_factor(correction.vector)
-            correction = correction.scaled(progress.relaxation_factor)
+            correction = correction.scaled(self._correction.next_factor(correction.vector, correction.max_factor))
             membrane.move(correction)
             self._move_clamps(correction)
-            self.mechanics.search()
             self.mechanics.begin_level()
 
     def _move_clamps(self, correction: Correction) -> None:
@@ -257,18 +267,6 @@ class MultilevelRelaxation(Relaxation):
             self._stations = self.stations + correction.stations
             clamps = self.rim.clamps @ self.stations
             cast(EdgeMechanics, self.mechanics).move_clamps(clamps, clamps)
-
-    def _aitken_factor(self, correction: np.ndarray) -> float:
-        """Aitken's relaxation factor, from this correction and the last one.
-
-        Full corrections may overshoot where the stiffness differs from that of the cloth at the mean load.
-        """
-        last, self._last_correction = self._last_correction, correction
-        if len(last) != len(correction):
-            return 1.0
-        change = correction - last
-        share = -self.progress.relaxation_factor * float(last @ change) / max(float(change @ change), 1e-300)
-        return float(np.clip(share, *RELAXATION_FACTORS))
 
 
 def _under(prefix: str, kept: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -56,9 +56,11 @@ class Progress:
     start: LoadStart = field(default_factory=LoadStart)  # of the stage
     search: TensionSearch = field(default_factory=TensionSearch)
     # large meshes
+    ratio: float = 1e30  # residual over its tolerance at the last check
+    next_correction: int = 0  # check from which the next correction is due
     least_imbalance: float = 1e30  # smallest so far in the level
     failed_corrections: int = 0  # corrections since the smallest imbalance decreased
-    relaxation_factor: float = 1.0  # of the last correction (Aitken); 0 once corrections are abandoned
+    gave_up: bool = False  # corrections of the mesh, for the rest of the level
     imbalance: float = 1e30  # out-of-balance membrane stress over its tolerance
     # ramps
     time: float = 0.0  # [s] of the stage

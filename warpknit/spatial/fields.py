@@ -94,6 +94,14 @@ class Fields:
         self.relaxation.renew_masses(loading=True)
         self.relaxation.reset_damping_estimate()
 
+    def move(self, displacement: np.ndarray, turn: np.ndarray) -> None:
+        """Displace the nodes of the rods by (node, 3) [m] and turn sections by [node] [rad]; held nodes and sections stay."""
+        self.stepper.evaluate()
+        position = fetch(self.stepper.state.position) + np.where(self._moves[:, None], displacement, 0.0)
+        self.stepper.place(position, np.where(self.relaxation.free_sections, turn, 0.0))
+        self.relaxation.renew_masses(loading=True)
+        self.relaxation.reset_damping_estimate()
+
     # --- turns of the sections
 
     def _turn(self) -> np.ndarray:

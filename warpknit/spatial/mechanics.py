@@ -304,7 +304,7 @@ class SpatialMechanics:
         return Prolongation(self.fields, smaller.fields, self.repeats)
 
     def membrane_grid(self, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> MembraneGrid:
-        return MembraneGrid(self.fields, self.repeats, low, cell, cells)
+        return MembraneGrid(self.fields, low, cell, cells)
 
     def state_variables(self) -> dict[str, np.ndarray]:
         """None: wires that touch in space would overlap by linear responses."""

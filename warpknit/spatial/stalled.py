@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-PROGRESS, PATIENCE = 0.8, 20  # an error makes progress if it falls to this share of itself within so many convergence checks
+PROGRESS, PATIENCE = 0.8, 8  # an error makes progress if it falls to this share of itself within so many checks; defaults
 
 
 class Stalled:
     """Errors of `count` constraints over the convergence checks."""
 
-    def __init__(self, count: int, tolerance: float) -> None:
-        self._tolerance = tolerance
+    def __init__(self, count: int, tolerance: float, progress: float = PROGRESS, patience: int = PATIENCE) -> None:
+        self._tolerance, self._progress, self._patience = tolerance, progress, patience
         self._best = np.full(count, np.inf)  # error at the last progress
         self._checks = np.zeros(count, dtype=int)  # without progress since
 
@@ -21,10 +21,10 @@ class Stalled:
 
     def after(self, error: np.ndarray) -> np.ndarray:
         """[constraint] bool: which have stalled with these errors at a check; their count starts anew."""
-        waits = (error > self._tolerance) & (error > PROGRESS * self._best)
+        waits = (error > self._tolerance) & (error > self._progress * self._best)
         self._best = np.where(waits, self._best, error)
         self._checks = np.where(waits, self._checks + 1, 0)
-        stalled = np.asarray(self._checks >= PATIENCE)
+        stalled = np.asarray(self._checks >= self._patience)
         self._checks[stalled] = 0
         return stalled
 
