@@ -37,9 +37,10 @@ MAX_STEP = wp.constant(wp.float64(0.25))  # of a segment
 SAME_PLACE = wp.constant(wp.float64(1.0e-6))  # of a segment: closer places are one
 MIN_BARRIER = wp.constant(wp.float64(1.0e-9))  # between two minima, of the contact distance
 MISSED = wp.constant(wp.float64(0.01))  # of the contact distance, by which a third minimum has to be nearer than two others
-SADDLE_STEPS = 40
+SADDLE_STEPS, FOLLOWING_STEPS = 40, 6
 SAMPLES = 5  # places along a segment, of the grid that a search starts from
 SAMPLE_SPACING = wp.constant(wp.float64(0.25))
+Samples = wp.types.matrix(shape=(SAMPLES, 3), dtype=wp.float64)  # points on a curve, as rows
 RENEWAL_TRAVEL = wp.constant(wp.float64(0.01))  # of the contact distance
 PLACES = 3  # of a pair: two minima and the saddle between them
 
@@ -201,6 +202,38 @@ def saddle_between(p: Powers, q: Powers, one_end: wp.vec2d, other_end: wp.vec2d)
 
 
 @wp.func
+def followed_saddle(p: Powers, q: Powers, start: wp.vec2d) -> wp.vec3d:
+    """Saddle (s, t) of the distance near `start` by Newton's method, and its last step: 1 where none is found inside."""
+    zero = wp.float64(0.0)
+    one = wp.float64(1.0)
+    s = start[0]
+    t = start[1]
+    step_size = one
+    for _step in range(FOLLOWING_STEPS):
+        r = point_at(p, s) - point_at(q, t)
+        dp = derivative_at(p, s)
+        dq = derivative_at(q, t)
+        gs = wp.dot(r, dp)
+        gt = -wp.dot(r, dq)
+        ss = wp.dot(dp, dp) + wp.dot(r, second_derivative_at(p, s))
+        tt = wp.dot(dq, dq) - wp.dot(r, second_derivative_at(q, t))
+        st = -wp.dot(dp, dq)
+        determinant = ss * tt - st * st
+        if determinant >= zero:
+            return wp.vec3d(s, t, one)
+        ds = (gt * st - gs * tt) / determinant
+        dt = (gs * st - gt * ss) / determinant
+        step_size = wp.abs(ds) + wp.abs(dt)
+        s += ds
+        t += dt
+        if wp.min(s, t) <= zero or wp.max(s, t) >= one:
+            return wp.vec3d(s, t, one)
+        if step_size < NEWTON_ACCURACY:
+            break
+    return wp.vec3d(s, t, step_size)
+
+
+@wp.func
 def is_saddle(p: Powers, q: Powers, place: wp.vec2d) -> bool:
     """Whether a stationary place inside both segments is a saddle of the distance."""
     low = wp.min(place[0], place[1])
@@ -236,15 +269,19 @@ def nearest_sample(p: Powers, q: Powers) -> wp.vec2d:
     """The places (s, t) of least distance on a grid of SAMPLES places along either curve."""
     nearest = wp.float64(1.0e300)
     place = wp.vec2d()
+    on_q = Samples()
+    for b in range(SAMPLES):
+        at_q = point_at(q, SAMPLE_SPACING * wp.float64(b))
+        for axis in range(3):
+            on_q[b, axis] = at_q[axis]
     for a in range(SAMPLES):
         s = SAMPLE_SPACING * wp.float64(a)
         at_p = point_at(p, s)
         for b in range(SAMPLES):
-            t = SAMPLE_SPACING * wp.float64(b)
-            square = wp.length_sq(at_p - point_at(q, t))
+            square = wp.length_sq(at_p - wp.vec3d(on_q[b, 0], on_q[b, 1], on_q[b, 2]))
             if square < nearest:
                 nearest = square
-                place = wp.vec2d(s, t)
+                place = wp.vec2d(s, SAMPLE_SPACING * wp.float64(b))
     return place
 
 
@@ -441,7 +478,12 @@ def find_closest_places(
         minima = ONE_PLACE
         nearest = distance_at(curve_p, curve_q, one)
         if are_distinct(one, other):
-            saddle = saddle_of(curve_p, curve_q, one, other)
+            from_saddle = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
+            if is_followed:
+                from_saddle = followed_saddle(curve_p, curve_q, pair_place[k + 2])
+            saddle = wp.vec2d(from_saddle[0], from_saddle[1])
+            if from_saddle[2] >= NEWTON_ACCURACY:
+                saddle = saddle_of(curve_p, curve_q, one, other)
             other_distance = distance_at(curve_p, curve_q, other)
             barrier = MIN_BARRIER * contact_distance
             if distance_at(curve_p, curve_q, saddle) > wp.max(nearest, other_distance) + barrier:
