@@ -28,6 +28,7 @@ from .wire_curve import (
     second_derivative_at,
     stencil,
 )
+from .wire_prefetch import prefetch_pair
 
 NEWTON_STEPS = 40
 NEWTON_ACCURACY = wp.constant(wp.float64(1.0e-8))  # of a segment: convergence is quadratic below this step
@@ -407,6 +408,9 @@ def find_closest_places(
     """Each thread takes every `touch_stride`-th pair that may touch. A step evaluates pairs whose curves may touch;
     an evaluation without a step those whose gap may be below EVALUATED_GAP."""
     for touch in range(first_touch + wp.tid(), touch_count[0], touch_stride):
+        prefetch_pair(touch, touch_stride, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
+                      previous, following, node_radius, natural_length, rest_slope, rest_bump, slope_weight, contact_offset,
+                      position, length, tangent, director)  # fmt: skip
         pair = touch_pair[touch]
         is_running = control[STATUS] == STATUS_RUNNING
         travel = control[TRAVEL]

@@ -26,6 +26,7 @@ from .wire_curve import Bump, curve_through, derivative_at, node_weights, point_
 from .wire_friction import previous_slip
 from .wire_motion import node_velocities, point_velocity, section_rate
 from .wire_pairs import NO_COMMON_WIRE
+from .wire_prefetch import prefetch_pair
 from .wire_weights import friction_weight, inside_weight, line_weight, saddle_weight
 
 
@@ -132,6 +133,9 @@ def find_contact_forces(
     """Each thread takes every `touch_stride`-th pair that may touch, at its places. `stick_share` is k_t
     over the penalty in `control`. A contact without weight has the overlap -NO_COMMON_WIRE."""
     for touch in range(first_touch + wp.tid(), touch_count[0], touch_stride):
+        prefetch_pair(touch, touch_stride, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
+                      previous, following, node_radius, natural_length, rest_slope, rest_bump, slope_weight, contact_offset,
+                      position, length, tangent, director)  # fmt: skip
         touch_loaded[touch] = 0
         pair = touch_pair[touch]
         found = pair_found[pair]

@@ -62,8 +62,8 @@ class Contact(Protocol):
     def launches(self, part: int, parts: int) -> Sequence[Launch]:
         """Launches of one part of the contact forces."""
 
-    def search(self) -> None:
-        """Search all pairs, after the wires were moved from outside."""
+    def refresh(self, moved: float) -> None:
+        """Renew the lists of pairs after nodes were moved by up to `moved` [m] from outside."""
 
     def list_near_pairs(self, travel: float | None = None) -> None:
         """List the pairs that may touch within a travel [m] from the state last evaluated."""
@@ -204,11 +204,13 @@ class RodStepper:
         """Move nodes to positions (node, 3) [m] and rotate sections by angles [node] [rad]; frames follow."""
         affine = self.rods.position.copy()
         affine[:, :2] = affine[:, :2] @ self.state.gradient.T
-        store(self.state.displacement, np.asarray(position) - affine)
+        displacement = np.asarray(position) - affine
+        moved = float(np.sqrt(np.max(np.sum((displacement - fetch(self.state.displacement)) ** 2, axis=1), initial=0.0)))
+        store(self.state.displacement, displacement)
         if turn is not None:
             store(self.state.pending_turn, turn)
         if self.contact is not None:
-            self.contact.search()
+            self.contact.refresh(moved)
         self.evaluate()
 
     def forces(self) -> tuple[np.ndarray, np.ndarray]:

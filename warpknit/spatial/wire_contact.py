@@ -297,9 +297,11 @@ class WireContact:
         _fill(touch.touch_second_start, before_second[pairs.second_start])
         store(touch.touch_count, count)
 
-    def refresh(self) -> None:
-        """Search again, or list near pairs again, whichever the travel has used up."""
-        if float(self.stepper.state.read_control()[int(c.TRAVEL)]) > self._search_travel:
+    def refresh(self, moved: float = 0.0) -> None:
+        """Search again, or list near pairs again, whichever the travel has used up; moved [m]: travel by no step."""
+        travel = float(self.stepper.state.read_control()[int(c.TRAVEL)]) + moved
+        self.stepper.state.write_control({c.TRAVEL: travel})
+        if travel > self._search_travel:
             self.search()
         else:
             self.stepper.evaluate()
