@@ -68,6 +68,7 @@ CONTROL_COUNT = 55
 STATUS_RUNNING = wp.constant(wp.float64(0.0))
 STATUS_STALE = wp.constant(wp.float64(1.0))
 STATUS_DIVERGED = wp.constant(wp.float64(2.0))
+STATUS_EVALUATING = wp.constant(wp.float64(3.0))  # of rods: a step finds the forces of the state and moves nothing
 
 # columns of the partial sums, a row for every block of nodes and of bodies
 KINETIC_PART = wp.constant(0)  # [J] sum m v^2
@@ -75,6 +76,12 @@ SPEED_PART = wp.constant(1)  # [m2/s2] largest v^2
 STRONGEST_PART = wp.constant(2)  # [N2] largest f^2
 FORCE_PART = wp.constant(3)  # [N2] sum f^2
 PARTIAL_COUNT = 4
+
+
+@wp.func
+def is_halted(control: wp.array(dtype=wp.float64)) -> bool:
+    """Whether the remaining steps of a graph have nothing to do."""
+    return control[STATUS] == STATUS_STALE or control[STATUS] == STATUS_DIVERGED
 
 
 @wp.func

@@ -57,7 +57,7 @@ from typing import Any
 import warp as wp
 
 from .arctangent import ARCTANGENT
-from .control import STATUS
+from .control import STATUS, is_halted
 from .native import constants
 from .rod_blocks import BLOCK
 
@@ -439,7 +439,7 @@ def find_rod_forces(
     threads = wp.int32(threads_a_block)
     block = first_block + thread / threads
     lane = thread % threads
-    if lane < block_count[block]:
+    if lane < block_count[block] and not is_halted(control):
         forces_of_block(
             block,
             type(threads_a_block)(lane),

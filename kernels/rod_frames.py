@@ -16,7 +16,7 @@ from typing import Any
 
 import warp as wp
 
-from .control import GRADIENT
+from .control import GRADIENT, is_halted
 from .rod_blocks import BLOCK
 
 # The sine and the cosine are series to round-off up to HALF a radian, which a step hardly ever exceeds.
@@ -171,7 +171,7 @@ def update_frames(
     threads = wp.int32(threads_a_block)
     block = first_block + thread / threads
     lane = thread % threads
-    if lane < block_count[block]:
+    if lane < block_count[block] and not is_halted(control):
         frames_of_block(
             block,
             type(threads_a_block)(lane),

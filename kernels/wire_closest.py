@@ -11,7 +11,7 @@ A step starts from the closest points of the step before, and searches anew afte
 
 import warp as wp
 
-from .control import EVALUATED_GAP, LENGTH_FACTOR, NEAR_GAP, STATUS, STATUS_RUNNING, TRAVEL
+from .control import EVALUATED_GAP, LENGTH_FACTOR, NEAR_GAP, STATUS, STATUS_RUNNING, TRAVEL, is_halted
 from .rod_frames import affine_map
 from .wire_curve import (
     CLOSING_RATE,
@@ -407,6 +407,8 @@ def find_closest_places(
 ):
     """Each thread takes every `touch_stride`-th pair that may touch. A step evaluates pairs whose curves may touch;
     an evaluation without a step those whose gap may be below EVALUATED_GAP."""
+    if is_halted(control):
+        return
     for touch in range(first_touch + wp.tid(), touch_count[0], touch_stride):
         prefetch_pair(touch, touch_stride, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
                       previous, following, node_radius, natural_length, rest_slope, rest_bump, slope_weight, contact_offset,

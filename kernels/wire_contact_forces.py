@@ -19,7 +19,7 @@ Weights of contacts at the end of a segment, and of two contacts of one pair: wi
 
 import warp as wp
 
-from .control import CONTACT_STIFFNESS, LENGTH_FACTOR, STATUS, STATUS_RUNNING, STEP, TIME_STEP
+from .control import CONTACT_STIFFNESS, LENGTH_FACTOR, STATUS, STATUS_RUNNING, STEP, TIME_STEP, is_halted
 from .rod_frames import affine_map
 from .wire_closest import NOT_NEAR, ONE_PLACE, is_bounded
 from .wire_curve import Bump, curve_through, derivative_at, node_weights, point_at, rest_shape, row, section_offsets, stencil
@@ -132,6 +132,8 @@ def find_contact_forces(
 ):
     """Each thread takes every `touch_stride`-th pair that may touch, at its places. `stick_share` is k_t
     over the penalty in `control`. A contact without weight has the overlap -NO_COMMON_WIRE."""
+    if is_halted(control):
+        return
     for touch in range(first_touch + wp.tid(), touch_count[0], touch_stride):
         prefetch_pair(touch, touch_stride, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
                       previous, following, node_radius, natural_length, rest_slope, rest_bump, slope_weight, contact_offset,

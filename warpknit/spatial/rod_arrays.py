@@ -20,8 +20,6 @@ from ..launch import Launch, bind
 from .node_stiffness import node_stiffness
 from .rods import Rods
 
-FROZEN = 3.0  # status in which a step evaluates the state and moves nothing
-
 
 @dataclass(frozen=True)
 class RodArrays:
@@ -142,7 +140,7 @@ def upload_rods(rods: Rods, device: str) -> RodArrays:
         moment_turn=wp.zeros(nodes, dtype=wp.vec2d, device=device),
     )
     at_rest = rest_state(rods, device)
-    at_rest.write_control({c.STATUS: FROZEN})
+    at_rest.write_control({c.STATUS: float(c.STATUS_EVALUATING)})
     frames_launch(arrays, at_rest).run(device)
     force_launch(rods, arrays, at_rest, no_contact(rods, device)).run(device)
     twist = fetch(at_rest.twist)

@@ -28,7 +28,6 @@ from ..numerics import thread_count
 from ..team import Team
 from .fictitious_masses import Masses
 from .rod_arrays import (
-    FROZEN,
     RodArrays,
     RodState,
     TouchArrays,
@@ -99,6 +98,7 @@ class RodStepper:
         self._graphs: dict[tuple[tuple[int, ...], int], list[wp.Graph]] = {}
         self._factor = factor_launch(self.arrays, self.state).record(device)
         self._factor.launch()
+        self._frames = frames_launch(self.arrays, self.state).record(device)
 
     def _force_launches(self, part: int = 0) -> list[Launch]:
         """The launches of one thread's part of all forces, in order."""
@@ -119,9 +119,11 @@ class RodStepper:
         return [*motion, *wait]
 
     def step(self, count: int) -> None:
-        """Take `count` steps; they have no effect once the state is frozen (kernels/control.py)."""
+        """Take `count` steps, fewer where the state freezes (kernels/control.py)."""
         for size in GRAPH_STEPS:
             for _ in range(count // size):
+                if self.device == "cpu" and self.state.read_control()[int(c.STATUS)] != float(c.STATUS_RUNNING):
+                    return
                 self._replay(size)
             count %= size
 
@@ -132,8 +134,15 @@ class RodStepper:
         """
         kept = float(self.state.read_control()[int(c.STATUS)])
         gap = EVALUATED * self.rods.section.thickness if gap is None else gap
-        self.state.write_control({c.STATUS: FROZEN, c.EVALUATED_GAP: gap})
+        self.state.write_control({c.STATUS: float(c.STATUS_EVALUATING), c.EVALUATED_GAP: gap})
         self._replay(0)
+        self.state.write_control({c.STATUS: kept})
+
+    def update_frames(self) -> None:
+        """Compute positions and frames of the current state, without forces."""
+        kept = float(self.state.read_control()[int(c.STATUS)])
+        self.state.write_control({c.STATUS: float(c.STATUS_EVALUATING)})
+        self._frames.launch()
         self.state.write_control({c.STATUS: kept})
 
     @property

@@ -215,7 +215,7 @@ class WireContact:
         """Search all pairs, and start a new travel budget. Raises `OutOfResources`."""
         stepper, state, device = self.stepper, self.stepper.state, self.stepper.device
         nodes = stepper.rods.node_count
-        stepper.evaluate()
+        stepper.update_frames()
         narrowest = float(np.linalg.svd(state.gradient, compute_uv=False).min())
         bind(place_segments_in_hash, nodes, state, cell=wp.vec3d(*self._cell), place=self._hash_place).run(device)
         self._grid.build(self._hash_place, 1.0)
@@ -256,7 +256,7 @@ class WireContact:
         return self._radius + float(np.sqrt(np.max(np.sum(apart**2, axis=1), initial=0.0)))
 
     def list_near_pairs(self, travel: float | None = None) -> None:
-        """List the pairs that may touch within a travel [m] from the state last evaluated; default: the last one given.
+        """List the pairs that may touch within a travel [m] from the present positions; default: the last one given.
 
         The travel is at most NEXT_TRAVEL thicknesses. It leaves out the look-ahead of the steps, less than a quarter of a step's
         motion, and the rotation of the rest shape with its sections: what they bring together touches a step later.
@@ -269,7 +269,7 @@ class WireContact:
         state.write_control({c.TRAVEL_LIMIT: min(reached, self._search_travel), c.STATUS: 0.0})
 
     def _list_near(self, gap: float) -> None:
-        """List the pairs with a gap [m] in the state last evaluated, without what pushes them apart."""
+        """List the pairs with a gap [m] at the present positions, without what pushes them apart."""
         stepper, state, pairs = self.stepper, self.stepper.state, self._list
         state.write_control({c.NEAR_GAP: gap})
         if pairs.mark is None:
@@ -304,7 +304,7 @@ class WireContact:
         if travel > self._search_travel:
             self.search()
         else:
-            self.stepper.evaluate()
+            self.stepper.update_frames()
             self.list_near_pairs()
 
     def state_dict(self) -> dict[str, np.ndarray]:
