@@ -42,12 +42,12 @@ def test_clamps_stand_on_the_outline_in_the_middle_of_their_segments(outline):
     mesh = build_model(scene_of(outline))
     rods, panel = mesh.rods, mesh.panel
     clamp = panel.clamp_position
-    assert clamp.shape == (2 * len(mesh.wires.points), 2)
+    assert clamp.shape == (2 * len(rods.wire_first), 2)
     _, away = panel.outline.nearest(clamp)
     assert away.max() < 1e-6 * float(panel.size.max())
     middle = rods.position[mesh.wires.held_node, :2].reshape(-1, 2, 2).mean(axis=1)
     sharpest = 0.0
-    for points in mesh.wires.points:
+    for points in np.split(rods.position, rods.wire_first[1:]):
         along = np.diff(points, axis=0)
         along /= np.linalg.norm(along, axis=1)[:, None]
         sharpest = max(sharpest, float(np.arccos(np.sum(along[1:] * along[:-1], axis=1)).max()))

@@ -61,7 +61,9 @@ def test_at_rest_planar_wires_are_drawn_along_their_centre_lines():
 
 def test_at_rest_wires_in_space_are_drawn_along_their_centre_lines():
     mesh = build_model(load_scene(SCENES / "atlas_cell_spatial.toml", ["model.nodes_per_loop=48"]))
-    rods, line = mesh.rods, place_wires(mesh.cloth, mesh.table, mesh.panel, mesh.rods.section.thickness).line
+    rods, forms = mesh.rods, place_wires(mesh.cloth, mesh.table, mesh.panel, mesh.rods.section.thickness).forms
+    assert np.array_equal(forms.form, np.arange(len(rods.wire_first)))
+    line = forms.line
     curve = spatial_curve(mesh.layout(), rods.position, np.eye(2), rods.director, mesh.curve, 1.0)
     for k, place in enumerate(FIT_PLACES):
         offset = curve.offset(np.arange(rods.node_count), np.full(rods.node_count, place))

@@ -49,7 +49,8 @@ from warpknit.scene import load_scene
 from warpknit.solve.simulate import Record, Simulation
 from warpknit.spatial.model import SpatialModel, rods_of_wires
 from warpknit.spatial.observables import SpatialObservables
-from warpknit.spatial.rest_curve import CentreLine, fit_rest_curve
+from warpknit.spatial.placed_wires import place_wires
+from warpknit.spatial.rest_curve import CentreLine
 from warpknit.spatial.rods import Rods
 
 SCENE = str(SCENES / "atlas_cell_spatial.toml")
@@ -165,12 +166,16 @@ def without_twist(mesh: SpatialModel) -> SpatialModel:
 
 
 def with_high_crossings(mesh: SpatialModel, height: float = HIGH) -> SpatialModel:
-    up, wires = np.array([1.0, 1.0, height]), mesh.wires
-    assert wires.line is not None
-    line = CentreLine(wires.line.slope * up, wires.line.between * up, wires.line.step)
-    wires = replace(wires, points=tuple(points * up for points in wires.points), line=line)
-    rods = rods_of_wires(mesh.rods.section, mesh.panel, wires)
-    return replace(mesh, wires=wires, rods=rods, curve=fit_rest_curve(rods, line))
+    up, section = np.array([1.0, 1.0, height]), mesh.rods.section
+    assert mesh.cloth is not None and mesh.table is not None
+    wires = place_wires(mesh.cloth, mesh.table, mesh.panel, section.thickness)
+    assert wires.forms is not None
+    line = wires.forms.line
+    line = CentreLine(line.slope * up, line.between * up, line.step)
+    forms = replace(wires.forms, points=tuple(points * up for points in wires.forms.points), line=line)
+    wires = replace(wires, forms=forms)
+    rods, curve = rods_of_wires(section, mesh.panel, wires)
+    return replace(mesh, wires=wires, rods=rods, curve=curve)
 
 
 def lens_of(relaxation: Simulation, reading: SpatialObservables, site: int) -> Clasp:

@@ -59,6 +59,8 @@ class Panel:
     held_clamp: np.ndarray  # [held] clamp that holds it
     clamp_position: np.ndarray  # [clamp, 2] [m]
     rhombus_bodies: np.ndarray  # bodies round the complete opening nearest to the middle
+    # [wire] [m] arc of its lower clamp along its thread, counted as `block_table` of its first block; without clamps: empty
+    wire_begin: np.ndarray = field(default_factory=lambda: np.zeros(0))
     notes: tuple[str, ...] = field(default=())  # what the user should know about how the mesh was cut
     # clamps that are free to move along warp (kernels/slide.py), each of two nodes that are a block of their own
     sliding_clamp: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
@@ -214,8 +216,9 @@ def build_panel(
         ],
         axis=2,
     )
-    grips = no_clamps(len(used))
+    grips, arc_begin = no_clamps(len(used)), np.zeros(0)
     if not strands.closed:
+        arc_begin = strands.arc_begin[used] - np.floor_divide(begin, n) * (n * table.spacing[thread])
         grips = clamps(cloth, table, strands, used, first, set_fraction)
     return Panel(
         size=size,
@@ -248,6 +251,7 @@ def build_panel(
         held_clamp=_as32(np.repeat(np.arange(len(grips.position)), 2)),
         clamp_position=grips.position,
         rhombus_bodies=_central_rhombus(cloth, bodies, strands, middle, repeat),
+        wire_begin=arc_begin,
         notes=tuple(notes),
     )
 

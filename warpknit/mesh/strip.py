@@ -83,6 +83,7 @@ def cut_strip(panel: Panel, rank: int, ranks: int) -> Strip:
         wire_thread=panel.wire_thread[wires],
         wire_length=panel.wire_length[wires],
         wire_clamp=panel.wire_clamp[wires],
+        wire_begin=panel.wire_begin[wires],
         block_first=as32(panel.block_first[block] - nodes.start),
         block_count=panel.block_count[block],
         block_table=panel.block_table[block],

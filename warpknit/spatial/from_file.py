@@ -62,9 +62,7 @@ def _place_wires(wires: Wires, hooks: Hooks, slack: float, first: np.ndarray, co
     low, high, seed = (_node_places(wires, hooks.wire, arc) for arc in (hooks.low, hooks.high, 0.5 * (hooks.low + hooks.high)))
     slack_nodes = slack / (wires.lengths / wires.segment_counts)[hooks.wire]
     return SpatialWires(
-        points=wires.points,
         tile=np.zeros(3) if wires.period is None else np.array([*wires.period, 0.0]),
-        line=None,
         held_node=held.ravel(),
         held_lever=(places - middle).reshape(-1, 2),
         held_section=held[:, [0, 2]].ravel(),

@@ -14,7 +14,7 @@ import numpy as np
 from ..mesh.hook_mesh import LEFT, LEFT_TOP, RIGHT, RIGHT_TOP, Arc
 from ..mesh.panel import Panel
 from ..scene import Hook
-from .placed_wires import SpatialWires, line_along
+from .placed_wires import SpatialWires, WireForms, line_along
 from .rest_curve import CentreLine
 
 BETWEEN = 0.5  # segments from the planar nodes, one of which is at the clamp, to those here, with the clamp midway between two
@@ -59,9 +59,8 @@ def hook_wires(hook: Hook, panel: Panel, segments: int) -> SpatialWires:
     points = tuple(arc(along) for arc in arcs)
     lever = np.concatenate(points)[held.ravel(), :2] - np.repeat(panel.clamp_position, 2, axis=0)
     return SpatialWires(
-        points=points,
         tile=np.zeros(3),
-        line=CentreLine.joined(lines),
+        forms=WireForms(points, CentreLine.joined(lines), np.arange(2), np.zeros((2, 3))),
         held_node=held.ravel(),
         held_lever=lever,
         held_section=held[:, [0, 2]].ravel(),

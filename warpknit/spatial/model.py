@@ -185,20 +185,20 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
             raise MemoryNeeded(f"wires.node_spacing = {scene.wires.node_spacing:g} m: {size}")
         panel, wires, rods = panel_of_wires(section, found, scene.wires.loop_length)
         spacing = float(rods.natural_length[rods.following >= 0].min())
-        return _assemble(scene, None, None, panel, wires, rods, spacing, scene.wires.loop_length, device)
+        return _assemble(scene, None, None, panel, wires, rods, catmull_rom(rods), spacing, scene.wires.loop_length, device)
     if scene.hook is not None:
         segments, set_fraction = scene.model.nodes_per_loop, scene.wire.set_fraction
         table = hook_table(scene.hook, segments=segments, set_fraction=set_fraction)
         panel = hook_panel(scene.hook, table, set_fraction=set_fraction)
         wires = hook_wires(scene.hook, panel, segments)
-        rods = along_centre_line(rods_of(section, wires.points), wires.line).holding(wires.held_node, wires.held_section)
+        rods, curve = rods_of_wires(section, panel, wires)
         length = scene.hook.length
-        return _assemble(scene, None, table, panel, wires, rods, length / segments, length, device)
+        return _assemble(scene, None, table, panel, wires, rods, curve, length / segments, length, device)
     cloth = knit_scene(scene)
     table, panel, loop_length = lay_out(scene, cloth)
     wires = place_wires(cloth, table, panel, section.thickness, evenly=scene.solver.drive == "ramp")
-    rods = rods_of_wires(section, panel, wires)
-    return _assemble(scene, cloth, table, panel, wires, rods, float(table.spacing.min()), loop_length, device)
+    rods, curve = rods_of_wires(section, panel, wires)
+    return _assemble(scene, cloth, table, panel, wires, rods, curve, float(table.spacing.min()), loop_length, device)
 
 
 def _refuse_fine_nodes(scene: Scene, thickness: float) -> None:
@@ -216,6 +216,7 @@ def _assemble(
     panel: Panel,
     wires: SpatialWires,
     rods: Rods,
+    curve: RestCurve,
     spacing: float,
     loop_length: float,
     device: str,
@@ -229,13 +230,12 @@ def _assemble(
     softening = max(1.0, min(scene.solver.axial_softening, most))
     stiffest = max(section.axial_stiffness / softening / spacing, 4.0 * section.bending_stiffness / spacing**3)
     given = scene.contact.stiffness
-    curve = catmull_rom(rods) if wires.line is None else fit_rest_curve(rods, wires.line)
     model = SpatialModel(
         scene=scene,
         cloth=cloth,
         table=table,
         panel=panel,
-        wires=replace(wires, line=None),  # it is as large as the rest of the mesh
+        wires=replace(wires, forms=None),  # nothing reads them any more
         rods=rods,
         curve=curve,
         softening=softening,
@@ -256,9 +256,11 @@ def _ramp_numerics(model: SpatialModel) -> RampNumerics:
     )
 
 
-def rods_of_wires(section: Section, panel: Panel, wires: SpatialWires) -> Rods:
-    """Rods of the wires of a panel at rest."""
-    closed = panel.boundary == "periodic"
-    up = np.array([0.0, panel.size[1], 0.0])
-    rods = rods_of(section, wires.points, [up if closed else None] * len(wires.points), tile=wires.tile)
-    return along_centre_line(rods, wires.line).holding(wires.held_node, wires.held_section)
+def rods_of_wires(section: Section, panel: Panel, wires: SpatialWires) -> tuple[Rods, RestCurve]:
+    """Rods of the wires of a panel at rest and the curve between their nodes: computed for each form, then copied."""
+    forms = wires.forms
+    assert forms is not None
+    period = np.array([0.0, panel.size[1], 0.0]) if panel.boundary == "periodic" else None
+    rods = along_centre_line(rods_of(section, forms.points, [period] * len(forms.points), tile=wires.tile), forms.line)
+    curve = fit_rest_curve(rods, forms.line).at_nodes(rods.nodes_of(forms.form))
+    return rods.copied(forms.form, forms.origin).holding(wires.held_node, wires.held_section), curve

@@ -21,6 +21,7 @@ import numpy as np
 from .rods import Rods
 
 STRAIGHT = 1e-6  # [rad] turn below which its axis does not matter
+AT_A_TIME = 4096  # segments, whose pieces stay in the cache
 ENTRIES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # of a symmetric matrix, in their order
 
 
@@ -65,16 +66,16 @@ def node_stiffness(rods: Rods, pieces: np.ndarray | None = None, places: np.ndar
 
 def _along_line(rods: Rods, pieces: np.ndarray, places: np.ndarray, frame: np.ndarray) -> np.ndarray:
     """(node, 3, 3) compliance of the centre line around the nodes, in their frames (node, 3, 3), rows."""
-    section = rods.section
-    size = np.linalg.norm(pieces, axis=2)
-    share = (1.0 - 0.5 * (places[1:] + places[:-1])) * size  # of the node before the segment
-    total = np.zeros((rods.node_count, 3, 3))
-    after = np.maximum(rods.following, 0)
-    for node, part, on in ((np.arange(rods.node_count), share, frame), (after, size - share, frame[after])):
-        t = np.einsum("nab,npb->npa", on, pieces) / np.maximum(size, 1e-300)[:, :, None]
-        twisted = np.einsum("np,npa,npb->nab", part, t, t)
-        bent = np.sum(part, axis=1)[:, None, None] * np.eye(3) - twisted
-        found = twisted / section.twist_stiffness + bent / section.bending_stiffness
-        found[rods.following < 0] = 0.0
-        np.add.at(total, node, found)
+    section, total = rods.section, np.zeros((rods.node_count, 3, 3))
+    segments = np.flatnonzero(rods.following >= 0)
+    for first in range(0, len(segments), AT_A_TIME):
+        begin = segments[first : first + AT_A_TIME]
+        piece = pieces[begin]
+        size = np.linalg.norm(piece, axis=2)
+        share = (1.0 - 0.5 * (places[1:] + places[:-1])) * size  # of the node before the segment
+        for node, part in ((begin, share), (rods.following[begin], size - share)):
+            t = piece @ np.swapaxes(frame[node], 1, 2) / np.maximum(size, 1e-300)[:, :, None]
+            twisted = np.swapaxes(part[:, :, None] * t, 1, 2) @ t
+            bent = np.sum(part, axis=1)[:, None, None] * np.eye(3) - twisted
+            total[node] += twisted / section.twist_stiffness + bent / section.bending_stiffness
     return total

@@ -37,10 +37,8 @@ class CentreLine:
         return CentreLine(*(np.concatenate([getattr(one, name) for one in lines]) for name in ("slope", "between", "step")))
 
 
-def along_centre_line(rods: Rods, line: CentreLine | None) -> Rods:
-    """Rods whose natural arcs and stiffnesses are those of the centre line, where it is known."""
-    if line is None:
-        return rods
+def along_centre_line(rods: Rods, line: CentreLine) -> Rods:
+    """Rods whose natural arcs and stiffnesses are those of the centre line."""
     pieces = np.diff(line.between, axis=1, prepend=0.0, append=rods.rest_edge[:, None])
     rods = replace(rods, natural_arc=np.linalg.norm(pieces, axis=2).sum(axis=1))
     return replace(rods, node_stiffness=node_stiffness(rods, pieces, np.concatenate([[0.0], FIT_PLACES, [1.0]])))
@@ -58,6 +56,12 @@ class RestCurve:
     fit_error: float  # [m] largest distance of the curve from the centre line
     weight_square: float = 1.0  # largest sum of squared weights of a force on the curve, couples on sections taken as forces
     lever: float = 0.0  # [m] largest part of the curve that rotates with one section
+
+    def at_nodes(self, node: np.ndarray) -> RestCurve:
+        """The curve of wires whose nodes are copies of these."""
+        arrays = (self.slope, self.slope_weight, self.length, self.bump, self.bulge)
+        slope, slope_weight, length, bump, bulge = (values[node] for values in arrays)
+        return replace(self, slope=slope, slope_weight=slope_weight, length=length, bump=bump, bulge=bulge)
 
 
 def catmull_rom(rods: Rods) -> RestCurve:

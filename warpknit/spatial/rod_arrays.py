@@ -118,6 +118,7 @@ def upload_rods(rods: Rods, device: str) -> RodArrays:
     """Rest data on the device; natural curvature and twist default to the rest values times the set fraction."""
     nodes = rods.node_count
     blocks = _blocks(rods)
+    stiffness = node_stiffness(rods) if rods.node_stiffness is None else rods.node_stiffness
     arrays = RodArrays(
         wire_first=wp.array(rods.wire_first, dtype=wp.int32, device=device),
         wire_count=wp.array(rods.wire_count, dtype=wp.int32, device=device),
@@ -135,7 +136,7 @@ def upload_rods(rods: Rods, device: str) -> RodArrays:
         node_length=wp.array(rods.node_length, dtype=wp.float64, device=device),
         natural_curvature=wp.zeros(nodes, dtype=wp.vec2d, device=device),
         natural_twist=wp.zeros(nodes, dtype=wp.float64, device=device),
-        node_stiffness=wp.array(node_stiffness(rods) if rods.node_stiffness is None else rods.node_stiffness, dtype=wp.float64),
+        node_stiffness=wp.array(stiffness, dtype=wp.float64, device=device),
         slope_length=wp.array(rods.slope_length, dtype=wp.float64, device=device),
         moment_turn=wp.zeros(nodes, dtype=wp.vec2d, device=device),
     )

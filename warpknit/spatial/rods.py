@@ -135,11 +135,40 @@ class Rods:
         """[wire] [m] natural length; of a closed wire, once around."""
         return np.add.reduceat(np.where(self.following >= 0, self.natural_arc, 0.0), self.wire_first)
 
+    def nodes_of(self, wires: np.ndarray) -> np.ndarray:
+        """[node] nodes of these wires, one wire after the other."""
+        count = self.wire_count[wires]
+        return np.repeat(self.wire_first[wires] - (np.cumsum(count) - count), count) + np.arange(count.sum())
+
+    def copied(self, wires: np.ndarray, shift: np.ndarray) -> Rods:
+        """Copies of these wires, moved by shift (copy, 3) [m]; a wire may be copied more than once."""
+        node, count = self.nodes_of(wires), self.wire_count[wires]
+
+        def part(values: np.ndarray | None, index: np.ndarray) -> np.ndarray | None:
+            return None if values is None else values[index]
+
+        return replace(
+            self,
+            wire_first=np.cumsum(count) - count,
+            wire_count=count,
+            wire_closed=self.wire_closed[wires],
+            wire_period=self.wire_period[wires],
+            position=self.position[node] + np.repeat(shift, count, axis=0),
+            director=self.director[node],
+            held=self.held[node],
+            natural_length=self.natural_length[node],
+            natural_arc=self.natural_arc[node],
+            natural_curvature=part(self.natural_curvature, node),
+            natural_twist=part(self.natural_twist, node),
+            node_stiffness=part(self.node_stiffness, node),
+            thicker=part(self.thicker, wires),
+        )
+
     def holding(self, nodes: np.ndarray | Sequence[int] = (), sections: np.ndarray | Sequence[int] = ()) -> Rods:
         """A copy with these nodes fixed and these sections fixed against rotation."""
         held = self.held.copy()
-        held[list(nodes)] |= int(HELD_NODE)
-        held[list(sections)] |= int(HELD_TURN)
+        held[np.asarray(nodes, dtype=np.int64)] |= int(HELD_NODE)
+        held[np.asarray(sections, dtype=np.int64)] |= int(HELD_TURN)
         return replace(self, held=held)
 
 
@@ -173,14 +202,9 @@ def rods_of(
     )
     edge = rods.rest_edge
     length = np.linalg.norm(edge, axis=1)
-    tangent = edge / length[:, None]
-    director = np.concatenate([
-        _evenly_twisted(tangent[f : f + n]) if closed else _without_twist(tangent[f : f + n])
-        for f, n, closed in zip(first, count, rods.wire_closed, strict=True)
-    ])  # fmt: skip
     square = rods.rest_turning**2
     arc = length * (1.0 + float(BOW) * (square + square[rods.following]))
-    return replace(rods, natural_length=length, natural_arc=arc, director=director)
+    return replace(rods, natural_length=length, natural_arc=arc, director=_directors(rods, edge / length[:, None]))
 
 
 def straight(rods: Rods) -> Rods:
@@ -188,31 +212,42 @@ def straight(rods: Rods) -> Rods:
     return replace(rods, natural_curvature=np.zeros((rods.node_count, 2)), natural_twist=np.zeros(rods.node_count))
 
 
-def _without_twist(tangent: np.ndarray) -> np.ndarray:
-    """Directors (n, 3) normal to unit tangents (n, 3), by parallel transport from one to the next."""
-    first = np.eye(3)[np.argmin(np.abs(tangent[0]))]
-    director = np.empty_like(tangent)
-    director[0] = _across(first, tangent[0])
-    for k in range(1, len(tangent)):
-        director[k] = _transported(director[k - 1], tangent[k - 1], tangent[k])
-    return director
+def _directors(rods: Rods, tangent: np.ndarray) -> np.ndarray:
+    """Directors (node, 3) normal to unit tangents (node, 3): without twist, or with the closing angle distributed evenly.
 
-
-def _evenly_twisted(tangent: np.ndarray) -> np.ndarray:
-    """Directors (n, 3) of a closed wire, with the closing angle distributed evenly as twist."""
-    director = _without_twist(tangent)
-    back = _transported(director[-1], tangent[-1], tangent[0])
-    jump = np.arctan2(np.cross(back, director[0]) @ tangent[0], back @ director[0])
-    angle = (jump / len(tangent) * np.arange(len(tangent)))[:, None]
-    return np.cos(angle) * director + np.sin(angle) * np.cross(tangent, director)
+    Any unit vectors across the tangents are references. Parallel transport along the wire turns them against each other, so the
+    directors are the references turned back by the sum of these angles.
+    """
+    begin, count = rods.wire_first, rods.wire_count
+    across = np.zeros_like(tangent)
+    across[np.arange(len(tangent)), np.argmin(np.abs(tangent), axis=1)] = 1.0
+    reference = _across(across, tangent)
+    before = rods.previous.copy()
+    before[begin] = np.where(rods.wire_closed, before[begin], begin)
+    back = _transported(reference[before], tangent[before], tangent)
+    jump = np.arctan2(_dot(np.cross(back, reference), tangent), _dot(back, reference))
+    closing = np.where(rods.wire_closed, jump[begin], 0.0)
+    jump[begin] = 0.0
+    total = np.cumsum(jump)
+    angle = np.repeat(total[begin], count) - total
+    closing = np.arctan2(np.sin(closing - angle[begin + count - 1]), np.cos(closing - angle[begin + count - 1]))
+    share = np.where(rods.wire_closed, closing / count, 0.0)
+    angle += np.repeat(share, count) * (np.arange(len(tangent)) - np.repeat(begin, count))
+    return np.cos(angle)[:, None] * reference + np.sin(angle)[:, None] * np.cross(tangent, reference)
 
 
 def _transported(vector: np.ndarray, before: np.ndarray, now: np.ndarray) -> np.ndarray:
-    """Parallel transport of `vector`, normal to `before`, to the tangent `now`."""
-    axis, cosine = np.cross(before, now), before @ now
-    return _across(cosine * vector + np.cross(axis, vector) + axis * (axis @ vector) / (1.0 + cosine), now)
+    """Parallel transport of vectors (n, 3), normal to tangents `before` (n, 3), to the tangents `now` (n, 3)."""
+    axis, cosine = np.cross(before, now), _dot(before, now)[:, None]
+    return _across(cosine * vector + np.cross(axis, vector) + axis * _dot(axis, vector)[:, None] / (1.0 + cosine), now)
 
 
 def _across(vector: np.ndarray, tangent: np.ndarray) -> np.ndarray:
-    across = vector - (vector @ tangent) * tangent
-    return across / np.linalg.norm(across)
+    """Unit vectors (n, 3) along the parts of vectors (n, 3) normal to unit tangents (n, 3)."""
+    across = vector - _dot(vector, tangent)[:, None] * tangent
+    return across / np.linalg.norm(across, axis=1, keepdims=True)
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """[n] scalar products of vectors (n, 3)."""
+    return np.einsum("nc,nc->n", a, b)

@@ -12,7 +12,7 @@ from .rods import Rods
 APPROACH = 0.5  # of a segment: approach allowed before the next search
 MAX_OFFSET = 0.25  # thicknesses: most that the multiplier of either wire adds to its radius (contact_multipliers.py)
 MAX_SAG = 0.4  # of a segment: bound on the sag of its curve without bumps, 4/27 (1 + MAX_RATIO/3) from either end
-FREE_CELLS = (64, 64, 8)  # along x, y and z in directions without tiles
+FREE_CELLS = np.array([64, 64, 8])  # fewest along x, y and z in directions without tiles
 
 
 @dataclass(frozen=True)
@@ -36,5 +36,12 @@ def search_cells(rods: Rods, curve: RestCurve) -> SearchCells:
     max_sag = MAX_SAG + float((curve.bulge / rods.natural_length).max())
     radius = longest * (1.0 + 2.0 * max_sag) + 2.0 * float(rods.wire_radius.max()) + margin
     is_tiled = rods.tile > 0
-    count = np.where(is_tiled, np.maximum(np.floor(rods.tile / radius), 1), FREE_CELLS).astype(int)
+    count = np.where(is_tiled, np.maximum(np.floor(rods.tile / radius), 1), _free_cells(rods, radius)).astype(int)
     return SearchCells(approach, margin, max_sag, radius, count, np.where(is_tiled & (count > 1), rods.tile / count, radius))
+
+
+def _free_cells(rods: Rods, size: float) -> np.ndarray:
+    """(3,) cells of `size` [m] that hold the mesh at rest, so that far parts of it share none; in all, about a node each."""
+    needed = np.maximum(FREE_CELLS, np.ceil(np.ptp(rods.position, axis=0) / size) + 2.0)
+    share = min(1.0, np.sqrt(rods.node_count / np.prod(needed)))
+    return np.maximum(FREE_CELLS, np.floor(share * needed))
