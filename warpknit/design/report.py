@@ -17,7 +17,7 @@ from ..measure import Observables
 from ..run.progress_display import Progress
 from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
-from ..sweep.contact_map import MapRow, Optimum, find_optimum, grid, model_warnings
+from ..sweep.contact_map import Jump, MapRow, Optimum, find_jumps, find_optimum, grid, jump_warning, model_warnings
 from ..sweep.states import Mesh, mesh_of
 from .card import MaterialCard, find_card, find_card_at_tension
 from .card_files import card_warnings, celsius, write_card
@@ -42,6 +42,7 @@ class Findings:
     model: Mesh
     rows: Sequence[MapRow]
     optimum: Optimum | None
+    jumps: Sequence[Jump]  # of the map
     requested: float | None  # [N/m] tension requested for the card
     equal_tension: EqualTension  # largest in the map
     service: Sequence[tuple[float, tuple[float, float] | None]]  # service tensions [N/m] and their strains
@@ -101,6 +102,7 @@ def make_report(
         model=model,
         rows=rows,
         optimum=optimum,
+        jumps=find_jumps(model, rows),
         requested=tension,
         equal_tension=equal_tension(rows, scene.wire.yield_stress),
         service=[(value, strains_at_tension(rows, value)) for value in SERVICE_TENSIONS],
@@ -175,6 +177,8 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     page.text(f"The optimum, the curves and the card are at {celsius(load.temperature)}, the temperature of [load].")
     mesh_section(page, found.scene, found.model.cloth, found.card, found.notes)
     map_section(page, found.scene, found.optimum, found.service, found.equal_tension, figures["map"])
+    if (jumped := jump_warning(found.jumps)) is not None:
+        page.warning(f"{jumped[0].upper()}{jumped[1:]}.")
     curve_section(page, found.curves, figures["curves"])
     card_section(page, found.scene, found.card, found.where)
     openings_section(page, found.knitted_openings, found.tensioned_openings, figures["openings"])
@@ -193,6 +197,7 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
         stress=grid(found.rows, "stress_max_Pa", weft, warp),
         yield_stress=limit,
         optimum=None if optimum is None else (optimum.strain_weft, optimum.strain_warp),
+        jumps=found.jumps,
         places=tuple((f"{tension:g} N/m in both directions", place) for tension, place in found.service if place is not None),
     )
     curves = {load: _arrays([p for p in found.curves if p.load == load]) for load in dict.fromkeys(p.load for p in found.curves)}

@@ -40,6 +40,7 @@ class Marks:
     yield_stress: float  # [Pa]
     optimum: tuple[float, float] | None  # strains, weft and warp
     places: tuple[tuple[str, tuple[float, float]], ...] = ()  # others: label and strains
+    jumps: Sequence[tuple[tuple[float, float], tuple[float, float]]] = ()  # strains of neighbouring cells with a jump between
 
 
 def map_figure(
@@ -105,6 +106,7 @@ def _draw_levels(axes: Axes, x: NDArray[Any], y: NDArray[Any], known: np.ma.Mask
 def _draw_marks(axes: Axes, x: NDArray[Any], y: NDArray[Any], marks: Marks) -> list[Any]:
     """Draw the elastic limit and the optimum; their legend entries."""
     handles: list[Any] = []
+    style: dict[str, Any]
     stress = np.ma.masked_invalid(marks.stress)
     if min(stress.shape) > 1 and stress.count() and float(stress.min()) < marks.yield_stress < float(stress.max()):
         axes.contour(x, y, stress, levels=[marks.yield_stress], colors=LIMIT_COLOUR, linewidths=2.4)
@@ -113,8 +115,13 @@ def _draw_marks(axes: Axes, x: NDArray[Any], y: NDArray[Any], marks: Marks) -> l
     elif stress.count() and float(stress.max()) <= marks.yield_stress:
         label = f"all below the elastic limit, {marks.yield_stress / 1e9:.3g} GPa"
         handles.append(Line2D([], [], linestyle="none", label=label))
+    if marks.jumps:
+        style = {"marker": "x", "markersize": 6, "markeredgewidth": 1.6, "color": LIMIT_COLOUR, "linestyle": "none"}
+        cells = 100.0 * np.array(sorted({tuple(cell) for pair in marks.jumps for cell in pair}))
+        axes.plot(cells[:, 0], cells[:, 1], zorder=6, clip_on=False, **style)
+        handles.append(Line2D([], [], label="jump to a neighbouring cell", **style))
     if marks.optimum is not None:
-        style: dict[str, Any] = {"marker": "*", "markersize": 15, "markeredgecolor": "black", "linestyle": "none"}
+        style = {"marker": "*", "markersize": 15, "markeredgecolor": "black", "linestyle": "none"}
         place = 100.0 * marks.optimum[0], 100.0 * marks.optimum[1]
         axes.plot(*place, color=OPTIMUM_COLOUR, zorder=5, clip_on=False, **style)
         handles.append(Line2D([], [], color=OPTIMUM_COLOUR, label=f"optimum, {place[0]:g} % / {place[1]:g} %", **style))

@@ -7,17 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from ..measure import MeshModel
+from ..measure import MeshModel, energy_scale
+from ..measure.jumps import STORED_FLOOR, STRAIN_JUMP, UNBALANCED, jumps
 from ..text import engineering
 from .cautions import cautions
-from .history import Row
+from .history import Row, stages_of, work_terms
 
 STEEP = 0.3  # slope above which its square is not small
 LEVELS_FOLLOWED = 4  # of a stage: with fewer the work is too inaccurate to detect a snap-through
 SHORTER = -0.005  # imposed strain below which a mesh counts as compressed
 UNEVEN = 0.25  # relative difference between the median tension of a panel and the mean at its edges
-STRAIN_JUMP = 0.06  # strain between two recorded equilibria
-UNBALANCED = 0.05  # difference of work and stored energy over the largest stored energy
 
 Stages = Sequence[dict[str, Any]]
 
@@ -121,6 +120,33 @@ def _jumped(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
                 f"the mesh jumps by {jump:.1%} strain between loads {a.load_factor:.3g} and {b.load_factor:.3g} of stage"
                 f" {b.stage!r}: slack was taken up, or several equilibria exist at this load and the result depends on the"
                 " load history"
+            )
+            return
+    if model.scene.hook is None:
+        yield from _changed_branch(model, rows)
+
+
+def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
+    """The first jump between neighbouring levels, by the rule that also marks the cells of a map."""
+    for part in stages_of(rows):
+        force, place = work_terms(part, model.panel.area)
+        found = jumps(
+            np.array([0.0, *(row.load_factor for row in part[1:])]),
+            force,
+            place,
+            stored=np.array([row.stored for row in part]),
+            dissipated=np.array([row.dissipated_J - row.edge_work_J for row in part]),
+            values=np.array(
+                [[row.strain_weft, row.strain_warp, row.tension_weft_N_per_m, row.tension_warp_N_per_m] for row in part]
+            ),
+            floor=STORED_FLOOR * energy_scale(model),
+        )
+        if found.any():
+            first = int(np.argmax(found))
+            before = 0.0 if first == 0 else part[first].load_factor
+            yield (
+                f"the mesh jumps to another equilibrium between loads {before:.3g} and {part[first + 1].load_factor:.3g} of stage"
+                f" {part[-1].stage!r}: several equilibria exist there, and the result depends on the load history"
             )
             return
 
