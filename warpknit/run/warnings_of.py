@@ -44,12 +44,25 @@ def _overstressed(model: MeshModel, rows: Sequence[Row], stages: Stages) -> Iter
     interior = max((stage["wire"]["stress_interior_max_Pa"] for stage in stages), default=largest)
     is_gripped = model.scene.hook is not None or model.scene.model.boundary == "gripped"
     where = f" (away from the grips {engineering(interior, 'Pa')})" if is_gripped and interior < 0.95 * largest else ""
-    law = "the model has plastic bending but no fracture" if wire.plastic else "the model is elastic"
     stressed = f"largest wire stress {engineering(largest, 'Pa')}{where}, above the"
     if largest > wire.tensile_strength:
+        law = "the model has no fracture" if wire.plastic else "the model is elastic"
         yield f"{stressed} strength of {engineering(wire.tensile_strength, 'Pa')}: the wire would break; {law}"
     elif largest > wire.yield_stress:
-        yield f"{stressed} elastic limit of {engineering(wire.yield_stress, 'Pa')}: the wire yields; {law}"
+        yield f"{stressed} elastic limit of {engineering(wire.yield_stress, 'Pa')}: {_yielding(model, stages)}"
+
+
+def _yielding(model: MeshModel, stages: Stages) -> str:
+    """What the model computes of yield, by the same keys as summary.json."""
+    if not model.scene.wire.plastic:
+        return "a real wire would yield and keep a set; the model is elastic and computes none (wire.plastic)"
+    share = max((stage["wire"]["plastic_fraction"] for stage in stages), default=None)
+    if share is None:
+        return "wires yield in bending"
+    if share == 0.0:
+        return "a real wire would yield under tension and bending together; the model yields in bending alone, which stays below"
+    strain = max(stage["wire"]["plastic_strain_max"] for stage in stages)
+    return f"{100 * share:.2g} % of the nodes have yielded in bending, to a plastic strain of up to {100 * strain:.2g} %"
 
 
 def _compressed(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
