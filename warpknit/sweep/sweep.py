@@ -28,7 +28,7 @@ from ..run.run_directory import CommandResult, continues_earlier, finished_resul
 from ..run.summary_table import model_rows
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.capabilities import refuse
-from ..text import duration, engineering
+from ..text import duration, engineering, percent
 from .contact_map import (
     STEADY,
     MapRow,
@@ -290,10 +290,10 @@ def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     if optimum is None:
         yield "optimum", f"none: no tensile load with an active contact has a wire stress below {engineering(limit, 'Pa')}"
     else:
-        yield "optimum strain, weft / warp", f"{optimum['strain_weft']:.2%} / {optimum['strain_warp']:.2%}"
+        yield "optimum strain, weft / warp", f"{percent(optimum['strain_weft'])} / {percent(optimum['strain_warp'])}"
         tensions = (engineering(optimum[f"tension_{side}_N_per_m"], "N/m") for side in ("weft", "warp"))
         yield "  tension, weft / warp", " / ".join(tensions)
-        yield "  active contacts", f"{optimum['active_percent']:.3g} %"
+        yield "  active contacts", percent(0.01 * optimum["active_percent"])
         margin = f"margin {optimum['stress_margin']:.0%} of the elastic limit"
         yield "  largest stress", f"{engineering(optimum['stress_max_Pa'], 'Pa')}, {margin}"
     yield "stopped", summary["stop_reason"]
