@@ -6,9 +6,14 @@ import pytest
 
 from warpknit.model import build_model
 from warpknit.run.cautions import cautions
+from warpknit.run.history import Row
+from warpknit.run.run import run_scene
+from warpknit.run.summary_table import summary_rows
+from warpknit.run.warnings_of import _overstressed
 from warpknit.scene import load_scene
 
 SCENE = Path(__file__).parents[1] / "scenes" / "friction_cycle.toml"  # to 16 % and back
+OVERLOAD = SCENE.with_name("overload.toml")  # molybdenum that yields at 0.6 GPa
 
 
 @pytest.mark.parametrize(("friction", "frames", "says"), [(0.4, 32, True), (0.4, 511, True), (0.4, 512, False), (0.1, 32, False)])
@@ -24,3 +29,42 @@ def test_friction_that_holds_asks_for_states_near_each_other(friction: float, fr
 def test_few_nodes_are_named(nodes: int, says: bool) -> None:
     model = build_model(load_scene(SCENE, (f"model.nodes_per_loop={nodes}",)))
     assert any("nodes a loop are few" in line for line in cautions(model, [])) == says
+
+
+def stressed(plastic: bool, tension: float, **wire: float) -> list[str]:
+    """Warnings of a run with a stress of 700 MPa, above the elastic limit of 0.6 GPa."""
+    model = build_model(load_scene(OVERLOAD, (f"wire.plastic={'true' if plastic else 'false'}",)))
+    row = Row(stress_max_Pa=7e8, active_pairs=0)
+    stage = {"wire": {"stress_interior_max_Pa": tension, "yield_fraction": 0.1, **wire}}
+    return list(_overstressed(model, [row], [stage]))
+
+
+def test_an_elastic_wire_above_its_limit_claims_no_set() -> None:
+    (said,) = stressed(False, 7e8)
+    assert said == (
+        "largest wire stress 700 MPa, above the elastic limit of 600 MPa: a real wire would yield and keep a set; the model is"
+        " elastic and computes none (wire.plastic)"
+    )
+
+
+def test_a_plastic_wire_says_how_much_of_it_has_yielded() -> None:
+    """Yield is by bending alone: a stress of bending and tension may be above the limit without it."""
+    (said,) = stressed(True, 7e8, plastic_fraction=0.031, plastic_strain_max=0.0021)
+    assert said.endswith("3.1 % of the nodes have yielded in bending, to a plastic strain of up to 0.21 %")
+    (said,) = stressed(True, 7e8, plastic_fraction=0.0, plastic_strain_max=0.0)
+    assert said.endswith("the model yields in bending alone, which stays below")
+
+
+@pytest.mark.parametrize("kind", ["planar", "spatial"])
+@pytest.mark.parametrize("plastic", [True, False])
+def test_summary_and_table_agree_on_yield(tmp_path: Path, kind: str, plastic: bool) -> None:
+    """Keys of yield only where yield is computed; an elastic wire has the share that would yield."""
+    changes = (f"wire.plastic={'true' if plastic else 'false'}", "path=[]", f"model.kind={kind}", "output.frames=1")
+    strains = ("load.strain_weft=0.1", "load.strain_warp=0.1", "wire.yield_stress=1.5e8")
+    few = (*strains, "output.usd=false", "output.figures=false", "solver.preset=draft")
+    summary = run_scene(load_scene(OVERLOAD, (*changes, *few)), out=tmp_path / "run", device="cpu").summary
+    wire, table = summary["wire"], dict(summary_rows(summary, tmp_path))
+    assert wire["yield_fraction"] > 0.0
+    assert ("plastic_fraction" in wire) is ("plastic_strain_max" in wire) is plastic
+    assert ("yielded" in table) is (plastic and wire["plastic_fraction"] > 0.0)
+    assert ("  above the elastic limit" in table) is not plastic

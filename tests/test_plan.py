@@ -71,7 +71,7 @@ def test_estimated_sizes_of_large_meshes(monkeypatch, boundary):
         ("load.tension_weft=0.1", "tension search"),
         ("load.shear=0.1", "shear"),
         ('wire.plating={material="gold", thickness="0.2 um"}', "plating"),
-        ("wire.set_fraction=0.5", "set"),
+        ("wire.set_fraction=0.5", "rest curvature"),
         ("wire.ends=3", "ends"),
         ('solver.drive="ramp"', "ramp"),
         ('solver.precision="double"', "double precision"),

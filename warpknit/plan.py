@@ -188,7 +188,7 @@ def physics_of(scene: Scene, size: Size) -> Iterator[str]:
         yield from _panel_physics(scene)
     wire, solver = scene.wire, scene.solver
     if wire.set_fraction != 1.0:
-        yield f"set: an unloaded wire keeps {wire.set_fraction:g} of its knitted curvature, wire.set_fraction"
+        yield f"rest curvature: {wire.set_fraction:g} of the knitted one, given and not computed from yield, wire.set_fraction"
     if wire.plating is not None:
         coat = f"{wire.plating.thickness * 1e6:.3g} um of {wire.plating.material}"
         yield f"plating: {coat} adds stiffness, mass and thickness, wire.plating"
@@ -207,7 +207,7 @@ def physics_of(scene: Scene, size: Size) -> Iterator[str]:
     if scene.contact.friction:
         yield f"friction: bodies stick to their wires up to {scene.contact.friction:g} times the contact force, contact.friction"
     if wire.plastic:
-        yield f"yield: plastic bending above {wire.yield_stress / 1e6:.4g} MPa, wire.plastic"
+        yield f"yield: plastic bending above {wire.yield_stress / 1e6:.4g} MPa, with a permanent set, wire.plastic"
     if scene.depends_on_path:
         yield "path: strain increments of at most 0.5 %, as results depend on the load history"
     elif solver.drive == "relax":

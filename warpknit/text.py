@@ -12,6 +12,11 @@ def engineering(value: float, unit: str) -> str:
     return f"{value / scale:.3g} {prefix}{unit}"
 
 
+def percent(share: float) -> str:
+    """A share in percent with one digit after the point: 0.0966 as 9.7 %."""
+    return f"{100.0 * share:.1f} %"
+
+
 def memory(count: int) -> str:
     """Bytes with a binary prefix."""
     return f"{count / 2**30:.3g} GiB" if count >= 2**30 else f"{count / 2**20:.0f} MiB"

@@ -11,18 +11,20 @@ import pytest
 from click.testing import CliRunner
 
 from warpknit.cli import main
-from warpknit.design import curves
+from warpknit.design import curves, service
 from warpknit.design.card import MaterialCard
 from warpknit.design.card_files import card_values, card_warnings
-from warpknit.design.service import REFINED, equal_tension, strains_at_tension
+from warpknit.design.service import REFINED, equal_tension, service_points, strains_at_tension
+from warpknit.export import map_figure
 from warpknit.scene import load_scene
-from warpknit.sweep.contact_map import MapRow
+from warpknit.sweep.contact_map import MapRow, read_map
 
 SCENES = Path(__file__).parents[2] / "scenes"
 CARD = MaterialCard(
     strain_weft=0.1, strain_warp=0.1, tension_weft=1.0, tension_warp=1.0, stiffness=np.eye(3), asymmetry=0.0, step_difference=0.0,
     expansion=np.zeros(3), areal_mass=0.01, stress_max=1e8, active_percent=50.0, temperature=293.15,
 )  # fmt: skip
+MARKERS: list[object] = []  # of the last map that was drawn
 SMALL = ["output.frames=3", "sweep.strain_weft=[0.08, 0.12, 0.16]", "sweep.strain_warp=[0.08, 0.12, 0.16]"]
 
 
@@ -36,9 +38,15 @@ def make_report(out: Path, *arguments: str, scene: str = "contact_map.toml"):
 def reports(tmp_path_factory):
     """(page, card, map.csv) for the optimum and for a tension that the mesh carries, made one after the other."""
     out = tmp_path_factory.mktemp("report") / "r"
-    found = {}
+    found, drawn = {}, map_figure.map_figure
+
+    def kept(*arguments, **more):
+        MARKERS[:] = more["marks"].places
+        return drawn(*arguments, **more)
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(curves, "POINTS", 2)
+        patch.setattr(map_figure, "map_figure", kept)
         for tension in ("", "0.06 N/m"):
             done = make_report(out, *(["--tension", tension] if tension else []))
             assert done.exit_code == 0, done.output
@@ -65,7 +73,7 @@ def test_the_page_holds_all_it_shows(reports):
 def test_without_a_tension_the_card_is_for_the_optimum(reports):
     _, found = reports
     page, card, _ = found[""]
-    assert page.count("<td>not reached</td>") == 3
+    assert page.count("<td>not reached in the map</td>") == 3
     assert "optimum" in card["state"]
 
 
@@ -88,6 +96,35 @@ def test_a_tension_within_reach_is_the_prestress_of_the_card(reports):
         rows = {row["name"]: row for row in csv.DictReader(file)}
     assert {name: float(row["value"]) for name, row in rows.items()} == card["values"]
     assert card["quality"]["positive_definite"] and rows["C33"]["unit"] == "N/m"
+
+
+def test_card_service_table_and_marker_have_one_source(reports):
+    """The strains and the share of the card, rounded alike, in its text, its table, the service table and the legend."""
+    _, found = reports
+    page, card, _ = found["0.06 N/m"]
+    values = card["values"]
+    strains, share = f"{100 * values['prestrain1']:.1f} % / {100 * values['prestrain2']:.1f} %", f"{100 * values['active']:.1f} %"
+    assert f"<th>0.06 N/m</th><td>{strains}</td><td>{share}</td>" in page
+    assert f"strains of {strains} in weft / warp, with {share} of the contacts active" in page
+    assert f"<th>prestrain1</th><td>{100 * values['prestrain1']:.1f}</td>" in page
+    assert f"<th>active</th><td>{100 * values['active']:.1f}</td>" in page
+    assert MARKERS == [
+        (f"0.06 N/m: {strains}, {share} active", (values["prestrain1"], values["prestrain2"]), 100 * values["active"])
+    ]
+
+
+def test_service_points_are_equilibria_and_not_interpolated(reports, monkeypatch):
+    """A run under 0.06 N/m ends where the card of that tension is, within the tolerance of the tension; the bilinear map of three
+    strains a side is a quarter of a percent of strain away."""
+    out, found = reports
+    values = found["0.06 N/m"][1]["values"]
+    monkeypatch.setattr(service, "SERVICE_TENSIONS", (0.06, 1e3))
+    rows = read_map(out / "map.csv", out / "map_details.csv")
+    point, beyond = service_points(load_scene(out / "scene.toml"), rows, None, None)
+    assert point.strains == pytest.approx((values["prestrain1"], values["prestrain2"]), abs=5e-4)
+    assert 0.01 * point.active_percent == pytest.approx(values["active"])
+    assert strains_at_tension(rows, 0.06) != pytest.approx(point.strains, abs=1e-3)
+    assert (beyond.strain, beyond.active, beyond.stress) == ("not reached in the map", "-", "-")
 
 
 def test_the_map_that_is_there_is_used_again(reports):

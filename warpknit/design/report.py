@@ -17,7 +17,7 @@ from ..measure import Observables
 from ..run.progress_display import Progress
 from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
-from ..sweep.contact_map import MapRow, Optimum, find_optimum, grid, model_warnings
+from ..sweep.contact_map import Jump, MapRow, Optimum, find_jumps, find_optimum, grid, jump_warning, model_warnings
 from ..sweep.states import Mesh, mesh_of
 from .card import MaterialCard, find_card, find_card_at_tension
 from .card_files import card_warnings, celsius, write_card
@@ -27,7 +27,7 @@ from .network import contact_resistances, sheet_resistance
 from .opening_size import BANDS, Opening, openings
 from .page import Page
 from .sections import card_section, curve_section, electric_section, map_section, mesh_section, openings_section
-from .service import SERVICE_TENSIONS, EqualTension, equal_tension, strains_at_tension, strains_under_tension
+from .service import EqualTension, ServicePoint, equal_tension, service_points, strains_under_tension
 
 UNDER_TENSION, SEARCHED = 0.3, 0.5  # of the time of a card at a tension: run under it, and search for its strains
 DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))  # of the map where the scene has no [sweep]
@@ -42,9 +42,10 @@ class Findings:
     model: Mesh
     rows: Sequence[MapRow]
     optimum: Optimum | None
+    jumps: Sequence[Jump]  # of the map
     requested: float | None  # [N/m] tension requested for the card
     equal_tension: EqualTension  # largest in the map
-    service: Sequence[tuple[float, tuple[float, float] | None]]  # service tensions [N/m] and their strains
+    service: Sequence[ServicePoint]
     curves: Sequence[CurvePoint]
     where: str  # state of the card, in words; or why there is none
     card: MaterialCard | None
@@ -86,14 +87,16 @@ def make_report(
     Raises `ModelError`, `KnitError`.
     """
     show = progress or Progress()
-    show.stage("tension-strain curves", number=1, of=3)
+    show.stage("tension-strain curves", number=1, of=4)
     model = mesh_of(scene)
     largest = max(row.strain_weft for row in rows), max(row.strain_warp for row in rows)
     curves = tension_strain(model, *largest, lambda share: show.update(done=share, load_factor=share))
-    show.stage("material card", number=2, of=3)
+    show.stage("material card", number=2, of=4)
     optimum = find_optimum(rows, scene.wire.yield_stress)
     card, tensioned, where = _card(scene, optimum, tension, lambda share: show.update(done=share, load_factor=share))
-    show.stage("openings and page", number=3, of=3)
+    show.stage("service tensions", number=3, of=4)
+    service = service_points(scene, rows, tension, card, lambda share: show.update(done=share, load_factor=share))
+    show.stage("openings and page", number=4, of=4)
     knitted = states_at(model, [np.eye(2)])[0]
     found = Findings(
         scene=scene,
@@ -101,9 +104,10 @@ def make_report(
         model=model,
         rows=rows,
         optimum=optimum,
+        jumps=find_jumps(model, rows),
         requested=tension,
         equal_tension=equal_tension(rows, scene.wire.yield_stress),
-        service=[(value, strains_at_tension(rows, value)) for value in SERVICE_TENSIONS],
+        service=service,
         curves=curves,
         where=where,
         card=card,
@@ -175,6 +179,8 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     page.text(f"The optimum, the curves and the card are at {celsius(load.temperature)}, the temperature of [load].")
     mesh_section(page, found.scene, found.model.cloth, found.card, found.notes)
     map_section(page, found.scene, found.optimum, found.service, found.equal_tension, figures["map"])
+    if (jumped := jump_warning(found.jumps)) is not None:
+        page.warning(f"{jumped[0].upper()}{jumped[1:]}.")
     curve_section(page, found.curves, figures["curves"])
     card_section(page, found.scene, found.card, found.where)
     openings_section(page, found.knitted_openings, found.tensioned_openings, figures["openings"])
@@ -193,7 +199,12 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
         stress=grid(found.rows, "stress_max_Pa", weft, warp),
         yield_stress=limit,
         optimum=None if optimum is None else (optimum.strain_weft, optimum.strain_warp),
-        places=tuple((f"{tension:g} N/m in both directions", place) for tension, place in found.service if place is not None),
+        jumps=found.jumps,
+        places=tuple(
+            (f"{p.name}: {p.strain}, {p.active} active", p.strains, p.active_percent)
+            for p in found.service
+            if p.strains is not None and weft[0] <= p.strains[0] <= weft[-1] and warp[0] <= p.strains[1] <= warp[-1]
+        ),
     )
     curves = {load: _arrays([p for p in found.curves if p.load == load]) for load in dict.fromkeys(p.load for p in found.curves)}
     states = (("as knitted", found.knitted_openings), ("at the tension of the card", found.tensioned_openings))

@@ -11,7 +11,7 @@ from scipy.constants import speed_of_light
 from ..knit.cloth import Cloth
 from ..scene import Scene
 from ..sweep.contact_map import Optimum
-from ..text import engineering
+from ..text import engineering, percent
 from .card import AGREEMENT, MaterialCard
 from .card_files import DEFINITION, card_values, card_warnings, celsius
 from .curves import CurvePoint
@@ -19,7 +19,7 @@ from .inputs import openings_per_length
 from .network import surface, wire_resistance
 from .opening_size import BANDS, FINE_ENOUGH, Opening
 from .page import Page
-from .service import EqualTension
+from .service import EqualTension, ServicePoint
 
 INCH = 0.0254  # [m]
 FOR_PEOPLE = {"Pa": (1e-6, "MPa"), "kg/m^2": (1e3, "g/m2"), "1/K": (1e6, "1e-6/K")}  # factor from SI, and unit
@@ -53,36 +53,40 @@ def map_section(
     page: Page,
     scene: Scene,
     optimum: Optimum | None,
-    service: Sequence[tuple[float, tuple[float, float] | None]],
+    service: Sequence[ServicePoint],
     largest: EqualTension,
     figure: Path,
 ) -> None:
     """The contact map, the optimum and the service tensions; largest: equal tensions of the map."""
     page.heading("Active contacts and the optimum")
-    page.figure(figure, "Active contacts against strain. Orange line: elastic limit of the wire; star: optimum.")
+    page.figure(
+        figure,
+        "Active contacts against strain; each tile shows the state at its middle. Orange line: elastic"
+        " limit of the wire; star: optimum; other markers: service tensions, in the colour of their own contacts.",
+    )
     if optimum is None:
         page.warning("No tensile load of the map has active contacts with the wire below its elastic limit.")
     else:
         margin = f"margin {optimum.stress_margin:.0%} of the elastic limit"
         page.table([
-            ("optimum strain, weft / warp", f"{optimum.strain_weft:.1%} / {optimum.strain_warp:.1%}"),
+            ("optimum strain, weft / warp", f"{percent(optimum.strain_weft)} / {percent(optimum.strain_warp)}"),
             ("tension, weft / warp", _pair(optimum.tension_weft_N_per_m, optimum.tension_warp_N_per_m, "N/m")),
-            ("active contacts", f"{optimum.active_percent:.3g} % of pairs"),
+            ("active contacts", f"{percent(0.01 * optimum.active_percent)} of pairs"),
             ("largest wire stress", f"{engineering(optimum.stress_max_Pa, 'Pa')}, {margin}"),
         ])  # fmt: skip
     page.text("The optimum is the load with the most active contacts among those that keep the wire below its elastic limit.")
     if optimum is not None and optimum.edge_warning is not None:
         page.warning(f"{optimum.edge_warning[0].upper()}{optimum.edge_warning[1:]}.")
     page.table(
-        [
-            (f"{tension:g} N/m", "not reached" if place is None else f"{place[0]:.1%} / {place[1]:.1%}")
-            for tension, place in service
-        ],
-        ("service tension, both directions", "strain, weft / warp"),
+        [(point.name, point.strain, point.active, point.stress) for point in service],
+        ("service tension, both directions", "strain, weft / warp", "active contacts", "largest wire stress"),
     )
     page.text(largest.text())
     if scene.sweep is not None and scene.sweep.seeds > 1:
-        page.text("The map is the mean over meshes with scattered loops; all results below are for the first of them.")
+        page.text(
+            "The map is the mean over meshes with scattered loops; the service tensions and all results below are for the first"
+            " of them."
+        )
 
 
 def curve_section(page: Page, curves: Sequence[CurvePoint], figure: Path) -> None:
@@ -102,6 +106,8 @@ def _shown(name: str, value: float, unit: str) -> tuple[str, str]:
     if name == "temperature":
         number, unit = celsius(value).split()
         return number, unit
+    if name.startswith("prestrain") or name == "active":  # as everywhere on the page
+        return percent(value).removesuffix(" %"), "%"
     if unit == "1" and not name.startswith("nu"):
         return f"{100 * value:.3g}", "%"
     factor, unit = FOR_PEOPLE.get(unit, (1.0, "-" if unit == "1" else unit))
@@ -115,7 +121,11 @@ def card_section(page: Page, scene: Scene, card: MaterialCard | None, where: str
         page.warning(where[0].upper() + where[1:] + ".")
         return
     tensions = _pair(card.tension_weft, card.tension_warp, "N/m")
-    page.text(f"Valid at {where}: {tensions} in weft and warp, at {celsius(card.temperature)}.")
+    strains = " / ".join(percent(strain) for strain in (card.strain_weft, card.strain_warp))
+    page.text(
+        f"Valid at {where}: {tensions} and strains of {strains} in weft / warp, with {percent(0.01 * card.active_percent)} of the"
+        f" contacts active, at {celsius(card.temperature)}."
+    )
     rows = [(name, *_shown(name, value, unit), meaning) for name, value, unit, meaning in card_values(card)]
     page.table(rows, ("", "value", "unit", "meaning"))
     page.text(DEFINITION + " material_card.csv and material_card.json contain the same values, in SI units.")

@@ -1,4 +1,4 @@
-"""Strains of equal tension in weft and warp, interpolated in the contact map."""
+"""The mesh at equal tensions in weft and warp: service points, computed, and what the contact map interpolates."""
 
 from __future__ import annotations
 
@@ -8,11 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
+from .. import measure
+from ..errors import Diverged
+from ..measure import Observables
 from ..scene import Scene
 from ..solve.simulate import Simulation
 from ..sweep.contact_map import MapRow, grid
 from ..sweep.states import mesh_of
-from ..text import engineering
+from ..text import engineering, percent
+from .card import MaterialCard
 
 SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf. Ser. 402, 66)
 REFINED = 16  # times finer than the map on each side, for the search of equal tensions
@@ -59,19 +63,104 @@ def strains_on_grid(weft: Sequence[float], warp: Sequence[float], both: np.ndarr
     return min(found, key=sum, default=None)
 
 
+@dataclass(frozen=True)
+class ServicePoint:
+    """The mesh at a tension in both directions: the one source for card, table and marker."""
+
+    tension: float  # [N/m]
+    strains: tuple[float, float] | None = None  # weft and warp; None where no state is known
+    active_percent: float = 0.0
+    stress_max: float = 0.0  # [Pa]
+    why: str = "not reached in the map"  # there is no state
+
+    @property
+    def name(self) -> str:
+        """The tension, as text."""
+        return f"{self.tension:g} N/m"
+
+    @property
+    def strain(self) -> str:
+        """Strain in weft and warp, as text; or why there is none."""
+        return self.why if self.strains is None else " / ".join(percent(strain) for strain in self.strains)
+
+    @property
+    def active(self) -> str:
+        """Share of active contacts, as text."""
+        return "-" if self.strains is None else percent(0.01 * self.active_percent)
+
+    @property
+    def stress(self) -> str:
+        """Largest wire stress, as text."""
+        return "-" if self.strains is None else engineering(self.stress_max, "Pa")
+
+
+def point_of_card(card: MaterialCard, tension: float) -> ServicePoint:
+    """The service point of a card that was made for `tension` [N/m] in both directions."""
+    return ServicePoint(tension, (card.strain_weft, card.strain_warp), card.active_percent, card.stress_max)
+
+
+def service_points(
+    scene: Scene,
+    rows: Sequence[MapRow],
+    requested: float | None,
+    card: MaterialCard | None,
+    watch: Callable[[float], None] = lambda _: None,
+) -> list[ServicePoint]:
+    """The SERVICE_TENSIONS, and the `requested` one [N/m], whose `card` is its point.
+
+    The others are equilibria of runs under their tension, made where the map reaches it: interpolated between its cells, strains
+    and contacts would differ from theirs. `watch` is called with the share that is done.
+    """
+    points = []
+    tensions = sorted({*SERVICE_TENSIONS, *(() if requested is None else (requested,))})
+    for number, tension in enumerate(tensions):
+        if tension == requested:
+            points.append(ServicePoint(tension, why="no card") if card is None else point_of_card(card, tension))
+        elif strains_at_tension(rows, tension) is None:
+            points.append(ServicePoint(tension))
+        else:
+            points.append(_point(scene, tension))
+        watch((number + 1) / len(tensions))
+    return points
+
+
+def _point(scene: Scene, tension: float) -> ServicePoint:
+    try:
+        r, _ = _run_under_tension(scene, tension)
+    except Diverged:
+        return ServicePoint(tension, why="did not converge")
+    weft, warp = _strains(r)
+    return ServicePoint(tension, (weft, warp), measure.contacts(r).active_percent, measure.stress_extremes(r)[0])
+
+
 def strains_under_tension(
     scene: Scene, tension: float, watch: Callable[[float], None] = lambda _: None
 ) -> tuple[tuple[float, float], list[list[float]]]:
     """Weft and warp strain at which a run under `tension` [N/m] in both directions ends, and its tangent (2, 2) [N/m].
 
+    Raises `Diverged`.
+    """
+    r, tangent = _run_under_tension(scene, tension, watch)
+    return _strains(r), tangent
+
+
+def _strains(r: Observables) -> tuple[float, float]:
+    weft, warp = np.diag(r.stretch) - 1.0
+    return float(weft), float(warp)
+
+
+def _run_under_tension(
+    scene: Scene, tension: float, watch: Callable[[float], None] = lambda _: None
+) -> tuple[Observables, list[list[float]]]:
+    """The mesh at the end of a run under `tension` [N/m] in both directions, and its tangent (2, 2) [N/m].
+
     In `output.frames` levels from the mesh as knitted; `watch` is called with the share of the load. Raises `Diverged`.
     """
-    stage = replace(scene.stages[0], tension_weft=tension, tension_warp=tension, shear=0.0)
+    stage = replace(scene.stages[0], strain_weft=None, strain_warp=None, tension_weft=tension, tension_warp=tension, shear=0.0)
     simulation = Simulation(mesh_of(replace(scene, stages=(stage,), sweep=None)))
     for last in simulation.run():
         watch(last.load_factor)
-    weft, warp = np.diag(last.observables.stretch) - 1.0
-    return (float(weft), float(warp)), simulation.progress.search.stiffness
+    return last.observables, simulation.progress.search.stiffness
 
 
 @dataclass(frozen=True)

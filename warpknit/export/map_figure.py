@@ -6,7 +6,7 @@ R. Guglielmini, A. Marotta, P. Salvini, IOP Conf. Ser.: Mater. Sci. Eng. 1214 (2
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import cycle
 from pathlib import Path
@@ -26,9 +26,9 @@ __all__ = ["Marks", "map_figure"]
 
 PERCENT_LEVELS = (10.0, 25.0, 50.0, 75.0, 90.0)
 LEAST_LEVEL = 0.02  # of the largest value: lines of less are left out
-LIMIT_COLOUR, OPTIMUM_COLOUR, PLACE_COLOUR = "#D55E00", "white", "#CC79A7"
+LIMIT_COLOUR, OPTIMUM_COLOUR = "#D55E00", "white"
 PLACE_MARKERS = "osD^v"
-LEGEND_COLUMNS = 3
+LEGEND_COLUMNS, WIDE_LABEL = 3, 28  # columns, one less where a label has more characters
 WARNING_WIDTH = 100  # characters of a line
 
 
@@ -39,7 +39,8 @@ class Marks:
     stress: NDArray[Any]  # (warp, weft) [Pa] largest wire stress, nan where unknown
     yield_stress: float  # [Pa]
     optimum: tuple[float, float] | None  # strains, weft and warp
-    places: tuple[tuple[str, tuple[float, float]], ...] = ()  # others: label and strains
+    places: tuple[tuple[str, tuple[float, float], float], ...] = ()  # others: label, strains, and the value there
+    jumps: Sequence[tuple[tuple[float, float], tuple[float, float]]] = ()  # strains of neighbouring cells with a jump between
 
 
 def map_figure(
@@ -71,13 +72,14 @@ def map_figure(
         axes.text(0.5, 0.5, "no converged state", transform=axes.transAxes, ha="center", va="center")
     elif min(values.shape) > 1:
         _draw_levels(axes, x, y, known, percent)
-    handles = _draw_marks(axes, x, y, marks)
+    handles = _draw_marks(axes, x, y, marks, tiles.to_rgba)
     if known.mask.any():
         axes.set_facecolor("#E8E8E8")
         handles.append(Patch(facecolor="#E8E8E8", edgecolor="#909090", label="not converged, or not run"))
     if handles:
         legend = {"facecolor": "#B0B0B0", "edgecolor": "none", "framealpha": 1.0, "fontsize": "small"}
-        columns = min(len(handles), LEGEND_COLUMNS)
+        widest = max(len(str(handle.get_label())) for handle in handles)
+        columns = min(len(handles), LEGEND_COLUMNS - (widest > WIDE_LABEL))
         axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=columns, **legend)
     for limits, ticks in ((axes.set_xlim, x), (axes.set_ylim, y)):
         if len(ticks) > 1:  # cells at the edge are shown by half: strains that were not run are not in the picture
@@ -102,9 +104,10 @@ def _draw_levels(axes: Axes, x: NDArray[Any], y: NDArray[Any], known: np.ma.Mask
     axes.clabel(lines, fmt=lambda value: f"{value:g} %" if percent else f"{value:g}", fontsize="small")
 
 
-def _draw_marks(axes: Axes, x: NDArray[Any], y: NDArray[Any], marks: Marks) -> list[Any]:
-    """Draw the elastic limit and the optimum; their legend entries."""
+def _draw_marks(axes: Axes, x: NDArray[Any], y: NDArray[Any], marks: Marks, colour_of: Callable[[Any], Any]) -> list[Any]:
+    """Draw the elastic limit, the optimum and other places in the colour of their value; their legend entries."""
     handles: list[Any] = []
+    style: dict[str, Any]
     stress = np.ma.masked_invalid(marks.stress)
     if min(stress.shape) > 1 and stress.count() and float(stress.min()) < marks.yield_stress < float(stress.max()):
         axes.contour(x, y, stress, levels=[marks.yield_stress], colors=LIMIT_COLOUR, linewidths=2.4)
@@ -113,13 +116,19 @@ def _draw_marks(axes: Axes, x: NDArray[Any], y: NDArray[Any], marks: Marks) -> l
     elif stress.count() and float(stress.max()) <= marks.yield_stress:
         label = f"all below the elastic limit, {marks.yield_stress / 1e9:.3g} GPa"
         handles.append(Line2D([], [], linestyle="none", label=label))
+    if marks.jumps:
+        style = {"marker": "x", "markersize": 6, "markeredgewidth": 1.6, "color": LIMIT_COLOUR, "linestyle": "none"}
+        cells = 100.0 * np.array(sorted({tuple(cell) for pair in marks.jumps for cell in pair}))
+        axes.plot(cells[:, 0], cells[:, 1], zorder=6, clip_on=False, **style)
+        handles.append(Line2D([], [], label="jump to a neighbouring cell", **style))
     if marks.optimum is not None:
-        style: dict[str, Any] = {"marker": "*", "markersize": 15, "markeredgecolor": "black", "linestyle": "none"}
+        style = {"marker": "*", "markersize": 15, "markeredgecolor": "black", "linestyle": "none"}
         place = 100.0 * marks.optimum[0], 100.0 * marks.optimum[1]
         axes.plot(*place, color=OPTIMUM_COLOUR, zorder=5, clip_on=False, **style)
-        handles.append(Line2D([], [], color=OPTIMUM_COLOUR, label=f"optimum, {place[0]:g} % / {place[1]:g} %", **style))
-    for (label, strains), marker in zip(marks.places, cycle(PLACE_MARKERS), strict=False):
-        style = {"marker": marker, "markersize": 9, "markeredgecolor": "black", "linestyle": "none", "color": PLACE_COLOUR}
+        handles.append(Line2D([], [], color=OPTIMUM_COLOUR, label=f"optimum, {place[0]:.1f} % / {place[1]:.1f} %", **style))
+    for (label, strains, value), marker in zip(marks.places, cycle(PLACE_MARKERS), strict=False):
+        style = {"marker": marker, "markersize": 9, "markeredgecolor": "black", "markeredgewidth": 1.6, "linestyle": "none"}
+        style["color"] = tuple(colour_of(value))
         axes.plot(100.0 * strains[0], 100.0 * strains[1], zorder=5, **style)
         handles.append(Line2D([], [], label=label, **style))
     return handles

@@ -206,10 +206,11 @@ def axial_strain(r: Observables) -> np.ndarray:
     return r.axial_strain
 
 
-def plastic_extremes(r: Observables) -> tuple[float, float]:
-    """Share of yielded nodes, and the largest plastic strain of a fibre."""
-    strain = r.plastic_strain
-    return (float(np.mean(strain > 0.0)), float(strain.max())) if len(strain) else (0.0, 0.0)
+def plastic_extremes(r: Observables) -> tuple[float | None, float | None]:
+    """Share of yielded nodes, and the largest plastic strain of a fibre; None for elastic wires, which take no set."""
+    if not r.model.scene.wire.plastic:
+        return None, None
+    return float(np.mean(r.plastic_strain > 0.0)), float(r.plastic_strain.max())
 
 
 def slid(r: Observables) -> float:

@@ -220,7 +220,7 @@ class Observables(Protocol):
 
     @property
     def plastic_strain(self) -> np.ndarray:
-        """[node] plastic strain of the outermost fibre; empty for elastic wires."""
+        """[node] plastic strain of the outermost fibre; empty, or zero, for elastic wires."""
 
     @property
     def wire_length(self) -> float:

@@ -166,9 +166,9 @@ MEASURES: tuple[Measure, ...] = (
     Measure("contact_force_max_N", m.largest_contact_force, history=True, map="details", over_seeds=max),
     Measure("stress_interior_max_Pa", m.interior_stress, summary="wire", map="details", over_seeds=max),
     # energies and work
-    Measure("energy_stretch_J", lambda r: r.energies.stretch, history=True),
-    Measure("energy_bend_J", lambda r: r.energies.bend, history=True),
-    Measure("energy_contact_J", lambda r: r.energies.contact, history=True),
+    Measure("energy_stretch_J", lambda r: r.energies.stretch, history=True, map="details"),
+    Measure("energy_bend_J", lambda r: r.energies.bend, history=True, map="details"),
+    Measure("energy_contact_J", lambda r: r.energies.contact, history=True, map="details"),
     Measure("energy_kinetic_J", lambda r: r.energies.kinetic, history=True),
     Measure("work_J", "work", history=True),  # of a relaxation: summed in run/history.py
     Measure("edge_work_J", "edge_work", history=True),
@@ -180,9 +180,9 @@ MEASURES: tuple[Measure, ...] = (
     Measure("steps", "steps", history=True, kind=int),
     Measure("steady", "steady", history=True, kind=_is_true),
     # conjugates of strains, rotation and length
-    Measure("nominal_weft_N_per_m", lambda r: float(m.boundary_stress(r)[0, 0]), history=True),
+    Measure("nominal_weft_N_per_m", lambda r: float(m.boundary_stress(r)[0, 0]), history=True, map="details"),
     Measure("nominal_shear_N_per_m", lambda r: float(m.boundary_stress(r)[0, 1]), history=True),
-    Measure("nominal_warp_N_per_m", lambda r: float(m.boundary_stress(r)[1, 1]), history=True),
+    Measure("nominal_warp_N_per_m", lambda r: float(m.boundary_stress(r)[1, 1]), history=True, map="details"),
     Measure("clamp_couple_N_per_m", m.clamp_couple, history=True),
     Measure("length_factor", lambda r: r.length_factor, history=True),
     Measure("thermal_force_J", m.thermal_force, history=True),

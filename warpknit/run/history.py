@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -60,15 +60,8 @@ def add_work(rows: list[Row], model: MeshModel) -> None:
         return
     area = model.panel.area
     rows[0].work_J = rows[0].stored
-    begin = 0
-    while begin < len(rows) - 1:
-        end = begin + 1
-        while end + 1 < len(rows) and rows[end + 1].stage == rows[end].stage:
-            end += 1
-        part = rows[begin : end + 1]  # begins with the last row of the stage before
-        force = np.array([[area * r.nominal_weft_N_per_m, area * r.nominal_shear_N_per_m, area * r.nominal_warp_N_per_m,
-                           area * r.clamp_couple_N_per_m, r.thermal_force_J] for r in part])  # fmt: skip
-        place = np.array([[r.strain_weft, r.shear, r.strain_warp, r.clamp_rotation, r.length_factor] for r in part])
+    for part in stages_of(rows):
+        force, place = work_terms(part, area)
         path = np.arange(len(part), dtype=float)
         if len(part) > 3:
             speed = CubicSpline(path, place).derivative()
@@ -78,7 +71,25 @@ def add_work(rows: list[Row], model: MeshModel) -> None:
             work = np.concatenate([[0.0], np.cumsum(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(place, axis=0), axis=1))])
         for r, w in zip(part[1:], work[1:], strict=True):
             r.work_J = part[0].work_J + float(w) + r.edge_work_J - part[0].edge_work_J
+
+
+def stages_of(rows: Sequence[Row]) -> Iterator[list[Row]]:
+    """The rows of each stage, after the last row of the stage before."""
+    begin = 0
+    while begin < len(rows) - 1:
+        end = begin + 1
+        while end + 1 < len(rows) and rows[end + 1].stage == rows[end].stage:
+            end += 1
+        yield list(rows[begin : end + 1])
         begin = end
+
+
+def work_terms(rows: Sequence[Row], area: float) -> tuple[np.ndarray, np.ndarray]:
+    """Forces and their displacements (row, component), whose products are work [J]. area [m2]: of the mesh as knitted."""
+    force = np.array([[area * r.nominal_weft_N_per_m, area * r.nominal_shear_N_per_m, area * r.nominal_warp_N_per_m,
+                       area * r.clamp_couple_N_per_m, r.thermal_force_J] for r in rows])  # fmt: skip
+    place = np.array([[r.strain_weft, r.shear, r.strain_warp, r.clamp_rotation, r.length_factor] for r in rows])
+    return force, place
 
 
 def write_history(path: Path, rows: list[Row]) -> None:

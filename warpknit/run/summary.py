@@ -8,11 +8,10 @@ from typing import Any
 
 from .. import __version__, measure
 from ..measure import MeshModel, table
+from ..measure.jumps import STORED_FLOOR
 from ..measure.table import Record
 from .history import Row
 from .warnings_of import warnings_of
-
-STORED_FLOOR = 1e-5  # of EI/W a loop: below it the stored energy counts as zero
 
 
 def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None = None) -> dict[str, Any]:

@@ -7,17 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from ..measure import MeshModel
+from ..measure import MeshModel, energy_scale
+from ..measure.jumps import STORED_FLOOR, STRAIN_JUMP, UNBALANCED, jumps
 from ..text import engineering
 from .cautions import cautions
-from .history import Row
+from .history import Row, stages_of, work_terms
 
 STEEP = 0.3  # slope above which its square is not small
 LEVELS_FOLLOWED = 4  # of a stage: with fewer the work is too inaccurate to detect a snap-through
 SHORTER = -0.005  # imposed strain below which a mesh counts as compressed
 UNEVEN = 0.25  # relative difference between the median tension of a panel and the mean at its edges
-STRAIN_JUMP = 0.06  # strain between two recorded equilibria
-UNBALANCED = 0.05  # difference of work and stored energy over the largest stored energy
 
 Stages = Sequence[dict[str, Any]]
 
@@ -45,12 +44,25 @@ def _overstressed(model: MeshModel, rows: Sequence[Row], stages: Stages) -> Iter
     interior = max((stage["wire"]["stress_interior_max_Pa"] for stage in stages), default=largest)
     is_gripped = model.scene.hook is not None or model.scene.model.boundary == "gripped"
     where = f" (away from the grips {engineering(interior, 'Pa')})" if is_gripped and interior < 0.95 * largest else ""
-    law = "the model has plastic bending but no fracture" if wire.plastic else "the model is elastic"
     stressed = f"largest wire stress {engineering(largest, 'Pa')}{where}, above the"
     if largest > wire.tensile_strength:
+        law = "the model has no fracture" if wire.plastic else "the model is elastic"
         yield f"{stressed} strength of {engineering(wire.tensile_strength, 'Pa')}: the wire would break; {law}"
     elif largest > wire.yield_stress:
-        yield f"{stressed} elastic limit of {engineering(wire.yield_stress, 'Pa')}: the wire yields; {law}"
+        yield f"{stressed} elastic limit of {engineering(wire.yield_stress, 'Pa')}: {_yielding(model, stages)}"
+
+
+def _yielding(model: MeshModel, stages: Stages) -> str:
+    """What the model computes of yield, by the same keys as summary.json."""
+    if not model.scene.wire.plastic:
+        return "a real wire would yield and keep a set; the model is elastic and computes none (wire.plastic)"
+    share = max((stage["wire"]["plastic_fraction"] for stage in stages), default=None)
+    if share is None:
+        return "wires yield in bending"
+    if share == 0.0:
+        return "a real wire would yield under tension and bending together; the model yields in bending alone, which stays below"
+    strain = max(stage["wire"]["plastic_strain_max"] for stage in stages)
+    return f"{100 * share:.2g} % of the nodes have yielded in bending, to a plastic strain of up to {100 * strain:.2g} %"
 
 
 def _compressed(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
@@ -121,6 +133,33 @@ def _jumped(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
                 f"the mesh jumps by {jump:.1%} strain between loads {a.load_factor:.3g} and {b.load_factor:.3g} of stage"
                 f" {b.stage!r}: slack was taken up, or several equilibria exist at this load and the result depends on the"
                 " load history"
+            )
+            return
+    if model.scene.hook is None:
+        yield from _changed_branch(model, rows)
+
+
+def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
+    """The first jump between neighbouring levels, by the rule that also marks the cells of a map."""
+    for part in stages_of(rows):
+        force, place = work_terms(part, model.panel.area)
+        found = jumps(
+            np.array([0.0, *(row.load_factor for row in part[1:])]),
+            force,
+            place,
+            stored=np.array([row.stored for row in part]),
+            dissipated=np.array([row.dissipated_J - row.edge_work_J for row in part]),
+            values=np.array(
+                [[row.strain_weft, row.strain_warp, row.tension_weft_N_per_m, row.tension_warp_N_per_m] for row in part]
+            ),
+            floor=STORED_FLOOR * energy_scale(model),
+        )
+        if found.any():
+            first = int(np.argmax(found))
+            before = 0.0 if first == 0 else part[first].load_factor
+            yield (
+                f"the mesh jumps to another equilibrium between loads {before:.3g} and {part[first + 1].load_factor:.3g} of stage"
+                f" {part[-1].stage!r}: several equilibria exist there, and the result depends on the load history"
             )
             return
 

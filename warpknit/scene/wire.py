@@ -54,7 +54,8 @@ class Wire(Table):
         left_out="the material's",
     )
     yield_stress: Stress = key(
-        "Elastic limit, for warnings and `yield_fraction`. The wire stays elastic at any stress unless `plastic` is set.",
+        "Elastic limit, for warnings and `yield_fraction`. Without `plastic` the wire stays elastic at any stress and takes no"
+        " permanent set.",
         None,
         left_out="the material's",
     )
@@ -78,7 +79,9 @@ class Wire(Table):
     )
     hardening: Fraction = key("Tangent bending stiffness after yield, over the elastic one.", 0.1)
     set_fraction: Fraction = key(
-        "Natural (stress-free) curvature of the wire over its knitted curvature. 1: the knitted shape is stress-free.", 1.0
+        "Natural (stress-free) curvature of the wire over its knitted curvature, given rather than computed from yield. 1: the"
+        " knitted shape is stress-free.",
+        1.0,
     )
     reference_temperature: Temperature = key(
         "Temperature of zero thermal strain, and default temperature of the mesh.", ROOM_TEMPERATURE

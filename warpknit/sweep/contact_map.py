@@ -16,11 +16,13 @@ from typing import Any
 import numpy as np
 
 from ..files import write_aside
-from ..measure import Observables, table
+from ..measure import Observables, energy_scale, table
+from ..measure.jumps import STORED_FLOOR, jumps
 from ..measure.table import Measure
 from ..mechanics import Model
 
 STEADY = "steady"
+SIDES = ("weft", "warp")
 SAME_SHARE = 0.01  # percentage points: tolerance for equal shares of active contacts
 
 
@@ -133,9 +135,53 @@ def model_warnings(mesh: Model, rows: Sequence[MapRow]) -> list[str]:
 
 def grid(rows: Sequence[MapRow], name: str, weft: Sequence[float], warp: Sequence[float]) -> np.ndarray:
     """Values (warp, weft) of a column of map.csv or map_details.csv; nan where there is none."""
-    values = {row.strains: getattr(row, name) for row in rows}
+    values = {row.strains: vars(row).get(name) for row in rows}  # an earlier version had fewer columns
     cells = [[values.get((x, y)) for x in weft] for y in warp]
     return np.array([[math.nan if value is None else float(value) for value in line] for line in cells])
+
+
+Jump = tuple[tuple[float, float], tuple[float, float]]  # strains, weft and warp, of two neighbouring cells
+
+
+def find_jumps(mesh: Model, rows: Sequence[MapRow]) -> list[Jump]:
+    """Neighbouring cells whose equilibria belong to different branches (measure/jumps.py), along weft and along warp."""
+    if not rows:
+        return []
+    weft, warp = (sorted({row.strains[side] for row in rows}) for side in (0, 1))
+    area, floor = mesh.panel.area, STORED_FLOOR * energy_scale(mesh)
+    stored = np.sum([grid(rows, f"energy_{part}_J", weft, warp) for part in ("stretch", "bend", "contact")], axis=0)
+    tensions = np.stack([grid(rows, f"tension_{side}_N_per_m", weft, warp) for side in SIDES], axis=-1)
+    found: list[Jump] = []
+    for side, path, axis in zip(SIDES, (weft, warp), (1, 0), strict=True):
+        force = area * grid(rows, f"nominal_{side}_N_per_m", weft, warp)
+        strain = np.array(path)
+        for line in range(force.shape[1 - axis]):
+            energy = stored.take(line, 1 - axis)
+            jumped = jumps(
+                strain,
+                np.take(force, [line], 1 - axis).reshape(-1, 1),
+                strain[:, None],
+                stored=energy,
+                dissipated=np.zeros_like(energy),
+                values=tensions.take(line, 1 - axis),
+                floor=floor,
+            )
+            for k in np.flatnonzero(jumped):
+                ends = [(weft[k + more], warp[line]) if axis else (weft[line], warp[k + more]) for more in (0, 1)]
+                found.append((ends[0], ends[1]))
+    return found
+
+
+def jump_warning(found: Sequence[Jump]) -> str | None:
+    """What the jumps of a map mean, in a line; None without any."""
+    if not found:
+        return None
+    first = " and ".join(f"{100.0 * weft:.3g} % / {100.0 * warp:.3g} %" for weft, warp in found[0])
+    count = "neighbouring pairs of strains" if len(found) > 1 else "neighbouring pair of strains"
+    return (
+        f"the results jump between {len(found)} {count}, first {first} (weft / warp): several equilibria exist there, and the"
+        " values on either side belong to different ones"
+    )
 
 
 @dataclass(frozen=True)

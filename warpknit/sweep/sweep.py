@@ -28,8 +28,20 @@ from ..run.run_directory import CommandResult, continues_earlier, finished_resul
 from ..run.summary_table import model_rows
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.capabilities import refuse
-from ..text import duration, engineering
-from .contact_map import STEADY, MapRow, find_optimum, grid, map_row, mean_map, model_warnings, read_map, write_map
+from ..text import duration, engineering, percent
+from .contact_map import (
+    STEADY,
+    MapRow,
+    find_jumps,
+    find_optimum,
+    grid,
+    jump_warning,
+    map_row,
+    mean_map,
+    model_warnings,
+    read_map,
+    write_map,
+)
 from .states import States, mesh_of, states_of
 
 _log = logging.getLogger(__name__)
@@ -199,10 +211,12 @@ class _Mapper:
         wall = time.perf_counter() - self._begin
         rows, wire = self.rows, self.scene.wire
         failed = [row for row in rows if row.stop_reason != STEADY]
-        optimum = find_optimum(rows, wire.yield_stress)
+        optimum, jumps = find_optimum(rows, wire.yield_stress), find_jumps(self.meshes[0], rows)
         warnings = list(self.model_warnings)
         if failed:
             warnings.append(f"{len(failed)} of {len(rows)} pairs of strains did not converge; map_details.csv has the reasons")
+        if (jumped := jump_warning(jumps)) is not None:
+            warnings.append(jumped)
         if len(self.scene.stages) > 1:
             warnings.append("a map does not run the stages of [[path]]")
         if optimum is not None and optimum.edge_warning is not None and len(rows) == len(self.strains):
@@ -232,6 +246,7 @@ class _Mapper:
             },
             "wire": {"yield_stress_Pa": wire.yield_stress},
             "optimum": None if optimum is None else asdict(optimum),
+            "jumps": jumps,
         }
 
     def _draw(self, summary: dict[str, Any]) -> None:
@@ -248,6 +263,7 @@ class _Mapper:
             stress=column("stress_max_Pa"),
             yield_stress=self.scene.wire.yield_stress,
             optimum=None if optimum is None else (optimum["strain_weft"], optimum["strain_warp"]),
+            jumps=summary["jumps"],
         )
         wire, seeds, warnings = self.scene.wire, self.sweep.seeds, self.model_warnings
         scatter = f", mean of {seeds} seeds, loops scattered by {self.scene.knit.scatter:.0%}" if seeds > 1 else ""
@@ -274,10 +290,10 @@ def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     if optimum is None:
         yield "optimum", f"none: no tensile load with an active contact has a wire stress below {engineering(limit, 'Pa')}"
     else:
-        yield "optimum strain, weft / warp", f"{optimum['strain_weft']:.2%} / {optimum['strain_warp']:.2%}"
+        yield "optimum strain, weft / warp", f"{percent(optimum['strain_weft'])} / {percent(optimum['strain_warp'])}"
         tensions = (engineering(optimum[f"tension_{side}_N_per_m"], "N/m") for side in ("weft", "warp"))
         yield "  tension, weft / warp", " / ".join(tensions)
-        yield "  active contacts", f"{optimum['active_percent']:.3g} %"
+        yield "  active contacts", percent(0.01 * optimum["active_percent"])
         margin = f"margin {optimum['stress_margin']:.0%} of the elastic limit"
         yield "  largest stress", f"{engineering(optimum['stress_max_Pa'], 'Pa')}, {margin}"
     yield "stopped", summary["stop_reason"]

@@ -1,0 +1,137 @@
+"""Jumps between equilibria: one rule for the levels of a run and the cells of a map."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from warpknit.export.map_figure import Marks, map_figure
+from warpknit.measure.jumps import energy_gap, stands_out
+from warpknit.run import warnings_of as warnings
+from warpknit.run.history import Row
+from warpknit.scene import make_scene
+from warpknit.sweep.contact_map import MapRow, find_jumps, jump_warning
+from warpknit.sweep.sweep import map_lines
+
+STEPS = np.linspace(0.0, 0.5, 6)
+AREA = 2e-6  # [m2] of the mesh
+MODULUS = 100.0  # [N/m]
+SECOND = 3  # first level on the second branch
+
+
+def energy_of(strain: np.ndarray, modulus: float) -> np.ndarray:
+    """[J] of a bar whose tension grows as modulus x strain: area modulus strain^2/2."""
+    return 0.5 * AREA * modulus * strain**2
+
+
+def model() -> SimpleNamespace:
+    scene = make_scene({"knit": {"bars": [{"chain": "1-0/1-2"}], "wale_spacing": "1 mm", "course_spacing": "1 mm"}})
+    panel = SimpleNamespace(area=AREA, node_count=scene.model.nodes_per_loop)
+    return SimpleNamespace(scene=scene, panel=panel, bending_stiffness=scene.wire.bending_stiffness)
+
+
+def cells(softer: float) -> list[MapRow]:
+    """A map over STEPS squared; from the weft strain SECOND on, its mesh is on a branch with `softer` times the modulus."""
+
+    def cell(weft: float, warp: float) -> MapRow:
+        modulus = MODULUS * (softer if weft >= STEPS[SECOND] else 1.0)
+        return MapRow(
+            strain_weft=weft, strain_warp=warp, active_percent=50.0 * (weft >= STEPS[SECOND]),
+            tension_weft_N_per_m=modulus * weft, tension_warp_N_per_m=modulus * warp,
+            nominal_weft_N_per_m=modulus * weft, nominal_warp_N_per_m=modulus * warp,
+            energy_stretch_J=energy_of(weft, modulus) + energy_of(warp, modulus), energy_bend_J=0.0, energy_contact_J=0.0,
+        )  # fmt: skip
+
+    return [cell(x, y) for y in STEPS.tolist() for x in STEPS.tolist()]
+
+
+def test_energy_follows_work_along_a_branch():
+    """E = f x/2: at any step the change lies between f_a dx and f_b dx. From 0.2 to 0.3 with half the modulus, it does not."""
+    force = np.where(np.arange(6) < SECOND, 1.0, 0.5) * STEPS
+    assert energy_gap(STEPS[:, None], STEPS[:, None], 0.5 * STEPS**2) == pytest.approx(0.0)
+    gap = energy_gap(force[:, None], STEPS[:, None], 0.5 * force * STEPS)
+    assert gap == pytest.approx([0.0, 0.0, 0.015 - 0.0025, 0.0, 0.0])  # change 0.0225 - 0.02, least work 0.15 x 0.1
+
+
+@pytest.mark.parametrize(
+    ("value", "where"),
+    [
+        ([0.0, 1.0, 2.0, 3.0, 4.0, 5.0], []),
+        ([0.0, 0.0, 0.0, 1.0, 2.0, 3.0], []),  # contacts close
+        ([0.0, 1.0, 2.0, 9.0, 10.0, 11.0], [2]),  # to another branch
+        ([0.0, 1.0, 2.0, 9.0, 4.0, 5.0, 6.0], [2, 3]),  # there and back
+        ([5.0, 2.0, 1.0, 1.0, 2.0, 5.0], []),  # a minimum
+        ([0.0, 0.0, 0.0, 0.0, 1.0], []),  # the end
+        ([0.0, 1.0, np.nan, 9.0, 10.0, 11.0], []),
+    ],
+)
+def test_a_value_stands_out_that_changes_faster_than_on_both_sides(value, where):
+    found = stands_out(np.arange(float(len(value))), np.array(value))
+    assert np.flatnonzero(found).tolist() == where
+
+
+def test_neighbouring_cells_on_different_branches_are_found():
+    """Softer by half from weft 0.3 on: a jump from 0.2 to 0.3 at every warp strain, and none along warp."""
+    assert find_jumps(model(), cells(1.0)) == []
+    found = find_jumps(model(), cells(0.5))
+    assert found == [((pytest.approx(0.2), warp), (pytest.approx(0.3), warp)) for warp in STEPS]
+    assert jump_warning(found) == (
+        "the results jump between 6 neighbouring pairs of strains, first 20 % / 0 % and 30 % / 0 % (weft / warp): several"
+        " equilibria exist there, and the values on either side belong to different ones"
+    )
+
+
+def test_cells_of_an_earlier_version_without_energies_have_no_jumps():
+    rows = [MapRow(**{name: value for name, value in vars(row).items() if "energy" not in name}) for row in cells(0.5)]
+    for row in rows:
+        row.tension_weft_N_per_m = row.tension_warp_N_per_m = None
+    assert find_jumps(model(), rows) == []
+    assert jump_warning([]) is None
+
+
+def levels(softer: float) -> list[Row]:
+    """A run over STEPS in weft, like a line of the map."""
+    rows = []
+    for strain in STEPS.tolist():
+        modulus = MODULUS * (softer if strain >= STEPS[SECOND] else 1.0)
+        rows.append(Row(
+            stage="load", load_factor=strain / STEPS[-1], strain_weft=strain, strain_warp=0.0, shear=0.0, clamp_rotation=0.0,
+            length_factor=1.0, tension_weft_N_per_m=modulus * strain, tension_warp_N_per_m=0.0,
+            nominal_weft_N_per_m=modulus * strain, nominal_warp_N_per_m=0.0, nominal_shear_N_per_m=0.0,
+            clamp_couple_N_per_m=0.0, thermal_force_J=0.0, energy_stretch_J=float(energy_of(strain, modulus)),
+            energy_bend_J=0.0, energy_contact_J=0.0, dissipated_J=0.0, edge_work_J=0.0,
+        ))  # fmt: skip
+    return rows
+
+
+def test_a_run_warns_of_the_jump_that_a_map_marks():
+    assert list(warnings._jumped(model(), levels(1.0))) == []
+    assert list(warnings._jumped(model(), levels(0.5))) == [
+        "the mesh jumps to another equilibrium between loads 0.4 and 0.6 of stage 'load': several equilibria exist there, and"
+        " the result depends on the load history"
+    ]
+
+
+def test_a_picture_marks_the_cells_of_a_jump(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    from warpknit.export import map_figure as module
+
+    kept = []
+    monkeypatch.setattr(module, "save_figure", lambda figure, path: kept.append(figure) or path)
+    jumps = [((0.2, 0.0), (0.3, 0.0)), ((0.3, 0.0), (0.3, 0.1))]
+    marks = Marks(stress=np.ones((6, 6)), yield_stress=2.0, optimum=None, jumps=jumps)
+    map_figure(tmp_path / "map.png", STEPS, STEPS, np.eye(6), title="", label="", percent=True, marks=marks)
+    axes = kept[0].axes[0]
+    (crosses,) = [line for line in axes.lines if line.get_marker() == "x"]
+    assert np.column_stack(crosses.get_data()) == pytest.approx(np.array([[20.0, 0.0], [30.0, 0.0], [30.0, 10.0]]))
+    assert "jump to a neighbouring cell" in [text.get_text() for text in axes.get_legend().get_texts()]
+
+
+def test_the_table_of_a_map_has_the_jumps_in_one_line():
+    warning = jump_warning(find_jumps(model(), cells(0.5)))
+    summary = {
+        "warnings": [warning], "model": {"nodes": 1}, "cells": {"steady": 36, "wanted": 36}, "seeds": 1, "optimum": None,
+        "solver": {"cell_steps": 1, "cell_steps_per_s": 1.0, "wall_s": 1.0}, "wire": {"yield_stress_Pa": 1.0},
+        "stop_reason": "finished",
+    }  # fmt: skip
+    assert [text for heading, text in map_lines(summary) if heading == "warning"] == [warning]

@@ -1,0 +1,74 @@
+"""Jumps between equilibria of the same load: the rules for the levels of a run and the cells of a map.
+
+Along one branch of equilibria the energy, stored and dissipated, changes by the work of the load,
+
+    E_b - E_a = integral of f dx,      f force, x its displacement,
+
+which lies between f_a dx and f_b dx while f grows or falls. Two neighbouring states belong to different branches if their
+energies are further apart (`energy_gap`), or if a value changes much faster between them than beside them (`stands_out`).
+The share of active contacts is no sign of it: contacts of a repeat close together, without a jump.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+STRAIN_JUMP = 0.06  # strain between two recorded equilibria under given tensions
+UNBALANCED = 0.05  # energy without work, over the stored energy
+STORED_FLOOR = 1e-5  # of EI/W a loop: below it the stored energy counts as zero
+STEEPER = 3.0  # change of a value over its changes on both sides
+NOTABLE = 0.05  # of the largest value: smaller changes are not counted
+
+
+def is_unbalanced(energy: float, stored: float, floor: float) -> bool:
+    """Whether so much energy without work [J] is a jump, beside the largest stored energy. floor [J]: of stored energies."""
+    return stored > floor and abs(energy) > UNBALANCED * stored
+
+
+def energy_gap(force: np.ndarray, place: np.ndarray, energy: np.ndarray) -> np.ndarray:
+    """(state - 1,) [J] change of energy beyond what work can make up, of each state and the next.
+
+    force (state, component), place (state, component): their products are energies [J]. energy: (state,) [J].
+    """
+    step = np.diff(place, axis=0)
+    ends = np.stack([force[:-1] * step, force[1:] * step])
+    change = np.diff(energy)
+    return np.maximum.reduce([ends.min(axis=0).sum(axis=1) - change, change - ends.max(axis=0).sum(axis=1), 0.0 * change])
+
+
+def stands_out(path: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """(state - 1,) whether a value changes much faster between a state and the next than on both sides.
+
+    An adjacent change of opposite sign belongs to the same jump, there and back: the change beyond it is compared. path: (state,)
+    increasing. At the ends, and beside unknown values (nan), nothing stands out.
+    """
+    change = np.diff(value)
+    slope = np.full(len(change) + 4, np.nan)
+    slope[2:-2] = change / np.diff(path)
+    here = slope[2:-2]
+    beside = [np.where(near * here < 0.0, far, near) for near, far in ((slope[1:-3], slope[:-4]), (slope[3:-1], slope[4:]))]
+    notable = NOTABLE * np.nanmax(np.abs(value), initial=0.0)
+    return np.asarray((np.abs(here) > STEEPER * np.abs(beside).max(axis=0)) & (np.abs(change) > notable))
+
+
+def jumps(
+    path: np.ndarray,
+    force: np.ndarray,
+    place: np.ndarray,
+    *,
+    stored: np.ndarray,
+    dissipated: np.ndarray,
+    values: np.ndarray,
+    floor: float,
+) -> np.ndarray:
+    """(state - 1,) whether each state and the next, along a line of loads, belong to different branches of equilibria.
+
+    path: (state,) increasing parameter of the load. force, place: see `energy_gap`. stored, dissipated: (state,) [J]. values:
+    (state, value) that change evenly along a branch, such as tensions. floor [J]: stored energies below it count as zero.
+    """
+    found = np.zeros(len(path) - 1, dtype=bool)
+    for k, gap in enumerate(energy_gap(force, place, stored + dissipated)):
+        found[k] = is_unbalanced(float(gap), float(max(stored[k], stored[k + 1])), floor)
+    for value in values.T:
+        found |= stands_out(path, value)
+    return found
