@@ -24,7 +24,7 @@ from .model import build_model, estimates_of
 from .scene import Scene
 from .scene.capabilities import without_effect
 from .solve.simulate import Simulation
-from .text import duration, memory, rounded
+from .text import celsius, duration, engineering, memory, rounded
 from .wires.file_report import WireReport, wire_report
 
 CLOSE_WIRES = 0.1  # thicknesses between centre lines of wires from a file, below which the start of a run is checked
@@ -74,7 +74,7 @@ class Plan:
     def lines(self) -> list[str]:
         """The plan as lines of text."""
         about = "" if self.counted else "about "
-        step = f"{self.time_step_s:.3g} s, limited by {self.limited_by}"
+        step = f"{engineering(self.time_step_s, 's')}, limited by {self.limited_by}"
         if self.relaxes:
             step = "1, stable by fictitious masses"
         if self.wall_s is None:
@@ -196,8 +196,8 @@ def physics_of(scene: Scene, size: Size) -> Iterator[str]:
         yield f"ends: {wire.ends} wires side by side make one yarn, wire.ends"
     hot = [stage for stage in scene.stages if stage.temperature != wire.reference_temperature]
     if hot:
-        names = ", ".join(f"{stage.temperature:.5g} K in {stage.name!r}" for stage in hot)
-        yield f"thermal strain: {names}, zero at {wire.reference_temperature:.5g} K"
+        names = ", ".join(f"{celsius(stage.temperature)} in {stage.name!r}" for stage in hot)
+        yield f"thermal strain: {names}, zero at {celsius(wire.reference_temperature)}"
     if scene.hook is None and any(stage.shear for stage in scene.stages):
         yield "shear: given in a stage, load.shear"
     if any(stage.clamp_rotation for stage in scene.stages):
@@ -214,11 +214,12 @@ def physics_of(scene: Scene, size: Size) -> Iterator[str]:
         path = "" if scene.contact.treatment != "friction-plane" else " (except by the friction of the plane)"
         yield f"relaxation: one equilibrium a load level, independent of the load path{path}, solver.drive = 'relax'"
     else:
-        yield f"ramp: {size.loading_time:.3g} s of real time a stage, solver.drive = 'ramp'"
+        yield f"ramp: {engineering(size.loading_time, 's')} of real time a stage, solver.drive = 'ramp'"
     if solver.drive == "ramp" and solver.mass_scaling != 1.0:
         yield f"mass scaling: all masses multiplied by {solver.mass_scaling:g}, solver.mass_scaling"
     if solver.drive == "ramp" and solver.target_time_step is not None:
-        yield f"mass scaling: masses raised for a stable step of {solver.target_time_step:.3g} s, solver.target_time_step"
+        step = engineering(solver.target_time_step, "s")
+        yield f"mass scaling: masses raised for a stable step of {step}, solver.target_time_step"
     if solver.precision == "single":
         yield "single precision: displacements are 32-bit fixed point, the rest is float32, solver.precision"
     else:
@@ -234,7 +235,7 @@ def _panel_physics(scene: Scene) -> Iterator[str]:
         nodes, spacing = net_nodes(panel.shape(scene.knit.size), panel.grip_pitch)
         yield (
             f"cords: {nodes} net nodes hold the edge, at most {1e3 * spacing:.3g} mm apart, with a cord between them at"
-            f" {panel.cord.tension:.3g} N tension, panel.cord"
+            f" {engineering(panel.cord.tension, 'N')} tension, panel.cord"
         )
     if any(stage.pull for stage in scene.stages):
         yield "pulls: prescribed displacements of places at the edge, [[load.pull]]"

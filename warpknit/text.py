@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+ZERO_CELSIUS = 273.15  # [K]
 PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n"))
 
 
@@ -10,6 +11,11 @@ def engineering(value: float, unit: str) -> str:
     size = abs(float(f"{value:.3g}"))  # 999.8 of one prefix is 1 of the next
     scale, prefix = next(((scale, prefix) for scale, prefix in PREFIXES if size >= scale), (1.0, ""))
     return f"{value / scale:.3g} {prefix}{unit}"
+
+
+def celsius(temperature: float) -> str:
+    """A temperature [K] in degrees Celsius: 83.15 as -190 degC."""
+    return f"{temperature - ZERO_CELSIUS:.4g} degC"
 
 
 def percent(share: float) -> str:

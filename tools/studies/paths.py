@@ -56,7 +56,7 @@ class State:
     stored: float  # [J]
     dissipated: float  # [J]
     stress: float  # [Pa]
-    yielded: float  # share of the nodes
+    yielded: float | None  # share of the nodes, of wires that may yield
 
 
 @dataclass(frozen=True)
@@ -140,8 +140,8 @@ def overload(material: str, plastic: bool, strain: float, *overrides: str) -> tu
         after = top
     lost = next((s.strain for s in states if s.stage == "back" and s.share < 0.5 * top.share), 0.0)
     name = f"{material} 30 um{'' if plastic else ', elastic'}"
-    row = Overload(name, strain, f"0 > {strain:.2g} > {SERVICE:.2g}", top.stress, 100.0 * top.yielded, top.share, before.share,
-                   after.share, before.weft + before.warp, after.weft + after.warp, lost)  # fmt: skip
+    row = Overload(name, strain, f"0 > {strain:.2g} > {SERVICE:.2g}", top.stress, 100.0 * (top.yielded or 0.0), top.share,
+                   before.share, after.share, before.weft + before.warp, after.weft + after.warp, lost)  # fmt: skip
     return row, states
 
 

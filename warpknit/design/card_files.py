@@ -11,10 +11,9 @@ import numpy as np
 
 from ..files import write_aside, write_table
 from ..scene import Scene
-from ..text import engineering
+from ..text import celsius, engineering
 from .card import AGREEMENT, MaterialCard
 
-ZERO_CELSIUS = 273.15  # [K]
 AXES = {"1": "weft (x)", "2": "warp (y)", "3": "shear, engineering shear strain 2 E12"}
 DEFINITION = (
     "Tangent of the tensioned mesh: C = dS/dE with S the second Piola-Kirchhoff stress (force per width) and E the Green-Lagrange"
@@ -99,11 +98,6 @@ def _unstable(card: MaterialCard) -> str:
         f"{text}, even with the prestress: the mesh has no stable state there. Choose a larger --tension, or strains of the"
         " contact map with more active contacts"
     )
-
-
-def celsius(temperature: float) -> str:
-    """A temperature [K] in degrees Celsius, as text."""
-    return f"{temperature - ZERO_CELSIUS:.4g} degC"
 
 
 def validity(scene: Scene, model_warnings: Sequence[str]) -> tuple[str, float, str, str]:

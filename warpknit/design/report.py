@@ -19,8 +19,9 @@ from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
 from ..sweep.contact_map import Jump, MapRow, Optimum, find_jumps, find_optimum, grid, jump_warning, model_warnings
 from ..sweep.states import Mesh, mesh_of
+from ..text import celsius
 from .card import MaterialCard, find_card, find_card_at_tension
-from .card_files import card_warnings, celsius, write_card
+from .card_files import card_warnings, write_card
 from .curves import CurvePoint, tension_strain
 from .fine_states import DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE, exact_model, states_at
 from .network import contact_resistances, sheet_resistance

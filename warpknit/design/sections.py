@@ -11,9 +11,9 @@ from scipy.constants import speed_of_light
 from ..knit.cloth import Cloth
 from ..scene import Scene
 from ..sweep.contact_map import Optimum
-from ..text import engineering, percent
+from ..text import celsius, engineering, percent
 from .card import AGREEMENT, MaterialCard
-from .card_files import DEFINITION, card_values, card_warnings, celsius
+from .card_files import DEFINITION, card_values, card_warnings
 from .curves import CurvePoint
 from .inputs import openings_per_length
 from .network import surface, wire_resistance

@@ -20,7 +20,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from warpknit.export.plots import figure_of, save_figure
+from warpknit.export.plots import figure_of, save_figure, scale_of
 
 __all__ = ["Marks", "map_figure"]
 
@@ -109,12 +109,14 @@ def _draw_marks(axes: Axes, x: NDArray[Any], y: NDArray[Any], marks: Marks, colo
     handles: list[Any] = []
     style: dict[str, Any]
     stress = np.ma.masked_invalid(marks.stress)
+    scale, unit = scale_of("Pa", np.array([marks.yield_stress]))
+    limit = f"{scale * marks.yield_stress:.3g} {unit}"
     if min(stress.shape) > 1 and stress.count() and float(stress.min()) < marks.yield_stress < float(stress.max()):
         axes.contour(x, y, stress, levels=[marks.yield_stress], colors=LIMIT_COLOUR, linewidths=2.4)
-        label = f"elastic limit, {marks.yield_stress / 1e9:.3g} GPa"
+        label = f"elastic limit, {limit}"
         handles.append(Line2D([], [], color=LIMIT_COLOUR, linewidth=2.4, label=label))
     elif stress.count() and float(stress.max()) <= marks.yield_stress:
-        label = f"all below the elastic limit, {marks.yield_stress / 1e9:.3g} GPa"
+        label = f"all below the elastic limit, {limit}"
         handles.append(Line2D([], [], linestyle="none", label=label))
     if marks.jumps:
         style = {"marker": "x", "markersize": 6, "markeredgewidth": 1.6, "color": LIMIT_COLOUR, "linestyle": "none"}

@@ -11,6 +11,7 @@ import numpy as np
 from ..measure import MeshModel
 from ..scene import Scene
 from ..scene.materials import MATERIALS
+from ..text import celsius, engineering
 from .history import Row
 
 METAL_STIFFNESS = (10e9, 600e9)  # [Pa] Young's modulus, from lead to osmium
@@ -37,20 +38,20 @@ def cautions(model: MeshModel, rows: list[Row]) -> Iterator[str]:
 
 def _about_constants(scene: Scene) -> Iterator[str]:
     wire = scene.wire
-    for name, value, unit, (low, high) in (
-        ("youngs_modulus", wire.youngs_modulus, "Pa", METAL_STIFFNESS),
-        ("density", wire.density, "kg/m^3", METAL_DENSITY),
+    for name, value, (low, high), said in (
+        ("youngs_modulus", wire.youngs_modulus, METAL_STIFFNESS, lambda value: engineering(value, "Pa")),
+        ("density", wire.density, METAL_DENSITY, lambda value: f"{value:,.0f} kg/m^3"),
     ):
         if not low <= value <= high:
-            yield f"wire.{name} = {value:.3g} {unit} is outside the range of metals ({low:.3g} to {high:.3g} {unit})"
+            yield f"wire.{name} = {said(value)} is outside the range of metals ({said(low)} to {said(high)})"
     temperatures = [wire.reference_temperature, *(stage.temperature for stage in scene.stages)]
     hottest, melting = max(temperatures), MATERIALS[wire.material].melting if wire.material in MATERIALS else float("inf")
     if hottest > melting:
-        yield f"{wire.material} melts at {melting:.0f} K, below the given {hottest:.4g} K"
+        yield f"{wire.material} melts at {celsius(melting)}, below the given {celsius(hottest)}"
     for temperature in (min(temperatures), hottest):
         if not CONSTANTS_HOLD[0] <= temperature <= CONSTANTS_HOLD[1]:
             yield (
-                f"the result uses stiffness, expansion and strength at 20 degC, which differ at {temperature:.4g} K:"
+                f"the result uses stiffness, expansion and strength at 20 degC, which differ at {celsius(temperature)}:"
                 " give wire.youngs_modulus, wire.expansion, wire.yield_stress"
             )
 

@@ -107,8 +107,8 @@ def _out_of_range(stages: Stages) -> Iterator[str]:
 def _contacts_as_knitted(rows: Sequence[Row]) -> Iterator[str]:
     if rows and rows[0].active_pairs:
         yield (
-            f"{rows[0].active_pairs} pairs are active as knitted, with {rows[0].tension_weft_N_per_m:.2g} N/m in weft and"
-            f" {rows[0].tension_warp_N_per_m:.2g} N/m in warp at zero strain: the yarn is too thick for the loops"
+            f"{rows[0].active_pairs} pairs are active as knitted, with {engineering(rows[0].tension_weft_N_per_m, 'N/m')} in weft"
+            f" and {engineering(rows[0].tension_warp_N_per_m, 'N/m')} in warp at zero strain: the yarn is too thick for the loops"
         )
 
 

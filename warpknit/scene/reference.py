@@ -16,11 +16,10 @@ from warpknit.scene.file import SceneFile
 from warpknit.scene.keys import Key, keys_below, keys_of
 from warpknit.scene.rules import RULES
 from warpknit.scene.traits import AT_COMMAND, COLUMNS, GROUPS, TRAITS
-from warpknit.text import engineering
+from warpknit.text import ZERO_CELSIUS, engineering
 
 BEGIN, END = "<!-- keys of {}, written by warpknit.scene.reference -->", "<!-- end of keys -->"
 SECTIONS = ("the file", *(name for name, entry in keys_of(SceneFile).items() if entry.table is not None and name != "path"))
-ZERO_CELSIUS = 273.15  # [K]
 HEADINGS = {"error": "run --error", "ranks": "mpirun", "cuda": "GPU"}  # of columns whose heading is not the name of their trait
 UNSAID = {"elastic", "even loops", "no sweep"}  # defaults, which have no row
 

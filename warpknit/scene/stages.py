@@ -20,6 +20,7 @@ from warpknit.scene.source import Source
 from warpknit.scene.units import tidy
 from warpknit.scene.values import STRAIN
 from warpknit.scene.wire import Wire
+from warpknit.text import celsius
 
 FARTHEST_PULL = 0.5  # of the width of a panel: largest pull
 NEAR_EDGE = 0.1  # of the width of a panel: largest distance of a pull from its edge
@@ -50,7 +51,9 @@ def _check_warmth(source: Source, location: tuple[int | str, ...], load: dict[st
     from_middle = outline.corners - (outline.low + 0.5 * outline.size)
     there = load["temperature"] + from_middle @ np.array(load["temperature_gradient"])
     if there.min() <= 0.0 or there.max() > 4000.0:
-        allowed = f"0 K to 4000 K everywhere on the edge; this gives {there.min():.4g} K to {there.max():.4g} K"
+        allowed = (
+            f"{celsius(0.0)} to {celsius(4000.0)} on the whole edge; this gives {celsius(there.min())} to {celsius(there.max())}"
+        )
         raise source.refusal((*location, "temperature_gradient"), load["temperature_gradient"], allowed)
 
 

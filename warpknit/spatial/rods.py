@@ -216,7 +216,7 @@ def _directors(rods: Rods, tangent: np.ndarray) -> np.ndarray:
     """Directors (node, 3) normal to unit tangents (node, 3): without twist, or with the closing angle distributed evenly.
 
     Any unit vectors across the tangents are references. Parallel transport along the wire turns them against each other, so the
-    directors are the references turned back by the sum of these angles.
+    directors are the references turned back by the sum of these angles, as a product of complex numbers.
     """
     begin, count = rods.wire_first, rods.wire_count
     across = np.zeros_like(tangent)
@@ -225,15 +225,15 @@ def _directors(rods: Rods, tangent: np.ndarray) -> np.ndarray:
     before = rods.previous.copy()
     before[begin] = np.where(rods.wire_closed, before[begin], begin)
     back = _transported(reference[before], tangent[before], tangent)
-    jump = np.arctan2(_dot(np.cross(back, reference), tangent), _dot(back, reference))
-    closing = np.where(rods.wire_closed, jump[begin], 0.0)
-    jump[begin] = 0.0
-    total = np.cumsum(jump)
-    angle = np.repeat(total[begin], count) - total
-    closing = np.arctan2(np.sin(closing - angle[begin + count - 1]), np.cos(closing - angle[begin + count - 1]))
-    share = np.where(rods.wire_closed, closing / count, 0.0)
-    angle += np.repeat(share, count) * (np.arange(len(tangent)) - np.repeat(begin, count))
-    return np.cos(angle)[:, None] * reference + np.sin(angle)[:, None] * np.cross(tangent, reference)
+    jump = _dot(back, reference) + 1j * _dot(np.cross(back, reference), tangent)
+    closing = np.where(rods.wire_closed, jump[begin], 1.0)
+    jump[begin] = 1.0
+    total = np.cumprod(jump / np.abs(jump))
+    turn = np.repeat(total[begin], count) / total
+    share = np.where(rods.wire_closed, np.angle(closing / turn[begin + count - 1]) / count, 0.0)
+    turn *= np.exp(1j * np.repeat(share, count) * (np.arange(len(tangent)) - np.repeat(begin, count)))
+    turn /= np.abs(turn)
+    return turn.real[:, None] * reference + turn.imag[:, None] * np.cross(tangent, reference)
 
 
 def _transported(vector: np.ndarray, before: np.ndarray, now: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from warpknit.text import engineering
 from warpknit.wires.centre_lines import Wires
 
 REACH = 2.0  # thicknesses up to which the closest places are found
@@ -38,10 +39,10 @@ class Overlaps:
     def line(self) -> str:
         """The same in words."""
         if self.crowded:
-            return f"wires of {self.thickness:.4g} m overlap nearly everywhere: is the unit right?"
+            return f"wires of {engineering(self.thickness, 'm')} overlap nearly everywhere: is the unit right?"
         if self.closest is None or self.wires is None or self.arcs is None:
-            return f"no wires nearer than {REACH:g} diameters of {self.thickness:.4g} m"
-        pair = " and ".join(f"{wire} at {arc:.4g} m" for wire, arc in zip(self.wires, self.arcs, strict=True))
+            return f"no wires nearer than {REACH:g} diameters of {engineering(self.thickness, 'm')}"
+        pair = " and ".join(f"{wire} at {engineering(arc, 'm')}" for wire, arc in zip(self.wires, self.arcs, strict=True))
         where = f"closest centre lines {self.closest / self.thickness:.3g} diameters apart, of wires {pair}"
         return f"{self.places:,} overlaps; {where}" if self.places else f"no overlaps; {where}"
 
