@@ -12,7 +12,7 @@ from warpknit.scene.messages import known_keys
 SCENES = Path(__file__).parent.parent / "scenes"
 
 
-LENGTH = "a length above 0 m and at most 0.01 m, such as '15 um'"
+LENGTH = "a length above 0 m and at most 10 mm, such as '15 um'"
 REFUSED = [
     # wrong unit, type or value
     ('wire.diameter="15 kg"', "wire.diameter", "'15 kg'", LENGTH),
@@ -33,6 +33,7 @@ REFUSED = [
     ("wire.ends=0", "wire.ends", "0", "a whole number from 1"),
     ("wire.set_fraction=1.5", "wire.set_fraction", "1.5", "a number from 0 to 1"),
     ("wire.plating.material=gold", "wire.plating.thickness", "nothing", "a length above 0 m, such as '15 um'"),
+    ("wire.tensile_strength=100 MPa", "wire.yield_stress", "2 GPa", "at most the tensile strength, 100 MPa"),
     ("wire.plating.thickness=1 mm", "wire.plating.thickness", "'1 mm'", "at most the radius of the wire, 7.5 um"),
     ("wire.yield_stress=5 GPa", "wire.yield_stress", "'5 GPa'", "at most the tensile strength, 4.5 GPa"),
     ("wire.reference_temperature=-1", "wire.reference_temperature", "-1", "a temperature above 0 K"),

@@ -24,7 +24,7 @@ from .model import build_model, estimates_of
 from .scene import Scene
 from .scene.capabilities import without_effect
 from .solve.simulate import Simulation
-from .text import celsius, duration, engineering, memory, rounded
+from .text import celsius, duration, engineering, exact, memory, rounded
 from .wires.file_report import WireReport, wire_report
 
 CLOSE_WIRES = 0.1  # thicknesses between centre lines of wires from a file, below which the start of a run is checked
@@ -173,7 +173,7 @@ def _sweep(scene: Scene, size: Size) -> str:
 def _repeat(scene: Scene, cloth: Cloth) -> str:
     """One repeat in words, with the number of links of each bar."""
     links = [len(parse_chain(bar.chain)) for bar in scene.knit.bars]
-    text = f"a repeat of {cloth.wales} wales x {cloth.courses} courses, {1e3 * cloth.stitch_length:.3g} mm of wire a loop"
+    text = f"a repeat of {cloth.wales} wales x {cloth.courses} courses, {engineering(cloth.stitch_length, 'm')} of wire a loop"
     if len(set(links)) > 1:
         text += f"; chains of {' and '.join(map(str, links))} links, each over and over"
     return text
@@ -190,7 +190,7 @@ def physics_of(scene: Scene, size: Size) -> Iterator[str]:
     if wire.set_fraction != 1.0:
         yield f"rest curvature: {wire.set_fraction:g} of the knitted one, given and not computed from yield, wire.set_fraction"
     if wire.plating is not None:
-        coat = f"{wire.plating.thickness * 1e6:.3g} um of {wire.plating.material}"
+        coat = f"{1e6 * wire.plating.thickness:g} um of {wire.plating.material}"
         yield f"plating: {coat} adds stiffness, mass and thickness, wire.plating"
     if wire.ends > 1:
         yield f"ends: {wire.ends} wires side by side make one yarn, wire.ends"
@@ -207,7 +207,7 @@ def physics_of(scene: Scene, size: Size) -> Iterator[str]:
     if scene.contact.friction:
         yield f"friction: bodies stick to their wires up to {scene.contact.friction:g} times the contact force, contact.friction"
     if wire.plastic:
-        yield f"yield: plastic bending above {wire.yield_stress / 1e6:.4g} MPa, with a permanent set, wire.plastic"
+        yield f"yield: plastic bending above {exact(wire.yield_stress, 'Pa')}, with a permanent set, wire.plastic"
     if scene.depends_on_path:
         yield "path: strain increments of at most 0.5 %, as results depend on the load history"
     elif solver.drive == "relax":
@@ -218,7 +218,7 @@ def physics_of(scene: Scene, size: Size) -> Iterator[str]:
     if solver.drive == "ramp" and solver.mass_scaling != 1.0:
         yield f"mass scaling: all masses multiplied by {solver.mass_scaling:g}, solver.mass_scaling"
     if solver.drive == "ramp" and solver.target_time_step is not None:
-        step = engineering(solver.target_time_step, "s")
+        step = exact(solver.target_time_step, "s")
         yield f"mass scaling: masses raised for a stable step of {step}, solver.target_time_step"
     if solver.precision == "single":
         yield "single precision: displacements are 32-bit fixed point, the rest is float32, solver.precision"
@@ -234,12 +234,12 @@ def _panel_physics(scene: Scene) -> Iterator[str]:
     if panel.cord is not None and panel.grip_pitch is not None:
         nodes, spacing = net_nodes(panel.shape(scene.knit.size), panel.grip_pitch)
         yield (
-            f"cords: {nodes} net nodes hold the edge, at most {1e3 * spacing:.3g} mm apart, with a cord between them at"
-            f" {engineering(panel.cord.tension, 'N')} tension, panel.cord"
+            f"cords: {nodes} net nodes hold the edge, at most {engineering(spacing, 'm')} apart, with a cord between them at"
+            f" {exact(panel.cord.tension, 'N')} tension, panel.cord"
         )
     if any(stage.pull for stage in scene.stages):
         yield "pulls: prescribed displacements of places at the edge, [[load.pull]]"
     if any(any(stage.temperature_gradient) for stage in scene.stages):
         yield "temperature gradient: thermal strain varies from wire to wire, load.temperature_gradient"
     if panel.focal_length is not None:
-        yield f"surface: shape of a panel under tension on a paraboloid of f = {panel.focal_length:.3g} m"
+        yield f"surface: shape of a panel under tension on a paraboloid of f = {exact(panel.focal_length, 'm')}"

@@ -2,20 +2,47 @@
 
 from __future__ import annotations
 
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
+
 ZERO_CELSIUS = 273.15  # [K]
-PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n"))
+PREFIXES = (
+    (1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n"), (1e-12, "p"),
+)  # fmt: skip
+LARGEST = {"m": 1e3, "s": 1.0}  # prefix of these units: no Mm, no ks
+PREFIXED = {"m", "s", "N", "N/m", "Pa"}  # units of a scene that take a prefix
+ALL_DIGITS = 12  # what was typed, without the round-off of its unit
+LIMIT_DIGITS = 4
 
 
-def engineering(value: float, unit: str) -> str:
+def engineering(value: float, unit: str, digits: int = 3) -> str:
     """`value` with three digits and a prefix: 1.48e8, "Pa" as 148 MPa."""
-    size = abs(float(f"{value:.3g}"))  # 999.8 of one prefix is 1 of the next
-    scale, prefix = next(((scale, prefix) for scale, prefix in PREFIXES if size >= scale), (1.0, ""))
-    return f"{value / scale:.3g} {prefix}{unit}"
+    size, largest = abs(float(f"{value:.{digits}g}")), LARGEST.get(unit, 1e12)  # 999.8 of one prefix is 1 of the next
+    scale, prefix = next(((scale, prefix) for scale, prefix in PREFIXES if scale <= largest and size >= scale), (1.0, ""))
+    return f"{float(f'{value / scale:.{digits}g}'):.{ALL_DIGITS}g} {prefix}{unit}"
+
+
+def exact(value: float, unit: str) -> str:
+    """`value` [SI unit] of a scene with all its digits: 0.0123456, "m" as 12.3456 mm."""
+    return engineering(value, unit, ALL_DIGITS) if unit in PREFIXED else f"{value:.{ALL_DIGITS}g} {unit}".rstrip()
+
+
+def at_most(limit: float, unit: str) -> str:
+    """A computed upper limit [SI unit], rounded down so that the text itself is allowed."""
+    return exact(_limit(limit, ROUND_FLOOR), unit)
+
+
+def at_least(limit: float, unit: str) -> str:
+    """A computed lower limit [SI unit], rounded up."""
+    return exact(_limit(limit, ROUND_CEILING), unit)
+
+
+def _limit(limit: float, rounding: str) -> float:
+    return float(Context(LIMIT_DIGITS, rounding).create_decimal(f"{limit:.{ALL_DIGITS}g}"))
 
 
 def celsius(temperature: float) -> str:
     """A temperature [K] in degrees Celsius: 83.15 as -190 degC."""
-    return f"{temperature - ZERO_CELSIUS:.4g} degC"
+    return f"{temperature - ZERO_CELSIUS:.6g} degC"
 
 
 def percent(share: float) -> str:
@@ -28,12 +55,11 @@ def memory(count: int) -> str:
     return f"{count / 2**30:.3g} GiB" if count >= 2**30 else f"{count / 2**20:.0f} MiB"
 
 
-def duration(seconds: float) -> str:
+def duration(seconds: float, digits: int = 2) -> str:
     """A time with two digits and a suitable unit."""
-    for unit, length in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
-        if seconds >= 2 * length:
-            return f"{seconds / length:.2g} {unit}"
-    return f"{seconds:.2g} s"
+    units = (("days", 86400.0), ("h", 3600.0), ("min", 60.0))
+    unit, length = next(((unit, length) for unit, length in units if seconds >= 2 * length), ("s", 1.0))
+    return f"{float(f'{seconds / length:.{digits}g}'):g} {unit}"
 
 
 def rounded(count: int) -> int:

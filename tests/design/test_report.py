@@ -104,12 +104,12 @@ def test_card_service_table_and_marker_have_one_source(reports):
     page, card, _ = found["0.06 N/m"]
     values = card["values"]
     strains, share = f"{100 * values['prestrain1']:.1f} % / {100 * values['prestrain2']:.1f} %", f"{100 * values['active']:.1f} %"
-    assert f"<th>0.06 N/m</th><td>{strains}</td><td>{share}</td>" in page
+    assert f"<th>60 mN/m</th><td>{strains}</td><td>{share}</td>" in page
     assert f"strains of {strains} in weft / warp, with {share} of the contacts active" in page
     assert f"<th>prestrain1</th><td>{100 * values['prestrain1']:.1f}</td>" in page
     assert f"<th>active</th><td>{100 * values['active']:.1f}</td>" in page
     assert MARKERS == [
-        (f"0.06 N/m: {strains}, {share} active", (values["prestrain1"], values["prestrain2"]), 100 * values["active"])
+        (f"60 mN/m: {strains}, {share} active", (values["prestrain1"], values["prestrain2"]), 100 * values["active"])
     ]
 
 

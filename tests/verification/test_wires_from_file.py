@@ -98,5 +98,5 @@ def test_a_knit_from_a_file_stores_the_work_done_on_it():
 
 
 def test_nodes_finer_than_half_a_diameter_are_refused():
-    with pytest.raises(SceneError, match="wires.node_spacing: given 4e-05 m, allowed: half the thickness"):
+    with pytest.raises(SceneError, match="wires.node_spacing: given 40 um, allowed: half the thickness"):
         build_model(load_scene(KNIT, ["wires.node_spacing=40 um"]))

@@ -208,9 +208,9 @@ def test_a_stage_that_the_library_never_finishes(tmp_path, monkeypatch):
 def test_keys_that_a_file_does_not_go_with(tmp_path):
     for suffix in (".bcc", ".npz"):
         assert "wires.unit: given nothing" in refused(valid(tmp_path, suffix), unit=None)
-    assert "wires.unit: given 0.001 m, allowed: nothing" in refused(valid(tmp_path, ".csv"), unit=1e-3)
-    assert "wires.unit: given 1e+06 m, by which wire 1" in refused(valid(tmp_path, ".bcc"), unit=1e6)
-    assert "wires.node_spacing: given 1e-12 m, which makes" in refused(valid(tmp_path, ".bcc"), node_spacing=1e-12)
+    assert "wires.unit: given 1 mm, allowed: nothing" in refused(valid(tmp_path, ".csv"), unit=1e-3)
+    assert "wires.unit: given 1000 km, by which wire 1" in refused(valid(tmp_path, ".bcc"), unit=1e6)
+    assert "wires.node_spacing: given 1 pm, which makes" in refused(valid(tmp_path, ".bcc"), node_spacing=1e-12)
     assert "wires.period: given a period of which the ends of wire 1" in refused(valid(tmp_path, ".bcc"), period=(1e-3, 1e-3))
     assert "wires.period: given a period, allowed: nothing" in refused(valid(tmp_path, ".pyp"), period=(1e-3, 1e-3))
     assert "wires.period: given a repeat of 1e-09 x 1e-09" in refused(valid(tmp_path, ".bcc"), period=(1e-12, 1e-12))

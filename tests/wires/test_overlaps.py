@@ -61,7 +61,7 @@ def test_two_wires_that_cross(gap):
 def test_wires_far_apart():
     found = find_overlaps(make(straight([0, 0, 0], [1, 0, 0]), straight([0, 0.2, 0], [1, 0.2, 0])), 0.05)
     assert found.closest is None and found.places == 0
-    assert found.line() == "no wires nearer than 2 diameters of 0.05 m"
+    assert found.line() == "no wires nearer than 2 diameters of 50 mm"
 
 
 @pytest.mark.parametrize("spacing", [0.2, 1.0, 5.0])

@@ -29,7 +29,7 @@ from ..errors import Diverged
 from ..measure import Observables
 from ..solve.tension import TensionSearch
 from ..sweep.states import Mesh
-from ..text import engineering
+from ..text import engineering, exact
 from .fine_states import states_at
 
 STEP = 1e-3  # strain step of the finite differences
@@ -192,6 +192,6 @@ def find_card_at_tension(
             return find_card(model, float(place[0]), float(place[1]), watch)
         place = next_place
     raise Diverged(
-        f"no strains found with a tension of {engineering(tension, 'N/m')} in both directions (last state:"
+        f"no strains found with a tension of {exact(tension, 'N/m')} in both directions (last state:"
         f" {engineering(found[0], 'N/m')} and {engineering(found[1], 'N/m')})"
     )

@@ -25,8 +25,10 @@ from ..mesh.layout import knit_scene
 from ..scene import Knit, Scene
 from ..scene.overrides import Override
 from ..sweep.states import mesh_of
+from ..text import at_least, at_most, exact
 from .fine_states import states_at
 
+INCH = 0.0254  # [m]
 SCALED = {
     "circular-oval": ("closed_radius", "closed_head", "open_head", "open_half_width"),
     "general": ("foot_half_width", "leg_half_width", "head_height"),
@@ -109,7 +111,8 @@ def with_openings(scene: Scene, wanted: float) -> Fitted:
     wale, course = (now / wanted * spacing for spacing in (knit.wale_spacing, knit.course_spacing))
     if min(wale, course) < 2.0 * scene.wire.diameter:
         most = now * min(knit.wale_spacing, knit.course_spacing) / (2.0 * scene.wire.diameter)
-        raise InputError(f"--openings: given {wanted:.4g} per m, allowed: at most {most:.4g} per m (loops two wires apart)")
+        allowed = f"at most {at_most(INCH * most, 'per inch')} (loops two wires apart)"
+        raise InputError(f"--openings: given {exact(INCH * wanted, 'per inch')}, allowed: {allowed}")
     scaled = replace(scene, knit=replace(knit, wale_spacing=wale, course_spacing=course))
     return Fitted(
         scaled, (f"wale spacing {1e3 * wale:.4g} mm and course spacing {1e3 * course:.4g} mm, from the openings per inch",)
@@ -125,9 +128,9 @@ def fit_loop_length(scene: Scene, wanted: float) -> Fitted:
 
     ends = missing(low), missing(high)
     if not min(ends) <= 0.0 <= max(ends):
-        allowed = " to ".join(f"{1e3 * (wanted + end):.4g} mm" for end in sorted(ends))
+        allowed = f"{at_least(wanted + min(ends), 'm')} to {at_most(wanted + max(ends), 'm')}"
         raise InputError(
-            f"{scene.path}: --fit-loop-length: given {1e3 * wanted:.4g} mm, allowed: {allowed}"
+            f"{scene.path}: --fit-loop-length: given {exact(wanted, 'm')}, allowed: {allowed}"
             " with these spacings (beyond that, the proportions of knit.loop leave their ranges)"
         )
     factor = float(brentq(missing, low, high, xtol=FIT_TOLERANCE / 10))

@@ -19,7 +19,7 @@ from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
 from ..sweep.contact_map import Jump, MapRow, Optimum, find_jumps, find_optimum, grid, jump_warning, model_warnings
 from ..sweep.states import Mesh, mesh_of
-from ..text import celsius
+from ..text import celsius, exact
 from .card import MaterialCard, find_card, find_card_at_tension
 from .card_files import card_warnings, write_card
 from .curves import CurvePoint, tension_strain
@@ -126,7 +126,7 @@ def _card(
 ) -> tuple[MaterialCard | None, Observables | None, str]:
     """The card, its mesh, and its state in words; or None and the reason. `watch` is called with the share that is done."""
     if tension is not None:
-        text = f"{tension:g} N/m in both directions"
+        text = f"{exact(tension, 'N/m')} in both directions"
         try:
             start, tangent = strains_under_tension(scene, tension, lambda share: watch(UNDER_TENSION * share))
         except Diverged as error:

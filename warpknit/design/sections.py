@@ -15,13 +15,12 @@ from ..text import celsius, engineering, percent
 from .card import AGREEMENT, MaterialCard
 from .card_files import DEFINITION, card_values, card_warnings
 from .curves import CurvePoint
-from .inputs import openings_per_length
+from .inputs import INCH, openings_per_length
 from .network import surface, wire_resistance
 from .opening_size import BANDS, FINE_ENOUGH, Opening
 from .page import Page
 from .service import EqualTension, ServicePoint
 
-INCH = 0.0254  # [m]
 FOR_PEOPLE = {"Pa": (1e-6, "MPa"), "kg/m^2": (1e3, "g/m2"), "1/K": (1e6, "1e-6/K")}  # factor from SI, and unit
 
 

@@ -15,7 +15,7 @@ from ..scene import Scene
 from ..solve.simulate import Simulation
 from ..sweep.contact_map import MapRow, grid
 from ..sweep.states import mesh_of
-from ..text import engineering, percent
+from ..text import engineering, exact, percent
 from .card import MaterialCard
 
 SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf. Ser. 402, 66)
@@ -76,7 +76,7 @@ class ServicePoint:
     @property
     def name(self) -> str:
         """The tension, as text."""
-        return f"{self.tension:g} N/m"
+        return exact(self.tension, "N/m")
 
     @property
     def strain(self) -> str:

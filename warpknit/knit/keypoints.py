@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..text import at_most
 from .chain import KnitError
 from .lapping import Stitch
 from .loops import LoopProportions, Shape
@@ -103,7 +104,7 @@ class LoopFrame:
             room = 0.5 * self.wale - (0.5 + NEST_STEP * (self.layers - 1)) * self.diameter
             largest, unit = room / self.wale, "wale spacings"
         if given > largest:
-            allowed = f"at most {largest:.3g} {unit}, or loops of neighbouring wales run into each other"
+            allowed = f"at most {at_most(largest, unit)}, or loops of neighbouring wales run into each other"
             raise KnitError(key, given, allowed)
 
 

@@ -11,7 +11,7 @@ from ..knit.chain import KnitError
 from ..knit.cloth import Cloth, same_cloth
 from ..memory import available_memory, required_memory
 from ..scene import Scene
-from ..text import engineering
+from ..text import exact
 from .panel import Panel, build_panel, table_lead
 from .rest_table import Table, rest_table
 
@@ -69,7 +69,7 @@ def _size_of(scene: Scene) -> str:
         return f"knit.repeats = {list(scene.knit.repeats)}"
     if scene.panel.size is None:
         return f"panel.corners = {len(scene.panel.corners or ())} corners"
-    return f"panel.size = {engineering(scene.panel.size, 'm')}"
+    return f"panel.size = {exact(scene.panel.size, 'm')}"
 
 
 def lay_out(scene: Scene, cloth: Cloth) -> tuple[Table, Panel, float]:

@@ -15,6 +15,7 @@ import scipy.sparse as sparse
 from ..errors import ModelError
 from ..scene import Cord, Pull, Scene
 from ..scene.outline import Outline
+from ..text import engineering
 from .panel import Panel
 
 REPEATS_A_CELL = 2  # of the grid of a membrane: finer ones would see the stiffness of the edges
@@ -140,7 +141,7 @@ def build_rim(panel: Panel, scene: Scene) -> Rim:
     order = np.argsort(arc)
     arc, held = arc[order], held[order]
     if held.sum() < 3:
-        found = f"{held.sum()} net nodes on an outline of {1e3 * outline.length:.3g} mm"
+        found = f"{held.sum()} net nodes on an outline of {engineering(outline.length, 'm')}"
         raise ModelError(f"panel.grip_pitch: given {found}, allowed: at least 3")
     rim = Rim(outline, arc, outline.place(arc), held, sparse.csr_matrix((0, len(arc))), options.cord)
     clamp_arc, _ = outline.nearest(panel.clamp_position)

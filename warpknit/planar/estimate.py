@@ -14,6 +14,7 @@ from ..mesh.smaller import smaller_scene
 from ..numerics import thread_count
 from ..scene import Scene
 from ..scene.presets import PRESETS
+from ..text import engineering
 from .limits import tight_loops
 from .model import build_model
 from .numerics import choose_numerics
@@ -156,8 +157,8 @@ def _accuracy(scene: Scene) -> str:
 def physics(scene: Scene, size: Size) -> Iterator[str]:
     """Physics that the scene switches on and why, one sentence each."""
     wire, solver = scene.wire, scene.solver
-    yield f"stretching: wires carry tension, EA = {wire.axial_stiffness:.3g} N"
-    yield f"bending: wires resist a change of curvature, EI = {wire.bending_stiffness:.3g} N m2"
+    yield f"stretching: wires carry tension, EA = {engineering(wire.axial_stiffness, 'N')}"
+    yield f"bending: wires resist a change of curvature, EI = {engineering(1e6 * wire.bending_stiffness, 'N mm2')}"
     if scene.hook is not None:
         yield f"contact: one place, contact.treatment = {scene.contact.treatment!r}"
         yield HOOK_ENDS

@@ -31,7 +31,7 @@ from ..mesh.treatment import Treatment, choose_treatment
 from ..precision import Precision, precision_of
 from ..ranks.ranks import One, Ranks
 from ..scene import Hook, Scene
-from ..text import engineering
+from ..text import at_most, exact
 from .device_arrays import MeshArrays, RestArrays, upload_mesh, upload_rest
 from .limits import slid_wires, tight_loops
 from .numerics import choose_numerics
@@ -210,8 +210,8 @@ def _build_hook(scene: Scene, hook: Hook, device: str) -> Model:
     limit = model.contact_stiffness
     if scene.contact.spring_stiffness is not None and scene.contact.spring_stiffness > limit:
         raise ModelError(
-            f"contact.spring_stiffness: given {engineering(scene.contact.spring_stiffness, 'N/m')}, allowed: at most"
-            f" {engineering(limit, 'N/m')}, the contact penalty"
+            f"contact.spring_stiffness: given {exact(scene.contact.spring_stiffness, 'N/m')}, allowed: at most"
+            f" {at_most(limit, 'N/m')}, the contact penalty"
         )
     return model
 

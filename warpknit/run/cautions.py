@@ -11,7 +11,7 @@ import numpy as np
 from ..measure import MeshModel
 from ..scene import Scene
 from ..scene.materials import MATERIALS
-from ..text import celsius, engineering
+from ..text import celsius, exact
 from .history import Row
 
 METAL_STIFFNESS = (10e9, 600e9)  # [Pa] Young's modulus, from lead to osmium
@@ -38,12 +38,13 @@ def cautions(model: MeshModel, rows: list[Row]) -> Iterator[str]:
 
 def _about_constants(scene: Scene) -> Iterator[str]:
     wire = scene.wire
-    for name, value, (low, high), said in (
-        ("youngs_modulus", wire.youngs_modulus, METAL_STIFFNESS, lambda value: engineering(value, "Pa")),
-        ("density", wire.density, METAL_DENSITY, lambda value: f"{value:,.0f} kg/m^3"),
+    for name, value, unit, (low, high) in (
+        ("youngs_modulus", wire.youngs_modulus, "Pa", METAL_STIFFNESS),
+        ("density", wire.density, "kg/m^3", METAL_DENSITY),
     ):
         if not low <= value <= high:
-            yield f"wire.{name} = {said(value)} is outside the range of metals ({said(low)} to {said(high)})"
+            metals = f"{exact(low, unit)} to {exact(high, unit)}"
+            yield f"wire.{name} = {exact(value, unit)} is outside the range of metals ({metals})"
     temperatures = [wire.reference_temperature, *(stage.temperature for stage in scene.stages)]
     hottest, melting = max(temperatures), MATERIALS[wire.material].melting if wire.material in MATERIALS else float("inf")
     if hottest > melting:

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ..text import engineering
+from ..text import duration, engineering
 
 
 def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[str, str]]:
@@ -64,7 +64,10 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
         yield "time steps", f"{steps:,} of {value('model', 'nodes') or 0:,} nodes"
     if (wall := value("solver", "wall_s")) is not None:
         compiling = value("solver", "compile_s")
-        yield "wall time", f"{wall:.3g} s" + (f", and {compiling:.3g} s to compile" if compiling and compiling > 1.0 else "")
+        yield (
+            "wall time",
+            duration(wall, 3) + (f", and {duration(compiling, 3)} to compile" if compiling and compiling > 1.0 else ""),
+        )
     yield "stopped", str(value("stop_reason"))
     for warning in value("warnings") or []:
         yield "warning", str(warning)

@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Any, cast
 
 from warpknit.errors import SceneError
 from warpknit.scene.keys import Table
-from warpknit.scene.messages import dotted, scene_error
+from warpknit.scene.messages import dotted, scene_error, value_text
 from warpknit.scene.rules import RULES, Rule
 from warpknit.scene.traits import AT_COMMAND, GROUPS, TRAITS, Case, Location, Place, Words
-from warpknit.scene.units import shown
 
 if TYPE_CHECKING:
     from warpknit.scene.file import SceneFile
@@ -66,7 +65,7 @@ def _places(rule: Rule, case: Case) -> Iterable[Place]:
 def _refusal(case: Case, rule: Rule, location: Location, value: Any, source: Source | None) -> SceneError:
     if source is not None:
         return source.refusal(location, value, rule.allowed)
-    given = "a table" if isinstance(value, Table) else value if isinstance(value, Words) else shown(value)
+    given = "a table" if isinstance(value, Table) else value if isinstance(value, Words) else value_text(location, value)
     return scene_error(cast("Scene", case.scene).path, dotted(location), given, rule.allowed)
 
 

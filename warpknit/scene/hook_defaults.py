@@ -13,7 +13,7 @@ from warpknit.scene.keys import given_values
 from warpknit.scene.objects import Stage
 from warpknit.scene.source import Source
 from warpknit.scene.wire import Wire
-from warpknit.text import engineering
+from warpknit.text import at_least, at_most
 
 SHORTEST = 0.5  # radii of wire
 LEAST_OVERLAP = 1.5  # diameters of the wire
@@ -30,16 +30,16 @@ def hook_of(source: Source, file: SceneFile, wire: Wire) -> Hook | None:
     overlap = 0.2 * table.radius if table.overlap is None else table.overlap
     least = LEAST_RADIUS * wire.diameter
     if table.radius < least:
-        raise source.refusal(("hook", "radius"), table.radius, f"at least four diameters of the wire, {engineering(least, 'm')}")
+        raise source.refusal(("hook", "radius"), table.radius, f"at least four diameters of the wire, {at_least(least, 'm')}")
     if not SHORTEST * table.radius <= length <= math.pi * table.radius:
-        shortest, longest = engineering(SHORTEST * table.radius, "m"), engineering(math.pi * table.radius, "m")
+        shortest, longest = at_least(SHORTEST * table.radius, "m"), at_most(math.pi * table.radius, "m")
         allowed = f"half a radius to half a circle, {shortest} to {longest}"
         raise source.refusal(("hook", "length"), length, allowed)
     rise = table.radius * (1.0 - math.cos(0.5 * length / table.radius))
     least = LEAST_OVERLAP * wire.diameter
     if not least <= overlap <= rise:
         allowed = (
-            f"1.5 diameters of the wire to the rise of the arc, {engineering(least, 'm')} to {engineering(rise, 'm')}:"
+            f"1.5 diameters of the wire to the rise of the arc, {at_least(least, 'm')} to {at_most(rise, 'm')}:"
             " the wires must cross twice, with room for a body in between"
         )
         raise source.refusal(("hook", "overlap"), overlap, allowed)
@@ -55,7 +55,7 @@ def _crossing_distance(source: Source, file: SceneFile, table: Hook, wire: Wire,
     given = table.crossing_distance
     distance = usual * wire.thickness if given is None else given
     if not wire.thickness <= distance <= overlap:
-        allowed = f"the thickness of the wire to hook.overlap, {engineering(wire.thickness, 'm')} to {engineering(overlap, 'm')}"
+        allowed = f"the thickness of the wire to hook.overlap, {at_least(wire.thickness, 'm')} to {at_most(overlap, 'm')}"
         raise source.refusal(("hook", "crossing_distance"), distance, allowed)
     return distance
 
@@ -71,7 +71,7 @@ def hook_loads(
         given.pop("name", None)
         displacement, temperature = given.get("displacement", displacement), given.get("temperature", temperature)
         if abs(displacement) > hook.length:
-            allowed = f"at most the length of a wire, {engineering(hook.length, 'm')}"
+            allowed = f"at most the length of a wire, {at_most(hook.length, 'm')}"
             raise source.refusal((*location, "displacement"), displacement, allowed)
         shear = displacement / hook.height
         yield {"name": name, "displacement": displacement, "temperature": temperature, "shear": shear}

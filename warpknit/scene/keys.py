@@ -19,8 +19,9 @@ from typing import Any, TypeVar, cast
 
 from pydantic import ConfigDict
 
-from warpknit.scene.units import DIMENSIONS
+from warpknit.scene.units import DIMENSIONS, shown
 from warpknit.scene.values import Check, Quantity, Unit
+from warpknit.text import celsius, exact
 
 ABOUT = "about"  # where a field keeps its sentence: a field without one is no key
 
@@ -76,6 +77,12 @@ class Key:
         if isinstance(self.check, Quantity) and not self.is_list:
             return DIMENSIONS[self.check.dimension].unit
         return DIMENSIONS["length"].unit if isinstance(self.check, Unit) else ""
+
+    def text(self, value: Any) -> str:
+        """A value of it in SI, with its unit where it has one."""
+        if not self.unit or not isinstance(value, int | float):
+            return shown(value)
+        return celsius(value) if self.unit == "K" else exact(value, self.unit)
 
     @property
     def allowed(self) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Sequence
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -45,6 +46,12 @@ def first_error(file: object, error: ValidationError) -> SceneError:
             return scene_error(file, dotted(location), given, "a list with at least one entry", more)
         case _:
             return scene_error(file, dotted(location) or "the file", given, "a table", more)
+
+
+def value_text(location: Sequence[int | str], value: Any) -> str:
+    """A value in SI of a key, which the file may have left out: with its unit."""
+    entry = keys_of(_table_at(tuple(location[:-1]))).get(str(location[-1]))
+    return shown(value) if entry is None else entry.text(value)
 
 
 def dotted(location: Sequence[int | str]) -> str:

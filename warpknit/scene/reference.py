@@ -16,7 +16,6 @@ from warpknit.scene.file import SceneFile
 from warpknit.scene.keys import Key, keys_below, keys_of
 from warpknit.scene.rules import RULES
 from warpknit.scene.traits import AT_COMMAND, COLUMNS, GROUPS, TRAITS
-from warpknit.text import ZERO_CELSIUS, engineering
 
 BEGIN, END = "<!-- keys of {}, written by warpknit.scene.reference -->", "<!-- end of keys -->"
 SECTIONS = ("the file", *(name for name, entry in keys_of(SceneFile).items() if entry.table is not None and name != "path"))
@@ -74,9 +73,7 @@ def default_text(entry: Key) -> str:
         return f'`"{value}"`'
     if isinstance(value, tuple):
         return str(list(value))
-    if entry.unit == "K":
-        return f"{value - ZERO_CELSIUS:g} degC"
-    return engineering(value, entry.unit) if value and entry.unit else f"{value:.6g}"
+    return entry.text(value) if value and entry.unit else f"{value:.6g}"
 
 
 def allowed_text(entry: Key) -> str:

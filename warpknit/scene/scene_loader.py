@@ -28,7 +28,7 @@ from warpknit.scene.stages import hook_stages, mesh_stages
 from warpknit.scene.units import shown
 from warpknit.scene.wire import Wire
 from warpknit.scene.wire_file_defaults import wire_file
-from warpknit.text import engineering
+from warpknit.text import at_least, at_most, exact
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -139,10 +139,10 @@ def _wire(source: Source, table: Wire) -> Wire:
         left_out["hardness"] = surface.hardness
     wire = replace(table, **left_out)
     if wire.yield_stress > wire.tensile_strength:
-        allowed = f"at most the tensile strength, {engineering(wire.tensile_strength, 'Pa')}"
+        allowed = f"at most the tensile strength, {exact(wire.tensile_strength, 'Pa')}"
         raise source.refusal(("wire", "yield_stress"), wire.yield_stress, allowed)
     if wire.plating is not None and wire.plating.thickness > wire.radius:
-        allowed = f"at most the radius of the wire, {engineering(wire.radius, 'm')}"
+        allowed = f"at most the radius of the wire, {at_most(wire.radius, 'm')}"
         raise source.refusal(("wire", "plating", "thickness"), wire.plating.thickness, allowed)
     return wire
 
@@ -168,7 +168,7 @@ def _one_knit(source: Source, table: KnitTable, wire: Wire) -> Knit:
         spacing[key] = length if count is None else 1 / count
         if not 2 * wire.diameter <= spacing[key] < math.inf:
             least = 2 * wire.diameter
-            allowed = f"at least {engineering(least, 'm')}, two diameters of the wire between loops"
+            allowed = f"at least {at_least(least, 'm')}, two diameters of the wire between loops"
             raise source.refusal(("knit", key if count is None else count_key), spacing[key], allowed)
     ratio = spacing["wale_spacing"] / spacing["course_spacing"]
     if not 1 / SPACING_RATIO <= ratio <= SPACING_RATIO:
@@ -191,7 +191,7 @@ def _model(source: Source, table: ModelOptions, wire: Wire, numerics: Preset) ->
     nodes = numerics.nodes_per_loop if table.nodes_per_loop is None else table.nodes_per_loop
     radius = wire.diameter / 8 if table.body_radius is None else table.body_radius
     if radius > wire.diameter:
-        allowed = f"at most the diameter of the wire, {engineering(wire.diameter, 'm')}"
+        allowed = f"at most the diameter of the wire, {exact(wire.diameter, 'm')}"
         raise source.refusal(("model", "body_radius"), radius, allowed)
     return replace(table, nodes_per_loop=nodes, body_radius=radius)
 
@@ -200,7 +200,7 @@ def _contact(source: Source, file: SceneFile, wire: Wire) -> Contact:
     """[contact] with the defaults of its treatment; what the treatment does not have is None."""
     table = file.contact
     if table.ring_radius is not None and table.ring_radius < wire.radius:
-        allowed = f"at least the radius of the wire, {engineering(wire.radius, 'm')}: the wires pass through the ring"
+        allowed = f"at least the radius of the wire, {at_least(wire.radius, 'm')}: the wires pass through the ring"
         raise source.refusal(("contact", "ring_radius"), table.ring_radius, allowed)
     defaults: dict[str, Any] = {
         "spring_stiffness": 1e-3,

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from warpknit.errors import SceneError
-from warpknit.scene.messages import dotted, scene_error
+from warpknit.scene.messages import dotted, scene_error, value_text
 from warpknit.scene.units import shown
 
 
@@ -23,8 +23,7 @@ class Source:
         """The error for a value that conflicts with another; `value` is shown if none was written."""
         given: Any = self.table
         for part in location:
-            known = part < len(given) if isinstance(part, int) else part in given
-            given = given[part] if known else value
-            if not known:
-                break
+            if not (part < len(given) if isinstance(part, int) else part in given):
+                return scene_error(self.path, dotted(location), value_text(location, value), allowed)
+            given = given[part]
         return scene_error(self.path, dotted(location), shown(given), allowed)

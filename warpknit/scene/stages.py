@@ -20,7 +20,7 @@ from warpknit.scene.source import Source
 from warpknit.scene.units import tidy
 from warpknit.scene.values import STRAIN
 from warpknit.scene.wire import Wire
-from warpknit.text import celsius
+from warpknit.text import at_least, at_most
 
 FARTHEST_PULL = 0.5  # of the width of a panel: largest pull
 NEAR_EDGE = 0.1  # of the width of a panel: largest distance of a pull from its edge
@@ -51,21 +51,20 @@ def _check_warmth(source: Source, location: tuple[int | str, ...], load: dict[st
     from_middle = outline.corners - (outline.low + 0.5 * outline.size)
     there = load["temperature"] + from_middle @ np.array(load["temperature_gradient"])
     if there.min() <= 0.0 or there.max() > 4000.0:
-        allowed = (
-            f"{celsius(0.0)} to {celsius(4000.0)} on the whole edge; this gives {celsius(there.min())} to {celsius(there.max())}"
-        )
+        allowed = f"above 0 K and at most 4000 K on the whole edge; this gives {there.min():.6g} K to {there.max():.6g} K"
         raise source.refusal((*location, "temperature_gradient"), load["temperature_gradient"], allowed)
 
 
 def _check_pull(source: Source, file: SceneFile, location: tuple[int | str, ...], pull: Pull, outline: Outline) -> None:
     size = float(outline.size.min())
     if math.hypot(*pull.by) > FARTHEST_PULL * size:
-        allowed = f"at most {FARTHEST_PULL:g} of the panel's width, {1e3 * FARTHEST_PULL * size:.3g} mm"
+        allowed = f"at most {FARTHEST_PULL:g} of the panel's width, {at_most(FARTHEST_PULL * size, 'm')}"
         raise source.refusal((*location, "by"), pull.by, allowed)
     middle = outline.low + 0.5 * outline.size
     _, away = outline.nearest((middle + np.array(pull.at))[None])
     if away[0] > NEAR_EDGE * size:
-        allowed = f"a place within {1e3 * NEAR_EDGE * size:.3g} mm of the edge of the panel; this is {1e3 * away[0]:.3g} mm away"
+        near, found = at_most(NEAR_EDGE * size, "m"), at_least(float(away[0]), "m")
+        allowed = f"a place within {near} of the edge of the panel; this is {found} away"
         raise source.refusal((*location, "at"), pull.at, allowed)
     if (pull.width is None) == (file.panel.grip_pitch is None):
         allowed = "left out with panel.grip_pitch (net nodes move)" if pull.width else "a length: the displaced part of the edge"
@@ -117,7 +116,7 @@ def _displaced(source: Source, location: Sequence[int | str], displacement: floa
             STRAIN(strain)
         except PydanticCustomError as error:
             allowed = (
-                f"a displacement with a strain {STRAIN.allowed.removeprefix('a number ')}; this gives {strain:.3g} in {side}"
+                f"a displacement with a strain {STRAIN.allowed.removeprefix('a number ')}; this gives {strain:.6g} in {side}"
             )
             raise source.refusal(location, displacement, allowed) from error
         load |= _direction(side, strain, None)

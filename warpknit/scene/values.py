@@ -13,10 +13,9 @@ from pydantic_core import PydanticCustomError
 from warpknit.scene.materials import MATERIALS
 from warpknit.scene.presets import PRESETS
 from warpknit.scene.units import DIMENSIONS, QuantityError, shown, si
-from warpknit.text import engineering
+from warpknit.text import exact
 
 T = TypeVar("T")
-PREFIXED = {"m", "s", "N", "N/m", "Pa"}  # units that take a prefix
 
 
 def refused(allowed: str, **context: Any) -> PydanticCustomError:
@@ -31,11 +30,6 @@ class Check:
 
     def __call__(self, value: Any) -> Any:
         raise NotImplementedError
-
-
-def _bound(bound: float, unit: str) -> str:
-    """A bound with its unit: 0.01 m as 10 mm."""
-    return engineering(bound, unit) if bound and unit in PREFIXED else f"{bound:g} {unit}".rstrip()
 
 
 @dataclass(frozen=True)
@@ -55,7 +49,7 @@ class Quantity(Check):
             bounds = [f"from {self.least:g} to {self.most:g}{unit}"]
         else:
             words = (("above", self.above), ("at least", self.least), ("at most", self.most))
-            bounds = [f"{word} {_bound(bound, kind.unit)}" for word, bound in words if bound is not None]
+            bounds = [f"{word} {exact(bound, kind.unit)}" for word, bound in words if bound is not None]
         example = "" if not kind.unit and bounds else f", such as {kind.example}"
         return kind.noun + (" " + " and ".join(bounds) if bounds else "") + example
 

@@ -18,6 +18,7 @@ from ..measure.strain import clamp_rotation, rotation, stretch
 from ..mechanics import Mechanics, SingleMesh
 from ..mesh.load_point import LoadPoint
 from ..scene import Stage
+from ..text import engineering
 from .drive import Drive
 from .equilibrium import Equilibrium
 from .progress import Progress, Record
@@ -193,11 +194,11 @@ class Relaxation(Drive):
             if next_strain is None:
                 return
             if self.progress.search.states > MAX_STATES:
+                force = [engineering(float(value), "N/m") for value in (*wanted.tension, *tension)]
                 raise Diverged(
                     f"stage {self.progress.stage!r}, load {self.progress.load_factor:.3g}: no strain found at which the mesh"
-                    f" carries {wanted.tension[0]:.3g} N/m in weft and {wanted.tension[1]:.3g} N/m in warp (last state:"
-                    f" {tension[0]:.3g} and {tension[1]:.3g} N/m): give smaller tensions, more output.frames, a smaller"
-                    " solver.residual_tolerance, or strains"
+                    f" carries {force[0]} in weft and {force[1]} in warp (last state: {force[2]} and"
+                    f" {force[3]}): give smaller tensions, more output.frames, a smaller solver.residual_tolerance, or strains"
                 )
             self._begin_solving()
             gradient = wanted.gradient(observed.gradient, next_strain)

@@ -30,6 +30,7 @@ from ..mesh.smaller import smaller_scene
 from ..numerics import thread_count
 from ..scene import Scene, Stage
 from ..scene.presets import PRESETS
+from ..text import engineering
 from .model import SpatialModel, build_model
 from .nearby import pair_gaps
 from .search_cells import search_cells
@@ -174,9 +175,9 @@ def spatial_accuracy(scene: Scene) -> str:
 def physics(scene: Scene, size: Size) -> Iterator[str]:
     """What the scene switches on and why, a sentence each."""
     wire = scene.wire
-    yield f"stretching: wires carry tension, EA = {wire.axial_stiffness:.3g} N"
-    yield f"bending: wires resist a change of curvature in space, EI = {wire.bending_stiffness:.3g} N m2"
-    yield f"twist: wires resist being twisted, GJ = {wire.twist_stiffness:.3g} N m2"
+    yield f"stretching: wires carry tension, EA = {engineering(wire.axial_stiffness, 'N')}"
+    yield f"bending: wires resist a change of curvature in space, EI = {engineering(1e6 * wire.bending_stiffness, 'N mm2')}"
+    yield f"twist: wires resist being twisted, GJ = {engineering(1e6 * wire.twist_stiffness, 'N mm2')}"
     softer = "softening: wires stretch more easily in the dynamics"
     if scene.solver.drive == "relax":
         softer += "; multipliers take that out again"

@@ -22,6 +22,7 @@ from ..ranks.ranks import One, Ranks
 from ..scene import Scene
 from ..scene.messages import scene_error
 from ..scene.wire import Wire
+from ..text import at_least, exact
 from ..wires.read import rest_wires
 from .from_file import panel_of_wires
 from .hook_wires import hook_wires
@@ -182,7 +183,7 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
         needed, available = required_memory(scene, found.node_count), available_memory()
         if needed > available:
             size = f"{found.node_count:,} nodes need {needed / 2**30:.3g} GiB, available {available / 2**30:.3g} GiB"
-            raise MemoryNeeded(f"wires.node_spacing = {scene.wires.node_spacing:g} m: {size}")
+            raise MemoryNeeded(f"wires.node_spacing = {exact(scene.wires.node_spacing, 'm')}: {size}")
         panel, wires, rods = panel_of_wires(section, found, scene.wires.loop_length)
         spacing = float(rods.natural_length[rods.following >= 0].min())
         return _assemble(scene, None, None, panel, wires, rods, catmull_rom(rods), spacing, scene.wires.loop_length, device)
@@ -205,8 +206,8 @@ def _refuse_fine_nodes(scene: Scene, thickness: float) -> None:
     """Refuse a node spacing below LEAST_SPACING: the fictitious masses allow for few contacts at a node."""
     least = LEAST_SPACING * thickness
     if scene.wires is not None and scene.wires.node_spacing < least:
-        given, allowed = f"{scene.wires.node_spacing:g} m", f"half the thickness of the wire or more, {least:g} m, to run"
-        raise scene_error(scene.path, "wires.node_spacing", given, allowed)
+        allowed = f"half the thickness of the wire or more, {at_least(least, 'm')}, to run"
+        raise scene_error(scene.path, "wires.node_spacing", exact(scene.wires.node_spacing, "m"), allowed)
 
 
 def _assemble(

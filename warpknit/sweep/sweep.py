@@ -285,7 +285,7 @@ def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     yield "pairs of strains", f"{cells['steady']} of {cells['wanted']} converged{meshes}"
     steps, nodes = solver["cell_steps"], summary["model"]["nodes"]
     yield "time steps", f"{steps:,} of {nodes:,} nodes, {solver['cell_steps_per_s']:,.0f} a second"
-    yield "wall time", f"{solver['wall_s']:.3g} s"
+    yield "wall time", duration(solver["wall_s"], 3)
     limit = summary["wire"]["yield_stress_Pa"]
     if optimum is None:
         yield "optimum", f"none: no tensile load with an active contact has a wire stress below {engineering(limit, 'Pa')}"

@@ -42,7 +42,7 @@ class Overlaps:
             return f"wires of {engineering(self.thickness, 'm')} overlap nearly everywhere: is the unit right?"
         if self.closest is None or self.wires is None or self.arcs is None:
             return f"no wires nearer than {REACH:g} diameters of {engineering(self.thickness, 'm')}"
-        pair = " and ".join(f"{wire} at {engineering(arc, 'm')}" for wire, arc in zip(self.wires, self.arcs, strict=True))
+        pair = " and ".join(f"{wire} at {engineering(arc, 'm', 4)}" for wire, arc in zip(self.wires, self.arcs, strict=True))
         where = f"closest centre lines {self.closest / self.thickness:.3g} diameters apart, of wires {pair}"
         return f"{self.places:,} overlaps; {where}" if self.places else f"no overlaps; {where}"
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from warpknit.scene.messages import scene_error
 from warpknit.scene.wire_file import USD, WireFileError, checked_bytes
-from warpknit.text import engineering
+from warpknit.text import engineering, exact
 from warpknit.wires.arc_length import ArcLength, resample, segment_count
 from warpknit.wires.bcc import read_bcc
 from warpknit.wires.centre_lines import Wires
@@ -134,7 +134,7 @@ def _allowed(suffix: str) -> str:
 def _metres(found: CurveFile, suffix: str, unit: float | None) -> float:
     """[m] of a unit of the file."""
     if found.metres is not None and unit is not None:
-        raise WireFileError(engineering(unit, "m"), f"nothing: the file says {engineering(found.metres, 'm')}", "unit")
+        raise WireFileError(exact(unit, "m"), f"nothing: the file says {exact(found.metres, 'm')}", "unit")
     if found.metres is None and unit is None and suffix != ".pyp":
         raise WireFileError("nothing", "a length, such as 'mm', with a file that has no unit", "unit")
     metres = unit if found.metres is None else found.metres
@@ -180,8 +180,8 @@ def _wires(found: CurveFile, metres: float, node_spacing: float) -> Wires:
         farthest = float(np.abs(curve.pieces).max()) * metres
         if not farthest <= LARGEST:
             raise WireFileError(
-                f"{engineering(metres, 'm')}, by which wire {number} is {engineering(farthest, 'm')} away",
-                f"within {LARGEST:g} m",
+                f"{exact(metres, 'm')}, by which wire {number} is {engineering(farthest, 'm')} away",
+                f"within {exact(LARGEST, 'm')}",
                 "unit",
             )
         arc = ArcLength(curve)
@@ -191,7 +191,7 @@ def _wires(found: CurveFile, metres: float, node_spacing: float) -> Wires:
     total = sum(arc.length * metres / node_spacing for arc in arcs)
     if not total <= MOST_NODES:
         allowed = f"what makes at most {MOST_NODES:,}"
-        raise WireFileError(f"{engineering(node_spacing, 'm')}, which makes {total:.3g} nodes", allowed, "node_spacing")
+        raise WireFileError(f"{exact(node_spacing, 'm')}, which makes {total:.3g} nodes", allowed, "node_spacing")
     points, rest = [], []
     for curve, arc in zip(found.curves, arcs, strict=True):
         places, free = resample(curve, arc, segment_count(arc.length * metres, curve.kind, node_spacing))
