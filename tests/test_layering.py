@@ -39,17 +39,17 @@ LAYERS = (
     {"model"},
     {"solve"},
     {"export"},
-    {"run", "plan"},
+    {"runner", "plan"},
     {"sweep", "trade"},
     {"design"},
     {"program"},
     {"cli"},
     {"__main__"},
 )
-MAY_IMPORT_EXPORT = {"run.recorder", "sweep.sweep", "trade.study", "cli", "design.report"}
+MAY_IMPORT_EXPORT = {"runner.recorder", "sweep.sweep", "trade.study", "cli", "design.report"}
 EXPORT_MAY_IMPORT = {"errors", "files", "frame", "hermite", "knit", "processes", "export"}
 KERNELS_MAY_IMPORT = {"typing", "warp", ".kernels"}
-STARTED_BY_THE_COMMAND_LINE = {"run.run", "sweep.sweep", "trade.study", "design.report", "plan"}
+STARTED_BY_THE_COMMAND_LINE = {"runner.run", "sweep.sweep", "trade.study", "design.report", "plan"}
 ARRAYS_ONLY = {"knit": {"warp", "pydantic", "pxr"}}  # packages that are NumPy only, and what they may not import
 
 

@@ -26,7 +26,7 @@ _DOOR = {
     "initial_state": "model",
     "Simulation": "solve.simulate",
     "measure": None,
-    "run_scene": "run.run",
+    "run_scene": "runner.run",
     "export_run": "export",
 }
 __all__ = ["__version__", *_DOOR]

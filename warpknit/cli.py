@@ -20,7 +20,7 @@ from warpknit.program import FINISHED, INTERRUPTED, Program, configure_logging
 from warpknit.ranks.ranks import Ranks
 
 if TYPE_CHECKING:
-    from warpknit.run.run_directory import CommandResult
+    from warpknit.runner.run_directory import CommandResult
     from warpknit.scene import Scene
 
 # NumPy's threads would take memory and cores from the time steps
@@ -110,7 +110,7 @@ def unfinished(result: CommandResult, if_interrupted: str = "") -> int:
 
 def finished(lines: Iterable[tuple[str, str]], directory: Path) -> int:
     """Print the table of a finished command; return its exit status."""
-    from warpknit.run.summary_table import print_table
+    from warpknit.runner.summary_table import print_table
 
     print_table([*lines, ("results in", str(directory))])
     return FINISHED
@@ -141,8 +141,8 @@ def run(
     command = "run" if error is None else "error"
     loaded, directory = open_scene(scene, overrides, preset, out, command, quiet=quiet, ranks=ranks.count)
 
-    from warpknit.run.progress_display import progress_for
-    from warpknit.run.run import run_scene
+    from warpknit.runner.progress_display import progress_for
+    from warpknit.runner.run import run_scene
 
     error_estimator = None
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
@@ -168,7 +168,7 @@ def run(
         return int(result.exit_code)
     if result.exit_code != FINISHED:
         return unfinished(result)
-    from warpknit.run.summary_table import print_summary
+    from warpknit.runner.summary_table import print_summary
 
     print_summary(result.summary, directory)
     return FINISHED
@@ -193,7 +193,7 @@ def contact_map(
     _refuse_both(resume, force)
     loaded, directory = open_scene(scene, overrides, preset, out, "map", quiet=quiet)
 
-    from warpknit.run.progress_display import progress_for
+    from warpknit.runner.progress_display import progress_for
     from warpknit.scene.capabilities import refuse
     from warpknit.sweep.sweep import map_lines, run_map
 
@@ -224,7 +224,7 @@ def trade(
     _refuse_both(resume, force)
     loaded, directory = open_scene(scene, overrides, preset, out, "trade", quiet=quiet)
 
-    from warpknit.run.progress_display import progress_for
+    from warpknit.runner.progress_display import progress_for
     from warpknit.scene import load_scene
     from warpknit.trade.study import run_trade, trade_lines
 
@@ -280,7 +280,7 @@ def report(
     loaded, directory = open_scene(scene, overrides, preset, out, "report", quiet=quiet)
     loaded = report_scene(loaded)
 
-    from warpknit.run.progress_display import progress_for
+    from warpknit.runner.progress_display import progress_for
     from warpknit.scene import load_scene
     from warpknit.sweep.contact_map import read_map
     from warpknit.sweep.sweep import map_lines, run_map
@@ -300,7 +300,7 @@ def report(
             return unfinished(result, "; the same command continues it")
         rows = read_map(directory / "map.csv", directory / "map_details.csv")
         page = make_report(loaded, rows, directory, tension=asked, notes=notes, progress=progress)
-    from warpknit.run.summary_table import print_table
+    from warpknit.runner.summary_table import print_table
 
     lines = [("mesh", note) for note in notes]
     lines += [*map_lines(result.summary), ("material card", page.card_state)]

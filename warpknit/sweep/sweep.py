@@ -22,10 +22,10 @@ from ..memory import available_memory, required_memory
 from ..mesh.smaller import smaller_scene
 from ..model import estimates_of
 from ..numerics import thread_count
-from ..run.interrupts import Interrupted, Interrupts
-from ..run.progress_display import Progress as Display
-from ..run.run_directory import CommandResult, continues_earlier, finished_result, open_directory
-from ..run.summary_table import model_rows
+from ..runner.interrupts import Interrupted, Interrupts
+from ..runner.progress_display import Progress as Display
+from ..runner.run_directory import CommandResult, continues_earlier, finished_result, open_directory
+from ..runner.summary_table import model_rows
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.capabilities import refuse
 from ..text import duration, engineering, percent
