@@ -44,7 +44,7 @@ def behind(monkeypatch):
             raise stand_in.outcome
         return stand_in.outcome
 
-    for name, function in (("runner.run", "run_scene"), ("plan", "make_plan"), ("export", "export_run")):
+    for name, function in (("commands.run", "run_command"), ("plan", "make_plan"), ("export", "export_run")):
         module = ModuleType(f"warpknit.{name}")
         setattr(module, function, answer)
         module.FORMATS = ("usd",)
@@ -142,12 +142,12 @@ def test_a_finished_run_prints_a_short_table(behind):
 
 def test_options_reach_the_run(behind):
     invoke("run", CELL, "--set", "load.shear=0.1", "--preset", "draft", "--device", "cpu", "--resume")
-    ((scene,), options) = behind.calls[0]
+    ((scene, out), options) = behind.calls[0]
     assert scene.stages[0].shear == 0.1
     assert scene.solver.preset == "draft"
     assert isinstance(options.pop("progress"), Progress)
     assert options.pop("ranks").count == 1
-    assert options == {"out": Path("runs/atlas_cell"), "device": "cpu", "resume": True, "force": False, "error_estimator": None}
+    assert (out, options) == (Path("runs/atlas_cell"), {"device": "cpu", "error": None, "resume": True, "force": False})
 
 
 def test_plan_prints_text_or_one_json_object(behind):

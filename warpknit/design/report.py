@@ -73,7 +73,7 @@ def report_scene(scene: Scene) -> Scene:
     return scene
 
 
-def make_report(
+def write_report(
     scene: Scene,
     rows: Sequence[MapRow],
     out: Path,
