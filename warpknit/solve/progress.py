@@ -7,12 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from ..text import short_repr
 from .tension import TensionSearch
 
 
 @dataclass(frozen=True)
 class Record:
     """A recorded state: its place in the load history and its observables."""
+
+    __repr__ = short_repr
 
     index: int
     stage: str
