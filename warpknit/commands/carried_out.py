@@ -27,16 +27,22 @@ INTERRUPTED = 130  # exit status
 def carried_out(scene: Scene, out: Directory | None, quiet: bool, command: Callable[[Path, Progress], CommandResult]) -> Run:
     """The results of a command in its directory; what its exit status says is raised."""
     where = default_directory(scene) if out is None else Path(out)
-    try:
-        with naming_the_file(scene), progress_for(quiet=quiet) as progress:
-            result = command(where, progress)
-    except InputError as error:
-        raise type(error)(_in_python(str(error))) from error
+    with naming_arguments(), naming_the_file(scene), progress_for(quiet=quiet) as progress:
+        result = command(where, progress)
     if result.exit_code == INTERRUPTED:
         raise KeyboardInterrupt(_in_python(result.message))
     if result.exit_code != 0:
         raise Diverged(result.message)
     return load_run(where)
+
+
+@contextmanager
+def naming_arguments() -> Iterator[None]:
+    """Name arguments in place of options in errors."""
+    try:
+        yield
+    except InputError as error:
+        raise type(error)(_in_python(str(error))) from error
 
 
 def _in_python(message: str) -> str:

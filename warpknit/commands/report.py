@@ -15,7 +15,7 @@ from ..scene import Scene, load_scene
 from ..scene.units import DIMENSIONS, QuantityError, shown, si
 from ..sweep.contact_map import read_map
 from ..sweep.sweep import run_map as sweep_scene
-from .carried_out import Directory, Source, carried_out
+from .carried_out import Directory, Source, carried_out, naming_arguments
 
 
 def make_report(
@@ -33,7 +33,7 @@ def make_report(
     """Write the design report of a scene into the directory `out`, as `warpknit report` does, and return the results.
 
         run = warpknit.make_report("scenes/contact_map.toml", "runs/report", tension="40 mN/m")
-        run.card["stiffness"], run.directory / "report.html"
+        run.card["values"]["C11"], run.directory / "report.html"      # stiffness [N/m], and the page
 
     tension: of the material card, in both directions; default: at the optimum of the map.
     openings: scale wales and courses to this density, "12 /inch". areal_mass: compare with a measured one, "10 g/m^2".
@@ -42,15 +42,14 @@ def make_report(
     Quantities are strings with their unit or numbers in SI. scene, out, force, quiet and what is raised: as in `run`; a map of
     the same scene in `out` is used. Raises Diverged where no state carries the tension of the card.
     """
-    asked = ReportRequest(
-        tension=positive("tension", tension, "tension"),
-        known=Known(
+    with naming_arguments():
+        known = Known(
             openings=positive("openings", openings, "per_length"),
             loop_length=positive("fit_loop_length", fit_loop_length, "length"),
             curve=None if fit_curve is None else Path(fit_curve),
             areal_mass=positive("areal_mass", areal_mass, "areal_mass"),
-        ),
-    )
+        )
+        asked = ReportRequest(positive("tension", tension, "tension"), known)
     loaded = load_scene(scene, command="report")
     return carried_out(
         loaded, out, quiet, lambda where, progress: report_command(loaded, where, asked, force=force, progress=progress).result

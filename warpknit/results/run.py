@@ -35,7 +35,7 @@ class Run:
         run.history["tension_weft_N_per_m"]                # [record] [N/m], a column of history.csv
         run.states[-1].node_position                       # [node, 3] [m]; a `Frame`, see warpknit/frame.py
         run.observables["pair_force"]                      # [record, pair] [N]
-        run.tables["map"].to_pandas()                      # any CSV file of the directory
+        run.tables["history"]["stage"]                     # any CSV file of the directory; run.history is this one
 
     Everything but the summary is read when it is asked for. All values are in SI units; docs/scenes.md explains each.
     """

@@ -28,12 +28,16 @@ NODES_A_STRIP = 4_000  # of a smaller mesh: below it communication costs more th
 
 
 class Simulation:
-    """A run of a model through the stages of its scene, from a state; default: the mesh as knitted.
+    """A run of a model through the stages of its scene, from a state; default: the mesh as knitted. It writes no files.
 
         for record in Simulation(build_model(scene)).run():
-            print(record.load_factor, measure.mesh_tension(record.observables))
+            print(record.load_factor, measure.mesh_tension(record.observables))      # [N/m] weft, warp
 
-    `watch` is called after every convergence check with the progress, and may raise to stop the run.
+    A `Record` has its place in the load history (stage, load_factor, temperature [K], steps, steady) and `observables`: the state
+    on the host, with `node_position` (node, 3) [m], `pair_force` [pair] [N], `wire_stress.node` [node] [Pa] and more, see
+    warpknit/measure/observables.py. `warpknit.measure` derives measures from them.
+
+    progress: of a checkpoint, to go on from. watch: called after every convergence check with the progress; may raise to stop.
     """
 
     def __init__(
