@@ -413,7 +413,8 @@ class Scene:
         scene.stages[-1].strain_warp
         thicker = scene.changed({"wire.diameter": "17 um"})
 
-    Made by `load_scene`. Equal scenes compare equal, whatever file they were read from.
+    Made by `load_scene`. What the file leaves out has its default; None means that the model or the solver chooses, or that the
+    feature is off. A scene has a knit, a hook or wires. Equal scenes compare equal, whatever file they were read from.
     """
 
     name: str
