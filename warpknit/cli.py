@@ -84,10 +84,11 @@ def open_scene(
 ) -> tuple[Scene, Path]:
     """Load the scene for a command (scene/capabilities.py), choose the output directory, set up the log."""
     configure_logging(logging.WARNING if quiet else logging.INFO)
+    from warpknit.commands.carried_out import default_directory
     from warpknit.scene import load_scene
 
-    loaded = load_scene(scene, overrides, preset, command=command, ranks=ranks)
-    return loaded, Path(out) if out else Path("runs") / loaded.name
+    loaded = load_scene(Path(scene), overrides, preset, command=command, ranks=ranks)
+    return loaded, Path(out) if out else default_directory(loaded)
 
 
 def unfinished(result: CommandResult, if_interrupted: str = "") -> int:
@@ -290,7 +291,7 @@ def plan(scene: str, overrides: tuple[str, ...], preset: str | None, device: str
     configure_logging(logging.WARNING)
     from warpknit.scene import load_scene
 
-    loaded = load_scene(scene, overrides, preset)
+    loaded = load_scene(Path(scene), overrides, preset)
     from warpknit.commands.carried_out import naming_the_file
     from warpknit.plan import make_plan
 

@@ -19,7 +19,7 @@ from ..runner.summary_table import summary_rows
 from ..scene import Scene, load_scene
 from ..sweep.map_table import map_lines
 from .states import Series, States
-from .table import Table, html_table
+from .table import Table, found, html_table
 
 if TYPE_CHECKING:
     from ..export.run_record import RunRecord
@@ -154,7 +154,7 @@ class Tables(Mapping[str, Table]):
 
     def __getitem__(self, name: str) -> Table:
         if name not in self._read:
-            self._read[name] = Table.read(self._paths[name])
+            self._read[name] = Table.read(found(self._paths, name))
         return self._read[name]
 
     def __iter__(self) -> Iterator[str]:
