@@ -28,7 +28,7 @@ from .wire_curve import (
     second_derivative_at,
     stencil,
 )
-from .wire_prefetch import prefetch_pair
+from .wire_prefetch import first_of_part, prefetch_pair
 
 NEWTON_STEPS = 40
 NEWTON_ACCURACY = wp.constant(wp.float64(1.0e-8))  # of a segment: convergence is quadratic below this step
@@ -377,8 +377,9 @@ def find_closest_places(
     # in: the pairs that may touch, and all pairs
     touch_pair: wp.array(dtype=wp.int32),
     touch_count: wp.array(dtype=wp.int32),
-    first_touch: int,
-    touch_stride: int,
+    part: int,
+    parts: int,
+    threads: int,
     pair_first: wp.array(dtype=wp.int32),
     pair_second: wp.array(dtype=wp.int32),
     pair_shift: wp.array(dtype=wp.vec3d),
@@ -405,12 +406,12 @@ def find_closest_places(
     pair_found: wp.array(dtype=wp.int32),
     pair_place: wp.array(dtype=wp.vec2d),
 ):
-    """Each thread takes every `touch_stride`-th pair that may touch. A step evaluates pairs whose curves may touch;
-    an evaluation without a step those whose gap may be below EVALUATED_GAP."""
+    """The threads of a part share its pairs. A step evaluates pairs whose curves may touch; an evaluation without a step
+    those whose gap may be below EVALUATED_GAP."""
     if is_halted(control):
         return
-    for touch in range(first_touch + wp.tid(), touch_count[0], touch_stride):
-        prefetch_pair(touch, touch_stride, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
+    for touch in range(first_of_part(touch_count, part, parts) + wp.tid(), first_of_part(touch_count, part + 1, parts), threads):
+        prefetch_pair(touch, threads, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
                       previous, following, node_radius, natural_length, rest_slope, rest_bump, slope_weight, contact_offset,
                       position, length, tangent, director)  # fmt: skip
         pair = touch_pair[touch]
