@@ -31,7 +31,7 @@ from .wire_curve import (
 from .wire_prefetch import first_of_part, prefetch_pair
 
 NEWTON_STEPS = 40
-NEWTON_ACCURACY = wp.constant(wp.float64(1.0e-8))  # of a segment: convergence is quadratic below this step
+NEWTON_ACCURACY = wp.constant(wp.float64(1.0e-6))  # of a segment: convergence is quadratic below this step
 NEWTON_ROUND_OFF = wp.constant(wp.float64(1.0e-12))  # of a segment: smaller steps are not taken
 MIN_CURVATURE = wp.constant(wp.float64(1.0e-4))  # smallest curvature of a Newton step, over the larger one
 MAX_STEP = wp.constant(wp.float64(0.25))  # of a segment
@@ -317,6 +317,12 @@ def are_distinct(one: wp.vec2d, other: wp.vec2d) -> bool:
     return wp.abs(one[0] - other[0]) + wp.abs(one[1] - other[1]) >= SAME_PLACE
 
 
+@wp.func
+def is_beside(sample: wp.vec2d, place: wp.vec2d) -> bool:
+    """Whether a place stands between the neighbours of a sample."""
+    return wp.max(wp.abs(sample[0] - place[0]), wp.abs(sample[1] - place[1])) <= SAMPLE_SPACING
+
+
 @wp.kernel
 def mark_near_pairs(
     # in: pairs
@@ -469,18 +475,20 @@ def find_closest_places(
             one = wp.vec2d(from_one[0], from_one[1])
             other = wp.vec2d(from_other[0], from_other[1])
         if is_due or not is_followed:
-            from_sample = closest_on_curves(curve_p, curve_q, nearest_sample(curve_p, curve_q))
-            sample = wp.vec2d(from_sample[0], from_sample[1])
-            distance_of_one = distance_at(curve_p, curve_q, one)
-            distance_of_other = distance_at(curve_p, curve_q, other)
-            missed = wp.min(distance_of_one, distance_of_other) - distance_at(curve_p, curve_q, sample)
-            if missed > MISSED * contact_distance:
-                if distance_of_one > distance_of_other:
-                    from_one = from_sample
-                    one = sample
-                else:
-                    from_other = from_sample
-                    other = sample
+            sample = nearest_sample(curve_p, curve_q)
+            if not is_beside(sample, one) and not is_beside(sample, other):
+                from_sample = closest_on_curves(curve_p, curve_q, sample)
+                sample = wp.vec2d(from_sample[0], from_sample[1])
+                distance_of_one = distance_at(curve_p, curve_q, one)
+                distance_of_other = distance_at(curve_p, curve_q, other)
+                missed = wp.min(distance_of_one, distance_of_other) - distance_at(curve_p, curve_q, sample)
+                if missed > MISSED * contact_distance:
+                    if distance_of_one > distance_of_other:
+                        from_one = from_sample
+                        one = sample
+                    else:
+                        from_other = from_sample
+                        other = sample
             pair_renewal_travel[pair] = travel + RENEWAL_TRAVEL * contact_distance
         minima = ONE_PLACE
         nearest = distance_at(curve_p, curve_q, one)
