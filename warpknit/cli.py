@@ -282,7 +282,7 @@ def report(
 
     codes = tuple(CODES) if cards is None else tuple(dict.fromkeys(code.strip() for code in cards.split(",")))
     if set(codes) - set(CODES):
-        raise click.UsageError(f"--cards: given {cards!r}, allowed: {', '.join(CODES)}, separated by commas.")
+        raise click.UsageError(f"--cards: given {cards}, allowed: {', '.join(CODES)}, separated by commas.")
     loaded, directory = open_scene(scene, overrides, preset, out, "report", quiet=quiet)
     loaded = report_scene(loaded)
 
