@@ -223,6 +223,7 @@ def trade(
 @click.option("--fit-loop-length", metavar="LENGTH", help='Fit the loops to their wire length, such as "5.6 mm".')
 @click.option("--fit-curve", metavar="FILE", help="Fit the loops to the biaxial test in a CSV file.")
 @click.option("--areal-mass", metavar="MASS", help='Compare with a measured mass, such as "10 g/m^2".')
+@click.option("--cards", metavar="CODE,...", help="FE codes to write the card for, such as nastran,abaqus.  [default: all]")
 @click.option("--quiet", is_flag=True, help="No progress, no log.")
 @click.option("--force", is_flag=True, help="Replace finished results in DIR.")
 @click.option("--out", metavar="DIR", help="Where the results go.  [default: runs/<scene name>]")
@@ -236,6 +237,7 @@ def report(
     fit_loop_length: str | None,
     fit_curve: str | None,
     areal_mass: str | None,
+    cards: str | None,
     quiet: bool,
     force: bool,
     out: str | None,
@@ -245,7 +247,7 @@ def report(
     A map of the same scene in DIR is reused.
     """
     from warpknit.commands.carried_out import naming_the_file
-    from warpknit.commands.report import ReportRequest, report_command
+    from warpknit.commands.report import ReportRequest, codes_of, report_command
     from warpknit.design.inputs import Known
     from warpknit.runner.progress_display import progress_for
 
@@ -255,7 +257,7 @@ def report(
         Path(fit_curve) if fit_curve else None,
         positive_quantity("--areal-mass", areal_mass, "areal_mass"),
     )
-    asked = ReportRequest(positive_quantity("--tension", tension, "tension"), known)
+    asked = ReportRequest(positive_quantity("--tension", tension, "tension"), known, codes_of(cards))
     loaded, directory = open_scene(scene, overrides, preset, out, "report", quiet=quiet)
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         done = report_command(loaded, directory, asked, force=force, progress=progress, device=device)

@@ -127,7 +127,10 @@ def card_section(page: Page, scene: Scene, card: MaterialCard | None, where: str
     )
     rows = [(name, *_shown(name, value, unit), meaning) for name, value, unit, meaning in card_values(card)]
     page.table(rows, ("", "value", "unit", "meaning"))
-    page.text(DEFINITION + " material_card.csv and material_card.json contain the same values, in SI units.")
+    page.text(
+        DEFINITION + " material_card.csv and material_card.json contain the same values, in SI units;"
+        " the files material_card_*.* have them for FE codes."
+    )
     for warning in card_warnings(card, scene):
         page.warning(warning[0].upper() + warning[1:] + ".")
     if card.difference <= AGREEMENT:
