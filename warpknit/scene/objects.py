@@ -386,6 +386,12 @@ class Output(Table):
     usd_points_per_tile: TileSize = key("Approximate number of nodes per prim of scene.usda.", 500_000)
     vtk: Flag = key("Write vtk/ at the end.", False)
     figures: Flag = key("Draw figures/ at the end.", True)
+    service_tension: Tension | None = key(
+        "Mean tension of weft and warp at which the answers of a run and the service points of a report give the share of active"
+        " contacts.",
+        None,
+        left_out="2, 3.4 and 4.9 N/m, in a run where it reaches them",
+    )
     checkpoint_interval: Time = key("Wall time between checkpoints.", 60.0)
 
 
