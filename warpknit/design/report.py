@@ -17,7 +17,7 @@ from ..measure import Observables
 from ..run.progress_display import Progress
 from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
-from ..sweep.contact_map import Jump, MapRow, Optimum, find_jumps, find_optimum, grid, jump_warning, model_warnings
+from ..sweep.contact_map import Jump, MapRow, Optimum, axes_of, find_jumps, find_optimum, grid, jump_warning, model_warnings
 from ..sweep.states import Mesh, mesh_of
 from ..text import celsius, exact
 from .card import MaterialCard, find_card, find_card_at_tension
@@ -56,6 +56,11 @@ class Findings:
     model_warnings: Sequence[str]  # where the states are outside the validity of their model
 
     @property
+    def by_tension(self) -> bool:
+        """Whether the map prescribes tensions."""
+        return any(row.by_tension for row in self.rows)
+
+    @property
     def card_state(self) -> str:
         """State and temperature of the card; or why there is none."""
         return self.where if self.card is None else f"{self.where}, at {celsius(self.card.temperature)}"
@@ -68,7 +73,7 @@ class Findings:
 
 def report_scene(scene: Scene) -> Scene:
     """`scene`, with the default sweep if it has none. Raises `SceneError` for a scene without a report."""
-    scene = replace(scene, sweep=scene.sweep or Sweep(DEFAULT_STRAINS, DEFAULT_STRAINS, 1))
+    scene = replace(scene, sweep=scene.sweep or Sweep(strain_weft=DEFAULT_STRAINS, strain_warp=DEFAULT_STRAINS))
     refuse(scene, "report")
     return scene
 
@@ -90,8 +95,8 @@ def make_report(
     show = progress or Progress()
     show.stage("tension-strain curves", number=1, of=4)
     model = mesh_of(scene)
-    largest = max(row.strain_weft for row in rows), max(row.strain_warp for row in rows)
-    curves = tension_strain(model, *largest, lambda share: show.update(done=share, load_factor=share))
+    weft, warp = (max(vars(row)[f"strain_{side}"] or 0.0 for row in rows) for side in ("weft", "warp"))
+    curves = tension_strain(model, weft, warp, lambda share: show.update(done=share, load_factor=share))
     show.stage("material card", number=2, of=4)
     optimum = find_optimum(rows, scene.wire.yield_stress)
     card, tensioned, where = _card(scene, optimum, tension, lambda share: show.update(done=share, load_factor=share))
@@ -180,7 +185,7 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     page.text(f"The optimum, the curves and the card are at {celsius(load.temperature)}, the temperature of [load].")
     mesh_section(page, found.scene, found.model.cloth, found.card, found.notes)
     map_section(page, found.scene, found.optimum, found.service, found.equal_tension, figures["map"])
-    if (jumped := jump_warning(found.jumps)) is not None:
+    if (jumped := jump_warning(found.jumps, found.by_tension)) is not None:
         page.warning(f"{jumped[0].upper()}{jumped[1:]}.")
     curve_section(page, found.curves, figures["curves"])
     card_section(page, found.scene, found.card, found.where)
@@ -194,17 +199,19 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
     from ..export.design_figures import openings_figure, resistance_figure, tension_strain_figure
     from ..export.map_figure import Marks, map_figure
 
-    weft, warp = (sorted({row.strains[side] for row in found.rows}) for side in (0, 1))
+    weft, warp = axes_of(found.rows)
     optimum, limit = found.optimum, found.scene.wire.yield_stress
     marks = Marks(
         stress=grid(found.rows, "stress_max_Pa", weft, warp),
         yield_stress=limit,
-        optimum=None if optimum is None else (optimum.strain_weft, optimum.strain_warp),
+        optimum=None if optimum is None else optimum.load,
         jumps=found.jumps,
         places=tuple(
-            (f"{p.name}: {p.strain}, {p.active} active", p.strains, p.active_percent)
+            (f"{p.name}: {p.strain}, {p.active} active", load, p.active_percent)
             for p in found.service
-            if p.strains is not None and weft[0] <= p.strains[0] <= weft[-1] and warp[0] <= p.strains[1] <= warp[-1]
+            if (load := (p.tension, p.tension) if p.strains and found.by_tension else p.strains) is not None
+            and weft[0] <= load[0] <= weft[-1]
+            and warp[0] <= load[1] <= warp[-1]
         ),
     )
     curves = {load: _arrays([p for p in found.curves if p.load == load]) for load in dict.fromkeys(p.load for p in found.curves)}
@@ -214,7 +221,7 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
         "map": lambda path: map_figure(
             path, weft, warp, grid(found.rows, "active_percent", weft, warp),
             title=f"{found.scene.name}: active contacts", label="active contacts [% of pairs]", percent=True, marks=marks,
-            warnings=found.model_warnings,
+            warnings=found.model_warnings, by_tension=found.by_tension,
         ),
         "curves": lambda path: tension_strain_figure(curves, path, yield_stress=limit),
         "openings": lambda path: openings_figure(circles, BANDS, path),

@@ -44,7 +44,7 @@ def with_overrides(file: object, table: dict[str, Any], overrides: Sequence[Over
         _set(file, table, location, value)
         keys_set.add(location)
         *above, last = location
-        if above and above[0] in ("load", "path", "knit"):
+        if above and above[0] in ("load", "path", "knit", "sweep"):
             holder = _at(table, above)
             for rival in RIVALS.get(str(last), ()):
                 if (*above, rival) not in keys_set:
