@@ -5,6 +5,7 @@ The page states what is missing: a tension that the mesh does not reach, a state
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
@@ -23,11 +24,12 @@ from ..text import celsius, exact
 from .card import MaterialCard, find_card, find_card_at_tension
 from .card_files import card_warnings, write_card
 from .curves import CurvePoint, tension_strain
+from .equal_tension import EqualTensionRun, run_equal_tension
 from .fine_states import DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE, exact_model, states_at
 from .network import contact_resistances, sheet_resistance
 from .opening_size import BANDS, Opening, openings
 from .page import Page
-from .sections import card_section, curve_section, electric_section, map_section, mesh_section, openings_section
+from .sections import answers_section, card_section, curve_section, electric_section, map_section, mesh_section, openings_section
 from .service import EqualTension, ServicePoint, equal_tension, service_points, strains_under_tension
 
 UNDER_TENSION, SEARCHED = 0.3, 0.5  # of the time of a card at a tension: run under it, and search for its strains
@@ -46,6 +48,7 @@ class Findings:
     jumps: Sequence[Jump]  # of the map
     requested: float | None  # [N/m] tension requested for the card
     equal_tension: EqualTension  # largest in the map
+    run: EqualTensionRun  # to that tension, or the requested one
     service: Sequence[ServicePoint]
     curves: Sequence[CurvePoint]
     where: str  # state of the card, in words; or why there is none
@@ -93,16 +96,20 @@ def make_report(
     Raises `ModelError`, `KnitError`.
     """
     show = progress or Progress()
-    show.stage("tension-strain curves", number=1, of=4)
+    show.stage("tension-strain curves", number=1, of=5)
     model = mesh_of(scene)
     weft, warp = (max(vars(row)[f"strain_{side}"] or 0.0 for row in rows) for side in ("weft", "warp"))
     curves = tension_strain(model, weft, warp, lambda share: show.update(done=share, load_factor=share))
-    show.stage("material card", number=2, of=4)
+    show.stage("material card", number=2, of=5)
     optimum = find_optimum(rows, scene.wire.yield_stress)
     card, tensioned, where = _card(scene, optimum, tension, lambda share: show.update(done=share, load_factor=share))
-    show.stage("service tensions", number=3, of=4)
+    show.stage("service tensions", number=3, of=5)
     service = service_points(scene, rows, tension, card, lambda share: show.update(done=share, load_factor=share))
-    show.stage("openings and page", number=4, of=4)
+    show.stage("equal tensions", number=4, of=5)
+    equal = equal_tension(rows, scene.wire.yield_stress)
+    largest = max(equal.largest, tension or 0.0)
+    run = run_equal_tension(scene, largest, tension, service, lambda share: show.update(done=share, load_factor=share))
+    show.stage("openings and page", number=5, of=5)
     knitted = states_at(model, [np.eye(2)])[0]
     found = Findings(
         scene=scene,
@@ -112,7 +119,8 @@ def make_report(
         optimum=optimum,
         jumps=find_jumps(model, rows),
         requested=tension,
-        equal_tension=equal_tension(rows, scene.wire.yield_stress),
+        equal_tension=equal,
+        run=run,
         service=service,
         curves=curves,
         where=where,
@@ -165,6 +173,8 @@ def _write(found: Findings, out: Path) -> None:
         (out / name).unlink(missing_ok=True)  # of an earlier report
     if found.card is not None:
         write_card(found.card, found.scene, found.where, out, found.model_warnings)
+    with write_aside(out / "answers.json") as file:
+        json.dump(found.run.answers, file, indent=2, allow_nan=False)
     with write_aside(out / "report.html") as file:
         file.write(_page(found, _figures(found, out / "figures")).html())
 
@@ -174,6 +184,7 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     page = Page(f"{found.scene.name}: {wire.material} mesh, {1e6 * wire.diameter:g} um wire")
     for warning in found.model_warnings:
         page.warning(f"{warning[0].upper()}{warning[1:]}.")
+    answers_section(page, found.scene, found.run, found.equal_tension, figures.get("heat"))
     page.text(
         "Computed by warpknit for endless cloth, without friction; every state is loaded proportionally from the mesh as"
         " knitted. Weft is across the wales (axis 1, x), warp along them (axis 2, y). Tensions are forces per current width."
@@ -196,6 +207,7 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
 
 
 def _figures(found: Findings, folder: Path) -> dict[str, Path]:
+    from ..export.curves_figure import heat_figure
     from ..export.design_figures import openings_figure, resistance_figure, tension_strain_figure
     from ..export.map_figure import Marks, map_figure
 
@@ -227,7 +239,9 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
         "openings": lambda path: openings_figure(circles, BANDS, path),
         "resistance": lambda path: resistance_figure(curves["equal"], path),
     }  # fmt: skip
-    return {name: drawn(folder / f"report_{name}.png") for name, drawn in draw.items()}
+    figures = {name: drawn(folder / f"report_{name}.png") for name, drawn in draw.items()}
+    heat = heat_figure([vars(row) for row in found.run.heated], folder / "report_heat.png") if found.run.heated else None
+    return figures if heat is None else figures | {"heat": heat}
 
 
 def _arrays(points: Sequence[CurvePoint]) -> dict[str, np.ndarray]:

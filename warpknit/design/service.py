@@ -105,13 +105,13 @@ def service_points(
     card: MaterialCard | None,
     watch: Callable[[float], None] = lambda _: None,
 ) -> list[ServicePoint]:
-    """The SERVICE_TENSIONS, and the `requested` one [N/m], whose `card` is its point.
+    """The SERVICE_TENSIONS, that of the scene, and the `requested` one [N/m], whose `card` is its point.
 
     The others are equilibria of runs under their tension, made where the map reaches it: interpolated between its cells, strains
     and contacts would differ from theirs. `watch` is called with the share that is done.
     """
     points = []
-    tensions = sorted({*SERVICE_TENSIONS, *(() if requested is None else (requested,))})
+    tensions = sorted({*SERVICE_TENSIONS, *(one for one in (scene.output.service_tension, requested) if one is not None)})
     for number, tension in enumerate(tensions):
         if tension == requested:
             points.append(ServicePoint(tension, why="no card") if card is None else point_of_card(card, tension))
