@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -15,6 +16,9 @@ from ..solve.simulate import Simulation
 from ..sweep.states import mesh_of
 from ..text import celsius
 from .service import ServicePoint
+
+BEGIN = 0.125  # of the largest tension of the map: end of the first stage, so that small tensions are resolved
+LEAST_LEVELS = 2  # of a stage, which has half the levels of a run: each starts where the one before it ends
 
 
 @dataclass(frozen=True)
@@ -33,15 +37,20 @@ def run_equal_tension(
     service: Sequence[ServicePoint],
     watch: Callable[[float], None] = lambda _: None,
 ) -> EqualTensionRun:
-    """A run to `largest` [N/m], and one that holds a tension at the temperatures of [[path]].
+    """A run to `largest` [N/m] and beyond, and one that holds a tension at the temperatures of [[path]].
 
-    held [N/m]: that tension; default: the best one. service: the answers give their contacts. `watch` is called with the share
-    that is done. A run that does not converge ends with the records before.
+    The first goes twice as far with each stage, to the largest of the `service` tensions, whose contacts its answers give, or to
+    first yield. held [N/m]: tension of the second; default: the best one. `watch` is called with the share that is done. A run
+    that does not converge ends with the records before.
     """
     if largest <= 0.0:
         return EqualTensionRun((), None)
     model = mesh_of(scene)
-    rows = _records(scene, [_stage(scene, largest, "equal tension")], lambda share: watch(0.5 * share))
+    tensions = [BEGIN * largest]
+    while tensions[-1] < max(largest, *(point.tension for point in service)):
+        tensions.append(2.0 * tensions[-1])
+    stages = [_stage(scene, tension, "equal tension") for tension in tensions]  # of one name: they are one stage of the answers
+    rows = _records(scene, stages, lambda share: watch(0.5 * share), until=scene.wire.yield_stress)
     answers = answers_of(model, rows)
     if answers is None or len(rows) < 2:
         return EqualTensionRun(rows, None)
@@ -64,13 +73,16 @@ def _stage(scene: Scene, tension: float, name: str) -> Stage:
     return replace(load, tension_weft=tension, tension_warp=tension)
 
 
-def _records(scene: Scene, stages: Sequence[Stage], watch: Callable[[float], None]) -> list[Row]:
-    """Rows of history.csv of a run of these stages."""
+def _records(scene: Scene, stages: Sequence[Stage], watch: Callable[[float], None], until: float = math.inf) -> list[Row]:
+    """Rows of history.csv of a run of these stages, to the first with a stress above `until` [Pa]."""
     rows = []
+    output = replace(scene.output, frames=max(LEAST_LEVELS, scene.output.frames // 2))
     with suppress(Diverged):
-        for record in Simulation(mesh_of(replace(scene, stages=tuple(stages), sweep=None))).run():
+        for record in Simulation(mesh_of(replace(scene, stages=tuple(stages), output=output, sweep=None))).run():
             rows.append(row_of(record))
             watch((record.stage_index + record.load_factor) / len(stages))
+            if rows[-1].stress_max_Pa > until:
+                break
     return rows
 
 

@@ -35,8 +35,9 @@ def answers_section(page: Page, scene: Scene, run: EqualTensionRun, largest: Equ
         return
     page.table(answer_rows(run.answers, scene.wire.yield_stress))
     page.text(
-        f"Equal tensions in weft and warp, from the mesh as knitted in {len(run.rows) - 1} levels. Contacts A, B, ... are the"
-        " classes of places of one shape, from the tightest lens on. The shares at service tensions are those of the table below."
+        f"Equal tensions in weft and warp, from the mesh as knitted in {len(run.rows) - 1} levels, to first yield or the largest"
+        " service tension. Contacts A, B, ... are the classes of places of one shape, from the tightest lens on. The shares at"
+        " service tensions are those of the table below."
     )
     if heat is not None:
         page.figure(heat, "The mesh under a held tension, while its temperature changes to that of each [[path]].")
