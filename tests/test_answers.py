@@ -135,3 +135,15 @@ def test_the_answers_of_the_spatial_model_have_the_same_keys(tmp_path: Path) -> 
     assert 0.02 < spatial["strain_weft"] < planar["strain_weft"]
     wire = json.loads((tmp_path / "spatial" / "summary.json").read_text(encoding="utf-8"))["wire"]
     assert wire["stress_max_part"].endswith("loop")
+
+
+def test_heat_is_drawn_against_temperature(tmp_path: Path) -> None:
+    """Cooled under held strains, wires shorten and the tension grows, as heat.png draws and the answers tell."""
+    settings = ["solver.preset=draft", "output.frames=3", "output.usd=false", 'path=[{name="cold", temperature="-190 degC"}]']
+    assert run_scene(load_scene(CELL, settings), out=tmp_path / "run", device="cpu").exit_code == 0
+    assert (tmp_path / "run" / "figures" / "heat.png").stat().st_size > 0
+    (stage,) = json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))["answers"]["heat"]
+    assert stage["strain_weft"][0] == pytest.approx(stage["strain_weft"][1], abs=1e-9)
+    for side in ("weft", "warp"):
+        before, after = stage[f"tension_{side}_N_per_m"]
+        assert after > before

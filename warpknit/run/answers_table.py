@@ -92,6 +92,9 @@ def _best(best: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
     stress = engineering(best["stress_max_Pa"], "Pa")
     yield "best tension", f"{_tension(best)}: {percent(0.01 * best['active_percent'])} active, {stress}"
     low, high = best["low"], best["high"]
+    if best["open_high"] and _mean(low) == _mean(high):
+        yield "  may drift", "unknown: the share still grows at the end of the stage"
+        return
     bounds = [f" ({_mean(end) / _mean(best) - 1.0:+.0%}{', end of the stage' if best[name] else ''})"
               for end, name in ((low, "open_low"), (high, "open_high"))]  # fmt: skip
     yield "  may drift", f"from {_tension(low)}{bounds[0]} to {_tension(high)}{bounds[1]}"
