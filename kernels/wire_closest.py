@@ -28,10 +28,10 @@ from .wire_curve import (
     second_derivative_at,
     stencil,
 )
-from .wire_prefetch import prefetch_pair
+from .wire_prefetch import first_of_part, prefetch_pair
 
 NEWTON_STEPS = 40
-NEWTON_ACCURACY = wp.constant(wp.float64(1.0e-8))  # of a segment: convergence is quadratic below this step
+NEWTON_ACCURACY = wp.constant(wp.float64(1.0e-6))  # of a segment: convergence is quadratic below this step
 NEWTON_ROUND_OFF = wp.constant(wp.float64(1.0e-12))  # of a segment: smaller steps are not taken
 MIN_CURVATURE = wp.constant(wp.float64(1.0e-4))  # smallest curvature of a Newton step, over the larger one
 MAX_STEP = wp.constant(wp.float64(0.25))  # of a segment
@@ -317,6 +317,12 @@ def are_distinct(one: wp.vec2d, other: wp.vec2d) -> bool:
     return wp.abs(one[0] - other[0]) + wp.abs(one[1] - other[1]) >= SAME_PLACE
 
 
+@wp.func
+def is_beside(sample: wp.vec2d, place: wp.vec2d) -> bool:
+    """Whether a place stands between the neighbours of a sample."""
+    return wp.max(wp.abs(sample[0] - place[0]), wp.abs(sample[1] - place[1])) <= SAMPLE_SPACING
+
+
 @wp.kernel
 def mark_near_pairs(
     # in: pairs
@@ -377,8 +383,9 @@ def find_closest_places(
     # in: the pairs that may touch, and all pairs
     touch_pair: wp.array(dtype=wp.int32),
     touch_count: wp.array(dtype=wp.int32),
-    first_touch: int,
-    touch_stride: int,
+    part: int,
+    parts: int,
+    threads: int,
     pair_first: wp.array(dtype=wp.int32),
     pair_second: wp.array(dtype=wp.int32),
     pair_shift: wp.array(dtype=wp.vec3d),
@@ -405,12 +412,12 @@ def find_closest_places(
     pair_found: wp.array(dtype=wp.int32),
     pair_place: wp.array(dtype=wp.vec2d),
 ):
-    """Each thread takes every `touch_stride`-th pair that may touch. A step evaluates pairs whose curves may touch;
-    an evaluation without a step those whose gap may be below EVALUATED_GAP."""
+    """The threads of a part share its pairs. A step evaluates pairs whose curves may touch; an evaluation without a step
+    those whose gap may be below EVALUATED_GAP."""
     if is_halted(control):
         return
-    for touch in range(first_touch + wp.tid(), touch_count[0], touch_stride):
-        prefetch_pair(touch, touch_stride, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
+    for touch in range(first_of_part(touch_count, part, parts) + wp.tid(), first_of_part(touch_count, part + 1, parts), threads):
+        prefetch_pair(touch, threads, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
                       previous, following, node_radius, natural_length, rest_slope, rest_bump, slope_weight, contact_offset,
                       position, length, tangent, director)  # fmt: skip
         pair = touch_pair[touch]
@@ -468,18 +475,20 @@ def find_closest_places(
             one = wp.vec2d(from_one[0], from_one[1])
             other = wp.vec2d(from_other[0], from_other[1])
         if is_due or not is_followed:
-            from_sample = closest_on_curves(curve_p, curve_q, nearest_sample(curve_p, curve_q))
-            sample = wp.vec2d(from_sample[0], from_sample[1])
-            distance_of_one = distance_at(curve_p, curve_q, one)
-            distance_of_other = distance_at(curve_p, curve_q, other)
-            missed = wp.min(distance_of_one, distance_of_other) - distance_at(curve_p, curve_q, sample)
-            if missed > MISSED * contact_distance:
-                if distance_of_one > distance_of_other:
-                    from_one = from_sample
-                    one = sample
-                else:
-                    from_other = from_sample
-                    other = sample
+            sample = nearest_sample(curve_p, curve_q)
+            if not is_beside(sample, one) and not is_beside(sample, other):
+                from_sample = closest_on_curves(curve_p, curve_q, sample)
+                sample = wp.vec2d(from_sample[0], from_sample[1])
+                distance_of_one = distance_at(curve_p, curve_q, one)
+                distance_of_other = distance_at(curve_p, curve_q, other)
+                missed = wp.min(distance_of_one, distance_of_other) - distance_at(curve_p, curve_q, sample)
+                if missed > MISSED * contact_distance:
+                    if distance_of_one > distance_of_other:
+                        from_one = from_sample
+                        one = sample
+                    else:
+                        from_other = from_sample
+                        other = sample
             pair_renewal_travel[pair] = travel + RENEWAL_TRAVEL * contact_distance
         minima = ONE_PLACE
         nearest = distance_at(curve_p, curve_q, one)

@@ -26,7 +26,7 @@ from .wire_curve import Bump, curve_through, derivative_at, node_weights, point_
 from .wire_friction import previous_slip
 from .wire_motion import node_velocities, point_velocity, section_rate
 from .wire_pairs import NO_COMMON_WIRE
-from .wire_prefetch import prefetch_pair
+from .wire_prefetch import first_of_part, prefetch_pair
 from .wire_weights import friction_weight, inside_weight, line_weight, saddle_weight
 
 
@@ -80,8 +80,9 @@ def find_contact_forces(
     # in: the pairs that may touch, and all pairs
     touch_pair: wp.array(dtype=wp.int32),
     touch_count: wp.array(dtype=wp.int32),
-    first_touch: int,
-    touch_stride: int,
+    part: int,
+    parts: int,
+    threads: int,
     pair_start: wp.array(dtype=wp.int32),
     pair_count_of: wp.array(dtype=wp.int32),
     pair_first: wp.array(dtype=wp.int32),
@@ -128,14 +129,14 @@ def find_contact_forces(
     touch_loaded: wp.array(dtype=wp.int32),
     touch_force: wp.array(dtype=wp.vec3d),
     touch_couple: wp.array(dtype=wp.vec3d),
-    max_penetration: wp.array(dtype=wp.float64),  # an entry for every `first_touch`
+    max_penetration: wp.array(dtype=wp.float64),
 ):
-    """Each thread takes every `touch_stride`-th pair that may touch, at its places. `stick_share` is k_t
+    """The threads of a part share its pairs, at the places found. `stick_share` is k_t
     over the penalty in `control`. A contact without weight has the overlap -NO_COMMON_WIRE."""
     if is_halted(control):
         return
-    for touch in range(first_touch + wp.tid(), touch_count[0], touch_stride):
-        prefetch_pair(touch, touch_stride, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
+    for touch in range(first_of_part(touch_count, part, parts) + wp.tid(), first_of_part(touch_count, part + 1, parts), threads):
+        prefetch_pair(touch, threads, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
                       previous, following, node_radius, natural_length, rest_slope, rest_bump, slope_weight, contact_offset,
                       position, length, tangent, director)  # fmt: skip
         touch_loaded[touch] = 0
@@ -271,7 +272,7 @@ def find_contact_forces(
                     slip_place[after, 2 * pair + a] = place
                     elastic_slip[after, 2 * pair + a] = slip
             if a < 2:
-                wp.atomic_max(max_penetration, first_touch, contact_distance - distance)
+                wp.atomic_max(max_penetration, 0, contact_distance - distance)
             touch_normal_force[k] = normal_force
             touch_friction[k] = friction_force
             push = normal_force * n + friction_force

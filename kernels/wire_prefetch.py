@@ -71,3 +71,10 @@ def prefetch_pair(
     tangent: wp.array(dtype=wp.vec3d),
     director: wp.array(dtype=wp.vec3d),
 ): ...
+
+
+@wp.func
+def first_of_part(touch_count: wp.array(dtype=wp.int32), part: int, parts: int) -> int:
+    """The first pair of a part of the list, which is cut into `parts` of the same length."""
+    length = (touch_count[0] + parts - 1) / parts
+    return wp.min(part * length, touch_count[0])

@@ -247,6 +247,7 @@ def trade(
 @click.option("--fit-loop-length", metavar="LENGTH", help='Fit the loops to their wire length, such as "5.6 mm".')
 @click.option("--fit-curve", metavar="FILE", help="Fit the loops to the biaxial test in a CSV file.")
 @click.option("--areal-mass", metavar="MASS", help='Compare with a measured mass, such as "10 g/m^2".')
+@click.option("--cards", metavar="CODE,...", help="FE codes to write the card for, such as nastran,abaqus.  [default: all]")
 @click.option("--quiet", is_flag=True, help="No progress, no log.")
 @click.option("--force", is_flag=True, help="Replace finished results in DIR.")
 @click.option("--out", metavar="DIR", help="Where the results go.  [default: runs/<scene name>]")
@@ -260,6 +261,7 @@ def report(
     fit_loop_length: str | None,
     fit_curve: str | None,
     areal_mass: str | None,
+    cards: str | None,
     quiet: bool,
     force: bool,
     out: str | None,
@@ -274,9 +276,13 @@ def report(
     count = positive_quantity("--openings", openings, "per_length")
     length = positive_quantity("--fit-loop-length", fit_loop_length, "length")
     mass = positive_quantity("--areal-mass", areal_mass, "areal_mass")
+    from warpknit.design.fe import CODES
     from warpknit.design.inputs import Known, fitted_overrides, with_known
     from warpknit.design.report import make_report, report_scene
 
+    codes = tuple(CODES) if cards is None else tuple(dict.fromkeys(code.strip() for code in cards.split(",")))
+    if set(codes) - set(CODES):
+        raise click.UsageError(f"--cards: given {cards}, allowed: {', '.join(CODES)}, separated by commas.")
     loaded, directory = open_scene(scene, overrides, preset, out, "report", quiet=quiet)
     loaded = report_scene(loaded)
 
@@ -299,7 +305,7 @@ def report(
         if result.exit_code != FINISHED:
             return unfinished(result, "; the same command continues it")
         rows = read_map(directory / "map.csv", directory / "map_details.csv")
-        page = make_report(loaded, rows, directory, tension=asked, notes=notes, progress=progress)
+        page = make_report(loaded, rows, directory, tension=asked, notes=notes, codes=codes, progress=progress)
     from warpknit.run.summary_table import print_table
 
     lines = [("mesh", note) for note in notes]

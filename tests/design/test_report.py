@@ -14,6 +14,7 @@ from warpknit.cli import main
 from warpknit.design import curves, service
 from warpknit.design.card import MaterialCard
 from warpknit.design.card_files import card_values, card_warnings
+from warpknit.design.fe import CODES
 from warpknit.design.service import REFINED, equal_tension, service_points, strains_at_tension
 from warpknit.export import map_figure
 from warpknit.scene import load_scene
@@ -48,7 +49,7 @@ def reports(tmp_path_factory):
         patch.setattr(curves, "POINTS", 2)
         patch.setattr(map_figure, "map_figure", kept)
         for tension in ("", "0.06 N/m"):
-            done = make_report(out, *(["--tension", tension] if tension else []))
+            done = make_report(out, *(["--tension", tension, "--cards", "nastran, radioss"] if tension else []))
             assert done.exit_code == 0, done.output
             page = (out / "report.html").read_text(encoding="utf-8")
             card = json.loads((out / "material_card.json").read_text(encoding="utf-8"))
@@ -114,6 +115,18 @@ def test_a_tension_within_reach_is_the_prestress_of_the_card(reports):
     assert card["quality"]["positive_definite"] and rows["C33"]["unit"] == "N/m"
 
 
+def test_the_fe_codes_that_were_asked_for_get_a_card(reports):
+    """All of them for the optimum; of those only the two of the second report are left, with its prestress."""
+    out, found = reports
+    files = {code: file for code, (file, _) in CODES.items()}
+    assert found[""][1]["fe_cards"] == files
+    card = found["0.06 N/m"][1]
+    assert card["fe_cards"] == {code: files[code] for code in ("nastran", "radioss")}
+    assert {path.name for path in out.iterdir()} & set(files.values()) == {files["nastran"], files["radioss"]}
+    bulk = (out / files["nastran"]).read_text(encoding="ascii").replace("\n$ ", " ")
+    assert f"Prestress: {1e-3 * card['values']['prestress1']:.9g} MPa in weft" in bulk
+
+
 def test_card_service_table_and_marker_have_one_source(reports):
     """The strains and the share of the card, rounded alike, in its text, its table, the service table and the legend."""
     _, found = reports
@@ -162,6 +175,7 @@ def test_the_curves_are_a_table(reports):
     [
         (("--tension", "2 kg"), "--tension"),
         (("--tension", "-1 N/m"), "--tension"),
+        (("--cards", "nastran,marc"), "--cards"),
         (("--set", "model.boundary=gripped"), "model.boundary"),
         (("--set", "solver.drive=ramp"), "solver.drive"),
     ],

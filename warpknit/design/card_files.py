@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -106,8 +106,18 @@ def validity(scene: Scene, model_warnings: Sequence[str]) -> tuple[str, float, s
     return "model_valid", float(not model_warnings), "1", f"{said}; model: {scene.model.kind}, {scene.kind_reason}"
 
 
-def write_card(card: MaterialCard, scene: Scene, where: str, out: Path, model_warnings: Sequence[str] = ()) -> None:
-    """Write both files into `out`; where: the state of the card, in words; model_warnings: of its map."""
+def write_card(
+    card: MaterialCard,
+    scene: Scene,
+    where: str,
+    out: Path,
+    model_warnings: Sequence[str] = (),
+    fe_cards: Mapping[str, str] | None = None,
+) -> None:
+    """Write both files into `out`; where: the state of the card, in words; model_warnings: of its map.
+
+    fe_cards: the file for each FE code, or why there is none.
+    """
     rows = [validity(scene, model_warnings), *card_values(card)]
     columns = zip(("name", "value", "unit", "meaning"), zip(*rows, strict=True), strict=True)
     write_table(out / "material_card.csv", {heading: np.array(column, dtype=object) for heading, column in columns})
@@ -129,6 +139,7 @@ def write_card(card: MaterialCard, scene: Scene, where: str, out: Path, model_wa
             "step_difference_of_largest": card.step_difference,
             "shear_coupling_of_largest": card.shear_coupling,
         },
+        "fe_cards": dict(fe_cards or {}),
     }
     with write_aside(out / "material_card.json") as file:
         json.dump(content, file, indent=2, allow_nan=False)

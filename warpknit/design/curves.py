@@ -47,6 +47,16 @@ def tension_strain(model: Mesh, weft: float, warp: float, watch: Callable[[float
     return [_point(*place, state) for place, state in zip(wanted, states, strict=True)]
 
 
+def loading_path(model: Mesh, weft: float, warp: float, watch: Callable[[float], None] = lambda _: None) -> list[CurvePoint]:
+    """States in proportion to the strains `weft` and `warp`, up to one step beyond; without the two ends of the way there.
+
+    `watch` is called with the share of them that is found.
+    """
+    shares = [k / POINTS for k in range(1, POINTS + 2) if k != POINTS]
+    states = states_at(model, [np.diag([1.0 + share * weft, 1.0 + share * warp]) for share in shares], watch)
+    return [_point("loading", share * weft, share * warp, state) for share, state in zip(shares, states, strict=True)]
+
+
 def _point(load: str, weft: float, warp: float, state: Observables | Diverged) -> CurvePoint:
     if isinstance(state, Diverged):
         return CurvePoint(load, weft, warp, None, None, None, None, None, None)

@@ -23,8 +23,9 @@ from ..sweep.states import Mesh, mesh_of
 from ..text import celsius, exact
 from .card import MaterialCard, find_card, find_card_at_tension
 from .card_files import card_warnings, write_card
-from .curves import CurvePoint, tension_strain
+from .curves import CurvePoint, loading_path, tension_strain
 from .equal_tension import EqualTensionRun, run_equal_tension
+from .fe import CODES, FILES, write_fe_cards
 from .fine_states import DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE, exact_model, states_at
 from .network import contact_resistances, sheet_resistance
 from .opening_size import BANDS, Opening, openings
@@ -53,6 +54,7 @@ class Findings:
     curves: Sequence[CurvePoint]
     where: str  # state of the card, in words; or why there is none
     card: MaterialCard | None
+    loading: Sequence[CurvePoint]  # states from the mesh as knitted to the card and beyond
     tensioned: Observables | None  # the mesh of the card
     knitted_openings: Sequence[Opening]
     tensioned_openings: Sequence[Opening]
@@ -88,11 +90,13 @@ def make_report(
     *,
     tension: float | None = None,
     notes: Sequence[str] = (),
+    codes: Sequence[str] = tuple(CODES),
     progress: Progress | None = None,
 ) -> Findings:
     """Write report.html, the card, tension_strain.csv and figures into `out`, which holds the finished map of `scene`.
 
     rows: of the map. tension [N/m]: of the card, in both directions; default: the optimum. notes: how the scene was fitted.
+    codes: FE codes that get the card (`fe.CODES`).
     Raises `ModelError`, `KnitError`.
     """
     show = progress or Progress()
@@ -103,6 +107,7 @@ def make_report(
     show.stage("material card", number=2, of=5)
     optimum = find_optimum(rows, scene.wire.yield_stress)
     card, tensioned, where = _card(scene, optimum, tension, lambda share: show.update(done=share, load_factor=share))
+    loading = [] if card is None else loading_path(model, card.strain_weft, card.strain_warp)
     show.stage("service tensions", number=3, of=5)
     service = service_points(scene, rows, tension, card, lambda share: show.update(done=share, load_factor=share))
     show.stage("equal tensions", number=4, of=5)
@@ -125,12 +130,13 @@ def make_report(
         curves=curves,
         where=where,
         card=card,
+        loading=loading,
         tensioned=tensioned,
         knitted_openings=[] if isinstance(knitted, Diverged) else openings(knitted),
         tensioned_openings=[] if tensioned is None else openings(tensioned),
         model_warnings=model_warnings(model, rows),
     )
-    _write(found, out)
+    _write(found, out, codes)
     return found
 
 
@@ -165,14 +171,17 @@ def _card(
     return None, None, f"no card for {text}: {why}"
 
 
-def _write(found: Findings, out: Path) -> None:
+def _write(found: Findings, out: Path, codes: Sequence[str]) -> None:
     names = [field.name for field in fields(CurvePoint)]
     table = {name: np.array([asdict(p)[name] for p in found.curves], dtype=object) for name in names}
     write_table(out / "tension_strain.csv", table)
-    for name in ("material_card.csv", "material_card.json"):
+    for name in ("material_card.csv", "material_card.json", *FILES):
         (out / name).unlink(missing_ok=True)  # of an earlier report
     if found.card is not None:
-        write_card(found.card, found.scene, found.where, out, found.model_warnings)
+        fe_cards = write_fe_cards(
+            found.card, found.loading, found.scene, found.where, out, codes=codes, warnings=found.model_warnings
+        )
+        write_card(found.card, found.scene, found.where, out, found.model_warnings, fe_cards)
     with write_aside(out / "answers.json") as file:
         json.dump(found.run.answers, file, indent=2, allow_nan=False)
     with write_aside(out / "report.html") as file:

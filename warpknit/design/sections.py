@@ -81,7 +81,7 @@ def map_section(
     page.heading("Active contacts and the optimum")
     page.figure(
         figure,
-        "Active contacts against strain; each tile shows the state at its middle. Orange line: elastic"
+        "Active contacts over the loads of the map; each tile shows the state at its middle. Orange line: elastic"
         " limit of the wire; star: optimum; other markers: service tensions, in the colour of their own contacts.",
     )
     if optimum is None:
@@ -149,7 +149,10 @@ def card_section(page: Page, scene: Scene, card: MaterialCard | None, where: str
     )
     rows = [(name, *_shown(name, value, unit), meaning) for name, value, unit, meaning in card_values(card)]
     page.table(rows, ("", "value", "unit", "meaning"))
-    page.text(DEFINITION + " material_card.csv and material_card.json contain the same values, in SI units.")
+    page.text(
+        DEFINITION + " material_card.csv and material_card.json contain the same values, in SI units;"
+        " the files material_card_*.* have them for FE codes."
+    )
     for warning in card_warnings(card, scene):
         page.warning(warning[0].upper() + warning[1:] + ".")
     if card.difference <= AGREEMENT:

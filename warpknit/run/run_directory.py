@@ -15,7 +15,9 @@ OUTPUT_NAMES = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scen
         "wires.manifest.usda", "stages.json", "states", "frames", "figures", "checkpoint", "vtk", "tables", "panel",
         "map.csv", "map.json", "map_details.csv", "seeds",
         "trade.csv", "trade_knobs.csv", "trade.json",
-        "report.html", "material_card.csv", "material_card.json", "tension_strain.csv")  # fmt: skip
+        "report.html", "material_card.csv", "material_card.json", "tension_strain.csv",
+        "material_card_nastran.bdf", "material_card_abaqus.inp", "material_card_calculix.inp", "material_card_ansys.inp",
+        "material_card_lsdyna.k", "material_card_radioss.inc")  # fmt: skip
 SUMMARIES = {"summary.json": "run", "map.json": "map", "trade.json": "trade"}
 TABLES = {"checkpoint/checkpoint.npz": "run", "map.csv": "map", "trade.csv": "trade"}  # of unfinished ones
 

@@ -34,6 +34,8 @@ LEAST_WEIGHT, BEYOND_WEIGHT = 0.5, 0.16  # of the nodes of the segment, at least
 # memory of one pair, its elastic slips, and of a pair that may touch
 PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2 + 1) + 4 * 4, 2 * 2 * (8 * (3 + 2) + 4)
 TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (2 + 2 * 3)) + 4 * 3
+AT_A_TIME = 1024  # pairs whose closest points and forces are found one after the other, so that their data stay in the cache
+CACHE_LINE = 8  # numbers
 LEAST_CAPACITY = 64  # of a list
 NEXT_TRAVEL = 0.4  # of the thickness, most travel before near pairs are listed again
 SINGLE = 1.0001  # allowance for distances in single precision
@@ -169,8 +171,8 @@ class WireContact:
         self._grid = wp.HashGrid(along_x, along_y, along_z, device=device)
         self._hash_place = wp.zeros(rods.node_count, dtype=wp.vec3, device=device)
         self._wires = _upload_wires(rods, curve, device)
-        # [thread] [m] since the last `pop_max_penetration`
-        self.max_penetration = wp.zeros(stepper.threads, dtype=wp.float64, device=device)
+        # [m] of each thread, CACHE_LINE numbers apart, since the last `pop_max_penetration`
+        self.max_penetration = wp.zeros(CACHE_LINE * stepper.threads, dtype=wp.float64, device=device)
         self._travel = NEXT_TRAVEL * rods.section.thickness  # [m] until the near pairs are listed again
         self._search_travel = -1.0  # [m] until the next search
         self.touch = TouchArrays.of(rods.node_count, LEAST_CAPACITY, device)
@@ -191,21 +193,26 @@ class WireContact:
         return int(fetch(self._list.total)[0])
 
     def launches(self, part: int = 0, parts: int = 1) -> list[Launch]:
-        """Launches that find a part of the contact forces."""
-        stepper, pairs, touch = self.stepper, self._list, self.touch
-        sources = (self._wires, stepper.arrays, stepper.state, touch)
-        threads = 1 if stepper.device == "cpu" else touch.capacity
-        named = pairs.named("first", "second", "shift", "found", "place") | {"first_touch": part, "touch_stride": parts * threads}
+        """Launches that find a part of the contact forces, on a CPU some pairs at a time."""
+        pairs, touch = self._list, self.touch
+        sources = (self._wires, self.stepper.arrays, self.stepper.state, touch)
+        threads, turns = (1, 1 + touch.capacity // (parts * AT_A_TIME)) if self.stepper.device == "cpu" else (touch.capacity, 1)
+        named = pairs.named("first", "second", "shift", "found", "place") | {"parts": parts * turns, "threads": threads}
+        travels = pairs.named("wake_travel", "renewal_travel")
         own = pairs.named("start", "arc_separation") | {"pair_count_of": pairs.count}
-        slip = {name: getattr(pairs, name) for name in SLIP_ARRAYS}
-        return [
-            bind(find_closest_places, threads, *sources, **named, **pairs.named("wake_travel", "renewal_travel")),
-            bind(
-                find_contact_forces, threads, *sources, min_arc_separation=wp.float64(MIN_ARC_SEPARATION),
-                friction=wp.float64(self.friction), stick_share=wp.float64(STICK_SHARE), max_penetration=self.max_penetration,
-                **named, **own, **slip,
-            ),
-        ]  # fmt: skip
+        own |= {name: getattr(pairs, name) for name in SLIP_ARRAYS}
+        largest = self.max_penetration[part * CACHE_LINE : part * CACHE_LINE + 1]
+        work = []
+        for turn in range(part * turns, (part + 1) * turns):
+            work += [
+                bind(find_closest_places, threads, *sources, part=turn, **named, **travels),
+                bind(
+                    find_contact_forces, threads, *sources, part=turn, min_arc_separation=wp.float64(MIN_ARC_SEPARATION),
+                    friction=wp.float64(self.friction), stick_share=wp.float64(STICK_SHARE), max_penetration=largest,
+                    **named, **own,
+                ),
+            ]  # fmt: skip
+        return work
 
     def _new_list(self, capacity: int, number: int) -> _PairList:
         stepper = self.stepper

@@ -1,0 +1,60 @@
+"""The table of FE codes, and the files for them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from ...files import write_aside
+from ...scene import Scene
+from ..card import MaterialCard
+from ..card_files import card_warnings
+from ..curves import CurvePoint
+from . import abaqus, ansys, calculix, lsdyna, nastran, radioss
+from .fe_card import FeCard
+from .tangent import NoConstants
+from .yarn_curves import yarn_curves
+
+CODES: dict[str, tuple[str, Callable[[FeCard], str]]] = {
+    "nastran": ("material_card_nastran.bdf", nastran.text),
+    "abaqus": ("material_card_abaqus.inp", abaqus.text),
+    "calculix": ("material_card_calculix.inp", calculix.text),
+    "ansys": ("material_card_ansys.inp", ansys.text),
+    "lsdyna": ("material_card_lsdyna.k", lsdyna.text),
+    "radioss": ("material_card_radioss.inc", radioss.text),
+}
+FILES = tuple(file for file, _ in CODES.values())
+
+
+def write_fe_cards(
+    card: MaterialCard,
+    path: Sequence[CurvePoint],
+    scene: Scene,
+    where: str,
+    out: Path,
+    *,
+    codes: Sequence[str] = tuple(CODES),
+    warnings: Sequence[str] = (),
+) -> dict[str, str]:
+    """Write the file of each of `codes` into `out`; return its name, or why there is none.
+
+    path: states on the way to the card (`curves.loading_path`). where: state of the card, in words. warnings: of the model.
+    """
+    curves, no_curves = None, ""
+    try:
+        curves = yarn_curves(card, path)
+    except NoConstants as error:
+        no_curves = str(error)
+    fe = FeCard(scene.name, where, card, curves, no_curves, [*warnings, *card_warnings(card, scene)])
+    written = {}
+    for code in codes:
+        name, text = CODES[code]
+        try:
+            content = text(fe)
+        except NoConstants as error:
+            written[code] = f"none: {error}"
+            continue
+        with write_aside(out / name) as file:
+            file.write(content)
+        written[code] = name
+    return written
