@@ -88,8 +88,9 @@ def test_a_last_record_gives_a_range(monkeypatch: pytest.MonkeyPatch) -> None:
     closes = closing(rows, "A", 1e-12, 1e-12)
     assert closes is not None and not closes["resolved"]
     assert [state["tension_weft_N_per_m"] for state in closes["between"]] == pytest.approx([0.2, 0.3])
-    text = dict(answer_rows(found(rows, monkeypatch), LIMIT))
+    text = dict(answer_rows(found(rows, monkeypatch, service=0.25), LIMIT))
     assert text["contacts A close at"].startswith("between 200 mN/m and 300 mN/m")
+    assert text["active at 250 mN/m"].endswith("more output.frames tell which")
 
 
 def test_heat_is_told_stage_by_stage(monkeypatch: pytest.MonkeyPatch) -> None:

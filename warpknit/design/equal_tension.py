@@ -89,4 +89,5 @@ def _records(scene: Scene, stages: Sequence[Stage], watch: Callable[[float], Non
 def _point(point: ServicePoint) -> dict[str, Any]:
     """A service point as the answers of a run have it."""
     state = None if point.strains is None else dict(zip(("strain_weft", "strain_warp"), point.strains, strict=True))
-    return {"tension_N_per_m": point.tension, "active_percent": point.active_percent if state else None, "state": state}
+    active = point.active_percent if state else None
+    return {"tension_N_per_m": point.tension, "active_percent": active, "state": state, "resolved": True}

@@ -42,7 +42,7 @@ def answers_of(model: MeshModel, rows: Sequence[Row]) -> Answer | None:
     top = max(rows, key=mean_tension)
     given = model.scene.output.service_tension
     wanted = SERVICE_TENSIONS if given is None else (given,)
-    service = [_service(tension, _at_tension(rows, tension, classes, closings)) for tension in wanted]
+    service = [_service(tension, _at_tension(rows, tension, classes, closings), closings) for tension in wanted]
     part = max(stages_of(rows), key=lambda part: max(row.active_percent for row in part), default=list(rows))
     rising = sorted(part, key=mean_tension)
     known = [mean_tension(Row(**one)) for one in (*closings.values(), first_yield) if one is not None]
@@ -146,9 +146,12 @@ def _at_tension(rows: Sequence[Row], tension: float, classes: Sequence[ContactCl
     return Row(**_between(before, after, share), active_percent=active / pairs, stress_max_Pa=stress)
 
 
-def _service(tension: float, there: Row | None) -> Answer:
-    active = None if there is None else there.active_percent
-    return {"tension_N_per_m": tension, "active_percent": active, "state": None if there is None else _state(there)}
+def _service(tension: float, there: Row | None, closings: Answer) -> Answer:
+    """The share at a service tension; `resolved`: whether no class closes at an unknown tension between the same two records."""
+    unknown = [one["between"] for one in closings.values() if one is not None and not one["resolved"]]
+    near = [low for low, high in unknown if mean_tension(Row(**low)) <= tension <= mean_tension(Row(**high))]
+    active, state = (None, None) if there is None else (there.active_percent, _state(there))
+    return {"tension_N_per_m": tension, "active_percent": active, "state": state, "resolved": not near}
 
 
 def _heat(rows: Sequence[Row]) -> Iterator[Answer]:

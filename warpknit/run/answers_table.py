@@ -15,10 +15,12 @@ def answer_rows(answers: Mapping[str, Any], yield_stress: float) -> Iterator[tup
     """Pairs of a heading and a text. yield_stress [Pa]: elastic limit of the wire."""
     reached = f"up to {_tension(answers['largest_tension'])}"
     for one in answers["contacts"]:
-        yield f"contacts {one['name']} close at", f"{_closing(one, reached)} ({one['pairs']} pairs)"
+        name = f"contacts {one['name']}" if len(answers["contacts"]) > 1 else "contacts"
+        yield f"{name} close at", f"{_closing(one, reached)} ({one['pairs']} pairs)"
     for point in answers["service"]:
         there = point["state"]
         text = f"not reached; {reached}" if there is None else f"{percent(0.01 * point['active_percent'])}, {_strain(there)}"
+        text += "" if point["resolved"] else "; contacts close between the records there: more output.frames tell which"
         yield f"active at {exact(point['tension_N_per_m'], 'N/m')}", text
     yield "first yield at", _yield(answers, yield_stress, reached)
     for stage in answers["heat"]:
