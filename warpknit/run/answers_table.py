@@ -8,6 +8,7 @@ from typing import Any
 from ..text import celsius, engineering, exact, percent
 
 State = Mapping[str, Any]
+LEAST = 1e-9  # [N/m] smaller tensions are scatter about zero
 WIDE = 0.5  # of a tension: distance of two records that is given with the tension between them
 
 
@@ -30,8 +31,8 @@ def answer_rows(answers: Mapping[str, Any], yield_stress: float) -> Iterator[tup
 
 def _tension(state: State) -> str:
     """Tension in weft and warp; once where both are alike."""
-    both = [engineering(state[f"tension_{side}_N_per_m"], "N/m") for side in ("weft", "warp")]
-    return " / ".join(dict.fromkeys(both))
+    both = [state[f"tension_{side}_N_per_m"] for side in ("weft", "warp")]
+    return " / ".join(dict.fromkeys(engineering(value if abs(value) > LEAST else 0.0, "N/m") for value in both))
 
 
 def _strain(state: State) -> str:
