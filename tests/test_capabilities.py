@@ -55,8 +55,8 @@ def scene_of(*asked: str) -> dict[str, Any]:
     table: dict[str, Any] = {}
     for name in [*sorted(traits_of(*asked) - set(asked)), *asked]:
         for key, value in TRAITS[name].example.items():
-            merged = {**table.get(key, {}), **value} if isinstance(value, dict) else value
-            table[key] = merged
+            is_merged = isinstance(value, dict) and name != "sweep by tension"  # whose tensions take the place of strains
+            table[key] = {**table.get(key, {}), **value} if is_merged else value
     return table
 
 

@@ -49,7 +49,7 @@ LAYERS = (
     {"__main__"},
 )
 MAY_IMPORT_EXPORT = {"runner.recorder", "sweep.sweep", "trade.study", "cli", "design.report", "results.run"}
-EXPORT_MAY_IMPORT = {"errors", "files", "frame", "hermite", "knit", "processes", "export"}
+EXPORT_MAY_IMPORT = {"errors", "files", "frame", "hermite", "knit", "processes", "text", "export"}
 KERNELS_MAY_IMPORT = {"typing", "warp", ".kernels"}
 STARTED_BY_THE_COMMAND_LINE = {"runner.run", "sweep.sweep", "trade.study", "design.report", "plan"}
 ARRAYS_ONLY = {"knit": {"warp", "pydantic", "pxr"}}  # packages that are NumPy only, and what they may not import

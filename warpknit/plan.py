@@ -163,11 +163,13 @@ def _sweep(scene: Scene, size: Size) -> str:
     """The sweep of `warpknit map` in words; empty without one."""
     if scene.sweep is None:
         return ""
-    pairs = len(set(scene.sweep.strain_weft)) * len(set(scene.sweep.strain_warp))
+    pairs = len(scene.sweep.pairs)
     meshes = f" of {scene.sweep.seeds} meshes" if scene.sweep.seeds > 1 else ""
     seconds = estimates_of(scene).map_time(scene, size)
     took = "" if seconds is None else f" in about {duration(seconds)}"
-    return f"warpknit map solves {pairs:,} pairs of strains{meshes}{took}; all other values are for one run of [load]"
+    return (
+        f"warpknit map solves {pairs:,} pairs of {scene.sweep.quantity}{meshes}{took}; all other values are for one run of [load]"
+    )
 
 
 def _repeat(scene: Scene, cloth: Cloth) -> str:

@@ -71,6 +71,22 @@ def test_the_page_holds_all_it_shows(reports):
     assert len(list((out / "figures").glob("report_*.png"))) == 4
 
 
+def test_the_answers_come_first(reports):
+    """Where contacts close and wires yield under equal tensions, before anything else; the same in answers.json."""
+    out, found = reports
+    page, _, _ = found["0.06 N/m"]
+    assert page.index("<h2>In short</h2>") < page.index("Computed by warpknit") < page.index("<h2>The mesh</h2>")
+    answers = json.loads((out / "answers.json").read_text(encoding="utf-8"))
+    closes = {one["name"]: one["closes"] for one in answers["contacts"]}
+    assert closes["A"]["tension_weft_N_per_m"] < closes["B"]["tension_weft_N_per_m"] < 0.06
+    assert closes["B"]["tension_weft_N_per_m"] == pytest.approx(closes["B"]["tension_warp_N_per_m"], rel=0.05)
+    low, high = (answers["best"][end]["tension_weft_N_per_m"] for end in ("low", "high"))
+    assert low < answers["best"]["tension_weft_N_per_m"] < high
+    served = {point["tension_N_per_m"]: point["active_percent"] for point in answers["service"]}
+    assert served[0.06] == pytest.approx(200.0 / 3.0) and served[4.9] is None
+    assert "first yield at" in page and "contacts B close at" in page
+
+
 def test_without_a_tension_the_card_is_for_the_optimum(reports):
     _, found = reports
     page, card, _ = found[""]

@@ -5,6 +5,7 @@ The page states what is missing: a tension that the mesh does not reach, a state
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
@@ -17,18 +18,19 @@ from ..measure import Observables
 from ..runner.progress_display import Progress
 from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
-from ..sweep.contact_map import Jump, MapRow, Optimum, find_jumps, find_optimum, grid, jump_warning, model_warnings
+from ..sweep.contact_map import Jump, MapRow, Optimum, axes_of, find_jumps, find_optimum, grid, jump_warning, model_warnings
 from ..sweep.states import Mesh, mesh_of
 from ..text import celsius, exact
 from .card import MaterialCard, find_card, find_card_at_tension
 from .card_files import card_warnings, write_card
 from .curves import CurvePoint, loading_path, tension_strain
+from .equal_tension import EqualTensionRun, run_equal_tension
 from .fe import CODES, FILES, write_fe_cards
 from .fine_states import DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE, exact_model, states_at
 from .network import contact_resistances, sheet_resistance
 from .opening_size import BANDS, Opening, openings
 from .page import Page
-from .sections import card_section, curve_section, electric_section, map_section, mesh_section, openings_section
+from .sections import answers_section, card_section, curve_section, electric_section, map_section, mesh_section, openings_section
 from .service import EqualTension, ServicePoint, equal_tension, service_points, strains_under_tension
 
 UNDER_TENSION, SEARCHED = 0.3, 0.5  # of the time of a card at a tension: run under it, and search for its strains
@@ -47,6 +49,7 @@ class Findings:
     jumps: Sequence[Jump]  # of the map
     requested: float | None  # [N/m] tension requested for the card
     equal_tension: EqualTension  # largest in the map
+    run: EqualTensionRun  # to that tension, or the requested one
     service: Sequence[ServicePoint]
     curves: Sequence[CurvePoint]
     where: str  # state of the card, in words; or why there is none
@@ -56,6 +59,11 @@ class Findings:
     knitted_openings: Sequence[Opening]
     tensioned_openings: Sequence[Opening]
     model_warnings: Sequence[str]  # where the states are outside the validity of their model
+
+    @property
+    def by_tension(self) -> bool:
+        """Whether the map prescribes tensions."""
+        return any(row.by_tension for row in self.rows)
 
     @property
     def card_state(self) -> str:
@@ -70,7 +78,7 @@ class Findings:
 
 def report_scene(scene: Scene) -> Scene:
     """`scene`, with the default sweep if it has none. Raises `SceneError` for a scene without a report."""
-    scene = replace(scene, sweep=scene.sweep or Sweep(DEFAULT_STRAINS, DEFAULT_STRAINS, 1))
+    scene = replace(scene, sweep=scene.sweep or Sweep(strain_weft=DEFAULT_STRAINS, strain_warp=DEFAULT_STRAINS))
     refuse(scene, "report")
     return scene
 
@@ -92,17 +100,21 @@ def write_report(
     Raises `ModelError`, `KnitError`.
     """
     show = progress or Progress()
-    show.stage("tension-strain curves", number=1, of=4)
+    show.stage("tension-strain curves", number=1, of=5)
     model = mesh_of(scene)
-    largest = max(row.strain_weft for row in rows), max(row.strain_warp for row in rows)
-    curves = tension_strain(model, *largest, lambda share: show.update(done=share, load_factor=share))
-    show.stage("material card", number=2, of=4)
+    weft, warp = (max(vars(row)[f"strain_{side}"] or 0.0 for row in rows) for side in ("weft", "warp"))
+    curves = tension_strain(model, weft, warp, lambda share: show.update(done=share, load_factor=share))
+    show.stage("material card", number=2, of=5)
     optimum = find_optimum(rows, scene.wire.yield_stress)
     card, tensioned, where = _card(scene, optimum, tension, lambda share: show.update(done=share, load_factor=share))
     loading = [] if card is None else loading_path(model, card.strain_weft, card.strain_warp)
-    show.stage("service tensions", number=3, of=4)
+    show.stage("service tensions", number=3, of=5)
     service = service_points(scene, rows, tension, card, lambda share: show.update(done=share, load_factor=share))
-    show.stage("openings and page", number=4, of=4)
+    show.stage("equal tensions", number=4, of=5)
+    equal = equal_tension(rows, scene.wire.yield_stress)
+    largest = max(equal.largest, tension or 0.0)
+    run = run_equal_tension(scene, largest, tension, service, lambda share: show.update(done=share, load_factor=share))
+    show.stage("openings and page", number=5, of=5)
     knitted = states_at(model, [np.eye(2)])[0]
     found = Findings(
         scene=scene,
@@ -112,7 +124,8 @@ def write_report(
         optimum=optimum,
         jumps=find_jumps(model, rows),
         requested=tension,
-        equal_tension=equal_tension(rows, scene.wire.yield_stress),
+        equal_tension=equal,
+        run=run,
         service=service,
         curves=curves,
         where=where,
@@ -169,6 +182,8 @@ def _write(found: Findings, out: Path, codes: Sequence[str]) -> None:
             found.card, found.loading, found.scene, found.where, out, codes=codes, warnings=found.model_warnings
         )
         write_card(found.card, found.scene, found.where, out, found.model_warnings, fe_cards)
+    with write_aside(out / "answers.json") as file:
+        json.dump(found.run.answers, file, indent=2, allow_nan=False)
     with write_aside(out / "report.html") as file:
         file.write(_page(found, _figures(found, out / "figures")).html())
 
@@ -178,6 +193,7 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     page = Page(f"{found.scene.name}: {wire.material} mesh, {1e6 * wire.diameter:g} um wire")
     for warning in found.model_warnings:
         page.warning(f"{warning[0].upper()}{warning[1:]}.")
+    answers_section(page, found.scene, found.run, found.equal_tension, figures.get("heat"))
     page.text(
         "Computed by warpknit for endless cloth, without friction; every state is loaded proportionally from the mesh as"
         " knitted. Weft is across the wales (axis 1, x), warp along them (axis 2, y). Tensions are forces per current width."
@@ -189,7 +205,7 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     page.text(f"The optimum, the curves and the card are at {celsius(load.temperature)}, the temperature of [load].")
     mesh_section(page, found.scene, found.model.cloth, found.card, found.notes)
     map_section(page, found.scene, found.optimum, found.service, found.equal_tension, figures["map"])
-    if (jumped := jump_warning(found.jumps)) is not None:
+    if (jumped := jump_warning(found.jumps, found.by_tension)) is not None:
         page.warning(f"{jumped[0].upper()}{jumped[1:]}.")
     curve_section(page, found.curves, figures["curves"])
     card_section(page, found.scene, found.card, found.where)
@@ -200,20 +216,23 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
 
 
 def _figures(found: Findings, folder: Path) -> dict[str, Path]:
+    from ..export.curves_figure import heat_figure
     from ..export.design_figures import openings_figure, resistance_figure, tension_strain_figure
     from ..export.map_figure import Marks, map_figure
 
-    weft, warp = (sorted({row.strains[side] for row in found.rows}) for side in (0, 1))
+    weft, warp = axes_of(found.rows)
     optimum, limit = found.optimum, found.scene.wire.yield_stress
     marks = Marks(
         stress=grid(found.rows, "stress_max_Pa", weft, warp),
         yield_stress=limit,
-        optimum=None if optimum is None else (optimum.strain_weft, optimum.strain_warp),
+        optimum=None if optimum is None else optimum.load,
         jumps=found.jumps,
         places=tuple(
-            (f"{p.name}: {p.strain}, {p.active} active", p.strains, p.active_percent)
+            (f"{p.name}: {p.strain}, {p.active} active", load, p.active_percent)
             for p in found.service
-            if p.strains is not None and weft[0] <= p.strains[0] <= weft[-1] and warp[0] <= p.strains[1] <= warp[-1]
+            if (load := (p.tension, p.tension) if p.strains and found.by_tension else p.strains) is not None
+            and weft[0] <= load[0] <= weft[-1]
+            and warp[0] <= load[1] <= warp[-1]
         ),
     )
     curves = {load: _arrays([p for p in found.curves if p.load == load]) for load in dict.fromkeys(p.load for p in found.curves)}
@@ -223,13 +242,15 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
         "map": lambda path: map_figure(
             path, weft, warp, grid(found.rows, "active_percent", weft, warp),
             title=f"{found.scene.name}: active contacts", label="active contacts [% of pairs]", percent=True, marks=marks,
-            warnings=found.model_warnings,
+            warnings=found.model_warnings, by_tension=found.by_tension,
         ),
         "curves": lambda path: tension_strain_figure(curves, path, yield_stress=limit),
         "openings": lambda path: openings_figure(circles, BANDS, path),
         "resistance": lambda path: resistance_figure(curves["equal"], path),
     }  # fmt: skip
-    return {name: drawn(folder / f"report_{name}.png") for name, drawn in draw.items()}
+    figures = {name: drawn(folder / f"report_{name}.png") for name, drawn in draw.items()}
+    heat = heat_figure([vars(row) for row in found.run.heated], folder / "report_heat.png") if found.run.heated else None
+    return figures if heat is None else figures | {"heat": heat}
 
 
 def _arrays(points: Sequence[CurvePoint]) -> dict[str, np.ndarray]:

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 from scipy.constants import speed_of_light
 
 from ..knit.cloth import Cloth
+from ..runner.answers_table import answer_rows
 from ..scene import Scene
-from ..sweep.contact_map import Optimum
+from ..sweep.contact_map import Optimum, drift_text
 from ..text import celsius, engineering, percent
 from .card import AGREEMENT, MaterialCard
 from .card_files import DEFINITION, card_values, card_warnings
 from .curves import CurvePoint
+from .equal_tension import EqualTensionRun
 from .inputs import INCH, openings_per_length
 from .network import surface, wire_resistance
 from .opening_size import BANDS, FINE_ENOUGH, Opening
@@ -22,6 +25,24 @@ from .page import Page
 from .service import EqualTension, ServicePoint
 
 FOR_PEOPLE = {"Pa": (1e-6, "MPa"), "kg/m^2": (1e3, "g/m2"), "1/K": (1e6, "1e-6/K")}  # factor from SI, and unit
+
+
+def answers_section(page: Page, scene: Scene, run: EqualTensionRun, largest: EqualTension, heat: Path | None) -> None:
+    """Answers to a designer's questions, first on the page. heat: picture of what temperature does."""
+    page.heading("In short")
+    if run.answers is None:
+        page.warning(largest.text())
+        return
+    page.table(answer_rows(run.answers, scene.wire.yield_stress))
+    page.text(
+        f"Equal tensions in weft and warp, from the mesh as knitted in {len(run.rows) - 1} levels, to first yield or the largest"
+        " service tension. Contacts A, B, ... are the classes of places of one shape, from the tightest lens on. The shares at"
+        " service tensions are those of the table below."
+    )
+    if heat is not None:
+        page.figure(heat, "The mesh under a held tension, while its temperature changes to that of each [[path]].")
+    elif not run.answers["heat"]:
+        page.text("The scene has no [[path]] with another temperature, so this page does not show what heat does.")
 
 
 def mesh_section(page: Page, scene: Scene, cloth: Cloth | None, card: MaterialCard | None, notes: Sequence[str]) -> None:
@@ -60,7 +81,7 @@ def map_section(
     page.heading("Active contacts and the optimum")
     page.figure(
         figure,
-        "Active contacts against strain; each tile shows the state at its middle. Orange line: elastic"
+        "Active contacts over the loads of the map; each tile shows the state at its middle. Orange line: elastic"
         " limit of the wire; star: optimum; other markers: service tensions, in the colour of their own contacts.",
     )
     if optimum is None:
@@ -72,6 +93,7 @@ def map_section(
             ("tension, weft / warp", _pair(optimum.tension_weft_N_per_m, optimum.tension_warp_N_per_m, "N/m")),
             ("active contacts", f"{percent(0.01 * optimum.active_percent)} of pairs"),
             ("largest wire stress", f"{engineering(optimum.stress_max_Pa, 'Pa')}, {margin}"),
+            *((f"tension, where {drift.along} may drift", drift_text(asdict(drift))) for drift in optimum.drift),
         ])  # fmt: skip
     page.text("The optimum is the load with the most active contacts among those that keep the wire below its elastic limit.")
     if optimum is not None and optimum.edge_warning is not None:

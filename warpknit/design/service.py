@@ -11,14 +11,14 @@ from scipy.optimize import least_squares
 from .. import measure
 from ..errors import Diverged
 from ..measure import Observables
+from ..runner.answers import SERVICE_TENSIONS
 from ..scene import Scene
 from ..solve.simulate import Simulation
-from ..sweep.contact_map import MapRow, grid
+from ..sweep.contact_map import MapRow, axes_of, grid
 from ..sweep.states import mesh_of
 from ..text import engineering, exact, percent
 from .card import MaterialCard
 
-SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf. Ser. 402, 66)
 REFINED = 16  # times finer than the map on each side, for the search of equal tensions
 SIDES = ("weft", "warp")
 INSIDE = 1e-6  # tolerance of a solution: of the tension, and of a cell of the map outside it
@@ -26,12 +26,11 @@ ROOM = 0.1  # of a cell of the map, allowed outside it during the search, which 
 
 
 def strains_at_tension(rows: Sequence[MapRow], tension: float) -> tuple[float, float] | None:
-    """Weft and warp strain at which the bilinear map reaches `tension` [N/m] in both directions; None if it does not.
+    """Load of the map (strains, or tensions) at which the bilinear map reaches `tension` [N/m] in both directions, or None.
 
     Of several solutions, the one of least strain.
     """
-    weft = sorted({row.strain_weft for row in rows})
-    warp = sorted({row.strain_warp for row in rows})
+    weft, warp = axes_of(rows)
     return strains_on_grid(weft, warp, np.stack([grid(rows, f"tension_{side}_N_per_m", weft, warp) for side in SIDES]), tension)
 
 
@@ -106,13 +105,13 @@ def service_points(
     card: MaterialCard | None,
     watch: Callable[[float], None] = lambda _: None,
 ) -> list[ServicePoint]:
-    """The SERVICE_TENSIONS, and the `requested` one [N/m], whose `card` is its point.
+    """The SERVICE_TENSIONS, that of the scene, and the `requested` one [N/m], whose `card` is its point.
 
     The others are equilibria of runs under their tension, made where the map reaches it: interpolated between its cells, strains
     and contacts would differ from theirs. `watch` is called with the share that is done.
     """
     points = []
-    tensions = sorted({*SERVICE_TENSIONS, *(() if requested is None else (requested,))})
+    tensions = sorted({*SERVICE_TENSIONS, *(one for one in (scene.output.service_tension, requested) if one is not None)})
     for number, tension in enumerate(tensions):
         if tension == requested:
             points.append(ServicePoint(tension, why="no card") if card is None else point_of_card(card, tension))
@@ -174,17 +173,17 @@ class EqualTension:
     def text(self) -> str:
         """Sentence for the report."""
         if self.largest == 0.0:
-            return "The map has no strains with equal tension in both directions; try other strains in [sweep]."
+            return "The map has no strains with equal tension in both directions; try other loads in [sweep]."
         up_to = f"Within the map, the largest equal tension is {engineering(self.largest, 'N/m')}"
         if self.elastic == self.largest:
-            return f"{up_to}; larger ones need larger strains in [sweep]."
+            return f"{up_to}; larger ones need a wider [sweep]."
         beyond = f", and {engineering(self.elastic, 'N/m')} with" if self.elastic > 0.0 else ", but none with"
         return f"{up_to}{beyond} the wire below its elastic limit of {engineering(self.limit, 'Pa')}."
 
 
 def equal_tension(rows: Sequence[MapRow], limit: float) -> EqualTension:
     """The largest equal tensions of the bilinear map. limit [Pa]: elastic limit of the wire."""
-    weft, warp = (sorted({row.strains[side] for row in rows}) for side in (0, 1))
+    weft, warp = axes_of(rows)
     names = [*(f"tension_{side}_N_per_m" for side in SIDES), "stress_max_Pa"]
     first, second, stress = (_refined(grid(rows, name, weft, warp)) for name in names)
     apart = first - second

@@ -9,13 +9,17 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, figure_of, save_figure, scale_of
+from warpknit.text import ZERO_CELSIUS
 
-__all__ = ["curves_figure"]
+__all__ = ["curves_figure", "heat_figure"]
 
+SIDE_COLOURS = (("weft", BLUE), ("warp", ORANGE))
+LEAST_SPAN = 0.02  # of a value: shortest axis of a quantity against temperature
 DECADES_DRAWN = 1e-9  # of a logarithmic axis: a kinetic energy that has died away does not flatten the others
 STAGE_STYLES: tuple[tuple[str | tuple[int, tuple[float, ...]], str], ...] = (
     ("-", "o"),
@@ -67,15 +71,70 @@ def curves_figure(history: Iterable[Mapping[str, Any]] | str | os.PathLike[str],
     for axes in panels[2:]:
         axes.set_xlabel(abscissa_label)
     if len(stages) > 1:
-        handles = []
-        for number, (name, _) in enumerate(stages):
-            style, marker = STAGE_STYLES[number % len(STAGE_STYLES)]
-            face = GREY if number % 2 == 0 else "white"
-            look: dict[str, Any] = {"linestyle": style, "marker": marker, "markersize": 4.5, "markerfacecolor": face}
-            handles.append(Line2D([], [], color=GREY, label=name, **look))
-        columns_shown = min(len(handles), 6)
-        figure.legend(handles=handles, title="stage", loc="outside upper center", ncols=columns_shown, frameon=False)
+        _stage_legend(figure, [name for name, _ in stages])
     return save_figure(figure, path)
+
+
+def _stage_legend(figure: Figure, names: Sequence[str]) -> None:
+    """Legend of the dashes and marks of the stages."""
+    handles = []
+    for number, name in enumerate(names):
+        style, marker = STAGE_STYLES[number % len(STAGE_STYLES)]
+        face = GREY if number % 2 == 0 else "white"
+        look: dict[str, Any] = {"linestyle": style, "marker": marker, "markersize": 4.5, "markerfacecolor": face}
+        handles.append(Line2D([], [], color=GREY, label=name, **look))
+    figure.legend(handles=handles, title="stage", loc="outside upper center", ncols=min(len(handles), 6), frameon=False)
+
+
+def heat_figure(history: Iterable[Mapping[str, Any]] | str | os.PathLike[str], path: str | os.PathLike[str]) -> Path | None:
+    """Draw active contacts, tension, strain and largest stress against temperature, for the stages that change it.
+
+    None without such a stage, from history.csv or its rows.
+    """
+    rows = _rows(history)
+    names = ("temperature_K", "active_percent", "tension_weft_N_per_m", "tension_warp_N_per_m", "strain_weft", "strain_warp")
+    columns = {name: np.array([_number(row.get(name)) for row in rows]) for name in (*names, "stress_max_Pa")}
+    temperature = columns["temperature_K"] - ZERO_CELSIUS
+    stages = [stage for stage in _stages([str(row.get("stage", "")) for row in rows]) if np.ptp(temperature[stage[1]]) > 1e-6]
+    if not stages:
+        return None
+    shown = np.zeros(len(rows), dtype=bool)
+    for _, part in stages:
+        shown[part] = True
+    tension = {side: np.where(shown, columns[f"tension_{side}_N_per_m"], np.nan) for side in ("weft", "warp")}
+    stress = np.where(shown, columns["stress_max_Pa"], np.nan)
+    (to_tension, tension_unit), (to_stress, stress_unit) = scale_of("N/m", *tension.values()), scale_of("Pa", stress)
+    figure = figure_of(10.5, 7.6)
+    panels = figure.subplots(2, 2, sharex=True).ravel()
+    for axes, label, curves in zip(
+        panels,
+        ("active contacts [% of pairs]", f"tension [{tension_unit}]", "strain [%]", f"largest wire stress [{stress_unit}]"),
+        (
+            (("", GREEN, columns["active_percent"]),),
+            tuple((side, c, to_tension * tension[side]) for side, c in SIDE_COLOURS),
+            tuple((side, c, 100.0 * columns[f"strain_{side}"]) for side, c in SIDE_COLOURS),
+            (("", PURPLE, to_stress * stress),),
+        ),
+        strict=True,
+    ):
+        _draw_curves(axes, temperature, stages, curves, is_logarithmic=False)
+        axes.set_ylabel(label)
+        axes.yaxis.get_major_formatter().set_useOffset(False)
+        _widen(axes)
+    panels[0].set_ylim(-3.0, 103.0)
+    for axes in panels[2:]:
+        axes.set_xlabel("temperature [degC]")
+    if len(stages) > 1:
+        _stage_legend(figure, [name for name, _ in stages])
+    return save_figure(figure, path)
+
+
+def _widen(axes: Axes) -> None:
+    """Widen the vertical axis to LEAST_SPAN of its middle, so that round-off does not look like a trend."""
+    low, high = axes.get_ylim()
+    middle = 0.5 * (low + high)
+    half = max(0.5 * (high - low), 0.5 * LEAST_SPAN * abs(middle))
+    axes.set_ylim(middle - half, middle + half)
 
 
 def _draw_curves(
@@ -141,7 +200,7 @@ def _abscissa(columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[str, s
     if spread.get("clamp_rotation", 0.0) > 1e-9:
         return np.degrees(columns["clamp_rotation"]), "rotation of the clamps [deg]"
     if spread.get("temperature_K", 0.0) > 1e-6:
-        return columns["temperature_K"] - 273.15, "temperature [°C]"
+        return columns["temperature_K"] - ZERO_CELSIUS, "temperature [degC]"
     if spread.get("load_factor", 0.0) > 0.0:
         return columns["load_factor"], "load factor"
     return np.arange(count, dtype=float), "record"

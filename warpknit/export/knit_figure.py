@@ -5,6 +5,7 @@ The wire that lies behind is cut away for a little on both sides of each crossin
 
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -17,6 +18,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from warpknit.files import path_aside
+from warpknit.knit.clasp_classes import CLASS_NAMES
 from warpknit.knit.cloth import Cloth
 
 __all__ = ["knit_figure"]
@@ -28,13 +30,23 @@ LEFT, BOTTOM, RIGHT, TOP = 0.75, 0.65, 3.0, 0.45  # [inch] round it: labels, leg
 THINNEST = 1.2  # [pt] line that is still legible
 # Okabe and Ito's colours, distinct without red-green vision.
 BAR_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#606060", "#56B4E9")
+CLASS_MARKERS = "os^Dv<>pPX*h"
 BODY_COLOUR, RHOMBUS_COLOUR = "#111111", "#B00058"
 
 
-def knit_figure(cloth: Cloth, diameter: float, path: str | os.PathLike[str], columns: int = 2, rows: int = 2) -> Path:
+def knit_figure(
+    cloth: Cloth,
+    diameter: float,
+    path: str | os.PathLike[str],
+    columns: int = 2,
+    rows: int = 2,
+    *,
+    classes: NDArray[np.intp] | None = None,
+) -> Path:
     """Draw `columns` x `rows` repeats of a cloth to a PNG file.
 
-    diameter: of the wire [m]. Lines are never thinner than legible, so a thin wire looks thicker than it is.
+    diameter: of the wire [m]. classes: [clasp] number of its class of contact; default: one for all. Lines are never thinner than
+    legible, so a thin wire looks thicker than it is.
     """
     width, height = np.array([columns, rows]) * cloth.size * MM
     margin = 0.04 * max(width, height)
@@ -56,9 +68,15 @@ def knit_figure(cloth: Cloth, diameter: float, path: str | os.PathLike[str], col
         handles.append(Line2D([], [], color=colour, linewidth=1.8, label=f"guide bar {bar + 1}"))
 
     bodies = np.array([clasp.position for clasp in cloth.clasps]).reshape(-1, 2)
-    everywhere = (bodies[:, None] + _copies(cloth, low, high) * cloth.size).reshape(-1, 2) * MM
-    axes.plot(everywhere[:, 0], everywhere[:, 1], "o", color=BODY_COLOUR, markersize=3.2, zorder=3)
-    handles.append(Line2D([], [], marker="o", color=BODY_COLOUR, markersize=4, linestyle="none", label="contact body"))
+    classes = np.zeros(len(bodies), dtype=np.intp) if classes is None else classes
+    for number, (name, marker) in enumerate(zip(CLASS_NAMES, CLASS_MARKERS, strict=True)):
+        mine = bodies[classes == number]
+        if len(mine) == 0:
+            continue
+        everywhere = (mine[:, None] + _copies(cloth, low, high) * cloth.size).reshape(-1, 2) * MM
+        style: dict[str, Any] = {"marker": marker, "color": BODY_COLOUR, "linestyle": "none"}
+        axes.plot(everywhere[:, 0], everywhere[:, 1], markersize=4.0, zorder=3, **style)
+        handles.append(Line2D([], [], markersize=5, label=f"contact {name}, {len(mine)} per repeat", **style))
     if cloth.rhombus is not None:
         middle = 0.5 * np.array([columns, rows]) * cloth.size
         cell = np.round((middle - cloth.rhombus.centre) / cloth.size)

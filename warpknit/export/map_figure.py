@@ -1,4 +1,5 @@
-"""Pictures of a contact map: a quantity over weft strain (horizontal) and warp strain (vertical), as figure 8 of the paper.
+"""Pictures of a contact map: a quantity over weft strain or tension (horizontal) and that in warp (vertical), as figure 8 of the
+paper.
 
 R. Guglielmini, A. Marotta, P. Salvini, IOP Conf. Ser.: Mater. Sci. Eng. 1214 (2022) 012033, figure 8.
 """
@@ -38,9 +39,9 @@ class Marks:
 
     stress: NDArray[Any]  # (warp, weft) [Pa] largest wire stress, nan where unknown
     yield_stress: float  # [Pa]
-    optimum: tuple[float, float] | None  # strains, weft and warp
-    places: tuple[tuple[str, tuple[float, float], float], ...] = ()  # others: label, strains, and the value there
-    jumps: Sequence[tuple[tuple[float, float], tuple[float, float]]] = ()  # strains of neighbouring cells with a jump between
+    optimum: tuple[float, float] | None  # load, weft and warp
+    places: tuple[tuple[str, tuple[float, float], float], ...] = ()  # others: label, load, and the value there
+    jumps: Sequence[tuple[tuple[float, float], tuple[float, float]]] = ()  # loads of neighbouring cells with a jump between
 
 
 def map_figure(
@@ -54,12 +55,16 @@ def map_figure(
     percent: bool,
     marks: Marks,
     warnings: Sequence[str] = (),
+    by_tension: bool = False,
 ) -> Path:
-    """Draw `values` (warp, weft) over strains; nan stays blank. `percent`: colours go from 0 to 100. `warnings` stand on top.
+    """Draw `values` (warp, weft) over loads, which are strains or (`by_tension`) tensions [N/m]; nan stays blank.
 
-    A tile of colour is one cell, half of it at the edges; lines of equal value go between the cells' middles.
+    `percent`: colours go from 0 to 100. `warnings` stand on top. A tile of colour is one cell, half of it at the edges; lines of
+    equal value go between the cells' middles.
     """
-    x, y = 100.0 * np.asarray(weft, dtype=float), 100.0 * np.asarray(warp, dtype=float)
+    x, y = np.asarray(weft, dtype=float), np.asarray(warp, dtype=float)
+    scale, unit = scale_of("N/m", x, y) if by_tension else (100.0, "%")
+    x, y, quantity = scale * x, scale * y, "tension" if by_tension else "strain"
     figure = figure_of(7.0, 5.9)
     axes = figure.subplots()
     known = np.ma.masked_invalid(values)
@@ -72,7 +77,7 @@ def map_figure(
         axes.text(0.5, 0.5, "no converged state", transform=axes.transAxes, ha="center", va="center")
     elif min(values.shape) > 1:
         _draw_levels(axes, x, y, known, percent)
-    handles = _draw_marks(axes, x, y, marks, tiles.to_rgba)
+    handles = _draw_marks(axes, x, y, marks, tiles.to_rgba, (scale, unit))
     if known.mask.any():
         axes.set_facecolor("#E8E8E8")
         handles.append(Patch(facecolor="#E8E8E8", edgecolor="#909090", label="not converged, or not run"))
@@ -84,8 +89,8 @@ def map_figure(
     for limits, ticks in ((axes.set_xlim, x), (axes.set_ylim, y)):
         if len(ticks) > 1:  # cells at the edge are shown by half: strains that were not run are not in the picture
             limits(ticks[0], ticks[-1])
-    axes.set_xlabel("weft strain [%]")
-    axes.set_ylabel("warp strain [%]")
+    axes.set_xlabel(f"weft {quantity} [{unit}]")
+    axes.set_ylabel(f"warp {quantity} [{unit}]")
     axes.set_title(title, fontsize="medium")
     if warnings:
         lines = "\n".join(fill(warning, WARNING_WIDTH) for warning in warnings)
@@ -104,8 +109,18 @@ def _draw_levels(axes: Axes, x: NDArray[Any], y: NDArray[Any], known: np.ma.Mask
     axes.clabel(lines, fmt=lambda value: f"{value:g} %" if percent else f"{value:g}", fontsize="small")
 
 
-def _draw_marks(axes: Axes, x: NDArray[Any], y: NDArray[Any], marks: Marks, colour_of: Callable[[Any], Any]) -> list[Any]:
-    """Draw the elastic limit, the optimum and other places in the colour of their value; their legend entries."""
+def _draw_marks(
+    axes: Axes,
+    x: NDArray[Any],
+    y: NDArray[Any],
+    marks: Marks,
+    colour_of: Callable[[Any], Any],
+    of_load: tuple[float, str],
+) -> list[Any]:
+    """Draw the elastic limit, the optimum and other places in the colour of their value; their legend entries.
+
+    of_load: factor of the loads to the axes, and unit there.
+    """
     handles: list[Any] = []
     style: dict[str, Any]
     stress = np.ma.masked_invalid(marks.stress)
@@ -120,18 +135,19 @@ def _draw_marks(axes: Axes, x: NDArray[Any], y: NDArray[Any], marks: Marks, colo
         handles.append(Line2D([], [], linestyle="none", label=label))
     if marks.jumps:
         style = {"marker": "x", "markersize": 6, "markeredgewidth": 1.6, "color": LIMIT_COLOUR, "linestyle": "none"}
-        cells = 100.0 * np.array(sorted({tuple(cell) for pair in marks.jumps for cell in pair}))
+        cells = of_load[0] * np.array(sorted({tuple(cell) for pair in marks.jumps for cell in pair}))
         axes.plot(cells[:, 0], cells[:, 1], zorder=6, clip_on=False, **style)
         handles.append(Line2D([], [], label="jump to a neighbouring cell", **style))
     if marks.optimum is not None:
         style = {"marker": "*", "markersize": 15, "markeredgecolor": "black", "linestyle": "none"}
-        place = 100.0 * marks.optimum[0], 100.0 * marks.optimum[1]
+        place = of_load[0] * marks.optimum[0], of_load[0] * marks.optimum[1]
+        text = " / ".join(f"{value:.1f} {of_load[1]}" for value in place)
         axes.plot(*place, color=OPTIMUM_COLOUR, zorder=5, clip_on=False, **style)
-        handles.append(Line2D([], [], color=OPTIMUM_COLOUR, label=f"optimum, {place[0]:.1f} % / {place[1]:.1f} %", **style))
-    for (label, strains, value), marker in zip(marks.places, cycle(PLACE_MARKERS), strict=False):
+        handles.append(Line2D([], [], color=OPTIMUM_COLOUR, label=f"optimum, {text}", **style))
+    for (label, load, value), marker in zip(marks.places, cycle(PLACE_MARKERS), strict=False):
         style = {"marker": marker, "markersize": 9, "markeredgecolor": "black", "markeredgewidth": 1.6, "linestyle": "none"}
         style["color"] = tuple(colour_of(value))
-        axes.plot(100.0 * strains[0], 100.0 * strains[1], zorder=5, **style)
+        axes.plot(of_load[0] * load[0], of_load[0] * load[1], zorder=5, **style)
         handles.append(Line2D([], [], label=label, **style))
     return handles
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from warpknit.export.plots import BLUE, GREEN, figure_of, frame_plan_axes, save_figure, scale_of
 from warpknit.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
 from warpknit.hermite import hermite
+from warpknit.text import ZERO_CELSIUS
 
 __all__ = ["mesh_figure"]
 
@@ -261,5 +262,5 @@ def _title(frame: Frame, tension: tuple[float, float] | None) -> str:
         scale, unit = scale_of("N/m", np.array(tension))
         answer.append(f"tension weft {scale * tension[0]:.3g} {unit}, warp {scale * tension[1]:.3g} {unit}")
     if abs(frame.temperature - ROOM) > 0.05:
-        answer.append(f"{frame.temperature - 273.15:.4g} °C")
+        answer.append(f"{frame.temperature - ZERO_CELSIUS:.4g} °C")
     return "\n".join("   ".join(parts) for parts in (load, answer) if parts)

@@ -120,9 +120,14 @@ class Contacts:
         return 100.0 * self.active_bodies / max(1, self.bodies)
 
 
+def least_force(model: MeshModel) -> float:
+    """[N] 1e-4 EI/W^2, about the residual force of an equilibrium: smaller contact forces do not count."""
+    return LEAST_FORCE * force_scale(model)
+
+
 def active_threshold(model: MeshModel) -> float:
-    """The threshold of the scene [N], at least 1e-4 EI/W^2, about the residual force of an equilibrium."""
-    return max(model.scene.contact.threshold, LEAST_FORCE * force_scale(model))
+    """The threshold of the scene [N], at least `least_force`."""
+    return max(model.scene.contact.threshold, least_force(model))
 
 
 def pair_active(r: Observables) -> np.ndarray:

@@ -43,6 +43,7 @@ class WireStress:
 
     node: np.ndarray  # [node]
     contact: np.ndarray  # [place] between two nodes: under a contact, in space also elsewhere on the segments
+    contact_node: np.ndarray  # [place] node before it
 
 
 class MeshModel(Protocol):

@@ -8,10 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
 
+from ..knit.clasp_classes import CLASS_NAMES
+from . import contact_classes, stress_peak
 from . import measures as m
 from .observables import Observables
 
@@ -135,6 +138,11 @@ MEASURES: tuple[Measure, ...] = (
     Measure("active", lambda r: m.contacts(r).active, summary="contacts"),
     Measure("active_pairs", lambda r: m.contacts(r).active, history=True, kind=int),
     Measure("active_percent", lambda r: m.contacts(r).active_percent, history=True, summary="contacts", map="map"),
+    *(
+        Measure(f"active_{name}_percent", partial(contact_classes.active_percent, name=name), history=True)
+        for name in CLASS_NAMES
+    ),
+    *(Measure(f"force_{name}_N", partial(contact_classes.median_force, name=name), history=True) for name in CLASS_NAMES),
     Measure("bodies", lambda r: m.contacts(r).bodies, summary="contacts"),
     Measure("active_bodies", lambda r: m.contacts(r).active_bodies, summary="contacts"),
     Measure("active_bodies_percent", lambda r: m.contacts(r).active_bodies_percent, map="details"),
@@ -155,6 +163,17 @@ MEASURES: tuple[Measure, ...] = (
     Measure("tension_warp_N_per_m", lambda r: m.mesh_tension(r)[1], history=True, summary="mesh", map="map"),
     # wires
     Measure("stress_max_Pa", lambda r: m.stress_extremes(r)[0], history=True, summary="wire", map="map", over_seeds=max),
+    Measure("stress_max_part", stress_peak.peak_part, history=True, summary="wire", kind=str),
+    Measure("stress_max_node", stress_peak.peak_node, history=True, summary="wire", kind=int),
+    Measure(
+        "stress_max_wire",
+        lambda r: stress_peak.wire_of(r.model, stress_peak.peak_node(r)),
+        history=True,
+        summary="wire",
+        kind=int,
+    ),
+    Measure("stress_max_x_m", lambda r: float(stress_peak.peak_position(r)[0]), history=True, summary="wire"),
+    Measure("stress_max_y_m", lambda r: float(stress_peak.peak_position(r)[1]), history=True, summary="wire"),
     Measure("stress_p99_Pa", lambda r: m.stress_extremes(r)[1], summary="wire"),
     Measure("shear_stress_max_Pa", lambda r: None if r.shear_stress is None else float(r.shear_stress.max()), summary="wire"),
     Measure("yield_stress_Pa", lambda r: r.model.scene.wire.yield_stress, summary="wire"),

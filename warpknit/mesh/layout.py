@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import MemoryNeeded
 from ..knit.chain import KnitError
+from ..knit.clasp_classes import clasp_classes
 from ..knit.cloth import Cloth, same_cloth
 from ..memory import available_memory, required_memory
 from ..scene import Scene
@@ -46,6 +47,12 @@ def knit_scene(scene: Scene) -> Cloth:
             f"{_size_of(scene)}: {nodes:.3g} nodes need {needed / 2**30:.3g} GiB, available {available / 2**30:.3g} GiB"
         )
     return cloth
+
+
+def contact_classes(scene: Scene) -> np.ndarray:
+    """[clasp] number of the class of contact of each clasp of `knit_scene`."""
+    knit = scene.knit if scene.knit.scatter else scene.knit.even
+    return clasp_classes(knit, scene.wire.thickness, scene.model.merge_lenses, _tiles(scene))
 
 
 def _tiles(scene: Scene) -> tuple[int, int]:

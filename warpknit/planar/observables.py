@@ -195,8 +195,10 @@ class PlanarObservables(HostState):
         last = panel.wire_first + panel.wire_count - 1
         before[panel.wire_first] = np.where(panel.wire_closed, self.tension[last], self.tension[panel.wire_first])
         axial = np.where(np.abs(self.tension) > np.abs(before), self.tension, before)
-        under = self.tension[self.pair_node[self.pair_force > 0]]
-        return WireStress(self._fibre_stress(moments.node, axial), self._fibre_stress(moments.contact, under))
+        under = self.pair_node[self.pair_force > 0]
+        return WireStress(
+            self._fibre_stress(moments.node, axial), self._fibre_stress(moments.contact, self.tension[under]), under
+        )
 
     def _fibre_stress(self, moment: np.ndarray, tension: np.ndarray) -> np.ndarray:
         """[Pa] in the outermost fibre."""

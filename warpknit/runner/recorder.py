@@ -20,6 +20,7 @@ from ..frame import Frame, WireLayout
 from ..measure import MeshModel
 from ..measure.table import Record
 from ..memory import available_memory
+from ..mesh.layout import contact_classes
 from ..scene import Scene, resolved_toml
 from ..solve.simulate import Progress, Simulation
 from .checkpoint import Checkpoint
@@ -240,7 +241,8 @@ class Recorder:
         if self.model.cloth is not None:
             from ..export.knit_figure import knit_figure
 
-            knit_figure(self.model.cloth, self.scene.wire.diameter, self.out / "figures" / "knit.png")
+            classes = contact_classes(self.scene)
+            knit_figure(self.model.cloth, self.scene.wire.diameter, self.out / "figures" / "knit.png", classes=classes)
 
 
 def _finite(tree: Any) -> Any:

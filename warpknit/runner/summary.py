@@ -10,6 +10,7 @@ from .. import __version__, measure
 from ..measure import MeshModel, table
 from ..measure.jumps import STORED_FLOOR
 from ..measure.table import Record
+from .answers import answers_of
 from .history import Row
 from .warnings_of import warnings_of
 
@@ -136,5 +137,6 @@ def run_summary(
             "drive": scene.solver.drive,
         },
         **last,
+        "answers": answers_of(model, rows),
         "stages": stages,
     }

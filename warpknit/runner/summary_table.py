@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from ..text import duration, engineering
+from .answers_table import answer_rows
 
 
 def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[str, str]]:
@@ -58,6 +59,8 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
     if plastic := value("wire", "plastic_fraction"):
         strain = value("wire", "plastic_strain_max") or 0.0
         yield "yielded", f"{100 * plastic:.2g} % of the nodes, plastic strain up to {100 * strain:.2g} %"
+    if (answers := value("answers")) is not None:
+        yield from answer_rows(answers, value("wire", "yield_stress_Pa"))
     if (error := value("quality", "estimated_error")) is not None:
         yield "estimated error", f"{100 * error:.2g} %"
     if (steps := value("solver", "steps")) is not None:

@@ -392,20 +392,76 @@ class Output(Table):
     usd_points_per_tile: TileSize = key("Approximate number of nodes per prim of scene.usda.", 500_000)
     vtk: Flag = key("Write vtk/ at the end.", False)
     figures: Flag = key("Draw figures/ at the end.", True)
+    service_tension: Tension | None = key(
+        "Mean tension of weft and warp at which the answers of a run and the service points of a report give the share of active"
+        " contacts.",
+        None,
+        left_out="2, 3.4 and 4.9 N/m, in a run where it reaches them",
+    )
     checkpoint_interval: Time = key("Wall time between checkpoints.", 60.0)
 
 
-@dataclass(frozen=True)
-class Sweep(Table):
-    """[sweep]: the grid of strains that `warpknit map` runs."""
+SIDES = ("weft", "warp")
 
-    strain_weft: Annotated[tuple[Strain, ...], Field(min_length=1)] = key(
-        "Weft strains; `warpknit map` combines each with each warp strain."
+
+@dataclass(frozen=True, kw_only=True)
+class Sweep(Table):
+    """[sweep]: the grid of strains, or of tensions, that `warpknit map` runs."""
+
+    strain_weft: Annotated[tuple[Strain, ...], Field(min_length=1)] | None = key(
+        "Weft strains; `warpknit map` combines each with each warp strain.", None, left_out="required, or tensions"
     )
-    strain_warp: Annotated[tuple[Strain, ...], Field(min_length=1)] = key("Warp strains.")
+    strain_warp: Annotated[tuple[Strain, ...], Field(min_length=1)] | None = key(
+        "Warp strains.", None, left_out="required, or tensions"
+    )
+    tension_weft: Annotated[tuple[Tension, ...], Field(min_length=1)] | None = key(
+        "Instead of both strains: weft tensions, combined with each warp tension.", None
+    )
+    tension_warp: Annotated[tuple[Tension, ...], Field(min_length=1)] | None = key("Warp tensions.", None)
     seeds: Seeds = key(
         "With `knit.scatter`: number of meshes, with seeds from `knit.seed` on, over which the map is averaged.", 1
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _strains_or_tensions(cls, data: Any) -> Any:
+        data = exclusive(data, *((f"strain_{one}", f"tension_{other}") for one in SIDES for other in SIDES))
+        if isinstance(data, dict):
+            quantity = "tension" if any(f"tension_{side}" in data for side in SIDES) else "strain"
+            for side in SIDES:
+                if f"{quantity}_{side}" not in data:
+                    raise refused("a list with at least one entry", key=f"{quantity}_{side}", given="nothing")
+        return data
+
+    @property
+    def by_tension(self) -> bool:
+        """Whether the loads are tensions, not strains."""
+        return self.tension_weft is not None
+
+    @property
+    def quantity(self) -> str:
+        """The loads in a word."""
+        return "tensions" if self.by_tension else "strains"
+
+    @property
+    def axes(self) -> tuple[list[float], list[float]]:
+        """Strains, or tensions [N/m], in weft and in warp, each once and in their order."""
+        weft, warp = (self.tension_weft, self.tension_warp) if self.by_tension else (self.strain_weft, self.strain_warp)
+        return sorted(set(weft or ())), sorted(set(warp or ()))
+
+    @property
+    def pairs(self) -> list[tuple[float, float]]:
+        """Loads of the map, weft and warp, line by line."""
+        weft, warp = self.axes
+        return [(x, y) for y in warp for x in weft]
+
+    def stage(self, load: Stage, pair: tuple[float, float]) -> Stage:
+        """`load`, with a pair of strains or tensions of the map."""
+        strains, tensions = ((None, None), pair) if self.by_tension else (pair, (None, None))
+        return replace(
+            load, strain_weft=strains[0], strain_warp=strains[1], tension_weft=tensions[0], tension_warp=tensions[1],
+            name=f"weft {pair[0]:g}, warp {pair[1]:g}",
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -50,7 +50,7 @@ def with_overrides(file: object, table: Mapping[str, Any], overrides: Overrides)
         _set(file, made, location, value)
         keys_set.add(location)
         *above, last = location
-        if above and above[0] in ("load", "path", "knit"):
+        if above and above[0] in ("load", "path", "knit", "sweep"):
             holder = _at(made, above)
             for rival in RIVALS.get(str(last), ()):
                 if (*above, rival) not in keys_set:

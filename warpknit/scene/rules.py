@@ -96,7 +96,8 @@ RULES = (
         "the multipliers apply it",
     ),
     *(
-        Rule("tension", (trait,), STRAINS_ONLY, "a search for tension would be part of the load history")
+        Rule(load, (trait,), STRAINS_ONLY, "a search for tension would be part of the load history")
+        for load in ("tension", "sweep by tension")
         for trait in ("friction", "plastic")
     ),
     Rule("path", ("sweep",), "as `warpknit map` runs only [load]", "each strain of a map is loaded separately", refused=False),
@@ -123,7 +124,7 @@ RULES = (
     Rule("wires", ("error",), "[knit] or [hook] with --error", "settings are tried on a smaller mesh, which requires a knit"),
     Rule("hook", ("map",), "[knit] for a map", "it has no strains"),
     Rule("hook", ("ranks",), "[knit] for several ranks: run without mpirun", "two wires are too few for several ranks"),
-    Rule("no sweep", ("map",), "a table [sweep] with strain_weft and strain_warp, for `warpknit map`", "it defines the strains"),
+    Rule("no sweep", ("map",), "a table [sweep] with strain_weft and strain_warp, for `warpknit map`", "it defines the loads"),
     Rule("ramp", ("map",), "'relax' for a map", "a map consists of equilibria"),
     Rule("ramp", ("error",), "'relax' with --error", "errors are those of equilibria"),
     Rule(

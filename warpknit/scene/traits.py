@@ -148,6 +148,7 @@ def _command(words: str, *commands: str, needs: tuple[str, ...] = (), example: d
 PULL = {"at": ["1.7 mm", "0 mm"], "by": ["0.1 mm", "0 mm"], "width": "1 mm"}  # one repeat of the default knit is 3.4 mm wide
 CORD = {"grip_pitch": "2 mm", "cord": {"tension": "1 N", "stiffness": "1 kN"}}
 SWEEP = {"strain_weft": [0.0, 0.1], "strain_warp": [0.0]}
+TENSION_SWEEP = {"tension_weft": [0.05], "tension_warp": [0.05]}
 
 # A scene has one of each group, by default the first.
 GROUPS = (
@@ -233,6 +234,9 @@ TRAITS = {
     # the sweep
     "no sweep": Trait("no sweep", "sweep", lambda case: [(("sweep",), Words("nothing"))] if case.scene.sweep is None else []),
     "sweep": Trait("a sweep", "sweep", _given("sweep"), {"sweep": SWEEP}),
+    "sweep by tension": Trait(
+        "a sweep by tension", "sweep.tension_weft", _given("sweep.tension_weft"), {"sweep": TENSION_SWEEP}, ("sweep",)
+    ),
     "seeds": Trait(
         "several seeds", "sweep.seeds", _given("sweep.seeds", 1), {"sweep": {**SWEEP, "seeds": 2}}, ("sweep", "scatter")
     ),

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 
@@ -108,11 +107,11 @@ def _smaller(scene: Scene) -> Scene | None:
 
 
 def map_time(scene: Scene, size: Size) -> float | None:
-    """[s] of the map of a scene with a sweep: its loads by strain, one after the other in `thread_count` processes."""
+    """[s] of the map of a scene with a sweep: its loads, one after the other in `thread_count` processes."""
     assert scene.sweep is not None
-    pairs = list(product(sorted(set(scene.sweep.strain_weft)), sorted(set(scene.sweep.strain_warp))))
+    pairs = scene.sweep.pairs
     levels = sum(levels_of_pairs(pairs, scene.output.frames)) / scene.output.frames
-    one = replace(scene, stages=(replace(scene.stages[0], tension_weft=None, tension_warp=None),))
+    one = replace(scene, stages=(scene.sweep.stage(scene.stages[0], pairs[-1]),))
     return scene.sweep.seeds * levels / thread_count(len(pairs)) * cost_of(one, size).seconds
 
 

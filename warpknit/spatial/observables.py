@@ -203,9 +203,11 @@ class SpatialObservables(Boundary):
         own = np.abs(self.tension) * wire.youngs_modulus / wire.axial_stiffness
         before = np.where(rods.previous >= 0, own[rods.previous], 0.0)
         moments, per_moment = bending_moments(self), wire.youngs_modulus * wire.radius / wire.bending_stiffness
-        between = (own[:, None] + per_moment * moments.between)[rods.slope_length > 0.0]
+        segment = np.flatnonzero(rods.slope_length > 0.0)
+        between = (own[:, None] + per_moment * moments.between)[segment]
         peaks = np.concatenate([between.ravel(), own[moments.segment] + per_moment * moments.contact])
-        return WireStress(np.maximum(own, before) + per_moment * moments.node, peaks)
+        nodes = np.concatenate([np.repeat(segment, between.shape[1]), moments.segment])
+        return WireStress(np.maximum(own, before) + per_moment * moments.node, peaks, nodes)
 
     @property
     def shear_stress(self) -> np.ndarray:

@@ -31,7 +31,7 @@ class Batch:
         watch: Callable[[Batch], None] | None = None,
         threads: int | None = None,
     ) -> None:
-        """`stages`: the load of each mesh, by strain in both directions; `levels` of each, default `output.frames`.
+        """`stages`: the load of each mesh, by strain or tension; `levels` of each, default `output.frames`.
 
         `watch` is called at every convergence check, and may raise to stop. `threads`: default WARPKNIT_THREADS, or one a core.
         """
@@ -83,9 +83,12 @@ class Batch:
     def _next_level(self, row: int) -> Outcome | None:
         """Apply the next load; return the outcome after the full load."""
         member = self.members[row]
-        for step in self._levels[row]:
-            if isinstance(step, Unsolved):
-                return None
+        try:
+            for step in self._levels[row]:
+                if isinstance(step, Unsolved):
+                    return None
+        except Diverged as error:  # no strain carries the tension
+            return self._outcome(row, None, error)
         return self._outcome(row, member.record(self.stages[row], 1.0, steady=True).observables, None)
 
     def _outcome(self, row: int, observables: Any, error: Diverged | None) -> Outcome:

@@ -1,4 +1,4 @@
-"""The contact map: one cell for each pair of strains, with the measures of its equilibrium.
+"""The contact map: one cell for each pair of strains or tensions, with the measures of its equilibrium.
 
 Rows of map.csv and map_details.csv, the mean over meshes of scattered loops, and the optimum. NumPy and plain numbers only.
 """
@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -20,19 +20,36 @@ from ..measure import Observables, energy_scale, table
 from ..measure.jumps import STORED_FLOOR, jumps
 from ..measure.table import Measure
 from ..mechanics import Model
+from ..runner.answers import DRIFT
+from ..text import engineering
 
 STEADY = "steady"
 SIDES = ("weft", "warp")
 SAME_SHARE = 0.01  # percentage points: tolerance for equal shares of active contacts
 
 
+TARGETS = tuple(f"target_tension_{side}_N_per_m" for side in SIDES)  # columns of a map by tension
+Pair = tuple[float, float]  # strains, or tensions [N/m], in weft and warp
+
+
 class MapRow(SimpleNamespace):
-    """One pair of strains: the columns of map.csv and map_details.csv (measure/table.py); None where not converged."""
+    """One load of a map: the columns of map.csv and map_details.csv (measure/table.py); None where not converged."""
 
     @property
-    def strains(self) -> tuple[float, float]:
-        """Weft and warp."""
-        return self.strain_weft, self.strain_warp
+    def by_tension(self) -> bool:
+        """Whether the load is a pair of tensions, at which the strains were found."""
+        return TARGETS[0] in vars(self)
+
+    @property
+    def load(self) -> Pair:
+        """Strains, or tensions [N/m], that the map prescribes in weft and warp."""
+        first, second = (vars(self)[name] for name in (TARGETS if self.by_tension else ("strain_weft", "strain_warp")))
+        return first, second
+
+    @property
+    def tension(self) -> Pair:
+        """[N/m] in weft and warp."""
+        return self.tension_weft_N_per_m, self.tension_warp_N_per_m
 
 
 TEXTS, COUNTS = ("stop_reason", "message"), ("seeds", "steps")
@@ -43,16 +60,20 @@ def measures_of(part: str) -> list[Measure]:
     return [line for line in table.MEASURES if line.map == part]
 
 
-def columns_of(part: str) -> list[str]:
+def columns_of(part: str, by_tension: bool = False) -> list[str]:
     """Columns of map.csv ("map") or map_details.csv ("details")."""
-    names = [line.name for line in measures_of(part)]
+    names, targets = [line.name for line in measures_of(part)], TARGETS if by_tension else ()
     if part == "map":
-        return ["strain_weft", "strain_warp", *names, "stop_reason"]
-    return ["strain_weft", "strain_warp", "active_percent_deviation", *names, "seeds", "steps", "message"]
+        return ["strain_weft", "strain_warp", *names, "stop_reason", *targets]
+    return ["strain_weft", "strain_warp", "active_percent_deviation", *names, "seeds", "steps", "message", *targets]
 
 
-def map_row(strains: tuple[float, float], observables: Observables | None, *, steps: int, message: str = "") -> MapRow:
-    """Row of an equilibrium, or of a failed load with its message."""
+def map_row(load: Pair, observables: Observables | None, *, steps: int, message: str = "", by_tension: bool = False) -> MapRow:
+    """Row of an equilibrium, or of a failed load with its message. load: strains, or (`by_tension`) tensions [N/m]."""
+    strains: Sequence[float | None] = (None, None) if by_tension else load
+    if by_tension and observables is not None:
+        strains = (np.diag(observables.stretch) - 1.0).tolist()
+    targets = dict(zip(TARGETS, load, strict=True)) if by_tension else {}
     lines = measures_of("map") + measures_of("details")
     measures = {
         line.name: None if observables is None else line.of(observables) for line in lines if not isinstance(line.of, str)
@@ -66,6 +87,7 @@ def map_row(strains: tuple[float, float], observables: Observables | None, *, st
         steps=steps,
         message=message,  # why the load did not converge
         **measures,
+        **targets,
     )
 
 
@@ -73,7 +95,8 @@ def write_map(rows: Sequence[MapRow], path: Path, details: Path) -> None:
     """Write both tables, atomically."""
     for target, part in ((path, "map"), (details, "details")):
         with write_aside(target) as file:
-            writer = csv.DictWriter(file, columns_of(part), extrasaction="ignore")
+            by_tension = any(row.by_tension for row in rows)
+            writer = csv.DictWriter(file, columns_of(part, by_tension), extrasaction="ignore")
             writer.writeheader()
             writer.writerows(vars(row) for row in rows)
 
@@ -82,8 +105,8 @@ def read_map(path: Path, details: Path) -> list[MapRow]:
     """Rows that `write_map` wrote; none where the files are absent. Values are bit-identical."""
     if not (path.exists() and details.exists()):
         return []
-    more = {(row["strain_weft"], row["strain_warp"]): row for row in _read(details)}
-    return [MapRow(**row | more[key]) for row in _read(path) if (key := (row["strain_weft"], row["strain_warp"])) in more]
+    more = {MapRow(**row).load: row for row in _read(details)}
+    return [MapRow(**row | more[load]) for row in _read(path) if (load := MapRow(**row).load) in more]
 
 
 def _read(path: Path) -> list[dict[str, Any]]:
@@ -99,12 +122,12 @@ def _read(path: Path) -> list[dict[str, Any]]:
 
 
 def mean_map(maps: Sequence[Sequence[MapRow]]) -> list[MapRow]:
-    """Mean of maps over the converged seeds; of stresses the largest. Strains without any row are left out."""
-    by_strains: dict[tuple[float, float], list[MapRow]] = {}
+    """Mean of maps over the converged seeds; of stresses the largest. Loads without any row are left out."""
+    by_load: dict[Pair, list[MapRow]] = {}
     for rows in maps:
         for row in rows:
-            by_strains.setdefault(row.strains, []).append(row)
-    return [_mean(rows) if len(maps) > 1 else rows[0] for rows in by_strains.values()]
+            by_load.setdefault(row.load, []).append(row)
+    return [_mean(rows) if len(maps) > 1 else rows[0] for rows in by_load.values()]
 
 
 def _mean(rows: Sequence[MapRow]) -> MapRow:
@@ -116,15 +139,17 @@ def _mean(rows: Sequence[MapRow]) -> MapRow:
         return float(how(values)) if values and None not in values else None
 
     measures = {line.name: over(line.name, line.over_seeds) for line in measures_of("map") + measures_of("details")}
+    targets = dict(zip(TARGETS, rows[0].load, strict=True)) if rows[0].by_tension else {}
+    strains = {f"strain_{side}": over(f"strain_{side}", np.mean) if targets else rows[0].load[k] for k, side in enumerate(SIDES)}
     return MapRow(
-        strain_weft=rows[0].strain_weft,
-        strain_warp=rows[0].strain_warp,
+        **strains,
         stop_reason=reason,
         active_percent_deviation=over("active_percent", lambda values: np.std(values, ddof=1)) if len(steady) > 1 else None,
         seeds=len(steady),
         steps=sum(row.steps for row in rows),
         message=next((row.message for row in rows if row.message), ""),
         **measures,
+        **targets,
     )
 
 
@@ -133,37 +158,44 @@ def model_warnings(mesh: Model, rows: Sequence[MapRow]) -> list[str]:
     return list(mesh.warnings([{"wire": {"slid_max_m": vars(row).get("slid_max_m") or 0.0}} for row in rows]))
 
 
+def axes_of(rows: Sequence[MapRow]) -> tuple[list[float], list[float]]:
+    """Strains, or tensions [N/m], of a map in weft and in warp, in their order."""
+    weft, warp = (sorted({row.load[side] for row in rows}) for side in (0, 1))
+    return weft, warp
+
+
 def grid(rows: Sequence[MapRow], name: str, weft: Sequence[float], warp: Sequence[float]) -> np.ndarray:
     """Values (warp, weft) of a column of map.csv or map_details.csv; nan where there is none."""
-    values = {row.strains: vars(row).get(name) for row in rows}  # an earlier version had fewer columns
+    values = {row.load: vars(row).get(name) for row in rows}  # an earlier version had fewer columns
     cells = [[values.get((x, y)) for x in weft] for y in warp]
     return np.array([[math.nan if value is None else float(value) for value in line] for line in cells])
 
 
-Jump = tuple[tuple[float, float], tuple[float, float]]  # strains, weft and warp, of two neighbouring cells
+Jump = tuple[Pair, Pair]  # loads of two neighbouring cells
 
 
 def find_jumps(mesh: Model, rows: Sequence[MapRow]) -> list[Jump]:
     """Neighbouring cells whose equilibria belong to different branches (measure/jumps.py), along weft and along warp."""
     if not rows:
         return []
-    weft, warp = (sorted({row.strains[side] for row in rows}) for side in (0, 1))
+    weft, warp = axes_of(rows)
     area, floor = mesh.panel.area, STORED_FLOOR * energy_scale(mesh)
     stored = np.sum([grid(rows, f"energy_{part}_J", weft, warp) for part in ("stretch", "bend", "contact")], axis=0)
     tensions = np.stack([grid(rows, f"tension_{side}_N_per_m", weft, warp) for side in SIDES], axis=-1)
+    force = np.stack([area * grid(rows, f"nominal_{side}_N_per_m", weft, warp) for side in SIDES], axis=-1)
+    strain = np.stack([grid(rows, f"strain_{side}", weft, warp) for side in SIDES], axis=-1)
+    follows = strain if rows[0].by_tension else tensions  # the values that the load does not prescribe
     found: list[Jump] = []
-    for side, path, axis in zip(SIDES, (weft, warp), (1, 0), strict=True):
-        force = area * grid(rows, f"nominal_{side}_N_per_m", weft, warp)
-        strain = np.array(path)
-        for line in range(force.shape[1 - axis]):
+    for path, axis in zip((weft, warp), (1, 0), strict=True):
+        for line in range(stored.shape[1 - axis]):
             energy = stored.take(line, 1 - axis)
             jumped = jumps(
-                strain,
-                np.take(force, [line], 1 - axis).reshape(-1, 1),
-                strain[:, None],
+                np.array(path),
+                np.take(force, line, 1 - axis),
+                np.take(strain, line, 1 - axis),
                 stored=energy,
                 dissipated=np.zeros_like(energy),
-                values=tensions.take(line, 1 - axis),
+                values=np.take(follows, line, 1 - axis),
                 floor=floor,
             )
             for k in np.flatnonzero(jumped):
@@ -172,12 +204,17 @@ def find_jumps(mesh: Model, rows: Sequence[MapRow]) -> list[Jump]:
     return found
 
 
-def jump_warning(found: Sequence[Jump]) -> str | None:
+def load_text(load: Pair, by_tension: bool) -> str:
+    """Strains, or tensions [N/m], in weft and warp, as text."""
+    return " / ".join(engineering(value, "N/m") if by_tension else f"{100.0 * value:.3g} %" for value in load)
+
+
+def jump_warning(found: Sequence[Jump], by_tension: bool = False) -> str | None:
     """What the jumps of a map mean, in a line; None without any."""
     if not found:
         return None
-    first = " and ".join(f"{100.0 * weft:.3g} % / {100.0 * warp:.3g} %" for weft, warp in found[0])
-    count = "neighbouring pairs of strains" if len(found) > 1 else "neighbouring pair of strains"
+    first = " and ".join(load_text(load, by_tension) for load in found[0])
+    count = f"neighbouring pair{'s' if len(found) > 1 else ''} of {'tensions' if by_tension else 'strains'}"
     return (
         f"the results jump between {len(found)} {count}, first {first} (weft / warp): several equilibria exist there, and the"
         " values on either side belong to different ones"
@@ -185,8 +222,28 @@ def jump_warning(found: Sequence[Jump]) -> str | None:
 
 
 @dataclass(frozen=True)
+class Drift:
+    """How far the tension may drift from the optimum, cell by cell: tensions [N/m] in weft and warp of the last good cells."""
+
+    along: str  # weft | warp | both: the load that drifts
+    low: Pair
+    high: Pair
+    open_low: bool  # the map ends there
+    open_high: bool
+
+
+def drift_text(drift: Mapping[str, Any]) -> str:
+    """A `Drift`, as a table of its fields, in words."""
+    ends = [
+        load_text(drift[end], by_tension=True) + (", the edge of the map" if drift[f"open_{end}"] else "")
+        for end in ("low", "high")
+    ]
+    return f"from {ends[0]} to {ends[1]}"
+
+
+@dataclass(frozen=True)
 class Optimum:
-    """The strains with the most active contacts and no wire above the elastic limit."""
+    """The load with the most active contacts and no wire above the elastic limit."""
 
     strain_weft: float
     strain_warp: float
@@ -196,6 +253,8 @@ class Optimum:
     stress_max_Pa: float
     stress_margin: float  # 1 - stress over yield stress
     at_edge: tuple[str, ...] = ()  # directions (weft, warp) in which the map ends there: a wider one may have a better optimum
+    load: Pair | None = None  # strains, or tensions [N/m], of its cell
+    drift: tuple[Drift, ...] = ()  # with at most DRIFT fewer active contacts, and below the elastic limit
 
     @property
     def edge_warning(self) -> str | None:
@@ -213,8 +272,7 @@ def find_optimum(rows: Sequence[MapRow], yield_stress: float) -> Optimum | None:
     """
     if not rows:
         return None
-    weft = sorted({row.strain_weft for row in rows})
-    warp = sorted({row.strain_warp for row in rows})
+    weft, warp = axes_of(rows)
     active = np.nan_to_num(grid(rows, "active_percent", weft, warp))
     elastic = grid(rows, "stress_max_Pa", weft, warp) <= yield_stress  # False where unknown
     padded = np.pad(np.where(elastic, active, 0.0), 1)
@@ -228,14 +286,44 @@ def find_optimum(rows: Sequence[MapRow], yield_stress: float) -> Optimum | None:
         tensile = share > 0.0 and tension_weft > 0.0 and tension_warp > 0.0
         if not (tensile and stress <= yield_stress and row.stop_reason == STEADY):
             continue
-        neighbours = int(equal_neighbours[warp.index(row.strain_warp), weft.index(row.strain_weft)])
+        neighbours = int(equal_neighbours[warp.index(row.load[1]), weft.index(row.load[0])])
         order = (round(share / SAME_SHARE), neighbours, -stress)
         if best is None or order > best[0]:
             margin = 1.0 - stress / yield_stress
             edges = tuple(
                 side
-                for side, strain, axis in zip(("weft", "warp"), row.strains, (weft, warp), strict=True)
-                if len(axis) > 1 and (strain == axis[-1] or strain == axis[0] != 0.0)
+                for side, value, axis in zip(SIDES, row.load, (weft, warp), strict=True)
+                if len(axis) > 1 and (value == axis[-1] or value == axis[0] != 0.0)
             )
-            best = order, Optimum(*row.strains, tension_weft, tension_warp, share, stress, margin, edges)
-    return None if best is None else best[1]
+            strains = row.strain_weft, row.strain_warp
+            best = order, Optimum(*strains, tension_weft, tension_warp, share, stress, margin, edges, row.load)
+    return None if best is None else replace(best[1], drift=tuple(_drifts(rows, best[1], yield_stress)))
+
+
+def _drifts(rows: Sequence[MapRow], optimum: Optimum, yield_stress: float) -> Iterator[Drift]:
+    """Ranges about the optimum along weft, along warp, and along both together."""
+    weft, warp = axes_of(rows)
+    cells = {row.load: row for row in rows}
+    assert optimum.load is not None
+    at = weft.index(optimum.load[0]), warp.index(optimum.load[1])
+
+    def cell(i: int, j: int) -> MapRow | None:
+        return cells.get((weft[i], warp[j])) if 0 <= i < len(weft) and 0 <= j < len(warp) else None
+
+    def is_good(row: MapRow) -> bool:
+        if row.active_percent is None or row.stop_reason != STEADY:
+            return False
+        enough = row.active_percent >= optimum.active_percent - DRIFT
+        return bool(enough and row.stress_max_Pa <= yield_stress and min(row.tension) > 0.0)
+
+    for along, (i, j) in (("weft", (1, 0)), ("warp", (0, 1)), ("both", (1, 1))):
+        ends, is_open = [], []
+        for sign in (-1, 1):
+            count = 1
+            while (row := cell(at[0] + sign * count * i, at[1] + sign * count * j)) is not None and is_good(row):
+                count += 1
+            last = cell(at[0] + sign * (count - 1) * i, at[1] + sign * (count - 1) * j)
+            assert last is not None
+            ends.append(last.tension)
+            is_open.append(row is None)
+        yield Drift(along, ends[0], ends[1], is_open[0], is_open[1])

@@ -7,6 +7,7 @@ from typing import Any
 
 from ..runner.summary_table import model_rows
 from ..text import duration, engineering, percent
+from .contact_map import drift_text
 
 
 def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
@@ -16,7 +17,7 @@ def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     yield from model_rows(summary["model"])
     cells, solver, optimum = summary["cells"], summary["solver"], summary["optimum"]
     meshes = "" if summary["seeds"] == 1 else f", {summary['seeds']} meshes each"
-    yield "pairs of strains", f"{cells['steady']} of {cells['wanted']} converged{meshes}"
+    yield f"pairs of {summary.get('loads', 'strains')}", f"{cells['steady']} of {cells['wanted']} converged{meshes}"
     steps, nodes = solver["cell_steps"], summary["model"]["nodes"]
     yield "time steps", f"{steps:,} of {nodes:,} nodes, {solver['cell_steps_per_s']:,.0f} a second"
     yield "wall time", duration(solver["wall_s"], 3)
@@ -30,4 +31,6 @@ def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         yield "  active contacts", percent(0.01 * optimum["active_percent"])
         margin = f"margin {optimum['stress_margin']:.0%} of the elastic limit"
         yield "  largest stress", f"{engineering(optimum['stress_max_Pa'], 'Pa')}, {margin}"
+        for drift in optimum.get("drift", ()):
+            yield f"  {drift['along']} may drift", drift_text(drift)
     yield "stopped", summary["stop_reason"]

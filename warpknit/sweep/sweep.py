@@ -31,6 +31,7 @@ from ..text import duration
 from .contact_map import (
     STEADY,
     MapRow,
+    drift_text,
     find_jumps,
     find_optimum,
     grid,
@@ -100,7 +101,7 @@ def _checked(scene: Scene, device: str | None) -> Sweep:
 
 def _refuse_beyond_memory(mesh: Any, sweep: Sweep) -> None:
     """Refuse a sweep that exceeds the memory: all loads of a seed at once with replicas, else one a core."""
-    loads, nodes = len(set(sweep.strain_weft)) * len(set(sweep.strain_warp)), mesh.node_count
+    loads, nodes = len(sweep.pairs), mesh.node_count
     together = loads if mesh.has_replicas else thread_count(loads)
     needed, available = together * required_memory(mesh.scene, nodes), available_memory()
     if needed > available:
@@ -116,7 +117,7 @@ class _Mapper:
         """`meshes`: of each seed."""
         self.meshes, self.scene, self.sweep, self.out, self.display = meshes, meshes[0].scene, sweep, out, display
         self.nodes = meshes[0].node_count
-        self.strains = [(x, y) for y in sorted(set(sweep.strain_warp)) for x in sorted(set(sweep.strain_weft))]
+        self.pairs = sweep.pairs
         self.maps = [self._read(seed) for seed in range(sweep.seeds)]
         self.steps = 0
         self._interrupts = Interrupts()
@@ -134,7 +135,7 @@ class _Mapper:
                 self._save()
         summary = self._summary(reason)
         if code == 0 and not any(row.active_percent is not None for row in self.rows):
-            code, message = 3, f"no strains of the sweep converged: {self.rows[0].message}"
+            code, message = 3, f"no {self.sweep.quantity} of the sweep converged: {self.rows[0].message}"
             summary["stop_reason"] = "diverged"
         with write_aside(self.out / "map.json") as file:
             json.dump(summary, file, indent=2, allow_nan=False)
@@ -154,17 +155,13 @@ class _Mapper:
 
     def _run_seed(self, seed: int, done: list[MapRow]) -> None:
         """Solve the missing cells of one mesh; append rows to `done`."""
-        finished = {row.strains for row in done}
-        missing = [strains for strains in self.strains if strains not in finished]
+        finished = {row.load for row in done}
+        missing = [pair for pair in self.pairs if pair not in finished]
         if not missing:
             return
-        self.display.stage(f"{len(missing)} pairs of strains", number=seed + 1, of=len(self.maps))
-        load = self.scene.stages[0]
-        stages = [
-            replace(load, name=f"weft {x:g}, warp {y:g}", strain_weft=x, strain_warp=y, tension_weft=None, tension_warp=None)
-            for x, y in missing
-        ]
-        of_pair = dict(zip(self.strains, levels_of_pairs(self.strains, self.scene.output.frames), strict=True))
+        self.display.stage(f"{len(missing)} pairs of {self.sweep.quantity}", number=seed + 1, of=len(self.maps))
+        stages = [self.sweep.stage(self.scene.stages[0], pair) for pair in missing]
+        of_pair = dict(zip(self.pairs, levels_of_pairs(self.pairs, self.scene.output.frames), strict=True))
         levels = [of_pair[pair] for pair in missing]
         steps_before = self.steps
 
@@ -178,7 +175,8 @@ class _Mapper:
 
         for outcome in states_of(self.meshes[seed], stages, levels, watch).run():
             message = "" if outcome.error is None else str(outcome.error)
-            done.append(map_row(missing[outcome.index], outcome.observables, steps=outcome.steps, message=message))
+            pair, by_tension = missing[outcome.index], self.sweep.by_tension
+            done.append(map_row(pair, outcome.observables, steps=outcome.steps, message=message, by_tension=by_tension))
 
     # --- files ---
 
@@ -188,14 +186,14 @@ class _Mapper:
         return self.out / "seeds" / f"map_{seed:02d}.csv", self.out / "seeds" / f"details_{seed:02d}.csv"
 
     def _read(self, seed: int) -> list[MapRow]:
-        wanted = set(self.strains)
-        return [row for row in read_map(*self._paths(seed)) if row.strains in wanted]
+        wanted = set(self.pairs)
+        return [row for row in read_map(*self._paths(seed)) if row.load in wanted]
 
     def _save(self) -> None:
-        order = {strains: place for place, strains in enumerate(self.strains)}
+        order = {pair: place for place, pair in enumerate(self.pairs)}
 
         def sorted_rows(rows: Iterable[MapRow]) -> list[MapRow]:
-            return sorted(rows, key=lambda row: order[row.strains])
+            return sorted(rows, key=lambda row: order[row.load])
 
         if self.sweep.seeds > 1:
             for seed, rows in enumerate(self.maps):
@@ -213,21 +211,23 @@ class _Mapper:
         optimum, jumps = find_optimum(rows, wire.yield_stress), find_jumps(self.meshes[0], rows)
         warnings = list(self.model_warnings)
         if failed:
-            warnings.append(f"{len(failed)} of {len(rows)} pairs of strains did not converge; map_details.csv has the reasons")
-        if (jumped := jump_warning(jumps)) is not None:
+            count = f"{len(failed)} of {len(rows)} pairs of {self.sweep.quantity}"
+            warnings.append(f"{count} did not converge; map_details.csv has the reasons")
+        if (jumped := jump_warning(jumps, self.sweep.by_tension)) is not None:
             warnings.append(jumped)
         if len(self.scene.stages) > 1:
             warnings.append("a map does not run the stages of [[path]]")
-        if optimum is not None and optimum.edge_warning is not None and len(rows) == len(self.strains):
+        if optimum is not None and optimum.edge_warning is not None and len(rows) == len(self.pairs):
             warnings.append(optimum.edge_warning)
         return {
             "scene": {"name": self.scene.name, "hash": self.scene.hash},
             "version": __version__,
             "stop_reason": reason,
             "warnings": warnings,
-            "path": "each pair of strains separately, proportionally from the knitted mesh,"
-            f" {self.scene.output.frames} levels to the largest strain",
-            "cells": {"wanted": len(self.strains), "done": len(rows), "steady": len(rows) - len(failed)},
+            "path": f"each pair of {self.sweep.quantity} separately, proportionally from the knitted mesh,"
+            f" {self.scene.output.frames} levels to the largest {self.sweep.quantity.removesuffix('s')}",
+            "loads": self.sweep.quantity,
+            "cells": {"wanted": len(self.pairs), "done": len(rows), "steady": len(rows) - len(failed)},
             "seeds": self.sweep.seeds,
             "model": {
                 "kind": self.scene.model.kind,
@@ -251,7 +251,7 @@ class _Mapper:
     def _draw(self, summary: dict[str, Any]) -> None:
         from ..export.map_figure import Marks, map_figure
 
-        weft, warp = sorted(set(self.sweep.strain_weft)), sorted(set(self.sweep.strain_warp))
+        weft, warp = self.sweep.axes
         rows = self.rows
 
         def column(name: str, factor: float = 1.0) -> Any:
@@ -261,7 +261,7 @@ class _Mapper:
         marks = Marks(
             stress=column("stress_max_Pa"),
             yield_stress=self.scene.wire.yield_stress,
-            optimum=None if optimum is None else (optimum["strain_weft"], optimum["strain_warp"]),
+            optimum=None if optimum is None else optimum["load"],
             jumps=summary["jumps"],
         )
         wire, seeds, warnings = self.scene.wire, self.sweep.seeds, self.model_warnings
@@ -271,4 +271,5 @@ class _Mapper:
             map_figure(
                 self.out / "figures" / f"{name}.png", weft, warp, column(values, factor),
                 title=mesh, label=f"{label} [{unit}]", percent=name == "contact_map", marks=marks, warnings=warnings,
+                by_tension=self.sweep.by_tension,
             )  # fmt: skip

@@ -1,0 +1,57 @@
+"""Contacts by class: places of one shape (knit/clasp_classes.py), which close together in a mesh of equal loops."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..knit.clasp_classes import CLASS_NAMES
+from ..mesh.layout import contact_classes
+from .measures import pair_active
+from .observables import MeshModel, Observables
+
+
+@dataclass(frozen=True)
+class ContactClass:
+    """A class of contact of a mesh."""
+
+    name: str  # A, B, ...
+    pairs: int
+
+
+def class_of_pair(model: MeshModel) -> np.ndarray:
+    """[pair] number of its class; one class for all where nothing is knitted."""
+    if model.cloth is None:
+        return np.zeros(model.pair_count, dtype=np.int64)
+    return np.repeat(contact_classes(model.scene)[model.panel.body_clasp], 2)
+
+
+def classes_of(model: MeshModel) -> list[ContactClass]:
+    """The classes of contact of a mesh; none of two hooked wires."""
+    if model.scene.hook is not None:
+        return []
+    counts = np.bincount(class_of_pair(model))
+    return [ContactClass(CLASS_NAMES[number], int(count)) for number, count in enumerate(counts) if count]
+
+
+def active_percent(r: Observables, name: str) -> float | None:
+    """Share of the active pairs of a class; None where the mesh has none of it."""
+    pairs = _pairs(r, name)
+    return None if pairs is None else 100.0 * float(np.mean(pair_active(r)[pairs]))
+
+
+def median_force(r: Observables, name: str) -> float | None:
+    """[N] contact force that half of the pairs of a class exceed; None where the mesh has none of it."""
+    pairs = _pairs(r, name)
+    return None if pairs is None else float(np.median(r.pair_force[pairs]))
+
+
+def _pairs(r: Observables, name: str) -> np.ndarray | None:
+    if r.model.scene.hook is not None:
+        return None
+    number, model = CLASS_NAMES.index(name), r.model
+    if number > (0 if model.cloth is None else contact_classes(model.scene).max(initial=0)):
+        return None
+    pairs = np.flatnonzero(class_of_pair(model) == number)
+    return pairs if len(pairs) else None

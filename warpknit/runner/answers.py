@@ -1,0 +1,190 @@
+"""Answers to a designer's questions from the rows of a run: at which tension contacts close and the wire yields, what heat does,
+which tension is best and how far it may drift.
+
+A class of contact closes where half of its pairs carry more than the threshold. Its median force F is zero while it is open, and
+grows with the load once it is closed. So a value x of the state at closing follows from the two records behind it,
+
+    x0 = x1 - (F1 - threshold) (x2 - x1) / (F2 - F1),
+
+bounded by the record before it. Values between neighbouring records are linear otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from .. import measure
+from ..measure import MeshModel
+from ..measure.contact_classes import ContactClass, classes_of
+from .history import Row, stages_of
+
+SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf. Ser. 402, 66)
+STATE = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m", "temperature_K")
+HEATED = (*STATE, "active_percent", "stress_max_Pa")
+PEAK = ("stress_max_part", "stress_max_wire", "stress_max_node", "stress_max_x_m", "stress_max_y_m")
+ROUND_OFF = 1e-9  # of the elastic limit, in a state that is interpolated to lie on it
+DRIFT = 1.0  # percentage points of contacts that may open while the tension drifts
+
+Answer = dict[str, Any]
+
+
+def answers_of(model: MeshModel, rows: Sequence[Row]) -> Answer | None:
+    """The section `answers` of summary.json, in SI units; None of two hooked wires, which have no tension."""
+    if not rows or model.scene.hook is not None:
+        return None
+    classes = classes_of(model)
+    threshold = measure.active_threshold(model)
+    closings = {one.name: closing(rows, one.name, threshold, measure.least_force(model)) for one in classes}
+    first_yield = _first_yield(model, rows)
+    top = max(rows, key=mean_tension)
+    given = model.scene.output.service_tension
+    wanted = SERVICE_TENSIONS if given is None else (given,)
+    service = [_service(tension, _at_tension(rows, tension, classes, closings), closings) for tension in wanted]
+    part = max(stages_of(rows), key=lambda part: max(row.active_percent for row in part), default=list(rows))
+    rising = sorted(part, key=mean_tension)
+    known = [mean_tension(Row(**one)) for one in (*closings.values(), first_yield) if one is not None]
+    events = [there for tension in known if (there := _at_tension(rising, tension, classes, closings)) is not None]
+    return {
+        "contacts": [
+            {
+                "name": one.name,
+                "pairs": one.pairs,
+                "active_percent": vars(rows[-1])[f"active_{one.name}_percent"],
+                "closes": closings[one.name],
+            }
+            for one in classes
+        ],
+        "service": service if given is not None else [point for point in service if point["state"] is not None],
+        "first_yield": first_yield,
+        "largest_stress": _peak(max(rows, key=lambda row: row.stress_max_Pa)),
+        "largest_tension": _state(top),
+        "heat": list(_heat(rows)),
+        "best": _best(part, events, model.scene.wire.yield_stress),
+    }
+
+
+def mean_tension(row: Row) -> float:
+    """[N/m] mean of weft and warp."""
+    return float(0.5 * (row.tension_weft_N_per_m + row.tension_warp_N_per_m))
+
+
+def closing(rows: Sequence[Row], name: str, threshold: float, least: float) -> Answer | None:
+    """The state in which a class of contact first closes; None if it stays open.
+
+    threshold [N]: of an active pair; least [N]: force below which a pair counts as open. `between`: the records on both sides.
+    `resolved`: whether the forces give a place between them; if not, the state is halfway.
+    """
+    force = [vars(row)[f"force_{name}_N"] for row in rows]
+    k = next((k for k, one in enumerate(force) if one > threshold), None)
+    if k is None:
+        return None
+    after = rows[k]
+    before = rows[max(k - 1, 0)]
+    found = {"stage": after.stage, "as_knitted": k == 0, "resolved": True, "between": [_state(before), _state(after)]}
+    if k == 0:
+        return _state(after) | found
+    if force[k - 1] > least:  # closed already, with less than the threshold
+        return _between(before, after, (threshold - force[k - 1]) / (force[k] - force[k - 1])) | found
+    if k + 1 < len(rows) and rows[k + 1].stage == after.stage and force[k + 1] > force[k]:
+        steps = (force[k] - threshold) / (force[k + 1] - force[k])
+        ahead, low, here = (np.array([vars(row)[name] for name in STATE]) for row in (rows[k + 1], before, after))
+        values = np.clip(here - steps * (ahead - here), np.minimum(low, here), np.maximum(low, here))
+        return dict(zip(STATE, values.tolist(), strict=True)) | found
+    return _between(before, after, 0.5) | found | {"resolved": False}
+
+
+def _state(row: Row) -> Answer:
+    return {name: vars(row)[name] for name in STATE}
+
+
+def _between(before: Row, after: Row, share: float) -> Answer:
+    """State at a share of the way from one record to the next."""
+    return {name: (1.0 - share) * vars(before)[name] + share * vars(after)[name] for name in STATE}
+
+
+def _peak(row: Row) -> Answer:
+    """Where the stress is largest, and how large."""
+    return {"stress_max_Pa": row.stress_max_Pa} | {name: vars(row).get(name) for name in PEAK}
+
+
+def _first_yield(model: MeshModel, rows: Sequence[Row]) -> Answer | None:
+    """The state in which the largest stress first reaches the elastic limit, and the place; None if it does not."""
+    limit = model.scene.wire.yield_stress
+    k = next((k for k, row in enumerate(rows) if row.stress_max_Pa > limit), None)
+    if k is None:
+        return None
+    state = _state(rows[0])
+    if k:
+        before, after = rows[k - 1], rows[k]
+        state = _between(before, after, (limit - before.stress_max_Pa) / (after.stress_max_Pa - before.stress_max_Pa))
+    return state | {"stage": rows[k].stage, "as_knitted": k == 0} | _peak(rows[k])
+
+
+def _at_tension(rows: Sequence[Row], tension: float, classes: Sequence[ContactClass], closings: Answer) -> Row | None:
+    """The state in which the mean tension first reaches `tension` [N/m], with its contacts and stress; None if it does not.
+
+    A class that closes between two records counts as closed from its own tension on.
+    """
+    k = next((k for k, row in enumerate(rows) if mean_tension(row) >= tension), None)
+    if not k:
+        return None
+    before, after = rows[k - 1], rows[k]
+    share = (tension - mean_tension(before)) / (mean_tension(after) - mean_tension(before))
+    active = 0.0
+    for one in classes:
+        ends = [vars(row)[f"active_{one.name}_percent"] for row in (before, after)]
+        closes = closings[one.name]
+        if ends[0] < 50.0 <= ends[1] and closes is not None:
+            active += one.pairs * ends[int(tension >= mean_tension(Row(**closes)))]
+        else:
+            active += one.pairs * ((1.0 - share) * ends[0] + share * ends[1])
+    stress = (1.0 - share) * before.stress_max_Pa + share * after.stress_max_Pa
+    pairs = max(1, sum(one.pairs for one in classes))
+    return Row(**_between(before, after, share), active_percent=active / pairs, stress_max_Pa=stress)
+
+
+def _service(tension: float, there: Row | None, closings: Answer) -> Answer:
+    """The share at a service tension; `resolved`: whether no class closes at an unknown tension between the same two records."""
+    unknown = [one["between"] for one in closings.values() if one is not None and not one["resolved"]]
+    near = [low for low, high in unknown if mean_tension(Row(**low)) <= tension <= mean_tension(Row(**high))]
+    active, state = (None, None) if there is None else (there.active_percent, _state(there))
+    return {"tension_N_per_m": tension, "active_percent": active, "state": state, "resolved": not near}
+
+
+def _heat(rows: Sequence[Row]) -> Iterator[Answer]:
+    """Stages that change the temperature: values at begin and end."""
+    for part in stages_of(rows):
+        if part[-1].temperature_K != part[0].temperature_K:
+            yield {"stage": part[-1].stage} | {name: [vars(row)[name] for row in (part[0], part[-1])] for name in HEATED}
+
+
+def _best(part: Sequence[Row], events: Sequence[Row], limit: float) -> Answer | None:
+    """The tension in the middle of the range with the most active contacts and no stress above `limit` [Pa]; None without one.
+
+    part: records of a stage; events: states between them in which contacts close or the wire yields. `low`, `high`: ends of the
+    range; `open_low`, `open_high`: the stage ends there, so that it may be wider.
+    """
+
+    def share(row: Row) -> float:
+        tensile = row.tension_weft_N_per_m > 0.0 and row.tension_warp_N_per_m > 0.0
+        return float(row.active_percent) if tensile and row.stress_max_Pa <= limit * (1.0 + ROUND_OFF) else 0.0
+
+    states = sorted([*part, *events], key=mean_tension)
+    shares = [share(row) for row in states]
+    if max(shares) == 0.0:
+        return None
+    low = high = int(np.argmax(shares))
+    least = shares[low] - DRIFT
+    while low > 0 and shares[low - 1] >= least:
+        low -= 1
+    while high + 1 < len(states) and shares[high + 1] >= least:
+        high += 1
+    middle = 0.5 * (mean_tension(states[low]) + mean_tension(states[high]))
+    best = min(states[low : high + 1], key=lambda row: abs(mean_tension(row) - middle))
+    return {
+        **_state(best), "active_percent": best.active_percent, "stress_max_Pa": best.stress_max_Pa, "stage": part[-1].stage,
+        "low": _state(states[low]), "high": _state(states[high]), "open_low": low == 0, "open_high": high + 1 == len(states),
+    }  # fmt: skip

@@ -1,0 +1,103 @@
+"""The answers of a run in words: rows of its table, and of the report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from ..text import celsius, engineering, exact, percent
+
+State = Mapping[str, Any]
+LEAST = 1e-9  # [N/m] smaller tensions are scatter about zero
+WIDE = 0.5  # of a tension: distance of two records that is given with the tension between them
+
+
+def answer_rows(answers: Mapping[str, Any], yield_stress: float) -> Iterator[tuple[str, str]]:
+    """Pairs of a heading and a text. yield_stress [Pa]: elastic limit of the wire."""
+    reached = f"up to {_tension(answers['largest_tension'])}"
+    for one in answers["contacts"]:
+        name = f"contacts {one['name']}" if len(answers["contacts"]) > 1 else "contacts"
+        yield f"{name} close at", f"{_closing(one, reached)} ({one['pairs']} pairs)"
+    for point in answers["service"]:
+        there = point["state"]
+        text = f"not reached; {reached}" if there is None else f"{percent(0.01 * point['active_percent'])}, {_strain(there)}"
+        text += "" if point["resolved"] else "; contacts close between the records there: more output.frames tell which"
+        yield f"active at {exact(point['tension_N_per_m'], 'N/m')}", text
+    yield "first yield at", _yield(answers, yield_stress, reached)
+    for stage in answers["heat"]:
+        yield from _heat(stage)
+    yield from _best(answers["best"])
+
+
+def _tension(state: State) -> str:
+    """Tension in weft and warp; once where both are alike."""
+    both = [state[f"tension_{side}_N_per_m"] for side in ("weft", "warp")]
+    return " / ".join(dict.fromkeys(engineering(value if abs(value) > LEAST else 0.0, "N/m") for value in both))
+
+
+def _strain(state: State) -> str:
+    return "strain " + " / ".join(percent(state[f"strain_{side}"]) for side in ("weft", "warp"))
+
+
+def _mean(state: State) -> float:
+    return float(0.5 * (state["tension_weft_N_per_m"] + state["tension_warp_N_per_m"]))
+
+
+def _closing(one: Mapping[str, Any], reached: str) -> str:
+    closes = one["closes"]
+    if closes is None:
+        some = f", {percent(0.01 * one['active_percent'])} active" if one["active_percent"] else ""
+        return f"not closed {reached}{some}"
+    if closes["as_knitted"]:
+        return "closed as knitted"
+    opened = ", open again at the end" if one["active_percent"] < 50.0 else ""
+    low, high = closes["between"]
+    if not closes["resolved"]:
+        return f"between {_tension(low)} and {_tension(high)}, {_strain(low)} and {_strain(high).removeprefix('strain ')}{opened}"
+    wide = _mean(high) - _mean(low) > WIDE * _mean(closes)
+    records = f", from records at {_tension(low)} and {_tension(high)}" if wide else ""
+    return f"{_tension(closes)}, {_strain(closes)}{records}{opened}"
+
+
+def _yield(answers: Mapping[str, Any], limit: float, reached: str) -> str:
+    found = answers["first_yield"]
+    if found is None:
+        peak = answers["largest_stress"]
+        stress = engineering(peak["stress_max_Pa"], "Pa")
+        return f"not {reached}: {stress}, {peak['stress_max_Pa'] / limit:.0%} of the limit, {_place(peak)}"
+    if found["as_knitted"]:
+        return f"as knitted, {_place(found)}"
+    return f"{_tension(found)}, {_strain(found)}, {_place(found)}"
+
+
+def _place(peak: Mapping[str, Any]) -> str:
+    """Where a stress is: part of the loop, wire and node, position in weft and warp."""
+    part = peak["stress_max_part"]
+    position = ", ".join(engineering(peak[f"stress_max_{axis}_m"], "m") for axis in "xy")
+    where = f"wire {peak['stress_max_wire']}, node {peak['stress_max_node']} at ({position})"
+    return f"{where}" if part is None else f"in the {part}, {where}"
+
+
+def _heat(stage: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    begin, end = ({name: values[k] for name, values in stage.items() if name != "stage"} for k in (0, 1))
+    yield (
+        f"heat, {celsius(begin['temperature_K']).split()[0]} to {celsius(end['temperature_K'])}",
+        f"active {percent(0.01 * begin['active_percent'])} to {percent(0.01 * end['active_percent'])},"
+        f" tension {_tension(begin)} to {_tension(end)}, {_strain(begin)} to {_strain(end).removeprefix('strain ')},"
+        f" stress {engineering(begin['stress_max_Pa'], 'Pa')} to {engineering(end['stress_max_Pa'], 'Pa')}",
+    )
+
+
+def _best(best: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
+    if best is None:
+        yield "best tension", "none: no tensile state with an active contact is below the elastic limit"
+        return
+    stress = engineering(best["stress_max_Pa"], "Pa")
+    yield "best tension", f"{_tension(best)}: {percent(0.01 * best['active_percent'])} active, {stress}"
+    low, high = best["low"], best["high"]
+    if best["open_high"] and _mean(low) == _mean(high):
+        yield "  may drift", "unknown: the share still grows at the end of the stage"
+        return
+    bounds = [f" ({_mean(end) / _mean(best) - 1.0:+.0%}{', end of the stage' if best[name] else ''})"
+              for end, name in ((low, "open_low"), (high, "open_high"))]  # fmt: skip
+    yield "  may drift", f"from {_tension(low)}{bounds[0]} to {_tension(high)}{bounds[1]}"
