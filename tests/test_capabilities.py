@@ -14,7 +14,7 @@ from warpknit.cli import main
 from warpknit.errors import InputError
 from warpknit.plan import make_plan
 from warpknit.ranks.ranks import One
-from warpknit.run.run import run_scene
+from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene, make_scene
 from warpknit.scene.capabilities import goes_together, with_needs
 from warpknit.scene.reference import capabilities_page

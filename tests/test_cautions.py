@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from warpknit.model import build_model
-from warpknit.run.cautions import cautions
-from warpknit.run.history import Row
-from warpknit.run.run import run_scene
-from warpknit.run.summary_table import summary_rows
-from warpknit.run.warnings_of import _overstressed
+from warpknit.runner.cautions import cautions
+from warpknit.runner.history import Row
+from warpknit.runner.run import run_scene
+from warpknit.runner.summary_table import summary_rows
+from warpknit.runner.warnings_of import _overstressed
 from warpknit.scene import load_scene
 
 SCENE = Path(__file__).parents[1] / "scenes" / "friction_cycle.toml"  # to 16 % and back

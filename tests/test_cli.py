@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from warpknit import errors
 from warpknit.cli import main
 from warpknit.knit.chain import KnitError
-from warpknit.run.progress_display import Bar, Progress, StageLines, progress_for
+from warpknit.runner.progress_display import Bar, Progress, StageLines, progress_for
 
 ROOT = Path(__file__).parent.parent
 CELL = str(ROOT / "scenes" / "atlas_cell.toml")
@@ -44,7 +44,7 @@ def behind(monkeypatch):
             raise stand_in.outcome
         return stand_in.outcome
 
-    for name, function in (("run.run", "run_scene"), ("plan", "make_plan"), ("export", "export_run")):
+    for name, function in (("commands.run", "run_command"), ("plan", "make_plan"), ("export", "export_run")):
         module = ModuleType(f"warpknit.{name}")
         setattr(module, function, answer)
         module.FORMATS = ("usd",)
@@ -142,12 +142,12 @@ def test_a_finished_run_prints_a_short_table(behind):
 
 def test_options_reach_the_run(behind):
     invoke("run", CELL, "--set", "load.shear=0.1", "--preset", "draft", "--device", "cpu", "--resume")
-    ((scene,), options) = behind.calls[0]
+    ((scene, out), options) = behind.calls[0]
     assert scene.stages[0].shear == 0.1
     assert scene.solver.preset == "draft"
     assert isinstance(options.pop("progress"), Progress)
     assert options.pop("ranks").count == 1
-    assert options == {"out": Path("runs/atlas_cell"), "device": "cpu", "resume": True, "force": False, "error_estimator": None}
+    assert (out, options) == (Path("runs/atlas_cell"), {"device": "cpu", "error": None, "resume": True, "force": False})
 
 
 def test_plan_prints_text_or_one_json_object(behind):
@@ -182,7 +182,7 @@ def test_help_imports_nothing_heavy():
 def test_progress_is_silent_when_quiet_and_lines_without_a_terminal(monkeypatch, caplog):
     assert type(progress_for(quiet=True)) is Progress
     monkeypatch.setattr(sys.stderr, "isatty", lambda: False)
-    with caplog.at_level("INFO", logger="warpknit.run.progress_display"), progress_for(quiet=False) as progress:
+    with caplog.at_level("INFO", logger="warpknit.runner.progress_display"), progress_for(quiet=False) as progress:
         assert isinstance(progress, StageLines)
         progress.stage("cold", number=2, of=3)
         progress.update(done=0.5, load_factor=0.5)

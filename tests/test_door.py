@@ -6,8 +6,8 @@ import pytest
 
 import warpknit
 from warpknit.model import build_model, mechanics_of
-from warpknit.run.history import read_history, row_of
-from warpknit.run.run import run_scene
+from warpknit.runner.history import read_history, row_of
+from warpknit.runner.run import run_scene
 
 SCENES = Path(__file__).parents[1] / "scenes"
 SMALL = ["output.usd=false", "output.figures=false"]

@@ -18,8 +18,8 @@ from hypothesis import strategies as st
 
 from warpknit.errors import WarpknitError
 from warpknit.knit.chain import KnitError
-from warpknit.run.run import run_scene
-from warpknit.run.run_directory import CommandResult
+from warpknit.runner.run import run_scene
+from warpknit.runner.run_directory import CommandResult
 from warpknit.scene import make_scene
 
 Table = dict[str, dict[str, Any]]

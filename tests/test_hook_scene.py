@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from warpknit.plan import make_plan
-from warpknit.run.run import run_scene
+from warpknit.runner.run import run_scene
 from warpknit.scene import SceneError, load_scene, make_scene, resolved_toml
 
 if sys.version_info >= (3, 11):

@@ -8,11 +8,11 @@ import pytest
 
 from warpknit.export.map_figure import Marks, map_figure
 from warpknit.measure.jumps import energy_gap, stands_out
-from warpknit.run import warnings_of as warnings
-from warpknit.run.history import Row
+from warpknit.runner import warnings_of as warnings
+from warpknit.runner.history import Row
 from warpknit.scene import make_scene
 from warpknit.sweep.contact_map import MapRow, find_jumps, jump_warning
-from warpknit.sweep.sweep import map_lines
+from warpknit.sweep.map_table import map_lines
 
 STEPS = np.linspace(0.0, 0.5, 6)
 AREA = 2e-6  # [m2] of the mesh

@@ -15,7 +15,7 @@ from warpknit.measure.observables import MeshModel
 from warpknit.measure.table import Measure
 from warpknit.planar.model import Model
 from warpknit.planar.observables import PlanarObservables
-from warpknit.run.run import run_scene
+from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
 from warpknit.spatial.model import SpatialModel
 from warpknit.spatial.observables import SpatialObservables

@@ -10,7 +10,7 @@ from reference.interrupted import assert_parts_are_the_whole
 from warpknit.cli import main
 from warpknit.design import curves
 from warpknit.plan import make_plan
-from warpknit.run.run import run_scene
+from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene, make_scene
 from warpknit.scene.model_choice import LARGE, PLANE_IS_GOOD, first_touch
 from warpknit.scene.presets import PRESETS

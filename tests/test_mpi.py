@@ -32,7 +32,7 @@ PATIENCE = 240  # [s] for what takes some seconds: a rank that hangs is a failur
 # the command line with a fault put in: rank 1 runs out of memory at its fifth convergence check
 OUT_OF_MEMORY = """
 import sys
-from warpknit.run import watch
+from warpknit.runner import watch
 from warpknit.cli import main
 original, checks = watch.Watch._check, 0
 def fail(self, progress):

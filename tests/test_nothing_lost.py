@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpknit.run.run import run_scene
+from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"

@@ -20,7 +20,7 @@ from warpknit.planar import estimate
 from warpknit.planar.estimate import ESTIMATE_FACTOR
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
-from warpknit.run.run import run_scene
+from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene, make_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.estimate import size_of_model, spatial_time

@@ -13,7 +13,7 @@ from warpknit.planar.observables import PlanarObservables, read
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
 from warpknit.planar.thermal import wire_thermal_strain
-from warpknit.run.run import run_scene
+from warpknit.runner.run import run_scene
 from warpknit.scene import make_scene
 from warpknit.solve.multilevel import EDGE_TOLERANCE, MEMBRANE_TOLERANCE
 from warpknit.solve.simulate import Record, Simulation

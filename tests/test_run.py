@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from warpknit.errors import RunDirectoryError
-from warpknit.run.run import run_scene
-from warpknit.run.watch import Watch
+from warpknit.runner.run import run_scene
+from warpknit.runner.watch import Watch
 from warpknit.scene import load_scene
 
 SCENES = Path(__file__).parents[1] / "scenes"

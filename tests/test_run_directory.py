@@ -8,8 +8,8 @@ import pytest
 
 from warpknit.errors import RunDirectoryError
 from warpknit.ranks.ranks import One
-from warpknit.run.checkpoint import FILE, Checkpoint
-from warpknit.run.run_directory import check_directory
+from warpknit.runner.checkpoint import FILE, Checkpoint
+from warpknit.runner.run_directory import check_directory
 
 SUMMARY = {"run": "summary.json", "map": "map.json", "trade": "trade.json"}
 BEGUN = {"run": "checkpoint/checkpoint.npz", "map": "map.csv", "trade": "trade.csv"}

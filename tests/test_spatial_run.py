@@ -12,9 +12,9 @@ from warpknit.cli import main
 from warpknit.errors import SceneError
 from warpknit.frame import Frame, WireLayout
 from warpknit.model import build_model
-from warpknit.run.history import Row, row_of
-from warpknit.run.run import run_scene
-from warpknit.run.warnings_of import warnings_of
+from warpknit.runner.history import Row, row_of
+from warpknit.runner.run import run_scene
+from warpknit.runner.warnings_of import warnings_of
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.solve.tension import TOLERANCE

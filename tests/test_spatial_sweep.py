@@ -15,7 +15,7 @@ from warpknit.cli import main
 from warpknit.errors import OutOfResources
 from warpknit.model import build_model
 from warpknit.processes import start_process
-from warpknit.run.interrupts import Interrupts
+from warpknit.runner.interrupts import Interrupts
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.sweep import state_processes

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from warpknit.cli import main
-from warpknit.run.interrupts import Interrupts
+from warpknit.runner.interrupts import Interrupts
 from warpknit.sweep import batch
 
 SCENES = Path(__file__).parents[1] / "scenes"

@@ -1,35 +1,66 @@
 """warpknit: how a knitted metal mesh carries load, wire by wire and contact by contact.
 
-    from pathlib import Path
-    from warpknit import Simulation, build_model, load_scene, measure, run_scene
-    run = run_scene(load_scene("scenes/atlas_cell.toml"), out=Path("runs/cell"))
+    import warpknit
 
-or, without files, step by step:
+    run = warpknit.run("scenes/atlas_cell.toml", "runs/cell")        # a file, TOML text, a dict, or a scene
+    run.summary["mesh"]["tension_weft_N_per_m"], run.history["strain_weft"], run.states[-1].node_position
 
-    scene = load_scene("scenes/atlas_cell.toml", ["load.strain_weft=0.05"])
-    model = build_model(scene)                       # planar or spatial, as the scene asks
-    for record in Simulation(model).run():           # the equilibria of the load levels
-        print(measure.mesh_tension(record.observables), measure.contacts(record.observables))
+Scenes are changed in code, and states are computed without files:
 
-`knit_cloth` makes one repeat of the cloth alone; `export_run` writes a run's states in other forms.
+    scene = warpknit.load_scene("scenes/atlas_cell.toml").changed({"wire.diameter": "17 um", "output.frames": 4})
+    for record in warpknit.Simulation(warpknit.build_model(scene)).run():    # one equilibrium a load level
+        print(record.load_factor, warpknit.measure.mesh_tension(record.observables))    # [N/m] weft, warp
+
+| name | |
+|---|---|
+| `load_scene` | a scene from a file, text or a dict; `scene.changed` |
+| `run`, `run_map`, `make_report` | the commands, into a directory; they return a `Run` |
+| `load_run` | the `Run` of a directory: summary, tables, states and observables as arrays |
+| `build_model`, `initial_state`, `Simulation` | the same states without files, record by record |
+| `measure` | measures of a recorded state |
+
+Everything is in SI units. docs/python.md has probes, forces of one's own, parameter studies and notebooks.
+Errors are in `warpknit.errors`; each is one line that says what was given and what is allowed.
 """
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
+if TYPE_CHECKING:
+    from . import measure
+    from .commands.map import run_map
+    from .commands.report import make_report
+    from .commands.run import run
+    from .model import build_model, initial_state
+    from .results import load_run
+    from .scene import load_scene
+    from .solve.simulate import Simulation
+
 _DOOR = {
     "load_scene": "scene",
-    "knit_cloth": "knit.cloth",
     "build_model": "model",
     "initial_state": "model",
     "Simulation": "solve.simulate",
+    "run": "commands.run",
+    "run_map": "commands.map",
+    "make_report": "commands.report",
+    "load_run": "results",
     "measure": None,
-    "run_scene": "run.run",
-    "export_run": "export",
 }
-__all__ = ["__version__", *_DOOR]
+__all__ = [
+    "Simulation",
+    "__version__",
+    "build_model",
+    "initial_state",
+    "load_run",
+    "load_scene",
+    "make_report",
+    "measure",
+    "run",
+    "run_map",
+]
 
 
 def __getattr__(name: str) -> Any:
@@ -38,3 +69,7 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'warpknit' has no attribute {name!r}")
     module = _DOOR[name]
     return import_module(f"warpknit.{name}") if module is None else getattr(import_module(f"warpknit.{module}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -8,19 +8,18 @@ from __future__ import annotations
 import json
 import logging
 import os
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from warpknit.errors import Diverged, ModelError
+from warpknit.errors import Diverged
 from warpknit.program import FINISHED, INTERRUPTED, Program, configure_logging
 from warpknit.ranks.ranks import Ranks
 
 if TYPE_CHECKING:
-    from warpknit.run.run_directory import CommandResult
+    from warpknit.runner.run_directory import CommandResult
     from warpknit.scene import Scene
 
 # NumPy's threads would take memory and cores from the time steps
@@ -68,17 +67,6 @@ def _refuse_both(resume: bool, force: bool) -> None:
         )
 
 
-def _refuse_error(percent: float, preset: str | None, scene: Scene) -> None:
-    """Refuse what --error does not go with."""
-    if preset is not None:
-        raise click.UsageError("--error and --preset: both given, allowed: one of them.")
-    if not 0.0 < percent <= 100.0:
-        raise click.UsageError(f"--error: given {percent:g}, allowed: a percentage above 0, up to 100.")
-    from warpknit.scene.capabilities import refuse
-
-    refuse(scene, "error")
-
-
 def result_options(command: Any) -> Any:
     """The options of the output directory."""
     for option in (
@@ -110,7 +98,7 @@ def unfinished(result: CommandResult, if_interrupted: str = "") -> int:
 
 def finished(lines: Iterable[tuple[str, str]], directory: Path) -> int:
     """Print the table of a finished command; return its exit status."""
-    from warpknit.run.summary_table import print_table
+    from warpknit.runner.summary_table import print_table
 
     print_table([*lines, ("results in", str(directory))])
     return FINISHED
@@ -137,38 +125,25 @@ def run(
 ) -> int:
     """Run SCENE and write its results to DIR."""
     _refuse_both(resume, force)
+    if error is not None and preset is not None:
+        raise click.UsageError("--error and --preset: both given, allowed: one of them.")
     quiet = quiet or not ranks.is_first
     command = "run" if error is None else "error"
     loaded, directory = open_scene(scene, overrides, preset, out, command, quiet=quiet, ranks=ranks.count)
 
-    from warpknit.run.progress_display import progress_for
-    from warpknit.run.run import run_scene
+    from warpknit.commands.carried_out import naming_the_file
+    from warpknit.commands.run import run_command
+    from warpknit.runner.progress_display import progress_for
 
-    error_estimator = None
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
-        if error is not None:
-            from warpknit.scene import load_scene
-            from warpknit.trade.error_estimate import settings_for_error
-
-            _refuse_error(error, preset, loaded)
-            bound = ranks.from_first(lambda: settings_for_error(loaded, error))
-            error_estimator = bound.error_estimator(loaded)
-            loaded = load_scene(scene, (*overrides, *bound.overrides), command=command, ranks=ranks.count)
-        result = run_scene(
-            loaded,
-            out=directory,
-            device=device,
-            resume=resume,
-            force=force,
-            progress=progress,
-            ranks=ranks,
-            error_estimator=error_estimator,
+        result = run_command(
+            loaded, directory, device=device, error=error, resume=resume, force=force, progress=progress, ranks=ranks
         )
     if not ranks.is_first:
         return int(result.exit_code)
     if result.exit_code != FINISHED:
         return unfinished(result)
-    from warpknit.run.summary_table import print_summary
+    from warpknit.runner.summary_table import print_summary
 
     print_summary(result.summary, directory)
     return FINISHED
@@ -193,13 +168,13 @@ def contact_map(
     _refuse_both(resume, force)
     loaded, directory = open_scene(scene, overrides, preset, out, "map", quiet=quiet)
 
-    from warpknit.run.progress_display import progress_for
-    from warpknit.scene.capabilities import refuse
-    from warpknit.sweep.sweep import map_lines, run_map
+    from warpknit.commands.carried_out import naming_the_file
+    from warpknit.commands.map import map_command
+    from warpknit.runner.progress_display import progress_for
+    from warpknit.sweep.map_table import map_lines
 
-    refuse(loaded, "map", ranks=ranks.count)
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
-        result = run_map(loaded, out=directory, device=device, resume=resume, force=force, progress=progress)
+        result = map_command(loaded, directory, resume=resume, force=force, progress=progress, device=device, ranks=ranks.count)
     if result.exit_code != FINISHED:
         return unfinished(result, "; continue with --resume")
     return finished(map_lines(result.summary), directory)
@@ -224,13 +199,13 @@ def trade(
     _refuse_both(resume, force)
     loaded, directory = open_scene(scene, overrides, preset, out, "trade", quiet=quiet)
 
-    from warpknit.run.progress_display import progress_for
-    from warpknit.scene import load_scene
+    from warpknit.commands.carried_out import naming_the_file
+    from warpknit.runner.progress_display import progress_for
     from warpknit.trade.study import run_trade, trade_lines
 
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         result = run_trade(
-            lambda more, other: load_scene(scene, (*overrides, *more), other or preset, command="trade"),
+            lambda more, other: loaded.changed(more, other, command="trade"),
             out=directory, against=against, device=device, resume=resume, force=force, progress=progress,
         )  # fmt: skip
     if result.exit_code != FINISHED:
@@ -270,68 +245,47 @@ def report(
 
     A map of the same scene in DIR is reused.
     """
-    if fit_loop_length and fit_curve:
-        raise click.UsageError("--fit-curve: given beside --fit-loop-length, allowed: one of them.")
-    asked = positive_quantity("--tension", tension, "tension")
-    count = positive_quantity("--openings", openings, "per_length")
-    length = positive_quantity("--fit-loop-length", fit_loop_length, "length")
-    mass = positive_quantity("--areal-mass", areal_mass, "areal_mass")
+    from warpknit.commands.carried_out import naming_the_file
+    from warpknit.commands.report import ReportRequest, report_command
     from warpknit.design.fe import CODES
-    from warpknit.design.inputs import Known, fitted_overrides, with_known
-    from warpknit.design.report import make_report, report_scene
+    from warpknit.design.inputs import Known
+    from warpknit.runner.progress_display import progress_for
 
     codes = tuple(CODES) if cards is None else tuple(dict.fromkeys(code.strip() for code in cards.split(",")))
     if set(codes) - set(CODES):
         raise click.UsageError(f"--cards: given {cards}, allowed: {', '.join(CODES)}, separated by commas.")
+    known = Known(
+        positive_quantity("--openings", openings, "per_length"),
+        positive_quantity("--fit-loop-length", fit_loop_length, "length"),
+        Path(fit_curve) if fit_curve else None,
+        positive_quantity("--areal-mass", areal_mass, "areal_mass"),
+    )
+    asked = ReportRequest(positive_quantity("--tension", tension, "tension"), known, codes)
     loaded, directory = open_scene(scene, overrides, preset, out, "report", quiet=quiet)
-    loaded = report_scene(loaded)
-
-    from warpknit.run.progress_display import progress_for
-    from warpknit.scene import load_scene
-    from warpknit.sweep.contact_map import read_map
-    from warpknit.sweep.sweep import map_lines, run_map
-
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
-        if length or fit_curve:
-            progress.stage("fit of the loops", number=1, of=1)
-        notes: tuple[str, ...] = ()
-        if count or length:  # another knit, for which auto may take another model
-            fitted = with_known(loaded, Known(count, length))
-            notes, more = fitted.notes, fitted_overrides(overrides, fitted.scene.knit)
-            loaded = report_scene(load_scene(scene, more, preset, command="report"))
-        fitted = with_known(loaded, Known(None, None, Path(fit_curve) if fit_curve else None, mass))
-        loaded, notes = fitted.scene, (*notes, *fitted.notes)
-        result = run_map(loaded, out=directory, device=device, resume=not force, force=force, progress=progress)
-        if result.exit_code != FINISHED:
-            return unfinished(result, "; the same command continues it")
-        rows = read_map(directory / "map.csv", directory / "map_details.csv")
-        page = make_report(loaded, rows, directory, tension=asked, notes=notes, codes=codes, progress=progress)
-    from warpknit.run.summary_table import print_table
+        done = report_command(loaded, directory, asked, force=force, progress=progress, device=device)
+    if done.page is None:
+        return unfinished(done.result, "; the same command continues it")
+    from warpknit.runner.summary_table import print_table
+    from warpknit.sweep.map_table import map_lines
 
-    lines = [("mesh", note) for note in notes]
-    lines += [*map_lines(result.summary), ("material card", page.card_state)]
-    lines += [*(("warning", warning) for warning in page.warnings), ("page", str(directory / "report.html"))]
+    lines = [("mesh", note) for note in done.notes]
+    lines += [*map_lines(done.result.summary), ("material card", done.page.card_state)]
+    lines += [*(("warning", warning) for warning in done.page.warnings), ("page", str(directory / "report.html"))]
     print_table(lines)
-    if asked is not None and page.card is None:
-        raise Diverged(page.where)
+    if done.result.exit_code != FINISHED:
+        raise Diverged(done.result.message)
     return FINISHED
 
 
 def positive_quantity(option: str, given: str | None, dimension: str) -> float | None:
-    """Value of an option in SI, or None; raises click.UsageError unless positive."""
-    if given is None:
-        return None
-    from warpknit.scene.units import DIMENSIONS, QuantityError, has_unit, shown, si
+    """Value of an option in SI, or None; raises unless it has a unit and is positive."""
+    from warpknit.commands.report import positive
+    from warpknit.scene.units import DIMENSIONS, has_unit, shown
 
-    if not has_unit(given):
+    if given is not None and not has_unit(given):
         raise click.UsageError(f"{option}: given {shown(given)}, expected {DIMENSIONS[dimension]}, with its unit.")
-    try:
-        value = si(given, dimension)
-    except QuantityError as error:
-        raise click.UsageError(f"{option}: {error}.") from error
-    if value <= 0.0:
-        raise click.UsageError(f"{option}: given {shown(given)}, expected {DIMENSIONS[dimension]}, above zero.")
-    return value
+    return positive(option, given, dimension)
 
 
 @main.command()
@@ -343,6 +297,7 @@ def plan(scene: str, overrides: tuple[str, ...], preset: str | None, device: str
     from warpknit.scene import load_scene
 
     loaded = load_scene(scene, overrides, preset)
+    from warpknit.commands.carried_out import naming_the_file
     from warpknit.plan import make_plan
 
     with naming_the_file(loaded):
@@ -384,20 +339,3 @@ def export(run_dir: str, to: str) -> None:
 
     for path in export_run(Path(run_dir), to):
         click.echo(path)
-
-
-@contextmanager
-def naming_the_file(scene: Scene) -> Iterator[None]:
-    """Prefix errors of the knit and the model with the scene file."""
-    from warpknit.knit.chain import KnitError
-    from warpknit.scene.messages import scene_error
-    from warpknit.scene.model_choice import GIVEN
-    from warpknit.scene.units import shown
-
-    try:
-        yield
-    except KnitError as error:
-        raise scene_error(scene.path, error.key, shown(error.given), error.allowed) from error
-    except ModelError as error:
-        chosen = "" if scene.kind_reason == GIVEN else f" (model.kind: {scene.model.kind}, {scene.kind_reason})"
-        raise type(error)(f"{scene.path}: {error}{chosen}") from error

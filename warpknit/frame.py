@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpknit.files import write_aside
+from warpknit.text import short_repr
 
 __all__ = ["Frame", "WireLayout", "curve_parts", "curve_position", "drawn_frame", "drawn_layout"]
 
@@ -33,6 +34,8 @@ Integers = NDArray[np.integer[Any]]
 @dataclass(frozen=True, eq=False, kw_only=True)
 class WireLayout:
     """Nodes, wires and bodies; the same for every frame of a run."""
+
+    __repr__ = short_repr
 
     wire_start: Integers  # [wire + 1]  nodes of wire w are wire_start[w]:wire_start[w + 1]
     wire_closed: NDArray[np.bool_]  # [wire]  a closed wire continues at its first node, shifted by wire_closing
@@ -120,6 +123,8 @@ class WireLayout:
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Frame:
     """One recorded state."""
+
+    __repr__ = short_repr
 
     index: int  # counts the records of a run from 0
     stage: str

@@ -20,7 +20,13 @@ def _kind(scene: Scene) -> Any:
 
 
 def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -> Model:
-    """Build and upload the model of a scene, of this rank's strip where several `ranks` share it.
+    """The model of a scene: all constant data of its mesh, on a device; planar or spatial, as the scene says.
+
+        model = build_model(load_scene("scenes/atlas_cell.toml"))
+        model.node_count, model.pair_count, model.bending_stiffness          # ..., ..., EI [N m2]
+        model.panel.wire_first, model.panel.clamp_position                   # [wire], (clamp, 2) [m] as knitted
+
+    device: "cpu" or "cuda:0". ranks: processes that share the mesh; the model is then that of this rank's strip.
 
     Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`.
     """
@@ -29,7 +35,15 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
 
 
 def initial_state(model: Model) -> Any:
-    """The initial state: knitted shape, no velocity, no load."""
+    """The variables of a model's mesh, as Warp arrays: knitted shape, no velocity, no load.
+
+        model = build_model(scene)
+        state = initial_state(model)
+        records = list(Simulation(model, state).run())               # changes the state
+        state.arrays()                                               # copies on the host, by name
+
+    The fields, with units, are in warpknit/planar/state.py and warpknit/spatial/rod_arrays.py.
+    """
     return _kind(model.scene).initial_state(model)
 
 

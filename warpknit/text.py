@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
+from typing import Any
 
 ZERO_CELSIUS = 273.15  # [K]
 PREFIXES = (
@@ -12,6 +14,7 @@ LARGEST = {"m": 1e3, "s": 1.0}  # prefix of these units: no Mm, no ks
 PREFIXED = {"m", "s", "N", "N/m", "Pa"}  # units of a scene that take a prefix
 ALL_DIGITS = 12  # what was typed, without the round-off of its unit
 LIMIT_DIGITS = 4
+FIELDS_SHOWN = 12  # of an object with arrays, on one line
 
 
 def engineering(value: float, unit: str, digits: int = 3) -> str:
@@ -65,3 +68,23 @@ def duration(seconds: float, digits: int = 2) -> str:
 def rounded(count: int) -> int:
     """A count rounded to two digits."""
     return int(float(f"{count:.2g}"))
+
+
+def short_repr(item: Any) -> str:
+    """`repr` of a dataclass with arrays, on one line: arrays by their shape, large objects by their kind."""
+    shown = [f"{entry.name} {_short(getattr(item, entry.name))}" for entry in fields(item)]
+    more = f", and {len(shown) - FIELDS_SHOWN} more fields" if len(shown) > FIELDS_SHOWN else ""
+    return f"<{type(item).__name__}: {', '.join(shown[:FIELDS_SHOWN])}{more}>"
+
+
+def _short(value: Any) -> str:
+    """A value in a few characters."""
+    if isinstance(getattr(value, "shape", None), tuple):
+        return str(tuple(value.shape))
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if value is None or isinstance(value, str | int):
+        return repr(value)
+    if isinstance(value, list | tuple | dict):
+        return f"of {len(value)}"
+    return str(getattr(value, "name", type(value).__name__))

@@ -14,7 +14,7 @@ from warpknit.design.card import MaterialCard
 from warpknit.design.curves import CurvePoint
 from warpknit.design.fe import CODES, FILES, write_fe_cards
 from warpknit.design.fe.tangent import ENGINEERING, GREEN, LOGARITHMIC, TRUE, tangent
-from warpknit.run.run_directory import OUTPUT_NAMES
+from warpknit.runner.run_directory import OUTPUT_NAMES
 from warpknit.scene import load_scene
 
 SCENE = load_scene(Path(__file__).parents[2] / "scenes" / "contact_map.toml")

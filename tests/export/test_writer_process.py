@@ -245,7 +245,7 @@ def test_full_disk_in_the_writer_is_exit_4(tmp_path: Path) -> None:
 def test_two_runs_do_not_write_into_one_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from warpknit.errors import RunDirectoryError
     from warpknit.files import held_directory
-    from warpknit.run import run as run_module
+    from warpknit.runner import run as run_module
     from warpknit.scene import load_scene
 
     monkeypatch.setattr(run_module, "LOCK_TIMEOUT", 0.0)

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpknit.run.run import run_scene
-from warpknit.run.watch import Watch
+from warpknit.runner.run import run_scene
+from warpknit.runner.watch import Watch
 from warpknit.scene import Scene
 
 

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from warpknit.cli import main
 from warpknit.planar import trials
-from warpknit.run.interrupts import Interrupted
+from warpknit.runner.interrupts import Interrupted
 from warpknit.scene import load_scene
 from warpknit.scene.presets import PRESETS
 from warpknit.spatial import trials as spatial_trials

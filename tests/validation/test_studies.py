@@ -22,8 +22,8 @@ from tight_knits import scene_of as tight_scene
 
 from warpknit.knit.lapping import lapping_table
 from warpknit.model import build_model
-from warpknit.run.history import row_of
-from warpknit.run.warnings_of import warnings_of
+from warpknit.runner.history import row_of
+from warpknit.runner.warnings_of import warnings_of
 from warpknit.solve.convergence import PATIENCE, PATIENCE_NODES, patience_of
 
 DRAFT = "solver.preset=draft"

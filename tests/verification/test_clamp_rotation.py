@@ -24,7 +24,7 @@ from warpknit.kernels import clamp
 from warpknit.kernels import control as c
 from warpknit.model import build_model
 from warpknit.planar.state import initial_state
-from warpknit.run.run import run_scene
+from warpknit.runner.run import run_scene
 from warpknit.scene import make_scene
 from warpknit.solve.simulate import Record, Simulation
 

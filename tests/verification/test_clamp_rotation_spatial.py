@@ -13,7 +13,7 @@ import pytest
 
 from warpknit import measure
 from warpknit.frame import Frame
-from warpknit.run.run import run_scene
+from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
 from warpknit.spatial.model import build_model
 

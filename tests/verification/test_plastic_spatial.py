@@ -15,7 +15,7 @@ import pytest
 
 from reference.rods import SECTION, Pose, helix, relaxed
 from warpknit.kernels.banded_mass import HELD_NODE, HELD_TURN
-from warpknit.run.run import run_scene
+from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
 from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import RodStepper

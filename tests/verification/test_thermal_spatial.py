@@ -17,7 +17,7 @@ from reference.rods import SECTION, relaxed
 from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.model import build_model
-from warpknit.run.run import run_scene
+from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.observables import read

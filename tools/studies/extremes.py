@@ -29,7 +29,7 @@ from warpknit.knit.chain import KnitError
 from warpknit.model import build_model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
-from warpknit.run.run import run_scene
+from warpknit.runner.run import run_scene
 from warpknit.scene import Scene, make_scene
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Simulation

@@ -27,8 +27,8 @@ from warpknit.errors import WarpknitError
 from warpknit.knit.chain import KnitError
 from warpknit.model import build_model
 from warpknit.plan import make_plan
-from warpknit.run.history import row_of
-from warpknit.run.warnings_of import warnings_of
+from warpknit.runner.history import row_of
+from warpknit.runner.warnings_of import warnings_of
 from warpknit.scene import Scene, make_scene
 from warpknit.solve.simulate import Record, Simulation
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -33,7 +32,6 @@ SCALED = {
     "circular-oval": ("closed_radius", "closed_head", "open_head", "open_half_width"),
     "general": ("foot_half_width", "leg_half_width", "head_height"),
 }
-SPACINGS = {"knit.wales", "knit.courses", "knit.wale_spacing", "knit.course_spacing"}
 SAME_AREA = 0.99  # of the rhombus's area: openings that are counted
 COLUMNS = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m")  # of a measured curve
 FIT_TOLERANCE = 2e-3  # of the factor
@@ -82,11 +80,10 @@ def with_known(scene: Scene, known: Known) -> Fitted:
     return Fitted(scene, notes)
 
 
-def fitted_overrides(overrides: Sequence[str], knit: Knit) -> list[Override]:
-    """Overrides of a scene that also give it the spacings and the loops of a fitted knit."""
-    kept = [override for override in overrides if override.partition("=")[0].strip() not in SPACINGS]
+def fitted_overrides(knit: Knit) -> list[Override]:
+    """Overrides that give a scene the spacings and the loops of a fitted knit."""
     loop = [(f"knit.loop.{name}", value) for name, value in asdict(knit.loop).items() if value is not None]
-    return [*kept, ("knit.wale_spacing", knit.wale_spacing), ("knit.course_spacing", knit.course_spacing), *loop]
+    return [("knit.wale_spacing", knit.wale_spacing), ("knit.course_spacing", knit.course_spacing), *loop]
 
 
 def openings_per_length(scene: Scene) -> float | None:

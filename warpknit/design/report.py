@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import Diverged
 from ..files import write_aside, write_table
 from ..measure import Observables
-from ..run.progress_display import Progress
+from ..runner.progress_display import Progress
 from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
 from ..sweep.contact_map import Jump, MapRow, Optimum, find_jumps, find_optimum, grid, jump_warning, model_warnings
@@ -75,7 +75,7 @@ def report_scene(scene: Scene) -> Scene:
     return scene
 
 
-def make_report(
+def write_report(
     scene: Scene,
     rows: Sequence[MapRow],
     out: Path,

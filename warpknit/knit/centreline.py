@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
+from ..text import short_repr
 from .keypoints import LoopFrame, loop_keys
 from .lapping import Stitch
 
@@ -23,6 +24,8 @@ SAMPLES_PER_STITCH = 480
 @dataclass(frozen=True)
 class Thread:
     """One wire of the repeat; it goes on periodically with (0, height of the repeat)."""
+
+    __repr__ = short_repr
 
     points: NDArray[np.float64]  # (n, 3) [m] centre line; point n would be points[0] + (0, size[1], 0)
     length: float  # plan arc length of one period [m]

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..text import short_repr
 from .centreline import Thread, thread_line
 from .chain import KnitError
 from .clasps import Clasp, find_lenses, make_clasps
@@ -29,6 +30,8 @@ SCATTERED_ALIKE = 0.5  # the same where loops differ
 @dataclass(frozen=True)
 class Cloth:
     """One repeat; the cloth goes on with period size[0] along x and size[1] along y."""
+
+    __repr__ = short_repr
 
     size: NDArray[np.float64]  # (2,) [m] width and height of one repeat
     wales: int

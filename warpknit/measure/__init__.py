@@ -1,6 +1,14 @@
 """Measures: pure functions of the observables of a state, the same for both models.
 
+    record = list(Simulation(build_model(scene)).run())[-1]
+    state = record.observables
+    measure.mesh_tension(state)                              # weft, warp [N/m], force per current width
+    measure.contacts(state).active_percent                   # [%] of the pairs
+    measure.stress_extremes(state)                           # largest and 99 % stress [Pa], share of wire above the yield stress
+    measure.energies(state).stored                           # [J]
+
 `record.observables` belong to a recorded state; `planar.observables.read(model, state)` evaluates any state.
+`measure.table.values(state, names)` has measures by the names of the columns of history.csv.
 """
 
 from .measures import (

@@ -114,7 +114,7 @@ def _pressed_at(axis: int) -> Callable[[Observables], Any]:
 
 
 def _slide(r: Observables) -> float | None:
-    """[m] sliding distance of a hook's contact along its wire, summed in run/history.py."""
+    """[m] sliding distance of a hook's contact along its wire, summed in runner/history.py."""
     return None if r.hook_contact is None else 0.0
 
 
@@ -170,7 +170,7 @@ MEASURES: tuple[Measure, ...] = (
     Measure("energy_bend_J", lambda r: r.energies.bend, history=True, map="details"),
     Measure("energy_contact_J", lambda r: r.energies.contact, history=True, map="details"),
     Measure("energy_kinetic_J", lambda r: r.energies.kinetic, history=True),
-    Measure("work_J", "work", history=True),  # of a relaxation: summed in run/history.py
+    Measure("work_J", "work", history=True),  # of a relaxation: summed in runner/history.py
     Measure("edge_work_J", "edge_work", history=True),
     Measure("dissipated_J", "dissipated", history=True),
     # quality

@@ -16,6 +16,7 @@ from ..errors import ModelError
 from ..kernels.wire_forces import BLOCK_PAD, BLOCK_SIZE
 from ..knit.cloth import Cloth
 from ..scene.outline import Outline
+from ..text import short_repr
 from .grips import clamps, no_clamps
 from .rest_table import Table
 from .strands import Strands, closed_strands, cut_strands
@@ -28,6 +29,8 @@ GRIP_CLEARANCE = 0.05  # loops of wire that a lens must keep from a grip, or its
 @dataclass(frozen=True)
 class Panel:
     """Wires, bodies and grips of the mesh. Index arrays are int32; wires hold consecutive nodes."""
+
+    __repr__ = short_repr
 
     size: np.ndarray  # (2,) [m] rest size of the mesh, or of the box around it
     low: np.ndarray  # (2,) [m] its lower corner

@@ -15,6 +15,7 @@ from numpy.polynomial.legendre import leggauss
 from ..hermite import hermite
 from ..kernels.bend import BOW
 from ..knit.cloth import Cloth
+from ..text import short_repr
 from .thread_curve import ThreadCurve
 
 FIT_POINTS = 12  # Gauss points a segment for the fit of the rest curve
@@ -29,6 +30,8 @@ class Table:
     Arrays run over the entries of all threads, thread after thread; `start[t]` is the entry of node 0 of thread t, which has
     `lead` entries before it and at least `nodes[t] + lead` behind.
     """
+
+    __repr__ = short_repr
 
     start: np.ndarray  # [thread] int
     nodes: np.ndarray  # [thread] int: nodes a period

@@ -31,7 +31,7 @@ from ..mesh.treatment import Treatment, choose_treatment
 from ..precision import Precision, precision_of
 from ..ranks.ranks import One, Ranks
 from ..scene import Hook, Scene
-from ..text import at_most, exact
+from ..text import at_most, exact, short_repr
 from .device_arrays import MeshArrays, RestArrays, upload_mesh, upload_rest
 from .limits import slid_wires, tight_loops
 from .numerics import choose_numerics
@@ -57,6 +57,8 @@ class Constants:
 @dataclass(frozen=True)
 class Model:
     """A mesh ready to run. Stiffnesses and masses are initial ones; the control array holds the current ones."""
+
+    __repr__ = short_repr
 
     has_multilevel: ClassVar[bool] = True
     has_replicas: ClassVar[bool] = True

@@ -16,6 +16,7 @@ from ..measure.measures import active_threshold, section
 from ..measure.observables import Energies, WireStress
 from ..measure.panel_map import PanelMap
 from ..measure.strain import rotation
+from ..text import short_repr
 from .bending import bending_moments
 from .contact_places import contact_places
 from .friction import friction_energy
@@ -29,6 +30,8 @@ from .state import State
 @dataclass(frozen=True)
 class PlanarObservables(HostState):
     """The state of the global mesh. Arrays [node] except the stress are computed on demand, to save memory."""
+
+    __repr__ = short_repr
 
     # --- energies
 

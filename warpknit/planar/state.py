@@ -18,6 +18,7 @@ from ..kernels import control as c
 from ..kernels.bend import BOW, SLOPE_SHARE
 from ..kernels.contact_friction import LOOSE
 from ..numerics import FIRST_DAMPING, LOOK_AHEAD, MASS_MARGIN, SPEED_SHARE
+from ..text import short_repr
 from .model import Model, body_blocks, contact_batches
 
 STEP_LIMIT = 0.1  # course spacings: a larger displacement in a step, if above a node spacing, is a divergence
@@ -33,6 +34,8 @@ ARRAYS = WIRE_STATE + BODY_STATE + PAIR_STATE + CLAMP_STATE + PATH_STATE
 @dataclass
 class State:
     """Arrays on the device of the model."""
+
+    __repr__ = short_repr
 
     node_ux: list[wp.array]  # 2 x [node] [counts]
     node_uy: list[wp.array]

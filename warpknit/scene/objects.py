@@ -8,12 +8,14 @@ hook.py, the panel in panel.py, wires from a file in wires.py; file.py puts them
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import InitVar, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
+from warpknit.errors import SceneError
 from warpknit.knit.loops import RANGES, LoopProportions
 from warpknit.scene.digest import digest
 from warpknit.scene.hook import Hook
@@ -73,6 +75,7 @@ from warpknit.scene.values import (
 )
 from warpknit.scene.wire import Wire
 from warpknit.scene.wire_file import WireFile
+from warpknit.text import exact
 
 # Keys of [contact] that only some treatments have.
 TREATMENT_KEYS = {
@@ -404,7 +407,14 @@ class Sweep(Table):
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """All inputs of a run. Equal scenes compare equal, whatever file they were read from."""
+    """All inputs of a run: frozen tables of plain SI numbers, named as the keys of docs/scenes.md.
+
+        scene.wire.diameter                              # [m]
+        scene.stages[-1].strain_warp
+        thicker = scene.changed({"wire.diameter": "17 um"})
+
+    Made by `load_scene`. Equal scenes compare equal, whatever file they were read from.
+    """
 
     name: str
     path: Path = field(compare=False)
@@ -420,6 +430,38 @@ class Scene:
     output: Output
     sweep: Sweep | None
     kind_reason: str = field(default="as given", compare=False)  # of `model.kind`, which is resolved (model_choice.py)
+    remake: InitVar[Callable[..., Scene] | None] = None  # from what was written; lost where a scene is replaced in part
+
+    def __post_init__(self, remake: Callable[..., Scene] | None) -> None:
+        object.__setattr__(self, "_remake", remake)
+
+    def __repr__(self) -> str:
+        mesh = f"{self.knit.repeats[0]} x {self.knit.repeats[1]} repeats"
+        if self.hook is not None:
+            mesh = "two hooked wires"
+        elif self.wires is not None:
+            mesh = f"wires of {Path(self.wires.file).name}"
+        wire = f"{self.wire.material} {exact(self.wire.diameter, 'm')}"
+        stages = "1 stage" if len(self.stages) == 1 else f"{len(self.stages)} stages"
+        return f"<Scene {self.name!r}: {wire}, {mesh}, {self.model.kind}, {self.model.boundary}, {stages}>"
+
+    @property
+    def is_as_written(self) -> bool:
+        """Whether `changed` is available: not of a scene that was put together from parts of others."""
+        return self.__dict__["_remake"] is not None
+
+    def changed(self, overrides: Any = (), preset: str | None = None, **purpose: Any) -> Scene:
+        """A scene with other values for some keys; all defaults and checks follow the new values.
+
+            scene.changed({"wire.diameter": "17 um", "load.strain_warp": 0.05}, preset="draft")
+
+        overrides, preset, purpose: as in `load_scene`. Raises `SceneError`, which names the key.
+        """
+        remake = self.__dict__["_remake"]
+        if remake is None:
+            raise SceneError(f"{self.path}: given a scene put together from parts, allowed: load_scene(scene, overrides)")
+        scene: Scene = remake(overrides, preset, **purpose)
+        return scene
 
     @property
     def has_moving_edge(self) -> bool:

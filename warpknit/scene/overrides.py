@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import copy
+import os
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 if sys.version_info >= (3, 11):
@@ -17,6 +17,7 @@ from warpknit.scene.messages import dotted, scene_error
 from warpknit.scene.units import shown
 
 Override = str | tuple[str, Any]
+Overrides = Sequence[Override] | Mapping[str, Any]  # a mapping of dotted keys, or a list of "key=value" and of pairs
 
 _PART = re.compile(r"(?P<name>[A-Za-z0-9_-]+)(?P<indices>(\[\d{1,6}\])*)")
 
@@ -34,27 +35,46 @@ RIVALS = {
 }
 
 
-def with_overrides(file: object, table: dict[str, Any], overrides: Sequence[Override]) -> dict[str, Any]:
+def as_list(overrides: Overrides) -> list[Override]:
+    """Overrides in any form as a list."""
+    if isinstance(overrides, Mapping):
+        return list(overrides.items())
+    return [overrides] if isinstance(overrides, str) else list(overrides)
+
+
+def with_overrides(file: object, table: Mapping[str, Any], overrides: Overrides) -> dict[str, Any]:
     """A copy of `table` with the overrides set, in their order. The values are checked later, with the rest."""
-    table = copy.deepcopy(table)
+    made: dict[str, Any] = as_written(table)
     keys_set: set[tuple[int | str, ...]] = set()
-    for override in overrides:
+    for override in as_list(overrides):
         key, value = _key_and_value(file, override)
         location = _location(file, key)
-        _set(file, table, location, value)
+        _set(file, made, location, value)
         keys_set.add(location)
         *above, last = location
         if above and above[0] in ("load", "path", "knit"):
-            holder = _at(table, above)
+            holder = _at(made, above)
             for rival in RIVALS.get(str(last), ()):
                 if (*above, rival) not in keys_set:
                     holder.pop(rival, None)
-    return table
+    return made
+
+
+def as_written(value: Any) -> Any:
+    """A copy of a value given in code, as TOML has it: arrays as lists, NumPy's numbers as numbers, paths as strings."""
+    if isinstance(value, Mapping):
+        return {key: as_written(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [as_written(entry) for entry in value]
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 def _key_and_value(file: object, override: Override) -> tuple[str, Any]:
     if not isinstance(override, str):
-        return override
+        key, value = override
+        return key, as_written(value)
     key, equals, text = override.partition("=")
     if not equals or not key.strip():
         raise scene_error(file, "--set", shown(override), "KEY=VALUE, such as load.strain_warp=0.05")

@@ -1,12 +1,13 @@
-"""Load a scene from its file (keys: `warpknit.scene.file`); every error is a `SceneError` of one line."""
+"""Load a scene from a file, text or a dict (keys: `warpknit.scene.file`); every error is a `SceneError` of one line."""
 
 from __future__ import annotations
 
 import math
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +21,10 @@ from warpknit.scene.materials import MATERIALS
 from warpknit.scene.messages import dotted, first_error, scene_error
 from warpknit.scene.model_choice import choose_model
 from warpknit.scene.objects import TREATMENT_KEYS, Contact, Knit, KnitTable, ModelOptions, Scene, Solver
-from warpknit.scene.overrides import Override, with_overrides
+from warpknit.scene.overrides import Overrides, as_list, with_overrides
 from warpknit.scene.panel_options import PanelError, PanelOptions, covering_repeats, panel_options
 from warpknit.scene.presets import PRESETS, Preset
+from warpknit.scene.resolved import resolved_toml
 from warpknit.scene.source import Source
 from warpknit.scene.stages import hook_stages, mesh_stages
 from warpknit.scene.units import shown
@@ -35,6 +37,7 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
+IN_CODE = Path("scene")  # names a scene that no file holds
 SPACING_RATIO = 10.0  # largest ratio of wale and course spacing, either way
 SINGLE_NODES = 48  # nodes a loop above which double is the default: round-off grows as EI/h^2
 SINGLE_SLENDERNESS = 1e-3  # of s (d/W)^2, s being the softening, below which it is too: round-off grows as EA/s, forces as EI/W^2
@@ -43,39 +46,66 @@ SINGLE_TOLERANCE = 1e-3  # least residual tolerance that single precision can me
 
 
 def load_scene(
-    path: str | os.PathLike[str],
-    overrides: Sequence[Override] = (),
+    source: str | os.PathLike[str] | Mapping[str, Any] | Scene,
+    overrides: Overrides = (),
     preset: str | None = None,
     *,
     command: str = "",
     ranks: int = 1,
 ) -> Scene:
-    """The scene in the TOML file at `path`.
+    """The scene of a file, of TOML text, or of a dict of its tables; checked, with all defaults, in SI.
 
-    overrides: "key=value" strings (the value is TOML, else a plain string) or (key, value) pairs; keys are dotted. A
-    strain set this way takes the place of the file's tension in that direction, and so for other ways to say the same.
+        load_scene("scenes/atlas_cell.toml", {"wire.diameter": "17 um"}, preset="draft")
+        load_scene({"wire": {"diameter": "17 um"}, "model": {"boundary": "periodic"}, "load": {"strain_warp": 0.1}})
+        load_scene('''
+            [load]
+            strain_warp = 0.1
+        ''')
+
+    source: a string with a line break is TOML, as is one with "=" that is no file; other strings are paths. A scene is changed.
+    overrides: values of dotted keys, as a mapping, or a list of "key=value" strings (the value is TOML, else a plain string) and
+        of (key, value) pairs. A strain set this way takes the place of the file's tension in that direction, and so for other
+        ways to say the same.
     preset: takes the place of `solver.preset`; keys that the file gives still stand.
     command, ranks: what the scene is for, as in `refuse`; `model.kind = "auto"` takes a model that has it.
-    Raises SceneError.
+
+    Quantities are strings with their unit or numbers in SI; docs/scenes.md has all keys.
+
+    Raises SceneError: one line with the file, the key, what was given and what is allowed.
     """
-    path = Path(path)
-    expected = "a scene file in TOML"
-    try:
-        table = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
-    except OSError as error:
-        raise scene_error(path, "the file", (error.strerror or "an unreadable file").lower(), expected) from error
-    except UnicodeDecodeError as error:
-        raise scene_error(
-            path, "the file", f"a byte that is not UTF-8 ({error.object[error.start]:#x})", f"{expected} saved as UTF-8"
-        ) from error
-    except (ValueError, RecursionError) as error:
-        raise scene_error(path, "the file", f"invalid TOML ({error})", expected) from error
+    if isinstance(source, Scene):
+        if source.is_as_written:
+            return source.changed(overrides, preset, command=command, ranks=ranks)
+        if not overrides and preset is None:
+            return source
+    path, table = (source.path, tomllib.loads(resolved_toml(source))) if isinstance(source, Scene) else _read(source)
     return make_scene(table, overrides, preset, path=path, command=command, ranks=ranks)
 
 
+def _read(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[Path, Mapping[str, Any]]:
+    """The name of a source, for messages, and its table."""
+    if isinstance(source, Mapping):
+        return IN_CODE, source
+    if not isinstance(source, str | os.PathLike):
+        raise scene_error(IN_CODE, "the source", shown(source), "a path, TOML text, a dict or a scene")
+    is_text = isinstance(source, str) and ("\n" in source or ("=" in source and not os.path.exists(source)))
+    path, expected = (IN_CODE, "a scene in TOML") if is_text else (Path(source), "a scene file in TOML")
+    what = "the text" if is_text else "the file"
+    try:
+        text = str(source) if is_text else path.read_bytes().decode("utf-8-sig")
+        return path, tomllib.loads(text)
+    except OSError as error:
+        raise scene_error(path, what, (error.strerror or "an unreadable file").lower(), expected) from error
+    except UnicodeDecodeError as error:
+        given = f"a byte that is not UTF-8 ({error.object[error.start]:#x})"
+        raise scene_error(path, what, given, f"{expected} saved as UTF-8") from error
+    except (ValueError, RecursionError) as error:
+        raise scene_error(path, what, f"invalid TOML ({error})", expected) from error
+
+
 def make_scene(
-    table: dict[str, Any],
-    overrides: Sequence[Override] = (),
+    table: Mapping[str, Any],
+    overrides: Overrides = (),
     preset: str | None = None,
     *,
     path: str | os.PathLike[str] = "scene.toml",
@@ -85,7 +115,7 @@ def make_scene(
     """The scene of a table as read from TOML; `path` is for messages, and names a scene without `name`."""
     path = Path(path)
     if preset is not None:
-        overrides = [*overrides, ("solver.preset", preset)]
+        overrides = [*as_list(overrides), ("solver.preset", preset)]
     table = with_overrides(path, table, overrides)
     try:
         file = checked_file(table)
@@ -128,6 +158,7 @@ def make_scene(
         output=file.output,
         sweep=file.sweep,
         kind_reason=choice.reason,
+        remake=partial(make_scene, table, path=path),
     )
 
 

@@ -7,12 +7,21 @@ from typing import Any
 
 import numpy as np
 
+from ..text import short_repr
 from .tension import TensionSearch
 
 
 @dataclass(frozen=True)
 class Record:
-    """A recorded state: its place in the load history and its observables."""
+    """A recorded state: its place in the load history and its observables.
+
+        record = next(Simulation(build_model(scene)).run())
+        record.load_factor, record.observables.node_position         # 0 to 1 within the stage, (node, 3) [m]
+
+    The observables are the state on the host, the same quantities in both models (measure/observables.py).
+    """
+
+    __repr__ = short_repr
 
     index: int
     stage: str

@@ -7,6 +7,8 @@ from typing import Any, cast
 
 import numpy as np
 
+from ..errors import ModelError
+from ..host import store
 from ..mechanics import Model, MultilevelMechanics
 from ..mesh.layout import estimated_nodes
 from ..mesh.smaller import one_repeat, smaller_scene
@@ -26,12 +28,16 @@ NODES_A_STRIP = 4_000  # of a smaller mesh: below it communication costs more th
 
 
 class Simulation:
-    """A run of a model through the stages of its scene, from a state; default: the mesh as knitted.
+    """A run of a model through the stages of its scene, from a state; default: the mesh as knitted. It writes no files.
 
         for record in Simulation(build_model(scene)).run():
-            print(record.load_factor, measure.mesh_tension(record.observables))
+            print(record.load_factor, measure.mesh_tension(record.observables))      # [N/m] weft, warp
 
-    `watch` is called after every convergence check with the progress, and may raise to stop the run.
+    A `Record` has its place in the load history (stage, load_factor, temperature [K], steps, steady) and `observables`: the state
+    on the host, with `node_position` (node, 3) [m], `pair_force` [pair] [N], `wire_stress.node` [node] [Pa] and more, see
+    warpknit/measure/observables.py. `warpknit.measure` derives measures from them.
+
+    progress: of a checkpoint, to go on from. watch: called after every convergence check with the progress; may raise to stop.
     """
 
     def __init__(
@@ -68,6 +74,25 @@ class Simulation:
     def notes(self) -> list[str]:
         """Notes about the knitted mesh, for the user."""
         return self.drive.mechanics.notes
+
+    def set_force(self, force: np.ndarray) -> None:
+        """Put dead loads on the nodes, (node, 3) [N], from the next load level on; none to begin with. In space only.
+
+            simulation = Simulation(build_model(scene))
+            node = simulation.model.rods.position                  # (node, 3) [m] as knitted
+            simulation.set_force(np.where(node[:, 2:] > 0.0, [0.0, 0.0, 1e-6], 0.0))
+            for record in simulation.run(): ...
+
+        Between two records it may be set anew, for a force that follows the mesh. Its work is in no energy balance.
+        Raises ModelError: for the planar model, and for another shape.
+        """
+        place = getattr(self.state, "load_force", None)
+        if place is None:
+            raise ModelError("forces on nodes: given for the planar model, allowed: model.kind = 'spatial'")
+        wanted = (self.model.node_count, 3)
+        if np.shape(force) != wanted or not np.all(np.isfinite(force)):
+            raise ModelError(f"forces on nodes: given an array of {np.shape(force)}, allowed: finite numbers, {wanted}")
+        store(place, force)
 
     # --- drives
 

@@ -22,7 +22,7 @@ from ..ranks.ranks import One, Ranks
 from ..scene import Scene
 from ..scene.messages import scene_error
 from ..scene.wire import Wire
-from ..text import at_least, exact
+from ..text import at_least, exact, short_repr
 from ..wires.read import rest_wires
 from .from_file import panel_of_wires
 from .hook_wires import hook_wires
@@ -45,6 +45,8 @@ class SpatialModel:
 
     Wires from a file have no cloth and no table.
     """
+
+    __repr__ = short_repr
 
     scene: Scene
     cloth: Cloth | None

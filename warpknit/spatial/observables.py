@@ -20,6 +20,7 @@ from ..measure.drawn_curve import WireCurve
 from ..measure.hook_contact import HookContact
 from ..measure.measures import active_threshold
 from ..measure.observables import Energies, WireStress
+from ..text import short_repr
 from .contact_places import contact_places, site_places
 from .hook_contact import hook_contact
 from .model import SpatialModel
@@ -35,6 +36,8 @@ NEAR = 1.25  # thicknesses: distance of centre lines below which the paper count
 @dataclass(frozen=True)
 class SpatialObservables(Boundary):
     """Observables of the state last evaluated; arrays [node], segment data included."""
+
+    __repr__ = short_repr
 
     model: SpatialModel
     sites: Sites

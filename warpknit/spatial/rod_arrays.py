@@ -17,6 +17,7 @@ from ..kernels.rod_frames import update_frames
 from ..kernels.rod_motion import move_rods
 from ..kernels.wire_closest import PLACES
 from ..launch import Launch, bind
+from ..text import short_repr
 from .node_stiffness import node_stiffness
 from .rods import Rods
 
@@ -49,6 +50,8 @@ class RodArrays:
 @dataclass(frozen=True)
 class RodState:
     """Unknowns of the dynamics and what each step computes from them; [node]."""
+
+    __repr__ = short_repr
 
     displacement: wp.array  # vec3d [m] from the affine map of the rest shape
     velocity: wp.array  # vec3d [m/s]

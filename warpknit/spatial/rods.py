@@ -14,6 +14,7 @@ import numpy as np
 
 from ..kernels.banded_mass import HELD_NODE, HELD_TURN
 from ..kernels.bend import BOW
+from ..text import short_repr
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,8 @@ class Section:
 @dataclass(frozen=True)
 class Rods:
     """Wires with one section. All arrays [node], segment data included, run over the nodes wire by wire."""
+
+    __repr__ = short_repr
 
     section: Section
     wire_first: np.ndarray  # [wire] first node

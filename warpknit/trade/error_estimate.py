@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from ..errors import Diverged
 from ..measure.table import Record
-from ..run.summary import Estimate
+from ..runner.summary import Estimate
 from ..scene import Scene
 from ..trial import Setting, edge_of
 from .point import results_of

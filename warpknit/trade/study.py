@@ -19,10 +19,10 @@ from ..estimate import Size
 from ..files import write_aside, write_table
 from ..model import build_model, estimates_of, trials_of
 from ..numerics import slowest_rate
-from ..run.interrupts import Interrupted, Interrupts
-from ..run.progress_display import Progress as Display
-from ..run.run_directory import CommandResult, continues_earlier, finished_result, open_directory
-from ..run.summary_table import model_rows
+from ..runner.interrupts import Interrupted, Interrupts
+from ..runner.progress_display import Progress as Display
+from ..runner.run_directory import CommandResult, continues_earlier, finished_result, open_directory
+from ..runner.summary_table import model_rows
 from ..scene import Scene, resolved_toml
 from ..scene.capabilities import refuse
 from ..text import duration

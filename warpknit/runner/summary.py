@@ -14,10 +14,12 @@ from .history import Row
 from .warnings_of import warnings_of
 
 
-def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None = None) -> dict[str, Any]:
+def stage_summary(
+    record: Record, rows: list[Row], panel: dict[str, Any] | None = None, probes: Sequence[str] = ()
+) -> dict[str, Any]:
     """Measures at the end of a stage, by section (measure/table.py).
 
-    `rows` are all rows up to it, `panel` is the section of a panel.
+    `rows` are all rows up to it, `panel` is the section of a panel, `probes` are the names of probes.
     """
     model, row = record.observables.model, vars(rows[-1])
     sections: dict[str, dict[str, Any]] = {}
@@ -34,6 +36,8 @@ def stage_summary(record: Record, rows: list[Row], panel: dict[str, Any] | None 
         "penetration_max": max(each.penetration for each in rows),
     }
     sections["wire"]["stress_max_so_far_Pa"] = max(each.stress_max_Pa for each in rows)
+    if probes:
+        sections["probes"] = {name: row[name] for name in probes}
     return {"name": record.stage, **sections} | ({} if panel is None else {"panel": panel})
 
 

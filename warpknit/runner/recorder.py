@@ -23,8 +23,9 @@ from ..memory import available_memory
 from ..scene import Scene, resolved_toml
 from ..solve.simulate import Progress, Simulation
 from .checkpoint import Checkpoint
-from .history import Row, add_sliding, add_work, read_history, row_of, write_history
+from .history import Row, add_sliding, add_work, extra_columns, read_history, row_of, write_history
 from .panel_report import cord_summary, report_panel
+from .probes import Probes
 from .progress_display import Progress as Display
 from .run_directory import CommandResult
 from .summary import Estimate, run_summary, stage_summary
@@ -79,6 +80,7 @@ class Recorder:
         checkpoint: Checkpoint | None,
         hold: int | None,
         error_estimator: ErrorEstimator | None = None,
+        probes: Probes | None = None,
     ) -> None:
         self.model: MeshModel = simulation.model.global_model
         self.scene: Scene = self.model.scene
@@ -87,6 +89,7 @@ class Recorder:
         self.display = display
         self.compile_time = compile_time
         self.error_estimator = error_estimator
+        self.probes = probes or Probes()
         self.rows: list[Row] = []
         self.stages: list[dict[str, Any]] = []
         self.last: Record | None = None
@@ -141,13 +144,14 @@ class Recorder:
         """Write the state, the USD frame and the row of a record; at the end of a stage also its summary."""
         self._reserve_memory()
         row = row_of(record)
+        vars(row).update(self.probes.values(record))
         self.frames.add_frame(frame_of(record))
         self.rows.append(row)
         add_work(self.rows, self.simulation.model)
         add_sliding(self.rows)
         write_history(self.out / "history.csv", self.rows)
         if record.load_factor == 1.0:
-            self.stages.append(stage_summary(record, self.rows, self._write_panel(record)))
+            self.stages.append(stage_summary(record, self.rows, self._write_panel(record), self.probes.names))
             with write_aside(self.out / "stages.json") as file:
                 json.dump(self.stages, file, allow_nan=False)
         self.last = record
@@ -175,7 +179,7 @@ class Recorder:
     def _write_summary(self, reason: str, message: str, estimate: Estimate | None = None) -> dict[str, Any]:
         stages = self.stages
         if reason in ("diverged", "interrupted") and self.last is not None:
-            unfinished = stage_summary(self.last, self.rows, cord_summary(self.last))
+            unfinished = stage_summary(self.last, self.rows, cord_summary(self.last), self.probes.names)
             stages = [s for s in stages if s["name"] != unfinished["name"]] + [unfinished]
         summary = run_summary(
             self.model,
@@ -199,6 +203,11 @@ class Recorder:
         self.rows = read_history(self.out / "history.csv")[:count] if count else []
         if len(self.rows) < count:
             raise RunDirectoryError(f"{self.out}: history.csv is shorter than the checkpoint: start over with --force")
+        probed = extra_columns(self.rows[0]) if self.rows else self.probes.names
+        if probed != self.probes.names:
+            raise RunDirectoryError(
+                f"{self.out}: given the probes {self.probes.names}, allowed: those that it began with, {probed}; or --force"
+            )
         path = self.out / "stages.json"
         if path.exists():
             done = self.simulation.progress.stage_index

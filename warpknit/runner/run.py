@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from ..device import find_device
@@ -21,6 +21,7 @@ from ..scene import Scene
 from ..scene.capabilities import refuse
 from ..solve.simulate import Simulation
 from .checkpoint import Checkpoint, has_checkpoint
+from .probes import Probe, Probes
 from .progress_display import Progress as Display
 from .recorder import ErrorEstimator, Recorder
 from .run_directory import CommandResult, check_directory, clear, finished_result, make_directory
@@ -42,14 +43,15 @@ def run_scene(
     progress: Display | None = None,
     ranks: Ranks | None = None,
     error_estimator: ErrorEstimator | None = None,
+    probes: Mapping[str, Probe] | None = None,
 ) -> CommandResult:
     """Run `scene` into the directory `out`; several `ranks` that share it all call this, and the first one writes the results.
-    `error_estimator` estimates the error of the last state of a finished run.
+    `error_estimator` estimates the error of the last state of a finished run; `probes` are further columns of history.csv.
 
     Raises `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. A divergence ends with
     exit_code 3, an interrupt with 130; what was finished by then is kept.
     """
-    ranks = ranks or One()
+    ranks, own = ranks or One(), Probes(probes)
     refuse(scene, "run", ranks=ranks.count)
     finished = ranks.from_first(lambda: _finished_run(scene, out, resume, force))
     if finished is not None:
@@ -73,7 +75,7 @@ def run_scene(
             loop = Watch(simulation, out).run(lambda _record: None)
             return CommandResult(loop.exit_code, {}, loop.message)
         where = (out, progress or Display(), compile_time, checkpoint, hold)
-        return Recorder(simulation, *where, error_estimator).run()
+        return Recorder(simulation, *where, error_estimator, own).run()
 
 
 def _finished_run(scene: Scene, out: Path, resume: bool, force: bool) -> CommandResult | None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 import sys
 import time
+from html import escape
 from types import TracebackType
 from typing import Any
 
@@ -18,6 +19,7 @@ from ..text import duration
 _log = logging.getLogger(__name__)
 
 LINE_INTERVAL = 30.0  # [s] between lines where there is no terminal
+NOTEBOOK_STEP = 0.01  # of the work, between updates of a notebook
 
 
 class Progress:
@@ -97,8 +99,38 @@ class Bar(Progress):
         self._bar.update(self._task, completed=min(max(done, 0.0), 1.0), load_factor=load_factor, rate=rate)
 
 
+class NotebookBar(Progress):
+    """A bar in the output of a notebook's cell; it goes when the work is done."""
+
+    def __init__(self) -> None:
+        from IPython.display import HTML, display
+
+        self._html, self._text, self._shown = HTML, "", -1.0
+        self._place = display(HTML(""), display_id=True)
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
+        self._place.update(self._html(""))
+
+    def stage(self, name: str, *, number: int, of: int) -> None:
+        self._text, self._shown = f"{escape(name)} ({number}/{of})", -1.0
+
+    def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None) -> None:
+        if abs(done - self._shown) >= NOTEBOOK_STEP:
+            self._shown = done
+            bar = f'<progress value="{done:.3f}" max="1"></progress>'
+            self._place.update(self._html(f"{self._text} {bar} load {load_factor:.0%}"))
+
+
+def in_notebook() -> bool:
+    """Whether this process is the kernel of a notebook."""
+    kernel = sys.modules.get("ipykernel.kernelapp")
+    return kernel is not None and bool(kernel.IPKernelApp.initialized())
+
+
 def progress_for(*, quiet: bool) -> Progress:
-    """A bar on a terminal, else a line a stage; nothing when `quiet`."""
+    """A bar on a terminal or in a notebook, else a line a stage; nothing when `quiet`."""
     if quiet:
         return Progress()
+    if in_notebook():
+        return NotebookBar()
     return Bar() if sys.stderr.isatty() else StageLines()

@@ -40,6 +40,12 @@ def row_of(record: Record) -> Row:
     return Row(**{name: value for name, value in values.items() if value is not None})
 
 
+def extra_columns(row: Row) -> list[str]:
+    """Columns of a row that are no measures: those of probes."""
+    known = {line.name for line in table.MEASURES}
+    return [name for name in vars(row) if name not in known]
+
+
 def add_sliding(rows: Sequence[Row]) -> None:
     """Fill in the sliding distance of a hook's contact in the last row."""
     if len(rows) < 2 or not rows[-1].is_hook:
@@ -101,7 +107,7 @@ def write_history(path: Path, rows: list[Row]) -> None:
 
 
 def read_history(path: Path) -> list[Row]:
-    """Rows of a history.csv that `write_history` wrote, bit-identical."""
+    """Rows of a history.csv that `write_history` wrote, bit-identical; columns of probes are numbers."""
     kinds = {line.name: line.kind for line in table.MEASURES}
     with open(path, newline="", encoding="utf-8") as file:
-        return [Row(**{name: kinds[name](value) for name, value in row.items()}) for row in csv.DictReader(file)]
+        return [Row(**{name: kinds.get(name, float)(value) for name, value in row.items()}) for row in csv.DictReader(file)]

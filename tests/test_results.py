@@ -1,0 +1,165 @@
+"""`run`, `run_map`, `load_run` and what they return: states, tables and observables of a directory as arrays."""
+
+import csv
+import json
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import warpknit
+from warpknit.errors import DeviceError, Diverged, InputError, RunDirectoryError
+from warpknit.frame import Frame
+from warpknit.results import Run, Table
+from warpknit.runner.history import read_history
+from warpknit.runner.watch import Watch
+from warpknit.scene import Scene
+
+CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"
+SMALL = {"output.usd": False, "output.frames": 3, "load.strain_weft": 0.02, "load.strain_warp": 0.02}
+
+
+def cell(**more: object) -> Scene:
+    return warpknit.load_scene(CELL, SMALL | more, preset="draft")
+
+
+def height(record: object) -> np.floating:
+    return np.ptp(record.observables.node_position[:, 2])
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    out = tmp_path_factory.mktemp("results") / "cell"
+    return warpknit.run(cell(), str(out), device="cpu", probes={"height_m": height}, quiet=True)
+
+
+def test_what_run_returns_is_what_load_run_reads(finished: Run) -> None:
+    again = warpknit.load_run(str(finished.directory))
+    assert again.summary == finished.summary == json.loads((finished.directory / "summary.json").read_text())
+    assert again.scene == cell() and (again.name, again.stop_reason) == ("atlas_cell", "steady")
+
+
+def test_the_history_has_the_columns_of_the_file(finished: Run) -> None:
+    rows = read_history(finished.directory / "history.csv")
+    assert list(finished.history) == list(vars(rows[0])) and finished.history.rows == len(rows) == 4
+    for name, column in finished.history.items():
+        assert column.tolist() == [vars(row)[name] for row in rows]
+
+
+def test_states_and_observables_are_arrays_over_the_records(finished: Run) -> None:
+    nodes, pairs = finished.layout.node_count, 2 * finished.layout.body_count
+    assert len(finished.states) == 4 and all(isinstance(state, Frame) for state in finished.states)
+    assert finished.states[-1].index == 3 and [state.index for state in finished.states[1:3]] == [1, 2]
+    assert finished.observables["node_position"].shape == (4, nodes, 3)
+    assert finished.observables["pair_force"].shape == finished.observables["pair_active"].shape == (4, pairs)
+    active = finished.observables["pair_active"].sum(axis=1)
+    np.testing.assert_array_equal(active, finished.observables["active_pairs"])
+    assert set(finished.observables) > set(finished.history)
+    assert len(list(finished.observables)) == len(finished.observables)
+
+
+def test_a_probe_is_a_column_and_a_key_of_the_summary(finished: Run) -> None:
+    """The wires of the planar model keep their height."""
+    column = finished.history["height_m"]
+    assert column.shape == (4,) and column[0] > 0.0
+    assert finished.summary["probes"] == {"height_m": column[-1]} == finished.summary["stages"][-1]["probes"]
+    np.testing.assert_array_equal(column, np.ptp(finished.observables["node_position"][:, :, 2], axis=1))
+
+
+@pytest.mark.parametrize(
+    ("probes", "line"),
+    [
+        ({"steps": height}, "probes: given the name 'steps', allowed: a name that no column"),
+        ({"mine": 3}, "probes: mine: given 3, allowed: a function of a record"),
+        ({"mine": lambda record: np.nan}, "probes: mine: given nan at record 0, allowed: a finite number"),
+        ({"mine": lambda record: record.observables.pair_force}, "at record 0, allowed: a finite number"),
+    ],
+)
+def test_probes_that_cannot_be_written_are_refused(tmp_path: Path, probes: dict, line: str) -> None:
+    with pytest.raises(InputError) as error:
+        warpknit.run(cell(), tmp_path / "r", device="cpu", probes=probes, quiet=True)
+    assert line in str(error.value)
+
+
+def test_a_run_is_shown_short_and_as_a_page(finished: Run) -> None:
+    assert repr(finished) == f"<Run 'atlas_cell': steady, 4 records, in {finished.directory}>"
+    page = finished._repr_html_()
+    assert "tension, weft / warp" in page and "data:image/png;base64," in page
+    assert repr(finished.history).startswith("<Table of 4 rows, ")
+    assert "<th>tension_weft_N_per_m</th>" in finished.history._repr_html_()
+    for item in (finished.states[0], finished.layout, finished.observables, finished.tables, finished.states):
+        assert "\n" not in repr(item) and len(repr(item)) < 400
+
+
+def test_a_run_survives_another_process(finished: Run) -> None:
+    assert pickle.loads(pickle.dumps(finished)).history["steps"].tolist() == finished.history["steps"].tolist()
+
+
+def test_a_map_has_its_tables(tmp_path: Path) -> None:
+    sweep = {"sweep.strain_weft": [0.0, 0.02], "sweep.strain_warp": [0.0, 0.02]}
+    run = warpknit.run_map(cell(**sweep), str(tmp_path / "map"), quiet=True)
+    table = run.tables["map"]
+    with open(tmp_path / "map" / "map.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert table["strain_warp"].tolist() == [float(row["strain_warp"]) for row in rows]
+    assert table["stop_reason"].tolist() == [row["stop_reason"] for row in rows]
+    assert (len(run.states), len(run.history), run.card) == (0, 0, None)
+    assert "pairs of strains" in run._repr_html_() and "map_details" in repr(run)
+
+
+def test_a_table_has_numbers_truths_and_texts(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text("count,length_m,steady,name,empty\n1,0.5,True,a,\n2,,False,,\n")
+    table = Table.read(path)
+    assert table["count"].dtype.kind == "i" and table["steady"].tolist() == [True, False]
+    np.testing.assert_array_equal(table["length_m"], [0.5, np.nan])
+    assert table["name"].tolist() == ["a", ""] and table["empty"].tolist() == ["", ""]
+    path.write_text("count\n")
+    assert Table.read(path).rows == 0
+
+
+def test_faults_are_exceptions_that_name_arguments(finished: Run, tmp_path: Path) -> None:
+    with pytest.raises(RunDirectoryError, match="force=True replaces what is there"):
+        warpknit.run(cell(), finished.directory, quiet=True)
+    again = warpknit.run(cell(), finished.directory, resume=True, quiet=True)
+    assert again.summary == finished.summary
+    with pytest.raises(RunDirectoryError, match="no such directory"):
+        warpknit.load_run(tmp_path / "none")
+    with pytest.raises(RunDirectoryError, match="no results"):
+        warpknit.load_run(tmp_path)
+    with pytest.raises(DeviceError):
+        warpknit.run(cell(), tmp_path / "r", device="cuda:99", quiet=True)
+    with pytest.raises(InputError, match="fit_curve: given beside fit_loop_length"):
+        warpknit.make_report(CELL, tmp_path / "r", fit_curve="a.csv", fit_loop_length="5 mm", quiet=True)
+    with pytest.raises(InputError, match="tension: given '2 kg'"):
+        warpknit.make_report(CELL, tmp_path / "r", tension="2 kg", quiet=True)
+    with pytest.raises(InputError, match="error: given 0, allowed"):
+        warpknit.run(cell(), tmp_path / "r", error=0.0, quiet=True)
+
+
+def test_a_run_that_diverges_raises_and_keeps_what_it_found(tmp_path: Path) -> None:
+    with pytest.raises(Diverged, match="did not converge"):
+        warpknit.run(cell(**{"solver.max_steps": 200}), tmp_path / "r", device="cpu", quiet=True)
+    assert warpknit.load_run(tmp_path / "r").stop_reason == "diverged"
+
+
+def test_an_interrupted_run_raises_and_goes_on_with_the_same_probes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    original, checks = Watch._check, iter(range(10**6))
+
+    def interrupt_once(self: Watch, progress: object) -> None:
+        if next(checks) == 60:
+            self.interrupts.request()
+        original(self, progress)
+
+    probes, scene = {"height_m": height}, cell(**{"output.frames": 8})
+    whole = warpknit.run(scene, tmp_path / "whole", device="cpu", probes=probes, quiet=True)
+    monkeypatch.setattr(Watch, "_check", interrupt_once)
+    with pytest.raises(KeyboardInterrupt, match="resume=True"):
+        warpknit.run(scene, tmp_path / "parts", device="cpu", probes=probes, quiet=True)
+    assert 0 < warpknit.load_run(tmp_path / "parts").history.rows < whole.history.rows
+    with pytest.raises(RunDirectoryError, match="given the probes"):
+        warpknit.run(scene, tmp_path / "parts", device="cpu", resume=True, quiet=True)
+    parts = warpknit.run(scene, tmp_path / "parts", device="cpu", probes=probes, resume=True, quiet=True)
+    for name, column in whole.history.items():
+        np.testing.assert_array_equal(parts.history[name], column)

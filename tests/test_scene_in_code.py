@@ -1,0 +1,94 @@
+"""Scenes built and changed in code: the same checks and messages as those of a file."""
+
+import pickle
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warpknit.errors import SceneError
+from warpknit.scene import load_scene, resolved_toml
+
+CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"
+TEXT = '[wire]\ndiameter = "17 um"\n[load]\nstrain_warp = 0.1\n'
+TABLE = {"wire": {"diameter": "17 um"}, "load": {"strain_warp": 0.1}}
+
+
+def test_path_string_text_and_dict_give_equal_scenes(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(TEXT)
+    scenes = [load_scene(source) for source in (path, str(path), TEXT, TABLE)]
+    assert all(scene == scenes[0] for scene in scenes)
+    assert {scene.hash for scene in scenes} == {scenes[0].hash}
+
+
+def test_values_of_numpy_and_paths_are_taken() -> None:
+    given = {"load": {"strain_warp": np.float32(0.25)}, "knit": {"repeats": np.array([2, 3])}}
+    scene = load_scene(given, {"knit.repeats": (np.int64(3), 3)})
+    assert scene.stages[0].strain_warp == 0.25 and scene.knit.repeats == (3, 3)
+    with pytest.raises(SceneError, match="wires.file: given 'none.bcc', allowed: a file of wires"):
+        load_scene({"wires": {"file": Path("none.bcc")}})
+
+
+@pytest.mark.parametrize(
+    ("source", "line"),
+    [
+        ({"wire": {"diameter": "15 kg"}}, "scene: wire.diameter: given '15 kg', allowed: a length"),
+        ({"wire": {"diamter": 1}}, "scene: wire.diamter: unknown key, the nearest is wire.diameter"),
+        ({"load": 3}, "scene: load: given 3, allowed: a table"),
+        ("[load]\nstrain_warp = ", "scene: the text: given invalid TOML"),
+        ("none.toml", "none.toml: the file: given no such file"),
+        (3, "scene: the source: given 3, allowed: a path, TOML text, a dict or a scene"),
+    ],
+)
+def test_a_wrong_source_is_refused_in_one_line(source: object, line: str) -> None:
+    with pytest.raises(SceneError) as error:
+        load_scene(source)
+    assert str(error.value).startswith(line) and "\n" not in str(error.value)
+
+
+def test_a_path_with_an_equals_sign_is_a_path(tmp_path: Path) -> None:
+    path = tmp_path / "strain=0.1.toml"
+    path.write_text(TEXT)
+    assert load_scene(str(path)).wire == load_scene(TEXT).wire
+    assert load_scene("load.strain_warp = 0.1").stages[0].strain_warp == 0.1
+
+
+def test_changed_is_what_overrides_give_and_defaults_follow() -> None:
+    """A preset chooses nodes, a tension takes the place of a strain, and the scene itself stays."""
+    scene = load_scene(CELL)
+    kept = scene.hash
+    overrides = {"load.tension_warp": "1 mN/m", "wire.diameter": "17 um"}
+    changed = scene.changed(overrides, preset="draft")
+    assert changed == load_scene(CELL, overrides, "draft") == load_scene(scene, overrides, "draft")
+    assert changed.model.nodes_per_loop < scene.model.nodes_per_loop and changed.stages[0].strain_warp is None
+    assert changed.changed({"wire.diameter": "20 um"}).stages[0].tension_warp == 1e-3
+    assert scene.hash == kept
+    assert scene.changed("load.shear=0.1") == scene.changed([("load.shear", 0.1)])
+    with pytest.raises(SceneError, match=r"atlas_cell.toml: wire.diameter: given '-1 um'"):
+        scene.changed({"wire.diameter": "-1 um"})
+
+
+def test_a_scene_survives_another_process() -> None:
+    scene = load_scene(CELL)
+    there = pickle.loads(pickle.dumps(scene))
+    assert there == scene and there.changed({"load.shear": 0.1}) == scene.changed({"load.shear": 0.1})
+
+
+def test_a_scene_put_together_from_parts_keeps_its_values() -> None:
+    """Its values are taken as they stand; `changed` does not bring back those that were replaced."""
+    scene = replace(load_scene(CELL), name="mine")
+    with pytest.raises(SceneError, match="allowed: load_scene"):
+        scene.changed({"load.shear": 0.1})
+    again = load_scene(scene, {"load.shear": 0.1})
+    assert again.name == "mine" and again.stages[0].shear == 0.1
+    assert load_scene(scene) is scene
+
+
+def test_a_scene_is_one_line(tmp_path: Path) -> None:
+    assert repr(load_scene(CELL)) == "<Scene 'atlas_cell': tungsten 15 um, 1 x 1 repeats, planar, periodic, 1 stage>"
+    hook = load_scene(CELL.parent / "hook_spatial.toml")
+    assert "two hooked wires, spatial" in repr(hook)
+    (tmp_path / "again.toml").write_text(resolved_toml(hook))
+    assert load_scene(tmp_path / "again.toml") == hook

@@ -1,0 +1,57 @@
+"""A dead load of one's own on a clamped wire in space: the beam under tension, and the balance of forces.
+
+w'''' = q^2 w'' with q^2 = T/EI between two clamps, loaded by P at the middle of the span 2 a:
+
+    w_max = P (q a - 2 tanh(q a/2)) / (2 q T)
+
+A clamp holds two nodes, so that the wire bends from the middle of the segment between them on. T is the tension that the model
+finds.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warpknit import Simulation, build_model, load_scene
+from warpknit.errors import ModelError
+
+LENGTH = 4e-3  # [m]
+BALANCE = 1e-5  # clamps against the load: the residual of a converged state, 3e-3 rms over 162 nodes, mostly cancels
+SCENES = Path(__file__).parents[2] / "scenes"
+
+
+def clamped_wires(folder: Path, spacing: float) -> Simulation:
+    """Two straight wires side by side, which never touch."""
+    x = 1e3 * np.linspace(0.0, LENGTH, 81)
+    rows = [f"{wire},{place},{wire},0" for wire in (1, 2) for place in x]
+    (folder / "wires.csv").write_text("\n".join(["wire,x [mm],y [mm],z [mm]", *rows]))
+    wires = {"file": folder / "wires.csv", "node_spacing": spacing}
+    return Simulation(build_model(load_scene({"wire": {"diameter": "50 um"}, "wires": wires, "output": {"frames": 1}})))
+
+
+@pytest.mark.parametrize(("spacing", "tolerance"), [(100e-6, 5e-3), (50e-6, 1.25e-3)])  # the error falls with h^2
+def test_a_clamped_wire_bends_as_a_beam_under_tension(tmp_path: Path, spacing: float, tolerance: float) -> None:
+    simulation = clamped_wires(tmp_path, spacing)
+    model = simulation.model
+    stiffness, nodes = model.bending_stiffness, model.node_count // 2
+    load = 1e-2 * 192.0 * stiffness / LENGTH**2
+    force = np.zeros((model.node_count, 3))
+    force[nodes // 2, 2] = load
+    simulation.set_force(force)
+    state = list(simulation.run())[-1].observables
+    tension, half_span = state.tension[2 : nodes - 3].mean(), (LENGTH - spacing) / 2
+    q = np.sqrt(tension / stiffness)
+    deflection = load * (q * half_span - 2.0 * np.tanh(q * half_span / 2.0)) / (2.0 * q * tension)
+    assert state.node_position[:, 2].max() == pytest.approx(deflection, rel=tolerance, abs=0)
+    np.testing.assert_allclose(state.edge_force.sum(axis=0), -force.sum(axis=0), rtol=0, atol=BALANCE * load)
+
+
+def test_only_forces_on_the_nodes_of_a_model_in_space_are_taken(tmp_path: Path) -> None:
+    simulation = clamped_wires(tmp_path, 100e-6)
+    for wrong in (np.zeros(3), np.full((simulation.model.node_count, 3), np.nan)):
+        with pytest.raises(ModelError, match="forces on nodes: given an array"):
+            simulation.set_force(wrong)
+    planar = Simulation(build_model(load_scene(SCENES / "atlas_cell.toml")))
+    with pytest.raises(ModelError, match="planar"):
+        planar.set_force(np.zeros((planar.model.node_count, 3)))

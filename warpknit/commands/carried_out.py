@@ -1,0 +1,68 @@
+"""From a command with an exit status to a function that returns a `Run`."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from ..errors import Diverged, InputError, ModelError
+from ..knit.chain import KnitError
+from ..results import Run, load_run
+from ..runner.progress_display import Progress, progress_for
+from ..runner.run_directory import CommandResult
+from ..scene import Scene
+from ..scene.messages import scene_error
+from ..scene.model_choice import GIVEN
+from ..scene.units import shown
+
+Source = str | os.PathLike[str] | Mapping[str, Any] | Scene  # what `load_scene` takes
+Directory = str | os.PathLike[str]
+INTERRUPTED = 130  # exit status
+
+
+def carried_out(scene: Scene, out: Directory | None, quiet: bool, command: Callable[[Path, Progress], CommandResult]) -> Run:
+    """The results of a command in its directory; what its exit status says is raised."""
+    where = default_directory(scene) if out is None else Path(out)
+    with naming_arguments(), naming_the_file(scene), progress_for(quiet=quiet) as progress:
+        result = command(where, progress)
+    if result.exit_code == INTERRUPTED:
+        raise KeyboardInterrupt(_in_python(result.message))
+    if result.exit_code != 0:
+        raise Diverged(result.message)
+    return load_run(where)
+
+
+@contextmanager
+def naming_arguments() -> Iterator[None]:
+    """Name arguments in place of options in errors."""
+    try:
+        yield
+    except InputError as error:
+        raise type(error)(_in_python(str(error))) from error
+
+
+def _in_python(message: str) -> str:
+    """A message with options as arguments: --force as force=True, --fit-curve as fit_curve."""
+    message = re.sub(r"--(force|resume)\b", r"\1=True", message)
+    return re.sub(r"--([a-z][a-z-]*)", lambda option: option[1].replace("-", "_"), message)
+
+
+def default_directory(scene: Scene) -> Path:
+    """Where results go if nothing else is said."""
+    return Path("runs") / scene.name
+
+
+@contextmanager
+def naming_the_file(scene: Scene) -> Iterator[None]:
+    """Prefix errors of the knit and the model with the scene file."""
+    try:
+        yield
+    except KnitError as error:
+        raise scene_error(scene.path, error.key, shown(error.given), error.allowed) from error
+    except ModelError as error:
+        chosen = "" if scene.kind_reason == GIVEN else f" (model.kind: {scene.model.kind}, {scene.kind_reason})"
+        raise type(error)(f"{scene.path}: {error}{chosen}") from error

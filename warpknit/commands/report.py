@@ -1,0 +1,117 @@
+"""`warpknit report` as a function."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..design.fe import CODES
+from ..design.inputs import Known, fitted_overrides, with_known
+from ..design.report import Findings, report_scene, write_report
+from ..errors import Diverged, InputError
+from ..results import Run
+from ..runner.progress_display import Progress
+from ..runner.run_directory import CommandResult
+from ..scene import Scene, load_scene
+from ..scene.units import DIMENSIONS, QuantityError, shown, si
+from ..sweep.contact_map import read_map
+from ..sweep.sweep import run_map as sweep_scene
+from .carried_out import Directory, Source, carried_out, naming_arguments
+
+
+def make_report(
+    scene: Source,
+    out: Directory | None = None,
+    *,
+    tension: str | float | None = None,
+    openings: str | float | None = None,
+    fit_loop_length: str | float | None = None,
+    fit_curve: Directory | None = None,
+    areal_mass: str | float | None = None,
+    force: bool = False,
+    quiet: bool = False,
+) -> Run:
+    """Write the design report of a scene into the directory `out`, as `warpknit report` does, and return the results.
+
+        run = warpknit.make_report("scenes/contact_map.toml", "runs/report", tension="40 mN/m")
+        run.card["values"]["C11"], run.directory / "report.html"      # stiffness [N/m], and the page
+
+    tension: of the material card, in both directions; default: at the optimum of the map.
+    openings: scale wales and courses to this density, "12 /inch". areal_mass: compare with a measured one, "10 g/m^2".
+    fit_loop_length, fit_curve: fit the loops to their wire length, "5.6 mm"; or to a biaxial test, a CSV file with the columns
+        strain_weft, strain_warp, tension_weft_N_per_m, tension_warp_N_per_m. `run.scene` is the fitted scene.
+    Quantities are strings with their unit or numbers in SI. scene, out, force, quiet and what is raised: as in `run`; a map of
+    the same scene in `out` is used. Raises Diverged where no state carries the tension of the card.
+    """
+    with naming_arguments():
+        known = Known(
+            openings=positive("openings", openings, "per_length"),
+            loop_length=positive("fit_loop_length", fit_loop_length, "length"),
+            curve=None if fit_curve is None else Path(fit_curve),
+            areal_mass=positive("areal_mass", areal_mass, "areal_mass"),
+        )
+        asked = ReportRequest(positive("tension", tension, "tension"), known)
+    loaded = load_scene(scene, command="report")
+    return carried_out(
+        loaded, out, quiet, lambda where, progress: report_command(loaded, where, asked, force=force, progress=progress).result
+    )
+
+
+@dataclass(frozen=True)
+class ReportRequest:
+    """What a report is asked for."""
+
+    tension: float | None = None  # [N/m]
+    known: Known = Known()
+    codes: tuple[str, ...] = tuple(CODES)  # FE codes that get the card
+
+    def __post_init__(self) -> None:
+        if self.known.loop_length is not None and self.known.curve is not None:
+            raise InputError("--fit-curve: given beside --fit-loop-length, allowed: one of them")
+
+
+@dataclass(frozen=True)
+class Report:
+    """A report, its map, and how the scene was fitted."""
+
+    result: CommandResult
+    notes: tuple[str, ...]
+    page: Findings | None  # None where the map was interrupted
+
+
+def report_command(
+    scene: Scene, out: Path, asked: ReportRequest, *, force: bool, progress: Progress, device: str | None = None
+) -> Report:
+    """`warpknit report`: fits, map and page; exit status 3 where no state carries the tension of the card."""
+    known = asked.known
+    loaded = report_scene(scene)
+    notes: tuple[str, ...] = ()
+    if known.loop_length or known.curve:
+        progress.stage("fit of the loops", number=1, of=1)
+    if known.openings or known.loop_length:  # another knit, for which auto may take another model
+        fitted = with_known(loaded, Known(known.openings, known.loop_length))
+        notes = fitted.notes
+        loaded = report_scene(load_scene(scene, fitted_overrides(fitted.scene.knit), command="report"))
+    fitted = with_known(loaded, Known(curve=known.curve, areal_mass=known.areal_mass))
+    notes = (*notes, *fitted.notes)
+    result = sweep_scene(fitted.scene, out=out, device=device, resume=not force, force=force, progress=progress)
+    if result.exit_code != 0:
+        return Report(result, notes, None)
+    rows = read_map(out / "map.csv", out / "map_details.csv")
+    page = write_report(fitted.scene, rows, out, tension=asked.tension, notes=notes, codes=asked.codes, progress=progress)
+    if asked.tension is not None and page.card is None:
+        result = CommandResult(Diverged.exit_code, result.summary, page.where)
+    return Report(result, notes, page)
+
+
+def positive(name: str, given: str | float | None, dimension: str) -> float | None:
+    """A quantity in SI, or None where none was given. Raises `InputError` unless it is positive."""
+    if given is None:
+        return None
+    try:
+        value = si(given, dimension)
+    except QuantityError as error:
+        raise InputError(f"{name}: {error}") from error
+    if value <= 0.0:
+        raise InputError(f"{name}: given {shown(given)}, expected {DIMENSIONS[dimension]}, above zero")
+    return value

@@ -1,0 +1,92 @@
+"""`warpknit run` as a function."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from ..errors import InputError
+from ..ranks.ranks import One, Ranks
+from ..results import Run
+from ..runner.probes import Probe
+from ..runner.progress_display import Progress
+from ..runner.run import run_scene
+from ..runner.run_directory import CommandResult
+from ..scene import Scene, load_scene
+from ..scene.capabilities import refuse
+from .carried_out import Directory, Source, carried_out
+
+
+def run(
+    scene: Source,
+    out: Directory | None = None,
+    *,
+    device: str | None = None,
+    error: float | None = None,
+    probes: Mapping[str, Probe] | None = None,
+    resume: bool = False,
+    force: bool = False,
+    quiet: bool = False,
+) -> Run:
+    """Run a scene into the directory `out`, as `warpknit run` does, and return its results.
+
+        run = warpknit.run("scenes/atlas_cell.toml", "runs/cell")
+        run.summary["contacts"]["active_percent"]
+        run.history["tension_weft_N_per_m"]                                  # [record] [N/m]
+
+    scene: a `Scene`, or what `load_scene` takes. out: default `runs/<scene name>`.
+    device: "cpu" or "cuda:0"; default: the first CUDA device, else the CPU.
+    error: [%] choose the cheapest settings within this error, and estimate the error of the run.
+    probes: own measures by name, functions of a `Record` (docs/python.md): a column of history.csv and a key of the summary each.
+        run(scene, out, probes={"height_m": lambda record: float(np.ptp(record.observables.node_position[:, 2]))})
+    resume: continue an interrupted run in `out`; the results of a finished run of the same scene are returned as they are.
+    force: replace earlier results in `out`. quiet: show no progress.
+
+    Raises InputError (a scene, a key, a device, a directory), Diverged, OutOfResources, and KeyboardInterrupt with a checkpoint
+    written. What was finished by then is in `out`: `load_run(out)`.
+    """
+    loaded = load_scene(scene, command="run" if error is None else "error")
+    return carried_out(
+        loaded,
+        out,
+        quiet,
+        lambda where, progress: run_command(
+            loaded, where, device=device, error=error, probes=probes, resume=resume, force=force, progress=progress
+        ),
+    )
+
+
+def run_command(
+    scene: Scene,
+    out: Path,
+    *,
+    device: str | None,
+    error: float | None,
+    resume: bool,
+    force: bool,
+    progress: Progress,
+    probes: Mapping[str, Probe] | None = None,
+    ranks: Ranks | None = None,
+) -> CommandResult:
+    """`warpknit run`: with the settings for an `error` [%] where it is given. Raises as `run_scene` does."""
+    estimator, ranks = None, ranks or One()
+    if error is not None:
+        if not 0.0 < error <= 100.0:
+            raise InputError(f"--error: given {error:g}, allowed: a percentage above 0, up to 100")
+        from ..trade.error_estimate import settings_for_error
+
+        refuse(scene, "error")
+        bound = ranks.from_first(lambda: settings_for_error(scene, error))
+        estimator = bound.error_estimator(scene)
+        scene = load_scene(scene, bound.overrides, command="error", ranks=ranks.count)
+    return run_scene(
+        scene,
+        out=out,
+        device=device,
+        resume=resume,
+        force=force,
+        progress=progress,
+        ranks=ranks,
+        error_estimator=estimator,
+        probes=probes,
+    )

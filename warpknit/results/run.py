@@ -1,0 +1,176 @@
+"""What a run, a map, a trade or a report left in its directory."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import RunDirectoryError
+from ..frame import WireLayout
+from ..runner.run_directory import SUMMARIES
+from ..runner.summary_table import summary_rows
+from ..scene import Scene, load_scene
+from ..sweep.map_table import map_lines
+from .states import Series, States
+from .table import Table, html_table
+
+if TYPE_CHECKING:
+    from ..export.run_record import RunRecord
+
+PICTURES = ("contact_map.png", "mesh.png", "hook.png", "trade.png", "curves.png")  # of figures/, the first that is there
+PICTURE_WIDTH = 480  # pixels, in a notebook
+
+
+class Run:
+    """The results in a directory: `run`, `run_map`, `make_report` and `load_run` return one.
+
+        run = load_run("runs/atlas_cell")
+        run.summary["mesh"]["tension_weft_N_per_m"]
+        run.history["tension_weft_N_per_m"]                # [record] [N/m], a column of history.csv
+        run.states[-1].node_position                       # [node, 3] [m]; a `Frame`, see warpknit/frame.py
+        run.observables["pair_force"]                      # [record, pair] [N]
+        run.tables["history"]["stage"]                     # any CSV file of the directory; run.history is this one
+
+    Everything but the summary is read when it is asked for. All values are in SI units; docs/scenes.md explains each.
+    """
+
+    def __init__(self, directory: Path, summary: dict[str, Any]) -> None:
+        self.directory = directory
+        self.summary = summary  # summary.json, or map.json, or trade.json
+
+    @property
+    def name(self) -> str:
+        """Name of the scene."""
+        return str(self.summary["scene"]["name"])
+
+    @property
+    def stop_reason(self) -> str:
+        """steady | finished | diverged | interrupted"""
+        return str(self.summary["stop_reason"])
+
+    @property
+    def warnings(self) -> list[str]:
+        """Limits to the use of the results, a sentence each."""
+        return list(self.summary["warnings"])
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene, with every default written out."""
+        return load_scene(self.directory / "scene.toml")
+
+    @property
+    def history(self) -> Table:
+        """history.csv: one row a record. Of a map or a report without a run, a table without columns."""
+        return self.tables["history"] if "history" in self.tables else Table({})
+
+    @cached_property
+    def tables(self) -> Mapping[str, Table]:
+        """Every CSV file of the directory, by its path without `.csv`: history, map, panel/map_000004."""
+        return Tables(self.directory)
+
+    @property
+    def observables(self) -> Series:
+        """Columns of the history and fields of the states, for all records; `to_xarray()` has them with their dimensions."""
+        return Series(self.history, self.states)
+
+    @cached_property
+    def states(self) -> States:
+        """The recorded states, one a row of the history; none of a map."""
+        return States(self._record if (self.directory / "states").is_dir() else None)
+
+    @property
+    def layout(self) -> WireLayout:
+        """Which nodes make a wire, and which wires a body hooks. Raises `ExportError` for a map."""
+        return self._record.layout
+
+    @cached_property
+    def _record(self) -> RunRecord:
+        from ..export.run_record import read_run
+
+        return read_run(self.directory)
+
+    @cached_property
+    def card(self) -> dict[str, Any] | None:
+        """The material card of a report (material_card.json); None where there is none."""
+        path = self.directory / "material_card.json"
+        return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
+
+    @property
+    def figures(self) -> list[Path]:
+        """Pictures of the results."""
+        return sorted((self.directory / "figures").glob("*.png"))
+
+    def export(self, to: str) -> list[Path]:
+        """Write the states as "usd", "vtk", "csv" or "png" into the directory; the files. Raises `ExportError`."""
+        from ..export import export_run
+
+        return export_run(self.directory, to)
+
+    def __repr__(self) -> str:
+        what = f"{self.history.rows} records" if len(self.history) else f"tables {', '.join(self.tables)}"
+        return f"<Run {self.name!r}: {self.stop_reason}, {what}, in {self.directory}>"
+
+    def _repr_html_(self) -> str:
+        names = {path.name: path for path in self.figures}
+        shown = [names[name] for name in PICTURES if name in names] or self.figures
+        picture = ""
+        if shown:
+            data = base64.b64encode(shown[0].read_bytes()).decode()
+            picture = f'<img alt="{escape(shown[0].stem)}" width="{PICTURE_WIDTH}" src="data:image/png;base64,{data}"/>'
+        return f"{html_table(list(self._lines()))}{picture}"
+
+    def _lines(self) -> Iterator[tuple[str, str]]:
+        """The table that the command prints."""
+        if "cells" in self.summary:
+            yield from map_lines(self.summary)
+        else:
+            yield from summary_rows(self.summary, self.directory)
+
+
+class Tables(Mapping[str, Table]):
+    """The CSV files of a directory, each read once when it is asked for."""
+
+    def __init__(self, directory: Path) -> None:
+        self._paths = {path.relative_to(directory).with_suffix("").as_posix(): path for path in sorted(directory.rglob("*.csv"))}
+        self._read: dict[str, Table] = {}
+
+    def __getitem__(self, name: str) -> Table:
+        if name not in self._read:
+            self._read[name] = Table.read(self._paths[name])
+        return self._read[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._paths)
+
+    def __len__(self) -> int:
+        return len(self._paths)
+
+    def __repr__(self) -> str:
+        return f"<tables {', '.join(self)}>"
+
+
+def load_run(out: str | os.PathLike[str]) -> Run:
+    """The results of a run, a map, a trade or a report in the directory `out`; also of one that diverged or was interrupted.
+
+        run = load_run("runs/atlas_cell")
+        run.history["strain_weft"], run.history["tension_weft_N_per_m"]     # [record], [record] [N/m]
+
+    Raises RunDirectoryError where there are none, or where they cannot be read.
+    """
+    directory = Path(out)
+    for name in SUMMARIES:
+        path = directory / name
+        if path.is_file():
+            try:
+                summary = json.loads(path.read_text(encoding="utf-8"))
+            except (OSError, ValueError) as error:
+                raise RunDirectoryError(f"{path}: given an unreadable file ({error}), allowed: what a run left") from error
+            return Run(directory, summary)
+    given = "no results" if directory.is_dir() else "no such directory"
+    raise RunDirectoryError(f"{directory}: given {given}, allowed: the directory of a run, map, trade or report")

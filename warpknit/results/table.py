@@ -1,0 +1,85 @@
+"""A table of results: columns by name, as arrays."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+SHOWN_ROWS = 5  # at either end
+TRUTH = {"True": True, "False": False}
+
+
+class Table(Mapping[str, np.ndarray]):
+    """Columns [row] of a CSV file by their names, which end in their unit: `table["tension_weft_N_per_m"]`.
+
+    Whole numbers, numbers (nan where a cell is empty), truth values, or texts. `len` is the number of columns.
+    """
+
+    def __init__(self, columns: Mapping[str, np.ndarray]) -> None:
+        self._columns = dict(columns)
+
+    @classmethod
+    def read(cls, path: Path) -> Table:
+        """The table of a CSV file with a header."""
+        with open(path, newline="", encoding="utf-8") as file:
+            names, *rows = csv.reader(file)
+        cells = zip(*rows, strict=True) if rows else [()] * len(names)
+        return cls({name: _values(texts) for name, texts in zip(names, cells, strict=True)})
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self._columns[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._columns)
+
+    def __len__(self) -> int:
+        return len(self._columns)
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return len(next(iter(self._columns.values()), ()))
+
+    def to_pandas(self) -> Any:
+        """The table as a pandas.DataFrame. Raises ImportError without pandas (extra `notebooks`)."""
+        import pandas
+
+        return pandas.DataFrame(self._columns)
+
+    def __repr__(self) -> str:
+        first = ", ".join(list(self)[:4])
+        return f"<Table of {self.rows} rows, {len(self)} columns: {first}{', ...' if len(self) > 4 else ''}>"
+
+    def _repr_html_(self) -> str:
+        places = [*range(self.rows)]
+        if self.rows > 2 * SHOWN_ROWS:
+            places = [*places[:SHOWN_ROWS], -1, *places[-SHOWN_ROWS:]]
+        lines = [["..." if k < 0 else _text(column[k]) for column in self.values()] for k in places]
+        return f"{html_table(lines, head=list(self))}<p>{self.rows} rows, {len(self)} columns</p>"
+
+
+def html_table(lines: Sequence[Sequence[str]], head: Sequence[str] = ()) -> str:
+    """Lines of texts as a table of a page."""
+    top = "".join(f"<th>{escape(name)}</th>" for name in head)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in line)}</tr>" for line in lines)
+    return f"<table>{f'<tr>{top}</tr>' if head else ''}{body}</table>"
+
+
+def _text(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, np.floating) else str(value)
+
+
+def _values(texts: Sequence[str]) -> np.ndarray:
+    """A column of one kind, the narrowest that has all its cells."""
+    kinds: tuple[Callable[[str], Any], ...] = (int, lambda text: float(text or "nan"), TRUTH.__getitem__)
+    for kind in kinds if any(texts) else ():
+        try:
+            return np.array([kind(text) for text in texts])
+        except (ValueError, KeyError):
+            continue
+    return np.array(texts, dtype=str)

@@ -1,0 +1,41 @@
+"""Probes: measures of one's own at every record of a run, as further columns of its history."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Callable, Mapping
+
+from ..errors import InputError
+from ..measure import table
+from ..measure.table import Record
+
+Probe = Callable[[Record], float]
+
+
+class Probes:
+    """Named functions of a `Record`. Raises `InputError` for a name that a column has, or where a value is no finite number."""
+
+    def __init__(self, functions: Mapping[str, Probe] | None = None) -> None:
+        self._functions = dict(functions or {})
+        taken = {line.name for line in table.MEASURES}
+        for name, function in self._functions.items():
+            if not isinstance(name, str) or not name.strip() or name in taken:
+                raise InputError(f"probes: given the name {name!r}, allowed: a name that no column of history.csv has")
+            if not callable(function):
+                raise InputError(f"probes: {name}: given {function!r}, allowed: a function of a record")
+
+    @property
+    def names(self) -> list[str]:
+        """Names in their order."""
+        return list(self._functions)
+
+    def values(self, record: Record) -> dict[str, float]:
+        """Values of a record by name."""
+        return {name: self._number(name, function(record), record) for name, function in self._functions.items()}
+
+    @staticmethod
+    def _number(name: str, value: object, record: Record) -> float:
+        if not isinstance(value, numbers.Real) or not math.isfinite(value):
+            raise InputError(f"probes: {name}: given {value!r} at record {record.index}, allowed: a finite number")
+        return float(value)

@@ -1,0 +1,33 @@
+"""The short table at the end of a map."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from ..runner.summary_table import model_rows
+from ..text import duration, engineering, percent
+
+
+def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
+    """Table of a map: pairs of a heading and a text."""
+    for warning in summary["warnings"]:
+        yield "warning", warning
+    yield from model_rows(summary["model"])
+    cells, solver, optimum = summary["cells"], summary["solver"], summary["optimum"]
+    meshes = "" if summary["seeds"] == 1 else f", {summary['seeds']} meshes each"
+    yield "pairs of strains", f"{cells['steady']} of {cells['wanted']} converged{meshes}"
+    steps, nodes = solver["cell_steps"], summary["model"]["nodes"]
+    yield "time steps", f"{steps:,} of {nodes:,} nodes, {solver['cell_steps_per_s']:,.0f} a second"
+    yield "wall time", duration(solver["wall_s"], 3)
+    limit = summary["wire"]["yield_stress_Pa"]
+    if optimum is None:
+        yield "optimum", f"none: no tensile load with an active contact has a wire stress below {engineering(limit, 'Pa')}"
+    else:
+        yield "optimum strain, weft / warp", f"{percent(optimum['strain_weft'])} / {percent(optimum['strain_warp'])}"
+        tensions = (engineering(optimum[f"tension_{side}_N_per_m"], "N/m") for side in ("weft", "warp"))
+        yield "  tension, weft / warp", " / ".join(tensions)
+        yield "  active contacts", percent(0.01 * optimum["active_percent"])
+        margin = f"margin {optimum['stress_margin']:.0%} of the elastic limit"
+        yield "  largest stress", f"{engineering(optimum['stress_max_Pa'], 'Pa')}, {margin}"
+    yield "stopped", summary["stop_reason"]
