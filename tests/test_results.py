@@ -148,7 +148,7 @@ def test_an_interrupted_run_raises_and_goes_on_with_the_same_probes(tmp_path: Pa
     original, checks = Watch._check, iter(range(10**6))
 
     def interrupt_once(self: Watch, progress: object) -> None:
-        if next(checks) == 60:
+        if next(checks) == 12:
             self.interrupts.request()
         original(self, progress)
 

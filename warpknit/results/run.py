@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import io
 import json
 import os
 from collections.abc import Iterator, Mapping
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from ..export.run_record import RunRecord
 
 PICTURES = ("contact_map.png", "mesh.png", "hook.png", "trade.png", "curves.png")  # of figures/, the first that is there
-PICTURE_WIDTH = 480  # pixels, in a notebook
+PICTURE_WIDTH, PICTURE_COLOURS = 480, 128  # pixels, in a notebook
 
 
 class Run:
@@ -121,7 +122,7 @@ class Run:
         shown = [names[name] for name in PICTURES if name in names] or self.figures
         picture = ""
         if shown:
-            data = base64.b64encode(shown[0].read_bytes()).decode()
+            data = base64.b64encode(_smaller(shown[0])).decode()
             picture = f'<img alt="{escape(shown[0].stem)}" width="{PICTURE_WIDTH}" src="data:image/png;base64,{data}"/>'
         return f"{html_table(list(self._lines()))}{picture}"
 
@@ -131,6 +132,17 @@ class Run:
             yield from map_lines(self.summary)
         else:
             yield from summary_rows(self.summary, self.directory)
+
+
+def _smaller(picture: Path) -> bytes:
+    """A PNG file at twice the width that a notebook shows, in a few colours."""
+    from PIL import Image  # of matplotlib
+
+    data = io.BytesIO()
+    with Image.open(picture) as image:
+        image.thumbnail((2 * PICTURE_WIDTH, image.height))
+        image.convert("RGB").quantize(PICTURE_COLOURS).save(data, "png", optimize=True)
+    return data.getvalue()
 
 
 class Tables(Mapping[str, Table]):
