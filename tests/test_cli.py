@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from warpknit import errors
 from warpknit.cli import main
 from warpknit.knit.chain import KnitError
-from warpknit.runner.progress_display import Bar, Progress, StageLines, progress_for
+from warpknit.runner.progress_display import Bar, NotebookBar, Progress, StageLines, progress_for
 
 ROOT = Path(__file__).parent.parent
 CELL = str(ROOT / "scenes" / "atlas_cell.toml")
@@ -203,3 +203,20 @@ def test_resume_and_force_are_not_both_possible(command):
     result = invoke(command, CELL, "--resume", "--force")
     assert result.exit_code == 2
     assert "allowed: one of them" in result.stderr
+
+
+def test_a_notebook_shows_a_bar_that_goes(monkeypatch):
+    """What the cell of a notebook shows is updated in one place, and empty at the end."""
+    shown = []
+    kernel = SimpleNamespace(IPKernelApp=SimpleNamespace(initialized=lambda: True))
+    place = SimpleNamespace(update=shown.append)
+    display = SimpleNamespace(HTML=str, display=lambda html, display_id: place)
+    monkeypatch.setitem(sys.modules, "ipykernel.kernelapp", kernel)
+    monkeypatch.setitem(sys.modules, "IPython", ModuleType("IPython"))
+    monkeypatch.setitem(sys.modules, "IPython.display", display)
+    with progress_for(quiet=False) as progress:
+        assert isinstance(progress, NotebookBar)
+        progress.stage("<load>", number=1, of=2)
+        progress.update(done=0.25, load_factor=0.5)
+        progress.update(done=0.251, load_factor=0.5)
+    assert shown == ['&lt;load&gt; (1/2) <progress value="0.250" max="1"></progress> load 50%', ""]

@@ -1,5 +1,8 @@
 """The public door: `load_scene`, `build_model`, `initial_state`, `Simulation` give on every scene what `warpknit run` gives."""
 
+import pydoc
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -49,3 +52,37 @@ def test_the_model_is_of_the_kind_that_the_scene_asks_for() -> None:
         model = build_model(warpknit.load_scene(SCENES / "atlas_cell.toml", [f"model.kind={kind}", "solver.precision=double"]))
         assert type(model).__module__.split(".")[1] == kind
         assert type(mechanics_of(model, warpknit.initial_state(model))).__module__.split(".")[1] == kind
+
+
+def test_the_door_lists_its_names_and_imports_little() -> None:
+    """Exactly these, and nothing heavy until it is asked for."""
+    names = {"load_scene", "build_model", "initial_state", "Simulation", "run", "run_map", "make_report", "load_run", "measure"}
+    assert set(dir(warpknit)) == names | {"__version__"}
+    heavy = ("warp", "numpy", "scipy", "pydantic", "matplotlib", "pandas")
+    code = f"import sys, warpknit; print([name for name in {heavy} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+    with pytest.raises(AttributeError, match="no attribute 'plot'"):
+        _ = warpknit.plot
+
+
+def test_the_function_run_is_no_module() -> None:
+    """Submodules that are imported later do not take the place of a name at the door."""
+    for name in sorted(path.stem for path in Path(warpknit.__file__).parent.iterdir()):
+        assert name == "measure" or name not in dir(warpknit)
+
+
+def test_help_shows_every_name_with_its_text() -> None:
+    page = pydoc.plain(pydoc.render_doc(warpknit))
+    for name in ("load_scene", "run", "run_map", "make_report", "load_run", "build_model", "initial_state", "class Simulation"):
+        assert name in page
+    assert "own measures by name" in page and "Raises SceneError" in page
+
+
+def test_the_wheel_has_every_package_and_its_types() -> None:
+    """setuptools finds no package by itself: `warpknit.kernels` stands beside the others."""
+    root = Path(warpknit.__file__).parent
+    packages = {".".join(("warpknit", *path.parent.relative_to(root).parts)) for path in root.rglob("__init__.py")}
+    settings = (root.parent / "pyproject.toml").read_text(encoding="utf-8")
+    assert [name for name in sorted(packages) if f'"{name}",' not in settings] == []
+    assert (root / "py.typed").is_file() and 'warpknit = ["py.typed"]' in settings

@@ -59,6 +59,15 @@ def test_states_and_observables_are_arrays_over_the_records(finished: Run) -> No
     assert len(list(finished.observables)) == len(finished.observables)
 
 
+def test_an_unknown_name_is_told_the_nearest(finished: Run) -> None:
+    for items in (finished.history, finished.observables):
+        with pytest.raises(KeyError, match="tension_weft_N_per_m"):
+            _ = items["tension_weft"]
+    with pytest.raises(KeyError, match="history"):
+        _ = finished.tables["map"]
+    assert "tension_weft" not in finished.history and finished.tables.get("map") is None
+
+
 def test_a_probe_is_a_column_and_a_key_of_the_summary(finished: Run) -> None:
     """The wires of the planar model keep their height."""
     column = finished.history["height_m"]

@@ -92,3 +92,7 @@ def test_a_scene_is_one_line(tmp_path: Path) -> None:
     assert "two hooked wires, spatial" in repr(hook)
     (tmp_path / "again.toml").write_text(resolved_toml(hook))
     assert load_scene(tmp_path / "again.toml") == hook
+
+
+def test_help_of_a_table_has_its_keys() -> None:
+    assert "diameter: Diameter of one wire, without plating." in (load_scene(CELL).wire.__doc__ or "")

@@ -84,10 +84,11 @@ def open_scene(
 ) -> tuple[Scene, Path]:
     """Load the scene for a command (scene/capabilities.py), choose the output directory, set up the log."""
     configure_logging(logging.WARNING if quiet else logging.INFO)
+    from warpknit.commands.carried_out import default_directory
     from warpknit.scene import load_scene
 
-    loaded = load_scene(scene, overrides, preset, command=command, ranks=ranks)
-    return loaded, Path(out) if out else Path("runs") / loaded.name
+    loaded = load_scene(Path(scene), overrides, preset, command=command, ranks=ranks)
+    return loaded, Path(out) if out else default_directory(loaded)
 
 
 def unfinished(result: CommandResult, if_interrupted: str = "") -> int:
@@ -246,21 +247,17 @@ def report(
     A map of the same scene in DIR is reused.
     """
     from warpknit.commands.carried_out import naming_the_file
-    from warpknit.commands.report import ReportRequest, report_command
-    from warpknit.design.fe import CODES
+    from warpknit.commands.report import ReportRequest, codes_of, report_command
     from warpknit.design.inputs import Known
     from warpknit.runner.progress_display import progress_for
 
-    codes = tuple(CODES) if cards is None else tuple(dict.fromkeys(code.strip() for code in cards.split(",")))
-    if set(codes) - set(CODES):
-        raise click.UsageError(f"--cards: given {cards}, allowed: {', '.join(CODES)}, separated by commas.")
     known = Known(
         positive_quantity("--openings", openings, "per_length"),
         positive_quantity("--fit-loop-length", fit_loop_length, "length"),
         Path(fit_curve) if fit_curve else None,
         positive_quantity("--areal-mass", areal_mass, "areal_mass"),
     )
-    asked = ReportRequest(positive_quantity("--tension", tension, "tension"), known, codes)
+    asked = ReportRequest(positive_quantity("--tension", tension, "tension"), known, codes_of(cards))
     loaded, directory = open_scene(scene, overrides, preset, out, "report", quiet=quiet)
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         done = report_command(loaded, directory, asked, force=force, progress=progress, device=device)
@@ -296,7 +293,7 @@ def plan(scene: str, overrides: tuple[str, ...], preset: str | None, device: str
     configure_logging(logging.WARNING)
     from warpknit.scene import load_scene
 
-    loaded = load_scene(scene, overrides, preset)
+    loaded = load_scene(Path(scene), overrides, preset)
     from warpknit.commands.carried_out import naming_the_file
     from warpknit.plan import make_plan
 

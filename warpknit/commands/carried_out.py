@@ -47,8 +47,8 @@ def naming_arguments() -> Iterator[None]:
 
 def _in_python(message: str) -> str:
     """A message with options as arguments: --force as force=True, --fit-curve as fit_curve."""
-    message = re.sub(r"--(force|resume)\b", r"\1=True", message)
-    return re.sub(r"--([a-z][a-z-]*)", lambda option: option[1].replace("-", "_"), message)
+    message = re.sub(r"(?<![\w-])--(force|resume)\b", r"\1=True", message)
+    return re.sub(r"(?<![\w-])--([a-z][a-z-]*)", lambda option: option[1].replace("-", "_"), message)
 
 
 def default_directory(scene: Scene) -> Path:

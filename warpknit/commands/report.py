@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,6 +29,7 @@ def make_report(
     fit_loop_length: str | float | None = None,
     fit_curve: Directory | None = None,
     areal_mass: str | float | None = None,
+    cards: str | Sequence[str] | None = None,
     force: bool = False,
     quiet: bool = False,
 ) -> Run:
@@ -40,6 +42,7 @@ def make_report(
     openings: scale wales and courses to this density, "12 /inch". areal_mass: compare with a measured one, "10 g/m^2".
     fit_loop_length, fit_curve: fit the loops to their wire length, "5.6 mm"; or to a biaxial test, a CSV file with the columns
         strain_weft, strain_warp, tension_weft_N_per_m, tension_warp_N_per_m. `run.scene` is the fitted scene.
+    cards: FE codes for which the card is written, "nastran, abaqus" or a list; default: all of docs/fe_cards.md.
     Quantities are strings with their unit or numbers in SI. scene, out, force, quiet and what is raised: as in `run`; a map of
     the same scene in `out` is used. Raises Diverged where no state carries the tension of the card.
     """
@@ -50,7 +53,7 @@ def make_report(
             curve=None if fit_curve is None else Path(fit_curve),
             areal_mass=positive("areal_mass", areal_mass, "areal_mass"),
         )
-        asked = ReportRequest(positive("tension", tension, "tension"), known)
+        asked = ReportRequest(positive("tension", tension, "tension"), known, codes_of(cards))
     loaded = load_scene(scene, command="report")
     return carried_out(
         loaded, out, quiet, lambda where, progress: report_command(loaded, where, asked, force=force, progress=progress).result
@@ -63,9 +66,11 @@ class ReportRequest:
 
     tension: float | None = None  # [N/m]
     known: Known = Known()
-    codes: tuple[str, ...] = tuple(CODES)  # FE codes that get the card
+    codes: tuple[str, ...] = tuple(CODES)  # FE codes of the cards
 
     def __post_init__(self) -> None:
+        if unknown := set(self.codes) - set(CODES):
+            raise InputError(f"--cards: given {', '.join(sorted(unknown))}, allowed: {', '.join(CODES)}")
         if self.known.loop_length is not None and self.known.curve is not None:
             raise InputError("--fit-curve: given beside --fit-loop-length, allowed: one of them")
 
@@ -102,6 +107,13 @@ def report_command(
     if asked.tension is not None and page.card is None:
         result = CommandResult(Diverged.exit_code, result.summary, page.where)
     return Report(result, notes, page)
+
+
+def codes_of(cards: str | Sequence[str] | None) -> tuple[str, ...]:
+    """FE codes from a list, or from a text with commas; None: all."""
+    if cards is None:
+        return tuple(CODES)
+    return tuple(dict.fromkeys(code.strip() for code in (cards.split(",") if isinstance(cards, str) else cards)))
 
 
 def positive(name: str, given: str | float | None, dimension: str) -> float | None:

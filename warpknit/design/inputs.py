@@ -22,7 +22,7 @@ from ..knit.loops import RANGES, LoopProportions, loop_shape
 from ..knit.openings import find_openings
 from ..mesh.layout import knit_scene
 from ..scene import Knit, Scene
-from ..scene.overrides import Override
+from ..scene.objects import Override
 from ..sweep.states import mesh_of
 from ..text import at_least, at_most, exact
 from .fine_states import states_at

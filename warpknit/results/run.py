@@ -19,7 +19,7 @@ from ..runner.summary_table import summary_rows
 from ..scene import Scene, load_scene
 from ..sweep.map_table import map_lines
 from .states import Series, States
-from .table import Table, html_table
+from .table import Table, found, html_table
 
 if TYPE_CHECKING:
     from ..export.run_record import RunRecord
@@ -154,7 +154,7 @@ class Tables(Mapping[str, Table]):
 
     def __getitem__(self, name: str) -> Table:
         if name not in self._read:
-            self._read[name] = Table.read(self._paths[name])
+            self._read[name] = Table.read(found(self._paths, name))
         return self._read[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -172,6 +172,21 @@ def load_run(out: str | os.PathLike[str]) -> Run:
 
         run = load_run("runs/atlas_cell")
         run.history["strain_weft"], run.history["tension_weft_N_per_m"]     # [record], [record] [N/m]
+
+    A `Run` has
+        summary          nested dict: summary.json, or map.json, trade.json
+        stop_reason      steady | finished | diverged | interrupted
+        warnings         limits to the use of the results
+        history          columns of history.csv by name, [record]; `to_pandas()`
+        tables           every CSV file by name; of a map `tables["map"]`
+        states           recorded states, by index; each a `Frame` with
+            node_position (node, 3) [m], node_stress [node] [Pa], body_position (body, 3) [m],
+            pair_force [pair] [N], pair_active [pair], body_force [body] [N], body_active [body],
+            stage, load_factor, strain_weft, strain_warp, shear, temperature [K]
+        observables      columns of the history and arrays of the states over all records, [record, ...]; `to_xarray()`
+        layout           which nodes make a wire, which wires a body hooks
+        scene, card, figures, directory, export(to)
+    Pairs 2b and 2b + 1 belong to body b, where two wires hook each other.
 
     Raises RunDirectoryError where there are none, or where they cannot be read.
     """

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from ..frame import Frame
-from .table import Table
+from .table import Table, found
 
 if TYPE_CHECKING:
     from ..export.run_record import RunRecord
@@ -62,7 +62,7 @@ class Series(Mapping[str, np.ndarray]):
     def __getitem__(self, name: str) -> np.ndarray:
         if name in self._fields:
             return np.stack([getattr(state, name) for state in self._states])
-        return self._history[name]
+        return self._history[name] if name in self._history else found(dict.fromkeys(self, np.empty(0)), name)
 
     def __iter__(self) -> Iterator[str]:
         yield from self._history

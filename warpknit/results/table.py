@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import csv
+import difflib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+
+Value = TypeVar("Value")
 
 SHOWN_ROWS = 5  # at either end
 TRUTH = {"True": True, "False": False}
@@ -32,7 +35,7 @@ class Table(Mapping[str, np.ndarray]):
         return cls({name: _values(texts) for name, texts in zip(names, cells, strict=True)})
 
     def __getitem__(self, name: str) -> np.ndarray:
-        return self._columns[name]
+        return found(self._columns, name)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._columns)
@@ -61,6 +64,14 @@ class Table(Mapping[str, np.ndarray]):
             places = [*places[:SHOWN_ROWS], -1, *places[-SHOWN_ROWS:]]
         lines = [["..." if k < 0 else _text(column[k]) for column in self.values()] for k in places]
         return f"{html_table(lines, head=list(self))}<p>{self.rows} rows, {len(self)} columns</p>"
+
+
+def found(items: Mapping[str, Value], name: str) -> Value:
+    """The item of a name. Raises KeyError, which names the nearest ones."""
+    if name in items:
+        return items[name]
+    near = difflib.get_close_matches(str(name), items, n=3, cutoff=0.3)
+    raise KeyError(f"{name!r}; the nearest: {', '.join(near) or ', '.join(items) or 'there are none'}")
 
 
 def html_table(lines: Sequence[Sequence[str]], head: Sequence[str] = ()) -> str:

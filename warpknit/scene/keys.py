@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import typing
 from collections.abc import Iterator
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, Field, dataclass, field, fields
 from functools import cache
 from typing import Any, TypeVar, cast
 
@@ -27,9 +27,17 @@ ABOUT = "about"  # where a field keeps its sentence: a field without one is no k
 
 
 class Table:
-    """Base of the frozen dataclasses that tables of a scene file are checked as: unknown keys are errors."""
+    """Base of the frozen dataclasses that tables of a scene file are checked as: unknown keys are errors.
+
+    The meaning of each key stands in the docstring too, for `help(scene.wire)`.
+    """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
+
+    def __init_subclass__(cls) -> None:
+        keys = {name: entry.metadata for name, entry in vars(cls).items() if isinstance(entry, Field)}
+        lines = [f"    {name}: {about[ABOUT]}" for name, about in keys.items() if ABOUT in about]
+        cls.__doc__ = "\n".join([cls.__doc__ or "", "", "Keys, in SI units:", *lines])
 
 
 def key(about: str, default: Any = MISSING, *, left_out: str = "", allowed: str = "", compare: bool = True) -> Any:

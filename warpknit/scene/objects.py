@@ -8,7 +8,7 @@ hook.py, the panel in panel.py, wires from a file in wires.py; file.py puts them
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -76,6 +76,9 @@ from warpknit.scene.values import (
 from warpknit.scene.wire import Wire
 from warpknit.scene.wire_file import WireFile
 from warpknit.text import exact
+
+Override = str | tuple[str, Any]
+Overrides = Sequence[Override] | Mapping[str, Any]  # values of dotted keys: a mapping, or "key=value" strings and pairs
 
 # Keys of [contact] that only some treatments have.
 TREATMENT_KEYS = {
@@ -413,7 +416,8 @@ class Scene:
         scene.stages[-1].strain_warp
         thicker = scene.changed({"wire.diameter": "17 um"})
 
-    Made by `load_scene`. Equal scenes compare equal, whatever file they were read from.
+    Made by `load_scene`. What the file leaves out has its default; None means that the model or the solver chooses, or that the
+    feature is off. A scene has a knit, a hook or wires. Equal scenes compare equal, whatever file they were read from.
     """
 
     name: str
@@ -450,17 +454,17 @@ class Scene:
         """Whether `changed` is available: not of a scene that was put together from parts of others."""
         return self.__dict__["_remake"] is not None
 
-    def changed(self, overrides: Any = (), preset: str | None = None, **purpose: Any) -> Scene:
+    def changed(self, overrides: Overrides = (), preset: str | None = None, *, command: str = "", ranks: int = 1) -> Scene:
         """A scene with other values for some keys; all defaults and checks follow the new values.
 
             scene.changed({"wire.diameter": "17 um", "load.strain_warp": 0.05}, preset="draft")
 
-        overrides, preset, purpose: as in `load_scene`. Raises `SceneError`, which names the key.
+        overrides, preset, command, ranks: as in `load_scene`. Raises `SceneError`, which names the key.
         """
         remake = self.__dict__["_remake"]
         if remake is None:
             raise SceneError(f"{self.path}: given a scene put together from parts, allowed: load_scene(scene, overrides)")
-        scene: Scene = remake(overrides, preset, **purpose)
+        scene: Scene = remake(overrides, preset, command=command, ranks=ranks)
         return scene
 
     @property

@@ -14,10 +14,8 @@ else:
     import tomli as tomllib
 
 from warpknit.scene.messages import dotted, scene_error
+from warpknit.scene.objects import Override, Overrides
 from warpknit.scene.units import shown
-
-Override = str | tuple[str, Any]
-Overrides = Sequence[Override] | Mapping[str, Any]  # a mapping of dotted keys, or a list of "key=value" and of pairs
 
 _PART = re.compile(r"(?P<name>[A-Za-z0-9_-]+)(?P<indices>(\[\d{1,6}\])*)")
 

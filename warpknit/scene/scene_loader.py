@@ -19,9 +19,9 @@ from warpknit.scene.hook_defaults import hook_of
 from warpknit.scene.keys import as_object
 from warpknit.scene.materials import MATERIALS
 from warpknit.scene.messages import dotted, first_error, scene_error
-from warpknit.scene.model_choice import choose_model
-from warpknit.scene.objects import TREATMENT_KEYS, Contact, Knit, KnitTable, ModelOptions, Scene, Solver
-from warpknit.scene.overrides import Overrides, as_list, with_overrides
+from warpknit.scene.model_choice import GIVEN, choose_model
+from warpknit.scene.objects import TREATMENT_KEYS, Contact, Knit, KnitTable, ModelOptions, Overrides, Scene, Solver
+from warpknit.scene.overrides import as_list, with_overrides
 from warpknit.scene.panel_options import PanelError, PanelOptions, covering_repeats, panel_options
 from warpknit.scene.presets import PRESETS, Preset
 from warpknit.scene.resolved import resolved_toml
@@ -74,10 +74,10 @@ def load_scene(
     Raises SceneError: one line with the file, the key, what was given and what is allowed.
     """
     if isinstance(source, Scene):
+        if not overrides and preset is None and (source.kind_reason == GIVEN or not source.is_as_written):
+            return source
         if source.is_as_written:
             return source.changed(overrides, preset, command=command, ranks=ranks)
-        if not overrides and preset is None:
-            return source
     path, table = (source.path, tomllib.loads(resolved_toml(source))) if isinstance(source, Scene) else _read(source)
     return make_scene(table, overrides, preset, path=path, command=command, ranks=ranks)
 

@@ -37,7 +37,8 @@ RATE_PATIENCE, LOWER_RATE = 12, 0.6  # checks without progress before the rate i
 APPROACH = 2.4  # of two wires, over the largest displacement
 # thicknesses: largest displacement a step of wires that may touch, and the least limit; up to FASTER times the speed
 CONTACT_SPEED, LEAST_SPEED, FASTER = 0.1, 0.001, 1.5
-TAUT_PROGRESS = 0.5, 8  # mean excess strain of a wire that is not taut falls to this share within so many checks
+# a wire is taut where its mean excess strain is above TAUT_ERROR AXIAL_ERROR and does not fall to a share within so many checks
+TAUT_ERROR, TAUT_PROGRESS = 20.0, (0.5, 8)
 TAUT_FACTOR = 4.0  # by which a taut wire is made stiffer: its mean excess strain has stalled
 LEAST_DAMPING = 0.01  # [1/s] banded masses leave few modes slower than half of it
 
@@ -104,7 +105,7 @@ class RodRelaxation:
         self._rate: float = MAX_RATE
         self._best_ratio: float = math.inf
         self._stalled = 0  # checks without progress
-        self._taut = Stalled(len(rods.wire_first), AXIAL_ERROR, *TAUT_PROGRESS)  # [wire] mean excess strain
+        self._taut = Stalled(len(rods.wire_first), TAUT_ERROR * AXIAL_ERROR, *TAUT_PROGRESS)  # [wire] mean excess strain
 
     def set_thermal_strain(self, thermal_strain: np.ndarray) -> None:
         """Set the strain [node] of the natural lengths beyond the common length factor; the multipliers apply it."""
