@@ -35,6 +35,7 @@ myst_heading_anchors = 4
 myst_enable_extensions = ["colon_fence", "deflist"]
 suppress_warnings = ["myst.header"]  # pages that are parts of another begin at its second level
 default_role = "literal"
+smartquotes = False  # it makes one dash of the two of an option
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 
