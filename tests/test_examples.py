@@ -1,4 +1,4 @@
-"""Examples in docs/python.md, README.md and the docstrings at the door run as they stand."""
+"""Examples in README.md, the documents and the docstrings at the door run as they stand."""
 
 import inspect
 import os
@@ -48,8 +48,14 @@ def blocks(name: str, *, scripts: bool) -> list[str]:
     return [code for script, code in BLOCK.findall(text) if bool(script) == scripts]
 
 
+def documents_with_examples() -> list[str]:
+    pages = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    names = [path.relative_to(ROOT).as_posix() for path in pages if "_build" not in path.parts]
+    return [name for name in names if blocks(name, scripts=False)]
+
+
 @pytest.mark.usefixtures("fresh")
-@pytest.mark.parametrize("name", ["README.md", "docs/python.md"])
+@pytest.mark.parametrize("name", documents_with_examples())
 def test_blocks_of_a_document_run_in_their_order(name: str) -> None:
     names: dict = {}
     found = blocks(name, scripts=False)

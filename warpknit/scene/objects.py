@@ -305,7 +305,7 @@ class Contact(Table):
 
     friction: Friction = key(
         'Coulomb friction coefficient; `drive = "relax"` only. The state then depends on the load history:'
-        " [physics.md](physics.md#paths).",
+        " [physics.md](physics.md#load-history).",
         0.0,
     )
     threshold: Force = key(

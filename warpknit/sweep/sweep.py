@@ -31,7 +31,6 @@ from ..text import duration
 from .contact_map import (
     STEADY,
     MapRow,
-    drift_text,
     find_jumps,
     find_optimum,
     grid,

@@ -1,0 +1,112 @@
+"""The documents as a site: `sphinx-build -W docs docs/_build`."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from importlib import import_module
+from pathlib import Path
+
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+DOCS = Path(__file__).resolve().parent
+ROOT = DOCS.parent
+sys.path.insert(0, str(ROOT))
+
+import warpknit  # noqa: E402
+
+project = "warpknit"
+author = "the warpknit developers"
+copyright = author
+version = release = warpknit.__version__
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_click", "sphinx_copybutton"]
+exclude_patterns = ["_build", "notebooks"]
+html_theme = "furo"
+html_title = f"warpknit {version}"
+html_static_path: list[str] = []
+html_show_copyright = html_show_sphinx = html_copy_source = False
+copybutton_exclude = ".linenos, .gp, .go"
+
+myst_heading_anchors = 4
+myst_enable_extensions = ["colon_fence", "deflist"]
+suppress_warnings = ["myst.header"]  # pages that are parts of another begin at its second level
+default_role = "literal"
+smartquotes = False  # it makes one dash of the two of an option
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+
+# pages outside of docs/ that the site includes, and where
+INCLUDED = {
+    ROOT / "scenes" / "README.md": "studies/source_paper",
+    ROOT / "CHANGELOG.md": "changelog",
+    ROOT / "CONTRIBUTING.md": "contributing",
+}
+LINK = re.compile(r"(!?)\[([^]]*)\]\(([^)#\s:]+)(#[^)\s]*)?\)")
+
+
+def links_of_the_site(text: str, folder: Path, page: Path) -> str:
+    """Links between documents, as in the repository, become links between pages; those to other files become the names.
+
+    folder: of the document. page: of the page that has its text.
+    """
+
+    def link(found: re.Match[str]) -> str:
+        picture, words, target, anchor = found[1], found[2], (folder / found[3]).resolve(), found[4] or ""
+        if target in INCLUDED:
+            target = DOCS / f"{INCLUDED[target]}.md"
+        elif not target.exists():
+            return found[0]  # Sphinx warns
+        elif DOCS not in target.parents:
+            return words if words.startswith("`") else f"`{target.relative_to(ROOT).as_posix()}`"
+        return f"{picture}[{words}]({os.path.relpath(target, page).replace(os.sep, '/')}{anchor})"
+
+    return LINK.sub(link, text)
+
+
+def read_source(app: Sphinx, name: str, content: list[str]) -> None:
+    page = Path(app.env.doc2path(name))
+    source, text = page, content[0]
+    for path, included in INCLUDED.items():
+        if included == name:
+            source, text = path, path.read_text(encoding="utf-8")
+            app.env.note_dependency(str(path))
+    content[0] = links_of_the_site(text, source.parent, page.parent)
+
+
+def docstring(app: Sphinx, kind: str, name: str, item: object, options: object, lines: list[str]) -> None:
+    """Docstrings as they stand: indented paragraphs are examples, tables and lists keep their lines."""
+    paragraphs = re.split(r"\n\s*\n", "\n".join(lines).strip("\n"))
+    out: list[str] = []
+    for paragraph in paragraphs:
+        rows = paragraph.split("\n")
+        if all(row.startswith("    ") for row in rows):
+            out += [".. code-block:: python", "", *rows, ""]
+        elif rows[0].startswith("|") or any(row.startswith("    ") for row in rows):
+            out += [*("| " + row.strip().replace("|", "\\|") if row.strip() else "" for row in rows), ""]
+        else:
+            out += [*(line.replace("*", "\\*").replace("|", "\\|") for line in rows), ""]
+    lines[:] = out
+
+
+class Generated(SphinxDirective):
+    """Markdown that a function of the package writes: `module:function`."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        module, function = self.arguments[0].split(":")
+        text = getattr(import_module(module), function)()
+        parent = nodes.Element()
+        self.state.nested_parse(text.split("\n"), self.content_offset, parent)
+        return parent.children
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    app.add_directive("generated", Generated)
+    app.connect("source-read", read_source)
+    app.connect("autodoc-process-docstring", docstring)
+    return {"parallel_read_safe": True}

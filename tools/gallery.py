@@ -1,0 +1,99 @@
+"""The gallery of the documents: every scene with its picture and time; writes docs/gallery.md and docs/images/gallery.
+
+python tools/gallery.py [SCENE ...]        some scenes only: the others keep picture and time
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE, PICTURES = ROOT / "docs" / "gallery.md", ROOT / "docs" / "images" / "gallery"
+LIMIT = 60.0  # [s] planned or run; longer scenes have no picture
+WIDTH = 560  # [pixels]
+FIGURES = ("contact_map", "hook", "mesh", "panel")  # the first one that a run has; of a facet, the panel
+
+HEAD = """# Gallery
+
+Written by `python tools/gallery.py`. Each scene with its picture and its wall time, kernels compiled, on two cores of a
+Xeon that was also used by others. Scenes of more than a minute have no picture here.
+
+"""
+
+
+def main(chosen: list[str]) -> None:
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    old = PAGE.read_text(encoding="utf-8") if PAGE.exists() else ""
+    entries = []
+    for path in [*sorted((ROOT / "scenes").glob("*.toml")), *sorted((ROOT / "scenes" / "wires").glob("*.toml"))]:
+        place = path.relative_to(ROOT).as_posix()
+        kept = re.search(rf"^## {path.stem}\n.*?^Time: ([^\n]*)", old, re.DOTALL | re.MULTILINE)
+        if kept and chosen and path.stem not in [Path(name).stem for name in chosen]:
+            time = kept[1]
+        else:
+            time = picture_of(path, PICTURES / f"{path.stem}.png")
+        print(f"{place}: {time}", flush=True)
+        entries.append(entry(path, place, time))
+    PAGE.write_text(HEAD + "\n".join(entries), encoding="utf-8")
+
+
+def entry(path: Path, place: str, time: str) -> str:
+    """The section of a scene."""
+    top = path.read_text(encoding="utf-8").split("\n\n")[0].splitlines()
+    comment = " ".join(line.lstrip("# ") for line in top if line.startswith("#"))
+    shown = (PICTURES / f"{path.stem}.png").exists()
+    picture = f"![{path.stem}](images/gallery/{path.stem}.png)\n\n" if shown else ""
+    command = f"```bash\nwarpknit {command_of(path)} {place}\n```"
+    return f"## {path.stem}\n\n{comment}\n\n{command}\n\n{picture}Time: {time}\n"
+
+
+def command_of(path: Path) -> str:
+    return "map" if re.search(r"^\[sweep\]", path.read_text(encoding="utf-8"), re.MULTILINE) else "run"
+
+
+def picture_of(path: Path, picture: Path) -> str:
+    """Run a scene and keep a small copy of its picture; its time in words."""
+    with tempfile.TemporaryDirectory() as folder:
+        planned = json.loads(warpknit("plan", str(path), "--json").stdout or "{}").get("wall_s")
+        if planned is None or planned > LIMIT:
+            picture.unlink(missing_ok=True)
+            return "not run, planned for " + (f"{planned:.0f} s" if planned is not None else "more than a minute")
+        options = ["--device", "cpu", "--out", folder, "--force", "--set", "output.usd=false"]
+        try:
+            done = warpknit(command_of(path), str(path), *options)
+        except subprocess.TimeoutExpired:
+            return f"more than {LIMIT:.0f} s"
+        if done.returncode:
+            return f"not run: {done.stderr.strip().splitlines()[-1]}"
+        figures = FIGURES[::-1] if "[panel]" in path.read_text(encoding="utf-8") else FIGURES
+        figure = next(file for name in figures if (file := Path(folder, "figures", f"{name}.png")).exists())
+        thumbnail(figure, picture)
+        file = next(file for name in ("summary", "map") if (file := Path(folder, f"{name}.json")).exists())
+        summary = json.loads(file.read_text(encoding="utf-8"))
+        return f"{summary['solver']['wall_s']:.2g} s"
+
+
+def warpknit(*words: str) -> subprocess.CompletedProcess[str]:
+    """The command line, without progress; compilation needs more than the limit."""
+    quiet = ["--quiet"] if words[0] != "plan" else []
+    return subprocess.run(
+        [sys.executable, "-m", "warpknit", *words, *quiet], cwd=ROOT, capture_output=True, text=True, timeout=2 * LIMIT
+    )
+
+
+def thumbnail(figure: Path, picture: Path) -> None:
+    """A copy of a figure at the width of the page, in 256 colours."""
+    with Image.open(figure) as image:
+        small = image.convert("RGB").resize((WIDTH, round(WIDTH * image.height / image.width)), Image.Resampling.LANCZOS)
+    small.quantize(256, method=Image.Quantize.MAXCOVERAGE).save(picture, optimize=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
