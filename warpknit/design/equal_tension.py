@@ -23,7 +23,7 @@ LEAST_LEVELS = 2  # of a stage, which has half the levels of a run: each starts 
 
 @dataclass(frozen=True)
 class EqualTensionRun:
-    """Records of a run under equal tensions, and its answers (run/answers.py)."""
+    """Records of a run under equal tensions, and its answers (runner/answers.py)."""
 
     rows: Sequence[Row]
     answers: dict[str, Any] | None  # None without a tension to run to
