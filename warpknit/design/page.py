@@ -15,7 +15,9 @@ td, th { padding: 0.2em 0.9em 0.2em 0; text-align: left; vertical-align: top; }
 th { font-weight: normal; color: #505050; } thead th { border-bottom: 1px solid #909090; }
 figure { margin: 1em 0; } img { max-width: 100%; } figcaption { color: #505050; font-size: 0.92em; }
 .warning { border-left: 4px solid #D55E00; padding-left: 0.8em; }
-@media (max-width: 40em) { body { margin: 0.5em auto; } table { display: block; overflow-x: auto; } td, th { padding-right: 0.5em; } }
+@media (max-width: 40em) {
+  body { margin: 0.5em auto; } table { display: block; overflow-x: auto; } td, th { padding-right: 0.5em; }
+}
 @media print {
   @page { size: A4; margin: 18mm; }
   body { margin: 0; padding: 0; max-width: none; font-size: 10pt; }

@@ -46,9 +46,9 @@ def answers_section(page: Page, scene: Scene, run: EqualTensionRun, largest: Equ
 
 
 def mesh_section(
-    page: Page, scene: Scene, cloth: Cloth | None, card: MaterialCard | None, notes: Sequence[str], figure: Path | None
+    page: Page, scene: Scene, cloth: Cloth | None, card: MaterialCard | None, notes: Sequence[str], figures: dict[str, Path]
 ) -> None:
-    """Wire, knit and mass of the mesh, with its picture; notes: how the scene was fitted."""
+    """Wire, knit and mass of the mesh, with its pictures; notes: how the scene was fitted."""
     wire, knit = scene.wire, scene.knit
     page.heading("The mesh")
     plating = "" if wire.plating is None else f", {1e6 * wire.plating.thickness:g} um of {wire.plating.material}"
@@ -71,8 +71,10 @@ def mesh_section(
     page.table(rows)
     for note in notes:
         page.text(note[0].upper() + note[1:] + ".")
-    if figure is not None:
-        page.figure(figure, "The mesh as knitted, in plan view: wires over and under each other, and the bodies at their contacts.")
+    if "knit" in figures:
+        page.figure(figures["knit"], "The mesh as knitted, in plan view, and the bodies at its contacts.")
+    if "mesh" in figures:
+        page.figure(figures["mesh"], "The mesh at the tension of the card: stress of the wires, active and open contacts.")
 
 
 def map_section(
