@@ -1,7 +1,6 @@
 """A run as a time series for ParaView and PyVista.
 
-    wires.pvd       -> wires_######.vtu       a polyline a wire; point data `stress` [Pa] and `radius` [m], for tubes; cell data
-                                              `wire`
+    wires.pvd       -> wires_######.vtu       line cells; point data `stress` [Pa], cell data `wire`
     contacts.pvd    -> contacts_######.vtu    one vertex a contact body; `force`, `force_a`, `force_b` [N], `active`
                                               (both pairs closed), `active_pairs` (0, 1 or 2), `wire_a`, `wire_b`,
                                               `rhombus`
@@ -12,13 +11,14 @@ SI units: lengths in m. The time is the index of the frame. Open the two .pvd fi
 import os
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
+import meshio
 import numpy as np
 
 from warpknit.export.run_record import RunRecord
-from warpknit.export.vtu import POLYLINE, VERTEX, Grid, write_vtu
-from warpknit.files import write_aside
+from warpknit.files import path_aside, write_aside
 from warpknit.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
 
 __all__ = ["export_vtk", "write_vtk"]
@@ -33,26 +33,24 @@ def export_vtk(record: RunRecord) -> list[Path]:
 def write_vtk(directory: str | os.PathLike[str], layout: WireLayout, frames: Iterable[Frame]) -> list[Path]:
     """Write every frame, then the collections that name them; the paths, collections first."""
     directory = Path(directory)
+    segment = layout.curve_segment
+    lines = np.stack((segment, segment + 1), axis=1)
+    line_wire = np.repeat(np.arange(layout.wire_count, dtype=np.int32), np.diff(layout.curve_start) - 1)
     is_rhombus = np.zeros(layout.body_count, dtype=np.int32)
     is_rhombus[layout.rhombus_bodies] = 1
     series: dict[str, list[tuple[int, Path]]] = {"wires": [], "contacts": []}
     for frame in frames:
         frame.require_layout(layout)
         frame.require_finite()
-        wires = Grid(
+        wires = meshio.Mesh(
             curve_position(layout, frame),
-            POLYLINE,
-            np.diff(layout.curve_start),
-            point_data={
-                "stress": np.asarray(frame.node_stress, dtype=float)[layout.curve_node],
-                "radius": np.full(len(layout.curve_node), 0.5 * layout.diameter),
-            },
-            cell_data={"wire": np.arange(layout.wire_count, dtype=np.int32)},
+            [("line", lines)],
+            point_data={"stress": np.asarray(frame.node_stress, dtype=float)[layout.curve_node]},
+            cell_data={"wire": [line_wire]},
         )
-        contacts = Grid(
+        contacts = meshio.Mesh(
             np.asarray(frame.body_position, dtype=float),
-            VERTEX,
-            np.ones(layout.body_count, dtype=np.int64),
+            [("vertex", np.arange(layout.body_count)[:, None])],
             point_data={
                 "force": np.asarray(frame.body_force, dtype=float),
                 "force_a": np.array(frame.pair_force[0::2], dtype=float),
@@ -64,16 +62,21 @@ def write_vtk(directory: str | os.PathLike[str], layout: WireLayout, frames: Ite
                 "rhombus": is_rhombus,
             },
         )
-        for name, grid in (("wires", wires), ("contacts", contacts)):
-            if grid.points.size:
+        for name, mesh in (("wires", wires), ("contacts", contacts)):
+            if mesh.points.size:
                 path = directory / f"{name}_{frame.index:06d}.vtu"
-                write_vtu(path, grid)
+                _write_mesh(path, mesh)
                 series[name].append((frame.index, path))
     collections = []
     for name, members in series.items():
         if members:
             collections.append(_write_collection(directory / f"{name}.pvd", members))
     return collections + [path for members in series.values() for _, path in members]
+
+
+def _write_mesh(path: Path, mesh: Any) -> None:
+    with path_aside(path) as aside:
+        meshio.write(aside, mesh, file_format="vtu", binary=True)
 
 
 def _write_collection(path: Path, members: list[tuple[int, Path]]) -> Path:
