@@ -8,6 +8,7 @@ import csv
 import errno
 import os
 import time
+import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,7 +16,7 @@ from typing import IO, Any
 
 import numpy as np
 
-__all__ = ["held_directory", "path_aside", "write_aside", "write_table"]
+__all__ = ["held_directory", "path_aside", "write_arrays", "write_aside", "write_table"]
 
 
 @contextmanager
@@ -76,6 +77,14 @@ def write_aside(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[An
     encoding, newline = ("utf-8", "") if mode == "w" else (None, None)
     with path_aside(path) as aside, open(aside, mode, encoding=encoding, newline=newline) as file:
         yield file  # it is closed before it is renamed
+
+
+def write_arrays(path: str | os.PathLike[str], arrays: Mapping[str, np.ndarray]) -> None:
+    """Write arrays to an npz file, one after the other. `numpy.savez` leaves its archive open where the disk is full."""
+    with write_aside(path, "wb") as file, zipfile.ZipFile(file, "w") as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, array, allow_pickle=False)
 
 
 def _flush(path: Path) -> None:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpknit.files import write_aside
+from warpknit.files import write_arrays
 from warpknit.text import short_repr
 
 __all__ = ["Frame", "WireLayout", "curve_parts", "curve_position", "drawn_frame", "drawn_layout"]
@@ -256,9 +256,7 @@ def curve_position(layout: WireLayout, frame: Frame) -> Floats:
 
 
 def _save(record: WireLayout | Frame, path: str | os.PathLike[str]) -> None:
-    arrays: dict[str, Any] = {f.name: np.asarray(getattr(record, f.name)) for f in fields(record)}
-    with write_aside(path, "wb") as file:
-        np.savez(file, **arrays)
+    write_arrays(path, {f.name: np.asarray(getattr(record, f.name)) for f in fields(record)})
 
 
 def _load(kind: type, path: str | os.PathLike[str]) -> dict[str, Any]:

@@ -194,9 +194,9 @@ def _write(found: Findings, out: Path, codes: Sequence[str]) -> None:
 def _page(found: Findings, figures: dict[str, Path]) -> Page:
     wire = found.scene.wire
     page = Page(f"{found.scene.name}: {wire.material} mesh, {1e6 * wire.diameter:g} um wire")
-    page.text(f"warpknit {__version__}, {date.today().isoformat()}, scene {found.scene.hash}")
     for warning in found.model_warnings:
         page.warning(f"{warning[0].upper()}{warning[1:]}.")
+    page.text(f"warpknit {__version__}, {date.today().isoformat()}, scene {found.scene.hash}")
     answers_section(page, found.scene, found.run, found.equal_tension, figures.get("heat"))
     page.text(
         "Computed by warpknit for endless cloth, without friction; every state is loaded proportionally from the mesh as"

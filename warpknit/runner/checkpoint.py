@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import RunDirectoryError
-from ..files import write_aside
+from ..files import write_arrays
 from ..ranks.ranks import Ranks
 from ..solve.simulate import Progress, Simulation
 
@@ -40,8 +40,7 @@ def write_checkpoint(directory: Path, simulation: Simulation, scene_hash: str, w
 
 
 def _write(path: Path, header: dict[str, Any], kept: dict[str, Any]) -> None:
-    with write_aside(path, "wb") as file:
-        np.savez(file, about=np.array(json.dumps(header)), **kept)
+    write_arrays(path, {"about": np.array(json.dumps(header))} | kept)
 
 
 def _strip_file(directory: Path, turn: int, rank: int) -> Path:
