@@ -1,7 +1,9 @@
-"""Render scene.usda of a run with Blender: python tools/render_blender.py RUN_DIR/scene.usda PICTURE.png [--frame N] [--size W H]
+"""Render scene.usda of a run with Blender.
 
-Runs in Blender (blender --background --python tools/render_blender.py -- ...) and in a Python with the package bpy. One millimetre of the
-mesh is one metre in Blender (SCALE), where the default clipping distances, lights and tools suit it.
+    blender --background --python tools/render_blender.py -- runs/my_mesh/scene.usda picture.png
+    python tools/render_blender.py runs/my_mesh/scene.usda picture.png      # in a Python with the package bpy
+
+One millimetre of the mesh is one metre in Blender (SCALE): its clipping distances and tools suit metres.
 """
 
 from __future__ import annotations
@@ -40,7 +42,7 @@ def render(path: str, *, frame: int | None, size: tuple[int, int]) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("stage", help="scene.usda of a run")
     parser.add_argument("picture", help="the PNG to write")
     parser.add_argument("--frame", type=int, help="number of the record  [default: the last]")

@@ -1,6 +1,7 @@
-"""scene.usda in Blender, as docs/viewing.md renders it. Blender's package `bpy` pins an older NumPy: it has an environment of its own.
+"""scene.usda in Blender, as tools/render_blender.py renders it.
 
-WARPKNIT_BPY_PYTHON names a Python that has it; without, one is made in pytest's cache, from the package index.
+Blender's package `bpy` pins an old NumPy, so it has an environment of its own: WARPKNIT_BPY_PYTHON names its Python; without, one
+is made in pytest's cache, from the package index.
 """
 
 import os
@@ -83,7 +84,7 @@ def test_a_render_shows_wires_in_the_colours_of_their_stress(tmp_path: Path, sta
 
 @pytest.mark.slow
 def test_a_white_plane_is_bright_and_not_burnt_out(tmp_path: Path, stage: Path, blender: str) -> None:
-    """Radiance DOME + 4 KEY cos(angle)/pi = 0.4 + 0.38 as Blender takes the lights: 0.78, or 0.9 of the picture's scale (sRGB)."""
+    """Radiance DOME + 4 KEY cos(angle)/pi = 0.4 + 0.38 as Blender takes the lights: 0.78, or 0.9 of the scale of a picture."""
     script = tmp_path / "plane.py"
     script.write_text(WHITE_PLANE)
     image = picture(blender, script, stage, tmp_path / "b.png", TOOL.parent)

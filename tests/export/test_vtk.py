@@ -13,7 +13,6 @@ import pytest
 from warpknit.export.vtk import write_vtk
 from warpknit.frame import Frame, WireLayout, curve_position
 
-
 FRAMES = (0, 1, 3)
 
 

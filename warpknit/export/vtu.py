@@ -53,7 +53,7 @@ def write_vtu(path: Path, grid: Grid) -> None:
 
 
 def _array(name: str, values: NDArray[Any]) -> str:
-    """An array as one compressed block; before it the count of blocks, their size, that of a last partial one, the compressed size."""
+    """An array as one compressed block, after its header: count of blocks, their size, size of a partial one, compressed size."""
     little = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
     block = zlib.compress(little.tobytes())
     header = np.array([1, little.nbytes, 0, len(block)], dtype="<u8").tobytes()
