@@ -65,8 +65,8 @@ def knit_figure(
         everywhere = (MM * mine[:, None] + tile_copies(MM * mine, period, low - margin, high + margin)).reshape(-1, 2)
         style: dict[str, Any] = {"marker": marker, "color": BODY_COLOUR, "linestyle": "none"}
         style |= {"markeredgecolor": "white", "markeredgewidth": 0.5}
-        size = 4.0 + 1.4 * (present - number)  # of several at one place each shows
-        axes.plot(everywhere[:, 0], everywhere[:, 1], markersize=size, zorder=3, **style)
+        mark = 4.0 + 1.4 * (present - number)  # of several at one place each shows
+        axes.plot(everywhere[:, 0], everywhere[:, 1], markersize=mark, zorder=3, **style)
         handles.append(Line2D([], [], markersize=5, label=f"contact {name}, {len(mine)} per repeat", **style))
     if cloth.rhombus is not None:
         middle = 0.5 * np.array([columns, rows]) * cloth.size

@@ -33,7 +33,7 @@ class Grid:
 def write_vtu(path: Path, grid: Grid) -> None:
     """Write a grid aside, and rename the file."""
     points, cells = len(grid.points), len(grid.cell_sizes)
-    parts = {
+    parts: dict[str, Mapping[str, NDArray[Any]]] = {
         "Points": {"Points": np.asarray(grid.points, dtype=float)},
         "Cells": {
             "connectivity": np.arange(points, dtype=np.int64),
