@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from warpknit import __version__
 from warpknit.cli import main
 from warpknit.design import curves, service
 from warpknit.design.card import MaterialCard
@@ -67,6 +68,10 @@ def test_the_page_holds_all_it_shows(reports):
     assert "http" not in page and "@import" not in page and "<script" not in page and "url(" not in page
     for words in ("Active contacts", "Tension against strain", "Material card", "Openings", "resistance", "wire length per loop"):
         assert words in page
+    scene = load_scene(out / "scene.toml")
+    for words in (f"warpknit {__version__}, 20", scene.hash, "chain 1-0/1-2/2-3/2-1, threading |., shift 0", 'name="viewport"'):
+        assert words in page
+    assert page.count('<h2 class="new-page">') == 3 and "break-before: page" in page
     assert "nan" not in re.sub(r"data:[^\"]*", "", page).lower().split()
     assert len(list((out / "figures").glob("report_*.png"))) == 6
 

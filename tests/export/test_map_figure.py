@@ -4,8 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.contour import QuadContourSet
 from matplotlib.image import imread
 
+from warpknit.export import map_figure as module
 from warpknit.export.map_figure import Marks, map_figure
 
 STRAINS = [0.0, 0.05, 0.1]
@@ -43,3 +45,28 @@ def test_cells_without_a_value_stay_blank(tmp_path):
 @pytest.mark.parametrize("values", [np.zeros((3, 3)), np.full((3, 3), np.nan)])
 def test_maps_without_contrast_are_drawn(tmp_path, values):
     assert draw(tmp_path / "a.png", values, optimum=(0.05, 0.05)).stat().st_size > 0
+
+
+def test_lines_of_a_share_run_along_the_edges_of_cells(tmp_path, monkeypatch):
+    """A line of 50 % lies on the edge between two cells if one of them reaches 50 % and the other does not, and on no other."""
+    drawn = []
+    monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
+    shares = np.array([[0.0, 45.0, 90.0], [45.0, 90.0, 90.0], [10.0, 60.0, 100.0]])
+    draw(tmp_path / "a.png", shares)
+    (lines,) = [item for item in drawn[0].axes[0].collections if isinstance(item, QuadContourSet)]
+    (path,) = [path for level, path in zip(lines.levels, lines.get_paths(), strict=True) if level == 50.0]
+    middle = 100.0 * np.array(STRAINS)
+    for row, column in np.ndindex(3, 3):
+        for other in ((row + 1, column), (row, column + 1)):
+            if max(other) < 3:
+                between = 0.5 * np.array([middle[column] + middle[other[1]], middle[row] + middle[other[0]]])
+                is_edge = (shares[row, column] >= 50.0) != (shares[other] >= 50.0)
+                assert distance(path, between) < 0.01 if is_edge else distance(path, between) > 1.0
+
+
+def distance(path, place: np.ndarray) -> float:
+    """From a place to the segments of a path."""
+    begin, end = path.vertices[:-1], path.vertices[1:]
+    along = end - begin
+    share = np.clip(np.sum((place - begin) * along, axis=1) / np.maximum(np.sum(along**2, axis=1), 1e-30), 0.0, 1.0)
+    return float(np.linalg.norm(begin + share[:, None] * along - place, axis=1).min())

@@ -4,13 +4,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 
-from warpknit.frame import Frame, WireLayout, curve_position
-
-pytest.importorskip("meshio")
 from warpknit.export.vtk import write_vtk
+from warpknit.frame import Frame, WireLayout, curve_position
 
 FRAMES = (0, 1, 3)
 
@@ -41,6 +40,13 @@ def test_series_reads_back(tmp_path: Path, layout: WireLayout, frames: list[Fram
         assert np.array_equal(mesh["active"], frame.body_active)
         assert np.array_equal(np.stack((mesh["wire_a"], mesh["wire_b"]), axis=1), layout.body_wires)
         assert np.flatnonzero(mesh["rhombus"]).tolist() == layout.rhombus_bodies.tolist()
+
+
+def test_radius_is_at_every_point(tmp_path: Path, layout: WireLayout, frames: list[Frame]) -> None:
+    """Tubes along the wires, as thick as they are, need it."""
+    write_vtk(tmp_path, layout, frames[-1:])
+    mesh = meshio.read(tmp_path / f"wires_{FRAMES[-1]:06d}.vtu")
+    assert np.array_equal(mesh.point_data["radius"], np.full(layout.curve_node.size, 0.5 * layout.diameter))
 
 
 def test_no_line_joins_two_wires(layout: WireLayout) -> None:

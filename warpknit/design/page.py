@@ -9,6 +9,7 @@ from pathlib import Path
 
 STYLE = """
 body { font: 11pt/1.45 Georgia, 'Times New Roman', serif; max-width: 50em; margin: 2em auto; padding: 0 1em; color: #202020; }
+p { overflow-wrap: anywhere; }
 h1 { font-size: 1.6em; margin-bottom: 0.2em; } h2 { font-size: 1.2em; margin-top: 1.8em; border-bottom: 1px solid #C0C0C0; }
 table { border-collapse: collapse; margin: 0.8em 0; }
 td, th { padding: 0.2em 0.9em 0.2em 0; text-align: left; vertical-align: top; }

@@ -57,13 +57,16 @@ def knit_figure(
 
     bodies = np.array([clasp.position for clasp in cloth.clasps]).reshape(-1, 2)
     classes = np.zeros(len(bodies), dtype=np.intp) if classes is None else classes
+    present = int(classes.max(initial=0))
     for number, (name, marker) in enumerate(zip(CLASS_NAMES, CLASS_MARKERS, strict=True)):
         mine = bodies[classes == number]
         if len(mine) == 0:
             continue
         everywhere = (MM * mine[:, None] + tile_copies(MM * mine, period, low - margin, high + margin)).reshape(-1, 2)
         style: dict[str, Any] = {"marker": marker, "color": BODY_COLOUR, "linestyle": "none"}
-        axes.plot(everywhere[:, 0], everywhere[:, 1], markersize=4.0, zorder=3, **style)
+        style |= {"markeredgecolor": "white", "markeredgewidth": 0.5}
+        mark = 4.0 + 1.4 * (present - number)  # of several at one place each shows
+        axes.plot(everywhere[:, 0], everywhere[:, 1], markersize=mark, zorder=3, **style)
         handles.append(Line2D([], [], markersize=5, label=f"contact {name}, {len(mine)} per repeat", **style))
     if cloth.rhombus is not None:
         middle = 0.5 * np.array([columns, rows]) * cloth.size

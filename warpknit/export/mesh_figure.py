@@ -143,7 +143,7 @@ def _mesh_map(
 
     body = 1e3 * np.asarray(frame.body_position)[:, :2] - origin
     # repeats count from the corner of the mesh; loops at the edge reach a little beyond it
-    corner = 1e3 * frame.deformation @ layout.low - origin if layout.repeats.all() else low
+    corner = -origin if layout.repeats.all() else low
     whole = 1e3 * np.diag(frame.deformation) * layout.period if layout.repeats.all() else size
     shape, covered = _cells_of_repeats(layout.repeats, whole, body.shape[0] / 12.0, 250)
     extent = (corner[0], corner[0] + covered[0], corner[1], corner[1] + covered[1])

@@ -1,6 +1,7 @@
 """A run as a time series for ParaView and PyVista.
 
-    wires.pvd       -> wires_######.vtu       line cells; point data `stress` [Pa], cell data `wire`
+    wires.pvd       -> wires_######.vtu       line cells; point data `stress` [Pa] and `radius` [m], for tubes; cell
+                                              data `wire`
     contacts.pvd    -> contacts_######.vtu    one vertex a contact body; `force`, `force_a`, `force_b` [N], `active`
                                               (both pairs closed), `active_pairs` (0, 1 or 2), `wire_a`, `wire_b`,
                                               `rhombus`
@@ -45,7 +46,10 @@ def write_vtk(directory: str | os.PathLike[str], layout: WireLayout, frames: Ite
         wires = meshio.Mesh(
             curve_position(layout, frame),
             [("line", lines)],
-            point_data={"stress": np.asarray(frame.node_stress, dtype=float)[layout.curve_node]},
+            point_data={
+                "stress": np.asarray(frame.node_stress, dtype=float)[layout.curve_node],
+                "radius": np.full(layout.curve_node.size, 0.5 * layout.diameter),
+            },
             cell_data={"wire": [line_wire]},
         )
         contacts = meshio.Mesh(
