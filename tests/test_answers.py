@@ -114,6 +114,8 @@ def test_a_graze_is_not_the_closing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert closes["first_touch"]["tension_weft_N_per_m"] == pytest.approx(0.1)
     text = dict(answer_rows(answers, LIMIT))["contacts A close at"]
     assert text == "230 mN/m, strain 4.6 % / 2.3 %, after a touch at 100 mN/m that opens again (10 pairs)"
+    rows[5].active_A_percent = 70.0
+    assert "(70 % of 10 pairs)" in dict(answer_rows(found(rows, monkeypatch), LIMIT))["contacts A close at"]
 
 
 def test_a_closing_stays_that_of_the_loading() -> None:
@@ -145,6 +147,16 @@ def test_the_drift_does_not_depend_on_the_records(levels: int, monkeypatch: pyte
     assert best["high"]["tension_weft_N_per_m"] == pytest.approx(LIMIT / STRESS, rel=1e-9) and not best["grows"]
     spacing = 1.0 / (module.DRIFT_STATES - 1)  # [N/m]
     assert 0.69 <= best["low"]["tension_weft_N_per_m"] <= 0.69 + spacing
+
+
+def test_the_best_tension_is_in_the_widest_range(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All contacts are active in one record at 0.2 N/m, by a graze, and from the closing of B to first yield at 0.7 N/m."""
+    rows = [row(0.05 * k) for k in range(21)]
+    rows[4].active_percent = rows[4].active_A_percent = rows[4].active_B_percent = 100.0
+    best = found(rows, monkeypatch)["best"]
+    assert best["low"]["tension_weft_N_per_m"] == pytest.approx(CLOSES["B"], rel=1e-6)
+    assert best["high"]["tension_weft_N_per_m"] == pytest.approx(LIMIT / STRESS, rel=1e-9)
+    assert best["tension_weft_N_per_m"] == pytest.approx(0.5 * (CLOSES["B"] + LIMIT / STRESS), abs=1.0 / module.DRIFT_STATES)
 
 
 def test_a_service_tension_of_the_first_record_is_reached(monkeypatch: pytest.MonkeyPatch) -> None:

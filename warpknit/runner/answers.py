@@ -81,7 +81,7 @@ def closing(rows: Sequence[Row], name: str, threshold: float, least: float) -> A
 
     threshold [N]: of an active pair; least [N]: force below which a pair counts as open. `between`: the records on both sides.
     `resolved`: whether the forces give a place between them; if not, the state is halfway. `first_touch`: the record in which
-    the class was closed before, and opened again; None without one.
+    the class was closed before, and opened again; None without one. `closed_percent`: share of its pairs in the record behind.
     """
     force = [vars(row)[f"force_{name}_N"] for row in rows]
     closed = [one > threshold for one in force]
@@ -92,6 +92,7 @@ def closing(rows: Sequence[Row], name: str, threshold: float, least: float) -> A
     touch = next((row for row, one in zip(rows[:k], closed, strict=False) if one), None)
     found = {
         "stage": after.stage, "as_knitted": k == 0, "resolved": True, "between": [_state(before), _state(after)],
+        "closed_percent": vars(after)[f"active_{name}_percent"],
         "first_touch": None if touch is None else _state(touch),
     }  # fmt: skip
     if k == 0:
@@ -193,7 +194,7 @@ def _heat(rows: Sequence[Row]) -> Iterator[Answer]:
 
 
 def _best(rising: Sequence[Row], states: Sequence[Row], limit: float) -> Answer | None:
-    """The tension in the middle of the range with the most active contacts and no stress above `limit` [Pa]; None without one.
+    """The tension in the middle of the widest range with the most active contacts, and no stress above `limit` [Pa]; or None.
 
     rising: records of a stage, by tension; states: others between them. `low`, `high`: ends of the range; `open_low`,
     `open_high`: the stage ends there, so that it may be wider; `grows`: the range is only known to begin behind the last record
@@ -208,12 +209,9 @@ def _best(rising: Sequence[Row], states: Sequence[Row], limit: float) -> Answer 
     shares = [share(row) for row in states]
     if max(shares) == 0.0:
         return None
-    low = high = int(np.argmax(shares))
-    least = shares[low] - DRIFT
-    while low > 0 and shares[low - 1] >= least:
-        low -= 1
-    while high + 1 < len(states) and shares[high + 1] >= least:
-        high += 1
+    good = [0.0 < one >= max(shares) - DRIFT for one in shares]
+    ends = np.flatnonzero(np.diff([False, *good, False])).reshape(-1, 2) - [0, 1]  # of each range, (range, 2)
+    low, high = max(ends.tolist(), key=lambda one: mean_tension(states[one[1]]) - mean_tension(states[one[0]]))
     open_high = high + 1 == len(states)
     grows = open_high and all(mean_tension(row) < mean_tension(states[low]) for row in rising[:-1])
     middle = 0.5 * (mean_tension(states[low]) + mean_tension(states[high]))

@@ -17,7 +17,9 @@ def answer_rows(answers: Mapping[str, Any], yield_stress: float) -> Iterator[tup
     reached = f"up to {_tension(answers['largest_tension'])}"
     for one in answers["contacts"]:
         name = f"contacts {one['name']}" if len(answers["contacts"]) > 1 else "contacts"
-        yield f"{name} close at", f"{_closing(one, reached)} ({one['pairs']} pairs)"
+        closes = one["closes"]
+        part = "" if closes is None or closes["closed_percent"] == 100.0 else f"{closes['closed_percent']:.0f} % of "
+        yield f"{name} close at", f"{_closing(one, reached)} ({part}{one['pairs']} pairs)"
     for point in answers["service"]:
         there = point["state"]
         text = f"not reached; {reached}" if there is None else f"{percent(0.01 * point['active_percent'])}, {_pair_of(there)}"
