@@ -45,6 +45,7 @@ class WireLayout:
     body_wires: Integers  # [body, 2]  the wires of pairs 2b and 2b + 1
     rhombus_bodies: Integers  # [k]  bodies around the central opening; may be empty
     repeats: Integers = field(default_factory=lambda: np.zeros(2, dtype=np.int64))  # [2]  of the knit; 0 where unknown
+    low: Floats = field(default_factory=lambda: np.zeros(2))  # [2] [m]  lower corner of the mesh at rest
     wire_closing: Floats = field(default_factory=lambda: np.zeros((0, 2)))  # [wire, 2] [m]  left out: one period up the warp
     curve_parts: int = field(default_factory=lambda: 1)  # straight pieces of the drawn curve between two nodes
 
@@ -56,6 +57,7 @@ class WireLayout:
             ("body_wires", np.int64, (-1, 2)),
             ("rhombus_bodies", np.int64, (-1,)),
             ("repeats", np.int64, (2,)),
+            ("low", np.float64, (2,)),
             ("wire_closing", np.float64, (-1, 2)),
         ):
             object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=kind).reshape(shape))
@@ -110,6 +112,11 @@ class WireLayout:
         is_first = np.ones(int(self.curve_start[-1]), dtype=bool)
         is_first[self.curve_start[1:] - 1] = False
         return np.flatnonzero(is_first)
+
+    @property
+    def origin(self) -> Floats:
+        """[2] [m]  where pictures have their origin, at rest: the corner of a periodic tile, the centre of a gripped mesh."""
+        return np.zeros(2) if self.wire_closed.any() else self.low + 0.5 * self.period
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an .npz atomically."""

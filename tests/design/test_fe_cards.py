@@ -267,11 +267,39 @@ def test_lsdyna_columns(cards):
     assert (mid, form) == (2, 14) and ro == pytest.approx(KNITTED * DENSITY, rel=1e-4)
     assert gab == pytest.approx(TO_MPA * C[2, 2] / KNITTED, rel=SIX_DIGITS)
     assert columns(lines[starts[1] + 7], 10, 10) == [1, 2]
+    note = re.search(r"size times (\S+) along a and (\S+) along b, with RO = (\S+),", cards["lsdyna"].replace("\n$ ", " "))
+    built, preloaded = np.array([float(note[1]), float(note[2])]), float(note[3])
+    assert expected[:2, :2] @ -np.log(built) == pytest.approx(TO_MPA * S, rel=1e-7)  # log strain from there to the card
+    assert preloaded * built.prod() == pytest.approx(DENSITY)
     for axis, block in enumerate("\n".join(lines).split("*DEFINE_CURVE\n")[1:]):
         identity, *points = block.splitlines()
         assert float(identity) == axis + 1
         curve = np.array([columns(line, 20, 20) for line in points if not line.startswith("*")]).T
         assert tension_at_the_card(*curve, axis, second_piola=True) == pytest.approx(S[axis], rel=1e-9)
+
+
+def test_lsdyna_by_pydyna(cards):
+    """The reader of Ansys gives every value to the keyword that the manual gives it to."""
+    deck = pytest.importorskip("ansys.dyna.core", reason="ansys-dyna-core is not installed").Deck()
+    deck.loads(cards["lsdyna"])
+    assert [f"{k.keyword}_{k.subkeyword}" for k in deck.all_keywords] == [
+        "SECTION_SHELL",
+        *2 * ["MAT_FABRIC"],
+        *2 * ["DEFINE_CURVE"],
+    ]
+    section, linear, fabric, *curves = deck.all_keywords
+    assert (section.elform, section.t1, section.t4) == (5, 1.0, 1.0)
+    expected = TO_MPA * tangent(CARD, TRUE)
+    assert (linear.mid, linear.title, linear.form, linear.cse, linear.aopt, linear.a1) == (1, "MESH", 0, 0.0, 2.0, 1.0)
+    assert in_plane((linear.ea, linear.eb), linear.prab) == pytest.approx(expected[:2, :2], rel=20 * SIX_DIGITS)
+    assert linear.prba / linear.eb == pytest.approx(linear.prab / linear.ea, rel=2 * SIX_DIGITS)
+    assert (linear.gab, linear.ro) == pytest.approx((expected[2, 2], DENSITY), rel=1e-4)
+    assert (fabric.mid, fabric.form, fabric.lca, fabric.lcb) == (2, 14, 1, 2)
+    assert (fabric.gab, fabric.ro) == pytest.approx((TO_MPA * C[2, 2] / KNITTED, KNITTED * DENSITY), rel=1e-4)
+    for axis, curve in enumerate(curves):
+        strain, stress = curve.curves.to_numpy(dtype=float).T
+        assert curve.lcid == axis + 1
+        assert tension_at_the_card(strain, stress, axis, second_piola=True) == pytest.approx(S[axis], rel=1e-9)
 
 
 def test_radioss_columns(cards):
@@ -296,6 +324,7 @@ def test_abaqus_fabric(cards):
     assert float(blocks[1][1][0][0]) == pytest.approx(KNITTED * DENSITY)
     for axis, component in enumerate("12"):
         assert blocks[3 + 2 * axis][0] == f"*UNIAXIAL, COMPONENT={component}"
+        assert blocks[4 + 2 * axis][0].endswith("EXTRAPOLATION=LINEAR")  # the default is a constant stress beyond the last point
         stress, strain = np.array(blocks[4 + 2 * axis][1], dtype=float).T
         assert tension_at_the_card(strain, stress, axis, second_piola=False) == pytest.approx(S[axis], rel=NINE_DIGITS)
     assert [float(x) for x in blocks[8][1][1]] == pytest.approx([TO_MPA * C[2, 2], 1.0])

@@ -59,6 +59,7 @@ def test_vtk(run_dir: Path) -> None:
 def test_png(run_dir: Path) -> None:
     assert names(run_dir, export_run(run_dir, "png")) == {
         "figures/curves.png",
+        "figures/heat.png",
         "figures/mesh.png",
         "figures/mesh_00_load.png",
         "figures/mesh_01_cold_air.png",

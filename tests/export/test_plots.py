@@ -27,7 +27,7 @@ def check_image(path: Path) -> np.ndarray:
 @pytest.mark.parametrize("yield_stress", [None, 3e8, 3e9])
 def test_mesh_figure(tmp_path: Path, layout: WireLayout, make_frame: Callable[..., Frame], yield_stress: float | None) -> None:
     frame = replace(make_frame(4, shear=0.05), temperature=83.15)
-    path = mesh_figure.mesh_figure(layout, frame, tmp_path / "mesh.png", yield_stress=yield_stress, tension=(2.0, 2.2))
+    path = mesh_figure.mesh_figure(layout, frame, tmp_path / "mesh.png", "a mesh", yield_stress=yield_stress)
     image = check_image(path)[..., :3]
     is_cyan = np.all(np.abs(image - (0.0, 0xCF / 255, 1.0)) < 0.02, axis=-1)
     assert is_cyan.any() == (yield_stress == 3e8)  # the largest stress is 400 MPa
@@ -36,14 +36,14 @@ def test_mesh_figure(tmp_path: Path, layout: WireLayout, make_frame: Callable[..
 def test_mesh_figure_without_bodies(tmp_path: Path, layout: WireLayout, make_frame: Callable[..., Frame]) -> None:
     bare = replace(layout, body_wires=np.empty((0, 2)), rhombus_bodies=np.empty(0))
     empty = {"body_position": np.empty((0, 3)), "pair_force": np.empty(0), "pair_active": np.empty(0, bool)}
-    check_image(mesh_figure.mesh_figure(bare, replace(make_frame(0, strain=0.0), **empty), tmp_path / "mesh.png"))
+    check_image(mesh_figure.mesh_figure(bare, replace(make_frame(0, strain=0.0), **empty), tmp_path / "mesh.png", "a mesh"))
 
 
 def test_big_mesh_is_drawn_as_a_map(
     tmp_path: Path, layout: WireLayout, make_frame: Callable[..., Frame], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(mesh_figure, "SEGMENTS_DRAWN", 100)
-    image = check_image(mesh_figure.mesh_figure(layout, make_frame(4), tmp_path / "map.png", yield_stress=1e9))
+    image = check_image(mesh_figure.mesh_figure(layout, make_frame(4), tmp_path / "map.png", "a mesh", yield_stress=1e9))
     assert image.shape[1] > image.shape[0]  # two panels
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Gf, Plug, Usd, UsdGeom, UsdShade, UsdValidation
+from pxr import Gf, Plug, Usd, UsdGeom, UsdLux, UsdShade, UsdValidation
 
 from reference.stages import FLOAT32_STEP, prims, primvar, world_points, write
 from warpknit.export.usd import StageWriter, stress_colour
@@ -232,6 +232,16 @@ def test_wires_are_gold_unless_stress_is_shown(tmp_path: Path, layout: WireLayou
         colour = np.array(wires.GetDisplayColorPrimvar().ComputeFlattened(4))
         expected = [[1.0, 0.77, 0.34]] if limit is None else stress_colour(primvar(wires, "warpknit:stress", 4), limit)
         assert np.allclose(colour, expected)
+
+
+def test_light_on_a_white_plane(tmp_path: Path, layout: WireLayout, frames: list[Frame]) -> None:
+    """Radiance of a white plane, dome + irradiance cos(angle)/pi, between dim and burnt out; the key light as irradiance."""
+    stage = Usd.Stage.Open(str(write(tmp_path, layout, frames[:1]).path))
+    key, dome = UsdLux.DistantLight.Get(stage, "/World/KeyLight"), UsdLux.DomeLight.Get(stage, "/World/DomeLight")
+    assert key.GetNormalizeAttr().Get()
+    direction = UsdGeom.Xformable(key).GetLocalTransformation().TransformDir((0.0, 0.0, -1.0))
+    radiance = dome.GetIntensityAttr().Get() - key.GetIntensityAttr().Get() * direction[2] / np.pi
+    assert direction[2] < 0.0 and 0.4 < radiance < 0.9
 
 
 def test_stress_colour_ends() -> None:

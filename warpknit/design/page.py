@@ -15,7 +15,15 @@ td, th { padding: 0.2em 0.9em 0.2em 0; text-align: left; vertical-align: top; }
 th { font-weight: normal; color: #505050; } thead th { border-bottom: 1px solid #909090; }
 figure { margin: 1em 0; } img { max-width: 100%; } figcaption { color: #505050; font-size: 0.92em; }
 .warning { border-left: 4px solid #D55E00; padding-left: 0.8em; }
-@media print { body { margin: 0; max-width: none; } h2, figure, table { break-inside: avoid; } h2 { break-after: avoid; } }
+@media (max-width: 40em) {
+  body { margin: 0.5em auto; } table { display: block; overflow-x: auto; } td, th { padding-right: 0.5em; }
+}
+@media print {
+  @page { size: A4; margin: 18mm; }
+  body { margin: 0; padding: 0; max-width: none; font-size: 10pt; }
+  h2 { break-after: avoid; } h2.new-page { break-before: page; } figure, tr, .warning { break-inside: avoid; }
+  thead { display: table-header-group; } figure img { max-height: 215mm; }
+}
 """
 
 
@@ -26,8 +34,10 @@ class Page:
         self._title = title
         self._parts = [f"<h1>{html.escape(title)}</h1>"]
 
-    def heading(self, text: str) -> None:
-        self._parts.append(f"<h2>{html.escape(text)}</h2>")
+    def heading(self, text: str, *, new_page: bool = False) -> None:
+        """A heading; `new_page`: on a new page of paper."""
+        mark = ' class="new-page"' if new_page else ""
+        self._parts.append(f"<h2{mark}>{html.escape(text)}</h2>")
 
     def text(self, text: str) -> None:
         self._parts.append(f"<p>{html.escape(text)}</p>")
@@ -51,7 +61,8 @@ class Page:
     def html(self) -> str:
         """The whole page."""
         body = "\n".join(self._parts)
-        head = f'<meta charset="utf-8"><title>{html.escape(self._title)}</title><style>{STYLE}</style>'
+        head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">'
+        head += f"<title>{html.escape(self._title)}</title><style>{STYLE}</style>"
         return f'<!DOCTYPE html>\n<html lang="en">\n<head>{head}</head>\n<body>\n{body}\n</body>\n</html>\n'
 
 

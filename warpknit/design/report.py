@@ -8,13 +8,16 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
+from datetime import date
 from pathlib import Path
 
 import numpy as np
 
+from .. import __version__, measure
 from ..errors import Diverged
 from ..files import write_aside, write_table
 from ..measure import Observables
+from ..mesh.layout import contact_classes
 from ..runner.progress_display import Progress
 from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
@@ -191,6 +194,7 @@ def _write(found: Findings, out: Path, codes: Sequence[str]) -> None:
 def _page(found: Findings, figures: dict[str, Path]) -> Page:
     wire = found.scene.wire
     page = Page(f"{found.scene.name}: {wire.material} mesh, {1e6 * wire.diameter:g} um wire")
+    page.text(f"warpknit {__version__}, {date.today().isoformat()}, scene {found.scene.hash}")
     for warning in found.model_warnings:
         page.warning(f"{warning[0].upper()}{warning[1:]}.")
     answers_section(page, found.scene, found.run, found.equal_tension, figures.get("heat"))
@@ -203,7 +207,7 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
         page.warning(f"{found.where[0].upper()}{found.where[1:]}.")
     load = found.scene.stages[0]
     page.text(f"The optimum, the curves and the card are at {celsius(load.temperature)}, the temperature of [load].")
-    mesh_section(page, found.scene, found.model.cloth, found.card, found.notes)
+    mesh_section(page, found.scene, found.model.cloth, found.card, found.notes, figures)
     map_section(page, found.scene, found.optimum, found.service, found.equal_tension, figures["map"])
     if (jumped := jump_warning(found.jumps, found.by_tension)) is not None:
         page.warning(f"{jumped[0].upper()}{jumped[1:]}.")
@@ -218,7 +222,9 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
 def _figures(found: Findings, folder: Path) -> dict[str, Path]:
     from ..export.curves_figure import heat_figure
     from ..export.design_figures import openings_figure, resistance_figure, tension_strain_figure
+    from ..export.knit_figure import knit_figure
     from ..export.map_figure import Marks, map_figure
+    from ..export.mesh_figure import mesh_figure, state_title
 
     weft, warp = axes_of(found.rows)
     optimum, limit = found.optimum, found.scene.wire.yield_stress
@@ -248,6 +254,12 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
         "openings": lambda path: openings_figure(circles, BANDS, path),
         "resistance": lambda path: resistance_figure(curves["equal"], path),
     }  # fmt: skip
+    if (cloth := found.model.cloth) is not None:
+        draw["knit"] = lambda path: knit_figure(cloth, found.scene.wire.diameter, path, classes=contact_classes(found.scene))
+    if (mesh := found.tensioned) is not None:
+        frame = measure.frame(mesh, index=0, stage="card", load_factor=1.0, temperature=found.scene.stages[0].temperature)
+        title = state_title(frame, measure.mesh_tension(mesh))
+        draw["mesh"] = lambda path: mesh_figure(mesh.model.layout(), frame, path, title, yield_stress=limit)
     figures = {name: drawn(folder / f"report_{name}.png") for name, drawn in draw.items()}
     heat = heat_figure([vars(row) for row in found.run.heated], folder / "report_heat.png") if found.run.heated else None
     return figures if heat is None else figures | {"heat": heat}

@@ -45,8 +45,10 @@ def answers_section(page: Page, scene: Scene, run: EqualTensionRun, largest: Equ
         page.text("The scene has no [[path]] with another temperature, so this page does not show what heat does.")
 
 
-def mesh_section(page: Page, scene: Scene, cloth: Cloth | None, card: MaterialCard | None, notes: Sequence[str]) -> None:
-    """Wire, knit and mass of the mesh; notes: how the scene was fitted."""
+def mesh_section(
+    page: Page, scene: Scene, cloth: Cloth | None, card: MaterialCard | None, notes: Sequence[str], figures: dict[str, Path]
+) -> None:
+    """Wire, knit and mass of the mesh, with its pictures; notes: how the scene was fitted."""
     wire, knit = scene.wire, scene.knit
     page.heading("The mesh")
     plating = "" if wire.plating is None else f", {1e6 * wire.plating.thickness:g} um of {wire.plating.material}"
@@ -55,6 +57,8 @@ def mesh_section(page: Page, scene: Scene, cloth: Cloth | None, card: MaterialCa
         ("wales and courses", f"{0.01 / knit.wale_spacing:.3g} and {0.01 / knit.course_spacing:.3g} per cm"),
     ]
     if cloth is not None:
+        bars = enumerate(knit.bars, 1)
+        rows += [(f"guide bar {n}", f"chain {bar.chain}, threading {bar.threading}, shift {bar.shift}") for n, bar in bars]
         mass = cloth.wire_per_area * wire.linear_density
         loops = len(cloth.stitches) / (cloth.wales * cloth.courses)
         length = f"{1e3 * cloth.stitch_length:.3g} mm in plan view, {loops:g} per needle and course"
@@ -67,6 +71,10 @@ def mesh_section(page: Page, scene: Scene, cloth: Cloth | None, card: MaterialCa
     page.table(rows)
     for note in notes:
         page.text(note[0].upper() + note[1:] + ".")
+    if "knit" in figures:
+        page.figure(figures["knit"], "The mesh as knitted, in plan view, and the bodies at its contacts.")
+    if "mesh" in figures:
+        page.figure(figures["mesh"], "The mesh at the tension of the card: stress of the wires, active and open contacts.")
 
 
 def map_section(
@@ -78,7 +86,7 @@ def map_section(
     figure: Path,
 ) -> None:
     """The contact map, the optimum and the service tensions; largest: equal tensions of the map."""
-    page.heading("Active contacts and the optimum")
+    page.heading("Active contacts and the optimum", new_page=True)
     page.figure(
         figure,
         "Active contacts over the loads of the map; each tile shows the state at its middle. Orange line: elastic"
@@ -137,7 +145,7 @@ def _shown(name: str, value: float, unit: str) -> tuple[str, str]:
 
 def card_section(page: Page, scene: Scene, card: MaterialCard | None, where: str) -> None:
     """The material card. where: its state, or why there is none."""
-    page.heading("Material card")
+    page.heading("Material card", new_page=True)
     if card is None:
         page.warning(where[0].upper() + where[1:] + ".")
         return
@@ -164,7 +172,7 @@ def card_section(page: Page, scene: Scene, card: MaterialCard | None, where: str
 
 def openings_section(page: Page, knitted: Sequence[Opening], tensioned: Sequence[Opening], figure: Path) -> None:
     """Size of the openings over the wavelength."""
-    page.heading("Openings and wavelength")
+    page.heading("Openings and wavelength", new_page=True)
     states = [(name, those) for name, those in (("as knitted", knitted), ("at the tension of the card", tensioned)) if those]
     page.table(
         [

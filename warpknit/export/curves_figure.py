@@ -13,14 +13,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, figure_of, save_figure, scale_of
+from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, WIDTHS, figure_of, save_figure, scale_of
 from warpknit.text import ZERO_CELSIUS
 
 __all__ = ["curves_figure", "heat_figure"]
 
 SIDE_COLOURS = (("weft", BLUE), ("warp", ORANGE))
 LEAST_SPAN = 0.02  # of a value: shortest axis of a quantity against temperature
-DECADES_DRAWN = 1e-9  # of a logarithmic axis: a kinetic energy that has died away does not flatten the others
+DECADES_DRAWN = 1e-9  # of the largest value of a logarithmic axis: less is not drawn, and does not flatten the others
 STAGE_STYLES: tuple[tuple[str | tuple[int, tuple[float, ...]], str], ...] = (
     ("-", "o"),
     ((0, (5, 1.5)), "s"),
@@ -146,24 +146,26 @@ def _draw_curves(
 ) -> None:
     """Draw one line per quantity (colour) and stage (dashes and marks)."""
     handles = []
-    for label, colour, values in curves:
-        shown = np.isfinite(values) & ((values > 0.0) if is_logarithmic else True)
+    least = DECADES_DRAWN * max((float(values[np.isfinite(values)].max(initial=0.0)) for *_, values in curves), default=0.0)
+    for (label, colour, values), width in zip(curves, WIDTHS if len(curves) > 1 else WIDTHS[1:], strict=False):
+        shown = np.isfinite(values) & ((values > least) if is_logarithmic else True)
         if not shown.any():
             continue
         values = np.where(shown, values, np.nan)
         for number, (_, rows) in enumerate(stages):
             style, marker = STAGE_STYLES[number % len(STAGE_STYLES)]
-            look: dict[str, Any] = {"color": colour, "linestyle": style, "marker": marker, "markersize": 4.0}
+            look: dict[str, Any] = {"color": colour, "linestyle": style, "marker": marker, "markersize": 2.5 + width}
             face = colour if number % 2 == 0 else "white"
-            axes.plot(abscissa[rows], values[rows], linewidth=1.6, markerfacecolor=face, **look)
+            axes.plot(abscissa[rows], values[rows], linewidth=width, markerfacecolor=face, **look)
         if label:
-            handles.append(Line2D([], [], color=colour, linewidth=2.5, label=label))
+            handles.append(Line2D([], [], color=colour, linewidth=width, label=label))
     if not axes.lines:
         axes.text(0.5, 0.5, "not recorded", transform=axes.transAxes, ha="center", va="center", color=GREY)
     elif is_logarithmic:
         axes.set_yscale("log")
         low, high = axes.get_ylim()
-        axes.set_ylim(bottom=max(low, DECADES_DRAWN * high))
+        if high < 10.0 * low:
+            axes.set_ylim(np.sqrt(low * high / 10.0), np.sqrt(10.0 * low * high))  # a decade
     if handles:
         axes.legend(handles=handles, frameon=True, framealpha=0.8, edgecolor="none", loc="best")
     axes.grid(color="#DDDDDD", linewidth=0.6)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
-from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, figure_of, save_figure, scale_of
+from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, WIDTHS, figure_of, save_figure, scale_of
 
 __all__ = ["openings_figure", "resistance_figure", "tension_strain_figure"]
 
@@ -22,6 +22,11 @@ TITLES = {
 }
 FREQUENCIES = (1e9, 1e11)  # [Hz]
 LEAST_DECADES = 0.6  # of a resistance axis: a constant resistance is a level line
+
+SIDES: dict[str, dict[str, Any]] = {
+    "weft": {"color": BLUE, "marker": "o", "linewidth": WIDTHS[0], "markersize": 6.5},
+    "warp": {"color": ORANGE, "marker": "s", "linewidth": WIDTHS[1], "markersize": 4},
+}
 
 Curve = Mapping[str, NDArray[Any]]
 
@@ -34,9 +39,8 @@ def tension_strain_figure(curves: Mapping[str, Curve], path: str | os.PathLike[s
     scale, unit = scale_of("N/m", *tensions)
     for axes, (load, curve) in zip(np.atleast_1d(panels), curves.items(), strict=True):
         strain = 100.0 * np.maximum(curve["strain_weft"], curve["strain_warp"])
-        for side, colour, marker in (("weft", BLUE, "o"), ("warp", ORANGE, "s")):
-            tension = scale * curve[f"tension_{side}_N_per_m"]
-            axes.plot(strain, tension, color=colour, marker=marker, markersize=4, label=f"tension in {side}")
+        for side, look in SIDES.items():
+            axes.plot(strain, scale * curve[f"tension_{side}_N_per_m"], label=f"tension in {side}", **look)
         beyond = np.nonzero(curve["stress_max_Pa"] > yield_stress)[0]
         if len(beyond):
             first = max(beyond[0] - 1, 0)
@@ -49,7 +53,8 @@ def tension_strain_figure(curves: Mapping[str, Curve], path: str | os.PathLike[s
         axes.spines[["top", "right"]].set_visible(False)
     first = np.atleast_1d(panels)[0]
     first.set_ylabel(f"tension [{unit}]")
-    first.legend(frameon=False, fontsize="small")
+    handles = {str(line.get_label()): line for axes in figure.axes for line in axes.get_legend_handles_labels()[0]}
+    figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=3, frameon=False, fontsize="small")
     return save_figure(figure, path)
 
 
@@ -58,10 +63,10 @@ def resistance_figure(curve: Curve, path: str | os.PathLike[str]) -> Path:
     figure = figure_of(7.0, 4.0)
     axes = figure.subplots()
     strain = 100.0 * curve["strain_weft"]
-    for side, colour, marker in (("weft", BLUE, "o"), ("warp", ORANGE, "s")):
+    for side, look in SIDES.items():
         resistance = curve[f"sheet_resistance_{side}_ohm"]
         label = f"along {side}" if np.isfinite(resistance).any() else f"along {side}: does not conduct"
-        axes.plot(strain, resistance, color=colour, marker=marker, markersize=4, label=label)
+        axes.plot(strain, resistance, label=label, **look)
     known = np.concatenate([curve[f"sheet_resistance_{side}_ohm"] for side in ("weft", "warp")])
     known = known[np.isfinite(known)]
     if len(known):
@@ -78,8 +83,8 @@ def resistance_figure(curve: Curve, path: str | os.PathLike[str]) -> Path:
     share.plot(strain, curve["active_percent"], color=GREEN, linestyle=":", label="active contacts (right)")
     share.set_ylim(-3.0, 103.0)
     share.set_ylabel("active contacts [% of pairs]")
-    handles = [*axes.get_lines(), *share.get_lines()]
-    axes.legend(handles=handles, loc="best", frameon=True, framealpha=0.9, edgecolor="none", fontsize="small")
+    handles = [*axes.get_lines(), *share.get_lines()]  # above both axes: `best` looks at the curves of one only
+    figure.legend(handles=handles, loc="outside upper center", ncols=3, frameon=False, fontsize="small")
     return save_figure(figure, path)
 
 
@@ -93,8 +98,8 @@ def openings_figure(
     figure = figure_of(7.0, 4.0)
     axes = figure.subplots()
     frequency = np.geomspace(*FREQUENCIES, 60)
-    for (label, circle), colour in zip(circles, (GREY, BLUE, ORANGE), strict=False):
-        axes.loglog(1e-9 * frequency, circle * frequency / speed_of_light, color=colour, label=label)
+    for (label, circle), colour, width in zip(circles, (GREY, BLUE), WIDTHS, strict=False):
+        axes.loglog(1e-9 * frequency, circle * frequency / speed_of_light, color=colour, linewidth=width, label=label)
     for part in (10, 20, 50):
         axes.axhline(1.0 / part, color="#909090", linewidth=0.8, linestyle="--")
         axes.text(1e-9 * FREQUENCIES[0] * 1.05, 1.04 / part, f"1/{part}", fontsize="small", color="#606060")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from warpknit.export.curves_figure import curves_figure, heat_figure
 from warpknit.export.hook_figure import hook_figure
-from warpknit.export.mesh_figure import mesh_figure
+from warpknit.export.mesh_figure import mesh_figure, state_title
 from warpknit.export.panel_figure import panel_figure
 from warpknit.export.run_record import RunRecord
 from warpknit.frame import Frame
@@ -41,11 +41,10 @@ def export_figures(record: RunRecord) -> list[Path]:
         paths.append(heat)
     for name, frame in wanted:
         tables = {kind: record.directory / "panel" / f"{kind}_{frame.index:06d}.csv" for kind in ("map", "edge", "surface")}
+        title = state_title(frame, _tension(rows.get(str(frame.index))), names_stage=bool(stage_ends))
         if tables["map"].is_file():
-            title = f"{frame.stage}: strain {frame.strain_weft:.3g} in weft, {frame.strain_warp:.3g} in warp"
             paths.append(panel_figure(tables, folder / name.replace("mesh", "panel"), title))
-        tension = _tension(rows.get(str(frame.index)))
-        paths.append(mesh_figure(record.layout, frame, folder / name, yield_stress=yield_stress, tension=tension))
+        paths.append(mesh_figure(record.layout, frame, folder / name, title, yield_stress=yield_stress))
     return paths
 
 

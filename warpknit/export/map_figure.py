@@ -16,8 +16,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colorbar import Colorbar
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
@@ -30,6 +32,9 @@ LEAST_LEVEL = 0.02  # of the largest value: lines of less are left out
 LIMIT_COLOUR, OPTIMUM_COLOUR = "#D55E00", "white"
 PLACE_MARKERS = "osD^v"
 LEGEND_COLUMNS, WIDE_LABEL = 3, 28  # columns, one less where a label has more characters
+LABEL_MARGIN = 0.06  # of the map: nearer to its edge a label would be cut
+STEP = 1e-5  # of the map, on either side of the edge of a cell
+TITLE_PAD = 14.0  # [pt] room for the mark of an optimum at the upper edge
 WARNING_WIDTH = 100  # characters of a line
 
 
@@ -59,8 +64,9 @@ def map_figure(
 ) -> Path:
     """Draw `values` (warp, weft) over loads, which are strains or (`by_tension`) tensions [N/m]; nan stays blank.
 
-    `percent`: colours go from 0 to 100. `warnings` stand on top. A tile of colour is one cell, half of it at the edges; lines of
-    equal value go between the cells' middles.
+    `percent`: colours go from 0 to 100. `warnings` stand on top. A tile of colour is one cell, half of it at the edges. Shares in
+    percent jump: their lines run along the edges of the cells that reach a value. Lines of other quantities, and of the elastic
+    limit, go between the cells' middles.
     """
     x, y = np.asarray(weft, dtype=float), np.asarray(warp, dtype=float)
     scale, unit = scale_of("N/m", x, y) if by_tension else (100.0, "%")
@@ -76,7 +82,7 @@ def map_figure(
     if known.mask.all():
         axes.text(0.5, 0.5, "no converged state", transform=axes.transAxes, ha="center", va="center")
     elif min(values.shape) > 1:
-        _draw_levels(axes, x, y, known, percent)
+        _draw_levels(axes, bar, x, y, known, percent)
     handles = _draw_marks(axes, x, y, marks, tiles.to_rgba, (scale, unit))
     if known.mask.any():
         axes.set_facecolor("#E8E8E8")
@@ -91,22 +97,44 @@ def map_figure(
             limits(ticks[0], ticks[-1])
     axes.set_xlabel(f"weft {quantity} [{unit}]")
     axes.set_ylabel(f"warp {quantity} [{unit}]")
-    axes.set_title(title, fontsize="medium")
+    axes.set_title(title, fontsize="medium", pad=TITLE_PAD)
     if warnings:
         lines = "\n".join(fill(warning, WARNING_WIDTH) for warning in warnings)
         figure.suptitle(lines, fontsize="small", color=LIMIT_COLOUR)
     return save_figure(figure, path)
 
 
-def _draw_levels(axes: Axes, x: NDArray[Any], y: NDArray[Any], known: np.ma.MaskedArray[Any, Any], percent: bool) -> None:
-    """Labelled lines of equal value."""
+def _draw_levels(
+    axes: Axes, bar: Colorbar, x: NDArray[Any], y: NDArray[Any], known: np.ma.MaskedArray[Any, Any], percent: bool
+) -> None:
+    """Lines of equal value, with their values, also on the colour bar."""
     low, high = float(known.min()), float(known.max())
     # what is small beside the largest wanders about zero, and a line at zero with it
     levels = PERCENT_LEVELS if percent else [v for v in MaxNLocator(7).tick_values(low, high) if abs(v) > LEAST_LEVEL * high]
-    if not any(low < level < high for level in levels):
+    names: dict[bytes, list[float]] = {}  # of lines round the same cells
+    for level in levels:
+        if low < level < high:
+            names.setdefault((known.filled(-np.inf) >= level).tobytes(), []).append(level)
+    if not names:
         return
-    lines = axes.contour(x, y, known, levels=levels, colors="white", linewidths=0.9)
-    axes.clabel(lines, fmt=lambda value: f"{value:g} %" if percent else f"{value:g}", fontsize="small")
+    text = {same[-1]: ", ".join(f"{level:g}" for level in same) + (" %" if percent else "") for same in names.values()}
+    lines = axes.contour(*(_steps(x, y, known) if percent else (x, y, known)), levels=list(text), colors="white", linewidths=0.9)
+    bar.add_lines(lines)
+    for label in axes.clabel(lines, fmt=text, inline=False, fontsize="small"):
+        label.set_rotation(0.0)
+        label.set_path_effects([withStroke(linewidth=2.0, foreground="#404040")])
+        inside = axes.transAxes.inverted().transform(axes.transData.transform(label.get_position()))
+        label.set_visible(bool(np.all((inside > LABEL_MARGIN) & (inside < 1.0 - LABEL_MARGIN))))
+
+
+def _steps(x: NDArray[Any], y: NDArray[Any], values: Any) -> tuple[NDArray[Any], NDArray[Any], Any]:
+    """Places (2n) and values (2m, 2n) whose lines of equal value run along the edges between the cells."""
+    places = []
+    for middle in (x, y):
+        edges = _edges(middle)
+        step = STEP * np.ptp(edges)
+        places.append(np.stack([edges[:-1] + step, edges[1:] - step], axis=1).ravel())
+    return places[0], places[1], np.ma.repeat(np.ma.repeat(values, 2, axis=0), 2, axis=1)
 
 
 def _draw_marks(

@@ -8,86 +8,102 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize, PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
-from warpknit.export.plots import BLUE, GREEN, figure_of, frame_plan_axes, save_figure, scale_of
-from warpknit.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
+from warpknit.export.over_under import copied, over_under, tile_copies
+from warpknit.export.plots import BLUE, GREEN, figure_of, frame_plan_axes, plan_scale, save_figure, scale_of
+from warpknit.frame import Frame, WireLayout, curve_position
 from warpknit.hermite import hermite
 from warpknit.text import ZERO_CELSIUS
 
-__all__ = ["mesh_figure"]
+__all__ = ["mesh_figure", "state_title"]
 
 SEGMENTS_DRAWN = 200_000  # above, single wires cannot be told apart: a map is drawn
+OVER_UNDER = 100_000  # points of drawn curves above which wires are drawn without gaps in those below
 PARTS_DRAWN = 4  # of the curve of a wire between two nodes
-NEIGHBOURS_DRAWN = 2_000  # segments of a periodic tile up to which the tiles around it are drawn, pale
+COPIED, COPIES = 2_000, 2  # segments of a periodic tile up to which this many copies are drawn each way
+THINNEST = 0.9  # [pt] line that is still legible
 ROOM = 293.15  # [K]  a temperature other than this is said in the title
+LEGEND_COLUMN = 2.5  # [inch]
+SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+OUTLINE: dict[str, Any] = {"color": "#404040", "linewidth": 1.2, "linestyle": "--"}
+RING: dict[str, Any] = {"markerfacecolor": "none", "markeredgecolor": GREEN, "linestyle": "none", "marker": "o"}
 
 
 def mesh_figure(
     layout: WireLayout,
     frame: Frame,
     path: str | os.PathLike[str],
+    title: str,
     *,
     yield_stress: float | None = None,
-    tension: tuple[float, float] | None = None,
 ) -> Path:
     """Draw the deformed mesh in plan view: wires coloured by stress, active and open contacts, the central rhombus.
 
-    `yield_stress` [Pa]: stress beyond it is drawn in cyan. `tension` [N/m], weft and warp: said in the title.
+    A periodic tile is drawn in copies that fill the picture. The origin is the centre of a gripped mesh.
+    `yield_stress` [Pa]: stress beyond it is drawn in cyan.
     """
     frame.require_finite()
-    position = 1e3 * curve_position(layout, frame)[:, :2]
-    segment = layout.curve_segment
-    if segment.size > SEGMENTS_DRAWN:
-        return _mesh_map(layout, frame, path, position, yield_stress, tension)
-    low, high = position.min(axis=0), position.max(axis=0)
-    figure, (axes,), points_per_mm = _plan_figure(high - low, 1, _title(frame, tension))
-    stress = 1e-6 * np.asarray(frame.node_stress, dtype=float)[layout.curve_node]
+    origin = 1e3 * frame.deformation @ layout.origin
+    if layout.curve_segment.size > SEGMENTS_DRAWN:
+        return _mesh_map(layout, frame, path, title, origin, yield_stress)
+    lines, stress = _lines(layout, frame, origin)
+    bodies = 1e3 * np.asarray(frame.body_position)[:, :2] - origin
+    offsets, tile = np.zeros((1, 2)), None
+    if layout.wire_closed.any():
+        tile = 1e3 * frame.deformation @ np.diag(layout.period)
+        count = COPIES if layout.curve_segment.size <= COPIED else 1
+        corners = count * SQUARE @ tile.T
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        offsets = tile_copies(lines[:, :, :2].reshape(-1, 2), tile, *_with_margin(low, high))
+    else:
+        low, high = lines[:, :, :2].min(axis=(0, 1)), lines[:, :, :2].max(axis=(0, 1))
+    figure, (axes,) = _plan_figure(high - low, 1, title)
     colours, scale = _stress_colours(stress, yield_stress)
-    lines: Any = _lines(layout, frame, position, segment)
-    pieces, colour = (lines, 0.5 * (stress[segment] + stress[segment + 1])) if layout.curve_parts == 1 else _pieces(layout, frame)
-    wires = LineCollection(
-        pieces,
-        array=colour,
-        cmap=colours,
-        norm=scale,
-        linewidths=max(1e3 * layout.diameter * points_per_mm, 0.9),
-        capstyle="round",
-        zorder=1,
-    )
-    axes.add_collection(wires)
-    if layout.wire_closed.any() and segment.size <= NEIGHBOURS_DRAWN:
-        _draw_neighbours(axes, lines, 1e3 * frame.deformation @ np.diag(layout.period))
-    _stress_bar(figure, axes, wires, yield_stress)
-    _draw_contacts(figure, axes, layout, frame, points_per_mm)
     frame_plan_axes(axes, low, high)
+    wires = ScalarMappable(scale, colours)
+    wires.set_array(stress)
+    _stress_bar(figure, axes, wires, yield_stress)
+    _legend(figure, layout, frame)
+    if tile is not None:
+        axes.add_patch(Polygon(SQUARE @ tile.T, fill=False, zorder=2, **OUTLINE))
+    points_per_mm = plan_scale(figure, axes)
+    width = max(1e3 * layout.diameter * points_per_mm, THINNEST)
+    if lines.size > 3 * OVER_UNDER:
+        axes.add_collection(LineCollection(list(lines[:, :, :2]), colors=wires.to_rgba(stress.mean(axis=1)), linewidths=width))
+    else:
+        pieces, colour = np.stack([lines[:, :-1], lines[:, 1:]], axis=2).reshape(-1, 2, 3), wires.to_rgba(stress.ravel())
+        pieces, number = copied(pieces, offsets, *_with_margin(low, high))
+        axes.add_collection(over_under(pieces, colour[number], width, points_per_mm))
+    _draw_contacts(axes, layout, frame, bodies, offsets, points_per_mm)
     return save_figure(figure, path)
 
 
-def _lines(layout: WireLayout, frame: Frame, position: NDArray[Any], segment: NDArray[Any]) -> NDArray[Any]:
-    """(segment, point, 2) [mm] curves of the wires between their nodes, as recorded or smooth through the nodes."""
+def _lines(layout: WireLayout, frame: Frame, origin: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """(segment, point, 3) [mm] curves of the wires between their nodes, as recorded or smooth through the nodes; and the
+    stress (segment, piece) [MPa] of each straight piece of them."""
+    position, segment = 1e3 * curve_position(layout, frame), layout.curve_segment
+    position[:, :2] -= origin
     if layout.curve_parts == 1:
-        return _smooth(position, segment)
-    begin, end = position[segment][:, None], position[segment + 1][:, None]
-    between = 1e3 * np.asarray(frame.between, dtype=float)[layout.curve_node[segment], :, :2]
-    return np.concatenate([begin, begin + between, end], axis=1)
-
-
-def _pieces(layout: WireLayout, frame: Frame) -> tuple[Any, NDArray[Any]]:
-    """(piece, 2, 2) [mm] pieces of the recorded curves, the lowest first, and the stress [MPa] of each."""
-    drawn, shown = drawn_layout(layout), drawn_frame(layout, frame)
-    position, first = 1e3 * curve_position(drawn, shown), drawn.curve_segment
-    stress = 1e-6 * np.asarray(shown.node_stress, dtype=float)[drawn.curve_node]
-    order = first[np.argsort(position[first, 2] + position[first + 1, 2], kind="stable")]
-    return np.stack([position[order, :2], position[order + 1, :2]], axis=1), 0.5 * (stress[order] + stress[order + 1])
+        lines = _smooth(position, segment)
+    else:
+        begin, end = position[segment][:, None], position[segment + 1][:, None]
+        between = 1e3 * np.asarray(frame.between, dtype=float)[layout.curve_node[segment]]
+        lines = np.concatenate([begin, begin + between, end], axis=1)
+    parts = lines.shape[1] - 1
+    stress = 1e-6 * np.asarray(frame.node_stress, dtype=float)[layout.curve_node]
+    share = (np.arange(parts) + 0.5) / parts
+    return lines, stress[segment][:, None] + share * (stress[segment + 1] - stress[segment])[:, None]
 
 
 def _smooth(position: NDArray[Any], segment: NDArray[Any]) -> NDArray[Any]:
-    """(segment, point, 2) Catmull-Rom curves of the wires between their nodes."""
+    """(segment, point, 3) Catmull-Rom curves of the wires between their nodes."""
     has_before, has_after = np.isin(segment - 1, segment), np.isin(segment + 1, segment)
     begin, end = position[segment], position[segment + 1]
     before = np.where(has_before[:, None], position[segment - 1], 2.0 * begin - end)
@@ -98,25 +114,24 @@ def _smooth(position: NDArray[Any], segment: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(begin[:, None] + h10 * at_begin + h01 * (end - begin)[:, None] + h11 * at_end)
 
 
-def _draw_neighbours(axes: Axes, lines: NDArray[Any], period: NDArray[Any]) -> None:
-    """Draw the eight tiles around a periodic one, pale; the columns of `period` (2, 2) [mm] lead to the next tile."""
-    steps = [np.array(step) for step in np.ndindex(3, 3) if step != (1, 1)]
-    copies = np.concatenate([lines + period @ (step - 1) for step in steps])
-    axes.add_collection(LineCollection(list(copies), colors="#D8D8D8", linewidths=0.9, zorder=0.5))
+def _with_margin(low: NDArray[Any], high: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    margin = 0.1 * (high - low)
+    return low - margin, high + margin
 
 
 def _mesh_map(
     layout: WireLayout,
     frame: Frame,
     path: str | os.PathLike[str],
-    position: NDArray[Any],
+    title: str,
+    origin: NDArray[Any],
     yield_stress: float | None,
-    tension: tuple[float, float] | None,
 ) -> Path:
     """Draw a large mesh as two maps on a grid: the largest stress, and the fraction of active pairs."""
+    position = 1e3 * curve_position(layout, frame)[:, :2] - origin
     low, high = position.min(axis=0), position.max(axis=0)
     size = high - low
-    figure, (left, right), _ = _plan_figure(size, 2, _title(frame, tension))
+    figure, (left, right) = _plan_figure(size, 2, title)
 
     shape = _cells(size, position.shape[0] / 100.0, 500)
     extent = (low[0], high[0], low[1], high[1])
@@ -126,9 +141,9 @@ def _mesh_map(
     image = left.imshow(stress.reshape(shape), origin="lower", extent=extent, cmap=colours, norm=scale, interpolation="nearest")
     _stress_bar(figure, left, image, yield_stress, "highest wire stress in each cell [MPa]")
 
-    body = 1e3 * np.asarray(frame.body_position)[:, :2]
+    body = 1e3 * np.asarray(frame.body_position)[:, :2] - origin
     # repeats count from the corner of the mesh; loops at the edge reach a little beyond it
-    corner = np.zeros(2) if layout.repeats.all() else low
+    corner = 1e3 * frame.deformation @ layout.low - origin if layout.repeats.all() else low
     whole = 1e3 * np.diag(frame.deformation) * layout.period if layout.repeats.all() else size
     shape, covered = _cells_of_repeats(layout.repeats, whole, body.shape[0] / 12.0, 250)
     extent = (corner[0], corner[0] + covered[0], corner[1], corner[1] + covered[1])
@@ -177,48 +192,60 @@ def _cell_of(position: NDArray[Any], low: NDArray[Any], size: NDArray[Any], shap
     return np.asarray(row * shape[1] + column)
 
 
-def _draw_contacts(figure: Figure, axes: Axes, layout: WireLayout, frame: Frame, points_per_mm: float) -> None:
-    """Fill active bodies, or contacts where there are none, leave open ones hollow, and ring those of the central rhombus."""
+def _legend(figure: Figure, layout: WireLayout, frame: Frame) -> None:
+    """Say how many contacts are active and open, and how many of the central rhombus."""
     if not layout.body_count:
         return
-    position = 1e3 * np.asarray(frame.body_position)[:, :2]
+    kind = "bodies" if layout.body_radius else "contacts"
+    handles = []
+    for chosen, name, _, look in _kinds(frame):
+        label = f"{kind} {name}: {np.count_nonzero(chosen)}"
+        handles.append(Line2D([], [], label=label, **look, markersize=6.5, markeredgewidth=1.0))
+    if layout.wire_closed.any():
+        handles.append(Line2D([], [], **OUTLINE, label="the tile that is counted"))
+    elif layout.rhombus_bodies.size:
+        both = np.count_nonzero(frame.body_active[layout.rhombus_bodies])
+        label = f"central rhombus: {both} of {layout.rhombus_bodies.size} active"
+        handles.append(Line2D([], [], label=label, **RING, markersize=10, markeredgewidth=1.5))
+    columns = int(np.clip(figure.get_figwidth() / LEGEND_COLUMN, 1, len(handles)))
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, handletextpad=0.5)
+
+
+def _draw_contacts(
+    axes: Axes, layout: WireLayout, frame: Frame, position: NDArray[Any], offsets: NDArray[Any], points_per_mm: float
+) -> None:
+    """Fill active contacts at `position` (body, 2) [mm], leave open ones hollow, and ring those of the central rhombus."""
+    if not layout.body_count:
+        return
     area = max(float(np.ptp(position[:, 0]) * np.ptp(position[:, 1])), 1e-12)
     size = float(np.clip(0.2 * math.sqrt(area / layout.body_count) * points_per_mm, 2.0, 7.0))  # [pt]
-    active = frame.body_active
-    kind = "bodies" if layout.body_radius else "contacts"
-    in_rhombus = np.isin(np.arange(layout.body_count), layout.rhombus_bodies)
-    style: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": size, "zorder": 3}
-    kinds: tuple[tuple[str, NDArray[Any], dict[str, Any]], ...] = (
-        ("active", active, {"markerfacecolor": BLUE, "markeredgecolor": "white", "markeredgewidth": 0.12 * size}),
-        ("open", ~active, {"markerfacecolor": "white", "markeredgecolor": BLUE, "markeredgewidth": 0.16 * size}),
+    for chosen, _, edge, look in _kinds(frame):
+        shown = (position[chosen][:, None] + offsets).reshape(-1, 2)
+        axes.plot(*shown.T, **look, markersize=size, markeredgewidth=edge * size, zorder=3)
+    if layout.rhombus_bodies.size and not layout.wire_closed.any():  # on a periodic tile they may lie at opposite edges
+        mine = position[layout.rhombus_bodies]
+        axes.plot(*mine.T, **RING, markersize=2.1 * size, markeredgewidth=0.3 * size, zorder=4)
+        spoke = mine - mine.mean(axis=0)
+        axes.fill(*mine[np.argsort(np.arctan2(spoke[:, 1], spoke[:, 0]))].T, color=GREEN, alpha=0.15, linewidth=0.0, zorder=0)
+
+
+def _kinds(frame: Frame) -> tuple[tuple[NDArray[np.bool_], str, float, dict[str, Any]], ...]:
+    """Active and open bodies: which, the name, the width of the edge over the size of the mark, and its look."""
+    active, mark = frame.body_active, {"linestyle": "none", "marker": "o"}
+    return (
+        (active, "active", 0.12, {**mark, "markerfacecolor": BLUE, "markeredgecolor": "white"}),
+        (~active, "open", 0.16, {**mark, "markerfacecolor": "white", "markeredgecolor": BLUE}),
     )
-    handles = []
-    for name, chosen, look in kinds:
-        axes.plot(*position[chosen].T, **style, **look)
-        look = {**look, "markersize": 6.5, "markeredgewidth": 1.0}
-        handles.append(Line2D([], [], label=f"{kind} {name}: {np.count_nonzero(chosen)}", **{**style, **look}))
-    if in_rhombus.any():
-        ring: dict[str, Any] = {"markerfacecolor": "none", "markeredgecolor": GREEN, "linestyle": "none", "marker": "o"}
-        axes.plot(*position[in_rhombus].T, **ring, markersize=2.1 * size, markeredgewidth=0.3 * size, zorder=4)
-        if not layout.wire_closed.any():  # on a periodic tile its bodies may lie at opposite edges
-            spoke = position[in_rhombus] - position[in_rhombus].mean(axis=0)
-            outline = position[in_rhombus][np.argsort(np.arctan2(spoke[:, 1], spoke[:, 0]))]
-            axes.fill(*outline.T, color=GREEN, alpha=0.15, linewidth=0.0, zorder=0)
-        both = np.count_nonzero(active & in_rhombus)
-        label = f"central rhombus: {both} of {np.count_nonzero(in_rhombus)} active"
-        handles.append(Line2D([], [], label=label, **ring, markersize=10, markeredgewidth=1.5))
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, handletextpad=0.3)
 
 
-def _plan_figure(size: NDArray[Any], panels: int, title: str) -> tuple[Figure, NDArray[Any], float]:
-    """A figure for `panels` plan views of `size` [mm] side by side, its axes, and how many points of paper a mm has."""
+def _plan_figure(size: NDArray[Any], panels: int, title: str) -> tuple[Figure, NDArray[Any]]:
+    """A figure for `panels` plan views of `size` [mm] side by side, and its axes."""
     width, height = 1.06 * np.maximum(size, 1e-9)
     inches = min(8.0 / width, 8.0 / height)
     across, up = max(inches * width, 3.2), max(inches * height, 3.2)
     figure = figure_of(panels * (across + 1.7), up + 1.5)
     figure.suptitle(title, fontsize=12)
-    axes = np.atleast_1d(figure.subplots(1, panels))
-    return figure, axes, inches * 72.0
+    return figure, np.atleast_1d(figure.subplots(1, panels))
 
 
 def _stress_colours(stress: NDArray[Any], yield_stress: float | None) -> tuple[Colormap, Normalize]:
@@ -253,8 +280,10 @@ def _colour_bar(figure: Figure, axes: Axes, mappable: Any, label: str, **options
     bar.outline.set_linewidth(0.5)
 
 
-def _title(frame: Frame, tension: tuple[float, float] | None) -> str:
-    load = [f"strain weft {100.0 * frame.strain_weft:.4g} %, warp {100.0 * frame.strain_warp:.4g} %"]
+def state_title(frame: Frame, tension: tuple[float, float] | None, *, names_stage: bool = False) -> str:
+    """Load of a state and its tension [N/m], weft and warp."""
+    stage = f"{frame.stage}: " if names_stage else ""
+    load = [f"{stage}strain weft {100.0 * frame.strain_weft:.4g} %, warp {100.0 * frame.strain_warp:.4g} %"]
     if frame.shear:
         load.append(f"shear {100.0 * frame.shear:.4g} %")
     answer = []

@@ -16,11 +16,15 @@ from numpy.typing import NDArray
 
 from warpknit.files import path_aside
 
-__all__ = ["BLUE", "GREEN", "GREY", "ORANGE", "PURPLE", "figure_of", "frame_plan_axes", "save_figure", "scale_of"]
+__all__ = [
+    "BLUE", "GREEN", "GREY", "ORANGE", "PURPLE", "WIDTHS",
+    "figure_of", "frame_plan_axes", "plan_scale", "save_figure", "scale_of",
+]  # fmt: skip
 
 DOTS_PER_INCH = 150
 # Okabe and Ito's colours, distinct without red-green vision.
 BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#606060"
+WIDTHS = (3.4, 1.6, 1.6, 1.6)  # [pt] of curves in one panel: the first is wider, and shows beside an equal one drawn over it
 
 
 def figure_of(width: float, height: float) -> Figure:
@@ -57,3 +61,9 @@ def frame_plan_axes(axes: Axes, low: NDArray[Any], high: NDArray[Any]) -> None:
     axes.set(xlim=(low[0] - margin[0], high[0] + margin[0]), ylim=(low[1] - margin[1], high[1] + margin[1]))
     axes.set(xlabel="weft [mm]", ylabel="warp [mm]")
     axes.set_aspect("equal", adjustable="box")
+
+
+def plan_scale(figure: Figure, axes: Axes) -> float:
+    """Points of paper a mm of a plan view has, when all that takes room beside it is in place."""
+    figure.draw_without_rendering()
+    return float(72.0 * axes.bbox.width / figure.dpi / np.ptp(axes.get_xlim()))

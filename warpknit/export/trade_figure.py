@@ -10,6 +10,7 @@ from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
 
 from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, figure_of, save_figure
 
@@ -19,7 +20,7 @@ QUANTITIES = ("active contacts [points of %]", "tension [%]", "sum of contact fo
 PERCENT = (1.0, 100.0, 100.0, 100.0)
 LEAST = 1e-3  # [%] smaller errors stand at the foot of the axis
 COLOURS = {"alone": GREY, "together": BLUE, "preset": ORANGE}
-SAID = {"alone": "one knob turned", "together": "several turned", "preset": "presets"}
+SAID = {"alone": "one setting changed", "together": "several changed", "preset": "presets"}
 
 
 @dataclass(frozen=True)
@@ -62,9 +63,9 @@ def _panel(place: Axes, marks: Sequence[Mark], number: int, own: float) -> None:
         if group == "preset":
             for k in chosen:
                 below = k == chosen[0]  # neighbours' labels stand on either side of them
-                place.annotate(marks[k].label, (marks[k].price, percent[k]), xytext=(-6, -11) if below else (5, 5),
-                               ha="right" if below else "left", textcoords="offset points", fontsize="small",
-                               color=colour)  # fmt: skip
+                place.annotate(marks[k].label, (marks[k].price, percent[k]), xytext=(-6, -11) if below else (0, 8),
+                               ha="right" if below else "center", textcoords="offset points", fontsize="small",
+                               color=colour, zorder=5, path_effects=[withStroke(linewidth=3.0, foreground="white")])  # fmt: skip
     front: list[int] = []
     for k in sorted(range(len(marks)), key=lambda k: (marks[k].price, percent[k])):
         if not front or percent[k] < percent[front[-1]]:

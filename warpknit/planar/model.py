@@ -153,6 +153,7 @@ class Model:
             wire_start=np.concatenate([p.wire_first, [p.node_count]]),
             wire_closed=p.wire_closed,
             period=np.array(p.size),
+            low=np.array(p.low),
             diameter=self.scene.wire.diameter,
             body_radius=self.scene.model.body_radius,
             body_wires=p.pair_wire.reshape(-1, 2),

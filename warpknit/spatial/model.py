@@ -144,6 +144,7 @@ class SpatialModel:
             wire_start=np.concatenate([rods.wire_first, [rods.node_count]]),
             wire_closed=rods.wire_closed,
             period=np.array(p.size),
+            low=np.array(p.low),
             diameter=self.scene.wire.diameter,
             body_radius=0.0,
             body_wires=p.pair_wire.reshape(-1, 2),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .fe_card import FABRIC, LINEAR, FeCard, fabric_note, heading, number
+from .fe_card import FABRIC, LINEAR, FeCard, fabric_note, heading, initial_temperature, number
 from .tangent import LOGARITHMIC, THICKNESS, density, megapascal, orthotropic
 
 
@@ -20,6 +20,7 @@ def text(fe: FeCard) -> str:
         f"** {1e3 * THICKNESS:g}",
         "** *INITIAL CONDITIONS, TYPE=STRESS",
         f"** ..., {number(s1)}, {number(s2)}, 0.",
+        *initial_temperature(fe),
     ]
     lines = [
         f"*MATERIAL, NAME={LINEAR}",
@@ -33,9 +34,14 @@ def text(fe: FeCard) -> str:
     if fe.curves:
         lines += [f"*MATERIAL, NAME={FABRIC}", "*DENSITY", number(density(fe.areal_mass_knitted)), "*FABRIC"]
         for component, curve in zip("12", fe.curves, strict=True):
-            lines += [f"*UNIAXIAL, COMPONENT={component}", "*LOADING DATA, DIRECTION=TENSION, TYPE=ELASTIC"]
+            lines += [f"*UNIAXIAL, COMPONENT={component}", "*LOADING DATA, DIRECTION=TENSION, TYPE=ELASTIC, EXTRAPOLATION=LINEAR"]
             strain, stress = curve.stretch - 1.0, megapascal(1.0) * curve.nominal
             lines += [f"{number(y)}, {number(x)}" for x, y in zip(strain, stress, strict=True)]
         shear = megapascal(fe.card.stiffness[2, 2])
-        lines += ["*UNIAXIAL, COMPONENT=SHEAR", "*LOADING DATA, TYPE=ELASTIC", "0., 0.", f"{number(shear)}, 1."]
+        lines += [
+            "*UNIAXIAL, COMPONENT=SHEAR",
+            "*LOADING DATA, TYPE=ELASTIC, EXTRAPOLATION=LINEAR",
+            "0., 0.",
+            f"{number(shear)}, 1.",
+        ]
     return "\n".join([*heading(fe, "Abaqus", "**", notes), *use, *lines, ""])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .fe_card import LINEAR, FeCard, heading, number
+from .fe_card import LINEAR, FeCard, heading, initial_temperature, number
 from .tangent import GREEN, THICKNESS, density, orthotropic
 
 
@@ -21,6 +21,7 @@ def text(fe: FeCard) -> str:
         f"** {1e3 * THICKNESS:g}",
         "** *INITIAL CONDITIONS, TYPE=STRESS",
         f"** ..., {number(s1)}, {number(s2)}, 0., 0., 0., 0.",
+        *initial_temperature(fe),
     ]
     lines = [
         f"*MATERIAL, NAME={LINEAR}",

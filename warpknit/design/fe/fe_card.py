@@ -71,5 +71,10 @@ def fabric_note(fe: FeCard, measure: str, reference: str) -> str:
     )
 
 
+def initial_temperature(fe: FeCard) -> list[str]:
+    """Comment lines of Abaqus and CalculiX, which count thermal strain from the initial temperature."""
+    return ["** *INITIAL CONDITIONS, TYPE=TEMPERATURE", f"** ..., {number(fe.card.temperature)}"]
+
+
 def _ascii(text: str) -> str:
     return text.encode("ascii", "replace").decode("ascii")

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from .fe_card import FABRIC, LINEAR, FeCard, fabric_note, heading, number
-from .tangent import THICKNESS, TRUE, density, megapascal, orthotropic
+from .tangent import THICKNESS, TRUE, density, megapascal, orthotropic, tangent
 from .yarn_curves import YarnCurve
 
 WIDTH = 10
@@ -11,14 +13,17 @@ WIDTH = 10
 
 def text(fe: FeCard) -> str:
     """Keywords to include in a model. Raises `NoConstants`."""
-    o, (s1, s2) = orthotropic(fe.card, TRUE), fe.prestress
-    card = fe.card
+    card, o = fe.card, orthotropic(fe.card, TRUE)
+    built = np.exp(-np.linalg.solve(tangent(card, TRUE)[:2, :2], [card.tension_weft, card.tension_warp]))
     notes = [
         f"{LINEAR} (1), FORM 0 with ISTUPD = 0: {TRUE.text}.",
         f"{LINEAR} is exact for equal tensions. Else C12 of the true stress differs between weft and warp by the difference of"
         " the tensions, and the mean is written. Coupling of shear and extension is not carried.",
-        f"Prestress of {LINEAR} by *INITIAL_STRESS_SHELL: {number(s1)}, {number(s2)}. Expansion by *MAT_ADD_THERMAL_EXPANSION:"
-        f" {number(o.expansion[0])} and {number(o.expansion[1])} 1/K along a and b, from {number(card.temperature)} K.",
+        f"Prestress of {LINEAR} by a preload: build the elements with their size times {number(built[0])} along a and"
+        f" {number(built[1])} along b, with RO = {number(density(card.areal_mass) / built.prod())}, and stretch them to size."
+        " *INITIAL_STRESS_SHELL may have no effect on *MAT_FABRIC: check it before you use it instead.",
+        f"Expansion of {LINEAR} by *MAT_ADD_THERMAL_EXPANSION: {number(o.expansion[0])} and {number(o.expansion[1])} 1/K along a"
+        f" and b, from {number(card.temperature)} K.",
         fabric_note(fe, "(2), FORM 14, second Piola-Kirchhoff stress over Green-Lagrange strain", "*AIRBAG_REFERENCE_GEOMETRY"),
         "The a axis of the materials is the global x (AOPT = 2).",
     ]

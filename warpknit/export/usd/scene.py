@@ -21,6 +21,7 @@ FULL, K8, CONTACTS, SURFACE = "Full", "K8", "Contacts", "Surface"
 LEVELS = {"full": (FULL, CONTACTS, SURFACE), "k8": (K8, CONTACTS, SURFACE), "surface": (SURFACE,)}
 SHOWN_POINTS = 5_000_000  # a stage opens at the finest level of no more points
 PANEL = "/World/Panel"
+DOME, KEY = 0.4, 0.4  # light under which a white plane is bright, and not white; Blender takes KEY four times
 
 
 def frame_file(index: int) -> str:
@@ -138,9 +139,10 @@ def _light_and_camera(stage: Usd.Stage) -> None:
     camera.CreateProjectionAttr(UsdGeom.Tokens.perspective)
     camera.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble)
     camera.CreateClippingRangeAttr()
-    UsdLux.DomeLight.Define(stage, "/World/DomeLight").CreateIntensityAttr(0.6)
+    UsdLux.DomeLight.Define(stage, "/World/DomeLight").CreateIntensityAttr(DOME)
     key = UsdLux.DistantLight.Define(stage, "/World/KeyLight")
-    key.CreateIntensityAttr(3.0)
+    key.CreateIntensityAttr(KEY)
+    key.CreateNormalizeAttr(True)  # the intensity is the irradiance, however small the angle
     key.CreateAngleAttr(1.0)
     key.AddRotateXYZOp().Set(Gf.Vec3f(-35.0, 25.0, 0.0))
 
