@@ -74,20 +74,24 @@ def _stage(scene: Scene, tension: float, name: str) -> Stage:
 
 
 def _records(scene: Scene, stages: Sequence[Stage], watch: Callable[[float], None], until: float = math.inf) -> list[Row]:
-    """Rows of history.csv of a run of these stages, to the first with a stress above `until` [Pa]."""
-    rows = []
+    """Rows of history.csv of a run of these stages, to the one behind the first with a stress above `until` [Pa].
+
+    Two records behind a closing give its place (answers.py), also of one just below first yield.
+    """
+    rows: list[Row] = []
     output = replace(scene.output, frames=max(LEAST_LEVELS, scene.output.frames // 2))
     with suppress(Diverged):
         for record in Simulation(mesh_of(replace(scene, stages=tuple(stages), output=output, sweep=None))).run():
             rows.append(row_of(record))
             watch((record.stage_index + record.load_factor) / len(stages))
-            if rows[-1].stress_max_Pa > until:
+            if len(rows) > 1 and rows[-2].stress_max_Pa > until:
                 break
     return rows
 
 
 def _point(point: ServicePoint) -> dict[str, Any]:
     """A service point as the answers of a run have it."""
-    state = None if point.strains is None else dict(zip(("strain_weft", "strain_warp"), point.strains, strict=True))
+    tensions = dict.fromkeys(("tension_weft_N_per_m", "tension_warp_N_per_m"), point.tension)
+    state = None if point.strains is None else dict(zip(("strain_weft", "strain_warp"), point.strains, strict=True)) | tensions
     active = point.active_percent if state else None
     return {"tension_N_per_m": point.tension, "active_percent": active, "state": state, "resolved": True}

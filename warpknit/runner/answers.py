@@ -4,9 +4,10 @@ which tension is best and how far it may drift.
 A class of contact closes where half of its pairs carry more than the threshold. Its median force F is zero while it is open, and
 grows with the load once it is closed. So a value x of the state at closing follows from the two records behind it,
 
-    x0 = x1 - (F1 - threshold) (x2 - x1) / (F2 - F1),
+    x0 = x1 - (F1 - threshold) (x2 - x1) / (F2 - F1).
 
-bounded by the record before it. Values between neighbouring records are linear otherwise.
+The closing is the one that lasts up to the largest tension of a stage: wires in space may graze each other, and part again, long
+before they carry load there. Values between neighbouring records are linear otherwise.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import measure
 from ..measure import MeshModel
@@ -27,6 +29,8 @@ HEATED = (*STATE, "active_percent", "stress_max_Pa")
 PEAK = ("stress_max_part", "stress_max_wire", "stress_max_node", "stress_max_x_m", "stress_max_y_m")
 ROUND_OFF = 1e-9  # of the elastic limit, in a state that is interpolated to lie on it
 DRIFT = 1.0  # percentage points of contacts that may open while the tension drifts
+DRIFT_STATES = 201  # states between the least and the largest tension of a stage, in which a drift is looked for
+SLACK = 1e-6  # of the distance of two records: round-off of a state found between them
 
 Answer = dict[str, Any]
 
@@ -45,8 +49,9 @@ def answers_of(model: MeshModel, rows: Sequence[Row]) -> Answer | None:
     service = [_service(tension, _at_tension(rows, tension, classes, closings), closings) for tension in wanted]
     part = max(stages_of(rows), key=lambda part: max(row.active_percent for row in part), default=list(rows))
     rising = sorted(part, key=mean_tension)
-    known = [mean_tension(Row(**one)) for one in (*closings.values(), first_yield) if one is not None]
-    events = [there for tension in known if (there := _at_tension(rising, tension, classes, closings)) is not None]
+    events = [mean_tension(Row(**one)) for one in (*closings.values(), first_yield) if one is not None]
+    tensions = [*events, *np.linspace(mean_tension(rising[0]), mean_tension(rising[-1]), DRIFT_STATES)]
+    states = [there for tension in tensions if (there := _at_tension(rising, float(tension), classes, closings)) is not None]
     return {
         "contacts": [
             {
@@ -62,7 +67,7 @@ def answers_of(model: MeshModel, rows: Sequence[Row]) -> Answer | None:
         "largest_stress": _peak(max(rows, key=lambda row: row.stress_max_Pa)),
         "largest_tension": _state(top),
         "heat": list(_heat(rows)),
-        "best": _best(part, events, model.scene.wire.yield_stress),
+        "best": _best(rising, states, model.scene.wire.yield_stress),
     }
 
 
@@ -72,18 +77,24 @@ def mean_tension(row: Row) -> float:
 
 
 def closing(rows: Sequence[Row], name: str, threshold: float, least: float) -> Answer | None:
-    """The state in which a class of contact first closes; None if it stays open.
+    """The state in which a class of contact closes; None if it stays open.
 
     threshold [N]: of an active pair; least [N]: force below which a pair counts as open. `between`: the records on both sides.
-    `resolved`: whether the forces give a place between them; if not, the state is halfway.
+    `resolved`: whether the forces give a place between them; if not, the state is halfway. `first_touch`: the record in which
+    the class was closed before, and opened again; None without one. `closed_percent`: share of its pairs in the record behind.
     """
     force = [vars(row)[f"force_{name}_N"] for row in rows]
-    k = next((k for k, one in enumerate(force) if one > threshold), None)
+    closed = [one > threshold for one in force]
+    k = _closing_record(rows, closed)
     if k is None:
         return None
-    after = rows[k]
-    before = rows[max(k - 1, 0)]
-    found = {"stage": after.stage, "as_knitted": k == 0, "resolved": True, "between": [_state(before), _state(after)]}
+    after, before = rows[k], rows[max(k - 1, 0)]
+    touch = next((row for row, one in zip(rows[:k], closed, strict=False) if one), None)
+    found = {
+        "stage": after.stage, "as_knitted": k == 0, "resolved": True, "between": [_state(before), _state(after)],
+        "closed_percent": vars(after)[f"active_{name}_percent"],
+        "first_touch": None if touch is None else _state(touch),
+    }  # fmt: skip
     if k == 0:
         return _state(after) | found
     if force[k - 1] > least:  # closed already, with less than the threshold
@@ -91,9 +102,29 @@ def closing(rows: Sequence[Row], name: str, threshold: float, least: float) -> A
     if k + 1 < len(rows) and rows[k + 1].stage == after.stage and force[k + 1] > force[k]:
         steps = (force[k] - threshold) / (force[k + 1] - force[k])
         ahead, low, here = (np.array([vars(row)[name] for name in STATE]) for row in (rows[k + 1], before, after))
-        values = np.clip(here - steps * (ahead - here), np.minimum(low, here), np.maximum(low, here))
-        return dict(zip(STATE, values.tolist(), strict=True)) | found
+        values = here - steps * (ahead - here)
+        if _lies_between(values, low, here):
+            values = np.clip(values, np.minimum(low, here), np.maximum(low, here))
+            return dict(zip(STATE, values.tolist(), strict=True)) | found
     return _between(before, after, 0.5) | found | {"resolved": False}
+
+
+def _closing_record(rows: Sequence[Row], closed: Sequence[bool]) -> int | None:
+    """The record from which a class stays closed up to the largest tension of a stage, else the first in which it is closed."""
+    begin = 0
+    for part in stages_of(rows):
+        top = begin + max(range(len(part)), key=lambda k: mean_tension(part[k]))
+        if closed[top]:
+            return max((k + 1 for k in range(top) if not closed[k]), default=0)
+        begin += len(part) - 1
+    return next((k for k, one in enumerate(closed) if one), None)
+
+
+def _lies_between(values: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]) -> bool:
+    """Whether the strain and the tension of a state (values of STATE), each summed over weft and warp, are within two others."""
+    here, low, high = (np.array([one[0] + one[1], one[2] + one[3]]) for one in (values, low, high))
+    slack = SLACK * np.abs(high - low) + SLACK * np.maximum(np.abs(low), np.abs(high))
+    return bool(np.all((here >= np.minimum(low, high) - slack) & (here <= np.maximum(low, high) + slack)))
 
 
 def _state(row: Row) -> Answer:
@@ -116,11 +147,12 @@ def _first_yield(model: MeshModel, rows: Sequence[Row]) -> Answer | None:
     k = next((k for k, row in enumerate(rows) if row.stress_max_Pa > limit), None)
     if k is None:
         return None
-    state = _state(rows[0])
+    before, after = rows[max(k - 1, 0)], rows[k]
+    state = _state(after)
     if k:
-        before, after = rows[k - 1], rows[k]
         state = _between(before, after, (limit - before.stress_max_Pa) / (after.stress_max_Pa - before.stress_max_Pa))
-    return state | {"stage": rows[k].stage, "as_knitted": k == 0} | _peak(rows[k])
+    between = [_state(before), _state(after)]
+    return state | {"stage": after.stage, "as_knitted": k == 0, "between": between} | _peak(after)
 
 
 def _at_tension(rows: Sequence[Row], tension: float, classes: Sequence[ContactClass], closings: Answer) -> Row | None:
@@ -130,14 +162,14 @@ def _at_tension(rows: Sequence[Row], tension: float, classes: Sequence[ContactCl
     """
     k = next((k for k, row in enumerate(rows) if mean_tension(row) >= tension), None)
     if not k:
-        return None
+        return None if k is None else rows[0]
     before, after = rows[k - 1], rows[k]
     share = (tension - mean_tension(before)) / (mean_tension(after) - mean_tension(before))
     active = 0.0
     for one in classes:
         ends = [vars(row)[f"active_{one.name}_percent"] for row in (before, after)]
         closes = closings[one.name]
-        if ends[0] < 50.0 <= ends[1] and closes is not None:
+        if closes is not None and closes["between"][1] == _state(after):
             active += one.pairs * ends[int(tension >= mean_tension(Row(**closes)))]
         else:
             active += one.pairs * ((1.0 - share) * ends[0] + share * ends[1])
@@ -161,30 +193,30 @@ def _heat(rows: Sequence[Row]) -> Iterator[Answer]:
             yield {"stage": part[-1].stage} | {name: [vars(row)[name] for row in (part[0], part[-1])] for name in HEATED}
 
 
-def _best(part: Sequence[Row], events: Sequence[Row], limit: float) -> Answer | None:
-    """The tension in the middle of the range with the most active contacts and no stress above `limit` [Pa]; None without one.
+def _best(rising: Sequence[Row], states: Sequence[Row], limit: float) -> Answer | None:
+    """The tension in the middle of the widest range with the most active contacts, and no stress above `limit` [Pa]; or None.
 
-    part: records of a stage; events: states between them in which contacts close or the wire yields. `low`, `high`: ends of the
-    range; `open_low`, `open_high`: the stage ends there, so that it may be wider.
+    rising: records of a stage, by tension; states: others between them. `low`, `high`: ends of the range; `open_low`,
+    `open_high`: the stage ends there, so that it may be wider; `grows`: the range is only known to begin behind the last record
+    but one, and the best tension is the last.
     """
 
     def share(row: Row) -> float:
         tensile = row.tension_weft_N_per_m > 0.0 and row.tension_warp_N_per_m > 0.0
         return float(row.active_percent) if tensile and row.stress_max_Pa <= limit * (1.0 + ROUND_OFF) else 0.0
 
-    states = sorted([*part, *events], key=mean_tension)
+    states = sorted([*rising, *states], key=mean_tension)
     shares = [share(row) for row in states]
     if max(shares) == 0.0:
         return None
-    low = high = int(np.argmax(shares))
-    least = shares[low] - DRIFT
-    while low > 0 and shares[low - 1] >= least:
-        low -= 1
-    while high + 1 < len(states) and shares[high + 1] >= least:
-        high += 1
+    good = [0.0 < one >= max(shares) - DRIFT for one in shares]
+    ends = np.flatnonzero(np.diff([False, *good, False])).reshape(-1, 2) - [0, 1]  # of each range, (range, 2)
+    low, high = max(ends.tolist(), key=lambda one: mean_tension(states[one[1]]) - mean_tension(states[one[0]]))
+    open_high = high + 1 == len(states)
+    grows = open_high and all(mean_tension(row) < mean_tension(states[low]) for row in rising[:-1])
     middle = 0.5 * (mean_tension(states[low]) + mean_tension(states[high]))
-    best = min(states[low : high + 1], key=lambda row: abs(mean_tension(row) - middle))
+    best = states[high] if grows else min(states[low : high + 1], key=lambda row: abs(mean_tension(row) - middle))
     return {
-        **_state(best), "active_percent": best.active_percent, "stress_max_Pa": best.stress_max_Pa, "stage": part[-1].stage,
-        "low": _state(states[low]), "high": _state(states[high]), "open_low": low == 0, "open_high": high + 1 == len(states),
+        **_state(best), "active_percent": best.active_percent, "stress_max_Pa": best.stress_max_Pa, "stage": rising[-1].stage,
+        "low": _state(states[low]), "high": _state(states[high]), "open_low": low == 0, "open_high": open_high, "grows": grows,
     }  # fmt: skip

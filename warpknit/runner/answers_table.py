@@ -8,7 +8,7 @@ from typing import Any
 from ..text import celsius, engineering, exact, percent
 
 State = Mapping[str, Any]
-LEAST = 1e-9  # [N/m] smaller tensions are scatter about zero
+LEAST = 1e-6  # [N/m] smaller tensions are scatter about zero
 WIDE = 0.5  # of a tension: distance of two records that is given with the tension between them
 
 
@@ -17,10 +17,12 @@ def answer_rows(answers: Mapping[str, Any], yield_stress: float) -> Iterator[tup
     reached = f"up to {_tension(answers['largest_tension'])}"
     for one in answers["contacts"]:
         name = f"contacts {one['name']}" if len(answers["contacts"]) > 1 else "contacts"
-        yield f"{name} close at", f"{_closing(one, reached)} ({one['pairs']} pairs)"
+        closes = one["closes"]
+        part = "" if closes is None or closes["closed_percent"] == 100.0 else f"{closes['closed_percent']:.0f} % of "
+        yield f"{name} close at", f"{_closing(one, reached)} ({part}{one['pairs']} pairs)"
     for point in answers["service"]:
         there = point["state"]
-        text = f"not reached; {reached}" if there is None else f"{percent(0.01 * point['active_percent'])}, {_strain(there)}"
+        text = f"not reached; {reached}" if there is None else f"{percent(0.01 * point['active_percent'])}, {_pair_of(there)}"
         text += "" if point["resolved"] else "; contacts close between the records there: more output.frames tell which"
         yield f"active at {exact(point['tension_N_per_m'], 'N/m')}", text
     yield "first yield at", _yield(answers, yield_stress, reached)
@@ -33,6 +35,12 @@ def _tension(state: State) -> str:
     """Tension in weft and warp; once where both are alike."""
     both = [state[f"tension_{side}_N_per_m"] for side in ("weft", "warp")]
     return " / ".join(dict.fromkeys(engineering(value if abs(value) > LEAST else 0.0, "N/m") for value in both))
+
+
+def _pair_of(state: State) -> str:
+    """Strain of a state whose mean tension is known, after the tensions in weft and warp where they differ."""
+    tension = _tension(state)
+    return f"{tension}, {_strain(state)}" if " / " in tension else _strain(state)
 
 
 def _strain(state: State) -> str:
@@ -51,12 +59,21 @@ def _closing(one: Mapping[str, Any], reached: str) -> str:
     if closes["as_knitted"]:
         return "closed as knitted"
     opened = ", open again at the end" if one["active_percent"] < 50.0 else ""
+    touch = closes["first_touch"]
+    touched = "" if touch is None else f", after a touch at {_tension(touch)} that opens again"
     low, high = closes["between"]
     if not closes["resolved"]:
-        return f"between {_tension(low)} and {_tension(high)}, {_strain(low)} and {_strain(high).removeprefix('strain ')}{opened}"
-    wide = _mean(high) - _mean(low) > WIDE * _mean(closes)
+        strains = f"{_strain(low)} and {_strain(high).removeprefix('strain ')}"
+        return f"between {_tension(low)} and {_tension(high)}, {strains}{touched}{opened}"
+    return f"{_found(closes)}{touched}{opened}"
+
+
+def _found(one: Mapping[str, Any]) -> str:
+    """A state between two records, and the records where they are far apart."""
+    low, high = one["between"]
+    wide = _mean(high) - _mean(low) > WIDE * _mean(one)
     records = f", from records at {_tension(low)} and {_tension(high)}" if wide else ""
-    return f"{_tension(closes)}, {_strain(closes)}{records}{opened}"
+    return f"{_tension(one)}, {_strain(one)}{records}"
 
 
 def _yield(answers: Mapping[str, Any], limit: float, reached: str) -> str:
@@ -67,7 +84,7 @@ def _yield(answers: Mapping[str, Any], limit: float, reached: str) -> str:
         return f"not {reached}: {stress}, {peak['stress_max_Pa'] / limit:.0%} of the limit, {_place(peak)}"
     if found["as_knitted"]:
         return f"as knitted, {_place(found)}"
-    return f"{_tension(found)}, {_strain(found)}, {_place(found)}"
+    return f"{_found(found)}, {_place(found)}"
 
 
 def _place(peak: Mapping[str, Any]) -> str:
@@ -95,7 +112,7 @@ def _best(best: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
     stress = engineering(best["stress_max_Pa"], "Pa")
     yield "best tension", f"{_tension(best)}: {percent(0.01 * best['active_percent'])} active, {stress}"
     low, high = best["low"], best["high"]
-    if best["open_high"] and _mean(low) == _mean(high):
+    if best["grows"]:
         yield "  may drift", "unknown: the share still grows at the end of the stage"
         return
     bounds = [f" ({_mean(end) / _mean(best) - 1.0:+.0%}{', end of the stage' if best[name] else ''})"
