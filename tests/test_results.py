@@ -81,14 +81,44 @@ def test_a_probe_is_a_column_and_a_key_of_the_summary(finished: Run) -> None:
     [
         ({"steps": height}, "probes: given the name 'steps', allowed: a name that no column"),
         ({"mine": 3}, "probes: mine: given 3, allowed: a function of a record"),
-        ({"mine": lambda record: np.nan}, "probes: mine: given nan at record 0, allowed: a finite number"),
-        ({"mine": lambda record: record.observables.pair_force}, "at record 0, allowed: a finite number"),
+        ({"mine": lambda record: "high"}, "probes: mine: given 'high' at record 0, allowed: a number, or None"),
+        ({"mine": lambda record: record.observables.pair_force}, "at record 0, allowed: a number, or None"),
     ],
 )
 def test_probes_that_cannot_be_written_are_refused(tmp_path: Path, probes: dict, line: str) -> None:
     with pytest.raises(InputError) as error:
         warpknit.run(cell(), tmp_path / "r", device="cpu", probes=probes, quiet=True)
     assert line in str(error.value)
+
+
+def test_a_probe_may_have_no_value(tmp_path: Path) -> None:
+    """None, nan and infinity are empty cells, null in the summary, and survive a resume; no file holds a nan."""
+    values = [None, math.nan, math.inf, 3.0]
+    run = warpknit.run(cell(), tmp_path / "r", device="cpu", probes={"mine": lambda record: values[record.index]}, quiet=True)
+    np.testing.assert_array_equal(run.history["mine"], [np.nan, np.nan, np.nan, 3.0])
+    assert [row.mine for row in read_history(tmp_path / "r" / "history.csv")] == [None, None, None, 3.0]
+    last = warpknit.run(cell(), tmp_path / "s", device="cpu", probes={"mine": lambda record: math.nan}, quiet=True)
+    assert last.summary["probes"] == {"mine": None} and np.isnan(last.history["mine"]).all()
+
+
+def test_a_finished_run_has_the_probes_that_are_asked_for(finished: Run) -> None:
+    """With others it would have to run again."""
+    again = warpknit.run(finished.scene, finished.directory, resume=True, quiet=True)
+    assert again.summary == finished.summary
+    with pytest.raises(RunDirectoryError, match="holds the finished run without the probe other; force=True runs it again"):
+        warpknit.run(finished.scene, finished.directory, resume=True, probes={"height_m": height, "other": height}, quiet=True)
+
+
+def test_a_map_is_a_grid_over_its_strains(tmp_path: Path) -> None:
+    path = tmp_path / "map.csv"
+    path.write_text("strain_weft,strain_warp,active_percent,why\n0.2,0.0,1,a\n0.1,0.0,2,b\n0.1,0.5,3,c\n")
+    table = Table.read(path)
+    np.testing.assert_array_equal(table.grid("active_percent", "strain_warp", "strain_weft"), [[2, 1], [3, np.nan]])
+    pytest.importorskip("xarray", reason="extra `notebooks` is not installed")
+    pytest.importorskip("pandas", reason="extra `notebooks` is not installed")
+    cells = table.to_xarray("strain_warp", "strain_weft")
+    assert cells.active_percent.dims == ("strain_warp", "strain_weft") and cells.why.sel(strain_weft=0.1, strain_warp=0.5) == "c"
+    assert table.to_xarray().sizes == {"row": 3}
 
 
 def test_a_run_is_shown_short_and_as_a_page(finished: Run) -> None:

@@ -26,6 +26,7 @@ def run_map(
         run = warpknit.run_map("scenes/contact_map.toml", "runs/map")
         run.summary["optimum"]["strain_weft"]
         run.tables["map"]["active_percent"]                                  # [pair of strains] [%]
+        run.tables["map"].grid("active_percent", "strain_warp", "strain_weft")  # (warp, weft) [%]
 
     scene, out, resume, force, quiet and what is raised: as in `run`. Maps run on the CPU.
     """

@@ -48,6 +48,24 @@ class Table(Mapping[str, np.ndarray]):
         """Number of rows."""
         return len(next(iter(self._columns.values()), ()))
 
+    def grid(self, name: str, rows: str, columns: str) -> np.ndarray:
+        """(row, column) [unit of the name] a column over the values of two others, rising; nan where there is no such pair.
+
+        run.tables["map"].grid("active_percent", "strain_warp", "strain_weft")    # (warp, weft) [%]
+        """
+        (y, row), (x, column) = (np.unique(self[by], return_inverse=True) for by in (rows, columns))
+        values = np.full((len(y), len(x)), np.nan)
+        values[row, column] = self[name]
+        return values
+
+    def to_xarray(self, *by: str) -> Any:
+        """An xarray.Dataset along `row`, or over the values of the columns `by`. Raises ImportError without xarray."""
+        import xarray
+
+        if by:
+            return self.to_pandas().set_index(list(by)).to_xarray()
+        return xarray.Dataset({name: ("row", column) for name, column in self.items()})
+
     def to_pandas(self) -> Any:
         """The table as a pandas.DataFrame. Raises ImportError without pandas (extra `notebooks`)."""
         import pandas

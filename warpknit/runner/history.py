@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -40,10 +40,16 @@ def row_of(record: Record) -> Row:
     return Row(**{name: value for name, value in values.items() if value is not None})
 
 
-def extra_columns(row: Row) -> list[str]:
-    """Columns of a row that are no measures: those of probes."""
+def extra_columns(names: Iterable[str]) -> list[str]:
+    """Columns that are no measures: those of probes."""
     known = {line.name for line in table.MEASURES}
-    return [name for name in vars(row) if name not in known]
+    return [name for name in names if name not in known]
+
+
+def history_columns(path: Path) -> list[str]:
+    """Headings of a history.csv."""
+    with open(path, newline="", encoding="utf-8") as file:
+        return next(csv.reader(file), [])
 
 
 def add_sliding(rows: Sequence[Row]) -> None:
@@ -98,6 +104,11 @@ def work_terms(rows: Sequence[Row], area: float) -> tuple[np.ndarray, np.ndarray
     return force, place
 
 
+def _probed(text: str) -> float | None:
+    """The value of a probe; None where it had none."""
+    return float(text) if text else None
+
+
 def write_history(path: Path, rows: list[Row]) -> None:
     """Write all rows, atomically."""
     with write_aside(path) as file:
@@ -107,7 +118,7 @@ def write_history(path: Path, rows: list[Row]) -> None:
 
 
 def read_history(path: Path) -> list[Row]:
-    """Rows of a history.csv that `write_history` wrote, bit-identical; columns of probes are numbers."""
+    """Rows of a history.csv that `write_history` wrote, bit-identical; columns of probes are numbers or None."""
     kinds = {line.name: line.kind for line in table.MEASURES}
     with open(path, newline="", encoding="utf-8") as file:
-        return [Row(**{name: kinds.get(name, float)(value) for name, value in row.items()}) for row in csv.DictReader(file)]
+        return [Row(**{name: kinds.get(name, _probed)(value) for name, value in row.items()}) for row in csv.DictReader(file)]

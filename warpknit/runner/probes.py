@@ -10,11 +10,14 @@ from ..errors import InputError
 from ..measure import table
 from ..measure.table import Record
 
-Probe = Callable[[Record], float]
+Probe = Callable[[Record], float | None]
 
 
 class Probes:
-    """Named functions of a `Record`. Raises `InputError` for a name that a column has, or where a value is no finite number."""
+    """Named functions of a `Record`. None, nan and infinity are no value: the cell of the history stays empty.
+
+    Raises `InputError` for a name that a column has, or for what is no number.
+    """
 
     def __init__(self, functions: Mapping[str, Probe] | None = None) -> None:
         self._functions = dict(functions or {})
@@ -30,12 +33,14 @@ class Probes:
         """Names in their order."""
         return list(self._functions)
 
-    def values(self, record: Record) -> dict[str, float]:
+    def values(self, record: Record) -> dict[str, float | None]:
         """Values of a record by name."""
         return {name: self._number(name, function(record), record) for name, function in self._functions.items()}
 
     @staticmethod
-    def _number(name: str, value: object, record: Record) -> float:
-        if not isinstance(value, numbers.Real) or not math.isfinite(value):
-            raise InputError(f"probes: {name}: given {value!r} at record {record.index}, allowed: a finite number")
-        return float(value)
+    def _number(name: str, value: object, record: Record) -> float | None:
+        if value is None:
+            return None
+        if not isinstance(value, numbers.Real):
+            raise InputError(f"probes: {name}: given {value!r} at record {record.index}, allowed: a number, or None without a value")
+        return float(value) if math.isfinite(value) else None

@@ -8,6 +8,7 @@ with progress:
 from __future__ import annotations
 
 import logging
+import multiprocessing
 import sys
 import time
 from html import escape
@@ -128,8 +129,8 @@ def in_notebook() -> bool:
 
 
 def progress_for(*, quiet: bool) -> Progress:
-    """A bar on a terminal or in a notebook, else a line a stage; nothing when `quiet`."""
-    if quiet:
+    """A bar on a terminal or in a notebook, else a line a stage; nothing when `quiet`, or in one of several processes."""
+    if quiet or multiprocessing.parent_process() is not None:
         return Progress()
     if in_notebook():
         return NotebookBar()

@@ -21,6 +21,7 @@ from ..scene import Scene
 from ..scene.capabilities import refuse
 from ..solve.simulate import Simulation
 from .checkpoint import Checkpoint, has_checkpoint
+from .history import history_columns
 from .probes import Probe, Probes
 from .progress_display import Progress as Display
 from .recorder import ErrorEstimator, Recorder
@@ -53,7 +54,7 @@ def run_scene(
     """
     ranks, own = ranks or One(), Probes(probes)
     refuse(scene, "run", ranks=ranks.count)
-    finished = ranks.from_first(lambda: _finished_run(scene, out, resume, force))
+    finished = ranks.from_first(lambda: _finished_run(scene, out, resume, force, own.names))
     if finished is not None:
         return finished
     name = find_device(device, ranks.place)
@@ -78,9 +79,11 @@ def run_scene(
         return Recorder(simulation, *where, error_estimator, own).run()
 
 
-def _finished_run(scene: Scene, out: Path, resume: bool, force: bool) -> CommandResult | None:
+def _finished_run(scene: Scene, out: Path, resume: bool, force: bool, probes: list[str]) -> CommandResult | None:
     """The finished run in `out` on --resume, else None. Raises `RunDirectoryError` where `out` cannot be used."""
     if resume and (finished := finished_result(out, "summary.json", scene.hash)) is not None:
+        if missing := set(probes) - set(history_columns(out / "history.csv") if probes else ()):
+            raise RunDirectoryError(f"{out}: holds the finished run without the probe {min(missing)}; --force runs it again")
         return finished
     check_directory(out, "run", resume=resume, force=force)
     return None
