@@ -78,7 +78,10 @@ def _time_code(curves: UsdGeom.BasisCurves, time: float | None) -> Usd.TimeCode:
 
 def _width(curves: UsdGeom.BasisCurves, code: Usd.TimeCode) -> float:
     """The one width of the curves of a prim, NaN where they have none or several."""
-    widths = np.asarray(curves.GetWidthsAttr().Get(code) or [], dtype=float).ravel()
+    try:
+        widths = np.asarray(curves.GetWidthsAttr().Get(code) or [], dtype=float).ravel()
+    except TypeError as error:  # values of no registered type
+        raise BadFile(f"{curves.GetPath()} with widths that are no numbers") from error
     return float(widths[0]) if len(widths) and np.ptp(widths) <= 1e-3 * abs(widths[0]) else float("nan")
 
 
