@@ -104,9 +104,9 @@ def _text(value: Any) -> str:
 
 
 def _values(texts: Sequence[str]) -> np.ndarray:
-    """A column of one kind, the narrowest that has all its cells."""
+    """A column of one kind, the narrowest that has all its cells; nan where all are empty."""
     kinds: tuple[Callable[[str], Any], ...] = (int, lambda text: float(text or "nan"), TRUTH.__getitem__)
-    for kind in kinds if any(texts) else ():
+    for kind in kinds:
         try:
             return np.array([kind(text) for text in texts])
         except (ValueError, KeyError):

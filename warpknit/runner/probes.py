@@ -42,5 +42,5 @@ class Probes:
         if value is None:
             return None
         if not isinstance(value, numbers.Real):
-            raise InputError(f"probes: {name}: given {value!r} at record {record.index}, allowed: a number, or None without a value")
+            raise InputError(f"probes: {name}: given {value!r} at record {record.index}, allowed: a number, or None")
         return float(value) if math.isfinite(value) else None
