@@ -33,7 +33,8 @@ CHECK_STEPS = 25  # steps between convergence checks
 # of multipliers, see `multiplier_rate`
 MAX_RATE, MIN_RATE, RATE_TO_DAMPING = 0.5, 0.05, 0.5
 PROGRESS = 0.9  # of the least residual ratio: counts as progress
-RATE_PATIENCE, LOWER_RATE = 12, 0.6  # checks without progress before the rate is lowered, and to which share of it
+# checks without progress before the rate is lowered, and to which share of it; factor by which it is raised with progress
+RATE_PATIENCE, LOWERED_RATE, RAISED_RATE = 12, 0.6, 1.5
 APPROACH = 2.4  # of two wires, over the largest displacement
 # thicknesses: largest displacement a step of wires that may touch, and the least limit; up to FASTER times the speed
 CONTACT_SPEED, LEAST_SPEED, FASTER = 0.1, 0.001, 1.5
@@ -246,19 +247,21 @@ class RodRelaxation:
         """Share of its error that a multiplier takes up at a convergence check.
 
         A multiplier that takes up the share r a step of the error of a mode with damping c keeps the mode stable for r < c.
-        Multipliers of contact and of tension together may still excite a slow mode: without progress the rate is lowered.
+        Multipliers of contact and of tension together may still excite a slow mode: without progress the rate is lowered, and
+        raised again with it.
         """
         damping = float(self.stepper.state.read_control()[int(c.DAMPING)])
         return min(self._rate, RATE_TO_DAMPING * CHECK_STEPS * damping)
 
     def watch_progress(self, ratio: float) -> None:
-        """Lower the rate of the multipliers where the residual ratio makes no progress."""
+        """Lower the rate of the multipliers where the residual ratio makes no progress, raise it where it does."""
         if ratio < PROGRESS * self._best_ratio:
             self._best_ratio, self._stalled = ratio, 0
+            self._rate = min(MAX_RATE, RAISED_RATE * self._rate)
             return
         self._stalled += 1
         if self._stalled >= RATE_PATIENCE:
-            self._rate, self._stalled = max(MIN_RATE, LOWER_RATE * self._rate), 0
+            self._rate, self._stalled = max(MIN_RATE, LOWERED_RATE * self._rate), 0
 
     def _reset_rate(self) -> None:
         """Start with the full rate of the multipliers."""
