@@ -19,6 +19,7 @@ __all__ = ["panel_figure"]
 SHADES = (2.0, 98.0)  # percentiles of the inner tiles between which the colours of a tension or stress lie
 LONGEST = 2.5  # median edges: longer ones of a triangulation of points lie outside the panel
 NET_NODES = 200  # places that hold a panel up to which each is marked
+FLAT = 1e-3  # [mm] heights and [um] deviations that differ by less are drawn alike
 
 Columns = dict[str, NDArray[Any]]
 
@@ -54,6 +55,8 @@ def panel_figure(tables: dict[str, Path], path: str | os.PathLike[str], title: s
     if surface is not None:
         for ax, image in _draw_surface(figure, axes[:, 2], surface):
             _draw_edge(ax, round_, edge["held"] > 0.0, image)
+    if axes[0, 0].get_legend_handles_labels()[1]:
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", frameon=False)
     return save_figure(figure, path)
 
 
@@ -96,7 +99,7 @@ def _draw_edge(axes: Axes, edge: NDArray[Any], held: NDArray[Any], image: Any) -
     axes.add_patch(outline)
     image.set_clip_path(outline)
     if held.sum() <= NET_NODES and not held.all():
-        axes.plot(*edge[held].T, "o", color="black", markersize=3.0)
+        axes.plot(*edge[held].T, "o", color="black", markersize=3.0, label="held place of the edge")
     frame_plan_axes(axes, edge.min(axis=0), edge.max(axis=0))
 
 
@@ -112,9 +115,9 @@ def _draw_surface(figure: Any, axes: NDArray[Any], surface: Columns) -> Iterator
         (axes[1], "deviation_m", 1e6, "height above the wanted paraboloid [um]", "RdBu_r"),
     ):
         values = scale * surface[name]
-        most = max(float(np.abs(values).max()), 1e-9)
-        limits = {"vmin": -most, "vmax": most} if cmap == "RdBu_r" else {}
-        image = ax.tripcolor(mesh, values, shading="gouraud", cmap=cmap, **limits)
+        middle = 0.0 if cmap == "RdBu_r" else 0.5 * float(values.min() + values.max())
+        half = max(float(np.abs(values - middle).max()), FLAT)
+        image = ax.tripcolor(mesh, values, shading="gouraud", cmap=cmap, vmin=middle - half, vmax=middle + half)
         figure.colorbar(image, ax=ax, shrink=0.85, aspect=32, pad=0.025).set_label(label)
         yield ax, image
 

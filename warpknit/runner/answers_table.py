@@ -8,7 +8,7 @@ from typing import Any
 from ..text import celsius, engineering, exact, percent
 
 State = Mapping[str, Any]
-LEAST = 1e-6  # [N/m] smaller tensions are scatter about zero
+LEAST, LEAST_SHARE = 1e-6, 1e-4  # [N/m]; of the larger of both: smaller tensions are scatter about zero
 WIDE = 0.5  # of a tension: distance of two records that is given with the tension between them
 
 
@@ -34,7 +34,8 @@ def answer_rows(answers: Mapping[str, Any], yield_stress: float) -> Iterator[tup
 def _tension(state: State) -> str:
     """Tension in weft and warp; once where both are alike."""
     both = [state[f"tension_{side}_N_per_m"] for side in ("weft", "warp")]
-    return " / ".join(dict.fromkeys(engineering(value if abs(value) > LEAST else 0.0, "N/m") for value in both))
+    least = max(LEAST, LEAST_SHARE * max(map(abs, both)))
+    return " / ".join(dict.fromkeys(engineering(value if abs(value) > least else 0.0, "N/m") for value in both))
 
 
 def _pair_of(state: State) -> str:
