@@ -95,9 +95,16 @@ def cost_of(scene: Scene, size: Size) -> Cost:
         steps = ramp_steps(scene, size.loading_time, size.time_step)
     else:
         steps = spatial_steps(scene)
-    near = size.near or round(PAIRS_OF_NODE * size.nodes)
-    share = SMALLER_SHARE if scene.model.boundary == "gripped" and _smaller(scene) is not None else 1.0
-    return Cost(steps, share * spatial_time(steps, replace(size, near=near)))
+    size = replace(size, near=size.near or round(PAIRS_OF_NODE * size.nodes))
+    seconds = spatial_time(steps, size)
+    smaller = _smaller(scene)
+    if smaller is not None and scene.model.boundary == "gripped":
+        seconds *= SMALLER_SHARE
+    elif smaller is not None:  # the repeat that a tile starts from
+        part = 1.0 / math.prod(scene.knit.repeats)
+        counts = {name: round(part * getattr(size, name)) for name in ("nodes", "bodies", "near", "close")}
+        seconds += spatial_time(spatial_steps(smaller), replace(size, **counts))
+    return Cost(steps, seconds)
 
 
 def _smaller(scene: Scene) -> Scene | None:
