@@ -1,4 +1,5 @@
-"""The command line: `warpknit run`, `warpknit plan`, `warpknit map`, `warpknit trade`, `warpknit report`, `warpknit export`.
+"""The command line: `warpknit run`, `warpknit plan`, `warpknit map`, `warpknit trade`, `warpknit report`, `warpknit export`,
+`warpknit view`.
 
 program.py turns exceptions into an exit status and one line.
 """
@@ -8,13 +9,14 @@ from __future__ import annotations
 import json
 import logging
 import os
+import webbrowser
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from warpknit.errors import Diverged
+from warpknit.errors import Diverged, InputError
 from warpknit.program import FINISHED, INTERRUPTED, Program, configure_logging
 from warpknit.ranks.ranks import Ranks
 
@@ -336,3 +338,24 @@ def export(run_dir: str, to: str) -> None:
 
     for path in export_run(Path(run_dir), to):
         click.echo(path)
+
+
+@main.command()
+@click.argument("run_dir", metavar="RUN_DIR")
+@click.option("--host", default="localhost", show_default=True, help="Name or address that the page is served at.")
+@click.option("--port", default=8080, show_default=True, help="The first free port from this one on.")
+@click.option("--browser/--no-browser", default=True, show_default=True, help="Open the page.")
+def view(run_dir: str, host: str, port: int, browser: bool) -> None:
+    """Show the records of the run in RUN_DIR in the browser, until Ctrl-C. Needs the extra `view`."""
+    try:
+        from warpknit.view.viewer import Viewer
+    except ImportError as error:
+        raise InputError(f'view needs viser ({error}): pip install "warpknit[view]"') from error
+    viewer = Viewer(Path(run_dir), host=host, port=port)
+    click.echo(f"{viewer.url} shows {run_dir}; Ctrl-C ends")
+    if browser:
+        webbrowser.open(viewer.url)
+    try:
+        viewer.wait()
+    except KeyboardInterrupt:
+        viewer.stop()

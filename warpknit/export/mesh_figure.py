@@ -22,7 +22,7 @@ from warpknit.frame import Frame, WireLayout, curve_position
 from warpknit.hermite import hermite
 from warpknit.text import ZERO_CELSIUS
 
-__all__ = ["mesh_figure", "state_title"]
+__all__ = ["mesh_figure", "state_title", "stress_colours"]
 
 SEGMENTS_DRAWN = 200_000  # above, single wires cannot be told apart: a map is drawn
 OVER_UNDER = 100_000  # points of drawn curves above which wires are drawn without gaps in those below
@@ -65,7 +65,7 @@ def mesh_figure(
     else:
         low, high = lines[:, :, :2].min(axis=(0, 1)), lines[:, :, :2].max(axis=(0, 1))
     figure, (axes,) = _plan_figure(high - low, 1, title)
-    colours, scale = _stress_colours(stress, yield_stress)
+    colours, scale = stress_colours(stress, yield_stress)
     frame_plan_axes(axes, low, high)
     wires = ScalarMappable(scale, colours)
     wires.set_array(stress)
@@ -137,7 +137,7 @@ def _mesh_map(
     extent = (low[0], high[0], low[1], high[1])
     stress = np.full(math.prod(shape), np.nan)
     np.fmax.at(stress, _cell_of(position, low, size, shape), 1e-6 * np.abs(frame.node_stress)[layout.curve_node])
-    colours, scale = _stress_colours(stress, yield_stress)
+    colours, scale = stress_colours(stress, yield_stress)
     image = left.imshow(stress.reshape(shape), origin="lower", extent=extent, cmap=colours, norm=scale, interpolation="nearest")
     _stress_bar(figure, left, image, yield_stress, "highest wire stress in each cell [MPa]")
 
@@ -248,7 +248,7 @@ def _plan_figure(size: NDArray[Any], panels: int, title: str) -> tuple[Figure, N
     return figure, np.atleast_1d(figure.subplots(1, panels))
 
 
-def _stress_colours(stress: NDArray[Any], yield_stress: float | None) -> tuple[Colormap, Normalize]:
+def stress_colours(stress: NDArray[Any], yield_stress: float | None) -> tuple[Colormap, Normalize]:
     """A map from light sand to near black, cyan beyond the yield stress; and the scale of the stress [MPa].
 
     The scale goes by the square root, so that a peak at a grip does not leave the rest of the mesh in one colour.

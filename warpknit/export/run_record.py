@@ -12,7 +12,7 @@ from typing import Any
 from warpknit.errors import ExportError
 from warpknit.frame import Frame, WireLayout
 
-__all__ = ["RunRecord", "item", "read_run"]
+__all__ = ["RunRecord", "item", "read_run", "state_files"]
 
 
 @dataclass(frozen=True)
@@ -58,10 +58,7 @@ def read_run(directory: Path) -> RunRecord:
     if not directory.is_dir():
         raise ExportError(f"{directory}: no such directory, allowed: the directory of a run")
     layout_path, summary_path = directory / "layout.npz", directory / "summary.json"
-    states = sorted(
-        (path for path in (directory / "states").glob("state_*.npz") if re.fullmatch(r"state_\d+", path.stem)),
-        key=lambda path: int(path.stem[6:]),
-    )
+    states = state_files(directory)
     if not layout_path.is_file() and not summary_path.is_file():
         raise ExportError(f"{directory}: not the directory of a run: it has no layout.npz and no summary.json")
     if not summary_path.is_file():
@@ -76,6 +73,12 @@ def read_run(directory: Path) -> RunRecord:
     if not isinstance(summary, dict) or not isinstance(item(summary, ("scene", "name")), str):
         raise ExportError(f"{summary_path}: not the summary of a run: it has no scene name")
     return RunRecord(directory, summary, layout, tuple(states))
+
+
+def state_files(directory: Path) -> list[Path]:
+    """The recorded states of a run in order, also of one that is not finished."""
+    paths = (path for path in (directory / "states").glob("state_*.npz") if re.fullmatch(r"state_\d+", path.stem))
+    return sorted(paths, key=lambda path: int(path.stem[6:]))
 
 
 def item(tree: Any, names: tuple[str, ...]) -> Any:

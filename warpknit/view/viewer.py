@@ -1,0 +1,276 @@
+"""The page of `warpknit view`: a slider over the records, colours by stress, and the numbers of what is clicked.
+
+viser serves the page and all that it needs from this machine. The browser draws it, so turning and zooming ask nothing of this
+process.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+import viser
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+from matplotlib.ticker import MaxNLocator
+
+from ..errors import ExportError
+from ..export.mesh_figure import state_title, stress_colours
+from ..export.run_record import item, state_files
+from ..frame import Floats, Frame, WireLayout
+from ..text import engineering
+from .drawing import SPHERES, Drawing, drawing_of
+
+CONTACT_SIZE, CONTACT_SHARE = 2.2, 0.006  # radius over that of a wire, at least; over the distance from which all is seen
+OPEN = np.array([255, 255, 255], dtype=np.uint8)  # colour of an open contact
+WINDOW = 1.5  # repeats from the middle of the part that is drawn as tubes to its edge
+LOOK_EVERY = 2.0  # [s] for new records of a run that goes on
+VIEW = np.array([0.0, -0.45, 0.9])  # direction from which a mesh is seen at first
+FULL, NARROW = 0.7, 0.8  # of half the picture's height for the mesh; height over width of the part beside the controls
+STRESS_SHARE = 99.5  # percent of the nodes whose stress is within the scale
+FIELD = np.radians(50.0)  # of view
+THIN_LINE = 1.5  # pixels
+REACH = 0.01  # of the distance to the middle: how near a click has to be
+FORCE_COLOURS = "winter"
+ASK = "Click a wire or a contact."
+
+
+class Viewer:
+    """The records of a run, finished or not, on a page in the browser. Raises `ExportError` where there are none."""
+
+    def __init__(self, directory: Path, *, host: str = "localhost", port: int = 8080) -> None:
+        """port: the first free one from here on is taken."""
+        self.directory = directory
+        if not (directory / "layout.npz").is_file() or not state_files(directory):
+            raise ExportError(f"{directory}: given a directory without records, allowed: that of a run that has begun")
+        self.layout = WireLayout.load(directory / "layout.npz")
+        summary = directory / "summary.json"
+        tree = json.loads(summary.read_text(encoding="utf-8")) if summary.is_file() else {}
+        self.yield_stress: float | None = item(tree, ("wire", "yield_stress_Pa"))
+        self.highest, self.largest_force = self._ranges()
+        self.window: Floats | None = None  # (3,) [mm] middle of the part that is drawn as tubes; None: all is drawn
+        self._lock = threading.RLock()
+        last = len(state_files(directory)) - 1
+        self.drawing = self.shown = self._read(last)  # of the record, and what of it is drawn
+        low, high = self.drawing.points.min(axis=0), self.drawing.points.max(axis=0)
+        self.middle, self.size = 0.5 * (low + high), high - low  # (3,) [mm] of the last record; the middle is the origin
+        with contextlib.redirect_stdout(io.StringIO()):  # a banner
+            self.server = viser.ViserServer(host=host, port=port, label=f"warpknit: {directory.name}", verbose=False)
+        self._build_page(last)
+        self.show(last)
+
+    @property
+    def url(self) -> str:
+        """Where the page is."""
+        return f"http://{self.server.get_host()}:{self.server.get_port()}"
+
+    def stop(self) -> None:
+        """Close the page."""
+        with contextlib.redirect_stdout(io.StringIO()):
+            self.server.stop()
+
+    def wait(self) -> None:
+        """Until interrupted: look for new records of the run, and show them where the last one is shown."""
+        while True:
+            time.sleep(LOOK_EVERY)
+            last = len(state_files(self.directory)) - 1
+            if last > self.record.max:
+                was_last = self.record.value == self.record.max
+                self.record.max, self.record.disabled = last, False
+                if was_last:
+                    self.record.value = last
+
+    def show(self, record: int) -> None:
+        """Draw a record."""
+        with self._lock:
+            self.drawing = self._read(record)
+            self._draw()
+
+    def pick(self, origin: Floats, direction: Floats) -> str:
+        """Numbers of what a ray of sight meets, as Markdown; where only lines are drawn, tubes are drawn there."""
+        with self._lock:
+            shown, eye = self.shown, np.asarray(origin, dtype=float) + self.middle
+            contact, point = shown.pick(eye, direction, REACH * float(np.linalg.norm(eye - self._centre)))
+            if contact is None and point is None:
+                return ASK
+            place = shown.points[point] if contact is None else shown.place[contact]
+            if self.drawing.sides == 0 and self.window is None:
+                self._move_to(place)
+            text = _wire_text(shown, point, self.yield_stress) if contact is None else _contact_text(shown, contact)
+            return f"{text}  \n{_place_text(place - self.middle)}"
+
+    @property
+    def _centre(self) -> Floats:
+        """(3,) [mm] middle of what is drawn."""
+        return self.middle if self.window is None else self.window
+
+    @property
+    def _window_half(self) -> float:
+        """[mm] half the width of the part that is drawn as tubes."""
+        return float(WINDOW * np.max(1e3 * self.layout.period / np.maximum(self.layout.repeats, 1)))
+
+    def _read(self, record: int) -> Drawing:
+        self.frame = Frame.load(state_files(self.directory)[record])
+        return drawing_of(self.layout, self.frame)
+
+    def _build_page(self, last: int) -> None:
+        server, gui = self.server, self.server.gui
+        gui.configure_theme(show_logo=False, show_share_button=False)
+        gui.main_panel.dock_right()
+        gui.set_panel_label("warpknit")
+        server.scene.set_up_direction("+z")
+        self.title = gui.add_markdown("")
+        self.record: Any = gui.add_slider("record", 0, max(last, 1), 1, last, disabled=last == 0)
+        self.contacts = gui.add_checkbox("contacts", True)
+        self.note = gui.add_markdown("")
+        self.whole = gui.add_button("whole mesh", visible=False)
+        gui.add_image(self._bars(), label="colours")
+        self.picked = gui.add_markdown(ASK)
+        self.record.on_update(lambda _: self.show(self.record.value))
+        self.contacts.on_update(lambda _: self._draw())
+        self.whole.on_click(lambda _: self._move_to(None))
+        camera, distance = server.initial_camera, self._distance()
+        camera.position, camera.look_at, camera.fov = tuple(distance * VIEW), (0.0, 0.0, 0.0), FIELD
+        camera.near, camera.far = 1e-3 * distance, 100.0 * distance
+
+        @server.scene.on_click()
+        def _(event: Any) -> None:
+            self.picked.content = self.pick(np.array(event.ray_origin), np.array(event.ray_direction))
+
+    def _distance(self) -> float:
+        """[mm] from which all that is drawn is seen."""
+        across = self.size[:2] if self.window is None else np.full(2, 2.0 * self._window_half)
+        return float(FULL * max(across[1], NARROW * across[0]) / np.tan(0.5 * FIELD))
+
+    def _move_to(self, window: Floats | None) -> None:
+        """Draw tubes about a place, or the whole mesh, and look at it."""
+        with self._lock:
+            self.window = window
+            self._draw()
+            place, distance = self._centre - self.middle, self._distance()
+            for client in self.server.get_clients().values():
+                with client.atomic():
+                    client.camera.position, client.camera.look_at = place + distance * VIEW, place
+
+    def _draw(self) -> None:
+        """Send what is shown to the page."""
+        with self._lock:
+            drawing, window = self.drawing, self.window
+            if window is not None:
+                self.shown = shown = drawing.within(window[:2] - self._window_half, window[:2] + self._window_half)
+            else:
+                self.shown = shown = drawing if drawing.sides else drawing.thinned()
+            self.title.content = f"**{state_title(self.frame, None, names_stage=True)}**"
+            self.whole.visible = window is not None
+            self.note.content = self._note()
+            colour, points = self._stress_colours(shown), shown.points - self.middle
+            with self.server.atomic():
+                if sides := (0 if drawing.sides == 0 and window is None else shown.sides):
+                    vertices, faces = shown.tubes(sides)
+                    shade = np.repeat(_linear(colour), sides, axis=0)
+                    tubes = trimesh.Trimesh(vertices - self.middle, faces, process=False, vertex_colors=shade)
+                    self.server.scene.add_mesh_trimesh("/wires", tubes)
+                else:
+                    ends = np.stack([shown.segment, shown.segment + 1], axis=1)
+                    self.server.scene.add_line_segments(
+                        "/wires", points[ends].astype(np.float32), colour[ends], thickness=THIN_LINE, thickness_units="screen"
+                    )
+                self._draw_contacts(shown)
+
+    def _draw_contacts(self, shown: Drawing) -> None:
+        visible = self.contacts.value and 0 < len(shown.place) <= SPHERES
+        size = max(CONTACT_SIZE * shown.radius, CONTACT_SHARE * self._distance())
+        ball = trimesh.creation.icosphere(subdivisions=2, radius=size)
+        place = shown.place - self.middle if visible else np.zeros((1, 3))
+        colour = self._force_colours(shown) if visible else OPEN[None]
+        self.server.scene.add_batched_meshes_simple(
+            "/contacts", ball.vertices, ball.faces, np.tile([1.0, 0.0, 0.0, 0.0], (len(place), 1)), place,
+            batched_colors=colour, visible=visible, cast_shadow=False, receive_shadow=False,
+        )  # fmt: skip
+
+    def _stress_colours(self, shown: Drawing) -> np.ndarray:
+        """(point, 3) colours 0 .. 255 by stress; beyond the scale they are those of its end, or of yield."""
+        colours, scale = stress_colours(np.array([self.highest]), self.yield_stress)
+        yields = False if self.yield_stress is None else shown.stress > 1e-6 * self.yield_stress
+        inside = np.where(yields, np.inf, np.minimum(shown.stress, float(scale.vmax or 0.0)))
+        return np.asarray(255 * colours(scale(inside))[:, :3], dtype=np.uint8)
+
+    def _force_colours(self, shown: Drawing) -> np.ndarray:
+        """(contact, 3) colours by force; white: open."""
+        mapped = ScalarMappable(Normalize(0.0, self.largest_force), FORCE_COLOURS).to_rgba(shown.force, bytes=True)[:, :3]
+        return np.asarray(np.where(shown.is_active[:, None], mapped, OPEN))
+
+    def _note(self) -> str:
+        """What is not drawn, and why."""
+        total, drawn = len(self.drawing.segment), len(self.shown.segment)
+        if self.window is not None:
+            return f"Tubes within {self._window_half:.3g} mm of the place that was clicked."
+        if self.drawing.sides:
+            return ""
+        many = f"{total:,} pieces of wire are too many for tubes"
+        return f"{many}: {drawn:,} {'' if drawn == total else 'longer '}lines. Click a place to see its tubes and contacts."
+
+    def _ranges(self) -> tuple[float, float]:
+        """[MPa] stress that few nodes exceed, and [uN] largest force of a contact, of all records."""
+        stress, force = [1e-9], [1e-9]
+        for path in state_files(self.directory):
+            frame = Frame.load(path)
+            stress.append(1e-6 * float(np.percentile(frame.node_stress, STRESS_SHARE)))
+            force.append(1e6 * float(np.max(frame.body_force, initial=0.0)))
+        return max(stress), max(force)
+
+    def _bars(self) -> np.ndarray:
+        """Picture of the colours of stress and of contact force."""
+        figure = Figure(figsize=(3.2, 1.7), dpi=160)
+        axes = figure.subplots(2, 1, gridspec_kw={"hspace": 2.6, "top": 0.95, "bottom": 0.28, "left": 0.06, "right": 0.94})
+        colours, scale = stress_colours(np.array([self.highest]), self.yield_stress)
+        limit = "" if self.yield_stress is None else f", yield at {1e-6 * self.yield_stress:.4g}"
+        figure.colorbar(ScalarMappable(scale, colours), cax=axes[0], orientation="horizontal").set_label(
+            f"wire stress [MPa]{limit}"
+        )
+        force = ScalarMappable(Normalize(0.0, self.largest_force), FORCE_COLOURS)
+        figure.colorbar(force, cax=axes[1], orientation="horizontal").set_label("active contacts: force [uN]; white: open")
+        for one in axes:
+            one.xaxis.set_major_locator(MaxNLocator(5))
+            one.tick_params(labelsize=7)
+            one.xaxis.label.set_size(7.5)
+        FigureCanvasAgg(figure)
+        file = io.BytesIO()
+        figure.savefig(file, format="png")
+        file.seek(0)
+        return (255 * imread(file)[:, :, :3]).astype(np.uint8)
+
+
+def _contact_text(shown: Drawing, contact: int) -> str:
+    wires = " and ".join(str(wire) for wire in dict.fromkeys(shown.wires[contact].tolist()))
+    kind, force = "active" if shown.is_active[contact] else "open", engineering(1e-6 * float(shown.force[contact]), "N")
+    return f"**contact {shown.number[contact]}**, {kind}  \nforce {force}  \nwire {wires}"
+
+
+def _wire_text(shown: Drawing, point: int | None, yield_stress: float | None) -> str:
+    assert point is not None
+    stress = float(shown.stress[point])
+    share = "" if yield_stress is None else f", {1e6 * stress / yield_stress:.0%} of the elastic limit"
+    return f"**wire {shown.wire[point]}**  \nstress {stress:.3g} MPa{share}"
+
+
+def _place_text(place: Floats) -> str:
+    x, y, z = place
+    return f"{x:.3f} mm weft, {y:.3f} mm warp, {z:.3f} mm height, from the middle"
+
+
+def _linear(colour: np.ndarray) -> np.ndarray:
+    """Colours 0 .. 255 of a screen as those of a glTF file, in which light adds up (IEC 61966-2-1)."""
+    share = colour / 255.0
+    light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return np.asarray(np.round(255.0 * light), dtype=np.uint8)
