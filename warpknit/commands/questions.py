@@ -59,9 +59,9 @@ def _answer(name: str, request: SceneRequest) -> str:
         "material": (f"Wire material ({', '.join(MATERIALS)})", request.material),
         "diameter": ("Wire diameter", request.diameter),
         "ends": ("Wires in a yarn", request.ends),
-        "wales": ("Wales", wales),
-        "courses": ("Courses", courses),
-        "load": ("Load, a strain or a tension such as 2 N/m; a comma between weft and warp", request.loading),
+        "wales": ("Wales an inch, or with a unit", wales),
+        "courses": ("Courses an inch, or with a unit", courses),
+        "load": ("Load: a strain, or a tension such as 2 N/m; two with a comma for weft and warp", request.loading),
         "model": ("Model (auto, planar, spatial)", request.model),
     }[name]
 
@@ -81,7 +81,11 @@ def _prompt(question: str, default: str, value_of: Callable[[str], T]) -> T:
         except ValueError as error:
             raise click.UsageError(str(error)) from error
 
-    answer: Any = click.prompt(question, default=default, value_proc=converted)
+    try:
+        answer: Any = click.prompt(question, default=default, value_proc=converted)
+    except click.Abort:
+        click.echo()  # behind the question
+        raise
     return answer
 
 

@@ -113,7 +113,7 @@ def _ends(given: str) -> int:
 def _spacing(kind: str) -> Callable[[str], tuple[str, str]]:
     def checked(given: str) -> tuple[str, str]:
         """Key and value of a spacing: a count per length, or the distance itself."""
-        text = given if has_unit(given) else f"{given.strip()} /inch"
+        text = given.replace(" per ", " /") if has_unit(given) else f"{given.strip()} /inch"
         key = f"{kind}s" if _is(text, "per_length") else f"{kind}_spacing"
         _accept(given, text, KnitTable, key, SPACING)
         return key, text
@@ -197,7 +197,8 @@ def _wire(request: SceneRequest) -> Iterator[str]:
     yield _key("ends", str(_ends(request.ends)), "parallel wires, knitted as one yarn")
     yield _off("plating", '{material = "gold", thickness = "0.2 um"}', "adds stiffness, mass and thickness")
     yield _off("youngs_modulus", modulus, "instead of that of the material; other constants in the same way")
-    yield _off("plastic", "true", "the wire yields at yield_stress and keeps a set")
+    if _strained(request):
+        yield _off("plastic", "true", "the wire yields at yield_stress and keeps a set")
 
 
 def _knit_table(request: SceneRequest) -> Iterator[str]:
@@ -255,7 +256,7 @@ def _stages(request: SceneRequest) -> Iterator[str]:
 
 
 def _options(request: SceneRequest) -> Iterator[str]:
-    if all(key.startswith("strain") for key, _ in _load(request.loading)):
+    if _strained(request):
         yield "# [contact]"
         yield _off("friction", "0.2", "coefficient; the state then depends on the load history")
         yield ""
@@ -271,6 +272,11 @@ def _options(request: SceneRequest) -> Iterator[str]:
     yield "# [sweep]"
     yield "# strain_weft = [0.0, 0.02, 0.04, 0.06, 0.08, 0.1]"
     yield "# strain_warp = [0.0, 0.02, 0.04, 0.06, 0.08, 0.1]"
+
+
+def _strained(request: SceneRequest) -> bool:
+    """Whether both directions are driven by strain, as friction and yield require."""
+    return all(key.startswith("strain") for key, _ in _load(request.loading))
 
 
 def _key(name: str, value: str, comment: str) -> str:
