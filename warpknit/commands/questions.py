@@ -59,8 +59,8 @@ def _answer(name: str, request: SceneRequest) -> str:
         "material": (f"Wire material ({', '.join(MATERIALS)})", request.material),
         "diameter": ("Wire diameter", request.diameter),
         "ends": ("Wires in a yarn", request.ends),
-        "wales": ("Wales an inch, or with a unit", wales),
-        "courses": ("Courses an inch, or with a unit", courses),
+        "wales": ("Wales per inch, or with a unit", wales),
+        "courses": ("Courses per inch, or with a unit", courses),
         "load": ("Load: a strain, or a tension such as 2 N/m; two with a comma for weft and warp", request.loading),
         "model": ("Model (auto, planar, spatial)", request.model),
     }[name]
