@@ -15,6 +15,7 @@ from warpknit.scene import load_scene
 ROOT = Path(__file__).parents[1]
 PAGES = [path for path in sorted((ROOT / "docs").rglob("*.md")) if "_build" not in path.parts]
 GUIDES = [path for path in PAGES if path.parent.name in ("tutorials", "how-to") or path.name in ("start.md", "index.md")]
+HELP = main.context_settings  # click keeps the help option that a context is first asked for
 LARGEST = 150_000  # [bytes] of a picture of a tutorial or the gallery
 
 
@@ -39,7 +40,7 @@ def test_commands_have_the_options_that_a_page_gives(path: Path) -> None:
             if words[:1] == ["--version"]:
                 continue
             command = main.commands[words[0]]
-            command.make_parser(command.make_context(words[0], [], resilient_parsing=True)).parse_args(list(words[1:]))
+            command.make_parser(command.make_context(words[0], [], resilient_parsing=True, **HELP)).parse_args(list(words[1:]))
             for scene in re.findall(r"\S+\.toml", " ".join(words)):
                 assert (ROOT / scene).exists() or f"`{scene}`" in text, f"{scene} is nowhere"
 

@@ -1,5 +1,5 @@
 """The command line: `warpknit run`, `warpknit plan`, `warpknit map`, `warpknit trade`, `warpknit report`, `warpknit export`,
-`warpknit view`.
+`warpknit view`, `warpknit new`.
 
 program.py turns exceptions into an exit status and one line.
 """
@@ -348,7 +348,7 @@ def export(run_dir: str, to: str) -> None:
 def view(run_dir: str, host: str, port: int, browser: bool) -> None:
     """Show the records of the run in RUN_DIR in the browser, until Ctrl-C. Needs the extra `view`."""
     try:
-        from warpknit.view.viewer import Viewer
+        from warpknit.export.view.viewer import Viewer
     except ImportError as error:
         raise InputError(f'view needs viser ({error}): pip install "warpknit[view]"') from error
     viewer = Viewer(Path(run_dir), host=host, port=port)
@@ -359,3 +359,41 @@ def view(run_dir: str, host: str, port: int, browser: bool) -> None:
         viewer.wait()
     except KeyboardInterrupt:
         viewer.stop()
+
+
+@main.command()
+@click.option("--force", is_flag=True, help="Replace an existing FILE.")
+@click.option("--model", metavar="auto|planar|spatial", help="Kind of model.  [default: auto]")
+@click.option(
+    "--load",
+    metavar="LOAD",
+    help='A strain such as "6 %" or a tension such as "2 N/m"; "6 %, 2 N/m" in weft and warp.  [default: the knit\'s]',
+)
+@click.option(
+    "--courses", metavar="COUNT", help='Courses, such as "30 /inch"; a bare number counts an inch.  [default: the knit\'s]'
+)
+@click.option("--wales", metavar="COUNT", help='Wales, such as "26 /inch"; a bare number counts an inch.  [default: the knit\'s]')
+@click.option("--ends", metavar="N", help="Wires knitted as one yarn.  [default: 1]")
+@click.option("--diameter", metavar="LENGTH", help='Diameter of a wire, such as "15 um".  [default: 30 um]')
+@click.option("--material", metavar="NAME", help="tungsten, molybdenum or gold.  [default: molybdenum]")
+@click.option("--knit", metavar="NAME", help="A knit of --list.  [default: double-atlas]")
+@click.option("--list", "as_list", is_flag=True, help="List the knits with their chains, and write nothing.")
+@click.argument("file", metavar="[FILE]", required=False)
+def new(file: str | None, as_list: bool, force: bool, **values: str | None) -> None:
+    """Write a scene to start from, with comments, to FILE.
+
+    FILE is named after the knit by default. On a terminal, without --knit, it asks for what the options leave open.
+    """
+    configure_logging(logging.WARNING)
+    from warpknit.commands.new import checked_request, file_of, knit_list, new_command
+    from warpknit.commands.questions import ask, on_terminal
+    from warpknit.runner.summary_table import print_table
+
+    if as_list:
+        click.echo("\n".join(knit_list()))
+        return
+    given = {name: value for name, value in values.items() if value is not None}
+    request, path = checked_request(given), file_of(file, force=force) if file else None
+    if "knit" not in given and on_terminal():
+        request, path = ask(given, path, force=force)
+    print_table(new_command(request, path or file_of(request.named.name, force=force), force=force))

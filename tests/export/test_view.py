@@ -10,9 +10,9 @@ import pytest
 
 import warpknit
 from warpknit.errors import ExportError
+from warpknit.export.view import drawing as drawings
+from warpknit.export.view.drawing import Drawing, drawing_of
 from warpknit.frame import Frame, WireLayout
-from warpknit.view import drawing as drawings
-from warpknit.view.drawing import Drawing, drawing_of
 
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell.toml"
 TOP = 160  # [pixels] of the page that tell about the renderer
@@ -100,7 +100,7 @@ def test_a_tile_is_drawn_in_copies(layout: WireLayout, make_frame: Callable[...,
 
 
 def test_a_directory_without_records_is_refused(tmp_path: Path) -> None:
-    viewer = pytest.importorskip("warpknit.view.viewer", reason="extra `view` is not installed")
+    viewer = pytest.importorskip("warpknit.export.view.viewer", reason="extra `view` is not installed")
     with pytest.raises(ExportError, match="allowed: that of a run that has begun"):
         viewer.Viewer(tmp_path)
 
@@ -108,7 +108,7 @@ def test_a_directory_without_records_is_refused(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_page_in_a_browser(tmp_path: Path) -> None:
     """It draws, another record looks different, a click tells the numbers of a wire, and nothing is asked of another machine."""
-    viewers = pytest.importorskip("warpknit.view.viewer", reason="extra `view` is not installed")
+    viewers = pytest.importorskip("warpknit.export.view.viewer", reason="extra `view` is not installed")
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if browser is None:

@@ -142,7 +142,7 @@ def test_tight_knits_are_knits(knit: str) -> None:
         scene = tight_scene(knit, "4x17um", load, 1, "draft")
     lapping = lapping_table(scene.knit.bars)
     loops = sum(stitch.kind != "inlay" for stitch in lapping.stitches)
-    assert loops == lapping.wales * lapping.courses * (1 if "inlaid" in knit else len(KNITS[knit]))
+    assert loops == lapping.wales * lapping.courses * (1 if "inlaid" in knit else len(KNITS[knit].bars))
 
 
 # --- heat -------------------------------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ import math
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,7 @@ from warpknit import measure
 from warpknit.device import start_warp
 from warpknit.errors import WarpknitError
 from warpknit.knit.chain import KnitError
+from warpknit.knit.named import named_knit
 from warpknit.model import build_model
 from warpknit.plan import make_plan
 from warpknit.runner.history import row_of
@@ -34,18 +35,8 @@ from warpknit.solve.simulate import Record, Simulation
 
 INCH = 25.4e-3  # [m]
 WALES, COURSES = 26, 30  # an inch
-KNITS: dict[str, tuple[str, ...]] = {  # the chain of each bar, fully threaded
-    "closed tricot": ("1-0/1-2", "1-2/1-0"),
-    "open tricot": ("0-1/2-1", "2-1/0-1"),
-    "locknit": ("1-0/1-2", "2-3/1-0"),
-    "reverse locknit": ("2-3/1-0", "1-0/1-2"),
-    "satin": ("1-0/1-2", "3-4/1-0"),
-    "sharkskin": ("3-4/1-0", "1-0/1-2"),
-    "queen's cord": ("3-4/1-0", "1-0/0-1"),
-    "inlaid pillar": ("0-0/2-2", "1-0/0-1"),
-    "single atlas": ("1-0/1-2/2-3/3-4/3-2/2-1",),
-    "double atlas": ("1-0/1-2/2-3/2-1", "2-3/2-1/1-0/1-2"),
-}
+STUDIED = ("tricot", "open-tricot", "locknit", "reverse-locknit", "satin", "sharkskin", "queens-cord", "inlaid-pillar", "atlas")
+KNITS = {knit.title: knit for knit in map(named_knit, (*STUDIED, "full-double-atlas"))}
 YARNS = {"30um": {"diameter": 30e-6}, "4x17um": {"diameter": 17e-6, "ends": 4}}
 LOADS: dict[str, dict[str, float]] = {
     "2": {"strain_weft": 0.02, "strain_warp": 0.02},
@@ -95,7 +86,7 @@ def scene_of(knit: str, yarn: str, load: str, levels: int, preset: str) -> Scene
         {
             "wire": {"material": "molybdenum", **YARNS[yarn]},
             "knit": {
-                "bars": [{"chain": chain} for chain in KNITS[knit]],
+                "bars": [asdict(bar) for bar in KNITS[knit].bars],
                 "wale_spacing": INCH / WALES,
                 "course_spacing": INCH / COURSES,
             },

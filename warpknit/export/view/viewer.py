@@ -24,14 +24,14 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.ticker import MaxNLocator
 
-from ..errors import ExportError
-from ..export.mesh_figure import state_title, stress_colours
-from ..export.run_record import item, state_files
-from ..frame import Floats, Frame, WireLayout
-from ..text import engineering
+from ...errors import ExportError
+from ...frame import Floats, Frame, WireLayout
+from ...text import engineering
+from ..mesh_figure import state_title, stress_colours
+from ..run_record import item, state_files
 from .drawing import SPHERES, Drawing, drawing_of
 
-CONTACT_SIZE, CONTACT_SHARE = 2.2, 0.006  # radius over that of a wire, at least; over the distance from which all is seen
+CONTACT_SIZE, CONTACT_SHARE = 2.2, 0.0045  # radius over that of a wire, at least; over the distance from which all is seen
 OPEN = np.array([255, 255, 255], dtype=np.uint8)  # colour of an open contact
 WINDOW = 1.5  # repeats from the middle of the part that is drawn as tubes to its edge
 LOOK_EVERY = 2.0  # [s] for new records of a run that goes on

@@ -1,0 +1,246 @@
+"""`warpknit new`: the scene that it writes is the one that was asked for, and nothing is overwritten."""
+
+import re
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from warpknit.cli import main
+from warpknit.commands import questions
+from warpknit.knit.chain import KnitError
+from warpknit.knit.lapping import lapping_table
+from warpknit.knit.named import NAMED_KNITS, named_knit
+from warpknit.model import build_model
+from warpknit.plan import make_plan
+from warpknit.scene import load_scene
+from warpknit.scene.new_scene import SceneRequest, scene_text
+from warpknit.solve.simulate import Simulation
+
+INCH = 25.4e-3  # [m]
+ROUND_OFF = 1e-12
+OPTIONAL = re.compile(r"^# (?=\[|\w+ = )", re.MULTILINE)  # before a key that is commented out
+
+
+@pytest.fixture(autouse=True)
+def in_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(questions, "on_terminal", lambda: True)
+
+
+def new(*arguments: str, answers: str | None = None) -> Result:
+    return CliRunner().invoke(main, ["new", *arguments], input=answers, prog_name="warpknit")
+
+
+# --- knits by name
+
+
+@pytest.mark.parametrize("name", NAMED_KNITS)
+def test_a_named_knit_is_a_knit(name: str) -> None:
+    """A loop of every bar on every needle that its threading serves, but for inlays."""
+    knit = named_knit(name)
+    lapping = lapping_table(knit.bars)
+    loops = sum(stitch.kind != "inlay" for stitch in lapping.stitches)
+    bars = sum(bar.threading.count("|") / len(bar.threading) for bar in knit.bars if bar.chain != "0-0/2-2")
+    assert loops == bars * lapping.wales * lapping.courses
+
+
+def test_the_double_atlas_is_the_default_of_a_scene() -> None:
+    default = load_scene({}).knit.bars
+    assert [(bar.chain, bar.threading, bar.shift) for bar in named_knit("double-atlas").bars] == [
+        (bar.chain, bar.threading, bar.shift) for bar in default
+    ]
+
+
+@pytest.mark.parametrize("text", ["queens-cord", "Queen's Cord", " queens_cord "])
+def test_a_name_may_be_spelled_in_several_ways(text: str) -> None:
+    assert named_knit(text) is NAMED_KNITS["queens-cord"]
+
+
+def test_an_unknown_name_gives_the_nearest() -> None:
+    with pytest.raises(KnitError, match=r"the nearest is reverse-locknit"):
+        named_knit("revers locknit")
+
+
+# --- the file
+
+
+@pytest.mark.parametrize("name", NAMED_KNITS)
+def test_every_named_knit_can_be_planned(name: str) -> None:
+    done = new("--knit", name)
+    assert done.exit_code == 0, done.stderr
+    scene = load_scene(f"{name}.toml")
+    assert [bar.chain for bar in scene.knit.bars] == [bar.chain for bar in NAMED_KNITS[name].bars]
+    assert make_plan(scene, "cpu").bodies > 0
+
+
+@pytest.mark.parametrize("name", ["double-atlas", "tricot", "atlas", "reverse-locknit"])
+def test_a_new_scene_converges(name: str) -> None:
+    """At the draft preset, in ten levels of at most 1 %: a level that does not converge raises."""
+    scene = load_scene(scene_text(SceneRequest(knit=name), "x.toml"), {"output.frames": 10}, preset="draft")
+    records = list(Simulation(build_model(scene)).run())
+    assert len(records) == 11 and records[-1].steady
+    assert records[-1].observables.gradient[0, 0] == pytest.approx(1.0 + NAMED_KNITS[name].strain / 100, rel=1e-6)
+
+
+def test_the_file_holds_what_was_asked_for() -> None:
+    options = {
+        "knit": "locknit", "material": "tungsten", "diameter": "17 um", "ends": "4", "wales": "10.24 /cm", "courses": "0.85 mm",
+        "load": "6 %, 2 N/m", "model": "spatial",
+    }  # fmt: skip
+    done = new("mesh", *(part for name, value in options.items() for part in (f"--{name}", value)))
+    assert done.exit_code == 0, done.stderr
+    scene = load_scene("mesh.toml")
+    assert scene.name == "mesh"
+    assert (scene.wire.material, scene.wire.ends) == ("tungsten", 4)
+    assert [bar.chain for bar in scene.knit.bars] == ["1-0/1-2", "2-3/1-0"]
+    assert scene.wire.diameter == pytest.approx(17e-6, rel=ROUND_OFF, abs=0.0)
+    assert scene.knit.wale_spacing == pytest.approx(1e-2 / 10.24, rel=ROUND_OFF)
+    assert scene.knit.course_spacing == pytest.approx(0.85e-3, rel=ROUND_OFF)
+    (stage,) = scene.stages
+    assert (stage.strain_weft, stage.strain_warp, stage.tension_weft) == (pytest.approx(0.06), None, None)
+    assert stage.tension_warp == pytest.approx(2.0)
+    assert scene.model.kind == "spatial" and scene.model.boundary == "periodic"
+
+
+@pytest.mark.parametrize("given", ["26", "26 /inch", "26 per inch", "0.9769230769230769 mm"])
+def test_a_bare_gauge_counts_an_inch(given: str) -> None:
+    scene = load_scene(scene_text(SceneRequest(knit="tricot", wales=given), "x.toml"))
+    assert scene.knit.wale_spacing == pytest.approx(INCH / 26, rel=ROUND_OFF)
+
+
+@pytest.mark.parametrize("load", ["5 %", "0.05", "50 mN/m", "6 %, 2 N/m"])
+@pytest.mark.parametrize("knit", ["double-atlas", "atlas", "satin"])
+@pytest.mark.parametrize("material", ["tungsten", "gold"])
+def test_keys_that_are_commented_out_are_valid(knit: str, load: str, material: str) -> None:
+    """All of them at once."""
+    text = scene_text(SceneRequest(knit=knit, load=load, material=material), "x.toml")
+    as_written, scene = load_scene(text), load_scene(OPTIONAL.sub("", text))
+    assert (len(as_written.stages), len(scene.stages)) == (1, 3)
+    assert scene.wire.plating is not None and scene.sweep is not None and scene.output.vtk
+    assert scene.wire.youngs_modulus == as_written.wire.youngs_modulus
+
+
+@pytest.mark.parametrize("knit", NAMED_KNITS)
+def test_every_key_has_a_comment(knit: str) -> None:
+    above = ""
+    for line in scene_text(SceneRequest(knit=knit), "x.toml").splitlines():
+        assert len(line) <= 130
+        if re.match(r"\w+ = |    \{", line):
+            assert "  # " in line or above.startswith("# "), line
+        above = line
+
+
+# --- the command
+
+
+def test_the_list_has_every_knit_with_its_chains() -> None:
+    done = new("--list")
+    assert done.exit_code == 0 and not list(Path().iterdir())
+    for knit in NAMED_KNITS.values():
+        assert knit.name in done.stdout and knit.about in done.stdout
+        assert all(bar.chain in done.stdout for bar in knit.bars)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--knit", "tricott"], "--knit: given 'tricott', allowed: double-atlas"),
+        (["--material", "steel"], "--material: given 'steel', allowed: 'tungsten', 'molybdenum', 'gold'"),
+        (["--diameter", "15"], "--diameter: given '15', allowed: a length with its unit"),
+        (["--diameter", "15 kg"], "--diameter: given '15 kg', allowed: a length"),
+        (["--ends", "2.0"], "--ends: given '2.0', allowed: a whole number from 1"),
+        (["--ends", "0"], "--ends: given '0', allowed: a whole number from 1"),
+        (["--wales", "-26"], "--wales: given '-26', allowed: a count per length"),
+        (["--courses", "26 N"], "--courses: given '26 N', allowed: a count per length"),
+        (["--load", "6"], "--load: given '6', allowed: a strain such as '6 %' or 0.06"),
+        (["--load", "2 kg"], "--load: given '2 kg', allowed: a strain"),
+        (["--load", "nan"], "--load: given 'nan', allowed: a strain"),
+        (["--load", "1 %, 2 %, 3 %"], "--load: given '1 %, 2 %, 3 %', allowed: a strain"),
+        (["--model", "plane"], "--model: given 'plane', allowed: 'auto', 'planar', 'spatial'"),
+        (["--wales", "900"], "knit.wales: given '900 /inch', allowed: at least 60 um"),
+        (["--wales", "26", "--courses", "30"], "allowed: fewer wales, more courses or thinner wire (knit.loop.closed_radius"),
+        (["a\nb"], "FILE: given 'a\\nb.toml', allowed: a name"),
+        (["folder"], "folder.toml: given a directory"),
+    ],
+)
+def test_a_bad_value_is_status_2_and_one_line(arguments: list[str], said: str) -> None:
+    Path("folder.toml").mkdir()
+    done = new(*arguments)
+    assert done.exit_code == 2 and said in done.stderr
+    assert done.stderr.startswith("warpknit: ") and done.stderr.count("\n") == 1 and done.stdout == ""
+    assert [path.name for path in Path().iterdir()] == ["folder.toml"]
+
+
+def test_a_file_is_replaced_only_by_force() -> None:
+    Path("tricot.toml").write_text("# mine\n")
+    done = new("--knit", "tricot")
+    assert done.exit_code == 2
+    assert done.stderr == "warpknit: tricot.toml: given a file that exists, allowed: another name, or --force to replace it\n"
+    assert Path("tricot.toml").read_text() == "# mine\n"
+    assert new("--knit", "tricot", "--force").exit_code == 0
+    assert load_scene("tricot.toml").name == "tricot"
+
+
+def test_without_a_terminal_nothing_is_asked() -> None:
+    done = new(answers="tricot\n")
+    assert done.exit_code == 0 and "Knit [" not in done.stdout
+    assert [path.name for path in Path().iterdir()] == ["double-atlas.toml"]
+
+
+# --- the questions
+
+
+def test_with_a_knit_nothing_is_asked(terminal: None) -> None:
+    done = new("--knit", "tricot", answers="")
+    assert done.exit_code == 0 and "[" not in done.stdout
+
+
+def test_return_takes_what_is_in_brackets(terminal: None) -> None:
+    done = new(answers="\n" * 9)
+    assert done.exit_code == 0, done.stderr
+    as_asked = Path("double-atlas.toml").read_text()
+    assert as_asked == scene_text(SceneRequest(), "double-atlas.toml")
+
+
+def test_answers_are_those_of_the_options(terminal: None) -> None:
+    done = new(answers="tricot\ntungsten\n17 um\n4\n24\n28 /inch\n1 N/m\nspatial\nmine\n")
+    assert done.exit_code == 0, done.stderr
+    options = ("--knit", "tricot", "--material", "tungsten", "--diameter", "17 um", "--ends", "4", "--wales", "24")
+    assert new(*options, "--courses", "28 /inch", "--load", "1 N/m", "--model", "spatial", "other").exit_code == 0
+    assert Path("mine.toml").read_text() == Path("other.toml").read_text().replace("other.toml", "mine.toml")
+
+
+def test_what_options_give_is_not_asked(terminal: None) -> None:
+    done = new("--diameter", "25 um", "--load", "1 %", "mesh", answers="tricot\n" + "\n" * 5)
+    assert done.exit_code == 0, done.stderr
+    assert "diameter" not in done.stdout and "Load" not in done.stdout and "File" not in done.stdout
+    assert load_scene("mesh.toml").wire.diameter == pytest.approx(25e-6, rel=ROUND_OFF, abs=0.0)
+
+
+def test_a_bad_answer_is_asked_for_again(terminal: None) -> None:
+    Path("tricot.toml").write_text("# mine\n")
+    done = new(answers="tricott\ntricot\n\n25\n25 um\n\n\n\n6\n6 %\n\ntricot\nmesh\n")
+    assert done.exit_code == 0, done.stderr
+    assert "the nearest is tricot" in done.stdout and "a length with its unit" in done.stdout
+    assert "a strain such as '6 %'" in done.stdout and "tricot.toml: given a file that exists" in done.stdout
+    assert Path("tricot.toml").read_text() == "# mine\n" and load_scene("mesh.toml").name == "mesh"
+
+
+def test_loops_without_room_are_asked_for_again(terminal: None) -> None:
+    """Wire and spacings, with the last answers in brackets."""
+    done = new(answers="tricot\n\n0.1 mm\n3\n\n\n" + "30 um\n1\n\n\n" + "\n\n\n")
+    assert done.exit_code == 0, done.stderr
+    assert "fewer wales or thinner wire" in done.stdout and "Wires in a yarn [3]: 1" in done.stdout
+    assert load_scene("tricot.toml").wire.ends == 1
+
+
+@pytest.mark.parametrize("answers", ["", "tricot\n", "tricot\n\n\n\n\n"])
+def test_the_end_of_input_writes_nothing(terminal: None, answers: str) -> None:
+    done = new(answers=answers)
+    assert done.exit_code == 130 and done.stderr == "warpknit: interrupted\n"
+    assert not list(Path().iterdir())

@@ -1,0 +1,142 @@
+"""Knits by name: the guide bars of common warp knits, in one table.
+
+The last bar of a knit is the front guide bar, whose underlaps lie outermost. An underlap over n needles is the n x 1 movement of
+the trade.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from .chain import KnitError
+
+
+@dataclass(frozen=True)
+class GuideBar:
+    """A guide bar: chain, threading and shift [needles], as in `[knit] bars`."""
+
+    chain: str
+    threading: str = "|"
+    shift: int = 0
+
+    def __str__(self) -> str:
+        """The chain, with threading and shift where they are not the usual ones."""
+        threading = f" {self.threading}" if self.threading != "|" else ""
+        return f"{self.chain}{threading}{f' shift {self.shift}' if self.shift else ''}"
+
+
+@dataclass(frozen=True)
+class NamedKnit:
+    """A warp knit: its bars from back to front, and the spacings and the strain at which scenes of it begin."""
+
+    name: str  # as it is typed
+    title: str  # in prose
+    bars: tuple[GuideBar, ...]
+    about: str  # in a line
+    wales: int = 26  # an inch
+    courses: int = 30  # an inch
+    strain: int = 6  # [%] in weft and warp: some contacts close, and the draft and standard presets converge
+
+
+def _fully_threaded(name: str, title: str, chains: Iterable[str], about: str, **begin: int) -> NamedKnit:
+    return NamedKnit(name, title, tuple(GuideBar(chain) for chain in chains), about, **begin)
+
+
+_DOUBLE_ATLAS = ("1-0/1-2/2-3/2-1", "2-3/2-1/1-0/1-2")
+
+NAMED_KNITS: dict[str, NamedKnit] = {
+    knit.name: knit
+    for knit in (
+        NamedKnit(
+            "double-atlas",
+            "half-set double atlas",
+            (GuideBar(_DOUBLE_ATLAS[0], "|."), GuideBar(_DOUBLE_ATLAS[1], "|.", 1)),
+            "an open net of two bars in opposition over three needles, every other guide threaded",
+            wales=15,
+            courses=25,
+            strain=10,
+        ),
+        _fully_threaded(
+            "full-double-atlas",
+            "full double atlas",
+            _DOUBLE_ATLAS,
+            "two bars in opposition over three needles, every guide threaded",
+        ),
+        _fully_threaded(
+            "atlas",
+            "single atlas",
+            ("1-0/1-2/2-3/3-4/3-2/2-1",),
+            "one bar, over four needles and back",
+        ),
+        _fully_threaded(
+            "tricot",
+            "closed tricot",
+            ("1-0/1-2", "1-2/1-0"),
+            "two bars in opposition, underlaps over one needle, closed loops",
+        ),
+        _fully_threaded(
+            "open-tricot",
+            "open tricot",
+            ("0-1/2-1", "2-1/0-1"),
+            "two bars in opposition, underlaps over one needle, open loops",
+        ),
+        _fully_threaded(
+            "locknit",
+            "locknit",
+            ("1-0/1-2", "2-3/1-0"),
+            "underlaps of the front bar over two needles, of the back bar over one",
+        ),
+        _fully_threaded(
+            "reverse-locknit",
+            "reverse locknit",
+            ("2-3/1-0", "1-0/1-2"),
+            "underlaps of the front bar over one needle, of the back bar over two",
+        ),
+        _fully_threaded(
+            "satin",
+            "satin",
+            ("1-0/1-2", "3-4/1-0"),
+            "underlaps of the front bar over three needles, of the back bar over one",
+            strain=5,
+        ),
+        _fully_threaded(
+            "sharkskin",
+            "sharkskin",
+            ("3-4/1-0", "1-0/1-2"),
+            "underlaps of the front bar over one needle, of the back bar over three",
+        ),
+        _fully_threaded(
+            "queens-cord",
+            "queen's cord",
+            ("3-4/1-0", "1-0/0-1"),
+            "pillars of the front bar, underlaps of the back bar over three needles",
+        ),
+        _fully_threaded(
+            "inlaid-pillar",
+            "inlaid pillar",
+            ("0-0/2-2", "1-0/0-1"),
+            "pillars of the front bar, tied by wires of the back bar that are laid in without loops",
+        ),
+    )
+}
+
+
+def named_knit(text: str) -> NamedKnit:
+    """The knit of a name or title, however it is spelled: "Queen's Cord" is queens-cord.
+
+    Raises `KnitError` for another name.
+    """
+    wanted = _plain(text)
+    known = {_plain(knit.title): knit for knit in NAMED_KNITS.values()} | NAMED_KNITS
+    if wanted in known:
+        return known[wanted]
+    near = difflib.get_close_matches(wanted, list(known), n=1)
+    nearest = f" (the nearest is {known[near[0]].name})" if near else ""
+    raise KnitError("knit", text, ", ".join(NAMED_KNITS) + nearest)
+
+
+def _plain(text: str) -> str:
+    """A name in small letters, its words joined by hyphens."""
+    return "-".join(text.lower().replace("'", "").replace("-", " ").replace("_", " ").split())
