@@ -5,34 +5,44 @@ from __future__ import annotations
 import os
 import re
 import sys
+from html import escape
 from importlib import import_module
 from pathlib import Path
 
 from docutils import nodes
+from docutils.utils.math import MathError
+from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
+from sphinx.util.logging import getLogger
+from sphinx.writers.html5 import HTML5Translator
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
-sys.path.insert(0, str(ROOT))
+sys.path[:0] = [str(ROOT), str(DOCS)]
 
 import warpknit  # noqa: E402
 
+logger = getLogger(__name__)
 project = "warpknit"
 author = "the warpknit developers"
 copyright = author
 version = release = warpknit.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_click", "sphinx_copybutton"]
-exclude_patterns = ["_build", "notebooks"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx_click", "sphinx_copybutton"]
+exclude_patterns = ["_build", "static"]
+html_math_renderer = "mathml"
+nb_execution_mode = "off"  # notebooks are kept with their outputs: python tools/notebooks.py
+nb_mime_priority_overrides = [("html", "text/html", 0)]
 html_theme = "furo"
 html_title = f"warpknit {version}"
-html_static_path: list[str] = []
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 html_show_copyright = html_show_sphinx = html_copy_source = False
 copybutton_exclude = ".linenos, .gp, .go"
 
 myst_heading_anchors = 4
-myst_enable_extensions = ["colon_fence", "deflist"]
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 suppress_warnings = ["myst.header"]  # pages that are parts of another begin at its second level
 default_role = "literal"
 smartquotes = False  # it makes one dash of the two of an option
@@ -41,7 +51,6 @@ autodoc_member_order = "bysource"
 
 # pages outside of docs/ that the site includes, and where
 INCLUDED = {
-    ROOT / "scenes" / "README.md": "studies/source_paper",
     ROOT / "CHANGELOG.md": "changelog",
     ROOT / "CONTRIBUTING.md": "contributing",
 }
@@ -69,6 +78,8 @@ def links_of_the_site(text: str, folder: Path, page: Path) -> str:
 
 def read_source(app: Sphinx, name: str, content: list[str]) -> None:
     page = Path(app.env.doc2path(name))
+    if page.suffix != ".md":
+        return
     source, text = page, content[0]
     for path, included in INCLUDED.items():
         if included == name:
@@ -105,7 +116,20 @@ class Generated(SphinxDirective):
         return parent.children
 
 
+def mathml(translator: HTML5Translator, node: nodes.math | nodes.math_block) -> None:
+    """Formulas as MathML, which browsers draw by themselves: the site needs no scripts from elsewhere."""
+    display = isinstance(node, nodes.math_block)
+    try:
+        text = tex2mathml(node.astext(), as_block=display)
+    except MathError as error:
+        logger.warning("%s: %s", error, node.astext(), location=node)
+        text = escape(node.astext())
+    translator.body.append(f'<div class="math">{text}</div>' if display else text)
+    raise nodes.SkipNode
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
+    app.add_html_math_renderer("mathml", inline_renderers=(mathml, None), block_renderers=(mathml, None))
     app.add_directive("generated", Generated)
     app.connect("source-read", read_source)
     app.connect("autodoc-process-docstring", docstring)
