@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+import itertools
 import os
 import re
 import sys
@@ -89,18 +91,61 @@ def read_source(app: Sphinx, name: str, content: list[str]) -> None:
 
 
 def docstring(app: Sphinx, kind: str, name: str, item: object, options: object, lines: list[str]) -> None:
-    """Docstrings as they stand: indented paragraphs are examples, tables and lists keep their lines."""
+    """Docstrings as they stand: indented paragraphs are examples, parameters become a list, tables keep their lines."""
     paragraphs = re.split(r"\n\s*\n", "\n".join(lines).strip("\n"))
+    names = parameters(item)
     out: list[str] = []
     for paragraph in paragraphs:
         rows = paragraph.split("\n")
         if all(row.startswith("    ") for row in rows):
             out += [".. code-block:: python", "", *rows, ""]
-        elif rows[0].startswith("|") or any(row.startswith("    ") for row in rows):
-            out += [*("| " + row.strip().replace("|", "\\|") if row.strip() else "" for row in rows), ""]
+        elif rows[0].startswith(">>> "):
+            out += [*rows, ""]
+        elif rows[0].startswith("|"):
+            out += [*("| " + row.strip().replace("|", "\\|") for row in rows), ""]
+        elif rows[0].partition(": ")[0].split(", ")[0] in names:
+            out += parameter_list(rows, names)
         else:
-            out += [*(line.replace("*", "\\*").replace("|", "\\|") for line in rows), ""]
+            out += with_blocks(rows)
     lines[:] = out
+
+
+def parameters(item: object) -> set[str]:
+    """Names of the parameters of a function or a class."""
+    try:
+        return set(inspect.signature(item).parameters) if callable(item) else set()
+    except ValueError:
+        return set()
+
+
+def parameter_list(rows: list[str], names: set[str]) -> list[str]:
+    """Rows `name: meaning` as a list; a row may have several of them, and go on in the next one."""
+    known = "|".join(sorted(names))
+    text = re.sub(rf"\. ((?:{known})(?:, (?:{known}))*): ", r".\n\1: ", "\n".join(rows))
+    out: list[str] = []
+    for row in text.split("\n"):
+        if found := re.match(rf"((?:{known})(?:, (?:{known}))*): (.*)", row):
+            out.append(f"* **{found[1]}**: {escaped(found[2])}")
+        elif re.fullmatch(r"    \w+\(.*\)", row):
+            out.append(f"  ``{row.strip()}``")
+        elif row.startswith(" ") and out:
+            out.append(f"  {escaped(row.strip())}")
+        else:
+            out += ["", escaped(row)]
+    return [*out, ""]
+
+
+def with_blocks(rows: list[str]) -> list[str]:
+    """A paragraph, whose indented rows keep their columns."""
+    out: list[str] = []
+    for indented, part in itertools.groupby(rows, lambda row: row.startswith("    ")):
+        texts = list(part)
+        out += ["", ".. code-block:: text", "", *texts, ""] if indented else map(escaped, texts)
+    return [*out, ""]
+
+
+def escaped(text: str) -> str:
+    return text.replace("*", "\\*").replace("|", "\\|")
 
 
 class Generated(SphinxDirective):

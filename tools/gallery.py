@@ -48,6 +48,7 @@ def entry(path: Path, place: str, time: str) -> str:
     """The section of a scene."""
     top = path.read_text(encoding="utf-8").split("\n\n")[0].splitlines()
     comment = " ".join(line.lstrip("# ") for line in top if line.startswith("#"))
+    comment = re.sub(r"docs/([\w/]+\.md)", r"[docs/\1](\1)", comment)
     shown = (PICTURES / f"{path.stem}.png").exists()
     picture = f"![{path.stem}](images/gallery/{path.stem}.png)\n\n" if shown else ""
     command = f"```bash\nwarpknit {command_of(path)} {place}\n```"

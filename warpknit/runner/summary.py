@@ -4,14 +4,14 @@ Keys beside the measures (measure/table.py), a panel (panel_report.py) and the a
 
     scene.name                               name of the scene
     scene.hash                               hash of its values
-    version                                  of warpknit
-    device                                   that computed
+    version                                  version of warpknit
+    device                                   device that computed it
     stop_reason                              `steady` (converged), `finished` (a ramp that had not converged at its end),
                                              `diverged`, `interrupted`
     message                                  why a run stopped early
     warnings                                 limits to the use of this result
     model.kind                               the model that was taken
-    model.kind_reason                        why
+    model.kind_reason                        why it was taken
     model.boundary                           `periodic`, `gripped` or that of wires from a file
     model.precision                          `single` or `double`
     model.wires                              wires of the mesh
