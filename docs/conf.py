@@ -131,7 +131,7 @@ def parameter_list(rows: list[str], names: set[str]) -> list[str]:
         elif row.startswith(" ") and out:
             out.append(f"  {escaped(row.strip())}")
         else:
-            out += ["", escaped(row)]
+            out += ["", escaped(row)] if out and out[-1].startswith(("* ", "  ")) else [escaped(row)]
     return [*out, ""]
 
 
