@@ -8,20 +8,18 @@ import os
 import re
 import sys
 from html import escape
-from importlib import import_module
 from pathlib import Path
 
 from docutils import nodes
 from docutils.utils.math import MathError
 from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
-from sphinx.util.docutils import SphinxDirective
 from sphinx.util.logging import getLogger
 from sphinx.writers.html5 import HTML5Translator
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
-sys.path[:0] = [str(ROOT), str(DOCS)]
+sys.path.insert(0, str(ROOT))
 
 import warpknit  # noqa: E402
 
@@ -148,19 +146,6 @@ def escaped(text: str) -> str:
     return text.replace("*", "\\*").replace("|", "\\|")
 
 
-class Generated(SphinxDirective):
-    """Markdown that a function of the package writes: `module:function`."""
-
-    required_arguments = 1
-
-    def run(self) -> list[nodes.Node]:
-        module, function = self.arguments[0].split(":")
-        text = getattr(import_module(module), function)()
-        parent = nodes.Element()
-        self.state.nested_parse(text.split("\n"), self.content_offset, parent)
-        return parent.children
-
-
 def mathml(translator: HTML5Translator, node: nodes.math | nodes.math_block) -> None:
     """Formulas as MathML, which browsers draw by themselves: the site needs no scripts from elsewhere."""
     display = isinstance(node, nodes.math_block)
@@ -175,7 +160,6 @@ def mathml(translator: HTML5Translator, node: nodes.math | nodes.math_block) -> 
 
 def setup(app: Sphinx) -> dict[str, bool]:
     app.add_html_math_renderer("mathml", inline_renderers=(mathml, None), block_renderers=(mathml, None))
-    app.add_directive("generated", Generated)
     app.connect("source-read", read_source)
     app.connect("autodoc-process-docstring", docstring)
     return {"parallel_read_safe": True}

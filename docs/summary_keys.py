@@ -1,4 +1,7 @@
-"""Tables of the keys of results: names from the code that writes them, meanings from the docstrings of its modules."""
+"""docs/reference/summary.md: keys of results from the code that writes them, their meanings from the docstrings of its modules.
+
+python docs/summary_keys.py        writes it
+"""
 
 from __future__ import annotations
 
@@ -6,11 +9,13 @@ import ast
 import inspect
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from types import ModuleType
 
 from warpknit.measure import table
 from warpknit.runner import answers, panel_report, summary
 
+PAGE = Path(__file__).parent / "reference" / "summary.md"
 LINE = re.compile(r"^    (?! )(\S+)  +(\S.*)$")
 GROUPS = ("", "scene", "model", "solver", "quality", "mesh", "contacts", "wire", "hook")
 MAPS = {"map": "map.csv", "details": "map_details.csv"}
@@ -117,3 +122,37 @@ def history_table() -> str:
             rows[line.name] = history or line.history, MAPS.get(line.map, maps)
     cells = [(f"`{name}`", of_measures[name], "x" if history else "", maps) for name, (history, maps) in rows.items()]
     return _table(("name", "meaning", "history.csv", "map"), cells)
+
+
+TEXT = """# Names of the results
+
+Generated from the code that writes them, by `python docs/summary_keys.py`. A unit is the end of a name. Measures that a mesh or a model does not have are left out of its files.
+[Scenes and results](../scenes.md#output-of-a-run) describes the files.
+
+## summary.json
+
+The values at the top level are those of the last stage; `stages` has the groups from `quality` on for each stage.
+
+{summary_table}
+
+## answers
+
+The section `answers` of `summary.json`. [How contacts close](../scenes.md#answers).
+
+{answers_table}
+
+## history.csv and map.csv
+
+The columns of `history.csv`, one row for each recorded state, and those of the tables of a map. `x` marks a column. Columns with an `A` stand for each class of contact.
+
+{history_table}
+"""
+
+
+def page() -> str:
+    """The text of docs/reference/summary.md."""
+    return TEXT.format(summary_table=summary_table(), answers_table=answers_table(), history_table=history_table())
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

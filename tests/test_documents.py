@@ -116,6 +116,7 @@ def test_every_key_of_a_result_stands_once_with_a_meaning() -> None:
     measures = {line.name for line in table.MEASURES}
     assert set(summary_keys.meanings_of_measures()) == measures
     assert max(Counter(name for name, _ in summary_keys.summary_rows()).values()) == 1
+    assert summary_keys.PAGE.read_text(encoding="utf-8") == summary_keys.page(), "python docs/summary_keys.py"
 
 
 def paths_of(part: dict[str, Any], before: str = "") -> Iterator[str]:
