@@ -126,7 +126,8 @@ def history_table() -> str:
 
 TEXT = """# Names of the results
 
-Generated from the code that writes them, by `python docs/summary_keys.py`. A unit is the end of a name. Measures that a mesh or a model does not have are left out of its files.
+Generated from the code that writes them, by `python docs/summary_keys.py`. A unit is the end of a name.
+Measures that a mesh or a model does not have are left out of its files.
 [Scenes and results](../scenes.md#output-of-a-run) describes the files.
 
 ## summary.json
@@ -143,7 +144,8 @@ The section `answers` of `summary.json`. [How contacts close](../scenes.md#answe
 
 ## history.csv and map.csv
 
-The columns of `history.csv`, one row for each recorded state, and those of the tables of a map. `x` marks a column. Columns with an `A` stand for each class of contact.
+The columns of `history.csv`, one row for each recorded state, and those of the tables of a map. `x` marks a column.
+Columns with an `A` stand for each class of contact.
 
 {history_table}
 """
