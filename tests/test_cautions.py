@@ -18,7 +18,7 @@ OVERLOAD = SCENE.with_name("overload.toml")  # molybdenum that yields at 0.6 GPa
 
 @pytest.mark.parametrize(("friction", "frames", "says"), [(0.4, 32, True), (0.4, 511, True), (0.4, 512, False), (0.1, 32, False)])
 def test_friction_that_holds_asks_for_states_near_each_other(friction: float, frames: int, says: bool) -> None:
-    """Above a coefficient of 0.1, steady states must be 0.16/512 of strain apart or less (docs/physics.md, Paths)."""
+    """Above a coefficient of 0.1, steady states must be 0.16/512 of strain apart or less (docs/studies/models.md)."""
     model = build_model(load_scene(SCENE, (f"contact.friction={friction}", f"output.frames={frames}")))
     found = [line for line in cautions(model, []) if "friction" in line]
     assert bool(found) == says

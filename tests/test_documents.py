@@ -1,22 +1,34 @@
-"""Commands and scenes in the documents are valid, pictures are small, and the site builds without warnings."""
+"""Commands, scenes, links and keys in the documents are valid, studies have dates, and the site builds without warnings."""
 
+import json
 import os
 import re
 import shlex
 import subprocess
 import sys
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from warpknit.cli import main
+from warpknit.measure import table
+from warpknit.runner import answers, panel_report, summary
+from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
+from warpknit.scene.file import SceneFile
+from warpknit.scene.keys import keys_below
 
 ROOT = Path(__file__).parents[1]
 PAGES = [path for path in sorted((ROOT / "docs").rglob("*.md")) if "_build" not in path.parts]
 GUIDES = [path for path in PAGES if path.parent.name in ("tutorials", "how-to") or path.name in ("start.md", "index.md")]
 HELP = main.context_settings  # click keeps the help option that a context is first asked for
 LARGEST = 150_000  # [bytes] of a picture of a tutorial or the gallery
+
+sys.path.insert(0, str(ROOT / "docs"))
+import summary_keys  # noqa: E402
 
 
 def name_of(path: Path) -> str:
@@ -68,9 +80,72 @@ def test_pictures_of_guides_are_small() -> None:
         assert (ROOT / "docs" / "images" / picture).stat().st_size < LARGEST, picture
 
 
+def test_every_scene_is_in_the_gallery_with_picture_and_time() -> None:
+    text = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
+    for path in [*(ROOT / "scenes").glob("*.toml"), *(ROOT / "scenes" / "wires").glob("*.toml")]:
+        (section,) = re.findall(rf"^## {path.stem}\n(.*?)(?=^## |\Z)", text, re.DOTALL | re.MULTILINE)
+        assert f"images/gallery/{path.stem}.png" in section, path.stem
+        assert re.search(r"^Time: [\d.]+ (s|min)$", section, re.MULTILINE), path.stem
+
+
+def test_studies_have_a_date() -> None:
+    for path in (ROOT / "docs" / "studies").glob("*.md"):
+        if path.name != "index.md":
+            third = path.read_text(encoding="utf-8").split("\n")[2]
+            assert re.match(r"\*Record of \d+ \w+ \d{4}: warpknit [\d.]+, ", third), path
+
+
+# --- keys
+
+
+def test_every_key_of_a_scene_stands_once() -> None:
+    """A `[[path]]` has the keys of `[load]`, which stand without the name of their table."""
+    text = (ROOT / "docs" / "scenes.md").read_text(encoding="utf-8")
+    tables = re.findall(r"^<!-- keys of .*?-->\n(.*?)^<!-- end of keys -->", text, re.DOTALL | re.MULTILINE)
+    found = Counter(name for rows in tables for name in re.findall(r"^\| `([\w.\[\]]+)` \|", rows, re.MULTILINE))
+    keys = [name.replace("[0]", "[]") for name, entry in keys_below(SceneFile) if entry.table is None]
+    assert found == Counter(name.removeprefix("load.") for name in keys if not name.startswith("path[]."))
+
+
+def test_every_key_of_a_result_stands_once_with_a_meaning() -> None:
+    """Meanings stand beside the code: none is missing, none is left of a key that is gone."""
+    for module in (table, summary, panel_report, answers):
+        names = Counter(name for name, _ in summary_keys.meanings(module))
+        assert names and max(names.values()) == 1, module
+    assert {name for name, _ in summary_keys.meanings(summary)} == {*summary_keys.written_keys(), "probes"}
+    measures = {line.name for line in table.MEASURES}
+    assert set(summary_keys.meanings_of_measures()) == measures
+    assert max(Counter(name for name, _ in summary_keys.summary_rows()).values()) == 1
+
+
+def paths_of(part: dict[str, Any], before: str = "") -> Iterator[str]:
+    """Keys of a nested dict, joined by points."""
+    for name, value in part.items():
+        yield from paths_of(value, f"{before}{name}.") if isinstance(value, dict) else [f"{before}{name}"]
+
+
+@pytest.mark.parametrize(
+    ("scene", "overrides"),
+    [
+        ("atlas_cell", ("solver.preset=draft", "load.strain_weft=0.01", "load.strain_warp=0.01", "wire.plastic=true")),
+        ("hook_free_body", ("solver.preset=draft", "load.displacement=0.1 mm")),
+    ],
+)
+def test_every_key_of_a_summary_is_in_its_reference(scene: str, overrides: tuple[str, ...], tmp_path: Path) -> None:
+    quick = ("output.frames=1", "output.figures=false", "output.usd=false")
+    run_scene(load_scene(ROOT / "scenes" / f"{scene}.toml", [*overrides, *quick]), out=tmp_path / "run", device="cpu")
+    found = json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))
+    known = {name for name, _ in summary_keys.summary_rows()}
+    keys = {name for name in paths_of(found) if not name.startswith(("answers.", "contacts.central_rhombus."))}
+    assert keys - known == set()
+    if found["answers"] is not None:
+        of_answers = {name.partition("[")[0].partition(".")[0] for name, _ in summary_keys.meanings(answers)}
+        assert set(found["answers"]) == of_answers
+
+
 @pytest.mark.slow
 def test_the_site_builds_without_warnings(tmp_path: Path) -> None:
-    for package in ("sphinx", "myst_parser", "furo", "sphinx_click", "sphinx_copybutton"):
+    for package in ("sphinx", "myst_nb", "furo", "sphinx_click", "sphinx_copybutton"):
         pytest.importorskip(package, reason=f"{package} is not installed: pip install -e '.[docs]'")
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-d", str(tmp_path / "trees")]
     done = subprocess.run(

@@ -1,11 +1,13 @@
 """Examples in README.md, the documents and the docstrings at the door run as they stand."""
 
+import doctest
 import inspect
 import os
 import re
 import subprocess
 import sys
 import textwrap
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +78,16 @@ def test_the_study_uses_several_processes(folder: Path) -> None:
     assert done.returncode == 0, done.stderr
     diameters, tensions = np.array([line.split() for line in done.stdout.splitlines()], dtype=float).T
     assert diameters.tolist() == [12, 15, 20, 27] and np.all(np.diff(tensions) > 0.0)
+
+
+DOCTESTS = [path for path in sorted((ROOT / "warpknit").rglob("*.py")) if ">>> " in path.read_text(encoding="utf-8")]
+
+
+@pytest.mark.parametrize("path", DOCTESTS, ids=lambda path: path.stem)
+def test_doctests_of_a_module_give_what_they_say(path: Path) -> None:
+    module = import_module(".".join(path.relative_to(ROOT).with_suffix("").parts))
+    done = doctest.testmod(module)
+    assert done.attempted > 0 and done.failed == 0
 
 
 def examples(item: object) -> list[str]:

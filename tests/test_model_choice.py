@@ -47,7 +47,7 @@ def command(*arguments: object) -> tuple[int, str]:
 
 
 def test_an_open_knit_is_in_the_plane() -> None:
-    """The double atlas cell: wires touch in space after 88 % of the planar approach (docs/condensation.md)."""
+    """The double atlas cell: wires touch in space after 88 % of the planar approach (docs/studies/condensation.md)."""
     scene = load_scene(ATLAS)
     assert first_touch(scene) == pytest.approx(0.88, abs=0.005)
     assert first_touch(scene) > PLANE_IS_GOOD
@@ -59,7 +59,7 @@ def test_an_open_knit_is_in_the_plane() -> None:
 
 
 def test_a_tight_knit_is_in_space_with_the_presets_of_space() -> None:
-    """The tricot of docs/condensation.md: 70 %."""
+    """The tricot of docs/studies/condensation.md: 70 %."""
     scene = make_scene(TIGHT)
     assert first_touch(scene) == pytest.approx(0.70, abs=0.005)
     assert scene.model.kind == "spatial"

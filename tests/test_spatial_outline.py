@@ -80,8 +80,8 @@ def test_grips_carry_what_the_mesh_does_and_nothing_else(pulled):
 @pytest.mark.slow
 @pytest.mark.parametrize(("outline", "size"), [("hexagon", "4 mm"), ("disc", "7 mm")])
 def test_a_panel_in_space_carries_what_the_planar_one_does(outline, size):
-    """Where contacts have closed the two models differ by 9 % in the tension that contacts bring (docs/condensation.md), of which
-    a small patch between grips has little; as many nodes a loop."""
+    """Where contacts have closed the two models differ by 9 % in the tension that contacts bring (studies/condensation.md), of
+    which a small patch between grips has little; as many nodes a loop."""
     load = [f"panel.size={size}", "load.strain_weft=0.1", "load.strain_warp=0.1"]
     found = at_rest(outline, *load)
     plane = ["model.kind=planar", "model.nodes_per_loop=48", "solver.precision=double", "solver.residual_tolerance=1e-3"]

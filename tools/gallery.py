@@ -1,6 +1,6 @@
 """The gallery of the documents: every scene with its picture and time; writes docs/gallery.md and docs/images/gallery.
 
-python tools/gallery.py [SCENE ...]        some scenes only: the others keep picture and time
+python tools/gallery.py [SCENE ...]        some scenes only, long ones too: the others keep picture and time
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE, PICTURES = ROOT / "docs" / "gallery.md", ROOT / "docs" / "images" / "gallery"
-LIMIT = 60.0  # [s] planned or run; longer scenes have no picture
+LIMIT, LONG = 60.0, 1800.0  # [s] planned or run, of scenes that are not named and of those that are
 WIDTH = 560  # [pixels]
 FIGURES = ("contact_map", "hook", "mesh", "panel")  # the first one that a run has; of a facet, the panel
 
 HEAD = """# Gallery
 
 Written by `python tools/gallery.py`. Each scene with its picture and its wall time, kernels compiled, on two cores of a
-Xeon that was also used by others. Scenes of more than a minute have no picture here.
+Xeon that was also used by others.
 
 """
 
@@ -32,13 +32,13 @@ def main(chosen: list[str]) -> None:
     PICTURES.mkdir(parents=True, exist_ok=True)
     old = PAGE.read_text(encoding="utf-8") if PAGE.exists() else ""
     entries = []
+    names = [Path(name).stem for name in chosen]
     for path in [*sorted((ROOT / "scenes").glob("*.toml")), *sorted((ROOT / "scenes" / "wires").glob("*.toml"))]:
         place = path.relative_to(ROOT).as_posix()
         kept = re.search(rf"^## {path.stem}\n.*?^Time: ([^\n]*)", old, re.DOTALL | re.MULTILINE)
-        if kept and chosen and path.stem not in [Path(name).stem for name in chosen]:
-            time = kept[1]
-        else:
-            time = picture_of(path, PICTURES / f"{path.stem}.png")
+        named = path.stem in names
+        found = picture_of(path, PICTURES / f"{path.stem}.png", LONG if named else LIMIT) if named or not chosen else None
+        time = found or (kept[1] if kept else "more than a minute")
         print(f"{place}: {time}", flush=True)
         entries.append(entry(path, place, time))
     PAGE.write_text(HEAD + "\n".join(entries), encoding="utf-8")
@@ -48,6 +48,7 @@ def entry(path: Path, place: str, time: str) -> str:
     """The section of a scene."""
     top = path.read_text(encoding="utf-8").split("\n\n")[0].splitlines()
     comment = " ".join(line.lstrip("# ") for line in top if line.startswith("#"))
+    comment = re.sub(r"docs/([\w/]+\.md)", r"[docs/\1](\1)", comment)
     shown = (PICTURES / f"{path.stem}.png").exists()
     picture = f"![{path.stem}](images/gallery/{path.stem}.png)\n\n" if shown else ""
     command = f"```bash\nwarpknit {command_of(path)} {place}\n```"
@@ -58,18 +59,17 @@ def command_of(path: Path) -> str:
     return "map" if re.search(r"^\[sweep\]", path.read_text(encoding="utf-8"), re.MULTILINE) else "run"
 
 
-def picture_of(path: Path, picture: Path) -> str:
-    """Run a scene and keep a small copy of its picture; its time in words."""
+def picture_of(path: Path, picture: Path, limit: float) -> str | None:
+    """Run a scene and keep a small copy of its picture; its time in words. None of a scene that takes longer than `limit` [s]."""
     with tempfile.TemporaryDirectory() as folder:
         planned = json.loads(warpknit("plan", str(path), "--json").stdout or "{}").get("wall_s")
-        if planned is None or planned > LIMIT:
-            picture.unlink(missing_ok=True)
-            return "not run, planned for " + (f"{planned:.0f} s" if planned is not None else "more than a minute")
+        if planned is None or planned > limit:
+            return None
         options = ["--device", "cpu", "--out", folder, "--force", "--set", "output.usd=false"]
         try:
-            done = warpknit(command_of(path), str(path), *options)
+            done = warpknit(command_of(path), str(path), *options, timeout=2 * limit)
         except subprocess.TimeoutExpired:
-            return f"more than {LIMIT:.0f} s"
+            return None
         if done.returncode:
             return f"not run: {done.stderr.strip().splitlines()[-1]}"
         figures = FIGURES[::-1] if "[panel]" in path.read_text(encoding="utf-8") else FIGURES
@@ -77,14 +77,19 @@ def picture_of(path: Path, picture: Path) -> str:
         thumbnail(figure, picture)
         file = next(file for name in ("summary", "map") if (file := Path(folder, f"{name}.json")).exists())
         summary = json.loads(file.read_text(encoding="utf-8"))
-        return f"{summary['solver']['wall_s']:.2g} s"
+        return in_words(summary["solver"]["wall_s"])
 
 
-def warpknit(*words: str) -> subprocess.CompletedProcess[str]:
+def in_words(wall: float) -> str:
+    """A wall time [s] in two digits."""
+    return f"{wall:.2g} s" if wall < 99.5 else f"{wall / 60:.2g} min"
+
+
+def warpknit(*words: str, timeout: float = 2 * LIMIT) -> subprocess.CompletedProcess[str]:
     """The command line, without progress; compilation needs more than the limit."""
     quiet = ["--quiet"] if words[0] != "plan" else []
     return subprocess.run(
-        [sys.executable, "-m", "warpknit", *words, *quiet], cwd=ROOT, capture_output=True, text=True, timeout=2 * LIMIT
+        [sys.executable, "-m", "warpknit", *words, *quiet], cwd=ROOT, capture_output=True, text=True, timeout=timeout
     )
 
 

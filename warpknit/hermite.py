@@ -14,5 +14,9 @@ import numpy as np
 
 
 def hermite(s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """h10, h01 and h11 at places s, 0 .. 1 on a segment."""
+    """h10, h01 and h11 at places s, 0 .. 1 on a segment.
+
+    >>> hermite(0.5)
+    (0.125, 0.5, -0.125)
+    """
     return s * (1 - s) ** 2, s * s * (3 - 2 * s), s * s * (s - 1)

@@ -18,7 +18,11 @@ FIELDS_SHOWN = 12  # of an object with arrays, on one line
 
 
 def engineering(value: float, unit: str, digits: int = 3) -> str:
-    """`value` with three digits and a prefix: 1.48e8, "Pa" as 148 MPa."""
+    """`value` with three digits and a prefix: 1.48e8, "Pa" as 148 MPa.
+
+    >>> engineering(5.726e8, "Pa")
+    '573 MPa'
+    """
     size, largest = abs(float(f"{value:.{digits}g}")), LARGEST.get(unit, 1e12)  # 999.8 of one prefix is 1 of the next
     scale, prefix = next(((scale, prefix) for scale, prefix in PREFIXES if scale <= largest and size >= scale), (1.0, ""))
     return f"{float(f'{value / scale:.{digits}g}'):.{ALL_DIGITS}g} {prefix}{unit}"
@@ -44,7 +48,11 @@ def _limit(limit: float, rounding: str) -> float:
 
 
 def celsius(temperature: float) -> str:
-    """A temperature [K] in degrees Celsius: 83.15 as -190 degC."""
+    """A temperature [K] in degrees Celsius: 83.15 as -190 degC.
+
+    >>> celsius(83.15)
+    '-190 degC'
+    """
     return f"{temperature - ZERO_CELSIUS:.6g} degC"
 
 

@@ -106,7 +106,8 @@ def test_friction_is_refused(tmp_path):
 @pytest.mark.slow
 def test_the_card_in_space_is_symmetric_and_near_that_of_the_plane():
     """S = dw/dE makes C symmetric, to 1e-3 with residuals of 2e-5 over strains of 1e-3. Tensions of the planar model are 6 % too
-    high at 12 % and 4 % at 16 % (docs/condensation.md); C, their slope, is no farther off, nor is shear, where heights count."""
+    high at 12 % and 4 % at 16 % (studies/condensation.md); C, their slope, is no farther off, nor is shear, where heights
+    count."""
     cards = {kind: find_card(exact_model(scene_of(kind)), 0.16, 0.12)[0] for kind in ("planar", "spatial")}
     mine, other = cards["spatial"], cards["planar"]
     assert mine.asymmetry < 1e-3 and mine.step_difference < 5e-3 and mine.is_stable

@@ -24,8 +24,8 @@ def two_hooked(slope: float, curvature: float = CURVATURE) -> SimpleNamespace:
 
 @pytest.mark.parametrize("q", [0.2, 0.4, 0.7, 1.5, 4.0])
 def test_wires_touch_where_the_law_of_the_lens_says(q: float) -> None:
-    """D = d (q + 1/q)/2 with q = slope^2/(curvature d) below one, else d (docs/condensation.md). The wires are moved apart by the
-    slope of their bow, at most sqrt(WIDTH curvature) = 0.19: lengths are 1 + 0.19^2/2 off."""
+    """D = d (q + 1/q)/2 with q = slope^2/(curvature d) below one, else d (studies/condensation.md). The wires are moved apart by
+    the slope of their bow, at most sqrt(WIDTH curvature) = 0.19: lengths are 1 + 0.19^2/2 off."""
     relative = 2.0 * CURVATURE
     slope = np.sqrt(q * relative * DIAMETER)
     width, touching = lens_widths(two_hooked(slope), DIAMETER)[0]

@@ -20,7 +20,7 @@ from warpknit.scene import load_scene
 from warpknit.solve.simulate import Record, Simulation
 
 SCENES = Path(__file__).parents[2] / "scenes"
-DRAFT_ERROR = 0.06  # largest error of a force at the draft preset against the reference, at 10 % strain (docs/accuracy.md)
+DRAFT_ERROR = 0.06  # largest error of a force at the draft preset against the reference, at 10 % strain (studies/accuracy.md)
 
 
 @cache

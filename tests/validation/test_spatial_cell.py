@@ -65,7 +65,7 @@ def test_cell_in_space_is_near_the_planar_one() -> None:
 
     It takes wires for crossing in one plane with a body of d/4 between them, closed at 1.25 d; in space they close at d, over
     and under each other. On the contact curve 0.25 d of gap are worth 4.6 % a 0.05 d in contact force near 10 %
-    (docs/physics.md), so up to 25 %.
+    (studies/models.md), so up to 25 %.
     """
     spatial = readings("output.frames=3")[-1]
     planar = load_scene(CELL, ["model.kind=planar", "solver.preset=draft", "output.frames=10"])
@@ -156,7 +156,7 @@ def test_contacts_are_where_the_knit_hooks_its_wires() -> None:
 
 def test_coarse_cell_comes_to_rest_where_contacts_pass_over_nodes() -> None:
     """At 14 % and 40 nodes a loop two contacts of a clasp stand in one segment, or on either side of a node: neither is lost on
-    the way, and the force at rest is that of 48 nodes within what the curve between the nodes misses, 1 % (docs/physics.md)."""
+    the way, and the force at rest is that of 48 nodes within what the curve between the nodes misses, 1 % (studies/models.md)."""
     options = ("load.strain_weft=0.14", "load.strain_warp=0.14", "output.frames=1", "solver.residual_tolerance=0.003")
     coarse, fine = (readings(*options, "solver.max_steps=20000", f"model.nodes_per_loop={n}")[-1] for n in (40, 48))
     assert coarse.site_force.sum() == pytest.approx(fine.site_force.sum(), rel=0.01)

@@ -1,6 +1,6 @@
 """The studies of the paper (tools/studies), each by its claim at a small size.
 
-Runs are at the draft preset, whose forces are within 6 % of the reference (docs/accuracy.md), so bounds here are on signs, on
+Runs are at the draft preset, whose forces are within 6 % of the reference (studies/accuracy.md), so bounds here are on signs, on
 shares that step by a third, and on differences of runs that share that error.
 """
 
@@ -91,7 +91,7 @@ def test_rhombus_of_a_panel_has_the_share_of_endless_cloth_and_more_force() -> N
 
 
 def test_fifty_nodes_a_portion_are_enough_where_the_contact_curve_is_true() -> None:
-    """Within 2 % of twice as many: errors fall with the square of the nodes, and 48 are within 1 % (docs/accuracy.md)."""
+    """Within 2 % of twice as many: errors fall with the square of the nodes, and 48 are within 1 % (docs/studies/accuracy.md)."""
     coarse, fine = nodes((50, 100))
     assert coarse.force_mean_N == pytest.approx(fine.force_mean_N, rel=0.02)
     assert coarse.active_percent == fine.active_percent

@@ -1,6 +1,6 @@
 """Long runs stay right: a mesh that is shaken keeps its energy, one that rests stays where it is, and both to the bit.
 
-tools/studies/long_run.py takes ten million steps of the same; docs/extremes.md says what becomes of them.
+tools/studies/long_run.py takes ten million steps of the same; docs/studies/extremes.md says what becomes of them.
 """
 
 from __future__ import annotations

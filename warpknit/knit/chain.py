@@ -48,6 +48,9 @@ def parse_chain(text: object, key: str = "chain") -> tuple[Link, ...]:
     Raises `KnitError` for an empty chain, a missing link, characters or numbers that are not gaps, an overlap of more
     than one needle, and laps that do not return: the underlap that closes the repeat may not be longer than the
     longest one within the chain (or one needle).
+
+    >>> [(link.needle, link.direction) for link in parse_chain("1-0/1-2/2-3/2-1")]
+    [(0, -1), (1, 1), (2, 1), (1, -1)]
     """
     if not isinstance(text, str):
         raise KnitError(key, text, "a string of links a-b joined by '/', for example '1-0/1-2'")
@@ -77,7 +80,11 @@ def parse_chain(text: object, key: str = "chain") -> tuple[Link, ...]:
 
 
 def parse_threading(text: object, key: str = "threading") -> tuple[bool, ...]:
-    """Guides of a threading such as ``|.``: True where a guide carries a wire."""
+    """Guides of a threading such as ``|.``: True where a guide carries a wire.
+
+    >>> parse_threading("|.")
+    (True, False)
+    """
     if not isinstance(text, str) or not text or set(text) - {"|", "."}:
         raise KnitError(key, text, "a string of '|' (a wire) and '.' (none), for example '|.'")
     if "|" not in text:

@@ -127,6 +127,9 @@ def named_knit(text: str) -> NamedKnit:
     """The knit of a name or title, however it is spelled: "Queen's Cord" is queens-cord.
 
     Raises `KnitError` for another name.
+
+    >>> named_knit("Queen's Cord").name
+    'queens-cord'
     """
     wanted = _plain(text)
     known = {_plain(knit.title): knit for knit in NAMED_KNITS.values()} | NAMED_KNITS

@@ -28,7 +28,13 @@ def stretch(gradient: np.ndarray) -> np.ndarray:
 
 
 def true_stress(nominal: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-    """Cauchy stress (2, 2) [N/m], force per current width, of a nominal one: P F^T / det F."""
+    """Cauchy stress (2, 2) [N/m], force per current width, of a nominal one: P F^T / det F.
+
+    At twice its width a mesh has the same tension in weft, and half of it in warp:
+
+    >>> true_stress(np.diag([1.0, 1.0]), np.diag([2.0, 1.0])).tolist()
+    [[1.0, 0.0], [0.0, 0.5]]
+    """
     return nominal @ gradient.T / np.linalg.det(gradient)
 
 

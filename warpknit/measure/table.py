@@ -2,6 +2,87 @@
 
 history.csv, summary.json, maps and trades draw on it. A new measure is one line: a function of the observables, which returns
 None where a model or a mesh has none of it; there is no column and no key then.
+
+Names and meanings; docs/reference/summary.md has them too. A unit is the end of a name. `A` stands for a class of contact.
+
+    index                   number of the record, from 0
+    stage                   name of the stage
+    load_factor             share of the load of the stage
+    strain_weft             strain of the boundary in weft
+    strain_warp             strain of the boundary in warp
+    shear                   shear of the boundary: off-diagonal entry of F; of a hook, displacement over height
+    clamp_rotation          rotation of the clamps [rad]
+    clamp_rotation_rad      rotation of the clamps
+    temperature_K           temperature of the mesh; the middle of a gradient
+    pairs                   pairs of wire and contact body; in space two for each site
+    active                  pairs closed with more than the threshold
+    active_pairs            pairs closed with more than the threshold
+    active_percent          share of the active pairs
+    active_A_percent        share of the active pairs of a class
+    force_A_N               median contact force of a class
+    bodies                  contact bodies; in space places where two wires hook
+    active_bodies           bodies both of whose pairs are active
+    active_bodies_percent   share of the bodies both of whose pairs are active
+    active_rhombus_percent  share of the active pairs at the central rhombus; 0 without one
+    at_reach_end            active pairs whose contact has slid to the end of its range along the wire: not reliable
+    force_max_N             largest force of the active pairs
+    force_mean_N            mean force of the active pairs
+    contact_force_sum_N     sum of the contact forces, in the tables of a trade
+    threshold_N             force above which a pair is active, at least 1e-4 EI/W^2
+    near_bodies             in space: sites whose wires are closer than 1.25 diameters
+    near_percent            in space: share of the sites whose wires are closer than 1.25 diameters
+    elsewhere               in space: active contacts at no site
+    elsewhere_force_max_N   in space: largest force of a contact at no site
+    central_rhombus         the counts of the bodies around the complete opening nearest to the centre
+    tension_weft_N_per_m    force per current width in weft
+    tension_warp_N_per_m    force per current width in warp
+    stress_max_Pa           largest stress, bending and tension, with the peaks under contacts
+    stress_max_part         part of the loop where the stress is largest: head, leg, foot or underlap; not of wires from a file
+    stress_max_node         node where the stress is largest, or the one before it
+    stress_max_wire         wire where the stress is largest
+    stress_max_x_m          place of the largest stress in weft, from the corner of the mesh
+    stress_max_y_m          place of the largest stress in warp, from the corner of the mesh
+    stress_p99_Pa           99th percentile of the stress of the nodes
+    shear_stress_max_Pa     in space: largest shear stress of twist, G (d/2) times the change of twist
+    yield_stress_Pa         elastic limit of the wire
+    yield_fraction          share of the nodes whose stress is above the yield stress
+    plastic_fraction        with `wire.plastic`: share of the nodes that have yielded in bending and keep a set
+    plastic_strain_max      with `wire.plastic`: largest plastic strain of a fibre
+    axial_strain_max        largest T/EA of a segment
+    slid_max_m              largest difference between the mean displacements of two wires of a periodic tile
+    contact_force_max_N     largest contact force, active or not
+    stress_interior_max_Pa  largest stress away from the edges
+    energy_stretch_J        stored in stretch
+    energy_bend_J           stored in bending, and in twist
+    energy_contact_J        stored in contact
+    energy_kinetic_J        kinetic energy, of fictitious masses in a relaxation
+    work_J                  work of the load; of a relaxation by a spline through the converged states, of a ramp step by step
+    edge_work_J             part of the work due to pulls, cords and temperature gradients
+    dissipated_J            dissipated by the damping of a ramp, by friction and yield
+    residual                rms out-of-balance force over the larger of the mean boundary force and EI/W^2
+    membrane_left_out       imbalance over many repeats over the tension; 0 if the membrane correction converged
+    penetration             largest overlap over the wire diameter
+    steps                   time steps since the start
+    steady                  True where the level has converged
+    nominal_weft_N_per_m    force per reference width, conjugate to the strain in weft
+    nominal_shear_N_per_m   force per reference width, conjugate to the shear
+    nominal_warp_N_per_m    force per reference width, conjugate to the strain in warp
+    clamp_couple_N_per_m    moment on all clamps per reference area, conjugate to their rotation
+    length_factor           1 + alpha (T - T0) of the wires
+    thermal_force_J         derivative of the energy by the length factor
+    areal_mass_kg_per_m2    mass of wire per current area
+    thickness_m             in space: from the lowest to the highest surface of the wires
+    displacement_m          of the driven end of a hook
+    drive_force_N           force on the driven end of a hook
+    force_left_N            force between the body and the left wire of a hook
+    force_right_N           force between the body and the right wire of a hook
+    arc_left_m              point nearest to the body along the undeformed left wire, from the lower clamp
+    arc_right_m             point nearest to the body along the undeformed right wire, from the lower clamp
+    slide_left_m            total sliding of the closed contact along the left wire, back and forth
+    slide_right_m           total sliding of the closed contact along the right wire, back and forth
+    ground_force_N          force of spring or plane on the body of a hook
+    body_x_m                place of the body of a hook in weft
+    body_y_m                place of the body of a hook in warp
 """
 
 from __future__ import annotations

@@ -8,6 +8,33 @@ grows with the load once it is closed. So a value x of the state at closing foll
 
 The closing is the one that lasts up to the largest tension of a stage: wires in space may graze each other, and part again, long
 before they carry load there. Values between neighbouring records are linear otherwise.
+
+Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension_warp_N_per_m` and `temperature_K`.
+
+    contacts                          classes of contact: `name`, `pairs`, `active_percent` at the end, and `closes`; null if
+                                      they stay open
+    contacts[].closes                 the state where half of the pairs carry more than the threshold, its `stage`, the records
+                                      `between`
+    contacts[].closes.resolved        false where the forces give no place between two records: the state is halfway
+    contacts[].closes.as_knitted      true where the class is closed in the first record
+    contacts[].closes.closed_percent  share of its pairs that are closed in the second record of `between`
+    contacts[].closes.first_touch     the record in which a class was closed before, and opened again; null without one
+    service                           `tension_N_per_m` with `active_percent` and the `state` where the mean of weft and warp
+                                      first reaches it
+    service[].resolved                false where a class closes at an unknown tension between the same two records
+    first_yield                       the state where the largest stress reaches the yield stress, the records `between`, the
+                                      place; null if not
+    largest_stress                    the largest stress of the run, and its place
+    largest_tension                   the state of the largest tension
+    heat                              each stage that changes the temperature: values at its begin and end
+    best                              the state in the middle of the widest range of tension with the most active contacts and
+                                      no stress above the limit
+    best.low                          the lower end of this range, in which at most one percentage point of contacts opens
+    best.high                         the upper end
+    best.open_low                     true where the stage begins there
+    best.open_high                    true where the stage ends there
+    best.grows                        true where no record but the last is known to be in the range: the state is the last one
+                                      then
 """
 
 from __future__ import annotations

@@ -1,4 +1,25 @@
-"""Results of a panel: maps as tables, and values of the summary."""
+"""Results of a panel: maps as tables, and values of the summary.
+
+Keys of the section `panel` of summary.json, of gripped meshes of a dozen repeats or more; in space of those on cords.
+
+    outline                      `panel.outline`
+    area_m2                      area as knitted
+    tension_median_weft_N_per_m  median of the repeats; the mean of `mesh` includes the short taut wires at the grips
+    tension_median_warp_N_per_m  the same in warp
+    tension_least_N_per_m        smallest tension of a repeat in weft or warp
+    tension_threshold_N_per_m    `panel.tension_threshold`
+    area_below_tension_percent   share of the area below that tension
+    active_threshold_percent     `panel.active_threshold`
+    area_below_active_percent    share of the area below that share of active contacts
+    cord_tension_max_N           largest tension of the edge cords
+    cord_tension_min_N           smallest tension of the edge cords
+    cord_displacement_max_m      largest displacement of the edge cords
+    surface.focal_length_m       `panel.focal_length`
+    surface.rms_deviation_m      root mean square deviation from the paraboloid
+    surface.rms_best_fit_m       the same after the best shift and tilt
+    surface.pillowing_m          largest deviation from the paraboloid
+    surface.slope_max            slope of the paraboloid at the edge
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,52 @@
-"""summary.json: results of a run in SI units (docs/scenes.md has the keys)."""
+"""summary.json: results of a run in SI units (docs/scenes.md has the keys).
+
+Keys beside the measures (measure/table.py), a panel (panel_report.py) and the answers (answers.py). An undefined value is null.
+
+    scene.name                               name of the scene
+    scene.hash                               hash of its values
+    version                                  version of warpknit
+    device                                   device that computed it
+    stop_reason                              `steady` (converged), `finished` (a ramp that had not converged at its end),
+                                             `diverged`, `interrupted`
+    message                                  why a run stopped early
+    warnings                                 limits to the use of this result
+    model.kind                               the model that was taken
+    model.kind_reason                        why it was taken
+    model.boundary                           `periodic`, `gripped` or that of wires from a file
+    model.precision                          `single` or `double`
+    model.wires                              wires of the mesh
+    model.nodes                              nodes of the mesh
+    model.repeats                            repeats of the knit in weft and warp
+    model.bodies                             contact bodies, or in space places where two wires hook
+    model.pairs                              two of each body
+    model.rest_curve_error                   largest error of the contact curve in the reference state, over d
+    solver.time_step_s                       step of the unloaded mesh; 1 for a relaxation, which has fictitious masses
+    solver.steps                             time steps of the run
+    solver.wall_s                            wall time without compilation
+    solver.compile_s                         time of compilation
+    solver.ranks                             processes under `mpirun`
+    solver.node_steps_per_s                  steps times nodes over the wall time
+    solver.mass_scaling                      mass of a ramp over the real mass
+    solver.axial_softening                   axial stiffness over that of the dynamics
+    solver.preset                            preset of the settings
+    solver.preset_error_percent              measured error of the preset; null if keys of the scene override its settings
+    solver.drive                             `relax` or `ramp`
+    quality.kinetic_to_internal              largest kinetic over stored energy of the states that count as results
+    quality.energy_balance                   work less stored, dissipated and kinetic energy, over the larger of stored energy
+                                             and EI/W a loop
+    quality.energy_balance_of_stored         the same over the largest stored energy so far; needs four `output.frames` or more
+    quality.penetration_max                  largest overlap of all records, over d
+    quality.estimated_error                  with `run --error`: largest of the four below as a fraction, with a margin of 30 %
+                                             and 0.2 %
+    quality.estimated_errors.active_percent  estimated error of the share of active contacts, in percentage points
+    quality.estimated_errors.tension         estimated relative error of the tension
+    quality.estimated_errors.contact_force   estimated relative error of the contact forces
+    quality.estimated_errors.stress          estimated relative error of the largest stress
+    wire.stress_max_so_far_Pa                largest stress of all records so far
+    probes                                   last values of the probes of `run`, by their names
+    answers                                  what a designer asks, see below; null for a `[hook]`
+    stages                                   the same groups at the end of each stage, with its `name`
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """`model.kind = "auto"`: the plane where it is good for the knit, else space.
 
 The plane is good where wires in space first touch after PLANE_IS_GOOD of the way to their closing in the plane, or later
-(docs/condensation.md). That is known once the knit is laid out. The choice depends on the scene and the command alone, so that
+(studies/condensation.md). That is known once the knit is laid out. The choice depends on the scene and the command alone, so that
 `--resume` makes the same one. Loops of the mean size stand for scattered ones, so that all seeds of a map have one model.
 """
 

@@ -209,8 +209,8 @@ class ModelOptions(Table):
 
     kind: Kind = key(
         "`planar`: two coordinates per node, contact bodies where wires hook. `spatial`: three coordinates, with twist and"
-        " contact of round wires ([physics.md](physics.md#the-spatial-model)); required with `[wires]`. `auto`: the plane where"
-        " it is good for the knit, else space ([below](#the-kind-of-model)). See [capabilities.md](capabilities.md) for the"
+        " contact of round wires ([theory](theory/contact.md#round-wires-in-space)); required with `[wires]`. `auto`: the plane"
+        " where it is good for the knit, else space ([below](#the-kind-of-model)). See [capabilities.md](capabilities.md) for the"
         " features of each.",
         "auto",
     )
@@ -305,7 +305,7 @@ class Contact(Table):
 
     friction: Friction = key(
         'Coulomb friction coefficient; `drive = "relax"` only. The state then depends on the load history:'
-        " [physics.md](physics.md#load-history).",
+        " [theory](theory/contact.md#friction-in-the-plane).",
         0.0,
     )
     threshold: Force = key(

@@ -53,7 +53,7 @@ class Preset:
 # `error_percent` is the largest error in active share, tension, sum of contact forces and largest stress over the 12 loads of one
 # repeat of the double atlas mesh in tools/studies/results/presets.csv (python tools/studies/accuracy.py presets): 2 to 25 %
 # strain, even and uneven, 15 and 30 um wire, lenses merged or not. `node_steps` is the median there. Other knits and grips are
-# in docs/trade.md; `run --error` measures on the scene itself. Those in space are of presets_spatial.csv (`accuracy.py space`);
+# in studies/trade.md; `run --error` measures on the scene. Those in space are of presets_spatial.csv (`accuracy.py space`);
 # the draft's is a sixth of the contacts, light ones about to close at 10 % strain: else it is 1.5.
 PRESETS = {
     "draft": Preset(

@@ -55,6 +55,13 @@ def si(value: object, dimension: str) -> float:
 
     Bare numbers are SI already. A string is a number and a unit; a string without a unit is a bare number. Raises
     QuantityError for another dimension, an unknown unit, anything that is not a number, NaN and infinity.
+
+    >>> si("400 GPa", "stress")
+    400000000000.0
+    >>> si("12 /cm", "per_length")
+    1200.0
+    >>> si(0.2, "tension")
+    0.2
     """
     wanted = DIMENSIONS[dimension]
     if isinstance(value, str):

@@ -10,7 +10,7 @@ from pathlib import Path
 from ..files import write_aside
 from .point import Errors, Outcome, Results
 
-DOUBLE_COST = 1.8  # time of a node-step in double precision over that in single: docs/performance.md
+DOUBLE_COST = 1.8  # time of a node-step in double precision over that in single: docs/studies/performance.md
 SETTINGS = (
     "kind", "boundary", "repeats", "nodes_per_loop", "merge_lenses", "drive", "precision", "axial_softening",
     "contact_stiffness_N_per_m", "residual_tolerance", "multipliers", "levels", "mass_scaling", "target_time_step_s",
