@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from warpknit.errors import Diverged, InputError
+from warpknit.errors import Diverged
 from warpknit.program import FINISHED, INTERRUPTED, Program, configure_logging
 from warpknit.ranks.ranks import Ranks
 
@@ -347,11 +347,9 @@ def export(run_dir: str, to: str) -> None:
 @click.option("--browser/--no-browser", default=True, show_default=True, help="Open the page.")
 def view(run_dir: str, host: str, port: int, browser: bool) -> None:
     """Show the records of the run in RUN_DIR in the browser, until Ctrl-C. Needs the extra `view`."""
-    try:
-        from warpknit.export.view.viewer import Viewer
-    except ImportError as error:
-        raise InputError(f'view needs viser ({error}): pip install "warpknit[view]"') from error
-    viewer = Viewer(Path(run_dir), host=host, port=port)
+    from warpknit.export.view import open_viewer
+
+    viewer = open_viewer(Path(run_dir), host=host, port=port)
     click.echo(f"{viewer.url} shows {run_dir}; Ctrl-C ends")
     if browser:
         webbrowser.open(viewer.url)

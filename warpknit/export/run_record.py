@@ -12,7 +12,7 @@ from typing import Any
 from warpknit.errors import ExportError
 from warpknit.frame import Frame, WireLayout
 
-__all__ = ["RunRecord", "item", "read_run", "state_files"]
+__all__ = ["RunRecord", "item", "read_frame", "read_run", "state_files"]
 
 
 @dataclass(frozen=True)
@@ -27,13 +27,7 @@ class RunRecord:
     def frames(self) -> Iterator[Frame]:
         """Yield the frames one by one, so that they need not fit in memory together."""
         for path in self.states:
-            try:
-                frame = Frame.load(path)
-                frame.require_layout(self.layout)
-                frame.require_finite()
-            except (OSError, ValueError) as error:
-                raise ExportError(f"{path}: {_one_line(error)}") from error
-            yield frame
+            yield read_frame(path, self.layout)
 
     def history(self) -> list[dict[str, str]]:
         path = self.directory / "history.csv"
@@ -79,6 +73,17 @@ def state_files(directory: Path) -> list[Path]:
     """The recorded states of a run in order, also of one that is not finished."""
     paths = (path for path in (directory / "states").glob("state_*.npz") if re.fullmatch(r"state_\d+", path.stem))
     return sorted(paths, key=lambda path: int(path.stem[6:]))
+
+
+def read_frame(path: Path, layout: WireLayout) -> Frame:
+    """A recorded state; raises `ExportError` where it cannot be read or does not fit the layout."""
+    try:
+        frame = Frame.load(path)
+        frame.require_layout(layout)
+        frame.require_finite()
+    except (OSError, ValueError) as error:
+        raise ExportError(f"{path}: {_one_line(error)}") from error
+    return frame
 
 
 def item(tree: Any, names: tuple[str, ...]) -> Any:
