@@ -159,7 +159,7 @@ class Model:
             rhombus_bodies=p.rhombus_bodies,
             repeats=np.array(self.scene.knit.repeats if self.cloth is not None else (0, 0)),
             curve_parts=curve_parts(p.node_count, self.scene.model.nodes_per_loop),
-            body_class=np.zeros(0) if self.cloth is None else contact_classes(self.scene)[p.body_clasp],
+            body_class=np.zeros(0, dtype=np.int64) if self.cloth is None else contact_classes(self.scene)[p.body_clasp],
         )
 
     @property

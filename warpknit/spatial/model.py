@@ -151,7 +151,7 @@ class SpatialModel:
             repeats=np.array(self.scene.knit.repeats if wires is None else wires.repeats),
             wire_closing=self.rods.wire_period[:, :2],
             curve_parts=curve_parts(rods.node_count, self.scene.model.nodes_per_loop),
-            body_class=np.zeros(0) if self.cloth is None else contact_classes(self.scene)[p.body_clasp],
+            body_class=np.zeros(0, dtype=np.int64) if self.cloth is None else contact_classes(self.scene)[p.body_clasp],
         )
 
 

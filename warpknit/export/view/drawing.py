@@ -31,6 +31,7 @@ class Drawing:
     points: Floats  # (point, 3) [mm]
     stress: Floats  # [point] [MPa]
     wire: Integers  # [point]
+    index: Integers  # [point] in the drawn curves of the run
     start: Integers  # [piece + 1] points of piece p are start[p]:start[p + 1]
     place: Floats  # (contact, 3) [mm]
     force: Floats  # [contact] [uN] between the two wires
@@ -76,7 +77,7 @@ class Drawing:
         keeps = inside % every == 0
         keeps[self.start[1:] - 1] = True
         start = np.concatenate([[0], np.cumsum(keeps)])[self.start]
-        return replace(self, points=self.points[keeps], stress=self.stress[keeps], wire=self.wire[keeps], start=start)
+        return self._points(keeps, start)
 
     def copied(self, shifts: Floats) -> Drawing:
         """Copies with these shifts (copy, 2) [mm]."""
@@ -86,8 +87,8 @@ class Drawing:
         return Drawing(
             radius=self.radius, start=start,
             points=(self.points + shift).reshape(-1, 3), place=(self.place + shift).reshape(-1, 3),
-            stress=np.tile(self.stress, many), wire=np.tile(self.wire, many), force=np.tile(self.force, many),
-            is_active=np.tile(self.is_active, many), number=np.tile(self.number, many),
+            stress=np.tile(self.stress, many), wire=np.tile(self.wire, many), index=np.tile(self.index, many),
+            force=np.tile(self.force, many), is_active=np.tile(self.is_active, many), number=np.tile(self.number, many),
         )  # fmt: skip
 
     def within(self, low: Floats, high: Floats) -> Drawing:
@@ -102,10 +103,19 @@ class Drawing:
         is_first[1:-1] |= keeps[1:] & ~keeps[:-1]
         start = np.append(np.flatnonzero(is_first[:-1][keeps]), np.count_nonzero(keeps))
         return replace(
-            self, points=self.points[keeps], stress=self.stress[keeps], wire=self.wire[keeps], start=start,
-            place=self.place[contacts], force=self.force[contacts], is_active=self.is_active[contacts],
-            number=self.number[contacts],
+            self._points(keeps, start), place=self.place[contacts], force=self.force[contacts],
+            is_active=self.is_active[contacts], number=self.number[contacts],
         )  # fmt: skip
+
+    def _points(self, keeps: np.ndarray, start: Integers) -> Drawing:
+        return replace(
+            self,
+            points=self.points[keeps],
+            stress=self.stress[keeps],
+            wire=self.wire[keeps],
+            index=self.index[keeps],
+            start=start,
+        )
 
     def pick(self, origin: Floats, direction: Floats, reach: float) -> tuple[int | None, int | None]:
         """Contact and point that a ray of sight meets first within `reach` [mm]; a contact goes before the wire under it."""
@@ -124,6 +134,7 @@ def drawing_of(layout: WireLayout, frame: Frame) -> Drawing:
         points=1e3 * np.asarray(curve_position(curves, drawn), dtype=float),
         stress=1e-6 * np.asarray(drawn.node_stress, dtype=float)[curves.curve_node],
         wire=np.repeat(np.arange(curves.wire_count), np.diff(curves.curve_start)),
+        index=np.arange(len(curves.curve_node)),
         start=curves.curve_start,
         place=1e3 * np.asarray(frame.body_position, dtype=float),
         force=1e6 * np.asarray(frame.body_force, dtype=float),

@@ -11,6 +11,7 @@ import io
 import json
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +38,7 @@ CONTACT_SIZE, CONTACT_SHARE = 2.6, 0.003  # radius over that of a wire, at least
 CONTACT_SPACE = 0.22  # radius over the mean spacing of contacts, at most
 OPEN = np.array([165, 165, 165], dtype=np.uint8)  # colour of an open contact
 WINDOW = 1.5  # repeats from the middle of the part that is drawn as tubes to its edge
-LOOK_EVERY = 2.0  # [s] for new records of a run that goes on
+UPDATE_EVERY = 2.0  # [s] for new records of a run that goes on
 VIEW = np.array([0.0, -0.45, 0.9])  # direction from which a mesh is seen at first
 FULL, NARROW = 0.58, 0.8  # half the picture's height over that of the mesh; height over width of the part beside the controls
 STRESS_SHARE = 99.5  # percent of the nodes whose stress is within the scale
@@ -62,9 +63,11 @@ class Viewer:
         tree = json.loads(summary.read_text(encoding="utf-8")) if summary.is_file() else {}
         self.yield_stress: float | None = item(tree, ("wire", "yield_stress_Pa"))
         self.highest, self.largest_force = 1e-9, 1e-9  # [MPa] stress that few nodes exceed; [uN] force of a contact
+        self.peak = 0.0  # [MPa] largest stress
         self._ranged = 0  # records of which these are
         self._widen()
         self.window: Floats | None = None  # (3,) [mm] middle of the part that is drawn as tubes; None: all is drawn
+        self._chosen: tuple[bool, int, Floats] | None = None  # is it a contact, which one or point, and where [mm]
         self._lock = threading.RLock()
         last = len(state_files(directory)) - 1
         self.drawing = self.shown = self._read(last)  # of the record, and what of it is drawn
@@ -92,17 +95,21 @@ class Viewer:
             self.server.stop()
 
     def wait(self) -> None:
-        """Until interrupted: look for new records of the run, and show them where the last one is shown."""
+        """Look for new records of the run until interrupted."""
         while True:
-            time.sleep(LOOK_EVERY)
-            last = len(state_files(self.directory)) - 1
-            if last > self.record.max:
-                was_last = self.record.value == self.record.max
-                self._widen()
-                self.bars.image = self._bars()
-                self.record.max, self.record.disabled = last, False
-                if was_last:
-                    self.record.value = last
+            time.sleep(UPDATE_EVERY)
+            self.update()
+
+    def update(self) -> None:
+        """Take new records of the run, and show the last one where the last one is shown."""
+        last = len(state_files(self.directory)) - 1
+        if last >= self._ranged:
+            was_last = self.record.value == self._ranged - 1
+            self._widen()
+            self.bars.image = self._bars()
+            self.record.max, self.record.disabled = last, False
+            if was_last:
+                self.record.value = last
 
     def show(self, record: int) -> None:
         """Draw a record."""
@@ -110,18 +117,20 @@ class Viewer:
             self.drawing, self._shown = self._read(record), record
             self._draw()
 
-    def pick(self, origin: Floats, direction: Floats) -> str:
-        """Numbers of what a ray of sight meets, as Markdown; where only lines are drawn, tubes are drawn there."""
+    def pick(self, origin: Floats, direction: Floats) -> None:
+        """Tell the numbers of what a ray of sight meets; where only lines are drawn, draw tubes about it."""
         with self._lock:
             shown, eye = self.shown, np.asarray(origin, dtype=float) + self.middle
-            contact, point = shown.pick(eye, direction, REACH * float(np.linalg.norm(eye - self._centre)))
-            if contact is None and point is None:
-                return ASK
-            place = shown.points[point] if contact is None else shown.place[contact]
-            if self.drawing.sides == 0 and self.window is None:
-                self._move_to(place)
-            text = self._wire_text(shown, point) if contact is None else self._contact_text(shown, contact)
-            return f"{text}  \n{_place_text(place - self.middle)}"
+            there = shown if self._shows_contacts else replace(shown, place=shown.place[:0])
+            contact, point = there.pick(eye, direction, REACH * float(np.linalg.norm(eye - self._centre)))
+            self._chosen = None
+            if contact is not None:
+                self._chosen = True, int(shown.number[contact]), shown.place[contact]
+            elif point is not None:
+                self._chosen = False, int(shown.index[point]), shown.points[point]
+            if self._chosen is not None and self.drawing.sides == 0 and self.window is None:
+                self._move_to(self._chosen[2])
+            self._tell()
 
     def _follow(self) -> None:
         """Draw the record of the slider, unless an earlier call has."""
@@ -133,6 +142,10 @@ class Viewer:
     def _centre(self) -> Floats:
         """(3,) [mm] middle of what is drawn."""
         return self.middle if self.window is None else self.window
+
+    @property
+    def _shows_contacts(self) -> bool:
+        return bool(self.contacts.value and 0 < len(self.shown.place) <= SPHERES)
 
     @property
     def _window_half(self) -> float:
@@ -165,7 +178,7 @@ class Viewer:
 
         @server.scene.on_click()
         def _(event: Any) -> None:
-            self.picked.content = self.pick(np.array(event.ray_origin), np.array(event.ray_direction))
+            self.pick(np.array(event.ray_origin), np.array(event.ray_direction))
 
     def _distance(self) -> float:
         """[mm] from which all that is drawn is seen."""
@@ -208,11 +221,28 @@ class Viewer:
                 else:
                     self.server.scene.remove_by_name("/tubes")
                 self._draw_contacts(shown)
+                self._tell()
+
+    def _tell(self) -> None:
+        """Numbers of the wire or contact that was clicked, in the record that is shown."""
+        name, text, shown, place = "", ASK, self.shown, np.zeros(3)
+        if self._chosen is not None:
+            is_contact, number, near = self._chosen
+            places, numbers = (shown.place, shown.number) if is_contact else (shown.points, shown.index)
+            if len(same := np.flatnonzero(numbers == number)):  # several in copies of a tile
+                here = int(same[np.argmin(np.linalg.norm(places[same] - near, axis=1))])
+                name = f"contact {number}" if is_contact else f"wire {shown.wire[here]}"
+                self._chosen, place = (is_contact, number, places[here]), places[here] - self.middle
+                numerals = self._contact_text(shown, here) if is_contact else self._wire_text(shown, here)
+                text = f"**{name}**{numerals}  \n{_place_text(place)}"
+        self.picked.content = text
+        beside = place + [self._ball, self._ball, 0.0]
+        self.server.scene.add_label("/picked", name, position=beside, anchor="bottom-left", visible=bool(name))
 
     def _draw_contacts(self, shown: Drawing) -> None:
-        visible = self.contacts.value and 0 < len(shown.place) <= SPHERES
+        visible = self._shows_contacts
         space = np.sqrt(np.prod(np.ptp(shown.points[:, :2], axis=0)) / max(len(shown.place), 1))
-        size = max(CONTACT_SIZE * shown.radius, min(CONTACT_SHARE * self._distance(), CONTACT_SPACE * float(space)))
+        self._ball = size = max(CONTACT_SIZE * shown.radius, min(CONTACT_SHARE * self._distance(), CONTACT_SPACE * float(space)))
         ball = trimesh.creation.icosphere(subdivisions=2, radius=size)
         place = shown.place - self.middle if visible else np.zeros((1, 3))
         colour = self._force_colours(shown) if visible else OPEN[None]
@@ -250,17 +280,17 @@ class Viewer:
 
     def _contact_text(self, shown: Drawing, contact: int) -> str:
         number = int(shown.number[contact])
-        wires = " and ".join(str(wire) for wire in dict.fromkeys(self.layout.body_wires[number].tolist()))
+        wires = list(dict.fromkeys(self.layout.body_wires[number].tolist()))
+        touching = f"wire {wires[0]}" if len(wires) == 1 else f"wires {wires[0]} and {wires[1]}"
         kind, force = "active" if shown.is_active[contact] else "open", engineering(1e-6 * float(shown.force[contact]), "N")
         if self.layout.body_class.size:
             kind += f", class {CLASS_NAMES[self.layout.body_class[number]]}"
-        return f"**contact {number}**, {kind}  \nforce {force}  \nwire {wires}"
+        return f", {kind}  \nforce {force}  \n{touching}"
 
-    def _wire_text(self, shown: Drawing, point: int | None) -> str:
-        assert point is not None
-        stress = float(shown.stress[point])
-        share = "" if self.yield_stress is None else f", {1e6 * stress / self.yield_stress:.0%} of the elastic limit"
-        return f"**wire {shown.wire[point]}**  \nstress {stress:.3g} MPa{share}"
+    def _wire_text(self, shown: Drawing, point: int) -> str:
+        stress = 1e6 * float(shown.stress[point])
+        share = "" if self.yield_stress is None else f", {stress / self.yield_stress:.0%} of the elastic limit"
+        return f"  \nstress {engineering(stress, 'Pa')}{share}"
 
     def _note(self) -> str:
         """What is not drawn, and why."""
@@ -269,14 +299,16 @@ class Viewer:
             return f"Tubes within {self._window_half:.3g} mm of the place that was clicked."
         if self.drawing.sides:
             return ""
-        many = f"{total:,} pieces of wire are too many for tubes"
-        return f"{many}: {drawn:,} {'' if drawn == total else 'longer '}lines. Click a place to see its tubes and contacts."
+        many = f"{total:,} pieces of wire are too many for tubes: {drawn:,} {'' if drawn == total else 'longer '}lines."
+        contacts = " Contacts are left out." if len(self.shown.place) > SPHERES else ""
+        return f"{many}{contacts} Click a place to see its tubes and contacts."
 
     def _widen(self) -> None:
         """Make the scales reach the stress and force of the records that are new."""
         for path in (paths := state_files(self.directory))[self._ranged :]:
             frame = read_frame(path, self.layout)
             self.highest = max(self.highest, 1e-6 * float(np.percentile(frame.node_stress, STRESS_SHARE)))
+            self.peak = max(self.peak, 1e-6 * float(np.max(frame.node_stress)))
             self.largest_force = max(self.largest_force, 1e6 * float(np.max(frame.body_force, initial=0.0)))
         self._ranged = len(paths)
 
@@ -285,10 +317,10 @@ class Viewer:
         figure = Figure(figsize=(3.2, 1.7), dpi=160)
         axes = figure.subplots(2, 1, gridspec_kw={"hspace": 2.6, "top": 0.95, "bottom": 0.28, "left": 0.06, "right": 0.94})
         colours, scale = stress_colours(np.array([self.highest]), self.yield_stress)
-        limit = "" if self.yield_stress is None else f", yield at {1e-6 * self.yield_stress:.4g}"
-        extend = "max" if self.yield_stress is not None and self.highest > 1e-6 * self.yield_stress else "neither"
+        most = f"largest {self.peak:.3g}" + ("" if self.yield_stress is None else f", yield at {1e-6 * self.yield_stress:.4g}")
+        extend = "max" if self.yield_stress is not None and self.peak > 1e-6 * self.yield_stress else "neither"
         stress = figure.colorbar(ScalarMappable(scale, colours), cax=axes[0], orientation="horizontal", extend=extend)
-        stress.set_label(f"wire stress [MPa]{limit}")
+        stress.set_label(f"wire stress [MPa]: {most}")
         force = ScalarMappable(Normalize(0.0, self.largest_force), FORCE_COLOURS)
         figure.colorbar(force, cax=axes[1], orientation="horizontal").set_label("force of active contacts [uN]; grey: open")
         for one in axes:
