@@ -343,7 +343,7 @@ def export(run_dir: str, to: str) -> None:
 @main.command()
 @click.argument("run_dir", metavar="RUN_DIR")
 @click.option("--host", default="localhost", show_default=True, help="Name or address that the page is served at.")
-@click.option("--port", default=8080, show_default=True, help="The first free port from this one on.")
+@click.option("--port", default=8080, type=click.IntRange(0, 65535), show_default=True, help="First port to try.")
 @click.option("--browser/--no-browser", default=True, show_default=True, help="Open the page.")
 def view(run_dir: str, host: str, port: int, browser: bool) -> None:
     """Show the records of the run in RUN_DIR in the browser, until Ctrl-C. Needs the extra `view`."""

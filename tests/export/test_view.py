@@ -118,13 +118,13 @@ def test_a_drawing_knows_where_its_points_are_in_the_run(layout: WireLayout, mak
 
 
 def write_run(directory: Path, layout: WireLayout, frames: list[Frame], **tree: object) -> Path:
-    """A run that has these records; without `tree` it is not finished."""
+    """A run that has these records; without `tree`, of its summary, it is not finished."""
     layout.save(directory / "layout.npz")
     (directory / "states").mkdir(exist_ok=True)
     for frame in frames:
         frame.save(directory / "states" / f"state_{frame.index:06d}.npz")
     if tree:
-        (directory / "summary.json").write_text(json.dumps(tree), encoding="utf-8")
+        (directory / "summary.json").write_text(json.dumps({"scene": {"name": "made-up"}, **tree}), encoding="utf-8")
     return directory
 
 
@@ -243,10 +243,26 @@ def test_without_the_extra_one_line_tells_how_to_install_it(tmp_path: Path, monk
         open_viewer(tmp_path)
 
 
-def test_a_directory_without_records_is_refused(tmp_path: Path) -> None:
+def test_what_is_no_run_is_refused(layout: WireLayout, make_frame: Callable[..., Frame], tmp_path: Path) -> None:
     pytest.importorskip("viser", reason="extra `view` is not installed")
-    with pytest.raises(ExportError, match="allowed: that of a run that has begun"):
+    for directory, said in ((tmp_path / "none", "no such directory"), (tmp_path, "not the directory of a run")):
+        with pytest.raises(ExportError, match=said):
+            open_viewer(directory)
+    write_run(tmp_path, layout, [])
+    with pytest.raises(ExportError, match="has no states"):
         open_viewer(tmp_path)
+    write_run(tmp_path, layout, [make_frame(0)])
+    for name, said in (("states/state_000000.npz", "not a saved Frame"), ("layout.npz", "not a saved WireLayout")):
+        (tmp_path / name).write_text("torn")
+        with pytest.raises(ExportError, match=said):
+            open_viewer(tmp_path)
+
+
+def test_a_host_that_is_not_this_machine_is_refused(layout: WireLayout, make_frame: Callable[..., Frame], tmp_path: Path) -> None:
+    pytest.importorskip("viser", reason="extra `view` is not installed")
+    write_run(tmp_path, layout, [make_frame(0)])
+    with pytest.raises(InputError, match=r"^--host: given '192\.0\.2\.1', allowed: a name or address of this machine$"):
+        open_viewer(tmp_path, host="192.0.2.1")
 
 
 def viewers() -> Any:

@@ -47,24 +47,27 @@ class RunRecord:
         return max((number for number in numbers if number > 0.0), default=None)
 
 
-def read_run(directory: Path) -> RunRecord:
-    """Raises `ExportError` where there is no run, or one without states."""
+def read_run(directory: Path, *, also_running: bool = False) -> RunRecord:
+    """Raises `ExportError` where there is no run, or one without states.
+
+    also_running: take a run that goes on as well; its summary is empty.
+    """
     if not directory.is_dir():
         raise ExportError(f"{directory}: no such directory, allowed: the directory of a run")
     layout_path, summary_path = directory / "layout.npz", directory / "summary.json"
     states = state_files(directory)
     if not layout_path.is_file() and not summary_path.is_file():
         raise ExportError(f"{directory}: not the directory of a run: it has no layout.npz and no summary.json")
-    if not summary_path.is_file():
+    if not also_running and not summary_path.is_file():
         raise ExportError(f"{directory}: the run is not finished (no summary.json); continue it with --resume")
     if not layout_path.is_file() or not states:
-        raise ExportError(f"{directory}: the run left no states to export")
+        raise ExportError(f"{directory}: the run has no states")
     try:
-        summary = json.loads(summary_path.read_text(encoding="utf-8"))
+        summary = json.loads(summary_path.read_text(encoding="utf-8")) if summary_path.is_file() else {}
         layout = WireLayout.load(layout_path)
     except (OSError, ValueError) as error:  # JSONDecodeError is a ValueError
         raise ExportError(f"{directory}: {_one_line(error)}") from error
-    if not isinstance(summary, dict) or not isinstance(item(summary, ("scene", "name")), str):
+    if not isinstance(summary, dict) or (summary and not isinstance(item(summary, ("scene", "name")), str)):
         raise ExportError(f"{summary_path}: not the summary of a run: it has no scene name")
     return RunRecord(directory, summary, layout, tuple(states))
 

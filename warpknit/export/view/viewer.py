@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import io
-import json
+import socket
 import threading
 import time
 from dataclasses import replace
@@ -25,13 +25,13 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.ticker import MaxNLocator
 
-from ...errors import ExportError
-from ...frame import Floats, WireLayout
+from ...errors import ExportError, InputError
+from ...frame import Floats
 from ...knit.clasp_classes import CLASS_NAMES
 from ...text import engineering
 from ..figures import tension_of
 from ..mesh_figure import state_title, stress_colours
-from ..run_record import RunRecord, item, read_frame, state_files
+from ..run_record import read_frame, read_run, state_files
 from .drawing import SPHERES, Drawing, drawing_of
 
 CONTACT_SIZE, CONTACT_SHARE = 2.6, 0.003  # radius over that of a wire, at least; over the distance from which all is seen
@@ -56,12 +56,9 @@ class Viewer:
     def __init__(self, directory: Path, *, host: str = "localhost", port: int = 8080) -> None:
         """port: the first free one from here on is taken."""
         self.directory = directory
-        if not (directory / "layout.npz").is_file() or not state_files(directory):
-            raise ExportError(f"{directory}: given a directory without records, allowed: that of a run that has begun")
-        self.layout = WireLayout.load(directory / "layout.npz")
-        summary = directory / "summary.json"
-        tree = json.loads(summary.read_text(encoding="utf-8")) if summary.is_file() else {}
-        self.yield_stress: float | None = item(tree, ("wire", "yield_stress_Pa"))
+        self.run = read_run(directory, also_running=True)
+        self.layout = self.run.layout
+        self.yield_stress = self.run.quantity("wire", "yield_stress_Pa")
         self.highest, self.largest_force = 1e-9, 1e-9  # [MPa] stress that few nodes exceed; [uN] force of a contact
         self.peak = 0.0  # [MPa] largest stress
         self._ranged = 0  # records of which these are
@@ -73,6 +70,10 @@ class Viewer:
         self.drawing = self.shown = self._read(last)  # of the record, and what of it is drawn
         low, high = self.drawing.points.min(axis=0), self.drawing.points.max(axis=0)
         self.middle, self.size = 0.5 * (low + high), high - low  # (3,) [mm] of the last record; the middle is the origin
+        try:
+            socket.create_server((host, 0)).close()  # viser would try many ports
+        except OSError as error:
+            raise InputError(f"--host: given {host!r}, allowed: a name or address of this machine") from error
         with contextlib.redirect_stdout(io.StringIO()):  # a banner
             self.server = viser.ViserServer(host=host, port=port, label=f"warpknit: {directory.name}", verbose=False)
         self._build_page(last)
@@ -273,7 +274,7 @@ class Viewer:
     def _tension(self) -> tuple[float, float] | None:
         """[N/m] of the record in weft and warp; None where the history does not have it."""
         try:
-            rows = RunRecord(self.directory, {}, self.layout, ()).history()
+            rows = self.run.history()
         except ExportError:  # a run that has just begun
             return None
         return tension_of(next((row for row in rows if row.get("index") == str(self.frame.index)), None))
