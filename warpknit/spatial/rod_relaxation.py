@@ -296,11 +296,11 @@ class RodRelaxation:
         rods = self.stepper.rods
         total = np.add.reduceat(np.where(self.has_segment, excess * rods.natural_length, 0.0), rods.wire_first)
         raised = self._taut.after(np.abs(total) / rods.wire_length)
-        factor = np.repeat(np.where(raised, TAUT_FACTOR, 1.0), rods.wire_count)
+        factor = np.where(raised, TAUT_FACTOR, 1.0)
         if self._is_too_soft:
-            factor = SOFT_FACTOR
+            factor = np.full(len(raised), SOFT_FACTOR)
             self._reset_rate()
-        return np.minimum(factor * stiffness, rods.section.axial_stiffness)
+        return np.minimum(np.repeat(factor, rods.wire_count) * stiffness, rods.section.axial_stiffness)
 
     def keep_motion(self) -> None:
         """Keep the state last evaluated for the next `renew_damping`; velocities become kinetic energy in the control array."""
