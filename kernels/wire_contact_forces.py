@@ -274,7 +274,8 @@ def find_contact_forces(
             if a < 2:
                 wp.atomic_max(max_penetration, 0, contact_distance - distance)
             touch_normal_force[k] = normal_force
-            touch_friction[k] = friction_force
+            if friction > zero:
+                touch_friction[k] = friction_force
             push = normal_force * n + friction_force
             if not pushes:
                 pushes = True

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from warpknit.errors import Diverged, InputError
+from warpknit.errors import Diverged
 from warpknit.program import FINISHED, INTERRUPTED, Program, configure_logging
 from warpknit.ranks.ranks import Ranks
 
@@ -343,15 +343,13 @@ def export(run_dir: str, to: str) -> None:
 @main.command()
 @click.argument("run_dir", metavar="RUN_DIR")
 @click.option("--host", default="localhost", show_default=True, help="Name or address that the page is served at.")
-@click.option("--port", default=8080, show_default=True, help="The first free port from this one on.")
+@click.option("--port", default=8080, type=click.IntRange(0, 65535), show_default=True, help="First port to try.")
 @click.option("--browser/--no-browser", default=True, show_default=True, help="Open the page.")
 def view(run_dir: str, host: str, port: int, browser: bool) -> None:
     """Show the records of the run in RUN_DIR in the browser, until Ctrl-C. Needs the extra `view`."""
-    try:
-        from warpknit.export.view.viewer import Viewer
-    except ImportError as error:
-        raise InputError(f'view needs viser ({error}): pip install "warpknit[view]"') from error
-    viewer = Viewer(Path(run_dir), host=host, port=port)
+    from warpknit.export.view import open_viewer
+
+    viewer = open_viewer(Path(run_dir), host=host, port=port)
     click.echo(f"{viewer.url} shows {run_dir}; Ctrl-C ends")
     if browser:
         webbrowser.open(viewer.url)

@@ -47,6 +47,7 @@ class WireLayout:
     repeats: Integers = field(default_factory=lambda: np.zeros(2, dtype=np.int64))  # [2]  of the knit; 0 where unknown
     wire_closing: Floats = field(default_factory=lambda: np.zeros((0, 2)))  # [wire, 2] [m]  left out: one period up the warp
     curve_parts: int = field(default_factory=lambda: 1)  # straight pieces of the drawn curve between two nodes
+    body_class: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # [body]  class of contact; empty: unknown
 
     def __post_init__(self) -> None:
         for name, kind, shape in (
@@ -57,6 +58,7 @@ class WireLayout:
             ("rhombus_bodies", np.int64, (-1,)),
             ("repeats", np.int64, (2,)),
             ("wire_closing", np.float64, (-1, 2)),
+            ("body_class", np.int64, (-1,)),
         ):
             object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=kind).reshape(shape))
         for name in ("diameter", "body_radius"):
@@ -70,6 +72,8 @@ class WireLayout:
             raise ValueError(f"wire_closing: {len(self.wire_closing)} values for {self.wire_count} wires")
         if self.wire_closed.size != self.wire_count:
             raise ValueError(f"wire_closed: {self.wire_closed.size} values for {self.wire_count} wires")
+        if self.body_class.size not in (0, self.body_count):
+            raise ValueError(f"body_class: {self.body_class.size} values for {self.body_count} bodies")
         for name, count in (("body_wires", self.wire_count), ("rhombus_bodies", self.body_count)):
             values = getattr(self, name)
             if np.any((values < 0) | (values >= count)):

@@ -29,6 +29,11 @@ def fetch(array: wp.array) -> np.ndarray:
     return view
 
 
+def shared(values: np.ndarray, kind: type, device: str) -> wp.array:
+    """Values of this kind on the device, on the CPU in the same memory where their type is the same: neither is written to."""
+    return wp.array(values, dtype=kind, device=device, copy=False)
+
+
 def store(array: wp.array, values: Any) -> None:
     """Set all entries of the array to values that have its shape on the host, or broadcast to it."""
     host = fetch(array)

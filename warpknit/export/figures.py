@@ -11,7 +11,7 @@ from warpknit.export.panel_figure import panel_figure
 from warpknit.export.run_record import RunRecord
 from warpknit.frame import Frame
 
-__all__ = ["export_figures"]
+__all__ = ["export_figures", "tension_of"]
 
 
 def export_figures(record: RunRecord) -> list[Path]:
@@ -41,14 +41,15 @@ def export_figures(record: RunRecord) -> list[Path]:
         paths.append(heat)
     for name, frame in wanted:
         tables = {kind: record.directory / "panel" / f"{kind}_{frame.index:06d}.csv" for kind in ("map", "edge", "surface")}
-        title = state_title(frame, _tension(rows.get(str(frame.index))), names_stage=bool(stage_ends))
+        title = state_title(frame, tension_of(rows.get(str(frame.index))), names_stage=bool(stage_ends))
         if tables["map"].is_file():
             paths.append(panel_figure(tables, folder / name.replace("mesh", "panel"), title))
         paths.append(mesh_figure(record.layout, frame, folder / name, title, yield_stress=yield_stress))
     return paths
 
 
-def _tension(row: dict[str, str] | None) -> tuple[float, float] | None:
+def tension_of(row: dict[str, str] | None) -> tuple[float, float] | None:
+    """Tension [N/m] in weft and warp in a row of the history; None where it has none."""
     try:
         tension = tuple(float((row or {})[f"tension_{name}_N_per_m"]) for name in ("weft", "warp"))
     except (KeyError, TypeError, ValueError):

@@ -12,7 +12,7 @@ from typing import Any
 from warpknit.errors import ExportError
 from warpknit.frame import Frame, WireLayout
 
-__all__ = ["RunRecord", "item", "read_run", "state_files"]
+__all__ = ["RunRecord", "item", "read_frame", "read_run", "state_files"]
 
 
 @dataclass(frozen=True)
@@ -27,13 +27,7 @@ class RunRecord:
     def frames(self) -> Iterator[Frame]:
         """Yield the frames one by one, so that they need not fit in memory together."""
         for path in self.states:
-            try:
-                frame = Frame.load(path)
-                frame.require_layout(self.layout)
-                frame.require_finite()
-            except (OSError, ValueError) as error:
-                raise ExportError(f"{path}: {_one_line(error)}") from error
-            yield frame
+            yield read_frame(path, self.layout)
 
     def history(self) -> list[dict[str, str]]:
         path = self.directory / "history.csv"
@@ -53,24 +47,27 @@ class RunRecord:
         return max((number for number in numbers if number > 0.0), default=None)
 
 
-def read_run(directory: Path) -> RunRecord:
-    """Raises `ExportError` where there is no run, or one without states."""
+def read_run(directory: Path, *, also_running: bool = False) -> RunRecord:
+    """Raises `ExportError` where there is no run, or one without states.
+
+    also_running: take a run that goes on as well; its summary is empty.
+    """
     if not directory.is_dir():
         raise ExportError(f"{directory}: no such directory, allowed: the directory of a run")
     layout_path, summary_path = directory / "layout.npz", directory / "summary.json"
     states = state_files(directory)
     if not layout_path.is_file() and not summary_path.is_file():
         raise ExportError(f"{directory}: not the directory of a run: it has no layout.npz and no summary.json")
-    if not summary_path.is_file():
+    if not also_running and not summary_path.is_file():
         raise ExportError(f"{directory}: the run is not finished (no summary.json); continue it with --resume")
     if not layout_path.is_file() or not states:
-        raise ExportError(f"{directory}: the run left no states to export")
+        raise ExportError(f"{directory}: the run has no states")
     try:
-        summary = json.loads(summary_path.read_text(encoding="utf-8"))
+        summary = json.loads(summary_path.read_text(encoding="utf-8")) if summary_path.is_file() else {}
         layout = WireLayout.load(layout_path)
     except (OSError, ValueError) as error:  # JSONDecodeError is a ValueError
         raise ExportError(f"{directory}: {_one_line(error)}") from error
-    if not isinstance(summary, dict) or not isinstance(item(summary, ("scene", "name")), str):
+    if not isinstance(summary, dict) or (summary and not isinstance(item(summary, ("scene", "name")), str)):
         raise ExportError(f"{summary_path}: not the summary of a run: it has no scene name")
     return RunRecord(directory, summary, layout, tuple(states))
 
@@ -79,6 +76,17 @@ def state_files(directory: Path) -> list[Path]:
     """The recorded states of a run in order, also of one that is not finished."""
     paths = (path for path in (directory / "states").glob("state_*.npz") if re.fullmatch(r"state_\d+", path.stem))
     return sorted(paths, key=lambda path: int(path.stem[6:]))
+
+
+def read_frame(path: Path, layout: WireLayout) -> Frame:
+    """A recorded state; raises `ExportError` where it cannot be read or does not fit the layout."""
+    try:
+        frame = Frame.load(path)
+        frame.require_layout(layout)
+        frame.require_finite()
+    except (OSError, ValueError) as error:
+        raise ExportError(f"{path}: {_one_line(error)}") from error
+    return frame
 
 
 def item(tree: Any, names: tuple[str, ...]) -> Any:

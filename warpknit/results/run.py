@@ -23,6 +23,7 @@ from .table import Table, found, html_table
 
 if TYPE_CHECKING:
     from ..export.run_record import RunRecord
+    from ..export.view.viewer import Viewer
 
 PICTURES = ("contact_map.png", "mesh.png", "hook.png", "trade.png", "curves.png")  # of figures/, the first that is there
 PICTURE_WIDTH, PICTURE_COLOURS = 480, 128  # pixels, in a notebook
@@ -112,6 +113,15 @@ class Run:
         from ..export import export_run
 
         return export_run(self.directory, to)
+
+    def view(self, *, host: str = "localhost", port: int = 8080) -> Viewer:
+        """Show the records in the browser, at `url` of what it returns and in a notebook below the cell, until its `stop()`.
+
+        port: the first free one from here on is taken. Needs the extra `view`. Raises `ExportError` for a map.
+        """
+        from ..export.view import open_viewer
+
+        return open_viewer(self.directory, host=host, port=port)
 
     def __repr__(self) -> str:
         what = f"{self.history.rows} records" if len(self.history) else f"tables {', '.join(self.tables)}"

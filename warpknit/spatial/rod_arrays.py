@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import warp as wp
 
-from ..host import fetch, store
+from ..host import fetch, shared, store
 from ..kernels import control as c
 from ..kernels.banded_mass import BORDERS, FACTORS, factor_masses
 from ..kernels.rod_blocks import ROD_BLOCK
@@ -123,24 +123,24 @@ def upload_rods(rods: Rods, device: str) -> RodArrays:
     blocks = _blocks(rods)
     stiffness = node_stiffness(rods) if rods.node_stiffness is None else rods.node_stiffness
     arrays = RodArrays(
-        wire_first=wp.array(rods.wire_first, dtype=wp.int32, device=device),
-        wire_count=wp.array(rods.wire_count, dtype=wp.int32, device=device),
-        wire_closed=wp.array(rods.wire_closed, dtype=wp.int32, device=device),
-        block_first=wp.array(blocks[0], dtype=wp.int32, device=device),
-        block_count=wp.array(blocks[1], dtype=wp.int32, device=device),
-        block_wire=wp.array(blocks[2], dtype=wp.int32, device=device),
-        node_wire=wp.array(rods.wire_of, dtype=wp.int32, device=device),
-        previous=wp.array(rods.previous, dtype=wp.int32, device=device),
-        following=wp.array(rods.following, dtype=wp.int32, device=device),
-        held=wp.array(rods.held, dtype=wp.int32, device=device),
-        rest_position=wp.array(rods.position, dtype=wp.vec3d, device=device),
-        rest_edge=wp.array(rods.rest_edge, dtype=wp.vec3d, device=device),
-        natural_length=wp.array(rods.natural_length, dtype=wp.float64, device=device),
-        node_length=wp.array(rods.node_length, dtype=wp.float64, device=device),
+        wire_first=shared(rods.wire_first, wp.int32, device),
+        wire_count=shared(rods.wire_count, wp.int32, device),
+        wire_closed=shared(rods.wire_closed, wp.int32, device),
+        block_first=shared(blocks[0], wp.int32, device),
+        block_count=shared(blocks[1], wp.int32, device),
+        block_wire=shared(blocks[2], wp.int32, device),
+        node_wire=shared(rods.wire_of, wp.int32, device),
+        previous=shared(rods.previous, wp.int32, device),
+        following=shared(rods.following, wp.int32, device),
+        held=shared(rods.held, wp.int32, device),
+        rest_position=shared(rods.position, wp.vec3d, device),
+        rest_edge=shared(rods.rest_edge, wp.vec3d, device),
+        natural_length=shared(rods.natural_length, wp.float64, device),
+        node_length=shared(rods.node_length, wp.float64, device),
         natural_curvature=wp.zeros(nodes, dtype=wp.vec2d, device=device),
         natural_twist=wp.zeros(nodes, dtype=wp.float64, device=device),
-        node_stiffness=wp.array(stiffness, dtype=wp.float64, device=device),
-        slope_length=wp.array(rods.slope_length, dtype=wp.float64, device=device),
+        node_stiffness=shared(stiffness, wp.float64, device),
+        slope_length=shared(rods.slope_length, wp.float64, device),
         moment_turn=wp.zeros(nodes, dtype=wp.vec2d, device=device),
     )
     at_rest = rest_state(rods, device)
@@ -247,7 +247,7 @@ class TouchArrays:
     # of each place of a pair, PLACES a touch
     touch_overlap: wp.array  # [m]
     touch_normal_force: wp.array  # [N]
-    touch_friction: wp.array  # vec3d [N] on the first wire
+    touch_friction: wp.array  # vec3d [N] on the first wire; not without friction
     touch_normal: wp.array  # vec3d towards the first wire
 
     @property
@@ -255,7 +255,7 @@ class TouchArrays:
         return self.touch_pair.shape[0]
 
     @staticmethod
-    def of(nodes: int, capacity: int, device: str) -> TouchArrays:
+    def of(nodes: int, capacity: int, device: str, *, with_friction: bool = False) -> TouchArrays:
         """Empty ones."""
 
         def whole(count: int) -> wp.array:
@@ -270,7 +270,8 @@ class TouchArrays:
         places = PLACES * capacity
         return TouchArrays(
             whole(capacity), whole(1), whole(nodes + 1), whole(nodes + 1), whole(capacity), whole(capacity),
-            vectors(8 * capacity), vectors(6 * capacity), reals(places), reals(places), vectors(places), vectors(places),
+            vectors(8 * capacity), vectors(6 * capacity), reals(places), reals(places),
+            vectors(places if with_friction else 1), vectors(places),
         )  # fmt: skip
 
 

@@ -35,6 +35,9 @@ MAX_RATE, MIN_RATE, RATE_TO_DAMPING = 0.5, 0.05, 0.5
 PROGRESS = 0.9  # of the least residual ratio: counts as progress
 # checks without progress before the rate is lowered, and to which share of it; factor by which it is raised with progress
 RATE_PATIENCE, LOWERED_RATE, RAISED_RATE = 12, 0.6, 1.5
+# checks without progress at the least rate after which all wires are made stiffer, by which factor, and share of the axial strain
+# in the residual ratio from which on
+SOFT_PATIENCE, SOFT_FACTOR, SOFT_SHARE = 24, 4.0, 0.99
 APPROACH = 2.4  # of two wires, over the largest displacement
 # thicknesses: largest displacement a step of wires that may touch, and the least limit; up to FASTER times the speed
 CONTACT_SPEED, LEAST_SPEED, FASTER = 0.1, 0.001, 1.5
@@ -106,6 +109,7 @@ class RodRelaxation:
         self._rate: float = MAX_RATE
         self._best_ratio: float = math.inf
         self._stalled = 0  # checks without progress
+        self._is_too_soft = False  # for the multipliers to converge
         self._taut = Stalled(len(rods.wire_first), TAUT_ERROR * AXIAL_ERROR, *TAUT_PROGRESS)  # [wire] mean excess strain
 
     def set_thermal_strain(self, thermal_strain: np.ndarray) -> None:
@@ -254,18 +258,25 @@ class RodRelaxation:
         return min(self._rate, RATE_TO_DAMPING * CHECK_STEPS * damping)
 
     def watch_progress(self, ratio: float) -> None:
-        """Lower the rate of the multipliers where the residual ratio makes no progress, raise it where it does."""
+        """Lower the rate of the multipliers where the residual ratio makes no progress, raise it where it does.
+
+        Multipliers converge where the softened stiffness exceeds the negative stiffness with which a mesh snaps (Nocedal and
+        Wright 2006, Numerical Optimization, 17.3: the penalty of an augmented Lagrangian). Where the axial strain makes no
+        progress at the least rate, all wires are made stiffer.
+        """
         if ratio < PROGRESS * self._best_ratio:
             self._best_ratio, self._stalled = ratio, 0
             self._rate = min(MAX_RATE, RAISED_RATE * self._rate)
             return
         self._stalled += 1
-        if self._stalled >= RATE_PATIENCE:
+        if self._rate > MIN_RATE and self._stalled >= RATE_PATIENCE:
             self._rate, self._stalled = max(MIN_RATE, LOWERED_RATE * self._rate), 0
+        elif self._stalled >= SOFT_PATIENCE:
+            self._is_too_soft = self.stretch_error() / AXIAL_ERROR >= SOFT_SHARE * ratio
 
     def _reset_rate(self) -> None:
         """Start with the full rate of the multipliers."""
-        self._rate, self._best_ratio, self._stalled = MAX_RATE, math.inf, 0
+        self._rate, self._best_ratio, self._stalled, self._is_too_soft = MAX_RATE, math.inf, 0, False
         self._taut.reset()
 
     def renew_multipliers(self, *, loading: bool = False) -> None:
@@ -285,8 +296,11 @@ class RodRelaxation:
         rods = self.stepper.rods
         total = np.add.reduceat(np.where(self.has_segment, excess * rods.natural_length, 0.0), rods.wire_first)
         raised = self._taut.after(np.abs(total) / rods.wire_length)
-        factor = np.repeat(np.where(raised, TAUT_FACTOR, 1.0), rods.wire_count)
-        return np.minimum(factor * stiffness, rods.section.axial_stiffness)
+        factor = np.where(raised, TAUT_FACTOR, 1.0)
+        if self._is_too_soft:
+            factor = np.full(len(raised), SOFT_FACTOR)
+            self._reset_rate()
+        return np.minimum(np.repeat(factor, rods.wire_count) * stiffness, rods.section.axial_stiffness)
 
     def keep_motion(self) -> None:
         """Keep the state last evaluated for the next `renew_damping`; velocities become kinetic energy in the control array."""

@@ -61,7 +61,7 @@ class Rods:
     @cached_property
     def following(self) -> np.ndarray:
         """[node] next node of the wire; -1 at the end of an open wire."""
-        after = np.arange(self.node_count) + 1
+        after = np.arange(1, self.node_count + 1, dtype=np.int32)
         last = self.wire_first + self.wire_count - 1
         after[last] = np.where(self.wire_closed, self.wire_first, -1)
         return after
@@ -69,14 +69,14 @@ class Rods:
     @cached_property
     def previous(self) -> np.ndarray:
         """[node] previous node of the wire; -1 at the start of an open wire."""
-        before = np.arange(self.node_count) - 1
+        before = np.arange(-1, self.node_count - 1, dtype=np.int32)
         before[self.wire_first] = np.where(self.wire_closed, self.wire_first + self.wire_count - 1, -1)
         return before
 
     @cached_property
     def wire_of(self) -> np.ndarray:
         """[node] wire of each node."""
-        return np.repeat(np.arange(len(self.wire_first)), self.wire_count)
+        return np.repeat(np.arange(len(self.wire_first), dtype=np.int32), self.wire_count)
 
     @cached_property
     def wire_radius(self) -> np.ndarray:

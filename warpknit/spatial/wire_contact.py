@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from ..errors import OutOfResources
-from ..host import fetch, store
+from ..host import fetch, shared, store
 from ..kernels import control as c
 from ..kernels.wire_closest import NOT_NEAR, ONE_PLACE, PLACES, find_closest_places, mark_near_pairs
 from ..kernels.wire_contact_forces import find_contact_forces
@@ -100,14 +100,14 @@ class _WireArrays:
 
 def _upload_wires(rods: Rods, curve: RestCurve, device: str) -> _WireArrays:
     return _WireArrays(
-        node_arc=wp.array(rods.arc, dtype=wp.float64, device=device),
-        node_radius=wp.array(rods.wire_radius[rods.wire_of], dtype=wp.float64, device=device),
-        rest_slope=wp.array(curve.slope, dtype=wp.vec2d, device=device),
-        rest_bump=wp.array(curve.bump, dtype=Bump, device=device),
-        rest_bulge=wp.array(curve.bulge, dtype=wp.float64, device=device),
-        slope_weight=wp.array(curve.slope_weight, dtype=wp.vec4d, device=device),
-        wire_length=wp.array(rods.wire_length, dtype=wp.float64, device=device),
-        wire_period=wp.array(rods.wire_period, dtype=wp.vec3d, device=device),
+        node_arc=shared(rods.arc, wp.float64, device),
+        node_radius=shared(rods.wire_radius[rods.wire_of], wp.float64, device),
+        rest_slope=shared(curve.slope, wp.vec2d, device),
+        rest_bump=shared(curve.bump, Bump, device),
+        rest_bulge=shared(curve.bulge, wp.float64, device),
+        slope_weight=shared(curve.slope_weight, wp.vec4d, device),
+        wire_length=shared(rods.wire_length, wp.float64, device),
+        wire_period=shared(rods.wire_period, wp.vec3d, device),
     )
 
 
@@ -126,7 +126,7 @@ class _PairList:
         self.arc_separation, self.wake_travel = make(wp.float64), make(wp.float64)
         self.renewal_travel, self.found, self.is_near = make(wp.float64), make(wp.int32), make(wp.int32)
         self.mark: wp.Launch | None = None  # of `mark_near_pairs`, once it is recorded
-        self.by_second = np.zeros(0, dtype=np.int64)  # the pairs in the order of their second segments
+        self.by_second = np.zeros(0, dtype=np.int32)  # the pairs in the order of their second segments
         self.second_start = np.zeros(nodes + 1, dtype=np.int64)  # where those of each segment begin
         self.place = make(wp.vec2d, PLACES * capacity)
         # elastic slip of friction: two contacts a pair, double-buffered by the parity of the step
@@ -138,7 +138,7 @@ class _PairList:
     def order(self, total: int) -> None:
         """Order the pairs by their second segments, after the list has been filled with so many."""
         second = fetch(self.second)[:total]
-        self.by_second = np.argsort(second, kind="stable")
+        self.by_second = np.argsort(second, kind="stable").astype(np.int32)
         self.second_start = np.searchsorted(second[self.by_second], np.arange(len(self.second_start)))
 
     def named(self, *names: str) -> dict[str, wp.array]:
@@ -175,7 +175,7 @@ class WireContact:
         self.max_penetration = wp.zeros(CACHE_LINE * stepper.threads, dtype=wp.float64, device=device)
         self._travel = NEXT_TRAVEL * rods.section.thickness  # [m] until the near pairs are listed again
         self._search_travel = -1.0  # [m] until the next search
-        self.touch = TouchArrays.of(rods.node_count, LEAST_CAPACITY, device)
+        self.touch = self._new_touch(LEAST_CAPACITY)
         self._list = self._new_list(LEAST_CAPACITY, 0)
         self._other = self._new_list(LEAST_CAPACITY, 1) if friction else self._list  # the list before, for its elastic slips
         stepper.state.write_control({c.CONTACT_STIFFNESS: stiffness})
@@ -217,6 +217,10 @@ class WireContact:
     def _new_list(self, capacity: int, number: int) -> _PairList:
         stepper = self.stepper
         return _PairList(capacity, stepper.rods.node_count, stepper.device, number, with_slip=self.friction > 0.0)
+
+    def _new_touch(self, capacity: int) -> TouchArrays:
+        stepper = self.stepper
+        return TouchArrays.of(stepper.rods.node_count, capacity, stepper.device, with_friction=self.friction > 0.0)
 
     def search(self) -> None:
         """Search all pairs, and start a new travel budget. Raises `OutOfResources`."""
@@ -290,10 +294,10 @@ class WireContact:
 
     def _take_near_pairs(self, is_near: np.ndarray) -> None:
         """Have the steps look at those of all pairs that are near."""
-        pairs, nodes, near = self._list, self.stepper.rods.node_count, np.flatnonzero(is_near)
+        pairs, near = self._list, np.flatnonzero(is_near)
         count = len(near)
         if count > self.touch.capacity:
-            self.touch = TouchArrays.of(nodes, self._capacity(count, TOUCH_BYTES), self.stepper.device)
+            self.touch = self._new_touch(self._capacity(count, TOUCH_BYTES))
         before = np.concatenate([[0], np.cumsum(is_near)])  # near pairs before each
         by_second = is_near[pairs.by_second]
         before_second = np.concatenate([[0], np.cumsum(by_second)])
@@ -451,5 +455,6 @@ class WireContact:
         pair = near[which // PLACES]
         first, second, shift = (fetch(x)[pair] for x in (pairs.first, pairs.second, pairs.shift))
         place = fetch(pairs.place)[PLACES * pair + which % PLACES]
-        friction, normal = (fetch(x)[which] for x in (touch.touch_friction, touch.touch_normal))
+        normal = fetch(touch.touch_normal)[which]
+        friction = fetch(touch.touch_friction)[which] if self.friction > 0.0 else np.zeros_like(normal)
         return Contacts(first, second, place, shift, force[which], friction, normal, overlap[which])

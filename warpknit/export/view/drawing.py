@@ -18,7 +18,8 @@ TUBE_VERTICES = 300_000  # beyond, wires are lines
 LINES = 100_000  # straight pieces, at most: of larger meshes points are left out
 SPHERES = 20_000  # contacts that are drawn at a time
 STEEP = 0.1  # of a tangent across the height, below which another direction begins its circle
-COPIED, COPIES = 20_000, 2  # points of a periodic tile up to which so many copies of it are drawn each way
+COPIED = 80_000  # points of the copies of a periodic tile that are drawn, at most
+COPIES, MOST_COPIES = 2, 8  # along the longer side of the tile; along the other, at most
 REACH = 3.0  # radii of a wire, or a contact, from a ray that still meets it
 
 
@@ -30,12 +31,12 @@ class Drawing:
     points: Floats  # (point, 3) [mm]
     stress: Floats  # [point] [MPa]
     wire: Integers  # [point]
+    index: Integers  # [point] in the drawn curves of the run
     start: Integers  # [piece + 1] points of piece p are start[p]:start[p + 1]
     place: Floats  # (contact, 3) [mm]
     force: Floats  # [contact] [uN] between the two wires
     is_active: np.ndarray  # [contact] bool
     number: Integers  # [contact] in the run
-    wires: Integers  # (contact, 2) that touch
 
     @cached_property
     def segment(self) -> Integers:
@@ -76,7 +77,7 @@ class Drawing:
         keeps = inside % every == 0
         keeps[self.start[1:] - 1] = True
         start = np.concatenate([[0], np.cumsum(keeps)])[self.start]
-        return replace(self, points=self.points[keeps], stress=self.stress[keeps], wire=self.wire[keeps], start=start)
+        return self._points(keeps, start)
 
     def copied(self, shifts: Floats) -> Drawing:
         """Copies with these shifts (copy, 2) [mm]."""
@@ -86,8 +87,8 @@ class Drawing:
         return Drawing(
             radius=self.radius, start=start,
             points=(self.points + shift).reshape(-1, 3), place=(self.place + shift).reshape(-1, 3),
-            stress=np.tile(self.stress, many), wire=np.tile(self.wire, many), force=np.tile(self.force, many),
-            is_active=np.tile(self.is_active, many), number=np.tile(self.number, many), wires=np.tile(self.wires, (many, 1)),
+            stress=np.tile(self.stress, many), wire=np.tile(self.wire, many), index=np.tile(self.index, many),
+            force=np.tile(self.force, many), is_active=np.tile(self.is_active, many), number=np.tile(self.number, many),
         )  # fmt: skip
 
     def within(self, low: Floats, high: Floats) -> Drawing:
@@ -102,10 +103,19 @@ class Drawing:
         is_first[1:-1] |= keeps[1:] & ~keeps[:-1]
         start = np.append(np.flatnonzero(is_first[:-1][keeps]), np.count_nonzero(keeps))
         return replace(
-            self, points=self.points[keeps], stress=self.stress[keeps], wire=self.wire[keeps], start=start,
-            place=self.place[contacts], force=self.force[contacts], is_active=self.is_active[contacts],
-            number=self.number[contacts], wires=self.wires[contacts],
+            self._points(keeps, start), place=self.place[contacts], force=self.force[contacts],
+            is_active=self.is_active[contacts], number=self.number[contacts],
         )  # fmt: skip
+
+    def _points(self, keeps: np.ndarray, start: Integers) -> Drawing:
+        return replace(
+            self,
+            points=self.points[keeps],
+            stress=self.stress[keeps],
+            wire=self.wire[keeps],
+            index=self.index[keeps],
+            start=start,
+        )
 
     def pick(self, origin: Floats, direction: Floats, reach: float) -> tuple[int | None, int | None]:
         """Contact and point that a ray of sight meets first within `reach` [mm]; a contact goes before the wire under it."""
@@ -117,26 +127,32 @@ class Drawing:
 
 
 def drawing_of(layout: WireLayout, frame: Frame) -> Drawing:
-    """The drawing of a record; a small periodic tile is drawn in copies, as in its pictures, up to the edge of a rectangle."""
+    """The drawing of a record; a small periodic tile is drawn in copies, about as wide as high, up to the edge of a rectangle."""
     curves, drawn = drawn_layout(layout), drawn_frame(layout, frame)
     drawing = Drawing(
         radius=0.5e3 * layout.diameter,
         points=1e3 * np.asarray(curve_position(curves, drawn), dtype=float),
         stress=1e-6 * np.asarray(drawn.node_stress, dtype=float)[curves.curve_node],
         wire=np.repeat(np.arange(curves.wire_count), np.diff(curves.curve_start)),
+        index=np.arange(len(curves.curve_node)),
         start=curves.curve_start,
         place=1e3 * np.asarray(frame.body_position, dtype=float),
         force=1e6 * np.asarray(frame.body_force, dtype=float),
         is_active=frame.body_active,
         number=np.arange(layout.body_count),
-        wires=layout.body_wires,
     )
     if not layout.wire_closed.any():
         return drawing
     tile = 1e3 * frame.deformation @ np.diag(layout.period)
-    corners = (COPIES if len(drawing.points) <= COPIED else 1) * np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) @ tile.T
+    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * _copies(layout.period, len(drawing.points)) @ tile.T
     low, high = corners.min(axis=0), corners.max(axis=0)
     return drawing.copied(tile_copies(drawing.points[:, :2], tile, low, high)).within(low, high)
+
+
+def _copies(period: Floats, points: int) -> Integers:
+    """(2,) copies of a tile with so many points that are drawn in weft and warp."""
+    copies = np.clip(np.round(COPIES * period.max() / period), COPIES, MOST_COPIES).astype(int)
+    return copies if points * np.prod(copies) <= COPIED else np.ones(2, dtype=int)
 
 
 def _first(places: Floats, origin: Floats, direction: Floats, reach: float) -> tuple[int | None, float]:

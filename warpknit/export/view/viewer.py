@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import contextlib
 import io
-import json
+import socket
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,24 +25,28 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.ticker import MaxNLocator
 
-from ...errors import ExportError
-from ...frame import Floats, Frame, WireLayout
+from ...errors import ExportError, InputError
+from ...frame import Floats
+from ...knit.clasp_classes import CLASS_NAMES
 from ...text import engineering
+from ..figures import tension_of
 from ..mesh_figure import state_title, stress_colours
-from ..run_record import item, state_files
+from ..run_record import read_frame, read_run, state_files
 from .drawing import SPHERES, Drawing, drawing_of
 
-CONTACT_SIZE, CONTACT_SHARE = 2.2, 0.0045  # radius over that of a wire, at least; over the distance from which all is seen
-OPEN = np.array([255, 255, 255], dtype=np.uint8)  # colour of an open contact
+CONTACT_SIZE, CONTACT_SHARE = 2.6, 0.003  # radius over that of a wire, at least; over the distance from which all is seen
+CONTACT_SPACE = 0.22  # radius over the mean spacing of contacts, at most
+OPEN = np.array([165, 165, 165], dtype=np.uint8)  # colour of an open contact
 WINDOW = 1.5  # repeats from the middle of the part that is drawn as tubes to its edge
-LOOK_EVERY = 2.0  # [s] for new records of a run that goes on
+UPDATE_EVERY = 2.0  # [s] for new records of a run that goes on
 VIEW = np.array([0.0, -0.45, 0.9])  # direction from which a mesh is seen at first
-FULL, NARROW = 0.7, 0.8  # of half the picture's height for the mesh; height over width of the part beside the controls
+FULL, NARROW = 0.58, 0.8  # half the picture's height over that of the mesh; height over width of the part beside the controls
 STRESS_SHARE = 99.5  # percent of the nodes whose stress is within the scale
-FIELD = np.radians(50.0)  # of view
-THIN_LINE = 1.5  # pixels
+FIELD = np.radians(25.0)  # of view: small, to see lengths side by side at one scale
+THIN_LINE = 1.5  # pixels of a wire, at least
 REACH = 0.01  # of the distance to the middle: how near a click has to be
 FORCE_COLOURS = "winter"
+NOTEBOOK_HEIGHT = 600  # pixels
 ASK = "Click a wire or a contact."
 
 
@@ -51,23 +56,34 @@ class Viewer:
     def __init__(self, directory: Path, *, host: str = "localhost", port: int = 8080) -> None:
         """port: the first free one from here on is taken."""
         self.directory = directory
-        if not (directory / "layout.npz").is_file() or not state_files(directory):
-            raise ExportError(f"{directory}: given a directory without records, allowed: that of a run that has begun")
-        self.layout = WireLayout.load(directory / "layout.npz")
-        summary = directory / "summary.json"
-        tree = json.loads(summary.read_text(encoding="utf-8")) if summary.is_file() else {}
-        self.yield_stress: float | None = item(tree, ("wire", "yield_stress_Pa"))
-        self.highest, self.largest_force = self._ranges()
+        self.run = read_run(directory, also_running=True)
+        self.layout = self.run.layout
+        self.yield_stress = self.run.quantity("wire", "yield_stress_Pa")
+        self.highest, self.largest_force = 1e-9, 1e-9  # [MPa] stress that few nodes exceed; [uN] force of a contact
+        self.peak = 0.0  # [MPa] largest stress
+        self._ranged = 0  # records of which these are
+        self._widen()
         self.window: Floats | None = None  # (3,) [mm] middle of the part that is drawn as tubes; None: all is drawn
+        self._chosen: tuple[bool, int, Floats] | None = None  # is it a contact, which one or point, and where [mm]
         self._lock = threading.RLock()
         last = len(state_files(directory)) - 1
         self.drawing = self.shown = self._read(last)  # of the record, and what of it is drawn
         low, high = self.drawing.points.min(axis=0), self.drawing.points.max(axis=0)
         self.middle, self.size = 0.5 * (low + high), high - low  # (3,) [mm] of the last record; the middle is the origin
+        try:
+            socket.create_server((host, 0)).close()  # viser would try many ports
+        except OSError as error:
+            raise InputError(f"--host: given {host!r}, allowed: a name or address of this machine") from error
         with contextlib.redirect_stdout(io.StringIO()):  # a banner
             self.server = viser.ViserServer(host=host, port=port, label=f"warpknit: {directory.name}", verbose=False)
         self._build_page(last)
         self.show(last)
+
+    def __repr__(self) -> str:
+        return f"<Viewer of {self.directory} at {self.url}>"
+
+    def _repr_html_(self) -> str:
+        return f'<iframe src="{self.url}" width="100%" height="{NOTEBOOK_HEIGHT}" style="border: 0"></iframe>'
 
     @property
     def url(self) -> str:
@@ -80,34 +96,48 @@ class Viewer:
             self.server.stop()
 
     def wait(self) -> None:
-        """Until interrupted: look for new records of the run, and show them where the last one is shown."""
+        """Look for new records of the run until interrupted."""
         while True:
-            time.sleep(LOOK_EVERY)
-            last = len(state_files(self.directory)) - 1
-            if last > self.record.max:
-                was_last = self.record.value == self.record.max
-                self.record.max, self.record.disabled = last, False
-                if was_last:
-                    self.record.value = last
+            time.sleep(UPDATE_EVERY)
+            self.update()
+
+    def update(self) -> None:
+        """Take new records of the run, and show the last one where the last one is shown."""
+        last = len(state_files(self.directory)) - 1
+        if last >= self._ranged:
+            was_last = self.record.value == self._ranged - 1
+            self._widen()
+            self.bars.image = self._bars()
+            self.record.max, self.record.disabled = last, False
+            if was_last:
+                self.record.value = last
 
     def show(self, record: int) -> None:
         """Draw a record."""
         with self._lock:
-            self.drawing = self._read(record)
+            self.drawing, self._shown = self._read(record), record
             self._draw()
 
-    def pick(self, origin: Floats, direction: Floats) -> str:
-        """Numbers of what a ray of sight meets, as Markdown; where only lines are drawn, tubes are drawn there."""
+    def pick(self, origin: Floats, direction: Floats) -> None:
+        """Tell the numbers of what a ray of sight meets; where only lines are drawn, draw tubes about it."""
         with self._lock:
             shown, eye = self.shown, np.asarray(origin, dtype=float) + self.middle
-            contact, point = shown.pick(eye, direction, REACH * float(np.linalg.norm(eye - self._centre)))
-            if contact is None and point is None:
-                return ASK
-            place = shown.points[point] if contact is None else shown.place[contact]
-            if self.drawing.sides == 0 and self.window is None:
-                self._move_to(place)
-            text = _wire_text(shown, point, self.yield_stress) if contact is None else _contact_text(shown, contact)
-            return f"{text}  \n{_place_text(place - self.middle)}"
+            there = shown if self._shows_contacts else replace(shown, place=shown.place[:0])
+            contact, point = there.pick(eye, direction, REACH * float(np.linalg.norm(eye - self._centre)))
+            self._chosen = None
+            if contact is not None:
+                self._chosen = True, int(shown.number[contact]), shown.place[contact]
+            elif point is not None:
+                self._chosen = False, int(shown.index[point]), shown.points[point]
+            if self._chosen is not None and self.drawing.sides == 0 and self.window is None:
+                self._move_to(self._chosen[2])
+            self._tell()
+
+    def _follow(self) -> None:
+        """Draw the record of the slider, unless an earlier call has."""
+        with self._lock:
+            if self.record.value != self._shown:
+                self.show(self.record.value)
 
     @property
     def _centre(self) -> Floats:
@@ -115,12 +145,16 @@ class Viewer:
         return self.middle if self.window is None else self.window
 
     @property
+    def _shows_contacts(self) -> bool:
+        return bool(self.contacts.value and 0 < len(self.shown.place) <= SPHERES)
+
+    @property
     def _window_half(self) -> float:
         """[mm] half the width of the part that is drawn as tubes."""
         return float(WINDOW * np.max(1e3 * self.layout.period / np.maximum(self.layout.repeats, 1)))
 
     def _read(self, record: int) -> Drawing:
-        self.frame = Frame.load(state_files(self.directory)[record])
+        self.frame = read_frame(state_files(self.directory)[record], self.layout)
         return drawing_of(self.layout, self.frame)
 
     def _build_page(self, last: int) -> None:
@@ -134,9 +168,9 @@ class Viewer:
         self.contacts = gui.add_checkbox("contacts", True)
         self.note = gui.add_markdown("")
         self.whole = gui.add_button("whole mesh", visible=False)
-        gui.add_image(self._bars(), label="colours")
+        self.bars = gui.add_image(self._bars(), label="colours")
         self.picked = gui.add_markdown(ASK)
-        self.record.on_update(lambda _: self.show(self.record.value))
+        self.record.on_update(lambda _: self._follow())
         self.contacts.on_update(lambda _: self._draw())
         self.whole.on_click(lambda _: self._move_to(None))
         camera, distance = server.initial_camera, self._distance()
@@ -145,7 +179,7 @@ class Viewer:
 
         @server.scene.on_click()
         def _(event: Any) -> None:
-            self.picked.content = self.pick(np.array(event.ray_origin), np.array(event.ray_direction))
+            self.pick(np.array(event.ray_origin), np.array(event.ray_direction))
 
     def _distance(self) -> float:
         """[mm] from which all that is drawn is seen."""
@@ -170,32 +204,52 @@ class Viewer:
                 self.shown = shown = drawing.within(window[:2] - self._window_half, window[:2] + self._window_half)
             else:
                 self.shown = shown = drawing if drawing.sides else drawing.thinned()
-            self.title.content = f"**{state_title(self.frame, None, names_stage=True)}**"
+            self.title.content = self._title()
             self.whole.visible = window is not None
             self.note.content = self._note()
             colour, points = self._stress_colours(shown), shown.points - self.middle
             with self.server.atomic():
+                # lines within the tubes: a thin wire shows from afar
+                ends = np.stack([shown.segment, shown.segment + 1], axis=1)
+                self.server.scene.add_line_segments(
+                    "/lines", points[ends].astype(np.float32), colour[ends], thickness=THIN_LINE, thickness_units="screen"
+                )
                 if sides := (0 if drawing.sides == 0 and window is None else shown.sides):
                     vertices, faces = shown.tubes(sides)
                     shade = np.repeat(_linear(colour), sides, axis=0)
                     tubes = trimesh.Trimesh(vertices - self.middle, faces, process=False, vertex_colors=shade)
-                    self.server.scene.add_mesh_trimesh("/wires", tubes)
+                    self.server.scene.add_mesh_trimesh("/tubes", tubes)
                 else:
-                    ends = np.stack([shown.segment, shown.segment + 1], axis=1)
-                    self.server.scene.add_line_segments(
-                        "/wires", points[ends].astype(np.float32), colour[ends], thickness=THIN_LINE, thickness_units="screen"
-                    )
+                    self.server.scene.remove_by_name("/tubes")
                 self._draw_contacts(shown)
+                self._tell()
+
+    def _tell(self) -> None:
+        """Numbers of the wire or contact that was clicked, in the record that is shown."""
+        name, text, shown, place = "", ASK, self.shown, np.zeros(3)
+        if self._chosen is not None:
+            is_contact, number, near = self._chosen
+            places, numbers = (shown.place, shown.number) if is_contact else (shown.points, shown.index)
+            if len(same := np.flatnonzero(numbers == number)):  # several in copies of a tile
+                here = int(same[np.argmin(np.linalg.norm(places[same] - near, axis=1))])
+                name = f"contact {number}" if is_contact else f"wire {shown.wire[here]}"
+                self._chosen, place = (is_contact, number, places[here]), places[here] - self.middle
+                numerals = self._contact_text(shown, here) if is_contact else self._wire_text(shown, here)
+                text = f"**{name}**{numerals}  \n{_place_text(place)}"
+        self.picked.content = text
+        beside = place + [self._ball, self._ball, 0.0]
+        self.server.scene.add_label("/picked", name, position=beside, anchor="bottom-left", visible=bool(name))
 
     def _draw_contacts(self, shown: Drawing) -> None:
-        visible = self.contacts.value and 0 < len(shown.place) <= SPHERES
-        size = max(CONTACT_SIZE * shown.radius, CONTACT_SHARE * self._distance())
+        visible = self._shows_contacts
+        space = np.sqrt(np.prod(np.ptp(shown.points[:, :2], axis=0)) / max(len(shown.place), 1))
+        self._ball = size = max(CONTACT_SIZE * shown.radius, min(CONTACT_SHARE * self._distance(), CONTACT_SPACE * float(space)))
         ball = trimesh.creation.icosphere(subdivisions=2, radius=size)
         place = shown.place - self.middle if visible else np.zeros((1, 3))
         colour = self._force_colours(shown) if visible else OPEN[None]
         self.server.scene.add_batched_meshes_simple(
             "/contacts", ball.vertices, ball.faces, np.tile([1.0, 0.0, 0.0, 0.0], (len(place), 1)), place,
-            batched_colors=colour, visible=visible, cast_shadow=False, receive_shadow=False,
+            batched_colors=_linear(colour), visible=visible, cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
 
     def _stress_colours(self, shown: Drawing) -> np.ndarray:
@@ -206,9 +260,38 @@ class Viewer:
         return np.asarray(255 * colours(scale(inside))[:, :3], dtype=np.uint8)
 
     def _force_colours(self, shown: Drawing) -> np.ndarray:
-        """(contact, 3) colours by force; white: open."""
+        """(contact, 3) colours by force; grey: open."""
         mapped = ScalarMappable(Normalize(0.0, self.largest_force), FORCE_COLOURS).to_rgba(shown.force, bytes=True)[:, :3]
         return np.asarray(np.where(shown.is_active[:, None], mapped, OPEN))
+
+    def _title(self) -> str:
+        """Load, tension and active contacts of the record, as Markdown."""
+        active = self.frame.body_active
+        contacts = f"{np.count_nonzero(active):,} of {len(active):,} contacts active\n" if len(active) else ""
+        state = state_title(self.frame, self._tension(), names_stage=True).replace("   ", "\n")
+        return f"**{state}**\n{contacts}".replace("\n", "  \n")
+
+    def _tension(self) -> tuple[float, float] | None:
+        """[N/m] of the record in weft and warp; None where the history does not have it."""
+        try:
+            rows = self.run.history()
+        except ExportError:  # a run that has just begun
+            return None
+        return tension_of(next((row for row in rows if row.get("index") == str(self.frame.index)), None))
+
+    def _contact_text(self, shown: Drawing, contact: int) -> str:
+        number = int(shown.number[contact])
+        wires = list(dict.fromkeys(self.layout.body_wires[number].tolist()))
+        touching = f"wire {wires[0]}" if len(wires) == 1 else f"wires {wires[0]} and {wires[1]}"
+        kind, force = "active" if shown.is_active[contact] else "open", engineering(1e-6 * float(shown.force[contact]), "N")
+        if self.layout.body_class.size:
+            kind += f", class {CLASS_NAMES[self.layout.body_class[number]]}"
+        return f", {kind}  \nforce {force}  \n{touching}"
+
+    def _wire_text(self, shown: Drawing, point: int) -> str:
+        stress = 1e6 * float(shown.stress[point])
+        share = "" if self.yield_stress is None else f", {stress / self.yield_stress:.0%} of the elastic limit"
+        return f"  \nstress {engineering(stress, 'Pa')}{share}"
 
     def _note(self) -> str:
         """What is not drawn, and why."""
@@ -217,29 +300,30 @@ class Viewer:
             return f"Tubes within {self._window_half:.3g} mm of the place that was clicked."
         if self.drawing.sides:
             return ""
-        many = f"{total:,} pieces of wire are too many for tubes"
-        return f"{many}: {drawn:,} {'' if drawn == total else 'longer '}lines. Click a place to see its tubes and contacts."
+        many = f"{total:,} pieces of wire are too many for tubes: {drawn:,} {'' if drawn == total else 'longer '}lines."
+        contacts = " Contacts are left out." if len(self.shown.place) > SPHERES else ""
+        return f"{many}{contacts} Click a place to see its tubes and contacts."
 
-    def _ranges(self) -> tuple[float, float]:
-        """[MPa] stress that few nodes exceed, and [uN] largest force of a contact, of all records."""
-        stress, force = [1e-9], [1e-9]
-        for path in state_files(self.directory):
-            frame = Frame.load(path)
-            stress.append(1e-6 * float(np.percentile(frame.node_stress, STRESS_SHARE)))
-            force.append(1e6 * float(np.max(frame.body_force, initial=0.0)))
-        return max(stress), max(force)
+    def _widen(self) -> None:
+        """Make the scales reach the stress and force of the records that are new."""
+        for path in (paths := state_files(self.directory))[self._ranged :]:
+            frame = read_frame(path, self.layout)
+            self.highest = max(self.highest, 1e-6 * float(np.percentile(frame.node_stress, STRESS_SHARE)))
+            self.peak = max(self.peak, 1e-6 * float(np.max(frame.node_stress)))
+            self.largest_force = max(self.largest_force, 1e6 * float(np.max(frame.body_force, initial=0.0)))
+        self._ranged = len(paths)
 
     def _bars(self) -> np.ndarray:
         """Picture of the colours of stress and of contact force."""
         figure = Figure(figsize=(3.2, 1.7), dpi=160)
         axes = figure.subplots(2, 1, gridspec_kw={"hspace": 2.6, "top": 0.95, "bottom": 0.28, "left": 0.06, "right": 0.94})
         colours, scale = stress_colours(np.array([self.highest]), self.yield_stress)
-        limit = "" if self.yield_stress is None else f", yield at {1e-6 * self.yield_stress:.4g}"
-        figure.colorbar(ScalarMappable(scale, colours), cax=axes[0], orientation="horizontal").set_label(
-            f"wire stress [MPa]{limit}"
-        )
+        most = f"largest {self.peak:.3g}" + ("" if self.yield_stress is None else f", yield at {1e-6 * self.yield_stress:.4g}")
+        extend = "max" if self.yield_stress is not None and self.peak > 1e-6 * self.yield_stress else "neither"
+        stress = figure.colorbar(ScalarMappable(scale, colours), cax=axes[0], orientation="horizontal", extend=extend)
+        stress.set_label(f"wire stress [MPa]: {most}")
         force = ScalarMappable(Normalize(0.0, self.largest_force), FORCE_COLOURS)
-        figure.colorbar(force, cax=axes[1], orientation="horizontal").set_label("active contacts: force [uN]; white: open")
+        figure.colorbar(force, cax=axes[1], orientation="horizontal").set_label("force of active contacts [uN]; grey: open")
         for one in axes:
             one.xaxis.set_major_locator(MaxNLocator(5))
             one.tick_params(labelsize=7)
@@ -249,19 +333,6 @@ class Viewer:
         figure.savefig(file, format="png")
         file.seek(0)
         return (255 * imread(file)[:, :, :3]).astype(np.uint8)
-
-
-def _contact_text(shown: Drawing, contact: int) -> str:
-    wires = " and ".join(str(wire) for wire in dict.fromkeys(shown.wires[contact].tolist()))
-    kind, force = "active" if shown.is_active[contact] else "open", engineering(1e-6 * float(shown.force[contact]), "N")
-    return f"**contact {shown.number[contact]}**, {kind}  \nforce {force}  \nwire {wires}"
-
-
-def _wire_text(shown: Drawing, point: int | None, yield_stress: float | None) -> str:
-    assert point is not None
-    stress = float(shown.stress[point])
-    share = "" if yield_stress is None else f", {1e6 * stress / yield_stress:.0%} of the elastic limit"
-    return f"**wire {shown.wire[point]}**  \nstress {stress:.3g} MPa{share}"
 
 
 def _place_text(place: Floats) -> str:
