@@ -11,8 +11,10 @@ import pytest
 
 from warpknit import export, measure
 from warpknit.measure import Observables, table
+from warpknit.measure.contact_classes import class_of_pair, classes_of
 from warpknit.measure.observables import MeshModel
 from warpknit.measure.table import Measure
+from warpknit.model import build_model
 from warpknit.planar.model import Model
 from warpknit.planar.observables import PlanarObservables
 from warpknit.runner.run import run_scene
@@ -78,3 +80,12 @@ def test_a_line_of_the_formats_is_an_export(tmp_path: Path, monkeypatch: pytest.
     run_scene(scene, out=tmp_path / "run", device="cpu")
     monkeypatch.setitem(export.FORMATS, "csv2", export.FORMATS["csv"])
     assert export.export_run(tmp_path / "run", "csv2") == export.export_run(tmp_path / "run", "csv") != []
+
+
+@pytest.mark.parametrize("kind", OF_KIND)
+def test_the_layout_has_the_classes_of_the_contacts(kind: str) -> None:
+    """Those of the columns of the history, a class a body; none where nothing is knitted."""
+    model = build_model(load_scene(CELL, [*QUICK, *OF_KIND[kind]]))
+    np.testing.assert_array_equal(np.repeat(model.layout().body_class, 2), class_of_pair(model))
+    assert len(np.unique(model.layout().body_class)) == len(classes_of(model)) > 1
+    assert build_model(load_scene(CELL.with_name("hook_spatial.toml"))).layout().body_class.size == 0

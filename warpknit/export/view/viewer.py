@@ -321,7 +321,7 @@ class Viewer:
         most = f"largest {self.peak:.3g}" + ("" if self.yield_stress is None else f", yield at {1e-6 * self.yield_stress:.4g}")
         extend = "max" if self.yield_stress is not None and self.peak > 1e-6 * self.yield_stress else "neither"
         stress = figure.colorbar(ScalarMappable(scale, colours), cax=axes[0], orientation="horizontal", extend=extend)
-        stress.set_label(f"wire stress [MPa]: {most}")
+        stress.set_label(f"wire stress at nodes [MPa]: {most}")
         force = ScalarMappable(Normalize(0.0, self.largest_force), FORCE_COLOURS)
         figure.colorbar(force, cax=axes[1], orientation="horizontal").set_label("force of active contacts [uN]; grey: open")
         for one in axes:
