@@ -8,6 +8,7 @@ import pytest
 from warpknit.mechanics import Check, Drift
 from warpknit.solve import equilibrium
 from warpknit.solve.equilibrium import Equilibrium
+from warpknit.solve.progress import Progress
 
 
 class OneMesh:
@@ -37,8 +38,19 @@ class OneMesh:
 @pytest.mark.parametrize(("ratio", "converges"), [(0.5, True), (2.0, False), (np.nan, False)])
 def test_only_a_number_below_one_has_converged(ratio: float, converges: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(equilibrium, "tension_scale", lambda _model: 1.0)
-    progress = SimpleNamespace(steps=0, checks=0, residual=0.0)
-    relaxation = SimpleNamespace(progress=progress, step_limit=1000, corrected=lambda ratio: ratio)
+    relaxation = SimpleNamespace(progress=Progress(), step_limit=1000, corrected=lambda ratio: ratio)
     loop = Equilibrium(OneMesh(ratio), [relaxation])  # type: ignore[arg-type,list-item]
     found = [loop.advance(np.array([0])).converged for _ in range(3)]
     assert (found[-1] == [0]) == converges
+
+
+def test_progress_counts_decades_to_convergence() -> None:
+    """Of 10,000, 100 and 10 times the tolerance: half and three quarters of the way; a larger ratio takes nothing back."""
+    progress = Progress()
+    shares = []
+    for ratio in (1e4, 1e2, 10.0, 1e3, np.inf, np.nan, 0.5):
+        progress.approach(ratio)
+        shares.append(progress.level_share)
+    assert shares == pytest.approx([0.0, 0.5, 0.75, 0.75, 0.75, 0.75, 0.75])
+    progress.begin_level()
+    assert progress.level_share == 0.0

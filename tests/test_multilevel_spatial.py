@@ -161,6 +161,30 @@ def test_no_change_moves_nothing() -> None:
     assert drive.state.director.numpy() == pytest.approx(before[1], abs=1e-14)
 
 
+def test_a_gripped_mesh_takes_the_place_of_the_smaller_one() -> None:
+    """What a large mesh has come to by itself is gone once it starts a level from a smaller gripped mesh: contacts close where
+    wires lie as on that mesh. Without that, the fields would differ by what was added to the large mesh alone."""
+    fields = []
+    for own in (0.0, 2e-6):
+        model = mesh(STRIP, "model.boundary=gripped")
+        drive = Simulation(model).drive
+        assert isinstance(drive, MultilevelRelaxation) and drive.prolongation is not None and drive.cell is not None
+        for relaxation, size in ((drive.smaller, 1e-6), (drive, own)):
+            assert relaxation is not None and isinstance(relaxation.mechanics, SpatialMechanics)
+            place = relaxation.model.rods.position[:, :2]
+            wave = np.prod(np.sin(np.pi * (place - place.min(axis=0)) / np.ptp(place, axis=0)) ** 2, axis=1)  # 0 at the clamps
+            panel = PanelNodes(relaxation.model).of_panel(wave)
+            none = dict.fromkeys(relaxation.mechanics.fields.read(), np.zeros(relaxation.model.panel.node_count))
+            relaxation.mechanics.fields.add(none | {"x": size * panel, "z": size * panel})
+        drive.prolongation.carry(zero_response(drive.cell.mechanics))
+        assert isinstance(drive.mechanics, SpatialMechanics)
+        fields.append(drive.mechanics.fields.read())
+    without, with_own = fields
+    assert np.abs(without["z"]).max() > 0.9e-6
+    for name in ("x", "y", "z"):
+        assert with_own[name] == pytest.approx(without[name], abs=5e-3 * 2e-6)  # cubics between nodes of panel and rods
+
+
 @pytest.mark.parametrize("of_segments", [False, True])
 def test_cubics_along_wires_are_resampled_exactly(of_segments: bool) -> None:
     """Nodes of a clamped wire stand at begin + step k in nodes of the panel; interpolation by cubics is exact for cubics."""

@@ -46,8 +46,8 @@ class State(Protocol):
         """The control array on the host (kernels/control.py)."""
 
     def write_control(self, values: dict[int, float]) -> None: ...
-    def arrays(self) -> dict[str, np.ndarray]:
-        """Host copies of all arrays, for a checkpoint."""
+    def arrays(self, *, copied: bool = True) -> dict[str, np.ndarray]:
+        """All arrays on the host, for a checkpoint; not `copied`: valid until the next step."""
 
     def restore(self, kept: dict[str, np.ndarray]) -> None:
         """Restore what `arrays` returned."""

@@ -89,13 +89,12 @@ class State:
         rows: dict[str, Any] = {n: [row(a) for a in v] if isinstance(v, list) else row(v) for n, v in arrays.items()}
         return State(**rows)
 
-    def arrays(self) -> dict[str, np.ndarray]:
-        """Host copies of all arrays, for a checkpoint."""
-        kept = {name: getattr(self, name).numpy().copy() for name in ARRAYS}
-        kept["node_ux"] = self.node_ux[self.parity].numpy().copy()
-        kept["node_uy"] = self.node_uy[self.parity].numpy().copy()
-        kept["control"] = self.control.numpy().copy()
-        return kept
+    def arrays(self, *, copied: bool = True) -> dict[str, np.ndarray]:
+        """All arrays on the host, by name; not `copied`: on a CPU valid until the next step."""
+        now = self.parity
+        named = {name: getattr(self, name) for name in ARRAYS}
+        named |= {"node_ux": self.node_ux[now], "node_uy": self.node_uy[now], "control": self.control}
+        return {name: fetch(array).copy() if copied else fetch(array) for name, array in named.items()}
 
     def restore(self, kept: dict[str, np.ndarray]) -> None:
         """Restore what `arrays` returned."""

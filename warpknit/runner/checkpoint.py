@@ -29,7 +29,7 @@ def write_checkpoint(directory: Path, simulation: Simulation, scene_hash: str, w
     header = {
         "scene": scene_hash, "wall_s": wall, "progress": simulation.progress.as_dict(), "ranks": ranks.count, "turn": turn
     }  # fmt: skip
-    kept = {f"state_{name}": value for name, value in simulation.state.arrays().items()}
+    kept = {f"state_{name}": value for name, value in simulation.state.arrays(copied=False).items()}
     kept |= {f"solver_{name}": value for name, value in simulation.state_dict().items()}
     (directory / FILE).parent.mkdir(parents=True, exist_ok=True)
     if not ranks.is_first:

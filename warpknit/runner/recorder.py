@@ -93,7 +93,8 @@ class Recorder:
         self.probes = probes or Probes()
         self.rows: list[Row] = []
         self.stages: list[dict[str, Any]] = []
-        self.last: Record | None = None
+        self._last: Record | None = None
+        self._stage: dict[str, Any] | None = None  # summary of the stage so far
         self._stage_shown = -1
         self.watch = Watch(
             simulation,
@@ -124,8 +125,8 @@ class Recorder:
             code, message = loop.exit_code, loop.message
             is_unconverged = loop.reason == "steady" and not self.rows[-1].steady
             estimate = None
-            if code == 0 and self.error_estimator is not None and self.last is not None:
-                estimate = self.error_estimator(self.last)
+            if code == 0 and self.error_estimator is not None and self._last is not None:
+                estimate = self.error_estimator(self._last)
             summary = self._write_summary("finished" if is_unconverged else loop.reason, message, estimate)
             self.frames.close(complete=code == 0)
         self._reserve.unlink(missing_ok=True)
@@ -151,11 +152,15 @@ class Recorder:
         add_work(self.rows, self.simulation.model)
         add_sliding(self.rows)
         write_history(self.out / "history.csv", self.rows)
-        if record.load_factor == 1.0:
-            self.stages.append(stage_summary(record, self.rows, self._write_panel(record), self.probes.names))
+        at_end = record.load_factor == 1.0
+        edge = self._write_panel(record) if at_end else cord_summary(record)
+        self._stage = stage_summary(record, self.rows, edge, self.probes.names)
+        if at_end:
+            self.stages.append(self._stage)
             with write_aside(self.out / "stages.json") as file:
                 json.dump(self.stages, file, allow_nan=False)
-        self.last = record
+        if self.error_estimator is not None:
+            self._last = record  # else its fields are not kept while the next one is solved
 
     def _write_panel(self, record: Record) -> dict[str, Any] | None:
         """Write the maps of a panel at the end of a stage; return its part of the summary."""
@@ -179,9 +184,8 @@ class Recorder:
 
     def _write_summary(self, reason: str, message: str, estimate: Estimate | None = None) -> dict[str, Any]:
         stages = self.stages
-        if reason in ("diverged", "interrupted") and self.last is not None:
-            unfinished = stage_summary(self.last, self.rows, cord_summary(self.last), self.probes.names)
-            stages = [s for s in stages if s["name"] != unfinished["name"]] + [unfinished]
+        if reason in ("diverged", "interrupted") and self._stage is not None:
+            stages = [s for s in stages if s["name"] != self._stage["name"]] + [self._stage]
         summary = run_summary(
             self.model,
             self.rows,
@@ -227,7 +231,7 @@ class Recorder:
         rate = progress.steps * self.model.node_count / elapsed if elapsed > 0 and progress.steps else None
         records = progress.level - (progress.stage_index == 0)  # the first stage begins with the unloaded state
         self.display.update(
-            done=min(1.0, max(0, records) / max(1, self.scene.output.frames)),
+            done=min(1.0, (max(0, records) + progress.level_share) / max(1, self.scene.output.frames)),
             load_factor=progress.load_factor,
             node_steps_per_s=rate,
         )

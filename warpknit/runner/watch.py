@@ -61,6 +61,7 @@ class Watch:
             try:
                 for record in self.simulation.run():
                     keep(record)
+                    del record  # its fields are as large as the state
             except Interrupted:
                 self._checkpoint()
                 return LoopResult("interrupted", 130, f"interrupted; continue with --resume --out {self.out}")

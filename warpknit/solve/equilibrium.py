@@ -65,7 +65,7 @@ class Equilibrium:
 
     def begin(self, row: int) -> None:
         """Start a level: reset its checks."""
-        self.relaxations[row].progress.checks = 0
+        self.relaxations[row].progress.begin_level()
         self.convergence.begin(row)
 
     def advance(self, rows: np.ndarray) -> CheckOutcome:
@@ -97,6 +97,8 @@ class Equilibrium:
         stalled = self.convergence.is_stalled(rows[checked], ratio[checked])
         for row in rows[checked][stalled].tolist():
             failed[row] = self.relaxations[row].stalled()
+        for row, unmet in zip(rows[checked].tolist(), ratio[checked].tolist(), strict=True):
+            self.relaxations[row].progress.approach(unmet)
         for row, count in zip(rows[unconverged].tolist(), checks[unconverged].tolist(), strict=True):
             if count * self._check_steps > self.relaxations[row].step_limit:
                 failed[row] = self.relaxations[row].exceeded_steps()

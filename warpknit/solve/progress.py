@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -62,6 +63,8 @@ class Progress:
     load_factor: float = 0.0
     residual: float = 0.0
     checks: int = 0  # convergence checks of the level
+    largest_ratio: float = 0.0  # of the level: the unmet criteria of convergence, over their tolerances
+    level_share: float = 0.0  # of the way to convergence, in decades of that ratio; 0 while smaller meshes are solved
     start: LoadStart = field(default_factory=LoadStart)  # of the stage
     search: TensionSearch = field(default_factory=TensionSearch)
     # large meshes
@@ -78,6 +81,17 @@ class Progress:
     strain_move: list[float] = field(default_factory=list)  # strain increments at the last check
     followed: list[float] = field(default_factory=list)  # strains and tensions [N/m] at the last check
     stress: list[float] = field(default_factory=list)  # [N/m] nominal stress at the last check
+
+    def begin_level(self) -> None:
+        """A level begins: it has no check yet."""
+        self.checks, self.largest_ratio, self.level_share = 0, 0.0, 0.0
+
+    def approach(self, ratio: float) -> None:
+        """Note, at a check, the unmet criteria of convergence over their tolerances."""
+        if not 1.0 < ratio < math.inf:
+            return
+        self.largest_ratio = max(self.largest_ratio, ratio)
+        self.level_share = max(self.level_share, 1.0 - math.log(ratio) / math.log(self.largest_ratio))
 
     def as_dict(self) -> dict[str, Any]:
         return asdict(self)

@@ -140,7 +140,7 @@ class Relaxation(Drive):
         if wanted is not None:
             yield from self._find_tension(wanted, load)
         self.mechanics.may_overlap = False
-        progress.solving = False
+        progress.solving, progress.level_share = False, 0.0
 
     def solve(self, load: LoadPoint, wanted: WantedTension | None = None) -> None:
         """Find the equilibrium under a load. Raises `Diverged`."""

@@ -90,9 +90,10 @@ class RodState:
     partial: wp.array  # [wire, PARTIAL_COUNT]
     no_bodies: wp.array  # [1, PARTIAL_COUNT] zeros: the body rows of a planar model
 
-    def arrays(self) -> dict[str, np.ndarray]:
-        """Copies of all arrays on the host, by name."""
-        return {field.name: getattr(self, field.name).numpy().copy() for field in fields(self)}
+    def arrays(self, *, copied: bool = True) -> dict[str, np.ndarray]:
+        """All arrays on the host, by name; not `copied`: on a CPU valid until the next step."""
+        views = {field.name: fetch(getattr(self, field.name)) for field in fields(self)}
+        return {name: view.copy() for name, view in views.items()} if copied else views
 
     def restore(self, arrays: dict[str, np.ndarray]) -> None:
         """Restore what `arrays` returned."""

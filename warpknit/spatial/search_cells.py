@@ -9,7 +9,7 @@ import numpy as np
 from .rest_curve import RestCurve
 from .rods import Rods
 
-APPROACH = 0.5  # of a segment: approach allowed before the next search
+APPROACH = 0.12  # of a segment: approach allowed before the next search
 MAX_OFFSET = 0.25  # thicknesses: most that the multiplier of either wire adds to its radius (contact_multipliers.py)
 MAX_SAG = 0.4  # of a segment: bound on the sag of its curve without bumps, 4/27 (1 + MAX_RATIO/3) from either end
 FREE_CELLS = np.array([64, 64, 8])  # fewest along x, y and z in directions without tiles
