@@ -19,10 +19,10 @@ from warpknit.planar.state import State, initial_state
 from warpknit.planar.state_variables import state_variables
 from warpknit.scene import load_scene
 from warpknit.solve.membrane import Correction
-from warpknit.solve.multilevel import MEMBRANE_TOLERANCE
+from warpknit.solve.multilevel import MEMBRANE_TOLERANCE, MultilevelRelaxation
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Progress, Simulation
-from warpknit.transfer.response import STRAIN
+from warpknit.transfer.response import STRAIN, zero_response
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"
 TOLERANCE = 3e-3  # of LOADED: what a tension may still drift
@@ -83,6 +83,26 @@ def test_start_from_smaller_meshes_gives_the_same_answer_in_fewer_steps() -> Non
     force, expected = state.pair_force.numpy(), alone.pair_force.numpy()
     assert np.sqrt(np.mean((force - expected) ** 2)) < 3 * MEMBRANE_TOLERANCE * np.sqrt(np.mean(expected**2))
     assert steps < 0.5 * many
+
+
+def test_a_gripped_mesh_takes_the_place_of_the_smaller_one() -> None:
+    """What a large mesh came to by itself is gone once it starts a level from a smaller gripped mesh: to the bit, all that is
+    transferred is as on a mesh that did not move before."""
+    found = []
+    for own in (0, 100):
+        model = panel([12, 12])
+        state = initial_state(model)
+        drive = Simulation(model, state).drive
+        assert isinstance(drive, MultilevelRelaxation) and drive.smaller is not None and drive.prolongation is not None
+        for moved, counts in ((drive.smaller.state, 50), (state, own)):
+            for array in (moved.node_ux[moved.parity], moved.body_uy):
+                array.assign(array.numpy() + np.arange(array.shape[0], dtype=np.int64) % 7 * counts)
+        assert drive.cell is not None
+        drive.prolongation.carry(zero_response(drive.cell.mechanics))
+        names = ("node_ux", "node_uy", "body_ux", "body_uy", "tension_offset", "pair_offset")
+        found.append([state.arrays()[name] for name in names])
+    assert all(np.array_equal(one, other) for one, other in zip(*found, strict=True))
+    assert np.any(found[0][0])
 
 
 def test_membrane_moves_and_forces_are_adjoint() -> None:

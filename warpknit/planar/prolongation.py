@@ -15,7 +15,7 @@ from .state_variables import state_variables
 
 
 class Prolongation:
-    """Adds the change of the small mesh since the last call to the large one."""
+    """Brings a large mesh to the state of a small one."""
 
     def __init__(self, large: Model, large_state: State, small: Model, small_state: State) -> None:
         self.large, self.large_state = large, large_state
@@ -32,18 +32,24 @@ class Prolongation:
         self._last = {name: kept[f"prolonged_{name}"] for name in self._last}
 
     def carry(self, response: Response) -> None:
-        """Add the change of the small mesh to the large one; update its stiffnesses and masses.
+        """Bring the large mesh to the state of the small one; update its stiffnesses and masses.
 
         `response`: of the cloth at the load.
         """
         large, state, repeats = self.large, self.large_state, self._repeats
         self._follow_stiffness()
-        values = state_variables(self.small, self.small_state)
-        change: dict[str, wp.array] = {
-            name: wp.array(values[name] - self._last[name], dtype=large.precision.real, device=large.device) for name in values
-        }
-        self._last = values
+        last, self._last = self._last, state_variables(self.small, self.small_state)
         now, counts = state.parity, 1.0 / large.precision.unit
+        taken = repeats.taken(self._last, last)
+        if taken is None:
+            return
+        if repeats.replaces:
+            own = (state.node_ux[now], state.node_uy[now], state.tension_offset, state.body_ux, state.body_uy, state.pair_offset)
+            for array in own:
+                array.zero_()
+        change: dict[str, wp.array] = {
+            name: wp.array(value, dtype=large.precision.real, device=large.device) for name, value in taken.items()
+        }
         repeats.add_to_nodes(state.node_ux[now], "x", change, response, self._one, counts)
         repeats.add_to_nodes(state.node_uy[now], "y", change, response, self._one, counts)
         repeats.add_to_nodes(state.tension_offset, "tension", change, response, self._one)

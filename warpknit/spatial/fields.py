@@ -75,10 +75,6 @@ class Fields:
         store(state.stretch_stiffness, np.maximum(fetch(state.stretch_stiffness), raised["stretch"]))
         self.multipliers.raise_to(raised["penalty"], raised["raised"], mean_force)
 
-    def replace(self, values: dict[str, np.ndarray], where: np.ndarray) -> None:
-        """Set the fields to values [panel node] at nodes of the panel; held nodes and sections stay."""
-        self.add({name: np.where(where, values[name] - own, 0.0) for name, own in self.read().items()})
-
     def add(self, changes: dict[str, np.ndarray]) -> None:
         """Change the fields by values [panel node]; held nodes and sections stay. Without any change nothing moves."""
         if not any(np.any(change) for change in changes.values()):

@@ -1,9 +1,4 @@
-"""Prolongation of a spatial mesh from a smaller one (warpknit/transfer/prolongation.py).
-
-A gripped mesh takes the fields of a smaller gripped one, edges and corners included, in place of its own: contacts close together
-only where wires lie as they do on the smaller mesh, and at small strain either mesh may have settled in another of many nearly
-equal states. A periodic smaller mesh does not know the edges: its change is added.
-"""
+"""Prolongation of a spatial mesh from a smaller one (warpknit/transfer/prolongation.py)."""
 
 from __future__ import annotations
 
@@ -23,7 +18,6 @@ class Prolongation:
         """arrays: of the large mesh."""
         self.large, self.small = large, small
         self._repeats = RepeatProlongation(large.model, small.model, arrays)
-        self._adds = self._repeats.is_periodic
         self._last = small.read()
         self._nodes = large.model.panel.node_count
         self._one = wp.full(len(large.model.panel.wire_first), 1.0, dtype=wp.float64, device=large.model.device)
@@ -40,25 +34,17 @@ class Prolongation:
 
         `response`: of the cloth at the load.
         """
-        values, stiffness, device = self.small.read(), self.small.read_stiffness(), self.large.model.device
-        last, self._last = self._last, values
-        moved = any(np.any(values[name] != last[name]) for name in values)
-        taken = {name: value - last[name] for name, value in values.items()} if self._adds else values
+        last, self._last = self._last, self.small.read()
+        taken, stiffness = self._repeats.taken(self._last, last), self.small.read_stiffness()
         change: dict[str, wp.array] = {
-            name: wp.array(value, dtype=wp.float64, device=device) for name, value in (stiffness | taken).items()
+            name: wp.array(value, dtype=wp.float64, device=self.large.model.device)
+            for name, value in (stiffness | (self._last if taken is None else taken)).items()
         }
-        stiffness = {name: self._prolonged(name, change, response) for name in stiffness}
-        self.large.stiffen(stiffness, self.small.multipliers.mean_force)
-        if self._adds:
-            self.large.add({name: self._prolonged(name, change, response) for name in values})
-        elif moved:
-            self.large.replace({name: self._prolonged(name, change, response) for name in values}, self._has_source(response))
-
-    def _has_source(self, response: Response) -> np.ndarray:
-        """[panel node] of the large mesh: whether it has a source on the small one."""
-        device, nodes = self.large.model.device, self.small.model.panel.node_count
-        none, one = (wp.full(nodes, value, dtype=wp.float64, device=device) for value in (0.0, 1.0))
-        return self._prolonged("push", {"x": none, "y": none, "push": one}, response) > 0.0
+        raised = {name: self._prolonged(name, change, response) for name in stiffness}
+        self.large.stiffen(raised, self.small.multipliers.mean_force)
+        if taken is not None:
+            own = self.large.read() if self._repeats.replaces else dict.fromkeys(taken, 0.0)
+            self.large.add({name: self._prolonged(name, change, response) - own[name] for name in taken})
 
     def _prolonged(self, name: str, change: dict[str, wp.array], response: Response) -> np.ndarray:
         """[panel node] of the large mesh, from values of the small one."""

@@ -1,9 +1,11 @@
 """Prolongation: a large mesh starts a load level from the equilibrium of a smaller mesh of the same knit.
 
 Edges and corners need many steps, independent of the size of the mesh. A large mesh therefore has a hierarchy of smaller ones,
-solved first; the changes of their fields are added to those of the large one (kernels/prolong.py). On a rectangle the repeats
-within RIM of an edge are copied one to one, the interior is stretched. The smallest mesh of a periodic tile is one repeat. So is
-that of a mesh with another outline, where the change is tapered towards the edge.
+solved first, whose fields are transferred to the large one (kernels/prolong.py). On a rectangle the repeats within RIM of an edge
+are copied one to one, the interior is stretched; the fields replace those of the large mesh, since contacts close together only
+where wires lie as on the smaller mesh, and either may have settled at an earlier load in another of many nearly equal states. The
+smallest mesh of a periodic tile is one repeat. So is that of a mesh with another outline, where the change is tapered towards the
+edge. One repeat does not know of edges: its change is added.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ FADED = 1.5  # loops of wire from a clamp over which the change is tapered
 
 
 class RepeatProlongation:
-    """Adds changes of the fields of a small mesh to those of a large one."""
+    """Adds fields of a small mesh, or their changes, to those of a large one."""
 
     def __init__(self, large: RepeatModel, small: RepeatModel, *sources: object) -> None:
         """sources: of the arrays of the large mesh by name, those of `RepeatArrays` at least."""
@@ -33,6 +35,7 @@ class RepeatProlongation:
         assert large.cloth is not None
         repeat = self._repeat = np.array(large.cloth.size)
         self.is_periodic = self.small.panel.boundary == "periodic"
+        self.replaces = not self.is_periodic  # the fields of the large mesh, in place of adding to them
         self._build_tables()
         large_repeats, small_repeats = np.array(large.scene.knit.repeats), np.array(small.scene.knit.repeats)
         m = Meshes()
@@ -90,6 +93,12 @@ class RepeatProlongation:
             "body_from_end": self._index(from_end.reshape(-1, 2).min(axis=1)[self.large.bodies]),
             "small_body": self._index(self._body_table),
         }
+
+    def taken(self, now: dict[str, np.ndarray], last: dict[str, np.ndarray]) -> dict[str, np.ndarray] | None:
+        """What the large mesh takes of fields of the small one: all, or their change; None where nothing has changed."""
+        if not any(np.any(now[name] != last[name]) for name in now):
+            return None
+        return now if self.replaces else {name: now[name] - last[name] for name in now}
 
     def add_to_nodes(
         self,
