@@ -324,6 +324,15 @@ _FORCES = (
         acting[3 * k + 1] = acting_y[k];
         acting[3 * k + 2] = acting_m[k];
         twist.data[first - HALO + k] = turned[k];
+        // energies of the elastic turn and the twist, of the slope along the segment behind, and q . S q/2
+        const double trial_x = turn_x[k] - own_x[k] - flow_x[k], trial_y = turn_y[k] - own_y[k] - flow_y[k];
+        const double change_x = trial_x - softer[k] * (trial_x - back * flow_x[k]);
+        const double change_y = trial_y - softer[k] * (trial_y - back * flow_y[k]), change = turned[k] - own_m[k];
+        SLOPES_OF_M
+        const double at_node = change_x * mx[k] + change_y * my[k] + change * twist_moment[k];
+        const double along = sixth[k] * softness * (to_x * to_x + to_y * to_y);
+        const double again = s11[k] * by_x * by_x + 2 * s12[k] * by_x * by_y + s22[k] * by_y * by_y;
+        bend_energy.data[first - HALO + k] = 0.5 * (at_node + along + again);
     }
 """
     )
@@ -374,11 +383,12 @@ def forces_of_block(
     tangent: wp.array(dtype=wp.vec3d),
     director: wp.array(dtype=wp.vec3d),
     plastic_turn: wp.array(dtype=wp.vec2d),
-    # out: turning vector [rad], moments of turn and twist [N m], twist [rad], force of a segment on its first node, in an
-    # evaluation without a step; the sums
+    # out: turning vector [rad], moments of turn and twist [N m], twist [rad], energy of both [J], force of a segment on its
+    # first node, in an evaluation without a step; the sums
     curvature: wp.array(dtype=wp.vec2d),
     moment: wp.array(dtype=wp.vec3d),
     twist: wp.array(dtype=wp.float64),
+    bend_energy: wp.array(dtype=wp.float64),
     edge_force: wp.array(dtype=wp.vec3d),
     force: wp.array(dtype=wp.vec3d),
     torque: wp.array(dtype=wp.float64),
@@ -425,11 +435,12 @@ def find_rod_forces(
     tangent: wp.array(dtype=wp.vec3d),
     director: wp.array(dtype=wp.vec3d),
     plastic_turn: wp.array(dtype=wp.vec2d),
-    # out: turning vector [rad], moments of turn and twist [N m], twist [rad], force of a segment on its first node, in an
-    # evaluation without a step; the sums
+    # out: turning vector [rad], moments of turn and twist [N m], twist [rad], energy of both [J], force of a segment on its
+    # first node, in an evaluation without a step; the sums
     curvature: wp.array(dtype=wp.vec2d),
     moment: wp.array(dtype=wp.vec3d),
     twist: wp.array(dtype=wp.float64),
+    bend_energy: wp.array(dtype=wp.float64),
     edge_force: wp.array(dtype=wp.vec3d),
     force: wp.array(dtype=wp.vec3d),
     torque: wp.array(dtype=wp.float64),
@@ -477,6 +488,7 @@ def find_rod_forces(
             curvature,
             moment,
             twist,
+            bend_energy,
             edge_force,
             force,
             torque,

@@ -61,7 +61,7 @@ def test_accelerations_are_those_of_the_dense_matrices() -> None:
         assert found[:, k] == pytest.approx(np.linalg.solve(mass[k], force[:, k]), rel=0, abs=1e-13)
     assert stepper.state.spin.numpy() == pytest.approx(np.linalg.solve(spin, torque), rel=0, abs=1e-13)
     twice = sum(float(force[:, k] @ mass[k] @ force[:, k]) for k in range(3)) + float(torque @ spin @ torque)
-    assert MassProduct(rods).twice_energy(masses, force, torque) == pytest.approx(twice, rel=1e-13, abs=0)
+    assert MassProduct(stepper.arrays, stepper.state).twice_energy(force, torque) == pytest.approx(twice, rel=1e-13, abs=0)
 
 
 @pytest.mark.parametrize("turn", [0.05, 0.4, 1.2])

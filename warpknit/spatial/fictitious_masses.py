@@ -28,10 +28,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import warp as wp
 
+from ..host import fetch, shared
 from ..kernels.banded_mass import HELD_NODE, HELD_TURN
 from ..kernels.bend import BOW
+from ..kernels.rod_sums import sum_mass_products
+from ..launch import bind
 from ..numerics import MASS_MARGIN
+from .rod_arrays import RodArrays, RodState
 from .rods import Rods
 from .step_bound import SLOPE_FACTOR
 
@@ -143,16 +148,14 @@ class BandedMasses:
 
 
 class MassProduct:
-    """Products of masses with motions."""
+    """Products of the masses of the dynamics with motions."""
 
-    def __init__(self, rods: Rods) -> None:
-        after = rods.following
-        self._next = np.where(after >= 0, after, 0)
-        self._second = self._next[self._next]
+    def __init__(self, arrays: RodArrays, state: RodState) -> None:
+        self._sources, self._device = (arrays, state), str(state.control.device)
+        self._partial = wp.zeros(len(arrays.block_first), dtype=wp.float64, device=self._device)
 
-    def twice_energy(self, masses: Masses, move: np.ndarray, turn: np.ndarray) -> float:
+    def twice_energy(self, move: np.ndarray, turn: np.ndarray) -> float:
         """v . M v + w . I w of motions (node, 3) and [node], zero where held."""
-        coupled = masses.node * move
-        coupled = coupled + 2.0 * (masses.next[:, None] * move[self._next] + masses.second[:, None] * move[self._second])
-        spun = masses.spin * turn + 2.0 * masses.next_spin * turn[self._next]
-        return float(np.sum(move * coupled) + np.sum(turn * spun))
+        motion = {"move": shared(move, wp.vec3d, self._device), "turn": shared(turn, wp.float64, self._device)}
+        bind(sum_mass_products, len(self._partial), *self._sources, partial=self._partial, **motion).run(self._device)
+        return float(fetch(self._partial).sum())

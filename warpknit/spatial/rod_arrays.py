@@ -78,6 +78,7 @@ class RodState:
     curvature: wp.array  # vec2d [rad] turning vector at a node, along the section directors
     moment: wp.array  # vec3d [N m] at a node, against turns along the section directors and twist
     twist: wp.array  # [rad]
+    bend_energy: wp.array  # [J] of bending and twist at a node, and of the slope of the moment along its segment
     plastic_turn: wp.array  # vec2d [rad] plastic part of the turning vector at the last equilibrium
     edge_force: wp.array  # vec3d [N] of a segment on its first node
     contact_penalty: wp.array  # [N/m] of the contacts at a node
@@ -203,6 +204,7 @@ def rest_state(rods: Rods, device: str) -> RodState:
         curvature=wp.zeros(nodes, dtype=wp.vec2d, device=device),
         moment=vectors(),
         twist=reals(),
+        bend_energy=reals(),
         plastic_turn=wp.zeros(nodes, dtype=wp.vec2d, device=device),
         edge_force=vectors(),
         contact_penalty=reals(),

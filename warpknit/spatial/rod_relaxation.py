@@ -103,7 +103,7 @@ class RodRelaxation:
         sliding = np.zeros((0, 2), dtype=np.int64) if clamps is None else clamps.sliding_node
         longest = float(rods.wire_length.max())
         self._banded = BandedMasses(rods, longest if wave_length is None else wave_length, sliding)
-        self._product = MassProduct(rods)
+        self._product = MassProduct(stepper.arrays, state)
         self.renew_masses()
         self._last_check: _Motion | None = None
         self._rate: float = MAX_RATE
@@ -148,8 +148,9 @@ class RodRelaxation:
             contact_turn=contact_turn,
             keeps_arc_length=self.keeps_arc_length,
         )
-        before, now = (self._product.twice_energy(m, *self._velocities()) for m in (stepper.masses(), masses))
+        before = self._product.twice_energy(*self._velocities())
         stepper.set_masses(masses)
+        now = self._product.twice_energy(*self._velocities())
         if now > before:
             slower = math.sqrt(before / now)
             for velocity in (state.velocity, state.spin, *([] if self.clamps is None else [self.clamps.velocity])):
@@ -241,7 +242,7 @@ class RodRelaxation:
             before = self._last_check
             force = -float(np.sum((now.place - before.place) * (now.force - before.force)))
             force -= float(np.sum((now.angle - before.angle) * (now.torque - before.torque)))
-            moved = self._product.twice_energy(self.stepper.masses(), now.place - before.place, now.angle - before.angle)
+            moved = self._product.twice_energy(now.place - before.place, now.angle - before.angle)
             stiffness, inertia = np.float64(force), np.float64(moved)
             damping = renewed_damping(state.read_control()[int(c.DAMPING)], stiffness, inertia, LEAST_DAMPING)
             state.write_control({c.DAMPING: float(damping)})
@@ -306,7 +307,7 @@ class RodRelaxation:
         """Keep the state last evaluated for the next `renew_damping`; velocities become kinetic energy in the control array."""
         self._last_check = self._motion()
         store(self.stepper.state.force_sum, 0)
-        energy = self._product.twice_energy(self.stepper.masses(), *self._velocities())
+        energy = self._product.twice_energy(*self._velocities())
         self.stepper.state.write_control({c.KINETIC_TWICE: energy})
 
     def _motion(self) -> _Motion:

@@ -201,14 +201,6 @@ class RodStepper:
         store(state.next_inertia, masses.next_spin)
         self._factor.launch()
 
-    def masses(self) -> Masses:
-        """The masses of the dynamics, on the host."""
-        state = self.state
-        return Masses(
-            fetch(state.node_mass), fetch(state.next_mass), fetch(state.second_mass),
-            fetch(state.spin_inertia), fetch(state.next_inertia),
-        )  # fmt: skip
-
     def place(self, position: np.ndarray, turn: np.ndarray | None = None) -> None:
         """Move nodes to positions (node, 3) [m] and rotate sections by angles [node] [rad]; frames follow."""
         affine = self.rods.position.copy()

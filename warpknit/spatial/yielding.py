@@ -9,7 +9,6 @@ import numpy as np
 
 from ..host import fetch, store
 from ..kernels import control as c
-from .node_stiffness import ENTRIES
 from .rod_arrays import RodArrays, RodState
 from .rods import Rods
 
@@ -78,23 +77,7 @@ class Yielding:
     @property
     def elastic_energy(self) -> float:
         """[J] of elastic turns and twists and of the slopes of moments along the segments (kernels/rod_forces.py)."""
-        twist = np.where(self._inside, fetch(self.state.twist) - fetch(self.arrays.natural_twist), 0.0)
-        turn = np.column_stack([self.elastic, twist])
-        factor = float(self.state.read_control()[int(c.LENGTH_FACTOR)])
-        stiffness = np.zeros((len(twist), 3, 3))
-        for (a, b), values in zip(ENTRIES, fetch(self.arrays.node_stiffness).T, strict=True):
-            stiffness[:, a, b] = stiffness[:, b, a] = values / factor
-        moment = np.where(self._inside[:, None], np.einsum("nab,nb->na", stiffness, turn), 0.0)
-        cosine, sine = fetch(self.arrays.moment_turn).T
-        x, y = moment[self.rods.following, :2].T
-        slope = np.column_stack([cosine * x - sine * y, sine * x + cosine * y]) - moment[:, :2]
-        share = self.rods.slope_length * factor / (6.0 * self.rods.section.bending_stiffness)
-        x, y = (share[:, None] * slope)[self.rods.previous].T
-        behind, before = np.stack([cosine, sine])[:, self.rods.previous], share[:, None] * slope
-        turned = np.column_stack([behind[0] * x + behind[1] * y, behind[0] * y - behind[1] * x]) - before
-        again = np.where(self._inside[:, None], np.einsum("nab,nb->na", stiffness[:, :2, :2], turned), 0.0)
-        along = share @ np.sum(slope**2, axis=1)
-        return float(0.5 * (np.sum(turn * moment) + along + np.sum(turned * again)))
+        return float(fetch(self.state.bend_energy).sum())
 
     def _energy(self, square: np.ndarray) -> float:
         """EI/l times squares of turns [rad^2], summed."""
