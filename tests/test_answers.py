@@ -82,6 +82,27 @@ def test_what_does_not_happen_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "end of the stage" in text["  may drift"]
 
 
+def test_a_class_that_opens_again_is_said_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A carries force from 0.23 to 0.3 N/m alone: its closing is there, and the record in which it is open again is given."""
+    rows = [row(0.1 * k) for k in range(6)]
+    for one in rows[4:]:
+        one.force_A_N, one.active_A_percent = 0.0, 0.0
+    answers = found(rows, monkeypatch)
+    assert answers["contacts"][0]["closes"]["opens"]["tension_weft_N_per_m"] == pytest.approx(0.4)
+    assert "open again at 400 mN/m" in dict(answer_rows(answers, LIMIT))["contacts A close at"]
+
+
+def test_what_one_record_shows_is_not_the_best_tension(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All contacts are active at 0.2 N/m alone, and half of them from 0.3 N/m on: best is the range of the half."""
+    rows = [row(0.1 * k) for k in range(7)]
+    for k, one in enumerate(rows):
+        one.force_A_N = one.force_B_N = 0.0
+        one.active_percent = one.active_A_percent = one.active_B_percent = 100.0 if k == 2 else 50.0 * (k > 2)
+    best = found(rows, monkeypatch)["best"]
+    assert best["high"]["tension_weft_N_per_m"] == pytest.approx(0.6)
+    assert best["active_percent"] == pytest.approx(50.0) and best["tension_weft_N_per_m"] > 0.3
+
+
 def test_a_last_record_gives_a_range(monkeypatch: pytest.MonkeyPatch) -> None:
     """One record behind a closing cannot give its place: the records on both sides are given."""
     rows = [row(0.1 * k) for k in range(4)]  # A closes at 0.23 between the last two

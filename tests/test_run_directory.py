@@ -9,7 +9,7 @@ import pytest
 from warpknit.errors import RunDirectoryError
 from warpknit.ranks.ranks import One
 from warpknit.runner.checkpoint import FILE, Checkpoint
-from warpknit.runner.run_directory import check_directory
+from warpknit.runner.run_directory import check_directory, clear
 
 SUMMARY = {"run": "summary.json", "map": "map.json", "trade": "trade.json"}
 BEGUN = {"run": "checkpoint/checkpoint.npz", "map": "map.csv", "trade": "trade.csv"}
@@ -67,3 +67,19 @@ def test_a_checkpoint_of_another_version_is_refused_in_one_line(progress, tmp_pa
     np.savez(path, about=np.array(json.dumps({"scene": "s", "ranks": 1, "turn": 0, "wall_s": 0.0, "progress": progress})))
     with pytest.raises(RunDirectoryError, match="not a checkpoint of this version .*: start over with --force"):
         Checkpoint(tmp_path, "s", One())
+
+
+@pytest.mark.parametrize("names", [("scene.toml",), ("history.csv", "summary.json"), ("figures/paper.png",)])
+@pytest.mark.parametrize("force", [False, True])
+def test_files_of_others_are_kept_whatever_their_names(names, force, tmp_path):
+    """A directory is only one of results where something in it says so: a summary, a checkpoint, a resolved scene."""
+    for name in names:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("{}")
+    if force:
+        check_directory(tmp_path, "run", resume=False, force=True)
+    else:
+        with pytest.raises(RunDirectoryError, match="holds other files"):
+            check_directory(tmp_path, "run", resume=False, force=False)
+    clear(tmp_path)
+    assert all((tmp_path / name).read_text() == "{}" for name in names)

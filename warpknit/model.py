@@ -8,6 +8,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
+from .errors import InputError
 from .estimate import Estimates
 from .mechanics import Group, Mechanics, Model
 from .ranks.ranks import Ranks
@@ -28,8 +29,10 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
 
     device: "cpu" or "cuda:0". ranks: processes that share the mesh; the model is then that of this rank's strip.
 
-    Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`.
+    Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`, `InputError` for what is no scene.
     """
+    if not isinstance(scene, Scene):
+        raise InputError(f"build_model: given {scene!r}, allowed: a scene, such as load_scene('scene.toml')")
     model: Model = _kind(scene).build_model(scene, device, ranks)
     return model
 

@@ -239,7 +239,7 @@ def test_a_notebook_shows_the_page(
 def test_without_the_extra_one_line_tells_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "warpknit.export.view.viewer", raising=False)
     monkeypatch.setitem(sys.modules, "trimesh", None)
-    with pytest.raises(InputError, match=r'^view needs the package trimesh: pip install "warpknit\[view\]"$'):
+    with pytest.raises(InputError, match=r'^view needs the package trimesh, of the extra "view": pip install -e "\.\[view\]"$'):
         open_viewer(tmp_path)
 
 

@@ -114,7 +114,9 @@ def service_points(
     tensions = sorted({*SERVICE_TENSIONS, *(one for one in (scene.output.service_tension, requested) if one is not None)})
     for number, tension in enumerate(tensions):
         if tension == requested:
-            points.append(ServicePoint(tension, why="no card") if card is None else point_of_card(card, tension))
+            points.append(
+                ServicePoint(tension, why="no equilibrium found: no card") if card is None else point_of_card(card, tension)
+            )
         elif strains_at_tension(rows, tension) is None:
             points.append(ServicePoint(tension))
         else:

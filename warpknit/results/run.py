@@ -208,6 +208,8 @@ def load_run(out: str | os.PathLike[str]) -> Run:
                 summary = json.loads(path.read_text(encoding="utf-8"))
             except (OSError, ValueError) as error:
                 raise RunDirectoryError(f"{path}: given an unreadable file ({error}), allowed: what a run left") from error
+            if not isinstance(summary, dict) or not {"scene", "stop_reason"} <= set(summary):
+                raise RunDirectoryError(f"{path}: given another file of this name, allowed: what a run left")
             return Run(directory, summary)
-    given = "no results" if directory.is_dir() else "no such directory"
+    given = "no results" if directory.is_dir() else "a file" if directory.exists() else "no such directory"
     raise RunDirectoryError(f"{directory}: given {given}, allowed: the directory of a run, map, trade or report")

@@ -19,8 +19,9 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     contacts[].closes.as_knitted      true where the class is closed in the first record
     contacts[].closes.closed_percent  share of its pairs that are closed in the second record of `between`
     contacts[].closes.first_touch     the record in which a class was closed before, and opened again; null without one
+    contacts[].closes.opens           the record behind in which less than half of its pairs are closed; null without one
     service                           `tension_N_per_m` with `active_percent` and the `state` where the mean of weft and warp
-                                      first reaches it
+                                      first reaches it; in a report also `why` there is none
     service[].resolved                false where a class closes at an unknown tension between the same two records
     first_yield                       the state where the largest stress reaches the yield stress, the records `between`, the
                                       place; null if not
@@ -28,7 +29,7 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     largest_tension                   the state of the largest tension
     heat                              each stage that changes the temperature: values at its begin and end
     best                              the state in the middle of the widest range of tension with the most active contacts and
-                                      no stress above the limit
+                                      no stress above the limit; what a single record alone shows does not count
     best.low                          the lower end of this range, in which at most one percentage point of contacts opens
     best.high                         the upper end
     best.open_low                     true where the stage begins there
@@ -121,6 +122,7 @@ def closing(rows: Sequence[Row], name: str, threshold: float, least: float) -> A
         "stage": after.stage, "as_knitted": k == 0, "resolved": True, "between": [_state(before), _state(after)],
         "closed_percent": vars(after)[f"active_{name}_percent"],
         "first_touch": None if touch is None else _state(touch),
+        "opens": next((_state(row) for row, one in zip(rows[k:], closed[k:], strict=True) if not one), None),
     }  # fmt: skip
     if k == 0:
         return _state(after) | found
@@ -131,8 +133,9 @@ def closing(rows: Sequence[Row], name: str, threshold: float, least: float) -> A
         ahead, low, here = (np.array([vars(row)[name] for name in STATE]) for row in (rows[k + 1], before, after))
         values = here - steps * (ahead - here)
         if _lies_between(values, low, here):
-            values = np.clip(values, np.minimum(low, here), np.maximum(low, here))
-            return dict(zip(STATE, values.tolist(), strict=True)) | found
+            gained = [float(one[2] + one[3] - low[2] - low[3]) for one in (values, here)]  # twice the mean tension
+            share = float(np.clip(gained[0] / gained[1], 0.0, 1.0)) if gained[1] > 0.0 else 0.5
+            return _between(before, after, share) | found
     return _between(before, after, 0.5) | found | {"resolved": False}
 
 
@@ -223,6 +226,8 @@ def _heat(rows: Sequence[Row]) -> Iterator[Answer]:
 def _best(rising: Sequence[Row], states: Sequence[Row], limit: float) -> Answer | None:
     """The tension in the middle of the widest range with the most active contacts, and no stress above `limit` [Pa]; or None.
 
+    Contacts that are active in one record, and in neither of those beside it, do not count.
+
     rising: records of a stage, by tension; states: others between them. `low`, `high`: ends of the range; `open_low`,
     `open_high`: the stage ends there, so that it may be wider; `grows`: the range is only known to begin behind the last record
     but one, and the best tension is the last.
@@ -233,10 +238,12 @@ def _best(rising: Sequence[Row], states: Sequence[Row], limit: float) -> Answer 
         return float(row.active_percent) if tensile and row.stress_max_Pa <= limit * (1.0 + ROUND_OFF) else 0.0
 
     states = sorted([*rising, *states], key=mean_tension)
-    shares = [share(row) for row in states]
+    shares, recorded = [share(row) for row in states], [row.active_percent for row in rising]
     if max(shares) == 0.0:
         return None
-    good = [0.0 < one >= max(shares) - DRIFT for one in shares]
+    inner = [min(here, max(around)) for here, *around in zip(recorded[1:-1], recorded, recorded[2:], strict=False)]
+    most = min(max(shares), max([recorded[0], *inner, recorded[-1]])) or max(shares)
+    good = [0.0 < one >= most - DRIFT for one in shares]
     ends = np.flatnonzero(np.diff([False, *good, False])).reshape(-1, 2) - [0, 1]  # of each range, (range, 2)
     low, high = max(ends.tolist(), key=lambda one: mean_tension(states[one[1]]) - mean_tension(states[one[0]]))
     open_high = high + 1 == len(states)

@@ -22,7 +22,8 @@ def answer_rows(answers: Mapping[str, Any], yield_stress: float) -> Iterator[tup
         yield f"{name} close at", f"{_closing(one, reached)} ({part}{one['pairs']} pairs)"
     for point in answers["service"]:
         there = point["state"]
-        text = f"not reached; {reached}" if there is None else f"{percent(0.01 * point['active_percent'])}, {_pair_of(there)}"
+        none = point.get("why", f"not reached; {reached}")
+        text = none if there is None else f"{percent(0.01 * point['active_percent'])}, {_pair_of(there)}"
         text += "" if point["resolved"] else "; contacts close between the records there: more output.frames tell which"
         yield f"active at {exact(point['tension_N_per_m'], 'N/m')}", text
     yield "first yield at", _yield(answers, yield_stress, reached)
@@ -59,7 +60,7 @@ def _closing(one: Mapping[str, Any], reached: str) -> str:
         return f"not closed {reached}{some}"
     if closes["as_knitted"]:
         return "closed as knitted"
-    opened = ", open again at the end" if one["active_percent"] < 50.0 else ""
+    opened = "" if closes["opens"] is None else f", open again at {_tension(closes['opens'])}"
     touch = closes["first_touch"]
     touched = "" if touch is None else f", after a touch at {_tension(touch)} that opens again"
     low, high = closes["between"]
@@ -92,7 +93,7 @@ def _place(peak: Mapping[str, Any]) -> str:
     """Where a stress is: part of the loop, wire and node, position in weft and warp."""
     part = peak["stress_max_part"]
     position = ", ".join(engineering(peak[f"stress_max_{axis}_m"], "m") for axis in "xy")
-    where = f"wire {peak['stress_max_wire']}, node {peak['stress_max_node']} at ({position})"
+    where = f"wire {peak['stress_max_wire']}, node {peak['stress_max_node']} at ({position}) from the corner"
     return f"{where}" if part is None else f"in the {part}, {where}"
 
 

@@ -20,11 +20,15 @@ class Probes:
     """
 
     def __init__(self, functions: Mapping[str, Probe] | None = None) -> None:
+        if not isinstance(functions, Mapping | None):
+            raise InputError(f"probes: given {functions!r}, allowed: functions of a record by name, such as {{'name': function}}")
         self._functions = dict(functions or {})
         taken = {line.name for line in table.MEASURES}
         for name, function in self._functions.items():
-            if not isinstance(name, str) or not name.strip() or name in taken:
-                raise InputError(f"probes: given the name {name!r}, allowed: a name that no column of history.csv has")
+            if not isinstance(name, str) or not name.strip() or not name.isprintable() or name in taken:
+                raise InputError(
+                    f"probes: given the name {name!r}, allowed: a name that no column of history.csv has, in one line"
+                )
             if not callable(function):
                 raise InputError(f"probes: {name}: given {function!r}, allowed: a function of a record")
 

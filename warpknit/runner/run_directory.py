@@ -10,6 +10,7 @@ from typing import Any
 
 from ..errors import RunDirectoryError
 from ..files import write_aside
+from ..scene.resolved import RESOLVED
 
 OUTPUT_NAMES = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda", "wires.topology.usdc",
         "wires.manifest.usda", "stages.json", "states", "frames", "figures", "checkpoint", "vtk", "tables", "panel",
@@ -24,11 +25,17 @@ TABLES = {"checkpoint/checkpoint.npz": "run", "map.csv": "map", "trade.csv": "tr
 
 def read_summary(out: Path, name: str) -> dict[str, Any] | None:
     """The summary `name` of a converged or finished run in `out`, or None."""
+    summary = _read_json(out / name)
+    return summary if summary.get("stop_reason") in ("steady", "finished") else None
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    """The table in a JSON file; empty where there is none."""
     try:
-        summary = json.loads((out / name).read_text(encoding="utf-8"))
+        table = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return None
-    return summary if isinstance(summary, dict) and summary.get("stop_reason") in ("steady", "finished") else None
+        return {}
+    return table if isinstance(table, dict) else {}
 
 
 @dataclass(frozen=True)
@@ -98,11 +105,20 @@ def check_directory(out: Path, wanted: str, *, resume: bool, force: bool) -> Non
             raise RunDirectoryError(f"{out}: holds an interrupted {kind}; {_alternatives(out, wanted)}")
         if not resume:
             raise RunDirectoryError(f"{out}: holds an interrupted {kind}; --resume continues it, --force starts over")
-    foreign = [p.name for p in out.iterdir() if p.name not in OUTPUT_NAMES and not p.name.startswith(".")] if out.is_dir() else []
-    if foreign and not (out / "scene.toml").exists():
-        raise RunDirectoryError(
-            f"{out}: holds other files ({foreign[0]}); --out {_free_beside(out, wanted)} is another directory"
-        )
+    kept = sorted(p.name for p in out.iterdir() if not p.name.startswith(".")) if out.is_dir() else []
+    if kept and not _holds_results(out):
+        foreign = next((name for name in kept if name not in OUTPUT_NAMES), kept[0])
+        raise RunDirectoryError(f"{out}: holds other files ({foreign}); --out {_free_beside(out, wanted)} is another directory")
+
+
+def _holds_results(out: Path) -> bool:
+    """Whether a directory was written by a run, map or trade, by files that are like no others."""
+    if any((out / name).exists() for name in TABLES) or any("stop_reason" in _read_json(out / name) for name in SUMMARIES):
+        return True
+    try:
+        return (out / "scene.toml").read_text(encoding="utf-8").startswith(RESOLVED)
+    except (OSError, ValueError):
+        return False
 
 
 def _alternatives(out: Path, wanted: str) -> str:
@@ -129,7 +145,9 @@ def make_directory(out: Path) -> None:
 
 
 def clear(out: Path) -> None:
-    """Remove results of an earlier run, map or trade, and nothing else."""
+    """Remove results of an earlier run, map or trade, and nothing else; nothing where there are none."""
+    if not _holds_results(out):
+        return
     for name in OUTPUT_NAMES:
         path = out / name
         if path.is_dir():

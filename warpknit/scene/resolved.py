@@ -8,6 +8,8 @@ from warpknit.scene.keys import Table, keys_of
 from warpknit.scene.objects import Scene
 from warpknit.scene.units import si_text
 
+RESOLVED = "# Left to the model and the solver:"  # begins every resolved scene
+
 
 def resolved_toml(scene: Scene) -> str:
     """The scene as a TOML file with every default written out, in SI units; it loads to an equal scene."""
@@ -28,8 +30,7 @@ def resolved_toml(scene: Scene) -> str:
         table[key] = _written(getattr(scene, key), key, left_out)
     if scene.sweep is not None:
         table["sweep"] = _written(scene.sweep, "sweep", left_out)
-    comment = f"# Left to the model and the solver: {', '.join(left_out)}\n\n" if left_out else ""
-    return comment + tomli_w.dumps(table)
+    return f"{RESOLVED} {', '.join(left_out)}\n\n" + tomli_w.dumps(table)
 
 
 def _written(value: Any, key: str, left_out: list[str]) -> Any:

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from ..errors import ModelError
+from ..errors import InputError, ModelError
 from ..host import store
 from ..mechanics import Model, MultilevelMechanics
 from ..mesh.layout import estimated_nodes
@@ -48,6 +48,8 @@ class Simulation:
         progress: Progress | None = None,
         watch: Callable[[Progress], None] | None = None,
     ) -> None:
+        if not hasattr(model, "scene"):
+            raise InputError(f"Simulation: given {model!r}, allowed: a model, such as build_model(scene)")
         self.model = model
         self.state = initial_state(model) if state is None else state
         self.resumed = progress is not None

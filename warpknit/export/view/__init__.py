@@ -16,5 +16,5 @@ def open_viewer(directory: Path, *, host: str = "localhost", port: int = 8080) -
     try:
         from .viewer import Viewer
     except ModuleNotFoundError as error:
-        raise InputError(f'view needs the package {error.name}: pip install "warpknit[view]"') from error
+        raise InputError(f'view needs the package {error.name}, of the extra "view": pip install -e ".[view]"') from error
     return Viewer(directory, host=host, port=port)
