@@ -94,4 +94,5 @@ def _point(point: ServicePoint) -> dict[str, Any]:
     tensions = dict.fromkeys(("tension_weft_N_per_m", "tension_warp_N_per_m"), point.tension)
     state = None if point.strains is None else dict(zip(("strain_weft", "strain_warp"), point.strains, strict=True)) | tensions
     active = point.active_percent if state else None
-    return {"tension_N_per_m": point.tension, "active_percent": active, "state": state, "resolved": True, "why": point.why}
+    why = {} if point.why == ServicePoint.why else {"why": point.why}
+    return {"tension_N_per_m": point.tension, "active_percent": active, "state": state, "resolved": True} | why

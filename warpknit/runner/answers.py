@@ -21,7 +21,7 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     contacts[].closes.first_touch     the record in which a class was closed before, and opened again; null without one
     contacts[].closes.opens           the record behind in which less than half of its pairs are closed; null without one
     service                           `tension_N_per_m` with `active_percent` and the `state` where the mean of weft and warp
-                                      first reaches it; in a report also `why` there is none
+                                      first reaches it, or, in a report, `why` none was found
     service[].resolved                false where a class closes at an unknown tension between the same two records
     first_yield                       the state where the largest stress reaches the yield stress, the records `between`, the
                                       place; null if not

@@ -26,9 +26,7 @@ class Probes:
         taken = {line.name for line in table.MEASURES}
         for name, function in self._functions.items():
             if not isinstance(name, str) or not name.strip() or not name.isprintable() or name in taken:
-                raise InputError(
-                    f"probes: given the name {name!r}, allowed: a name that no column of history.csv has, in one line"
-                )
+                raise InputError(f"probes: given the name {name!r}, allowed: a name that no column of history.csv has; one line")
             if not callable(function):
                 raise InputError(f"probes: {name}: given {function!r}, allowed: a function of a record")
 
