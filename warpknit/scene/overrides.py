@@ -114,7 +114,8 @@ def _set(file: object, table: Any, location: Sequence[int | str], value: Any) ->
         if isinstance(part, int):
             if not isinstance(table, list) or part > len(table):
                 size = len(table) if isinstance(table, list) else 0
-                raise scene_error(file, dotted(location[: depth + 1]), shown(value), f"an entry 0 to {size} of a list, of which {size} is a new one")
+                allowed = f"an entry 0 to {size} of a list, of which {size} is a new one"
+                raise scene_error(file, dotted(location[: depth + 1]), shown(value), allowed)
             if part == len(table):
                 table.append({})
         elif not isinstance(table, dict):
