@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from warpknit.design.card import MaterialCard
-from warpknit.design.curves import CurvePoint
 from warpknit.design.fe import CODES, FILES, write_fe_cards
 from warpknit.design.fe.tangent import ENGINEERING, GREEN, LOGARITHMIC, TRUE, tangent
+from warpknit.runner.history import Row
 from warpknit.runner.run_directory import OUTPUT_NAMES
 from warpknit.scene import load_scene
 
@@ -24,7 +24,7 @@ CARD = MaterialCard(
     expansion=np.array([4.5e-6, 5.1e-6, 1e-7]), areal_mass=0.0087, stress_max=1e8, active_percent=66.0, temperature=293.15,
 )  # fmt: skip
 PATH = [
-    CurvePoint("loading", share * 0.10, share * 0.14, weft, warp, None, None, None, None)
+    Row(strain_weft=share * 0.10, strain_warp=share * 0.14, tension_weft_N_per_m=weft, tension_warp_N_per_m=warp)
     for share, weft, warp in ((0.3, -1e-6, 0.002), (0.6, 0.01, 0.02), (0.9, 0.008, 0.06), (1.1, 0.1, 0.12))
 ]
 C, S = CARD.stiffness, np.array([CARD.tension_weft, CARD.tension_warp])

@@ -12,14 +12,15 @@ from click.testing import CliRunner
 
 from warpknit import __version__
 from warpknit.cli import main
-from warpknit.design import curves, service
+from warpknit.design import curves
 from warpknit.design.card import MaterialCard
 from warpknit.design.card_files import card_values, card_warnings
+from warpknit.design.equal_tension import load_equally, service_points
 from warpknit.design.fe import CODES
-from warpknit.design.service import REFINED, equal_tension, service_points, strains_at_tension
+from warpknit.design.service import REFINED, EqualTension, equal_tension
 from warpknit.export import map_figure
 from warpknit.scene import load_scene
-from warpknit.sweep.contact_map import MapRow, read_map
+from warpknit.sweep.contact_map import MapRow
 
 SCENES = Path(__file__).parents[2] / "scenes"
 CARD = MaterialCard(
@@ -95,7 +96,7 @@ def test_the_answers_come_first(reports):
 def test_without_a_tension_the_card_is_for_the_optimum(reports):
     _, found = reports
     page, card, _ = found[""]
-    assert page.count("<td>not reached in the map</td>") == 3
+    assert page.count("<td>beyond first yield</td>") == 6  # in short, and beside the map
     assert "optimum" in card["state"]
 
 
@@ -147,18 +148,17 @@ def test_card_service_table_and_marker_have_one_source(reports):
     ]
 
 
-def test_service_points_are_equilibria_and_not_interpolated(reports, monkeypatch):
-    """A run under 0.06 N/m ends where the card of that tension is, within the tolerance of the tension; the bilinear map of three
-    strains a side is a quarter of a percent of strain away."""
+def test_service_points_are_equilibria_and_not_interpolated(reports):
+    """The service tension of the scene, 0.06 N/m, is where the card of that tension is, within the tolerance of the run; the
+    bilinear map of three strains a side is a quarter of a percent of strain away."""
     out, found = reports
     values = found["0.06 N/m"][1]["values"]
-    monkeypatch.setattr(service, "SERVICE_TENSIONS", (0.06, 1e3))
-    rows = read_map(out / "map.csv", out / "map_details.csv")
-    point, beyond = service_points(load_scene(out / "scene.toml"), rows, None, None)
+    scene = load_scene(out / "scene.toml")
+    scene = replace(scene, output=replace(scene.output, service_tension=0.06))
+    path = load_equally(scene, EqualTension(0.06, 0.06, scene.wire.yield_stress), None)
+    point = service_points(scene, path, None, None)[0]
     assert point.strains == pytest.approx((values["prestrain1"], values["prestrain2"]), abs=5e-4)
     assert 0.01 * point.active_percent == pytest.approx(values["active"])
-    assert strains_at_tension(rows, 0.06) != pytest.approx(point.strains, abs=1e-3)
-    assert (beyond.strain, beyond.active, beyond.stress) == ("not reached in the map", "-", "-")
 
 
 def test_the_map_that_is_there_is_used_again(reports):
@@ -209,28 +209,15 @@ def row(weft: float, warp: float, tension: tuple[float, float] | tuple[None, Non
     )
 
 
-def test_strains_of_a_tension_on_a_bilinear_map():
-    """Weft tension 10 x + 2 y + 100 x y, warp tension 20 y: T = 3 both ways at y = 0.15 and x = 2.7/25."""
+def test_the_largest_equal_tension_of_a_bilinear_map():
+    """Weft tension 10 x + 2 y + 100 x y, warp tension 20 y: alike along x = 18 y/(10 + 100 y), up to 4 N/m at the edge;
+    with a stress of 1 GPa y, T = 20 y below 0.11 GPa goes up to 2.2 N/m."""
     places = [(x, y) for x in (0.0, 0.1, 0.2) for y in (0.0, 0.1, 0.2)]
     rows = [row(x, y, (10 * x + 2 * y + 100 * x * y, 20 * y)) for x, y in places]
-    assert strains_at_tension(rows, 3.0) == pytest.approx((2.7 / 25, 0.15), abs=1e-7)
-    assert strains_at_tension(rows, 5.0) is None
-    # the tensions are alike along x = 18 y/(10 + 100 y); with a stress of 1 GPa y, T = 20 y below 0.11 GPa goes up to 2.2
     found = equal_tension(rows, 0.11e9)
     assert found.largest == pytest.approx(4.0, rel=1e-3)
     assert found.elastic == pytest.approx(2.2, abs=20 * 0.1 / REFINED)
     assert equal_tension(rows, 1e9).elastic == pytest.approx(4.0, rel=1e-3)
-
-
-@pytest.mark.parametrize("tension", [1.3, 1.5, 1.7])
-def test_strains_of_a_tension_beside_an_unknown_state(tension):
-    """Weft tension 10 x, warp tension 20 y, unknown at (0.2, 0.1): T both ways at (T/10, T/20), which is on this side of the line
-    between the neighbours of the unknown corner, (0.1, 0.1) and (0.2, 0.05), up to T = 1.5; beyond it nothing is known."""
-    places = [(x, y) for x in (0.0, 0.1, 0.2) for y in (0.0, 0.05, 0.1)]
-    rows = [row(x, y, (10 * x, 20 * y) if (x, y) != (0.2, 0.1) else (None, None)) for x, y in places]
-    expected = (tension / 10, tension / 20) if tension <= 1.5 else None
-    found = strains_at_tension(rows, tension)
-    assert found == (pytest.approx(expected, abs=1e-7) if expected else None)
 
 
 def test_a_mesh_that_is_always_stiffer_one_way_carries_no_tension_alike():
@@ -271,4 +258,4 @@ def test_a_card_says_which_temperature_it_holds_for():
 
 def test_unknown_states_carry_nothing():
     rows = [row(x, y, (None, None)) for x in (0.0, 0.1) for y in (0.0, 0.1)]
-    assert strains_at_tension(rows, 1.0) is None and equal_tension(rows, 1e9).largest == 0.0
+    assert equal_tension(rows, 1e9).largest == 0.0

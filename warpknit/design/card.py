@@ -19,22 +19,19 @@ What a test machine sees is D, the change of the true tension s by the strains e
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from .. import measure
-from ..errors import Diverged
 from ..measure import Observables
-from ..solve.tension import TensionSearch
+from ..scene import Stage
 from ..sweep.states import Mesh
-from ..text import engineering, exact
-from .fine_states import states_at
+from .load_path import LoadPath, PathState, under_strain
 
 STEP = 1e-3  # strain step of the finite differences
 AGREEMENT = 0.05  # of the largest stiffness: larger changes from STEP to 2 STEP give a warning
-MAX_ITERATIONS = 20  # of the search for the strains of a tension
 WAVE_DIRECTIONS = 180  # directions of plane waves
 VOIGT = np.array([[0, 2], [2, 1]])  # row of the stiffness for a pair of axes
 
@@ -117,21 +114,23 @@ def stretch(strain: np.ndarray) -> np.ndarray:
 
 
 def find_card(
-    model: Mesh, weft: float, warp: float, watch: Callable[[float], None] = lambda _: None
+    model: Mesh, begin: PathState, load: Stage, watch: Callable[[float], None] = lambda _: None
 ) -> tuple[MaterialCard, Observables]:
-    """The card at the strains `weft` and `warp`, and the tensioned mesh. `model`: periodic, see `exact_model`.
+    """The card under `load`, from a state near it, and the tensioned mesh. model: periodic, see `exact_model`.
 
-    `watch` is called with the share of its states that is found.
+    All states of the differences start from that mesh. `watch` is called with the share of them that is found.
     Raises `Diverged` where the mesh does not converge.
     """
-    tensioned = np.diag([1.0 + weft, 1.0 + warp])
+    path = LoadPath(model, begin)
+    base = path.to(load).observables
+    tensioned = base.gradient
+    weft, warp = (float(strain) for strain in np.diag(tensioned) - 1.0)
     steps = [sign * size * np.eye(3)[k] for size in (STEP, 2.0 * STEP) for k in range(3) for sign in (1.0, -1.0)]
-    stretches = [stretch(strain) for strain in (np.zeros(3), *steps)]
-    states = []
-    for state in states_at(model, [f @ tensioned for f in stretches], watch):
-        if isinstance(state, Diverged):
-            raise state
-        states.append(state)
+    stretches, states = [np.eye(2)], [base]
+    for strain in steps:
+        stretches.append(stretch(strain))
+        states.append(LoadPath(model, path.state).to(under_strain(model.scene, stretches[-1] @ tensioned)).observables)
+        watch((len(states) - 1) / len(steps))
     area = model.panel.area * float(np.linalg.det(tensioned))
     stress = np.array([_stress(state, f, tensioned) for state, f in zip(states, stretches, strict=True)])
     by_length = np.array([measure.thermal_force(state) / area for state in states])
@@ -165,33 +164,3 @@ def _stress(r: Observables, f: np.ndarray, tensioned: np.ndarray) -> tuple[float
     """S11, S22, S12 [N/m]."""
     s = np.linalg.solve(f, measure.nominal_stress(r)) @ tensioned.T / np.linalg.det(tensioned)
     return float(s[0, 0]), float(s[1, 1]), 0.5 * float(s[0, 1] + s[1, 0])
-
-
-def find_card_at_tension(
-    model: Mesh,
-    tension: float,
-    start: tuple[float, float],
-    tangent: Sequence[Sequence[float]] = (),
-    watch: Callable[[float], None] = lambda _: None,
-) -> tuple[MaterialCard, Observables]:
-    """The card where the mesh carries `tension` [N/m] both ways, searched from strains `start`.
-
-    tangent (2, 2) [N/m]: change of the tensions by the strains there; default: found by a small step. `watch` is called with the
-    share of the states of the card that is found. Raises `Diverged` where no such strains are
-    found.
-    """
-    search, place = TensionSearch([list(row) for row in tangent]), np.array(start)
-    scale, target, both = measure.tension_scale(model), np.full(2, tension), np.array([True, True])
-    for _ in range(MAX_ITERATIONS):
-        [state] = states_at(model, [np.diag(1.0 + place)])
-        if isinstance(state, Diverged):
-            raise state
-        found = np.array(measure.mesh_tension(state))
-        next_place = search.next_strain(place, found, target, both, scale, model.scene.solver.residual_tolerance)
-        if next_place is None:
-            return find_card(model, float(place[0]), float(place[1]), watch)
-        place = next_place
-    raise Diverged(
-        f"no strains found with a tension of {exact(tension, 'N/m')} in both directions (last state:"
-        f" {engineering(found[0], 'N/m')} and {engineering(found[1], 'N/m')})"
-    )

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -11,7 +14,7 @@ from .. import measure
 from ..errors import Diverged
 from ..measure import Observables
 from ..sweep.states import Mesh
-from .fine_states import states_at
+from .load_path import LoadPath, under_strain
 from .network import sheet_resistance
 
 POINTS = 12  # of a curve, in addition to the mesh as knitted
@@ -38,27 +41,28 @@ def tension_strain(model: Mesh, weft: float, warp: float, watch: Callable[[float
 
     `watch` is called with the share of them that is found.
     """
-    wanted = []
-    for name, along_weft, along_warp in LOADS:
+    levels = math.ceil(model.scene.output.frames / POINTS)  # of the way from one point to the next
+    points = []
+    for number, (name, along_weft, along_warp) in enumerate(LOADS):
         end = min(weft, warp) if along_weft and along_warp else weft if along_weft else warp
-        shares = np.linspace(0.0, 1.0, POINTS + 1)
-        wanted += [(name, float(along_weft * end * share), float(along_warp * end * share)) for share in shares]
-    states = states_at(model, [np.diag([1.0 + x, 1.0 + y]) for _, x, y in wanted], watch)
-    return [_point(*place, state) for place, state in zip(wanted, states, strict=True)]
+        path = LoadPath(model)
+        stage = under_strain(model.scene, np.diag([1.0 + along_weft * end, 1.0 + along_warp * end]))
+        found: dict[int, Observables] = {}
+        with suppress(Diverged):
+            for k, record in enumerate(path.load(stage, levels * POINTS, partial(_watch, watch, number))):
+                if k % levels == 0:
+                    found[k // levels] = record.observables
+        for k, share in enumerate(np.linspace(0.0, 1.0, POINTS + 1).tolist()):
+            points.append(_point(name, along_weft * end * share, along_warp * end * share, found.get(k)))
+    return points
 
 
-def loading_path(model: Mesh, weft: float, warp: float, watch: Callable[[float], None] = lambda _: None) -> list[CurvePoint]:
-    """States in proportion to the strains `weft` and `warp`, up to one step beyond; without the two ends of the way there.
-
-    `watch` is called with the share of them that is found.
-    """
-    shares = [k / POINTS for k in range(1, POINTS + 2) if k != POINTS]
-    states = states_at(model, [np.diag([1.0 + share * weft, 1.0 + share * warp]) for share in shares], watch)
-    return [_point("loading", share * weft, share * warp, state) for share, state in zip(shares, states, strict=True)]
+def _watch(watch: Callable[[float], None], done: int, share: float) -> None:
+    watch((done + share) / len(LOADS))
 
 
-def _point(load: str, weft: float, warp: float, state: Observables | Diverged) -> CurvePoint:
-    if isinstance(state, Diverged):
+def _point(load: str, weft: float, warp: float, state: Observables | None) -> CurvePoint:
+    if state is None:
         return CurvePoint(load, weft, warp, None, None, None, None, None, None)
     active, stress = measure.contacts(state).active_percent, measure.stress_extremes(state)[0]
     return CurvePoint(load, weft, warp, *measure.mesh_tension(state), active, stress, *sheet_resistance(state))

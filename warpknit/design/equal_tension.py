@@ -1,91 +1,162 @@
-"""The mesh under equal tensions in weft and warp, from the mesh as knitted on: answers for the report, and what heat does."""
+"""The mesh under equal tensions in weft and warp, from the mesh as knitted on.
+
+One path serves the service tensions, the material card at a tension, the answers of a report, and what heat does.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 from ..errors import Diverged
-from ..runner.answers import answers_of, mean_tension
+from ..runner.answers import SERVICE_TENSIONS, answers_of, mean_tension
 from ..runner.history import Row, row_of
-from ..scene import Scene, Stage
-from ..solve.simulate import Simulation
-from ..sweep.states import mesh_of
+from ..scene import Scene
 from ..text import celsius
-from .service import ServicePoint
+from .card import MaterialCard
+from .fine_states import exact_model
+from .load_path import AS_KNITTED, LoadPath, PathState, under_tension
+from .service import EqualTension, ServicePoint, point_of_card
 
-BEGIN = 0.125  # of the largest tension of the map: end of the first stage, so that small tensions are resolved
-LEAST_LEVELS = 2  # of a stage, which has half the levels of a run: each starts where the one before it ends
+BEGIN = 0.125  # of the least tension of interest: end of the first stage, so that small tensions are resolved
+LEAST = 2.0**-12  # of the largest one: end of the first stage, at least
+LEAST_LEVELS = 2  # of a stage that doubles the tension, which has half the levels of a run
+APART = 1.05  # ratio of the tensions at the ends of two stages, at least, but for those that are wanted
+YIELDED = "beyond first yield"
+NO_PATH = "no strains of equal tension in the map"
+HEAT_TOLERANCE = 1e-3  # residual, at most: heat changes tensions by little more
 
 
 @dataclass(frozen=True)
-class EqualTensionRun:
-    """Records of a run under equal tensions, and its answers (runner/answers.py)."""
+class EqualTensionPath:
+    """Rows of history.csv of a path under equal tensions, and its states at the ends of its stages."""
 
-    rows: Sequence[Row]
-    answers: dict[str, Any] | None  # None without a tension to run to
-    heated: Sequence[Row] = ()  # the mesh at one tension while its temperature changes
+    rows: Sequence[Row] = ()
+    states: Mapping[float, PathState] = field(default_factory=dict)  # by tension [N/m]
+    at: Mapping[float, Row] = field(default_factory=dict)  # the rows of these states
+    ended: str = ""  # why, where it did not go to its largest tension
 
 
-def run_equal_tension(
-    scene: Scene,
-    largest: float,
-    held: float | None,
-    service: Sequence[ServicePoint],
-    watch: Callable[[float], None] = lambda _: None,
-) -> EqualTensionRun:
-    """A run to `largest` [N/m] and beyond, and one that holds a tension at the temperatures of [[path]].
+def load_equally(
+    scene: Scene, largest: EqualTension, requested: float | None, watch: Callable[[float], None] = lambda _: None
+) -> EqualTensionPath:
+    """The path over the `requested` tension [N/m] to first yield, else to the largest of the service tensions and of the map.
 
-    The first goes twice as far with each stage, to the largest of the `service` tensions, whose contacts its answers give, or to
-    first yield. held [N/m]: tension of the second; default: the best one. `watch` is called with the share that is done. A run
-    that does not converge ends with the records before.
+    Empty without a requested tension where the `largest` of the map is zero. A path that does not converge ends with the records
+    before. `watch` is called with the share that is done.
     """
-    if largest <= 0.0:
-        return EqualTensionRun((), None)
-    model = mesh_of(scene)
-    tensions = [BEGIN * largest]
-    while tensions[-1] < max(largest, *(point.tension for point in service)):
-        tensions.append(2.0 * tensions[-1])
-    stages = [_stage(scene, tension, "equal tension") for tension in tensions]  # of one name: they are one stage of the answers
-    rows = _records(scene, stages, lambda share: watch(0.5 * share), until=scene.wire.yield_stress)
-    answers = answers_of(model, rows)
-    if answers is None or len(rows) < 2:
-        return EqualTensionRun(rows, None)
-    best = answers["best"]
-    tension = held or (None if best is None else mean_tension(Row(**best)))
-    temperatures = list(dict.fromkeys(stage.temperature for stage in scene.stages))[1:]
-    heated: list[Row] = []
-    if tension is not None and temperatures:
-        begin = _stage(scene, tension, "equal tension")
-        stages = [replace(begin, name=celsius(temperature), temperature=temperature) for temperature in temperatures]
-        heated = _records(scene, [begin, *stages], lambda share: watch(0.5 + 0.5 * share))
-        heat = answers_of(model, heated)
-        answers |= {"heat": [] if heat is None else heat["heat"]}
-    points = [_point(point) for point in service]
-    return EqualTensionRun(rows, answers | {"service": points}, heated)
-
-
-def _stage(scene: Scene, tension: float, name: str) -> Stage:
-    load = replace(scene.stages[0], strain_weft=None, strain_warp=None, shear=0.0, name=name)
-    return replace(load, tension_weft=tension, tension_warp=tension)
-
-
-def _records(scene: Scene, stages: Sequence[Stage], watch: Callable[[float], None], until: float = math.inf) -> list[Row]:
-    """Rows of history.csv of a run of these stages, to the one behind the first with a stress above `until` [Pa].
-
-    Two records behind a closing give its place (answers.py), also of one just below first yield.
-    """
+    if largest.largest == 0.0 and requested is None:
+        return EqualTensionPath()
+    wanted = service_tensions(scene, requested)
+    ends = [0.0, *_ends(wanted, largest.largest)]
+    path = LoadPath(exact_model(scene, scene.solver.residual_tolerance))
     rows: list[Row] = []
-    output = replace(scene.output, frames=max(LEAST_LEVELS, scene.output.frames // 2))
+    states: dict[float, PathState] = {}
+    at: dict[float, Row] = {}
+    try:
+        for number, (low, high) in enumerate(pairwise(ends)):
+            for record in path.load(under_tension(scene, high), _levels(scene, low, high), _part(watch, number, len(ends) - 1)):
+                rows.append(row_of(record))
+                if low >= (requested or 0.0) and _has_yielded(scene, rows):
+                    return EqualTensionPath(rows, states, at, YIELDED)
+            states[high], at[high] = path.state, rows[-1]
+    except Diverged as error:
+        return EqualTensionPath(rows, states, at, str(error))
+    return EqualTensionPath(rows, states, at)
+
+
+def _part(watch: Callable[[float], None], number: int, of: int) -> Callable[[float], None]:
+    """`watch` for a part of the whole."""
+    return lambda share: watch((number + share) / of)
+
+
+def service_tensions(scene: Scene, requested: float | None) -> list[float]:
+    """The SERVICE_TENSIONS, that of the scene, and the `requested` one [N/m]."""
+    return sorted({*SERVICE_TENSIONS, *(one for one in (scene.output.service_tension, requested) if one is not None)})
+
+
+def _ends(wanted: Sequence[float], largest: float) -> list[float]:
+    """Tensions [N/m] at the ends of the stages: those that are wanted, and steps of two between them."""
+    top = max(largest, *wanted)
+    step, steps = max(BEGIN * min(one for one in (largest, *wanted) if one > 0.0), LEAST * top), []
+    while step < top:
+        steps.append(step)
+        step *= 2.0
+    fixed = {*wanted, top}
+    return sorted(fixed | {one for one in steps if all(max(one / other, other / one) > APART for other in fixed)})
+
+
+def _levels(scene: Scene, low: float, high: float) -> int:
+    """Levels from one tension to the next."""
+    doubling = max(LEAST_LEVELS, scene.output.frames // 2)
+    return doubling if low == 0.0 else max(1, math.ceil(doubling * math.log2(high / low)))
+
+
+def _has_yielded(scene: Scene, rows: Sequence[Row]) -> bool:
+    """Whether two records are beyond first yield: they give the place of a closing (answers.py) just below it too."""
+    return len(rows) > 1 and bool(rows[-2].stress_max_Pa > scene.wire.yield_stress)
+
+
+def service_points(
+    scene: Scene, path: EqualTensionPath, requested: float | None, card: MaterialCard | None
+) -> list[ServicePoint]:
+    """The mesh at `service_tensions`: on the path, and by the `card` of the requested tension."""
+    points = []
+    for tension in service_tensions(scene, requested):
+        if (row := path.at.get(tension)) is None:
+            why = path.ended if path.ended == YIELDED else "no equilibrium found" if path.ended else NO_PATH
+            points.append(ServicePoint(tension, why=why))
+        elif tension == requested and card is not None:
+            points.append(point_of_card(card, tension))
+        else:
+            points.append(ServicePoint(tension, (row.strain_weft, row.strain_warp), row.active_percent, row.stress_max_Pa))
+    return points
+
+
+def answers_on(
+    scene: Scene, path: EqualTensionPath, service: Sequence[ServicePoint], heated: Sequence[Row]
+) -> dict[str, Any] | None:
+    """The answers (runner/answers.py) that a path gives, with these service points; None without one. heated: see `heat`."""
+    model = exact_model(scene)
+    answers = None if len(path.rows) < 2 else answers_of(model, path.rows)
+    if answers is None:
+        return None
+    warm = answers_of(model, heated)
+    return answers | {"heat": [] if warm is None else warm["heat"], "service": [_point(point) for point in service]}
+
+
+def heat(
+    scene: Scene, path: EqualTensionPath, requested: float | None, watch: Callable[[float], None] = lambda _: None
+) -> list[Row]:
+    """Rows of a run that holds the `requested` tension [N/m], or the best one of the path, at the temperatures of [[path]].
+
+    It begins where the path has a tension as small or smaller. `watch` is called with the share that is done; a run that does not
+    converge ends with the records before.
+    """
+    temperatures = list(dict.fromkeys(stage.temperature for stage in scene.stages))[1:]
+    answers = None if len(path.rows) < 2 or not temperatures else answers_of(exact_model(scene), path.rows)
+    if answers is None:
+        return []
+    held = requested or (None if answers["best"] is None else mean_tension(Row(**answers["best"])))
+    if held is None:
+        return []
+    rows: list[Row] = []
+    low = max((tension for tension in path.states if tension <= held), default=0.0)
+    warm = LoadPath(exact_model(scene, HEAT_TOLERANCE), path.states.get(low, AS_KNITTED))
+    begin = under_tension(scene, held)
     with suppress(Diverged):
-        for record in Simulation(mesh_of(replace(scene, stages=tuple(stages), output=output, sweep=None))).run():
-            rows.append(row_of(record))
-            watch((record.stage_index + record.load_factor) / len(stages))
-            if len(rows) > 1 and rows[-2].stress_max_Pa > until:
-                break
+        levels = 1 if low == held else _levels(scene, low, held)
+        *_, record = warm.load(begin, levels)
+        rows.append(row_of(record))
+        for number, temperature in enumerate(temperatures):
+            stage = replace(begin, name=celsius(temperature), temperature=temperature)
+            levels = max(LEAST_LEVELS, scene.output.frames // 2)
+            for record in warm.load(stage, levels, _part(watch, number, len(temperatures))):
+                rows.append(row_of(record))
     return rows
 
 
@@ -94,5 +165,5 @@ def _point(point: ServicePoint) -> dict[str, Any]:
     tensions = dict.fromkeys(("tension_weft_N_per_m", "tension_warp_N_per_m"), point.tension)
     state = None if point.strains is None else dict(zip(("strain_weft", "strain_warp"), point.strains, strict=True)) | tensions
     active = point.active_percent if state else None
-    why = {} if point.why == ServicePoint.why else {"why": point.why}
+    why = {"why": point.why} if point.why else {}
     return {"tension_N_per_m": point.tension, "active_percent": active, "state": state, "resolved": True} | why

@@ -11,6 +11,7 @@ from ..errors import Diverged
 from ..measure import Observables
 from ..scene import Scene
 from ..sweep.states import Mesh, mesh_of, states_of
+from .load_path import under_strain
 
 # Residual, so that the differences between states hold three digits: the card's stiffness is nearly singular, and its inverse
 # loses one more. The contact point is found to 1e-5 of a segment, which leaves residuals of up to 1e-5.
@@ -35,13 +36,7 @@ def states_at(
     Each is reached proportionally from the mesh as knitted, at the temperature of the scene's first stage. `watch` is called with
     the share of the states that are found.
     """
-    load = model.scene.stages[0]
-    stages = [
-        replace(
-            load, strain_weft=f[0, 0] - 1.0, strain_warp=f[1, 1] - 1.0, shear=f[0, 1], tension_weft=None, tension_warp=None
-        )
-        for f in gradients
-    ]  # fmt: skip
+    stages = [under_strain(model.scene, f) for f in gradients]
     found: dict[int, Observables | Diverged] = {}
     for outcome in states_of(model, stages).run():
         if outcome.observables is not None:

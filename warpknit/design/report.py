@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, fields, replace
 from datetime import date
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,25 +20,29 @@ from ..errors import Diverged
 from ..files import write_aside, write_table
 from ..measure import Observables
 from ..mesh.layout import contact_classes
+from ..runner.history import Row, row_of
 from ..runner.progress_display import Progress
-from ..scene import Scene, Sweep
+from ..scene import Scene, Stage, Sweep
 from ..scene.capabilities import refuse
 from ..sweep.contact_map import Jump, MapRow, Optimum, axes_of, find_jumps, find_optimum, grid, jump_warning, model_warnings
 from ..sweep.states import Mesh, mesh_of
 from ..text import celsius, exact
-from .card import MaterialCard, find_card, find_card_at_tension
+from .card import MaterialCard, find_card
 from .card_files import card_warnings, write_card
-from .curves import CurvePoint, loading_path, tension_strain
-from .equal_tension import EqualTensionRun, run_equal_tension
+from .curves import CurvePoint, tension_strain
+from .equal_tension import EqualTensionPath, answers_on, heat, load_equally, service_points
 from .fe import CODES, FILES, write_fe_cards
-from .fine_states import DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE, exact_model, states_at
+from .fine_states import ROUGH_TOLERANCE, exact_model, states_at
+from .load_path import LoadPath, PathState, under_strain, under_tension
 from .network import contact_resistances, sheet_resistance
 from .opening_size import BANDS, Opening, openings
 from .page import Page
 from .sections import answers_section, card_section, curve_section, electric_section, map_section, mesh_section, openings_section
-from .service import EqualTension, ServicePoint, equal_tension, service_points, strains_under_tension
+from .service import EqualTension, ServicePoint, equal_tension
 
-UNDER_TENSION, SEARCHED = 0.3, 0.5  # of the time of a card at a tension: run under it, and search for its strains
+STAGES = ("tension-strain curves", "equal tensions", "material card", "heat", "openings and page")  # of the progress
+WAY = 0.6  # of the time of a card: the way to the optimum
+BEYOND = 13.0 / 12.0  # of the load of the card: last point of its loading curves
 DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))  # of the map where the scene has no [sweep]
 
 
@@ -52,12 +58,14 @@ class Findings:
     jumps: Sequence[Jump]  # of the map
     requested: float | None  # [N/m] tension requested for the card
     equal_tension: EqualTension  # largest in the map
-    run: EqualTensionRun  # to that tension, or the requested one
+    levels: int  # of the path under equal tensions
+    answers: dict[str, Any] | None  # that it gives (runner/answers.py)
+    heated: Sequence[Row]  # of the mesh at one tension while its temperature changes
     service: Sequence[ServicePoint]
     curves: Sequence[CurvePoint]
     where: str  # state of the card, in words; or why there is none
     card: MaterialCard | None
-    loading: Sequence[CurvePoint]  # states from the mesh as knitted to the card and beyond
+    loading: Sequence[Row]  # states from the mesh as knitted to the card and beyond
     tensioned: Observables | None  # the mesh of the card
     knitted_openings: Sequence[Opening]
     tensioned_openings: Sequence[Opening]
@@ -103,21 +111,20 @@ def write_report(
     Raises `ModelError`, `KnitError`.
     """
     show = progress or Progress()
-    show.stage("tension-strain curves", number=1, of=5)
+
+    def begin(number: int) -> Callable[[float], None]:
+        show.stage(STAGES[number], number=number + 1, of=len(STAGES))
+        return lambda share: show.update(done=share, load_factor=share)
+
     model = mesh_of(scene)
     weft, warp = (max(vars(row)[f"strain_{side}"] or 0.0 for row in rows) for side in ("weft", "warp"))
-    curves = tension_strain(model, weft, warp, lambda share: show.update(done=share, load_factor=share))
-    show.stage("material card", number=2, of=5)
-    optimum = find_optimum(rows, scene.wire.yield_stress)
-    card, tensioned, where = _card(scene, optimum, tension, lambda share: show.update(done=share, load_factor=share))
-    loading = [] if card is None else loading_path(model, card.strain_weft, card.strain_warp)
-    show.stage("service tensions", number=3, of=5)
-    service = service_points(scene, rows, tension, card, lambda share: show.update(done=share, load_factor=share))
-    show.stage("equal tensions", number=4, of=5)
-    equal = equal_tension(rows, scene.wire.yield_stress)
-    largest = max(equal.largest, tension or 0.0)
-    run = run_equal_tension(scene, largest, tension, service, lambda share: show.update(done=share, load_factor=share))
-    show.stage("openings and page", number=5, of=5)
+    curves = tension_strain(model, weft, warp, begin(0))
+    optimum, largest = find_optimum(rows, scene.wire.yield_stress), equal_tension(rows, scene.wire.yield_stress)
+    path = load_equally(scene, largest, tension, begin(1))
+    card, tensioned, where, loading = _card(scene, optimum, path, tension, begin(2))
+    service = service_points(scene, path, tension, card)
+    heated = heat(scene, path, tension, begin(3))
+    begin(4)
     knitted = states_at(model, [np.eye(2)])[0]
     found = Findings(
         scene=scene,
@@ -127,8 +134,10 @@ def write_report(
         optimum=optimum,
         jumps=find_jumps(model, rows),
         requested=tension,
-        equal_tension=equal,
-        run=run,
+        equal_tension=largest,
+        levels=len(path.rows) - 1,
+        answers=answers_on(scene, path, service, heated),
+        heated=heated,
         service=service,
         curves=curves,
         where=where,
@@ -144,34 +153,43 @@ def write_report(
 
 
 def _card(
-    scene: Scene, optimum: Optimum | None, tension: float | None, watch: Callable[[float], None]
-) -> tuple[MaterialCard | None, Observables | None, str]:
-    """The card, its mesh, and its state in words; or None and the reason. `watch` is called with the share that is done."""
+    scene: Scene, optimum: Optimum | None, path: EqualTensionPath, tension: float | None, watch: Callable[[float], None]
+) -> tuple[MaterialCard | None, Observables | None, str, Sequence[Row]]:
+    """The card, its mesh, its state in words, and states on the way to it and beyond; or None and the reason.
+
+    path: under equal tensions, for a card at a `tension` [N/m]. `watch` is called with the share that is done.
+    """
     if tension is not None:
         text = f"{exact(tension, 'N/m')} in both directions"
-        try:
-            start, tangent = strains_under_tension(scene, tension, lambda share: watch(UNDER_TENSION * share))
-        except Diverged as error:
-            return None, None, f"no card for {text}: {error}"
-
-        def find(model: Mesh) -> tuple[MaterialCard, Observables]:
-            return find_card_at_tension(model, tension, start, tangent, lambda share: watch(SEARCHED + (1 - SEARCHED) * share))
-
+        load, beyond = (under_tension(scene, factor * tension) for factor in (1.0, BEYOND))
     elif optimum is not None:
-        text, strains = "the optimum of the map", (optimum.strain_weft, optimum.strain_warp)
-
-        def find(model: Mesh) -> tuple[MaterialCard, Observables]:
-            return find_card(model, *strains, watch)
-
+        text, strains = "the optimum of the map", np.array([optimum.strain_weft, optimum.strain_warp])
+        load, beyond = (under_strain(scene, np.diag(1.0 + factor * strains)) for factor in (1.0, BEYOND))
     else:
-        return None, None, "no card: the map has no optimum; ask for a tension, or widen [sweep]"
-    why = ""
-    for tolerance in (DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE):
-        try:
-            return *find(exact_model(scene, tolerance)), text
-        except Diverged as error:
-            why = str(error)
-    return None, None, f"no card for {text}: {why}"
+        return None, None, "no card: the map has no optimum; ask for a tension, or widen [sweep]", ()
+    try:
+        if tension is not None:
+            begin, rows = path.states.get(tension), list(path.rows)
+        else:
+            way = LoadPath(exact_model(scene, scene.solver.residual_tolerance))
+            rows = [row_of(record) for record in way.load(load, scene.output.frames, lambda share: watch(WAY * share))]
+            begin = way.state
+        if begin is None:
+            raise Diverged(path.ended)
+        card, mesh = _card_from(scene, begin, load, lambda share: watch(WAY + (1.0 - WAY) * share))
+    except Diverged as error:
+        return None, None, f"no card for {text}: {error}", ()
+    with suppress(Diverged):
+        rows.append(row_of(LoadPath(exact_model(scene, scene.solver.residual_tolerance), begin).to(beyond)))
+    return card, mesh, text, rows
+
+
+def _card_from(scene: Scene, begin: PathState, load: Stage, watch: Callable[[float], None]) -> tuple[MaterialCard, Observables]:
+    """The card under `load`, from a state under it that has converged to the tolerance of the scene. Raises `Diverged`."""
+    try:
+        return find_card(exact_model(scene), begin, load, watch)
+    except Diverged:
+        return find_card(exact_model(scene, ROUGH_TOLERANCE), begin, load, watch)
 
 
 def _write(found: Findings, out: Path, codes: Sequence[str]) -> None:
@@ -186,7 +204,7 @@ def _write(found: Findings, out: Path, codes: Sequence[str]) -> None:
         )
         write_card(found.card, found.scene, found.where, out, found.model_warnings, fe_cards)
     with write_aside(out / "answers.json") as file:
-        json.dump(found.run.answers, file, indent=2, allow_nan=False)
+        json.dump(found.answers, file, indent=2, allow_nan=False)
     with write_aside(out / "report.html") as file:
         file.write(_page(found, _figures(found, out / "figures")).html())
 
@@ -197,10 +215,10 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     for warning in found.model_warnings:
         page.warning(f"{warning[0].upper()}{warning[1:]}.")
     page.text(f"warpknit {__version__}, {date.today().isoformat()}, scene {found.scene.hash}")
-    answers_section(page, found.scene, found.run, found.equal_tension, figures.get("heat"))
+    answers_section(page, found.scene, found.answers, found.levels, found.equal_tension, figures.get("heat"))
     page.text(
-        "Computed by warpknit for endless cloth, without friction; every state is loaded proportionally from the mesh as"
-        " knitted. Weft is across the wales (axis 1, x), warp along them (axis 2, y). Tensions are forces per current width."
+        "Computed by warpknit for endless cloth, without friction. Pairs of the map and curves are loaded from the mesh as knitted"
+        " in proportion to their strains, answers and service tensions under equal tensions. Weft is across the wales (axis 1, x), warp along them (axis 2, y). Tensions are forces per current width."
     )
     page.text(f"Model: {found.scene.model.kind}, {found.scene.kind_reason}.")
     if found.card is None:
@@ -261,7 +279,7 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
         title = state_title(frame, measure.mesh_tension(mesh))
         draw["mesh"] = lambda path: mesh_figure(mesh.model.layout(), frame, path, title, yield_stress=limit)
     figures = {name: drawn(folder / f"report_{name}.png") for name, drawn in draw.items()}
-    heat = heat_figure([vars(row) for row in found.run.heated], folder / "report_heat.png") if found.run.heated else None
+    heat = heat_figure([vars(row) for row in found.heated], folder / "report_heat.png") if found.heated else None
     return figures if heat is None else figures | {"heat": heat}
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.constants import speed_of_light
@@ -17,7 +18,6 @@ from ..text import celsius, engineering, percent
 from .card import AGREEMENT, MaterialCard
 from .card_files import DEFINITION, card_values, card_warnings
 from .curves import CurvePoint
-from .equal_tension import EqualTensionRun
 from .inputs import INCH, openings_per_length
 from .network import surface, wire_resistance
 from .opening_size import BANDS, FINE_ENOUGH, Opening
@@ -27,21 +27,23 @@ from .service import EqualTension, ServicePoint
 FOR_PEOPLE = {"Pa": (1e-6, "MPa"), "kg/m^2": (1e3, "g/m2"), "1/K": (1e6, "1e-6/K")}  # factor from SI, and unit
 
 
-def answers_section(page: Page, scene: Scene, run: EqualTensionRun, largest: EqualTension, heat: Path | None) -> None:
-    """Answers to a designer's questions, first on the page. heat: picture of what temperature does."""
+def answers_section(
+    page: Page, scene: Scene, answers: dict[str, Any] | None, levels: int, largest: EqualTension, heat: Path | None
+) -> None:
+    """Answers to a designer's questions, first on the page. levels: of their path; heat: picture of what temperature does."""
     page.heading("In short")
-    if run.answers is None:
+    if answers is None:
         page.warning(largest.text())
         return
-    page.table(answer_rows(run.answers, scene.wire.yield_stress))
+    page.table(answer_rows(answers, scene.wire.yield_stress))
     page.text(
-        f"Equal tensions in weft and warp, from the mesh as knitted in {len(run.rows) - 1} levels, to first yield or the largest"
+        f"Equal tensions in weft and warp, from the mesh as knitted in {levels} levels, to first yield or the largest"
         " service tension. Contacts A, B, ... are the classes of places of one shape, from the tightest lens on. The shares at"
         " service tensions are those of the table below."
     )
     if heat is not None:
         page.figure(heat, "The mesh under a held tension, while its temperature changes to that of each [[path]].")
-    elif not run.answers["heat"]:
+    elif not answers["heat"]:
         page.text("The scene has no [[path]] with another temperature, so this page does not show what heat does.")
 
 

@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ...files import write_aside
+from ...runner.history import Row
 from ...scene import Scene
 from ..card import MaterialCard
 from ..card_files import card_warnings
-from ..curves import CurvePoint
 from . import abaqus, ansys, calculix, lsdyna, nastran, radioss
 from .fe_card import FeCard
 from .tangent import NoConstants
@@ -28,7 +28,7 @@ FILES = tuple(file for file, _ in CODES.values())
 
 def write_fe_cards(
     card: MaterialCard,
-    path: Sequence[CurvePoint],
+    path: Sequence[Row],
     scene: Scene,
     where: str,
     out: Path,
@@ -38,7 +38,7 @@ def write_fe_cards(
 ) -> dict[str, str]:
     """Write the file of each of `codes` into `out`; return its name, or why there is none.
 
-    path: states on the way to the card (`curves.loading_path`). where: state of the card, in words. warnings: of the model.
+    path: states on the way to the card, and beyond. where: state of the card, in words. warnings: of the model.
     """
     curves, no_curves = None, ""
     try:

@@ -1,7 +1,7 @@
 """Curves for the laws of woven fabrics, in which either direction has a tension of its own strain alone.
 
-A mesh is no such fabric: its tensions depend on both strains. The curves hold on one path, from the mesh as knitted in proportion
-to the strains of the card. There they give both tensions, at the card its prestress.
+A mesh is no such fabric: its tensions depend on both strains. The curves hold on one path, that from the mesh as knitted to the
+card. There they give both tensions, at the card its prestress.
 """
 
 from __future__ import annotations
@@ -11,9 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...runner.history import Row
 from ..card import MaterialCard
-from ..curves import CurvePoint
 from .tangent import NoConstants
+
+APART = 0.02  # of a tension: nearer states are that of the card, less exact
 
 
 @dataclass(frozen=True)
@@ -29,8 +31,8 @@ class YarnCurve:
         return float((np.diff(self.nominal) / np.diff(self.stretch)).max())
 
 
-def yarn_curves(card: MaterialCard, path: Sequence[CurvePoint]) -> tuple[YarnCurve, YarnCurve]:
-    """Curves along weft and warp. path: states on the way to the strains of the card, and beyond.
+def yarn_curves(card: MaterialCard, path: Sequence[Row]) -> tuple[YarnCurve, YarnCurve]:
+    """Curves along weft and warp. path: states on the way to the card, and beyond.
 
     Raises `NoConstants` where a direction is not stretched or carries no tension, or the mesh resists no shear.
     """
@@ -38,25 +40,24 @@ def yarn_curves(card: MaterialCard, path: Sequence[CurvePoint]) -> tuple[YarnCur
         raise NoConstants("the mesh is not stretched and tensioned both ways")
     if card.stiffness[2, 2] <= 0.0:
         raise NoConstants("its shear stiffness is not positive")
-    rows = [(0.0, 0.0, 0.0, 0.0), (card.strain_weft, card.strain_warp, card.tension_weft, card.tension_warp)]
-    for p in path:
-        if p.tension_weft_N_per_m is not None and p.tension_warp_N_per_m is not None:
-            rows.append((p.strain_weft, p.strain_warp, p.tension_weft_N_per_m, p.tension_warp_N_per_m))
-    strain_weft, strain_warp, weft, warp = np.array(sorted(rows)).T
-    return (
-        _rising(1.0 + strain_weft, weft * (1.0 + strain_warp), 1.0 + card.strain_weft),
-        _rising(1.0 + strain_warp, warp * (1.0 + strain_weft), 1.0 + card.strain_warp),
-    )
+    kept = (card.strain_weft, card.strain_warp, card.tension_weft, card.tension_warp)
+    rows = [kept]
+    for row in path:
+        tension = (row.tension_weft_N_per_m, row.tension_warp_N_per_m)
+        if max(abs(one / other - 1.0) for one, other in zip(tension, kept[2:], strict=True)) > APART:
+            rows.append((row.strain_weft, row.strain_warp, *tension))
+    strain_weft, strain_warp, weft, warp = np.array(rows).T
+    return _rising(1.0 + strain_weft, weft * (1.0 + strain_warp)), _rising(1.0 + strain_warp, warp * (1.0 + strain_weft))
 
 
-def _rising(stretch: np.ndarray, nominal: np.ndarray, kept: float) -> YarnCurve:
-    """The curve without the points that would make it fall; the one at the stretch `kept` stays."""
-    at = int(np.flatnonzero(stretch == kept)[0])
-    points = [at]
-    for i in range(at - 1, 0, -1):
-        if 0.0 < nominal[i] < nominal[points[0]]:
-            points.insert(0, i)
-    for i in range(at + 1, len(stretch)):
-        if nominal[i] > nominal[points[-1]]:
-            points.append(i)
-    return YarnCurve(stretch[[0, *points]], nominal[[0, *points]])
+def _rising(stretch: np.ndarray, nominal: np.ndarray) -> YarnCurve:
+    """The curve by stretch, from the mesh as knitted and through the first of these points, without others that make it fall."""
+    points = [(stretch[0], nominal[0])]
+    order = np.argsort(stretch)
+    for i in order[::-1]:
+        if 1.0 < stretch[i] < points[0][0] and 0.0 < nominal[i] < points[0][1]:
+            points.insert(0, (stretch[i], nominal[i]))
+    for i in order:
+        if stretch[i] > points[-1][0] and nominal[i] > points[-1][1]:
+            points.append((stretch[i], nominal[i]))
+    return YarnCurve(*np.array([(1.0, 0.0), *points]).T)

@@ -1,0 +1,75 @@
+"""A load path against a run of the same stages, and its branches."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warpknit import measure
+from warpknit.design.curves import tension_strain
+from warpknit.design.equal_tension import EqualTensionPath, load_equally, service_points
+from warpknit.design.load_path import LoadPath, under_strain, under_tension
+from warpknit.design.service import EqualTension
+from warpknit.errors import Diverged
+from warpknit.model import build_model
+from warpknit.runner.history import row_of
+from warpknit.scene import load_scene
+from warpknit.solve.simulate import Simulation
+
+SCENES = Path(__file__).parents[2] / "scenes"
+KINDS = {"planar": "contact_map.toml", "spatial": "atlas_cell_spatial.toml"}
+
+
+@pytest.fixture(scope="module", params=list(KINDS))
+def model(request):
+    return build_model(replace(load_scene(SCENES / KINDS[request.param], ["output.frames=2"], "draft"), sweep=None))
+
+
+def test_stages_of_a_path_are_those_of_a_run(model):
+    """The same bits as a run that knows all its stages at once."""
+    stages = under_strain(model.scene, np.diag([1.05, 1.05])), under_tension(model.scene, 0.03)
+    whole = [row_of(r) for r in Simulation(replace(model, scene=replace(model.scene, stages=stages))).run()]
+    path = LoadPath(model)
+    parts = [row_of(record) for stage in stages for record in path.load(stage, levels=2)]
+    assert [vars(row) for row in parts] == [vars(row) for row in whole]
+
+
+def test_branches_do_not_depend_on_each_other(model):
+    path = LoadPath(model)
+    path.to(under_strain(model.scene, np.diag([1.1, 1.1])))
+    nearby = under_strain(model.scene, np.diag([1.101, 1.1]))
+
+    def tension():
+        return measure.mesh_tension(LoadPath(model, path.state).to(nearby).observables)
+
+    first = tension()
+    LoadPath(model, path.state).to(under_strain(model.scene, np.diag([1.1, 1.102])))
+    assert tension() == first
+
+
+def test_a_path_that_does_not_converge_stays_where_it_was():
+    model = build_model(load_scene(SCENES / "contact_map.toml", ["solver.max_steps=100"], "draft"))
+    path = LoadPath(model)
+    with pytest.raises(Diverged):
+        path.to(under_strain(model.scene, np.diag([1.1, 1.1])))
+    assert path.state.stages == ()
+    assert all(point.tension_weft_N_per_m is None for point in tension_strain(model, 0.1, 0.1) if point.strain_weft > 0.0)
+
+
+def test_strains_of_a_path_are_those_asked_for_whatever_the_frame_expands():
+    """under_strain prescribes the deformation gradient; a frame that grows with heat adds its own strain to those of a scene."""
+    settings = ["model.frame_expansion=1e-5", 'load.temperature="120 degC"', "output.frames=1"]
+    model = build_model(load_scene(SCENES / "contact_map.toml", settings, "draft"))
+    gradient = LoadPath(model).to(under_strain(model.scene, np.diag([1.05, 1.02]))).observables.gradient
+    assert gradient == pytest.approx(np.diag([1.05, 1.02]), abs=1e-12)
+
+
+def test_a_path_ends_behind_first_yield_unless_more_is_requested():
+    """The double atlas of 15 um yields at 0.6 N/m: service tensions beyond have no point; a larger map adds nothing."""
+    scene = load_scene(SCENES / "contact_map.toml", ["output.frames=4"], "draft")
+    path = load_equally(scene, EqualTension(0.2, 0.2, scene.wire.yield_stress), None)
+    above = [row.stress_max_Pa > scene.wire.yield_stress for row in path.rows]
+    assert above == [False] * (len(above) - 2) + [True, True]
+    assert {point.why for point in service_points(scene, path, None, None)} == {"beyond first yield"}
+    assert load_equally(scene, EqualTension(0.0, 0.0, 1.0), None) == EqualTensionPath()

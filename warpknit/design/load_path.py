@@ -1,0 +1,80 @@
+"""A mesh on the way along its load: a run whose stages are given one after the other, and that returns to states it has passed.
+
+    path = LoadPath(mesh_of(scene))
+    records = list(path.load(under_strain(scene, np.diag([1.1, 1.1])), levels=20))
+    beside = LoadPath(path.model, path.state)                         # goes on from there, as often as wanted
+
+Each equilibrium starts from the one before it. States that lie on one path belong together: where a mesh has several equilibria
+under one load, as tight knits have, those found from the mesh as knitted each by itself may not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ..scene import Scene, Stage
+from ..solve.progress import Progress, Record
+from ..solve.simulate import Simulation
+
+
+@dataclass(frozen=True)
+class PathState:
+    """A state at the end of a stage of a path; the default is the mesh as knitted."""
+
+    stages: tuple[Stage, ...] = ()
+    kept: dict[str, np.ndarray] = field(default_factory=dict)  # snapshot of the drive
+
+
+AS_KNITTED = PathState()
+
+
+class LoadPath:
+    """A path from the mesh as knitted, or from a state of another path of the same mesh."""
+
+    def __init__(self, model: Any, state: PathState = AS_KNITTED) -> None:
+        """The models of two paths may differ in their solver's tolerance."""
+        self.model, self.state = model, state
+        self.last: Record | None = None
+
+    def load(self, stage: Stage, levels: int, watch: Callable[[float], None] = lambda _: None) -> Iterator[Record]:
+        """Records of a stage from the state of the path, which then is its end; the first begins with the mesh as knitted.
+
+        `watch` is called with the load factor at every convergence check. Raises `Diverged`; `state` is that before the stage.
+        """
+        scene, stages = self.model.scene, (*self.state.stages, stage)
+        model = replace(self.model, scene=replace(scene, stages=stages, output=replace(scene.output, frames=levels), sweep=None))
+        simulation = Simulation(
+            model,
+            progress=Progress() if self.state.kept else None,
+            watch=lambda progress: watch((progress.level + progress.level_share) / (levels + 1)),
+        )
+        if self.state.kept:
+            simulation.drive.restore(self.state.kept)
+        else:
+            simulation.compile()
+        for self.last in simulation.run():
+            yield self.last
+        self.state = PathState(stages, simulation.drive.snapshot())
+
+    def to(self, stage: Stage) -> Record:
+        """The record at the end of a stage in one level. Raises `Diverged`."""
+        *_, record = self.load(stage, levels=1)
+        return record
+
+
+def under_strain(scene: Scene, gradient: np.ndarray) -> Stage:
+    """The first stage of `scene`, with the upper triangular deformation gradient (2, 2) in place of its load."""
+    load = scene.stages[0]
+    f = gradient / (1.0 + scene.model.frame_expansion * (load.temperature - scene.wire.reference_temperature))
+    weft, warp, shear = float(f[0, 0]) - 1.0, float(f[1, 1]) - 1.0, float(f[0, 1])
+    return replace(load, strain_weft=weft, strain_warp=warp, shear=shear, tension_weft=None, tension_warp=None)
+
+
+def under_tension(scene: Scene, tension: float, name: str = "equal tension") -> Stage:
+    """The first stage of `scene`, with `tension` [N/m] in weft and warp in place of its load."""
+    load = replace(scene.stages[0], strain_weft=None, strain_warp=None, shear=0.0, name=name)
+    return replace(load, tension_weft=tension, tension_warp=tension)
