@@ -217,8 +217,9 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     page.text(f"warpknit {__version__}, {date.today().isoformat()}, scene {found.scene.hash}")
     answers_section(page, found.scene, found.answers, found.levels, found.equal_tension, figures.get("heat"))
     page.text(
-        "Computed by warpknit for endless cloth, without friction. Pairs of the map and curves are loaded from the mesh as knitted"
-        " in proportion to their strains, answers and service tensions under equal tensions. Weft is across the wales (axis 1, x), warp along them (axis 2, y). Tensions are forces per current width."
+        "Computed by warpknit for endless cloth, without friction. Pairs of the map and curves are loaded from the mesh as"
+        " knitted in proportion to their strains, answers and service tensions under equal tensions. Weft is across the wales"
+        " (axis 1, x), warp along them (axis 2, y). Tensions are forces per current width."
     )
     page.text(f"Model: {found.scene.model.kind}, {found.scene.kind_reason}.")
     if found.card is None:
