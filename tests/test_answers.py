@@ -115,8 +115,12 @@ def test_a_last_record_gives_a_range(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_heat_is_told_stage_by_stage(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A stage that cools the mesh from 20 to -190 degC while its tension rises from 0.3 to 0.4 N/m."""
+    """A stage that cools the mesh from 20 to -190 degC at a held strain, while its tension rises from 0.3 to 0.4 N/m."""
     cold = [row(0.3 + 0.02 * k, stage="cold", temperature=293.15 - 42.0 * k) for k in range(1, 6)]
+    stretched = found([row(0.1 * k) for k in range(4)] + cold, monkeypatch)
+    assert stretched["heat"] == []  # what the load does cannot be told from what heat does
+    for one in cold:
+        one.strain_weft, one.strain_warp = row(0.3).strain_weft, row(0.3).strain_warp
     answers = found([row(0.1 * k) for k in range(4)] + cold, monkeypatch)
     (stage,) = answers["heat"]
     assert stage["stage"] == "cold"

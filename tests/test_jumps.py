@@ -120,7 +120,7 @@ def test_a_picture_marks_the_cells_of_a_jump(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr(module, "save_figure", lambda figure, path: kept.append(figure) or path)
     jumps = [((0.2, 0.0), (0.3, 0.0)), ((0.3, 0.0), (0.3, 0.1))]
     marks = Marks(stress=np.ones((6, 6)), yield_stress=2.0, optimum=None, jumps=jumps)
-    map_figure(tmp_path / "map.png", STEPS, STEPS, np.eye(6), title="", label="", percent=True, marks=marks)
+    map_figure(tmp_path / "map.png", STEPS, STEPS, np.eye(6), title="", label="", unit="% of pairs", marks=marks)
     axes = kept[0].axes[0]
     (crosses,) = [line for line in axes.lines if line.get_marker() == "x"]
     assert np.column_stack(crosses.get_data()) == pytest.approx(np.array([[20.0, 0.0], [30.0, 0.0], [30.0, 10.0]]))

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.collections import QuadMesh
 from matplotlib.contour import QuadContourSet
 from matplotlib.image import imread
 
@@ -22,10 +23,23 @@ def share_of(colour: tuple[float, float, float], path: Path) -> float:
     return float(np.mean(np.all(np.abs(picture - colour) < 1 / 255, axis=2)))
 
 
+def test_colours_of_forces_end_little_above_the_elastic_limit(tmp_path, monkeypatch):
+    """A few cells far beyond it do not leave the others in one colour; the axis says so, and its unit follows what it shows."""
+    drawn = []
+    monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
+    tension = np.array([[0.0, 0.01, 0.02], [0.1, 0.2, 0.3], [0.1, 50.0, 1000.0]])
+    stress = np.array([[0.0, 1e8, 2e8], [3e8, 4e8, 5e8], [7e8, 3e9, np.nan]])
+    marks = Marks(stress=stress, yield_stress=6e8, optimum=None)
+    map_figure(tmp_path / "a.png", STRAINS, STRAINS, tension, title="", label="weft tension", unit="N/m", marks=marks)
+    (tiles,) = [item for item in drawn[0].axes[0].collections if isinstance(item, QuadMesh)]
+    assert tiles.get_clim() == pytest.approx((0.0, 1e3 * 0.3 * module.BEYOND_LIMIT))
+    assert tiles.colorbar.extend == "max" and tiles.colorbar.ax.get_ylabel() == "weft tension [mN/m]"
+
+
 def draw(path: Path, values: np.ndarray, limit: float = 1e9, optimum: tuple[float, float] | None = None) -> Path:
     marks = Marks(stress=np.where(np.isnan(values), np.nan, RISING * 1e6), yield_stress=limit, optimum=optimum)
     strains = STRAINS[: values.shape[0]]
-    return map_figure(path, STRAINS, strains, values, title="a mesh", label="share [%]", percent=True, marks=marks)
+    return map_figure(path, STRAINS, strains, values, title="a mesh", label="share", unit="% of pairs", marks=marks)
 
 
 def test_the_elastic_limit_is_drawn_where_it_runs_through_the_map(tmp_path):

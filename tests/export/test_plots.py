@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from reference.histories import history
-from warpknit.export import curves_figure, mesh_figure
+from warpknit.export import curves_figure, design_figures, mesh_figure
 from warpknit.export.plots import scale_of
 from warpknit.frame import Frame, WireLayout
 
@@ -110,3 +110,19 @@ def test_abscissa_is_what_varies(rows: list[dict[str, object]], label: str) -> N
 def test_units_go_by_the_size_of_what_is_shown(largest, scaled, unit):
     scale, found = scale_of("N/m", np.array([0.0, -largest, np.nan]), np.array([np.nan]))
     assert (scale * largest, found) == (pytest.approx(scaled), unit)
+
+
+def test_the_axis_of_tension_ends_little_above_the_elastic_limit(tmp_path, monkeypatch):
+    """Tension 2 N/m where the stress passes the limit, 1000 N/m behind it; the curves that stay below it carry less."""
+    drawn = []
+    monkeypatch.setattr(design_figures, "save_figure", lambda figure, path: drawn.append(figure))
+    beyond = {"stress_max_Pa": [0.0, 5e8, 7e8, 9e9], "tension_weft_N_per_m": [0.0, 1.0, 3.0, 1000.0]}
+    below = {"stress_max_Pa": [0.0, 1e8, 2e8, np.nan], "tension_weft_N_per_m": [0.0, 0.5, 1.0, np.nan]}
+    curves = {}
+    for load, curve in (("equal", beyond), ("weft_alone", below)):
+        strains = {f"strain_{side}": np.linspace(0.0, 0.1, 4) for side in ("weft", "warp")}
+        columns = {name: np.array(values) for name, values in curve.items()} | strains
+        curves[load] = columns | {"tension_warp_N_per_m": np.zeros(4)}
+    design_figures.tension_strain_figure(curves, tmp_path / "a.png", yield_stress=6e8)
+    top = design_figures.BEYOND_LIMIT * 2.0
+    assert drawn[0].axes[0].get_ylim() == pytest.approx((-design_figures.ROOM * top, (1.0 + design_figures.ROOM) * top))

@@ -164,7 +164,7 @@ def test_a_click_tells_numbers_that_follow_the_record(
     assert f"force {engineering(frames[-1].body_force[number], 'N')}" in text
     viewer.record.value = 0
     viewer.show(0)
-    assert f"**contact {number}**, open" in viewer.picked.content and "strain weft 0 %" in viewer.title.content
+    assert f"**contact {number}**, open" in viewer.picked.content and "strain weft 0.0 %" in viewer.title.content
 
     viewer.show(2)
     point = int(np.argmax(viewer.drawing.points[:, 1]))  # at the edge, away from contacts

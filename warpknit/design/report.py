@@ -266,7 +266,7 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
     draw: dict[str, Callable[[Path], Path]] = {
         "map": lambda path: map_figure(
             path, weft, warp, grid(found.rows, "active_percent", weft, warp),
-            title=f"{found.scene.name}: active contacts", label="active contacts [% of pairs]", percent=True, marks=marks,
+            title=f"{found.scene.name}: active contacts", label="active contacts", unit="% of pairs", marks=marks,
             warnings=found.model_warnings, by_tension=found.by_tension,
         ),
         "curves": lambda path: tension_strain_figure(curves, path, yield_stress=limit),

@@ -74,7 +74,7 @@ def mesh_section(
     for note in notes:
         page.text(note[0].upper() + note[1:] + ".")
     if "knit" in figures:
-        page.figure(figures["knit"], "The mesh as knitted, in plan view, and the bodies at its contacts.")
+        page.figure(figures["knit"], "The mesh as knitted, in plan view, and its places of contact.")
     if "mesh" in figures:
         page.figure(figures["mesh"], "The mesh at the tension of the card: stress of the wires, active and open contacts.")
 
@@ -123,7 +123,9 @@ def map_section(
 def curve_section(page: Page, curves: Sequence[CurvePoint], figure: Path) -> None:
     """Tension-strain curves."""
     page.heading("Tension against strain")
-    page.figure(figure, "Tension in weft and warp. Shaded: wire beyond its elastic limit.")
+    page.figure(
+        figure, "Tension in weft and warp. Shaded: wire beyond its elastic limit, where the curves may leave the picture."
+    )
     missing = sum(point.tension_weft_N_per_m is None for point in curves)
     if missing:
         page.warning(f"{missing} of {len(curves)} states did not converge and are left out.")

@@ -21,6 +21,8 @@ TITLES = {
     "warp_alone": "warp strained, weft held",
 }
 FREQUENCIES = (1e9, 1e11)  # [Hz]
+BEYOND_LIMIT = 1.5  # of the largest tension below the elastic limit: upper end of the axis
+ROOM = 0.04  # of the axis, at both ends
 LEAST_DECADES = 0.6  # of a resistance axis: a constant resistance is a level line
 
 SIDES: dict[str, dict[str, Any]] = {
@@ -35,8 +37,10 @@ def tension_strain_figure(curves: Mapping[str, Curve], path: str | os.PathLike[s
     """Tension in weft and warp against strain. `curves`: by load, with the columns of tension_strain.csv as arrays."""
     figure = figure_of(10.5, 3.9)
     panels = figure.subplots(1, len(curves), sharey=True)
+    top = _top_tension(list(curves.values()), yield_stress)
     tensions = [curve[f"tension_{side}_N_per_m"] for curve in curves.values() for side in ("weft", "warp")]
-    scale, unit = scale_of("N/m", *tensions)
+    bottom = min(0.0, float(np.nanmin(np.concatenate(tensions), initial=0.0)))
+    scale, unit = scale_of("N/m", np.array([top]))
     for axes, (load, curve) in zip(np.atleast_1d(panels), curves.items(), strict=True):
         strain = 100.0 * np.maximum(curve["strain_weft"], curve["strain_warp"])
         for side, look in SIDES.items():
@@ -53,9 +57,26 @@ def tension_strain_figure(curves: Mapping[str, Curve], path: str | os.PathLike[s
         axes.spines[["top", "right"]].set_visible(False)
     first = np.atleast_1d(panels)[0]
     first.set_ylabel(f"tension [{unit}]")
+    room = ROOM * scale * (top - bottom)
+    first.set_ylim(scale * bottom - room, scale * top + room)
     handles = {str(line.get_label()): line for axes in figure.axes for line in axes.get_legend_handles_labels()[0]}
     figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=3, frameon=False, fontsize="small")
     return save_figure(figure, path)
+
+
+def _top_tension(curves: Sequence[Curve], yield_stress: float) -> float:
+    """[N/m] of the axis: what wires below their elastic limit carry, and little above; all of it where none yields."""
+    largest = [np.fmax(curve["tension_weft_N_per_m"], curve["tension_warp_N_per_m"]) for curve in curves]
+    everything = float(np.nanmax(np.concatenate(largest), initial=0.0))
+    elastic = [0.0]
+    for curve, tension in zip(curves, largest, strict=True):
+        elastic += tension[curve["stress_max_Pa"] <= yield_stress].tolist()
+        behind = np.nonzero(curve["stress_max_Pa"] > yield_stress)[0]
+        if len(behind) and behind[0] > 0:
+            there = [behind[0] - 1, behind[0]]
+            elastic.append(float(np.interp(yield_stress, curve["stress_max_Pa"][there], tension[there])))
+    shown = BEYOND_LIMIT * float(np.nanmax(elastic))
+    return (min(shown, everything) if shown > 0.0 else everything) or 1.0
 
 
 def resistance_figure(curve: Curve, path: str | os.PathLike[str]) -> Path:

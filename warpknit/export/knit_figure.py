@@ -26,6 +26,7 @@ THINNEST = 1.2  # [pt] line that is still legible
 # Okabe and Ito's colours, distinct without red-green vision.
 BAR_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#606060", "#56B4E9")
 CLASS_MARKERS = "os^Dv<>pPX*h"
+MARK_SIZE, MARK_SPACING = 6.0, 6.5  # [pt] of a contact, and between those at one place
 BODY_COLOUR, RHOMBUS_COLOUR = "#111111", "#B00058"
 
 
@@ -57,17 +58,12 @@ def knit_figure(
 
     bodies = np.array([clasp.position for clasp in cloth.clasps]).reshape(-1, 2)
     classes = np.zeros(len(bodies), dtype=np.intp) if classes is None else classes
-    present = int(classes.max(initial=0))
-    for number, (name, marker) in enumerate(zip(CLASS_NAMES, CLASS_MARKERS, strict=True)):
-        mine = bodies[classes == number]
-        if len(mine) == 0:
-            continue
-        everywhere = (MM * mine[:, None] + tile_copies(MM * mine, period, low - margin, high + margin)).reshape(-1, 2)
-        style: dict[str, Any] = {"marker": marker, "color": BODY_COLOUR, "linestyle": "none"}
-        style |= {"markeredgecolor": "white", "markeredgewidth": 0.5}
-        mark = 4.0 + 1.4 * (present - number)  # of several at one place each shows
-        axes.plot(everywhere[:, 0], everywhere[:, 1], markersize=mark, zorder=3, **style)
-        handles.append(Line2D([], [], markersize=5, label=f"contact {name}, {len(mine)} per repeat", **style))
+    styles: list[dict[str, Any]] = []
+    for number in np.unique(classes).tolist():
+        style: dict[str, Any] = {"marker": CLASS_MARKERS[number], "color": BODY_COLOUR, "linestyle": "none"}
+        styles.append(style | {"markeredgecolor": "white", "markeredgewidth": 0.5})
+        label = f"contact {CLASS_NAMES[number]}, {np.count_nonzero(classes == number)} per repeat"
+        handles.append(Line2D([], [], markersize=MARK_SIZE, label=label, **styles[-1]))
     if cloth.rhombus is not None:
         middle = 0.5 * np.array([columns, rows]) * cloth.size
         cell = np.round((middle - cloth.rhombus.centre) / cloth.size)
@@ -76,16 +72,31 @@ def knit_figure(
         axes.add_patch(Polygon(outline, facecolor=RHOMBUS_COLOUR, alpha=0.12, edgecolor="none", zorder=0.5))
         mine = (bodies[clasps[:, 0]] + (clasps[:, 1:] + cell) * cloth.size) * MM
         (rings,) = axes.plot(mine[:, 0], mine[:, 1], "o", color=RHOMBUS_COLOUR, fillstyle="none", markersize=8)
-        rings.set_label(f"the {len(clasps)} bodies of one rhombus")
+        rings.set_label(f"the {len(clasps)} contacts of one rhombus")
         handles += [rings, Patch(facecolor=RHOMBUS_COLOUR, alpha=0.12, label="its opening")]
 
-    note = f"{len(cloth.clasps)} bodies per repeat\n{cloth.stitch_length * MM:.2f} mm of wire per loop"
+    note = f"{len(cloth.clasps)} contacts per repeat\n{cloth.stitch_length * MM:.2f} mm of wire per loop"
     handles.append(Patch(facecolor="none", edgecolor="none", label=note))
     figure.legend(handles=handles, loc="outside right upper", frameon=False)
     points_per_mm = plan_scale(figure, axes)
+    for places, style in zip(_places(MM * bodies, classes, MARK_SPACING / points_per_mm), styles, strict=True):
+        everywhere = (places[:, None] + tile_copies(places, period, low - margin, high + margin)).reshape(-1, 2)
+        axes.plot(everywhere[:, 0], everywhere[:, 1], markersize=MARK_SIZE, zorder=3, **style)
     line_width = max(THINNEST, diameter * MM * points_per_mm)
     axes.add_collection(over_under(*_wires(cloth, period, low - margin, high + margin), line_width, points_per_mm))
     return save_figure(figure, path)
+
+
+def _places(bodies: NDArray[Any], classes: NDArray[np.intp], spacing: float) -> list[NDArray[Any]]:
+    """[class] (body, 2) [mm] where the marks of the bodies (body, 2) [mm] of each class stand, side by side at one place."""
+    moved = bodies.copy()
+    left = list(range(len(bodies)))
+    while left:
+        near = [body for body in left if np.linalg.norm(bodies[body] - bodies[left[0]]) < spacing]
+        near.sort(key=lambda body: (classes[body], bodies[body, 0]))
+        moved[near, 0] += spacing * (np.arange(len(near)) - 0.5 * (len(near) - 1))
+        left = [body for body in left if body not in near]
+    return [moved[classes == number] for number in np.unique(classes)]
 
 
 def _wires(cloth: Cloth, period: NDArray[Any], low: NDArray[Any], high: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -28,6 +28,8 @@ from warpknit.export.plots import figure_of, save_figure, scale_of
 __all__ = ["Marks", "map_figure"]
 
 PERCENT_LEVELS = (10.0, 25.0, 50.0, 75.0, 90.0)
+SHARES, FORCES = "% of pairs", ("N/m", "Pa")  # units
+BEYOND_LIMIT = 1.25  # of the largest force below the elastic limit: last colour
 LEAST_LEVEL = 0.02  # of the largest value: lines of less are left out
 LIMIT_COLOUR, OPTIMUM_COLOUR = "#D55E00", "white"
 PLACE_MARKERS = "osD^v"
@@ -57,33 +59,36 @@ def map_figure(
     *,
     title: str,
     label: str,
-    percent: bool,
+    unit: str,
     marks: Marks,
     warnings: Sequence[str] = (),
     by_tension: bool = False,
 ) -> Path:
     """Draw `values` (warp, weft) over loads, which are strains or (`by_tension`) tensions [N/m]; nan stays blank.
 
-    `percent`: colours go from 0 to 100. `warnings` stand on top. A tile of colour is one cell, half of it at the edges. Shares in
-    percent jump: their lines run along the edges of the cells that reach a value. Lines of other quantities, and of the elastic
-    limit, go between the cells' middles.
+    unit: of the values, which are in SI; percent otherwise. Shares (SHARES) have colours from 0 to 100; they jump, so that their
+    lines run along the edges of the cells that reach a value. Lines of other quantities, and of the elastic limit, go between the
+    cells' middles; colours of forces end at the largest one below the elastic limit, or little above. A tile of colour is one
+    cell, half of it at the edges. `warnings` stand on top.
     """
     x, y = np.asarray(weft, dtype=float), np.asarray(warp, dtype=float)
-    scale, unit = scale_of("N/m", x, y) if by_tension else (100.0, "%")
-    x, y, quantity = scale * x, scale * y, "tension" if by_tension else "strain"
+    of_load = scale_of("N/m", x, y) if by_tension else (100.0, "%")
+    x, y, quantity = of_load[0] * x, of_load[0] * y, "tension" if by_tension else "strain"
     figure = figure_of(7.0, 5.9)
     axes = figure.subplots()
-    known = np.ma.masked_invalid(values)
-    low, high = (0.0, 0.0) if known.mask.all() else (min(0.0, float(known.min())), float(known.max()))
-    top = 100.0 if percent else high if high > low else low + 1.0
+    known, percent = np.ma.masked_invalid(values), unit == SHARES
+    low, top = _range_of(known, unit, marks)
+    if unit in FORCES:
+        factor, unit = scale_of(unit, np.array([low, top]))
+        known, low, top = factor * known, factor * low, factor * top
     tiles = axes.pcolormesh(_edges(x), _edges(y), known, cmap="viridis", vmin=low, vmax=top)
-    bar = figure.colorbar(tiles, ax=axes, pad=0.02)
-    bar.set_label(label)
+    bar = figure.colorbar(tiles, ax=axes, pad=0.02, extend="max" if known.count() and float(known.max()) > top else "neither")
+    bar.set_label(f"{label} [{unit}]")
     if known.mask.all():
         axes.text(0.5, 0.5, "no converged state", transform=axes.transAxes, ha="center", va="center")
     elif min(values.shape) > 1:
-        _draw_levels(axes, bar, x, y, known, percent)
-    handles = _draw_marks(axes, x, y, marks, tiles.to_rgba, (scale, unit))
+        _draw_levels(axes, bar, x, y, known, top, percent)
+    handles = _draw_marks(axes, x, y, marks, tiles.to_rgba, of_load)
     if known.mask.any():
         axes.set_facecolor("#E8E8E8")
         handles.append(Patch(facecolor="#E8E8E8", edgecolor="#909090", label="not converged, or not run"))
@@ -95,8 +100,8 @@ def map_figure(
     for limits, ticks in ((axes.set_xlim, x), (axes.set_ylim, y)):
         if len(ticks) > 1:  # cells at the edge are shown by half: strains that were not run are not in the picture
             limits(ticks[0], ticks[-1])
-    axes.set_xlabel(f"weft {quantity} [{unit}]")
-    axes.set_ylabel(f"warp {quantity} [{unit}]")
+    axes.set_xlabel(f"weft {quantity} [{of_load[1]}]")
+    axes.set_ylabel(f"warp {quantity} [{of_load[1]}]")
     axes.set_title(title, fontsize="medium", pad=TITLE_PAD)
     if warnings:
         lines = "\n".join(fill(warning, WARNING_WIDTH) for warning in warnings)
@@ -104,11 +109,22 @@ def map_figure(
     return save_figure(figure, path)
 
 
+def _range_of(known: np.ma.MaskedArray[Any, Any], unit: str, marks: Marks) -> tuple[float, float]:
+    """Values of the first and the last colour."""
+    if unit == SHARES:
+        return 0.0, 100.0
+    low, high = (0.0, 0.0) if known.mask.all() else (min(0.0, float(known.min())), float(known.max()))
+    elastic = np.ma.masked_where(~(np.nan_to_num(marks.stress, nan=np.inf) <= marks.yield_stress), known)
+    if unit in FORCES and elastic.count() and float(elastic.max()) > 0.0:
+        high = min(high, BEYOND_LIMIT * float(elastic.max()))
+    return low, high if high > low else low + 1.0
+
+
 def _draw_levels(
-    axes: Axes, bar: Colorbar, x: NDArray[Any], y: NDArray[Any], known: np.ma.MaskedArray[Any, Any], percent: bool
+    axes: Axes, bar: Colorbar, x: NDArray[Any], y: NDArray[Any], known: np.ma.MaskedArray[Any, Any], top: float, percent: bool
 ) -> None:
-    """Lines of equal value, with their values, also on the colour bar."""
-    low, high = float(known.min()), float(known.max())
+    """Lines of equal value up to that of the last colour, with their values, also on the colour bar."""
+    low, high = float(known.min()), min(top, float(known.max()))
     # what is small beside the largest wanders about zero, and a line at zero with it
     levels = PERCENT_LEVELS if percent else [v for v in MaxNLocator(7).tick_values(low, high) if abs(v) > LEAST_LEVEL * high]
     names: dict[bytes, list[float]] = {}  # of lines round the same cells

@@ -30,6 +30,7 @@ PARTS_DRAWN = 4  # of the curve of a wire between two nodes
 COPIED, COPIES = 2_000, 2  # segments of a periodic tile up to which this many copies are drawn each way
 THINNEST = 0.9  # [pt] line that is still legible
 ROOM = 293.15  # [K]  a temperature other than this is said in the title
+OPEN_SIZE = 1.3  # of the mark of an active contact: that of an open one
 LEGEND_COLUMN = 2.5  # [inch]
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 OUTLINE: dict[str, Any] = {"color": "#404040", "linewidth": 1.2, "linestyle": "--"}
@@ -219,9 +220,10 @@ def _draw_contacts(
         return
     area = max(float(np.ptp(position[:, 0]) * np.ptp(position[:, 1])), 1e-12)
     size = float(np.clip(0.2 * math.sqrt(area / layout.body_count) * points_per_mm, 2.0, 7.0))  # [pt]
-    for chosen, _, edge, look in _kinds(frame):
+    for chosen, name, edge, look in reversed(_kinds(frame)):  # an open contact behind an active one shows as its ring
         shown = (position[chosen][:, None] + offsets).reshape(-1, 2)
-        axes.plot(*shown.T, **look, markersize=size, markeredgewidth=edge * size, zorder=3)
+        mark = size if name == "active" else OPEN_SIZE * size
+        axes.plot(*shown.T, **look, markersize=mark, markeredgewidth=edge * size, zorder=3)
     if layout.rhombus_bodies.size and not layout.wire_closed.any():  # on a periodic tile they may lie at opposite edges
         mine = position[layout.rhombus_bodies]
         axes.plot(*mine.T, **RING, markersize=2.1 * size, markeredgewidth=0.3 * size, zorder=4)
@@ -270,6 +272,7 @@ def _stress_bar(
 ) -> None:
     if yield_stress is not None:
         label += f", yield at {1e-6 * yield_stress:.4g}"
+    label += " (square-root scale)"
     is_beyond = yield_stress is not None and float(np.ma.max(mappable.get_array())) > mappable.norm.vmax
     _colour_bar(figure, axes, mappable, label, extend="max" if is_beyond else "neither")
 
@@ -283,9 +286,9 @@ def _colour_bar(figure: Figure, axes: Axes, mappable: Any, label: str, **options
 def state_title(frame: Frame, tension: tuple[float, float] | None, *, names_stage: bool = False) -> str:
     """Load of a state and its tension [N/m], weft and warp."""
     stage = f"{frame.stage}: " if names_stage else ""
-    load = [f"{stage}strain weft {100.0 * frame.strain_weft:.4g} %, warp {100.0 * frame.strain_warp:.4g} %"]
+    load = [f"{stage}strain weft {100.0 * frame.strain_weft:.1f} %, warp {100.0 * frame.strain_warp:.1f} %"]
     if frame.shear:
-        load.append(f"shear {100.0 * frame.shear:.4g} %")
+        load.append(f"shear {100.0 * frame.shear:.1f} %")
     answer = []
     if tension is not None:
         scale, unit = scale_of("N/m", np.array(tension))

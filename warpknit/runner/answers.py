@@ -27,7 +27,7 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
                                       place; null if not
     largest_stress                    the largest stress of the run, and its place
     largest_tension                   the state of the largest tension
-    heat                              each stage that changes the temperature: values at its begin and end
+    heat                              each stage that changes the temperature alone: values at its begin and end
     best                              the state in the middle of the widest range of tension with the most active contacts and
                                       no stress above the limit; what a single record alone shows does not count
     best.low                          the lower end of this range, in which at most one percentage point of contacts opens
@@ -56,6 +56,7 @@ STATE = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_p
 HEATED = (*STATE, "active_percent", "stress_max_Pa")
 PEAK = ("stress_max_part", "stress_max_wire", "stress_max_node", "stress_max_x_m", "stress_max_y_m")
 ROUND_OFF = 1e-9  # of the elastic limit, in a state that is interpolated to lie on it
+HELD_STRAIN, HELD_TENSION = 2e-3, 0.02  # a frame expands by less over 200 K; tensions are found to less, of themselves
 DRIFT = 1.0  # percentage points of contacts that may open while the tension drifts
 DRIFT_STATES = 201  # states between the least and the largest tension of a stage, in which a drift is looked for
 SLACK = 1e-6  # of the distance of two records: round-off of a state found between them
@@ -74,7 +75,8 @@ def answers_of(model: MeshModel, rows: Sequence[Row]) -> Answer | None:
     top = max(rows, key=mean_tension)
     given = model.scene.output.service_tension
     wanted = SERVICE_TENSIONS if given is None else (given,)
-    service = [_service(tension, _at_tension(rows, tension, classes, closings), closings) for tension in wanted]
+    pairs = max(1, sum(one.pairs for one in classes))
+    service = [_service(tension, _at_tension(rows, tension, classes, closings), closings, pairs) for tension in wanted]
     part = max(stages_of(rows), key=lambda part: max(row.active_percent for row in part), default=list(rows))
     rising = sorted(part, key=mean_tension)
     events = [mean_tension(Row(**one)) for one in (*closings.values(), first_yield) if one is not None]
@@ -208,19 +210,28 @@ def _at_tension(rows: Sequence[Row], tension: float, classes: Sequence[ContactCl
     return Row(**_between(before, after, share), active_percent=active / pairs, stress_max_Pa=stress)
 
 
-def _service(tension: float, there: Row | None, closings: Answer) -> Answer:
-    """The share at a service tension; `resolved`: whether no class closes at an unknown tension between the same two records."""
+def _service(tension: float, there: Row | None, closings: Answer, pairs: int) -> Answer:
+    """The share at a service tension, of whole contacts; `resolved`: whether no class closes at an unknown tension between the
+    same two records."""
     unknown = [one["between"] for one in closings.values() if one is not None and not one["resolved"]]
     near = [low for low, high in unknown if mean_tension(Row(**low)) <= tension <= mean_tension(Row(**high))]
-    active, state = (None, None) if there is None else (there.active_percent, _state(there))
+    active, state = (None, None) if there is None else (100.0 * round(0.01 * pairs * there.active_percent) / pairs, _state(there))
     return {"tension_N_per_m": tension, "active_percent": active, "state": state, "resolved": not near}
 
 
 def _heat(rows: Sequence[Row]) -> Iterator[Answer]:
-    """Stages that change the temperature: values at begin and end."""
+    """Stages that change the temperature, and hold strain or tension in either direction: values at begin and end."""
     for part in stages_of(rows):
-        if part[-1].temperature_K != part[0].temperature_K:
+        if part[-1].temperature_K != part[0].temperature_K and all(_is_held(part, side) for side in ("weft", "warp")):
             yield {"stage": part[-1].stage} | {name: [vars(row)[name] for row in (part[0], part[-1])] for name in HEATED}
+
+
+def _is_held(part: Sequence[Row], side: str) -> bool:
+    """Whether the load along a side is the same at begin and end of a stage: no strain but that of a frame, or no tension."""
+    begin, end = part[0], part[-1]
+    strain = abs(vars(end)[f"strain_{side}"] - vars(begin)[f"strain_{side}"])
+    tension = [vars(row)[f"tension_{side}_N_per_m"] for row in (begin, end)]
+    return strain <= HELD_STRAIN or abs(tension[1] - tension[0]) <= HELD_TENSION * max(map(abs, tension))
 
 
 def _best(rising: Sequence[Row], states: Sequence[Row], limit: float) -> Answer | None:

@@ -47,16 +47,15 @@ _log = logging.getLogger(__name__)
 
 SAVE_INTERVAL = 5.0  # [s] between saves of finished cells
 FIGURES = (
-    # file, column, label, unit, factor
-    ("contact_map", "active_percent", "active contacts", "% of pairs", 1.0),
-    ("stress_map", "stress_max_Pa", "largest wire stress", "MPa", 1e-6),
-    ("yield_map", "yield_fraction", "wire above the elastic limit", "%", 100.0),
-    ("tension_weft_map", "tension_weft_N_per_m", "weft tension", "mN/m", 1e3),
-    ("tension_warp_map", "tension_warp_N_per_m", "warp tension", "mN/m", 1e3),
+    # file, column, label, unit
+    ("contact_map", "active_percent", "active contacts", "% of pairs"),
+    ("stress_map", "stress_max_Pa", "largest wire stress", "Pa"),
+    ("yield_map", "yield_fraction", "wire above the elastic limit", "%"),
+    ("tension_weft_map", "tension_weft_N_per_m", "weft tension", "N/m"),
+    ("tension_warp_map", "tension_warp_N_per_m", "warp tension", "N/m"),
 )
-SEED_FIGURES = (
-    ("contact_spread_map", "active_percent_deviation", "standard deviation of active contacts", "percentage points", 1.0),
-)
+PERCENT = 100.0  # of a fraction, which one column is
+SEED_FIGURES = (("contact_spread_map", "active_percent_deviation", "standard deviation of active contacts", "percentage points"),)
 
 
 def run_map(
@@ -266,9 +265,9 @@ class _Mapper:
         wire, seeds, warnings = self.scene.wire, self.sweep.seeds, self.model_warnings
         scatter = f", mean of {seeds} seeds, loops scattered by {self.scene.knit.scatter:.0%}" if seeds > 1 else ""
         mesh = f"{self.scene.name}: {wire.material} {1e6 * wire.diameter:g} um, {self.scene.model.boundary}{scatter}"
-        for name, values, label, unit, factor in FIGURES + (SEED_FIGURES if seeds > 1 else ()):
+        for name, values, label, unit in FIGURES + (SEED_FIGURES if seeds > 1 else ()):
             map_figure(
-                self.out / "figures" / f"{name}.png", weft, warp, column(values, factor),
-                title=mesh, label=f"{label} [{unit}]", percent=name == "contact_map", marks=marks, warnings=warnings,
+                self.out / "figures" / f"{name}.png", weft, warp, column(values, PERCENT if unit == "%" else 1.0),
+                title=mesh, label=label, unit=unit, marks=marks, warnings=warnings,
                 by_tension=self.sweep.by_tension,
             )  # fmt: skip

@@ -336,7 +336,7 @@ class Viewer:
 
 
 def _place_text(place: Floats) -> str:
-    x, y, z = place
+    x, y, z = np.round(place, 3) + 0.0  # no negative zero
     return f"{x:.3f} mm weft, {y:.3f} mm warp, {z:.3f} mm height, from the middle"
 
 
