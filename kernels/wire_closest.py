@@ -327,7 +327,9 @@ def is_beside(sample: wp.vec2d, place: wp.vec2d) -> bool:
 def mark_near_pairs(
     # in: pairs
     pair_count: wp.array(dtype=wp.int32),
-    pair_stride: int,
+    part: int,
+    parts: int,
+    threads: int,
     pair_first: wp.array(dtype=wp.int32),
     pair_second: wp.array(dtype=wp.int32),
     pair_shift: wp.array(dtype=wp.vec3d),
@@ -350,9 +352,9 @@ def mark_near_pairs(
     pair_found: wp.array(dtype=wp.int32),
     pair_is_near: wp.array(dtype=wp.int32),
 ):
-    """Each thread takes every `pair_stride`-th pair: whether its wires may be nearer than NEAR_GAP, by chords, sag and
-    what pushes them apart."""
-    for pair in range(wp.tid(), pair_count[0], pair_stride):
+    """The threads of a part share its pairs: whether their wires may be nearer than NEAR_GAP, by chords, sag and what pushes
+    them apart."""
+    for pair in range(first_of_part(pair_count, part, parts) + wp.tid(), first_of_part(pair_count, part + 1, parts), threads):
         travel = control[TRAVEL]
         i = pair_first[pair]
         j = pair_second[pair]

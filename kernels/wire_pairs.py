@@ -128,6 +128,7 @@ def place_segments_in_hash(
 @wp.kernel
 def find_segment_pairs(
     # how
+    first_segment: int,
     grid: wp.uint64,
     hash_radius: float,
     search_radius: float,
@@ -164,14 +165,14 @@ def find_segment_pairs(
     pair_arc_separation: wp.array(dtype=wp.float64),
     pair_wake_travel: wp.array(dtype=wp.float64),
 ):
-    """One thread a segment. Pairs are segments and images whose surfaces may come nearer than `margin` [m]; on one wire
-    their arc separation is at least `min_arc_separation` radii. No curve deviates from its chord by more than `max_sag` of its
-    segment.
+    """One thread a segment, from `first_segment` on. Pairs are segments and images whose surfaces may come nearer than `margin`
+    [m]; on one wire their arc separation is at least `min_arc_separation` radii. No curve deviates from its chord by more than
+    `max_sag` of its segment.
 
     `pair_shift` [m] at rest moves the second segment next to the first; `pair_arc_separation` [m] is `arc_separation`;
     `pair_wake_travel` [m] is the travel since this search at which the pair may touch.
     """
-    i = wp.tid()
+    i = first_segment + wp.tid()
     if is_filling == 0:
         count[i] = 0
     if following[i] < 0:

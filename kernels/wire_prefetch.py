@@ -74,7 +74,7 @@ def prefetch_pair(
 
 
 @wp.func
-def first_of_part(touch_count: wp.array(dtype=wp.int32), part: int, parts: int) -> int:
-    """The first pair of a part of the list, which is cut into `parts` of the same length."""
-    length = (touch_count[0] + parts - 1) / parts
-    return wp.min(part * length, touch_count[0])
+def first_of_part(count: wp.array(dtype=wp.int32), part: int, parts: int) -> int:
+    """The first pair of a part of a list, which is cut into `parts` of the same length."""
+    length = (count[0] + parts - 1) / parts
+    return wp.min(part * length, count[0])

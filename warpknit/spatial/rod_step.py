@@ -93,7 +93,7 @@ class RodStepper:
         self.yielding = Yielding(rods, self.arrays, self.state)
         self.contact: Contact | None = None
         self.clamps: Clamps | None = None
-        self._team = Team(thread_count(rods.node_count // NODES_A_THREAD) if device == "cpu" else 1, device)
+        self.team = Team(thread_count(rods.node_count // NODES_A_THREAD) if device == "cpu" else 1, device)
         self._no_contact = no_contact(rods, device)
         self._graphs: dict[tuple[tuple[int, ...], int], list[wp.Graph]] = {}
         self._factor = factor_launch(self.arrays, self.state).record(device)
@@ -102,17 +102,17 @@ class RodStepper:
 
     def _force_launches(self, part: int = 0) -> list[Launch]:
         """The launches of one thread's part of all forces, in order."""
-        arrays, state, wait, share = self.arrays, self.state, self._team.barrier(), partial(self._team.share, part=part)
+        arrays, state, wait, share = self.arrays, self.state, self.team.barrier(), partial(self.team.share, part=part)
         touch, contact = self._no_contact, []
         if self.contact is not None:
-            touch, contact = self.contact.touch, [*self.contact.launches(part, self._team.threads), *wait]
+            touch, contact = self.contact.touch, [*self.contact.launches(part, self.team.threads), *wait]
         frames = frames_launch(arrays, state, share)
         return [frames, *wait, *contact, force_launch(self.rods, arrays, state, touch, share), *wait]
 
     def _motion_launches(self, part: int = 0) -> list[Launch]:
         """The launches of one thread's part of the motion, in order; the first also moves clamps and control."""
-        wait, state = self._team.barrier(), self.state
-        motion = [motion_launch(self.arrays, state, partial(self._team.share, part=part)), *wait]
+        wait, state = self.team.barrier(), self.state
+        motion = [motion_launch(self.arrays, state, partial(self.team.share, part=part)), *wait]
         if part == 0:
             motion += self.clamps.launches() if self.clamps is not None else ()
             motion.append(bind(update_control, 1, state, wire_partial=state.partial, body_partial=state.no_bodies))
@@ -148,7 +148,7 @@ class RodStepper:
     @property
     def threads(self) -> int:
         """Threads that share a step."""
-        return self._team.threads
+        return self.team.threads
 
     def launches(self) -> list[Launch]:
         """The launches of a step, those of its first thread."""
@@ -161,8 +161,8 @@ class RodStepper:
             # two lists of pairs take turns; graphs of lists that have grown since are not used again
             kept = [version for version, _ in self._graphs if version != key[0]][-1:]
             self._graphs = {k: graphs for k, graphs in self._graphs.items() if k[0] in (key[0], *kept)}
-            self._graphs[key] = [self._captured(part, steps) for part in range(self._team.threads)]
-        self._team.together([partial(wp.capture_launch, graph) for graph in self._graphs[key]])
+            self._graphs[key] = [self._captured(part, steps) for part in range(self.team.threads)]
+        self.team.together([partial(wp.capture_launch, graph) for graph in self._graphs[key]])
 
     def _captured(self, part: int, steps: int) -> wp.Graph:
         """The graph of one thread's part."""

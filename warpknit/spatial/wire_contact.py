@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import warp as wp
@@ -125,7 +126,7 @@ class _PairList:
         self.shift = make(wp.vec3d)
         self.arc_separation, self.wake_travel = make(wp.float64), make(wp.float64)
         self.renewal_travel, self.found, self.is_near = make(wp.float64), make(wp.int32), make(wp.int32)
-        self.mark: wp.Launch | None = None  # of `mark_near_pairs`, once it is recorded
+        self.mark: list[wp.Launch] = []  # of `mark_near_pairs` by every thread, once it is recorded
         self.by_second = np.zeros(0, dtype=np.int32)  # the pairs in the order of their second segments
         self.second_start = np.zeros(nodes + 1, dtype=np.int64)  # where those of each segment begin
         self.place = make(wp.vec2d, PLACES * capacity)
@@ -283,13 +284,14 @@ class WireContact:
         """List the pairs with a gap [m] at the present positions, without what pushes them apart."""
         stepper, state, pairs = self.stepper, self.stepper.state, self._list
         state.write_control({c.NEAR_GAP: gap})
-        if pairs.mark is None:
+        if not pairs.mark:
             threads = 1 if stepper.device == "cpu" else pairs.capacity
             named = pairs.named("first", "second", "shift", "wake_travel", "found", "is_near")
-            sources = (self._wires, stepper.arrays, state)
-            mark = bind(mark_near_pairs, threads, *sources, pair_count=pairs.total, pair_stride=threads, **named)
-            pairs.mark = mark.record(stepper.device)
-        pairs.mark.launch()
+            counts = {"pair_count": pairs.total, "parts": stepper.threads, "threads": threads}
+            for part in range(stepper.threads):
+                mark = bind(mark_near_pairs, threads, self._wires, stepper.arrays, state, part=part, **counts, **named)
+                pairs.mark.append(mark.record(stepper.device))
+        stepper.team.together([mark.launch for mark in pairs.mark])
         self._take_near_pairs(fetch(pairs.is_near)[: self.pair_count] != 0)
 
     def _take_near_pairs(self, is_near: np.ndarray) -> None:
@@ -397,15 +399,19 @@ class WireContact:
 
     def _find(self, pairs: _PairList, radius: float, *, filling: bool) -> None:
         stepper, rods = self.stepper, self.stepper.rods
-        bind(
-            find_segment_pairs, rods.node_count, self._wires, stepper.arrays, stepper.state,
-            grid=wp.uint64(self._grid.id), hash_radius=radius / float(self._cell.min()), search_radius=SINGLE * radius,
-            cell=wp.vec3(*self._cell), margin=wp.float64(self.margin),
-            min_arc_separation=wp.float64(MIN_ARC_SEPARATION),
-            max_sag=wp.float64(self._max_sag),
-            tile=wp.vec3d(*rods.tile), is_filling=int(filling), place=self._hash_place,
-            start=pairs.start, count=pairs.count, **pairs.named("first", "second", "shift", "arc_separation", "wake_travel"),
-        ).run(stepper.device)  # fmt: skip
+        finds = []
+        for part in range(stepper.threads):
+            first, count = stepper.team.share(rods.node_count, part)
+            finds.append(bind(
+                find_segment_pairs, count, self._wires, stepper.arrays, stepper.state, first_segment=first,
+                grid=wp.uint64(self._grid.id), hash_radius=radius / float(self._cell.min()), search_radius=SINGLE * radius,
+                cell=wp.vec3(*self._cell), margin=wp.float64(self.margin),
+                min_arc_separation=wp.float64(MIN_ARC_SEPARATION),
+                max_sag=wp.float64(self._max_sag),
+                tile=wp.vec3d(*rods.tile), is_filling=int(filling), place=self._hash_place,
+                start=pairs.start, count=pairs.count, **pairs.named("first", "second", "shift", "arc_separation", "wake_travel"),
+            ))  # fmt: skip
+        stepper.team.together([partial(find.run, stepper.device) for find in finds])
 
     def advance(self, steps: int) -> int:
         """Take steps, with a new search whenever the travel budget is used up.
