@@ -234,6 +234,9 @@ class Drift:
 
 def drift_text(drift: Mapping[str, Any]) -> str:
     """A `Drift`, as a table of its fields, in words."""
+    if drift["low"] == drift["high"]:
+        edges = " and ".join(side for side, end in (("below", "low"), ("above", "high")) if drift[f"open_{end}"])
+        return "by less than one step of the map" + (f"; nothing is known {edges}, beyond the edge of the map" if edges else "")
     ends = [
         load_text(drift[end], by_tension=True) + (", the edge of the map" if drift[f"open_{end}"] else "")
         for end in ("low", "high")
