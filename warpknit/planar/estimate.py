@@ -33,10 +33,11 @@ TOLERANCE_POWER = 1 / 3  # 11,500 steps at 1e-2, 30,750 at 3e-4
 STEPS_FROM_SMALLER = 2_000.0  # of a level of a large mesh with multilevel start: 1,550 to 2,600 measured
 STEPS_FROM_REPEAT = 15_000.0  # of a level of a mesh with another outline than a rectangle: 7,000 to 20,000 measured
 SMALLER_SHARE = 1.4  # time of a large mesh, checks and smaller meshes included, over that of its steps
-GRIPPED = 2.5  # factor on the steps of a tile: 1 to 4 at the standard preset, 2 to 3 at draft, 2 x 2 to 7 x 6 repeats
+GRIPPED = 3.0  # factor on the steps of a tile: 1 to 4 at the standard preset, 2 to 3 at draft, 2 x 2 to 7 x 6 repeats
 TENSION_STATES = 10.0  # equilibria of a level driven by tension
 
-STEP_TIME = 10e-6  # [s] overhead of a step on the CPU: launches, and a convergence check every 50 steps
+STEP_TIME = 20e-6  # [s] overhead of a step on the CPU: launches, and a convergence check every 50 steps
+RECORD_TIME = 0.01  # [s] to measure and write a state
 NODE_STEPS_PER_S = {"single": 1.6e8, "double": 9e7}  # on one core, with contacts
 NODE_STEPS_PER_S_FROM_MEMORY = {"single": 1.1e8, "double": 5e7}
 MEMORY_BOUND_NODES = 4_000_000  # nodes from which steps are limited by memory bandwidth
@@ -79,7 +80,7 @@ def wall_time(scene: Scene, steps: int, nodes: int) -> float:
     time = steps * (STEP_TIME + nodes / (rates[scene.solver.precision] * thread_count(nodes // NODES_A_THREAD)))
     if scene.solver.drive == "relax" and smaller_scene(scene) is not None:
         time *= SMALLER_SHARE
-    return time
+    return time + RECORD_TIME * (1 + scene.output.frames * len(scene.stages))
 
 
 def size_of(scene: Scene, cloth: Cloth | None) -> tuple[Size, bool]:
