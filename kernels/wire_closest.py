@@ -32,6 +32,8 @@ from .wire_prefetch import first_of_part, prefetch_pair
 
 NEWTON_STEPS = 40
 NEWTON_ACCURACY = wp.constant(wp.float64(1.0e-6))  # of a segment: convergence is quadratic below this step
+SINGLE_STEP = wp.constant(wp.float64(5.0e-5))  # of a segment: a step of Newton's method from this near is the last one
+WELL_CURVED = wp.constant(wp.float64(0.01))  # determinant of second derivatives over the square of their trace, of such a step
 NEWTON_ROUND_OFF = wp.constant(wp.float64(1.0e-12))  # of a segment: smaller steps are not taken
 MIN_CURVATURE = wp.constant(wp.float64(1.0e-4))  # smallest curvature of a Newton step, over the larger one
 MAX_STEP = wp.constant(wp.float64(0.25))  # of a segment
@@ -43,6 +45,7 @@ SAMPLES = 5  # places along a segment, of the grid that a search starts from
 SAMPLE_SPACING = wp.constant(wp.float64(0.25))
 Samples = wp.types.matrix(shape=(SAMPLES, 3), dtype=wp.float64)  # points on a curve, as rows
 RENEWAL_TRAVEL = wp.constant(wp.float64(0.01))  # of the contact distance
+RUNNING_TRAVEL = wp.constant(wp.float64(0.04))  # of the contact distance, beyond that while steps follow each other
 PLACES = 3  # of a pair: two minima and the saddle between them
 
 NOT_NEAR = wp.constant(0)  # minima of a pair; negative where the wires do not touch
@@ -91,13 +94,14 @@ def room(place: wp.float64, step: wp.float64) -> wp.float64:
 
 
 @wp.func
-def closest_on_curves(p: Powers, q: Powers, start: wp.vec2d) -> wp.vec3d:
+def closest_on_curves(p: Powers, q: Powers, start: wp.vec2d) -> wp.vec4d:
     """Places (s, t) in 0 .. 1 of the closest points of two curves, by Newton's method from `start`, and its last step.
 
     A step that increases the distance is halved. The last step exceeds NEWTON_ACCURACY along lines of almost equal distance; the
-    places are then the nearest ones visited.
+    places are then the nearest ones visited. Last comes 1 where the places are a saddle of the distance, inside both segments.
     """
     step_size = wp.float64(0.0)
+    determinant = wp.float64(0.0)
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
     half = wp.float64(0.5)
@@ -127,7 +131,9 @@ def closest_on_curves(p: Powers, q: Powers, start: wp.vec2d) -> wp.vec3d:
         if s_stays and t_stays:
             step_size = zero
             break
-        step = newton_step(gs, gt, ss, -wp.dot(dp, dq), tt)
+        st = -wp.dot(dp, dq)
+        determinant = ss * tt - st * st
+        step = newton_step(gs, gt, ss, st, tt)
         if not s_stays and not t_stays:
             s_stays = room(s, step[0]) == zero
             t_stays = room(t, step[1]) == zero
@@ -144,11 +150,14 @@ def closest_on_curves(p: Powers, q: Powers, start: wp.vec2d) -> wp.vec3d:
         step_size = wp.abs(s - before_s) + wp.abs(t - before_t)
         if share < one:
             step_size = wp.max(step_size, NEWTON_ACCURACY)
+        elif step_size < SINGLE_STEP and determinant > WELL_CURVED * (ss + tt) * (ss + tt):
+            step_size = zero
         if step_size < NEWTON_ACCURACY:
             break
     if step_size >= NEWTON_ACCURACY:
-        return wp.vec3d(before_s, before_t, step_size)
-    return wp.vec3d(s, t, step_size)
+        return wp.vec4d(before_s, before_t, step_size, zero)
+    is_inside = wp.min(s, t) > zero and wp.max(s, t) < one
+    return wp.vec4d(s, t, step_size, wp.where(is_inside and determinant < zero, one, zero))
 
 
 @wp.func
@@ -232,22 +241,6 @@ def followed_saddle(p: Powers, q: Powers, start: wp.vec2d) -> wp.vec3d:
         if step_size < NEWTON_ACCURACY:
             break
     return wp.vec3d(s, t, step_size)
-
-
-@wp.func
-def is_saddle(p: Powers, q: Powers, place: wp.vec2d) -> bool:
-    """Whether a stationary place inside both segments is a saddle of the distance."""
-    low = wp.min(place[0], place[1])
-    high = wp.max(place[0], place[1])
-    if low <= wp.float64(0.0) or high >= wp.float64(1.0):
-        return False
-    r = point_at(p, place[0]) - point_at(q, place[1])
-    dp = derivative_at(p, place[0])
-    dq = derivative_at(q, place[1])
-    ss = wp.dot(dp, dp) + wp.dot(r, second_derivative_at(p, place[0]))
-    tt = wp.dot(dq, dq) - wp.dot(r, second_derivative_at(q, place[1]))
-    st = wp.dot(dp, dq)
-    return ss * tt < st * st
 
 
 @wp.func
@@ -441,25 +434,27 @@ def find_closest_places(
         q = q + wp.matrix_from_rows(shift, shift, shift, shift)
         length_factor = control[LENGTH_FACTOR]
         contact_distance = length_factor * (node_radius[i] + node_radius[j]) + offset
-        chords = closest_on_chords(row(p, 1), row(p, 2), row(q, 1), row(q, 2))
         weight_p = slope_weight[i]
         weight_q = slope_weight[j]
-        gap = least_distance(p, q, chords, length_factor * rest_bulge[i], length_factor * rest_bulge[j], weight_p, weight_q)
-        gap = gap - contact_distance
-        if gap > evaluated_gap:
-            pair_wake_travel[pair] = travel + (gap + offset) / CLOSING_RATE
-            continue
+        gap = wp.float64(0.0)
+        if found <= NOT_NEAR:  # wires that touched may still do so
+            chords = closest_on_chords(row(p, 1), row(p, 2), row(q, 1), row(q, 2))
+            gap = least_distance(p, q, chords, length_factor * rest_bulge[i], length_factor * rest_bulge[j], weight_p, weight_q)
+            gap = gap - contact_distance
+            if gap > evaluated_gap:
+                pair_wake_travel[pair] = travel + (gap + offset) / CLOSING_RATE
+                continue
         shape_p = rest_shape(i, previous, following, natural_length, rest_slope, rest_bump, slope_weight, tangent, director)
         shape_q = rest_shape(j, previous, following, natural_length, rest_slope, rest_bump, slope_weight, tangent, director)
         curve_p = curve_through(p, length_factor * shape_p, weight_p)
         curve_q = curve_through(q, length_factor * shape_q, weight_q)
         one = wp.vec2d()
         other = wp.vec2d()
-        from_one = wp.vec3d()
-        from_other = wp.vec3d()
+        from_one = wp.vec4d()
+        from_other = wp.vec4d()
         k = 3 * pair
         was_two = wp.abs(found) == TWO_PLACES
-        is_due = travel > pair_renewal_travel[pair]
+        is_due = travel > pair_renewal_travel[pair] + wp.where(is_running, RUNNING_TRAVEL, wp.float64(0.0)) * contact_distance
         # of three minima a new search may find another two: two that are known are kept, unless they miss the nearest
         is_followed = found != NOT_NEAR and (was_two or not is_due)
         if is_followed:
@@ -469,7 +464,7 @@ def find_closest_places(
                 from_other = closest_on_curves(curve_p, curve_q, pair_place[k + 1])
             one = wp.vec2d(from_one[0], from_one[1])
             other = wp.vec2d(from_other[0], from_other[1])
-            is_followed = wp.max(from_one[2], from_other[2]) < NEWTON_ACCURACY and not is_saddle(curve_p, curve_q, one)
+            is_followed = wp.max(from_one[2], from_other[2]) < NEWTON_ACCURACY and from_one[3] == wp.float64(0.0)
             is_followed = is_followed and was_two == are_distinct(one, other)
         if not is_followed:
             from_one = closest_on_curves(curve_p, curve_q, projected_end(curve_p, curve_q, wp.float64(0.0)))
@@ -507,7 +502,8 @@ def find_closest_places(
                 minima = TWO_PLACES
                 pair_place[k + 2] = saddle
             elif wp.abs(nearest - other_distance) < barrier:  # along a line
-                from_one = closest_on_curves(curve_p, curve_q, chords)
+                middle = closest_on_chords(row(p, 1), row(p, 2), row(q, 1), row(q, 2))
+                from_one = closest_on_curves(curve_p, curve_q, middle)
                 one = wp.vec2d(from_one[0], from_one[1])
             elif other_distance < nearest:
                 one = other
