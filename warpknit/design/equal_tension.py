@@ -12,9 +12,12 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
 from ..errors import Diverged
 from ..runner.answers import SERVICE_TENSIONS, answers_of, mean_tension
 from ..runner.history import Row, row_of
+from ..runner.warnings_of import branch_changes, tensions_text
 from ..scene import Scene
 from ..text import celsius
 from .card import MaterialCard
@@ -28,6 +31,7 @@ LEAST_LEVELS = 2  # of a stage that doubles the tension, which has half the leve
 APART = 1.05  # ratio of the tensions at the ends of two stages, at least, but for those that are wanted
 YIELDED = "beyond first yield"
 NO_PATH = "no strains of equal tension in the map"
+JUMPS_TOLD = 4
 HEAT_TOLERANCE = 1e-3  # residual, at most: heat changes tensions by little more
 
 
@@ -158,6 +162,21 @@ def heat(
             for record in warm.load(stage, levels, _part(watch, number, len(temperatures))):
                 rows.append(row_of(record))
     return rows
+
+
+def jump_text(scene: Scene, path: EqualTensionPath) -> str | None:
+    """Sentence on the jumps of a path between several equilibria, or None."""
+    tensions = np.maximum.accumulate([mean_tension(row) for row in path.rows])
+    rows = [row for row, more in zip(path.rows, np.diff(tensions, prepend=-1.0) > 0.0, strict=True) if more]
+    found = branch_changes(exact_model(scene), rows, np.array([mean_tension(row) for row in rows])) if len(rows) > 1 else []
+    if not found:
+        return None
+    places = "; ".join(tensions_text(*pair) for pair in found[:JUMPS_TOLD]) + ("; ..." if len(found) > JUMPS_TOLD else "")
+    count = f"{len(found)} place{'s' if len(found) > 1 else ''}"
+    return (
+        f"Under equal tensions the mesh jumps to another equilibrium in {count} (between {places}): it has several equilibria"
+        " under one load, and a mesh that is loaded otherwise, as in the map or a run, may give other answers."
+    )
 
 
 def _point(point: ServicePoint) -> dict[str, Any]:

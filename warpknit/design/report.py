@@ -30,7 +30,7 @@ from ..text import celsius, exact
 from .card import MaterialCard, find_card
 from .card_files import card_warnings, write_card
 from .curves import CurvePoint, tension_strain
-from .equal_tension import EqualTensionPath, answers_on, heat, load_equally, service_points
+from .equal_tension import EqualTensionPath, answers_on, heat, jump_text, load_equally, service_points
 from .fe import CODES, FILES, write_fe_cards
 from .fine_states import ROUGH_TOLERANCE, exact_model, states_at
 from .load_path import LoadPath, PathState, under_strain, under_tension
@@ -59,6 +59,7 @@ class Findings:
     requested: float | None  # [N/m] tension requested for the card
     equal_tension: EqualTension  # largest in the map
     levels: int  # of the path under equal tensions
+    path_jumps: str | None  # sentence on its jumps
     answers: dict[str, Any] | None  # that it gives (runner/answers.py)
     heated: Sequence[Row]  # of the mesh at one tension while its temperature changes
     service: Sequence[ServicePoint]
@@ -136,6 +137,7 @@ def write_report(
         requested=tension,
         equal_tension=largest,
         levels=len(path.rows) - 1,
+        path_jumps=jump_text(scene, path),
         answers=answers_on(scene, path, service, heated),
         heated=heated,
         service=service,
@@ -216,6 +218,8 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
         page.warning(f"{warning[0].upper()}{warning[1:]}.")
     page.text(f"warpknit {__version__}, {date.today().isoformat()}, scene {found.scene.hash}")
     answers_section(page, found.scene, found.answers, found.levels, found.equal_tension, figures.get("heat"))
+    if found.path_jumps is not None:
+        page.warning(found.path_jumps)
     page.text(
         "Computed by warpknit for endless cloth, without friction. Pairs of the map and curves are loaded from the mesh as"
         " knitted in proportion to their strains, answers and service tensions under equal tensions. Weft is across the wales"

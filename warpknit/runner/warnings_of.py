@@ -140,28 +140,39 @@ def _jumped(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
-    """The first jump between neighbouring levels, by the rule that also marks the cells of a map."""
+    """The first jump between neighbouring levels, by the rule that also marks the cells of a map, and the number of others."""
+    found = []
     for part in stages_of(rows):
-        force, place = work_terms(part, model.panel.area)
-        found = jumps(
-            np.array([0.0, *(row.load_factor for row in part[1:])]),
-            force,
-            place,
-            stored=np.array([row.stored for row in part]),
-            dissipated=np.array([row.dissipated_J - row.edge_work_J for row in part]),
-            values=np.array(
-                [[row.strain_weft, row.strain_warp, row.tension_weft_N_per_m, row.tension_warp_N_per_m] for row in part]
-            ),
-            floor=STORED_FLOOR * energy_scale(model),
+        path = np.array([0.0, *(row.load_factor for row in part[1:])])
+        found += [(place, *pair) for pair in branch_changes(model, part, path) for place in [path[part.index(pair[0])]]]
+    if found:
+        before, a, b = found[0]
+        others = f", and at {len(found) - 1} other places" if len(found) > 1 else ""
+        yield (
+            f"the mesh jumps to another equilibrium between loads {before:.3g} and {b.load_factor:.3g} of stage {b.stage!r}"
+            f" ({tensions_text(a, b)}){others}: several equilibria exist there, and the result depends on the load history"
         )
-        if found.any():
-            first = int(np.argmax(found))
-            before = 0.0 if first == 0 else part[first].load_factor
-            yield (
-                f"the mesh jumps to another equilibrium between loads {before:.3g} and {part[first + 1].load_factor:.3g} of stage"
-                f" {part[-1].stage!r}: several equilibria exist there, and the result depends on the load history"
-            )
-            return
+
+
+def branch_changes(model: MeshModel, rows: Sequence[Row], path: np.ndarray) -> list[tuple[Row, Row]]:
+    """Neighbouring rows with a jump between them (measure/jumps.py). path (row,): increasing parameter of the load."""
+    force, place = work_terms(rows, model.panel.area)
+    found = jumps(
+        path,
+        force,
+        place,
+        stored=np.array([row.stored for row in rows]),
+        dissipated=np.array([row.dissipated_J - row.edge_work_J for row in rows]),
+        values=np.array([[row.strain_weft, row.strain_warp, row.tension_weft_N_per_m, row.tension_warp_N_per_m] for row in rows]),
+        floor=STORED_FLOOR * energy_scale(model),
+    )
+    return [(rows[k], rows[k + 1]) for k in np.flatnonzero(found).tolist()]
+
+
+def tensions_text(one: Row, other: Row) -> str:
+    """Mean tensions of weft and warp of two rows."""
+    both = [0.5 * (row.tension_weft_N_per_m + row.tension_warp_N_per_m) for row in (one, other)]
+    return " and ".join(engineering(value, "N/m") for value in both)
 
 
 def _snapped(model: MeshModel, stages: Stages) -> Iterator[str]:
