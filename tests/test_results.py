@@ -4,6 +4,8 @@ import csv
 import json
 import math
 import pickle
+import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ import warpknit
 from warpknit.errors import DeviceError, Diverged, InputError, RunDirectoryError
 from warpknit.frame import Frame
 from warpknit.results import Run, Table
+from warpknit.results.states import States
 from warpknit.runner.history import read_history
 from warpknit.runner.watch import Watch
 from warpknit.scene import Scene
@@ -119,6 +122,7 @@ def test_a_map_is_a_grid_over_its_strains(tmp_path: Path) -> None:
     pytest.importorskip("pandas", reason="extra `notebooks` is not installed")
     cells = table.to_xarray("strain_warp", "strain_weft")
     assert cells.active_percent.dims == ("strain_warp", "strain_weft") and cells.why.sel(strain_weft=0.1, strain_warp=0.5) == "c"
+    assert cells.active_percent.attrs["units"] == "%"
     assert table.to_xarray().sizes == {"row": 3}
 
 
@@ -176,6 +180,87 @@ def test_faults_are_exceptions_that_name_arguments(finished: Run, tmp_path: Path
         warpknit.make_report(CELL, tmp_path / "r", tension="2 kg", quiet=True)
     with pytest.raises(InputError, match="error: given 0, allowed"):
         warpknit.run(cell(), tmp_path / "r", error=0.0, quiet=True)
+
+
+def damaged(finished: Run, to: Path, name: str, spoil: Callable[[bytes], bytes] | None) -> Run:
+    """The run of a copy of a directory whose file `name` is spoiled, or missing."""
+    path = Path(shutil.copytree(finished.directory, to)) / name
+    if spoil is None:
+        path.unlink()
+    else:
+        path.write_bytes(spoil(path.read_bytes()))
+    return warpknit.load_run(to)
+
+
+def all_of(run: Run) -> None:
+    list(run.states)
+    dict(run.observables)
+    dict(run.tables)
+
+
+@pytest.mark.parametrize(
+    ("name", "spoil", "read", "said"),
+    [
+        ("history.csv", lambda data: data[:-200], lambda run: run.history, "cells in row 4, allowed: "),
+        ("history.csv", lambda data: data.replace(b"\r\n1,load,", b"\r\n1,load,x"), lambda run: run.tables["history"],
+         "load_factor: given 'x0.3333333333333333' in row 2, allowed: a number"),
+        ("history.csv", lambda data: data[: data.index(b"\n3,load")], lambda run: run.observables, "given 3 rows, allowed: 4"),
+        ("history.csv", lambda data: b"", lambda run: run.history, "given an empty file"),
+        ("history.csv", lambda data: data + b"\xff", lambda run: run.observables, "given an unreadable file"),
+        ("history.csv", None, lambda run: run.history, "given no such file"),
+        ("states/state_000001.npz", lambda data: data[:100], lambda run: run.states[1], "not a saved Frame"),
+        ("states/state_000001.npz", lambda data: b"", lambda run: run.observables["pair_force"], "not a saved Frame"),
+        ("states/state_000001.npz", None, lambda run: run.states[0], "given no such file"),
+        ("states/state_000003.npz", None, lambda run: run.states[-1], "given no such file"),
+        ("layout.npz", lambda data: data[1:], lambda run: run.layout, "not a saved WireLayout"),
+    ],
+)  # fmt: skip
+def test_a_damaged_file_is_named_in_one_line(
+    finished: Run, tmp_path: Path, name: str, spoil: Callable | None, read: Callable, said: str
+) -> None:
+    run = damaged(finished, tmp_path / "run", name, spoil)
+    assert repr(run).startswith("<Run 'atlas_cell'")
+    for reads in (read, all_of):
+        with pytest.raises(RunDirectoryError) as error:
+            reads(run)
+        assert str(error.value).startswith(f"{tmp_path / 'run' / name}: ") and said in str(error.value)
+        assert "\n" not in str(error.value)
+
+
+def test_a_state_that_is_not_there_is_told_the_range(finished: Run) -> None:
+    for which in (4, -5):
+        with pytest.raises(IndexError, match=f"^states: given {which}, allowed: -4 to 3$"):
+            _ = finished.states[which]
+    with pytest.raises(IndexError, match="allowed: none"):
+        _ = States(None)[0]
+
+
+@pytest.mark.parametrize("given", [None, 3, b"runs/cell", ""])
+def test_a_directory_is_a_path(given: object) -> None:
+    with pytest.raises(RunDirectoryError, match=r"^load_run: given .*, allowed: the path of a directory"):
+        warpknit.load_run(given)
+    if given is not None:  # the default
+        with pytest.raises(RunDirectoryError, match=r"^out: given .*, allowed: the path of a directory"):
+            warpknit.run(cell(), given, quiet=True)
+
+
+def test_arrays_for_xarray_have_coordinates_and_units(finished: Run) -> None:
+    pytest.importorskip("xarray", reason="extra `notebooks` is not installed")
+    data = finished.observables.to_xarray()
+    assert (
+        data.sizes["record"] == 4 and data.record.values.tolist() == [0, 1, 2, 3] and data.axis.values.tolist() == ["x", "y", "z"]
+    )
+    assert set(data.coords) == {"record", "axis", "stage", "load_factor"}
+    np.testing.assert_array_equal(data.node_position.sel(axis="z", record=3), finished.states[3].node_position[:, 2])
+    table = finished.history.to_xarray()
+    expected = {
+        "tension_weft_N_per_m": "N/m", "stress_max_Pa": "Pa", "temperature_K": "K", "active_percent": "%", "force_A_N": "N",
+        "energy_bend_J": "J", "stress_max_x_m": "m", "height_m": "m", "strain_weft": None, "steps": None, "stage": None,
+    }  # fmt: skip
+    for name, unit in expected.items():
+        assert data[name].attrs.get("units") == table[name].attrs.get("units") == unit
+    assert data.node_stress.attrs["units"] == "Pa" and table.row.values.tolist() == [0, 1, 2, 3]
+    assert set(finished.observables.to_xarray(["tension_weft_N_per_m"]).data_vars) == {"tension_weft_N_per_m"}
 
 
 def test_a_run_that_diverges_raises_and_keeps_what_it_found(tmp_path: Path) -> None:

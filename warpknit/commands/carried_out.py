@@ -13,7 +13,7 @@ from ..errors import Diverged, InputError, ModelError
 from ..knit.chain import KnitError
 from ..results import Run, load_run
 from ..runner.progress_display import Progress, progress_for
-from ..runner.run_directory import CommandResult
+from ..runner.run_directory import CommandResult, directory_of
 from ..scene import Scene
 from ..scene.messages import scene_error
 from ..scene.model_choice import GIVEN
@@ -26,7 +26,7 @@ INTERRUPTED = 130  # exit status
 
 def carried_out(scene: Scene, out: Directory | None, quiet: bool, command: Callable[[Path, Progress], CommandResult]) -> Run:
     """The results of a command in its directory; what its exit status says is raised."""
-    where = default_directory(scene) if out is None else Path(out)
+    where = default_directory(scene) if out is None else directory_of(out, "out")
     with naming_arguments(), naming_the_file(scene), progress_for(quiet=quiet) as progress:
         result = command(where, progress)
     if result.exit_code == INTERRUPTED:
@@ -48,7 +48,7 @@ def naming_arguments() -> Iterator[None]:
 def _in_python(message: str) -> str:
     """A message with options as arguments: --force as force=True, --fit-curve as fit_curve."""
     message = message.replace("--resume --out", "--resume, --out")
-    message = re.sub(r"(?<![\w-])--out (\S+)", r"out='\1'", message)
+    message = re.sub(r"(?<![\w-])--out (\S+?)(?=[:;,]?(?:\s|$))", r"out='\1'", message)
     message = re.sub(r"(?<![\w-])--(force|resume)\b", r"\1=True", message)
     return re.sub(r"(?<![\w-])--([a-z][a-z-]*)", lambda option: option[1].replace("-", "_"), message)
 

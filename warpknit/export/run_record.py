@@ -14,6 +14,8 @@ from warpknit.frame import Frame, WireLayout
 
 __all__ = ["RunRecord", "item", "read_frame", "read_run", "state_files"]
 
+DAMAGED = (OSError, ValueError, TypeError)  # what a damaged file of arrays raises
+
 
 @dataclass(frozen=True)
 class RunRecord:
@@ -26,8 +28,12 @@ class RunRecord:
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames one by one, so that they need not fit in memory together."""
-        for path in self.states:
-            yield read_frame(path, self.layout)
+        for index in range(len(self.states)):
+            yield self.frame(index)
+
+    def frame(self, index: int) -> Frame:
+        """One frame. Raises `ExportError` where it cannot be read or does not fit the layout."""
+        return read_frame(self.states[index], self.layout)
 
     def history(self) -> list[dict[str, str]]:
         path = self.directory / "history.csv"
@@ -35,7 +41,7 @@ class RunRecord:
             with open(path, newline="", encoding="utf-8") as file:
                 rows = list(csv.DictReader(file))
         except (OSError, ValueError, csv.Error) as error:
-            raise ExportError(f"{path}: {_one_line(error)}") from error
+            raise _unreadable(path, error) from error
         if not rows:
             raise ExportError(f"{path}: no record")
         return rows
@@ -62,11 +68,12 @@ def read_run(directory: Path, *, also_running: bool = False) -> RunRecord:
         raise ExportError(f"{directory}: the run is not finished (no summary.json); continue it with --resume")
     if not layout_path.is_file() or not states:
         raise ExportError(f"{directory}: the run has no states")
+    path = summary_path
     try:
-        summary = json.loads(summary_path.read_text(encoding="utf-8")) if summary_path.is_file() else {}
-        layout = WireLayout.load(layout_path)
-    except (OSError, ValueError) as error:  # JSONDecodeError is a ValueError
-        raise ExportError(f"{directory}: {_one_line(error)}") from error
+        summary = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+        layout = WireLayout.load(path := layout_path)
+    except DAMAGED as error:  # JSONDecodeError is a ValueError
+        raise _unreadable(path, error) from error
     if not isinstance(summary, dict) or (summary and not isinstance(item(summary, ("scene", "name")), str)):
         raise ExportError(f"{summary_path}: not the summary of a run: it has no scene name")
     return RunRecord(directory, summary, layout, tuple(states))
@@ -84,8 +91,8 @@ def read_frame(path: Path, layout: WireLayout) -> Frame:
         frame = Frame.load(path)
         frame.require_layout(layout)
         frame.require_finite()
-    except (OSError, ValueError) as error:
-        raise ExportError(f"{path}: {_one_line(error)}") from error
+    except DAMAGED as error:
+        raise _unreadable(path, error) from error
     return frame
 
 
@@ -96,5 +103,7 @@ def item(tree: Any, names: tuple[str, ...]) -> Any:
     return tree
 
 
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
+def _unreadable(path: Path, error: Exception) -> ExportError:
+    """The error of a file that cannot be read, which names it once."""
+    why = getattr(error, "strerror", None) or " ".join(str(error).split()).removeprefix(f"{path}: ")
+    return ExportError(f"{path}: {why}")

@@ -12,9 +12,9 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import RunDirectoryError
+from ..errors import ExportError, RunDirectoryError
 from ..frame import WireLayout
-from ..runner.run_directory import SUMMARIES
+from ..runner.run_directory import SUMMARIES, directory_of
 from ..runner.summary_table import summary_rows
 from ..scene import Scene, load_scene
 from ..sweep.map_table import map_lines
@@ -69,6 +69,8 @@ class Run:
     @property
     def history(self) -> Table:
         """history.csv: one row a record. Of a map or a report without a run, a table without columns."""
+        if "history" not in self.tables and self._has_records:
+            raise RunDirectoryError(f"{self.directory / 'history.csv'}: given no such file, allowed: the table that a run left")
         return self.tables["history"] if "history" in self.tables else Table({})
 
     @cached_property
@@ -79,29 +81,56 @@ class Run:
     @property
     def observables(self) -> Series:
         """Columns of the history and fields of the states, for all records; `to_xarray()` has them with their dimensions."""
-        return Series(self.history, self.states)
+        history, states = self.history, self.states
+        if len(states) not in (0, history.rows):
+            path = self.directory / "history.csv"
+            raise RunDirectoryError(f"{path}: given {history.rows} rows, allowed: {len(states)}, one for each state")
+        return Series(history, states)
 
     @cached_property
     def states(self) -> States:
         """The recorded states, one a row of the history; none of a map."""
-        return States(self._record if (self.directory / "states").is_dir() else None)
+        return States(self._record if self._has_records else None)
 
     @property
     def layout(self) -> WireLayout:
-        """Which nodes make a wire, and which wires a body hooks. Raises `ExportError` for a map."""
+        """Which nodes make a wire, and which wires a body hooks. Raises `RunDirectoryError` for a map."""
         return self._record.layout
+
+    @property
+    def _has_records(self) -> bool:
+        """Whether it is of a run that recorded a state, not of a map, a trade or a report."""
+        return "stages" in self.summary and ("history" in self.tables or (self.directory / "states").is_dir())
 
     @cached_property
     def _record(self) -> RunRecord:
+        """Layout and states, one a record. Raises RunDirectoryError where they are damaged or one is missing."""
         from ..export.run_record import read_run
 
-        return read_run(self.directory)
+        try:
+            record = read_run(self.directory)
+        except ExportError as error:
+            raise RunDirectoryError(str(error)) from error
+        there = {path.name for path in record.states}
+        for name in (f"state_{index:06d}.npz" for index in range(max(len(there), self._records))):
+            if name not in there:
+                path = self.directory / "states" / name
+                raise RunDirectoryError(f"{path}: given no such file, allowed: a state for each record that a run left")
+        return record
+
+    @property
+    def _records(self) -> int:
+        """Number of rows of the history; 0 where it cannot be read."""
+        try:
+            return self.history.rows
+        except RunDirectoryError:
+            return 0
 
     @cached_property
     def card(self) -> dict[str, Any] | None:
         """The material card of a report (material_card.json); None where there is none."""
         path = self.directory / "material_card.json"
-        return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
+        return _read_json(path) if path.is_file() else None
 
     @property
     def figures(self) -> list[Path]:
@@ -124,7 +153,7 @@ class Run:
         return open_viewer(self.directory, host=host, port=port)
 
     def __repr__(self) -> str:
-        what = f"{self.history.rows} records" if len(self.history) else f"tables {', '.join(self.tables)}"
+        what = f"{self._records} records" if self._has_records else f"tables {', '.join(self.tables)}"
         return f"<Run {self.name!r}: {self.stop_reason}, {what}, in {self.directory}>"
 
     def _repr_html_(self) -> str:
@@ -155,6 +184,17 @@ def _smaller(picture: Path) -> bytes:
     return data.getvalue()
 
 
+def _read_json(path: Path) -> dict[str, Any]:
+    """The table in a JSON file. Raises RunDirectoryError."""
+    try:
+        table = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise RunDirectoryError(f"{path}: given an unreadable file ({error}), allowed: what a run left") from error
+    if not isinstance(table, dict):
+        raise RunDirectoryError(f"{path}: given another file of this name, allowed: what a run left")
+    return table
+
+
 class Tables(Mapping[str, Table]):
     """The CSV files of a directory, each read once when it is asked for."""
 
@@ -166,6 +206,9 @@ class Tables(Mapping[str, Table]):
         if name not in self._read:
             self._read[name] = Table.read(found(self._paths, name))
         return self._read[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._paths  # without reading it
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._paths)
@@ -198,17 +241,15 @@ def load_run(out: str | os.PathLike[str]) -> Run:
         scene, card, figures, directory, export(to)
     Pairs 2b and 2b + 1 belong to body b, where two wires hook each other.
 
-    Raises RunDirectoryError where there are none, or where they cannot be read.
+    Raises RunDirectoryError where there are none, or where they cannot be read; so do history, tables, states, layout,
+    observables and card, which are read when they are asked for. The line names the file.
     """
-    directory = Path(out)
+    directory = directory_of(out, "load_run")
     for name in SUMMARIES:
         path = directory / name
         if path.is_file():
-            try:
-                summary = json.loads(path.read_text(encoding="utf-8"))
-            except (OSError, ValueError) as error:
-                raise RunDirectoryError(f"{path}: given an unreadable file ({error}), allowed: what a run left") from error
-            if not isinstance(summary, dict) or not {"scene", "stop_reason"} <= set(summary):
+            summary = _read_json(path)
+            if not {"scene", "stop_reason", "warnings"} <= set(summary):
                 raise RunDirectoryError(f"{path}: given another file of this name, allowed: what a run left")
             return Run(directory, summary)
     given = "no results" if directory.is_dir() else "a file" if directory.exists() else "no such directory"

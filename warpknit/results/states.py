@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
+from ..errors import ExportError, RunDirectoryError
 from ..frame import Frame
-from .table import Table, found
+from .table import Table, found, units
 
 if TYPE_CHECKING:
     from ..export.run_record import RunRecord
 
+AXES = ("x", "y", "z")  # weft, warp, normal
+PLACES = ("stage", "load_factor")  # columns that say where in the load history a record is
 # of a frame: dimensions after the record, and unit
 FIELDS = {
     "node_position": (("node", "axis"), "m"),
@@ -26,7 +29,10 @@ FIELDS = {
 
 
 class States(Sequence[Frame]):
-    """The recorded states of a run, one a row of its history: `states[-1].node_position`."""
+    """The recorded states of a run, one a row of its history: `states[-1].node_position`.
+
+    Raises IndexError for a record that is not there, RunDirectoryError for a file that cannot be read.
+    """
 
     def __init__(self, record: RunRecord | None) -> None:
         self._record = record
@@ -36,14 +42,25 @@ class States(Sequence[Frame]):
     @overload
     def __getitem__(self, which: slice) -> list[Frame]: ...
     def __getitem__(self, which: int | slice) -> Frame | list[Frame]:
-        paths = () if self._record is None else self._record.states
-        return [Frame.load(path) for path in paths[which]] if isinstance(which, slice) else Frame.load(paths[which])
+        try:
+            chosen = range(len(self))[which]
+        except IndexError as error:
+            allowed = f"{-len(self)} to {len(self) - 1}" if len(self) else "none, there are no states here"
+            raise IndexError(f"states: given {which}, allowed: {allowed}") from error
+        return [self._read(index) for index in chosen] if isinstance(chosen, range) else self._read(chosen)
 
     def __len__(self) -> int:
         return 0 if self._record is None else len(self._record.states)
 
     def __iter__(self) -> Iterator[Frame]:
-        return iter(()) if self._record is None else self._record.frames()
+        return map(self._read, range(len(self)))
+
+    def _read(self, index: int) -> Frame:
+        assert self._record is not None
+        try:
+            return self._record.frame(index)
+        except ExportError as error:
+            raise RunDirectoryError(str(error)) from error
 
     def __repr__(self) -> str:
         return f"<{len(self)} states>"
@@ -75,14 +92,19 @@ class Series(Mapping[str, np.ndarray]):
         return f"<{len(self)} quantities of {self._history.rows} records>"
 
     def to_xarray(self, names: Sequence[str] | None = None) -> Any:
-        """An xarray.Dataset over `record`, by default of everything. Raises ImportError without xarray (extra `notebooks`)."""
+        """An xarray.Dataset over `record`, by default of everything. Raises ImportError without xarray (extra `notebooks`).
+
+        Coordinates: `record`, the index from 0; `stage` and `load_factor` of each record; `axis`, of positions: x, y, z.
+        `attrs["units"]` of each variable is its unit (`units` in table.py); none for counts, shares and words.
+        """
         import xarray
 
-        of_state = {name: FIELDS[name] for name in self._fields}
-        return xarray.Dataset(
-            {
-                name: (("record", *dimensions), self[name], {"units": unit} if unit else {})
-                for name in (self if names is None else names)
-                for dimensions, unit in [of_state.get(name, ((), ""))]
-            }
-        )
+        variables: dict[str, Any] = {}
+        for name in self if names is None else names:
+            dimensions, unit = FIELDS[name] if name in self._fields else ((), units(name).get("units", ""))
+            variables[name] = (("record", *dimensions), self[name], {"units": unit} if unit else {})
+        coordinates: dict[str, Any] = {name: ("record", self[name]) for name in PLACES if name in self._history}
+        coordinates["record"] = np.arange(self._history.rows)
+        if any("axis" in variable[0] for variable in variables.values()):
+            coordinates["axis"] = list(AXES)
+        return xarray.Dataset({name: value for name, value in variables.items() if name not in coordinates}, coordinates)

@@ -11,9 +11,18 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from ..errors import RunDirectoryError
+from ..measure.table import MEASURES
+
 Value = TypeVar("Value")
 
 SHOWN_ROWS = 5  # at either end
+TEXTS = {line.name for line in MEASURES if line.kind is str}  # measures that are words
+NUMBERS = {line.name for line in MEASURES} - TEXTS  # measures that are numbers or truth values
+UNITS = {
+    "N_per_m": "N/m", "kg_per_m2": "kg/m^2", "percent": "%", "Pa": "Pa", "K": "K", "N": "N", "J": "J", "rad": "rad", "m2": "m^2",
+    "m": "m", "s": "s", "bytes": "byte",
+}  # fmt: skip  # ends of names, the longest first
 TRUTH = {"True": True, "False": False}
 
 
@@ -28,11 +37,23 @@ class Table(Mapping[str, np.ndarray]):
 
     @classmethod
     def read(cls, path: Path) -> Table:
-        """The table of a CSV file with a header."""
-        with open(path, newline="", encoding="utf-8") as file:
-            names, *rows = csv.reader(file)
+        """The table of a CSV file with a header. Raises RunDirectoryError, which names the file, where it is damaged."""
+        try:
+            with open(path, newline="", encoding="utf-8") as file:
+                lines = [line for line in csv.reader(file) if line]
+        except (OSError, ValueError, csv.Error) as error:
+            raise RunDirectoryError(f"{path}: given an unreadable file ({error}), allowed: a table that a run left") from error
+        names, rows = (lines[0], lines[1:]) if lines else ([], [])
+        if not names:
+            raise RunDirectoryError(f"{path}: given an empty file, allowed: a table that a run left")
+        for number, row in enumerate(rows, start=1):
+            if len(row) != len(names):
+                raise RunDirectoryError(
+                    f"{path}: given {len(row)} cells in row {number}, allowed: {len(names)}, as in the heading"
+                )
         cells = zip(*rows, strict=True) if rows else [()] * len(names)
-        return cls({name: _values(texts) for name, texts in zip(names, cells, strict=True)})
+        of_history = path.name == "history.csv"  # whose other columns are probes, which give numbers
+        return cls({name: _column(path, name, texts, of_history) for name, texts in zip(names, cells, strict=True)})
 
     def __getitem__(self, name: str) -> np.ndarray:
         return found(self._columns, name)
@@ -59,12 +80,19 @@ class Table(Mapping[str, np.ndarray]):
         return values
 
     def to_xarray(self, *by: str) -> Any:
-        """An xarray.Dataset along `row`, or over the values of the columns `by`. Raises ImportError without xarray."""
+        """An xarray.Dataset along `row`, or over the values of the columns `by`, which are its coordinates.
+
+        `attrs["units"]` of each variable is the unit that ends its name (UNITS). Raises ImportError without xarray.
+        """
         import xarray
 
         if by:
-            return self.to_pandas().set_index(list(by)).to_xarray()
-        return xarray.Dataset({name: ("row", column) for name, column in self.items()})
+            data = self.to_pandas().set_index(list(by)).to_xarray()
+        else:
+            data = xarray.Dataset({name: ("row", column) for name, column in self.items()}, {"row": np.arange(self.rows)})
+        for name in data.variables:
+            data[name].attrs |= units(str(name))
+        return data
 
     def to_pandas(self) -> Any:
         """The table as a pandas.DataFrame. Raises ImportError without pandas (extra `notebooks`)."""
@@ -97,6 +125,26 @@ def html_table(lines: Sequence[Sequence[str]], head: Sequence[str] = ()) -> str:
     top = "".join(f"<th>{escape(name)}</th>" for name in head)
     body = "".join(f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in line)}</tr>" for line in lines)
     return f"<table>{f'<tr>{top}</tr>' if head else ''}{body}</table>"
+
+
+def units(name: str) -> dict[str, str]:
+    """The attribute `units` of a quantity whose name ends in its unit; empty for counts, shares and words.
+
+    >>> units("tension_weft_N_per_m"), units("strain_weft")
+    ({'units': 'N/m'}, {})
+    """
+    return next(({"units": unit} for end, unit in UNITS.items() if name.endswith(f"_{end}")), {})
+
+
+def _column(path: Path, name: str, texts: Sequence[str], of_history: bool) -> np.ndarray:
+    """The values of a column. Raises RunDirectoryError for a word where the name stands for a number."""
+    if name in TEXTS:
+        return np.array(texts, dtype=str)
+    values = _values(texts)
+    if values.dtype.kind == "U" and (of_history or name in NUMBERS):
+        row = next(number for number, text in enumerate(texts) if _values([text]).dtype.kind not in "if")
+        raise RunDirectoryError(f"{path}: {name}: given {texts[row]!r} in row {row + 1}, allowed: a number, or nothing")
+    return values
 
 
 def _text(value: Any) -> str:

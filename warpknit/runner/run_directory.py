@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,12 +12,13 @@ from typing import Any
 from ..errors import RunDirectoryError
 from ..files import write_aside
 from ..scene.resolved import RESOLVED
+from ..scene.units import shown
 
 OUTPUT_NAMES = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda", "wires.topology.usdc",
         "wires.manifest.usda", "stages.json", "states", "frames", "figures", "checkpoint", "vtk", "tables", "panel",
         "map.csv", "map.json", "map_details.csv", "seeds",
         "trade.csv", "trade_knobs.csv", "trade.json",
-        "report.html", "material_card.csv", "material_card.json", "tension_strain.csv",
+        "report.html", "answers.json", "fit.json", "material_card.csv", "material_card.json", "tension_strain.csv",
         "material_card_nastran.bdf", "material_card_abaqus.inp", "material_card_calculix.inp", "material_card_ansys.inp",
         "material_card_lsdyna.k", "material_card_radioss.inc")  # fmt: skip
 SUMMARIES = {"summary.json": "run", "map.json": "map", "trade.json": "trade"}
@@ -136,12 +138,22 @@ def _free_beside(out: Path, wanted: str) -> Path:
     return path
 
 
+def directory_of(given: str | os.PathLike[str], name: str) -> Path:
+    """The path of a directory that the argument `name` gives in code. Raises RunDirectoryError for what is no path."""
+    if not isinstance(given, str | os.PathLike) or not os.fspath(given):
+        raise RunDirectoryError(f"{name}: given {shown(given)}, allowed: the path of a directory, such as 'runs/cell'")
+    return Path(given)
+
+
 def make_directory(out: Path) -> None:
     """Make `out` unless it exists. Raises RunDirectoryError."""
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise RunDirectoryError(f"--out {out}: cannot be made here: {(error.strerror or 'unusable').lower()}") from error
+        why = (error.strerror or "unusable").lower()
+        raise RunDirectoryError(
+            f"--out {out}: given a directory that cannot be made ({why}), allowed: a directory that can be written to"
+        ) from error
 
 
 def clear(out: Path) -> None:
