@@ -1,13 +1,16 @@
 """The public door: `load_scene`, `build_model`, `initial_state`, `Simulation` give on every scene what `warpknit run` gives."""
 
 import pydoc
+import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 import warpknit
+from warpknit.errors import DeviceError, InputError
 from warpknit.model import build_model, mechanics_of
 from warpknit.runner.history import read_history, row_of
 from warpknit.runner.run import run_scene
@@ -57,7 +60,7 @@ def test_the_model_is_of_the_kind_that_the_scene_asks_for() -> None:
 def test_the_door_lists_its_names_and_imports_little() -> None:
     """Exactly these, and nothing heavy until it is asked for."""
     names = {"load_scene", "build_model", "initial_state", "Simulation", "run", "run_map", "make_report", "load_run", "measure"}
-    assert set(dir(warpknit)) == names | {"__version__"}
+    assert set(dir(warpknit)) == names | {"Run", "Scene", "errors", "scene", "__version__"}
     heavy = ("warp", "numpy", "scipy", "pydantic", "matplotlib", "pandas")
     code = f"import sys, warpknit; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -69,12 +72,37 @@ def test_the_door_lists_its_names_and_imports_little() -> None:
 def test_the_function_run_is_no_module() -> None:
     """Submodules that are imported later do not take the place of a name at the door."""
     for name in sorted(path.stem for path in Path(warpknit.__file__).parent.iterdir()):
-        assert name == "measure" or name not in dir(warpknit)
+        assert name in ("errors", "measure", "scene") or name not in dir(warpknit)
+
+
+def test_the_documents_name_nothing_that_the_door_does_not_list() -> None:
+    """Each can be had in a process of its own, before anything else is imported."""
+    text = (Path(__file__).parents[1] / "docs" / "python.md").read_text(encoding="utf-8")
+    named = sorted(set(re.findall(r"\bwarpknit\.([A-Za-z_]\w*)", text)))
+    assert {"errors", "load_scene", "run"} <= set(named) <= set(dir(warpknit))
+    code = f"import warpknit; print([name for name in {named} if not hasattr(warpknit, name)])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "said"),
+    [
+        (lambda: warpknit.build_model(warpknit.load_scene({}), device="gpu"), DeviceError, "device: given 'gpu', allowed: cpu"),
+        (lambda: warpknit.build_model(None), InputError, "build_model: given None, allowed: a scene"),
+        (lambda: warpknit.initial_state(None), InputError, "initial_state: given None, allowed: a model"),
+        (lambda: warpknit.Simulation(None), InputError, "Simulation: given None, allowed: a model"),
+    ],
+)
+def test_a_wrong_argument_is_one_line(call: Callable, error: type[Exception], said: str) -> None:
+    with pytest.raises(error, match=f"^{said}"):
+        call()
 
 
 def test_help_shows_every_name_with_its_text() -> None:
     page = pydoc.plain(pydoc.render_doc(warpknit))
-    for name in ("load_scene", "run", "run_map", "make_report", "load_run", "build_model", "initial_state", "class Simulation"):
+    functions = ("load_scene", "run", "run_map", "make_report", "load_run", "build_model", "initial_state")
+    for name in (*functions, "class Simulation", "class Scene", "class Run"):
         assert name in page
     assert "own measures by name" in page and "Raises SceneError" in page
 

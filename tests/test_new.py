@@ -107,6 +107,16 @@ def test_the_file_holds_what_was_asked_for() -> None:
     assert scene.model.kind == "spatial" and scene.model.boundary == "periodic"
 
 
+def test_a_plating_stands_in_the_file() -> None:
+    done = new("mesh", "--plating", "gold, 0.3 um")
+    assert done.exit_code == 0, done.stderr
+    assert "30 um molybdenum, plated with gold, 0.3 um" in done.stdout
+    plating = load_scene("mesh.toml").wire.plating
+    assert plating is not None and plating.material == "gold"
+    assert plating.thickness == pytest.approx(0.3e-6, rel=ROUND_OFF, abs=0.0)
+    assert load_scene(scene_text(SceneRequest(), "x.toml")).wire.plating is None
+
+
 @pytest.mark.parametrize("given", ["26", "26 /inch", "26 per inch", "0.9769230769230769 mm"])
 def test_a_bare_gauge_counts_an_inch(given: str) -> None:
     scene = load_scene(scene_text(SceneRequest(knit="tricot", wales=given), "x.toml"))
@@ -155,6 +165,10 @@ def test_the_list_has_every_knit_with_its_chains() -> None:
         (["--diameter", "15 kg"], "--diameter: given '15 kg', allowed: a length"),
         (["--ends", "2.0"], "--ends: given '2.0', allowed: a whole number from 1"),
         (["--ends", "0"], "--ends: given '0', allowed: a whole number from 1"),
+        (["--plating", "gold"], "--plating: given 'gold', allowed: a metal and the thickness of its coating, such as"),
+        (["--plating", "tin, 1 um"], "--plating: given 'tin, 1 um', allowed: a metal and the thickness of its coating"),
+        (["--plating", "gold, 1"], "--plating: given 'gold, 1', allowed: a metal"),
+        (["--plating", "gold, 1 mm"], "wire.plating.thickness: given '1 mm', allowed: at most the radius of the wire"),
         (["--wales", "-26"], "--wales: given '-26', allowed: a count per length"),
         (["--courses", "26 N"], "--courses: given '26 N', allowed: a count per length"),
         (["--load", "6"], "--load: given '6', allowed: a strain such as '6 %' or 0.06"),

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import warpknit
+from warpknit.commands.run import percentage
 from warpknit.errors import DeviceError, Diverged, InputError, RunDirectoryError
 from warpknit.frame import Frame
 from warpknit.results import Run, Table
@@ -178,8 +179,14 @@ def test_faults_are_exceptions_that_name_arguments(finished: Run, tmp_path: Path
         warpknit.make_report(CELL, tmp_path / "r", fit_curve="a.csv", fit_loop_length="5 mm", quiet=True)
     with pytest.raises(InputError, match="tension: given '2 kg'"):
         warpknit.make_report(CELL, tmp_path / "r", tension="2 kg", quiet=True)
-    with pytest.raises(InputError, match="error: given 0, allowed"):
-        warpknit.run(cell(), tmp_path / "r", error=0.0, quiet=True)
+    for error, said in ((0.0, "0"), ("2 N", "'2 N'"), ("most", "'most'"), ([2], r"\[2\]"), (True, "true"), ("200 %", "'200 %'")):
+        with pytest.raises(InputError, match=f"^error: given {said}, allowed: a percentage above 0, up to 100"):
+            warpknit.run(cell(), tmp_path / "r", error=error, quiet=True)
+
+
+@pytest.mark.parametrize("given", [2, 2.0, np.float32(2.0), "2", "2 %", "2%", " 2.0 % "])
+def test_an_error_may_have_its_percent_sign(given: object) -> None:
+    assert percentage(given) == 2.0
 
 
 def damaged(finished: Run, to: Path, name: str, spoil: Callable[[bytes], bytes] | None) -> Run:

@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from warpknit.commands.carried_out import naming_arguments
 from warpknit.errors import RunDirectoryError
 from warpknit.ranks.ranks import One
 from warpknit.runner.checkpoint import FILE, Checkpoint
-from warpknit.runner.run_directory import check_directory, clear
+from warpknit.runner.run_directory import check_directory, clear, make_directory
 
 SUMMARY = {"run": "summary.json", "map": "map.json", "trade": "trade.json"}
 BEGUN = {"run": "checkpoint/checkpoint.npz", "map": "map.csv", "trade": "trade.csv"}
@@ -49,6 +50,17 @@ def test_what_was_interrupted_is_not_replaced_by_something_else(resume, tmp_path
     else:
         with pytest.raises(RunDirectoryError, match="holds an interrupted map; --resume continues it"):
             check_directory(out, "map", resume=False, force=False)
+
+
+def test_a_directory_that_cannot_be_made_is_one_line(tmp_path):
+    """Below a file; the message of an argument is that of the option."""
+    (tmp_path / "file").touch()
+    said = f"{tmp_path}/file/run: given a directory that cannot be made (not a directory), allowed: a directory"
+    with pytest.raises(RunDirectoryError) as error:
+        make_directory(tmp_path / "file" / "run")
+    assert str(error.value).startswith(f"--out {said}") and error.value.exit_code == 2
+    with pytest.raises(RunDirectoryError, match=f"^out='{tmp_path}/file/run': given a directory"), naming_arguments():
+        make_directory(tmp_path / "file" / "run")
 
 
 def test_the_current_directory_has_a_name_too(tmp_path, monkeypatch):

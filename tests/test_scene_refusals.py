@@ -32,7 +32,7 @@ REFUSED = [
     ("wire.ends=true", "wire.ends", "true", "a whole number from 1"),
     ("wire.ends=0", "wire.ends", "0", "a whole number from 1"),
     ("wire.set_fraction=1.5", "wire.set_fraction", "1.5", "a number from 0 to 1"),
-    ("wire.plating.material=gold", "wire.plating.thickness", "nothing", "a length above 0 m, such as '15 um'"),
+    ("wire.plating.material=gold", "wire.plating.thickness", "nothing", "a length above 0 m, such as '0.2 um'"),
     ("wire.tensile_strength=100 MPa", "wire.yield_stress", "2 GPa", "at most the tensile strength, 100 MPa"),
     ("wire.plating.thickness=1 mm", "wire.plating.thickness", "'1 mm'", "at most the radius of the wire, 7.5 um"),
     ("wire.yield_stress=5 GPa", "wire.yield_stress", "'5 GPa'", "at most the tensile strength, 4.5 GPa"),
@@ -107,6 +107,28 @@ REFUSED = [
     ("wire.diameter.x=1", "wire.diameter.x", "1", "no key below wire.diameter, which is '15 um'"),
     ("knit.bars.chain=1-0", "knit.bars.chain", "'1-0'", "no key below knit.bars"),
 ]
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("wire.diameter=16", f"wire.diameter: given 16, allowed: {LENGTH} (a bare number is in m)"),
+        ("wire.diameter='16'", f"wire.diameter: given '16', allowed: {LENGTH} (a bare number is in m)"),
+        ("wire.diameter=16 m", f"wire.diameter: given '16 m', allowed: {LENGTH}"),
+        ("load.temperature=-190", "such as '-190 degC' (a bare number is in K)"),
+        ("wire.set_fraction=2", "allowed: a number from 0 to 1"),
+        ("wire.yield_stress=2 m", "a stress above 0 Pa, such as '800 MPa'"),
+        ("wire.hardness=2 m", "a stress above 0 Pa, such as '0.7 GPa'"),
+        ("knit.wale_spacing=2 N", "a length above 0 m, such as '1.2 mm'"),
+        ("load.pull=[{at=['1 N', 0]}]", "a pair, each a length, such as ['1 mm', '1 mm']"),
+    ],
+)
+def test_what_is_allowed_fits_the_key(override: str, said: str) -> None:
+    """The example is of its size, and a bare number that is refused is told its unit."""
+    with pytest.raises(SceneError) as error:
+        load_scene(SCENES / "atlas_cell.toml", [override])
+    assert said in str(error.value).partition(" (also wrong")[0]
+    assert str(error.value).partition(" (also wrong")[0].endswith(said)
 
 
 @pytest.mark.parametrize(("override", "key", "shown", "allowed"), REFUSED, ids=[row[0] for row in REFUSED])
@@ -191,9 +213,11 @@ def test_an_unreadable_file_is_one_line(tmp_path, content, given):
     assert "\n" not in str(caught.value)
 
 
-def test_a_directory_is_no_scene(tmp_path):
-    with pytest.raises(SceneError, match="is a directory"):
+def test_a_directory_and_an_empty_text_are_no_scenes(tmp_path):
+    with pytest.raises(SceneError, match="given a directory, allowed"):
         load_scene(tmp_path)
+    with pytest.raises(SceneError, match="^scene: the source: given '', allowed: a path, TOML text, a dict or a scene$"):
+        load_scene("")
 
 
 @settings(deadline=None)

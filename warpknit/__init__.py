@@ -13,11 +13,13 @@ Scenes are changed in code, and states are computed without files:
 
 | name | |
 |---|---|
-| `load_scene` | a scene from a file, text or a dict; `scene.changed` |
+| `load_scene` | a `Scene` from a file, text or a dict; `scene.changed` |
 | `run`, `run_map`, `make_report` | the commands, into a directory; they return a `Run` |
 | `load_run` | the `Run` of a directory: summary, tables, states and observables as arrays |
 | `build_model`, `initial_state`, `Simulation` | the same states without files, record by record |
 | `measure` | measures of a recorded state |
+| `Scene`, `Run` | what these functions return, for type annotations and `help` |
+| `scene`, `errors` | tables of a scene, `scene.resolved_toml`; the exceptions |
 
 Everything is in SI units. docs/python.md has probes, forces of one's own, parameter studies and notebooks.
 Errors are in `warpknit.errors`; each is one line that says what was given and what is allowed.
@@ -29,13 +31,13 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from . import measure
+    from . import errors, measure, scene
     from .commands.map import run_map
     from .commands.report import make_report
     from .commands.run import run
     from .model import build_model, initial_state
-    from .results import load_run
-    from .scene import load_scene
+    from .results import Run, load_run
+    from .scene import Scene, load_scene
     from .solve.simulate import Simulation
 
 _DOOR = {
@@ -47,12 +49,19 @@ _DOOR = {
     "run_map": "commands.map",
     "make_report": "commands.report",
     "load_run": "results",
+    "Run": "results",
+    "Scene": "scene",
     "measure": None,
+    "scene": None,
+    "errors": None,
 }
 __all__ = [
+    "Run",
+    "Scene",
     "Simulation",
     "__version__",
     "build_model",
+    "errors",
     "initial_state",
     "load_run",
     "load_scene",
@@ -60,6 +69,7 @@ __all__ = [
     "measure",
     "run",
     "run_map",
+    "scene",
 ]
 
 

@@ -110,9 +110,7 @@ def finished(lines: Iterable[tuple[str, str]], directory: Path) -> int:
 @main.command()
 @scene_options
 @result_options
-@click.option(
-    "--error", type=float, metavar="PERCENT", help="Choose the cheapest settings within this error, and estimate the error."
-)
+@click.option("--error", metavar="PERCENT", help="Choose the cheapest settings within this error, and estimate the error.")
 @click.pass_obj
 def run(
     ranks: Ranks,
@@ -120,7 +118,7 @@ def run(
     overrides: tuple[str, ...],
     preset: str | None,
     device: str | None,
-    error: float | None,
+    error: str | None,
     out: str | None,
     resume: bool,
     force: bool,
@@ -371,6 +369,7 @@ def view(run_dir: str, host: str, port: int, browser: bool) -> None:
     "--courses", metavar="COUNT", help='Courses, such as "30 /inch"; a bare number counts an inch.  [default: the knit\'s]'
 )
 @click.option("--wales", metavar="COUNT", help='Wales, such as "26 /inch"; a bare number counts an inch.  [default: the knit\'s]')
+@click.option("--plating", metavar="METAL,LENGTH", help='Coating of a wire, such as "gold, 0.2 um".  [default: none]')
 @click.option("--ends", metavar="N", help="Wires knitted as one yarn.  [default: 1]")
 @click.option("--diameter", metavar="LENGTH", help='Diameter of a wire, such as "15 um".  [default: 30 um]')
 @click.option("--material", metavar="NAME", help="tungsten, molybdenum or gold.  [default: molybdenum]")

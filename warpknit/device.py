@@ -35,11 +35,16 @@ def start_warp() -> None:
                 _log.warning("%s", line)
 
 
+def devices() -> list[str]:
+    """The Warp names of the devices of this machine."""
+    start_warp()
+    return [str(device) for device in wp.get_devices()]
+
+
 def find_device(name: str | None, place: int = 0) -> str:
     """The Warp name of a device; None takes the first CUDA device if there is one, and the ranks of a machine (this one
     stands at `place` among them) take them in turn. Raises `DeviceError`."""
-    start_warp()
-    available = [str(d) for d in wp.get_devices()]
+    available = devices()
     if name is None:
         graphics = [d for d in available if d.startswith("cuda")]
         return graphics[place % len(graphics)] if graphics else "cpu"

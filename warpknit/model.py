@@ -8,7 +8,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from .errors import InputError
+from .device import devices
+from .errors import DeviceError, InputError
 from .estimate import Estimates
 from .mechanics import Group, Mechanics, Model
 from .ranks.ranks import Ranks
@@ -29,10 +30,12 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
 
     device: "cpu" or "cuda:0". ranks: processes that share the mesh; the model is then that of this rank's strip.
 
-    Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`, `InputError` for what is no scene.
+    Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`, `DeviceError`, `InputError` for what is no scene.
     """
     if not isinstance(scene, Scene):
         raise InputError(f"build_model: given {scene!r}, allowed: a scene, such as load_scene('scene.toml')")
+    if device not in (available := devices()):
+        raise DeviceError(f"device: given {device!r}, allowed: {', '.join(available)}")
     model: Model = _kind(scene).build_model(scene, device, ranks)
     return model
 
@@ -45,8 +48,10 @@ def initial_state(model: Model) -> Any:
         records = list(Simulation(model, state).run())               # changes the state
         state.arrays()                                               # copies on the host, by name
 
-    The fields, with units, are in warpknit/planar/state.py and warpknit/spatial/rod_arrays.py.
+    The fields, with units, are in warpknit/planar/state.py and warpknit/spatial/rod_arrays.py. Raises `InputError` for no model.
     """
+    if not hasattr(model, "scene"):
+        raise InputError(f"initial_state: given {model!r}, allowed: a model, such as build_model(scene)")
     return _kind(model.scene).initial_state(model)
 
 

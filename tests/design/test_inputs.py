@@ -1,5 +1,6 @@
 """What a user knows of a mesh is put into its scene."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,17 @@ import pytest
 from warpknit import measure
 from warpknit.design import inputs
 from warpknit.design.fine_states import states_at
-from warpknit.design.inputs import COLUMNS, Known, fit_curve, fit_loop_length, openings_per_length, with_known, with_openings
+from warpknit.design.inputs import (
+    COLUMNS,
+    POOR_FIT,
+    Known,
+    fit_curve,
+    fit_loop_length,
+    openings_per_length,
+    with_known,
+    with_openings,
+    write_fit,
+)
 from warpknit.design.page import Page
 from warpknit.design.sections import mesh_section
 from warpknit.errors import InputError
@@ -17,6 +28,7 @@ from warpknit.mesh.layout import knit_scene
 from warpknit.model import build_model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
+from warpknit.results import load_run
 from warpknit.scene import load_scene, make_scene
 
 SCENE = Path(__file__).parents[2] / "scenes" / "contact_map.toml"
@@ -106,7 +118,13 @@ def test_loops_are_fitted_to_a_biaxial_curve(scene, tmp_path, monkeypatch):
     lines = [",".join(map(str, (*pair, *measure.mesh_tension(state)))) for pair, state in zip(strains, states, strict=True)]
     path = tmp_path / "measured.csv"
     path.write_text("\n".join([",".join(COLUMNS), *lines]), encoding="utf-8")
-    found = fit_curve(scene, path).scene
+    fitted = fit_curve(scene, path)
+    found = fitted.scene
+    write_fit(fitted, tmp_path)
+    fit = json.loads((tmp_path / "fit.json").read_text(encoding="utf-8"))
+    assert (fit["fitted_to"], fit["notes"]) == ("measured.csv", list(fitted.notes))
+    assert fit["loop"] == {name: getattr(found.knit.loop, name) for name in names}
+    assert fit["factor"] == pytest.approx(factor, abs=2 * tolerance) and 0.0 <= fit["rms_error"] < POOR_FIT
     assert found.knit.loop.closed_radius / scene.knit.loop.closed_radius == pytest.approx(factor, abs=2 * tolerance)
 
 
@@ -127,6 +145,20 @@ def test_a_bad_curve_is_refused(scene, tmp_path, text, said):
     with pytest.raises(InputError, match="measured.csv") as refused:
         fit_curve(scene, path)
     assert said in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_what_was_fitted_is_left_as_numbers(scene, tmp_path):
+    """The factor on the proportions gives the wire length; a report without a fit removes the file of an earlier one."""
+    fitted = with_known(scene, Known(loop_length=5.6e-3))
+    write_fit(fitted, tmp_path)
+    (tmp_path / "map.json").write_text('{"scene": {"name": "x"}, "stop_reason": "finished", "warnings": []}', encoding="utf-8")
+    fit = load_run(tmp_path).fit
+    assert (fit["fitted_to"], fit["rms_error"], fit["notes"]) == ("loop length", None, list(fitted.notes))
+    assert fit["loop"]["closed_radius"] == pytest.approx(fit["factor"] * scene.knit.loop.closed_radius, rel=1e-12)
+    assert fit["wale_spacing_m"] == scene.knit.wale_spacing
+    assert knit_scene(fitted.scene).stitch_length == pytest.approx(5.6e-3, rel=inputs.FIT_TOLERANCE)
+    write_fit(with_known(scene, Known()), tmp_path)
+    assert load_run(tmp_path).fit is None
 
 
 def test_a_missing_curve_is_refused(scene, tmp_path):

@@ -198,7 +198,8 @@ def load_summary(out: Path) -> dict:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("--error", "0"), "above 0"),
+        (("--error", "0"), "--error: given '0', allowed: a percentage above 0"),
+        (("--error", "2 N"), "--error: given '2 N', allowed: a percentage above 0, up to 100, such as 2 or '2 %'"),
         (("--error", "2", "--preset", "draft"), "one of them"),
         (("--error", "2", "--set", "solver.drive=ramp"), "'relax'"),
     ],

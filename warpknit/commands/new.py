@@ -80,12 +80,17 @@ def new_command(request: SceneRequest, path: Path, *, force: bool) -> list[tuple
         ("scene", str(path)),
         ("knit", f"{knit.name}, {knit.title}: {' and '.join(str(bar) for bar in knit.bars)}"),
         ("", plan.knit),
-        ("wire", f"{f'{wire.ends} x ' if wire.ends > 1 else ''}{request.diameter} {wire.material}"),
+        ("wire", f"{f'{wire.ends} x ' if wire.ends > 1 else ''}{request.diameter} {wire.material}{_plated(request)}"),
         ("model", f"{plan.kind}, {plan.kind_reason}"),
         ("mesh", f"{plan.nodes:,} nodes, {plan.bodies:,} {plan.hooked_by}"),
         ("next", f"warpknit plan {shlex.quote(str(path))}"),
         ("", f"warpknit run {shlex.quote(str(path))}"),
     ]
+
+
+def _plated(request: SceneRequest) -> str:
+    """The coating of the wire, in words."""
+    return f", plated with {request.plating}" if request.plating else ""
 
 
 def knit_list() -> list[str]:

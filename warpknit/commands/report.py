@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..design.fe import CODES
-from ..design.inputs import Known, fitted_overrides, with_known
+from ..design.inputs import Fitted, Known, fitted_overrides, with_known, write_fit
 from ..design.report import Findings, report_scene, write_report
 from ..errors import Diverged, InputError
 from ..results import Run
@@ -41,7 +41,8 @@ def make_report(
     tension: of the material card, in both directions; default: at the optimum of the map.
     openings: scale wales and courses to this density, "12 /inch". areal_mass: compare with a measured one, "10 g/m^2".
     fit_loop_length, fit_curve: fit the loops to their wire length, "5.6 mm"; or to a biaxial test, a CSV file with the columns
-        strain_weft, strain_warp, tension_weft_N_per_m, tension_warp_N_per_m. `run.scene` is the fitted scene.
+        strain_weft, strain_warp, tension_weft_N_per_m, tension_warp_N_per_m. `run.scene` is the fitted scene, `run.fit` the
+        factor on the proportions of its loops, the rms error and the notes.
     cards: FE codes for which the card is written, "nastran, abaqus" or a list; default: all of docs/fe_cards.md.
     Quantities are strings with their unit or numbers in SI. scene, out, force, quiet and what is raised: as in `run`; a map of
     the same scene in `out` is used. Raises Diverged where no state carries the tension of the card.
@@ -90,18 +91,18 @@ def report_command(
     """`warpknit report`: fits, map and page; exit status 3 where no state carries the tension of the card."""
     known = asked.known
     loaded = report_scene(scene)
-    notes: tuple[str, ...] = ()
+    fitted = Fitted(loaded)
     if known.loop_length or known.curve:
         progress.stage("fit of the loops", number=1, of=1)
     if known.openings or known.loop_length:  # another knit, for which auto may take another model
         fitted = with_known(loaded, Known(known.openings, known.loop_length))
-        notes = fitted.notes
         loaded = report_scene(load_scene(scene, fitted_overrides(fitted.scene.knit), command="report"))
-    fitted = with_known(loaded, Known(curve=known.curve, areal_mass=known.areal_mass))
-    notes = (*notes, *fitted.notes)
+    fitted = fitted.then(with_known(loaded, Known(curve=known.curve, areal_mass=known.areal_mass)))
+    notes = fitted.notes
     result = sweep_scene(fitted.scene, out=out, device=device, resume=not force, force=force, progress=progress)
     if result.exit_code != 0:
         return Report(result, notes, None)
+    write_fit(fitted, out)
     rows = read_map(out / "map.csv", out / "map_details.csv")
     page = write_report(fitted.scene, rows, out, tension=asked.tension, notes=notes, codes=asked.codes, progress=progress)
     if asked.tension is not None and page.card is None:

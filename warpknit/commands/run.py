@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+import numbers
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from ..errors import InputError
@@ -14,6 +17,7 @@ from ..runner.run import run_scene
 from ..runner.run_directory import CommandResult
 from ..scene import Scene, load_scene
 from ..scene.capabilities import refuse
+from ..scene.units import QuantityError, has_unit, shown, si, tidy
 from .carried_out import Directory, Source, carried_out
 
 
@@ -22,7 +26,7 @@ def run(
     out: Directory | None = None,
     *,
     device: str | None = None,
-    error: float | None = None,
+    error: float | str | None = None,
     probes: Mapping[str, Probe] | None = None,
     resume: bool = False,
     force: bool = False,
@@ -36,7 +40,7 @@ def run(
 
     scene: a `Scene`, or what `load_scene` takes. out: default `runs/<scene name>`.
     device: "cpu" or "cuda:0"; default: the first CUDA device, else the CPU.
-    error: [%] choose the cheapest settings within this error, and estimate the error of the run.
+    error: [%] 2 or "2 %": choose the cheapest settings within this error, and estimate the error of the run.
     probes: own measures by name, functions of a `Record` (docs/python.md): a column of history.csv and a key of the summary each.
         run(scene, out, probes={"height_m": lambda record: float(np.ptp(record.observables.node_position[:, 2]))})
     resume: continue an interrupted run in `out`; the results of a finished run of the same scene are returned as they are.
@@ -61,7 +65,7 @@ def run_command(
     out: Path,
     *,
     device: str | None,
-    error: float | None,
+    error: float | str | None,
     resume: bool,
     force: bool,
     progress: Progress,
@@ -71,12 +75,11 @@ def run_command(
     """`warpknit run`: with the settings for an `error` [%] where it is given. Raises as `run_scene` does."""
     estimator, ranks = None, ranks or One()
     if error is not None:
-        if not 0.0 < error <= 100.0:
-            raise InputError(f"--error: given {error:g}, allowed: a percentage above 0, up to 100")
+        percent = percentage(error)
         from ..trade.error_estimate import settings_for_error
 
         refuse(scene, "error")
-        bound = ranks.from_first(lambda: settings_for_error(scene, error))
+        bound = ranks.from_first(lambda: settings_for_error(scene, percent))
         estimator = bound.error_estimator(scene)
         scene = load_scene(scene, bound.overrides, command="error", ranks=ranks.count)
     return run_scene(
@@ -90,3 +93,17 @@ def run_command(
         error_estimator=estimator,
         probes=probes,
     )
+
+
+def percentage(given: float | str) -> float:
+    """The percentage of `--error`: a number, or text such as "2" or "2 %". Raises `InputError`."""
+    value = math.nan
+    if isinstance(given, str):
+        with suppress(QuantityError):
+            value = tidy(100.0 * si(given, "number")) if has_unit(given) else si(given, "number")
+    elif isinstance(given, numbers.Real) and not isinstance(given, bool):
+        value = float(given)
+    if not 0.0 < value <= 100.0:
+        text = shown(given) if math.isnan(value) or isinstance(given, str) else f"{given:g}"
+        raise InputError(f"--error: given {text}, allowed: a percentage above 0, up to 100, such as 2 or '2 %'")
+    return value

@@ -7,6 +7,7 @@ them large (SCALED), within the range of each.
 from __future__ import annotations
 
 import csv
+import json
 import math
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from .. import measure
 from ..errors import Diverged, InputError
+from ..files import write_aside
 from ..knit.chain import KnitError
 from ..knit.lapping import lapping_table
 from ..knit.loops import RANGES, LoopProportions, loop_shape
@@ -39,12 +41,30 @@ POOR_FIT, NO_FIT = 0.1, 0.5  # rms error over the tensions: reported; refused
 EDGE, SHORTER = 1e-9, 0.8  # distance of a factor from the end of its range; reduction of one that cannot be knitted
 
 
+FIT = "fit.json"
+
+
+@dataclass(frozen=True)
+class LoopFit:
+    """A fit of the loops by one factor on their proportions."""
+
+    to: str  # "loop length", or the name of the file of a biaxial test
+    factor: float
+    proportions: dict[str, float]  # of knit.loop, that were fitted
+    rms_error: float | None = None  # over the tensions of the test
+
+
 @dataclass(frozen=True)
 class Fitted:
-    """A fitted scene, and sentences on how it was fitted."""
+    """A fitted scene, sentences on how it was fitted, and the fit of its loops if there was one."""
 
     scene: Scene
     notes: tuple[str, ...] = ()
+    loops: LoopFit | None = None
+
+    def then(self, other: Fitted) -> Fitted:
+        """`other`, which was fitted from this scene, with the notes and the fit of both."""
+        return Fitted(other.scene, self.notes + other.notes, other.loops or self.loops)
 
 
 @dataclass(frozen=True)
@@ -59,25 +79,42 @@ class Known:
 
 def with_known(scene: Scene, known: Known) -> Fitted:
     """`scene` fitted to the `known` properties, with notes. Raises `InputError`, `KnitError`, `ModelError`."""
-    notes: tuple[str, ...] = ()
+    fitted = Fitted(scene)
     if known.openings is not None:
-        fitted = with_openings(scene, known.openings)
-        scene, notes = fitted.scene, notes + fitted.notes
+        fitted = fitted.then(with_openings(fitted.scene, known.openings))
     if known.loop_length is not None:
-        fitted = fit_loop_length(scene, known.loop_length)
-        scene, notes = fitted.scene, notes + fitted.notes
+        fitted = fitted.then(fit_loop_length(fitted.scene, known.loop_length))
     if known.curve is not None:
-        fitted = fit_curve(scene, known.curve)
-        scene, notes = fitted.scene, notes + fitted.notes
+        fitted = fitted.then(fit_curve(fitted.scene, known.curve))
     if known.areal_mass is not None:
-        cloth = knit_scene(scene)
-        found = cloth.wire_per_area * scene.wire.linear_density
+        cloth = knit_scene(fitted.scene)
+        found = cloth.wire_per_area * fitted.scene.wire.linear_density
         needed = cloth.stitch_length * known.areal_mass / found
-        notes += (
+        note = (
             f"the areal mass as knitted is {1e3 * found:.3g} g/m2, {found / known.areal_mass - 1.0:+.0%} from the given"
-            f" {1e3 * known.areal_mass:.3g} g/m2, which requires {1e3 * needed:.3g} mm of wire per loop",
+            f" {1e3 * known.areal_mass:.3g} g/m2, which requires {1e3 * needed:.3g} mm of wire per loop"
         )
-    return Fitted(scene, notes)
+        fitted = fitted.then(Fitted(fitted.scene, (note,)))
+    return fitted
+
+
+def write_fit(fitted: Fitted, out: Path) -> None:
+    """Write fit.json into `out`, or remove that of an earlier report where nothing was fitted or compared."""
+    if not fitted.notes:
+        (out / FIT).unlink(missing_ok=True)
+        return
+    loops, knit = fitted.loops, fitted.scene.knit
+    content = {
+        "fitted_to": None if loops is None else loops.to,
+        "factor": None if loops is None else loops.factor,
+        "rms_error": None if loops is None else loops.rms_error,
+        "loop": {} if loops is None else loops.proportions,
+        "wale_spacing_m": knit.wale_spacing,
+        "course_spacing_m": knit.course_spacing,
+        "notes": list(fitted.notes),
+    }
+    with write_aside(out / FIT) as file:
+        json.dump(content, file, indent=2, allow_nan=False)
 
 
 def fitted_overrides(knit: Knit) -> list[Override]:
@@ -131,7 +168,7 @@ def fit_loop_length(scene: Scene, wanted: float) -> Fitted:
             " with these spacings (beyond that, the proportions of knit.loop leave their ranges)"
         )
     factor = float(brentq(missing, low, high, xtol=FIT_TOLERANCE / 10))
-    return _fitted(scene, factor, "the wire length per loop")
+    return _fitted(scene, factor, "the wire length per loop", "loop length")
 
 
 def fit_curve(scene: Scene, path: Path) -> Fitted:
@@ -158,7 +195,8 @@ def fit_curve(scene: Scene, path: Path) -> Fitted:
             f"{path}: given tensions that cannot be fitted by one factor on the proportions of knit.loop (smallest rms error"
             f" {best.fun:.0%}), allowed: tensions [N/m] of this mesh, with the spacings and the wire of the scene"
         )
-    fitted = _fitted(scene, float(best.x), f"{path.name} with an rms error of {best.fun:.1%} of the tensions")
+    how = f"{path.name} with an rms error of {best.fun:.1%} of the tensions"
+    fitted = _fitted(scene, float(best.x), how, path.name, float(best.fun))
     ends = _factors(scene)
     doubts = []
     if best.fun > POOR_FIT:
@@ -200,14 +238,15 @@ def _scaled(scene: Scene, factor: float) -> Scene:
     return replace(scene, knit=replace(scene.knit, loop=replace(loop, **larger)))
 
 
-def _fitted(scene: Scene, factor: float, how: str) -> Fitted:
+def _fitted(scene: Scene, factor: float, how: str, to: str, rms_error: float | None = None) -> Fitted:
     """The scene scaled by `factor`. Raises `InputError` if its wires hook differently."""
     scaled = _scaled(scene, factor)
     meant, found = len(knit_scene(scene).clasps), len(knit_scene(scaled).clasps)
     if found != meant:
         allowed = f"{meant} times, as with knit.loop"
         raise InputError(f"{scene.path}: {how}: given loops that hook {found} times per repeat, allowed: {allowed}")
-    return Fitted(scaled, (f"loop proportions times {factor:.3f}, fitted to {how}",))
+    loops = LoopFit(to, factor, {name: getattr(scaled.knit.loop, name) for name in _names(scene)}, rms_error)
+    return Fitted(scaled, (f"loop proportions times {factor:.3f}, fitted to {how}",), loops)
 
 
 def _names(scene: Scene) -> tuple[str, ...]:

@@ -121,11 +121,11 @@ class Record(Protocol):
     def steady(self) -> bool: ...
     @property
     def work(self) -> float:
-        """[J] work of the boundary since the start (ramp)."""
+        """[J] work of the boundary since the start, in a ramp; 0 in a relaxation, whose work is `work_J` of history.csv."""
 
     @property
     def dissipated(self) -> float:
-        """[J] since the start, by damping of a ramp, friction and yield."""
+        """[J] since the start, by damping of a ramp, friction and yield; 0 in a relaxation without friction and yield."""
 
     @property
     def edge_work(self) -> float:

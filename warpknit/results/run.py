@@ -132,6 +132,12 @@ class Run:
         path = self.directory / "material_card.json"
         return _read_json(path) if path.is_file() else None
 
+    @cached_property
+    def fit(self) -> dict[str, Any] | None:
+        """How a report fitted the scene to measured data (fit.json): factor, rms_error, notes; None where it did not."""
+        path = self.directory / "fit.json"
+        return _read_json(path) if path.is_file() else None
+
     @property
     def figures(self) -> list[Path]:
         """Pictures of the results."""
@@ -238,7 +244,7 @@ def load_run(out: str | os.PathLike[str]) -> Run:
             stage, load_factor, strain_weft, strain_warp, shear, temperature [K]
         observables      columns of the history and arrays of the states over all records, [record, ...]; `to_xarray()`
         layout           which nodes make a wire, which wires a body hooks
-        scene, card, figures, directory, export(to)
+        scene, card, fit, figures, directory, export(to)
     Pairs 2b and 2b + 1 belong to body b, where two wires hook each other.
 
     Raises RunDirectoryError where there are none, or where they cannot be read; so do history, tables, states, layout,

@@ -6,18 +6,18 @@ import math
 from dataclasses import dataclass
 
 from warpknit.scene.keys import Table, key
-from warpknit.scene.values import Length
+from warpknit.scene.values import Length, LoopLength
 
 
 @dataclass(frozen=True, kw_only=True)
 class Hook(Table):
     """[hook], in place of [knit]: two arcs of wire that hook each other."""
 
-    radius: Length = key("Radius of both arcs; at least four diameters of the wire.", 1e-3)
-    length: Length = key(
+    radius: LoopLength = key("Radius of both arcs; at least four diameters of the wire.", 1e-3)
+    length: LoopLength = key(
         "Arc length of each wire.", None, left_out="a third of a circle", allowed="half a radius to half a circle"
     )
-    overlap: Length = key(
+    overlap: LoopLength = key(
         "Overlap of the two arcs at rest: the width of the lens between them.",
         None,
         left_out="a fifth of the radius",

@@ -22,10 +22,11 @@ from warpknit.scene.keys import Table, keys_of
 from warpknit.scene.materials import MATERIALS
 from warpknit.scene.objects import KnitTable, ModelOptions, Stage
 from warpknit.scene.units import QuantityError, has_unit, shown, si
-from warpknit.scene.wire import Wire
+from warpknit.scene.wire import Plating, Wire
 from warpknit.text import exact
 
 LOAD = "a strain such as '6 %', a tension such as '2 N/m', or both, '6 %, 2 N/m', for weft and warp"
+PLATING = "a metal and the thickness of its coating, such as 'gold, 0.2 um'"
 SPACING = "a count per length such as '26 /inch', a count an inch such as 26, or a distance such as '0.98 mm'"
 COMMENT_COLUMN = 30  # of the comments behind keys
 
@@ -45,6 +46,7 @@ class SceneRequest:
     material: str = "molybdenum"
     diameter: str = "30 um"
     ends: str = "1"
+    plating: str = ""  # none
     wales: str = ""
     courses: str = ""
     load: str = ""
@@ -110,6 +112,16 @@ def _ends(given: str) -> int:
     return int(_accept(given, int(given) if is_whole else given, Wire, "ends"))
 
 
+def _plating(given: str) -> tuple[str, str]:
+    """Metal and thickness of a coating."""
+    metal, comma, thickness = (part.strip() for part in given.partition(","))
+    if not comma or not has_unit(thickness):
+        raise Refused(given, PLATING)
+    _accept(given, metal, Plating, "material", f"{PLATING}, of {', '.join(MATERIALS)}")
+    _accept(given, thickness, Plating, "thickness", PLATING)
+    return metal, thickness
+
+
 def _spacing(kind: str) -> Callable[[str], tuple[str, str]]:
     def checked(given: str) -> tuple[str, str]:
         """Key and value of a spacing: a count per length, or the distance itself."""
@@ -154,6 +166,7 @@ _CHECKS: dict[str, Callable[[str], Any]] = {
     "material": lambda given: _accept(given, given, Wire, "material"),
     "diameter": _diameter,
     "ends": _ends,
+    "plating": _plating,
     "wales": _spacing("wale"),
     "courses": _spacing("course"),
     "load": _load,
@@ -195,7 +208,9 @@ def _wire(request: SceneRequest) -> Iterator[str]:
     yield _key("material", _toml(request.material), "tungsten, molybdenum or gold: stiffness, density, expansion, strength")
     yield _key("diameter", _toml(_diameter(request.diameter)), "of one wire, without plating")
     yield _key("ends", str(_ends(request.ends)), "parallel wires, knitted as one yarn")
-    yield _off("plating", '{material = "gold", thickness = "0.2 um"}', "adds stiffness, mass and thickness")
+    metal, thickness = _plating(request.plating or "gold, 0.2 um")
+    plating = f"{{material = {_toml(metal)}, thickness = {_toml(thickness)}}}"
+    yield (_key if request.plating else _off)("plating", plating, "adds stiffness, mass and thickness")
     yield _off("youngs_modulus", modulus, "instead of that of the material; other constants in the same way")
     if _strained(request):
         yield _off("plastic", "true", "the wire yields at yield_stress and keeps a set")

@@ -30,6 +30,7 @@ from warpknit.scene.values import (
     Chain,
     Coefficient,
     Drive,
+    EdgeLength,
     Expansion,
     Factor,
     Flag,
@@ -40,6 +41,8 @@ from warpknit.scene.values import (
     Friction,
     Kind,
     Length,
+    LoadingTime,
+    LoopLength,
     LoopShape,
     Name,
     NodesPerLoop,
@@ -56,6 +59,7 @@ from warpknit.scene.values import (
     Shear,
     Shift,
     SignedLength,
+    SpringStiffness,
     StepCount,
     Stiffness,
     Strain,
@@ -65,6 +69,7 @@ from warpknit.scene.values import (
     Threading,
     TileSize,
     Time,
+    TimeStep,
     Tolerance,
     Treatment,
     Turn,
@@ -163,8 +168,8 @@ class Knit(Table):
             Bar(chain="2-3/2-1/1-0/1-2", threading="|.", shift=1),
         ),
     )
-    wale_spacing: Length = key("Distance between wales (along weft, x).", 1.7e-3)
-    course_spacing: Length = key("Distance between courses (along warp, y).", 1.0e-3)
+    wale_spacing: LoopLength = key("Distance between wales (along weft, x).", 1.7e-3)
+    course_spacing: LoopLength = key("Distance between courses (along warp, y).", 1.0e-3)
     repeats: Repeats = key("Pattern repeats along weft and warp.", (1, 1))
     scatter: Scatter = key(
         "Relative standard deviation of the proportions in `[knit.loop]`, drawn for each loop of the mesh.", 0.0
@@ -241,7 +246,7 @@ class Pull(Table):
         ' `pull = [{at = ["12 mm", "0 mm"], by = ["1 mm", "0 mm"], width = "10 mm"}]`.'
     )
     by: Vector = key("Displacement in addition to the load of the whole mesh. `pull = []` removes all pulls.")
-    width: Length | None = key(
+    width: EdgeLength | None = key(
         "Width of the displaced part of the edge, with a cos^2 profile. Left out with `panel.grip_pitch`: the nearest net node"
         " moves.",
         None,
@@ -316,7 +321,7 @@ class Contact(Table):
         "Contact penalty. The multipliers of a relaxation correct its error.", None, left_out="chosen"
     )
     treatment: Treatment = key("Contact carrier or constraint of a `[hook]`, see below. A knit has free bodies.", "free-body")
-    spring_stiffness: Stiffness | None = key(
+    spring_stiffness: SpringStiffness | None = key(
         "`spring-point`, `spring-cylinder`, `ring`: stiffness of the spring to the ground; at most the contact penalty.",
         None,
         left_out="0.001 N/m",
@@ -361,12 +366,12 @@ class Solver(Table):
         " softening s",
     )
     mass_scaling: Factor = key("Ramp: factor on all masses.", 1.0)
-    target_time_step: Time | None = key("Ramp: raise masses, node by node, until this time step is stable.", None)
+    target_time_step: TimeStep | None = key("Ramp: raise masses, node by node, until this time step is stable.", None)
     axial_softening: Factor = key("Divisor of the axial stiffness in the dynamics.", None, left_out="the preset's")
     damping: Rate | None = key(
         "Ramp: mass-proportional damping. Default: the frequency of the slowest bending mode.", None, left_out="chosen"
     )
-    loading_time: Time | None = key(
+    loading_time: LoadingTime | None = key(
         "Ramp: duration of a stage. Default: ten periods of the slowest bending mode.", None, left_out="chosen"
     )
     residual_tolerance: Tolerance = key("Relative residual below which a state is converged.", None, left_out="the preset's")

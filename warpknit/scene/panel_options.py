@@ -13,7 +13,18 @@ import numpy as np
 from warpknit.scene.keys import Table, as_object, key
 from warpknit.scene.outline import Outline, disc, is_simple, rectangle, regular, signed_area, turned
 from warpknit.scene.units import QuantityError, si
-from warpknit.scene.values import Angle, AxialStiffness, FileName, Force, Length, OutlineName, Percent, Tension, Vector
+from warpknit.scene.values import (
+    Angle,
+    AxialStiffness,
+    CordTension,
+    EdgeLength,
+    FileName,
+    OutlineName,
+    PanelLength,
+    Percent,
+    Tension,
+    Vector,
+)
 
 MOST_CORNERS = 1000  # of a polygon
 
@@ -22,7 +33,7 @@ MOST_CORNERS = 1000  # of a polygon
 class Cord(Table):
     """[panel.cord]: an elastic cord along the outline, fixed at the net nodes."""
 
-    tension: Force = key(
+    tension: CordTension = key(
         'Tension of the cord when it lies on the strained outline. Write `cord = {tension = "1 N", stiffness = "1 kN"}`.'
     )
     stiffness: AxialStiffness = key("Axial stiffness EA of the cord.")
@@ -37,20 +48,20 @@ class PanelOptions(Table):
         " from the outline.",
         "rectangle",
     )
-    size: Length | None = key("Side of a hexagon or triangle, diameter of a disc.", None)
+    size: PanelLength | None = key("Side of a hexagon or triangle, diameter of a disc.", None)
     corners: tuple[Vector, ...] | None = key(
         "Corners of a polygon along its edge, in either direction. The origin is the middle of an opening of the knit.",
         None,
         allowed="a list of pairs, each a length, such as ['1 mm', '2 mm']",
     )
     rotation: Angle = key("Counter-clockwise rotation of the outline relative to the knit.", 0.0)
-    grip_pitch: Length | None = key(
+    grip_pitch: EdgeLength | None = key(
         "Distance between net nodes along the outline, adjusted to divide each side evenly. Requires `cord`.",
         None,
         left_out="held along the whole edge",
     )
     cord: Cord | None = key("Cord between the net nodes.", None)
-    focal_length: Length | None = key(
+    focal_length: PanelLength | None = key(
         "Focal length of the paraboloid on which the edge is held, with its apex below the middle of the panel.", None
     )
     tension_threshold: Tension | None = key(

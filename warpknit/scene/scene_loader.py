@@ -86,7 +86,7 @@ def _read(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[Path, Map
     """The name of a source, for messages, and its table."""
     if isinstance(source, Mapping):
         return IN_CODE, source
-    if not isinstance(source, str | os.PathLike):
+    if not isinstance(source, str | os.PathLike) or (isinstance(source, str) and not source):
         raise scene_error(IN_CODE, "the source", shown(source), "a path, TOML text, a dict or a scene")
     is_text = isinstance(source, str) and ("\n" in source or ("=" in source and not os.path.exists(source)))
     path, expected = (IN_CODE, "a scene in TOML") if is_text else (Path(source), "a scene file in TOML")
@@ -95,7 +95,8 @@ def _read(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[Path, Map
         text = str(source) if is_text else path.read_bytes().decode("utf-8-sig")
         return path, tomllib.loads(text)
     except OSError as error:
-        raise scene_error(path, what, (error.strerror or "an unreadable file").lower(), expected) from error
+        given = "a directory" if path.is_dir() else (error.strerror or "an unreadable file").lower()
+        raise scene_error(path, what, given, expected) from error
     except UnicodeDecodeError as error:
         given = f"a byte that is not UTF-8 ({error.object[error.start]:#x})"
         raise scene_error(path, what, given, f"{expected} saved as UTF-8") from error

@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 
 from warpknit.scene.materials import MATERIALS
 from warpknit.scene.presets import PRESETS
-from warpknit.scene.units import DIMENSIONS, QuantityError, shown, si
+from warpknit.scene.units import DIMENSIONS, QuantityError, has_unit, shown, si
 from warpknit.text import exact
 
 T = TypeVar("T")
@@ -40,6 +40,12 @@ class Quantity(Check):
     above: float | None = None  # exclusive lower bound [SI]
     least: float | None = None  # inclusive lower bound [SI]
     most: float | None = None  # inclusive upper bound [SI]
+    usual: str = ""  # a usual value, where the example of the dimension is none
+
+    @property
+    def example(self) -> str:
+        """A usual value, as written in a scene file."""
+        return f"'{self.usual}'" if self.usual else DIMENSIONS[self.dimension].example
 
     @property
     def allowed(self) -> str:  # type: ignore[override]
@@ -50,7 +56,7 @@ class Quantity(Check):
         else:
             words = (("above", self.above), ("at least", self.least), ("at most", self.most))
             bounds = [f"{word} {exact(bound, kind.unit)}" for word, bound in words if bound is not None]
-        example = "" if not kind.unit and bounds else f", such as {kind.example}"
+        example = "" if not kind.unit and bounds else f", such as {self.example}"
         return kind.noun + (" " + " and ".join(bounds) if bounds else "") + example
 
     def __call__(self, value: Any) -> float:
@@ -63,7 +69,9 @@ class Quantity(Check):
             or (self.least is not None and number < self.least)
             or (self.most is not None and number > self.most)
         ):
-            raise refused(self.allowed)
+            unit = DIMENSIONS[self.dimension].unit
+            is_bare = unit and (not isinstance(value, str) or not has_unit(value))
+            raise refused(self.allowed + (f" (a bare number is in {unit})" if is_bare else ""))
         return number
 
 
@@ -132,8 +140,8 @@ class Pair(Check):
 
     @property
     def allowed(self) -> str:  # type: ignore[override]
-        kind = DIMENSIONS[self.each.dimension]
-        return f"a pair, each {self.each.allowed.partition(', such')[0]}, such as [{kind.example}, {kind.example}]"
+        example = self.each.example
+        return f"a pair, each {self.each.allowed.partition(', such')[0]}, such as [{example}, {example}]"
 
     def __call__(self, value: Any) -> tuple[float, float]:
         return both(self, self.each, value)
@@ -203,28 +211,39 @@ def proportion(least: float, most: float) -> BeforeValidator:
 TREATMENTS = ("free-body", "point", "spring-point", "spring-cylinder", "ring", "friction-plane")
 
 Length = Annotated[float, BeforeValidator(Quantity("length", above=0.0))]
+Coating = Annotated[float, BeforeValidator(Quantity("length", above=0.0, usual="0.2 um"))]
+LoopLength = Annotated[float, BeforeValidator(Quantity("length", above=0.0, usual="1.2 mm"))]
+EdgeLength = Annotated[float, BeforeValidator(Quantity("length", above=0.0, usual="20 mm"))]
+PanelLength = Annotated[float, BeforeValidator(Quantity("length", above=0.0, usual="0.5 m"))]
 ThinLength = Annotated[float, BeforeValidator(Quantity("length", above=0.0, most=0.01))]
 LengthUnit = Annotated[float, BeforeValidator(Unit())]
-Period = Annotated[tuple[float, float], BeforeValidator(Pair(Quantity("length", above=0.0)))]
+Period = Annotated[tuple[float, float], BeforeValidator(Pair(Quantity("length", above=0.0, usual="3.4 mm")))]
 Number = Annotated[float, BeforeValidator(Quantity("number"))]
-SignedLength = Annotated[float, BeforeValidator(Quantity("length"))]
-Vector = Annotated[tuple[float, float], BeforeValidator(Pair(Quantity("length")))]
+SignedLength = Annotated[float, BeforeValidator(Quantity("length", usual="1.2 mm"))]
+Vector = Annotated[tuple[float, float], BeforeValidator(Pair(Quantity("length", usual="1 mm")))]
 Angle = Annotated[float, BeforeValidator(Quantity("angle"))]
 Turn = Annotated[float, BeforeValidator(Quantity("angle", least=-1.6, most=1.6))]
 TemperatureGradient = Annotated[tuple[float, float], BeforeValidator(Pair(Quantity("temperature_gradient")))]
 PerLength = Annotated[float, BeforeValidator(Quantity("per_length", above=0.0))]
 Stress = Annotated[float, BeforeValidator(Quantity("stress", above=0.0))]
+Strength = Annotated[float, BeforeValidator(Quantity("stress", above=0.0, usual="800 MPa"))]
+Hardness = Annotated[float, BeforeValidator(Quantity("stress", above=0.0, usual="0.7 GPa"))]
 Density = Annotated[float, BeforeValidator(Quantity("density", above=0.0))]
 Expansion = Annotated[float, BeforeValidator(Quantity("expansion", least=-1e-3, most=1e-3))]
 Temperature = Annotated[float, BeforeValidator(Quantity("temperature", above=0.0, most=4000.0))]
+RoomTemperature = Annotated[float, BeforeValidator(Quantity("temperature", above=0.0, most=4000.0, usual="20 degC"))]
 Tension = Annotated[float, BeforeValidator(Quantity("tension", least=0.0))]
 Stiffness = Annotated[float, BeforeValidator(Quantity("tension", above=0.0))]
+SpringStiffness = Annotated[float, BeforeValidator(Quantity("tension", above=0.0, usual="1 mN/m"))]
 Force = Annotated[float, BeforeValidator(Quantity("force", least=0.0))]
+CordTension = Annotated[float, BeforeValidator(Quantity("force", least=0.0, usual="1 N"))]
 PositiveForce = Annotated[float, BeforeValidator(Quantity("force", above=0.0))]
-AxialStiffness = PositiveForce
+AxialStiffness = Annotated[float, BeforeValidator(Quantity("force", above=0.0, usual="1 kN"))]
 Coefficient = Annotated[float, BeforeValidator(Quantity("number", above=0.0, most=1e3))]
 BodyMass = Annotated[float, BeforeValidator(Quantity("number", above=0.0, most=100.0))]
 Time = Annotated[float, BeforeValidator(Quantity("time", above=0.0))]
+LoadingTime = Annotated[float, BeforeValidator(Quantity("time", above=0.0, usual="10 ms"))]
+TimeStep = Annotated[float, BeforeValidator(Quantity("time", above=0.0, usual="0.1 us"))]
 Rate = Annotated[float, BeforeValidator(Quantity("rate", least=0.0))]
 STRAIN = Quantity("number", least=-0.5, most=2.0)
 Strain = Annotated[float, BeforeValidator(STRAIN)]

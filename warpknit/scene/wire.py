@@ -9,16 +9,18 @@ from dataclasses import dataclass
 from warpknit.scene.keys import Table, key
 from warpknit.scene.materials import MATERIALS
 from warpknit.scene.values import (
+    Coating,
     Density,
     Ends,
     Expansion,
     Flag,
     Fraction,
-    Length,
+    Hardness,
     MaterialName,
     PoissonsRatio,
+    RoomTemperature,
+    Strength,
     Stress,
-    Temperature,
     ThinLength,
 )
 
@@ -30,7 +32,7 @@ class Plating(Table):
     """[wire] plating: a coating of another metal on each wire, outside its diameter."""
 
     material: MaterialName = key('Metal of the coating. Write `plating = {material = "gold", thickness = "0.2 um"}`.', "gold")
-    thickness: Length = key("Thickness of the coating, which adds stiffness, mass and diameter.")
+    thickness: Coating = key("Thickness of the coating, which adds stiffness, mass and diameter.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,14 +55,14 @@ class Wire(Table):
         None,
         left_out="the material's",
     )
-    yield_stress: Stress = key(
+    yield_stress: Strength = key(
         "Elastic limit, for warnings and `yield_fraction`. Without `plastic` the wire stays elastic at any stress and takes no"
         " permanent set.",
         None,
         left_out="the material's",
     )
-    tensile_strength: Stress = key("Tensile strength, for warnings.", None, left_out="the material's")
-    hardness: Stress = key(
+    tensile_strength: Strength = key("Tensile strength, for warnings.", None, left_out="the material's")
+    hardness: Hardness = key(
         "Hardness of the surface (the plating, if any), for the contact resistance of a report, which is proportional to its"
         " square root. Soft plated gold has 0.2 to 0.9 GPa, hard plated gold 1.3 to 2 GPa.",
         None,
@@ -83,7 +85,7 @@ class Wire(Table):
         " knitted shape is stress-free.",
         1.0,
     )
-    reference_temperature: Temperature = key(
+    reference_temperature: RoomTemperature = key(
         "Temperature of zero thermal strain, and default temperature of the mesh.", ROOM_TEMPERATURE
     )
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from warpknit.scene.keys import Table, key
-from warpknit.scene.values import FileName, Flag, Interpolation, Length, LengthUnit, Number, Period, WireRepeats
+from warpknit.scene.values import FileName, Flag, Interpolation, Length, LengthUnit, LoopLength, Number, Period, WireRepeats
 
 USD = (".usd", ".usda", ".usdc", ".usdz")
 POLYLINES = (".csv", ".npz")
@@ -47,7 +47,7 @@ class WiresTable(Table):
         None,
         left_out="the wire's diameter",
     )
-    loop_size: Length = key(
+    loop_size: LoopLength = key(
         "Characteristic length W, the counterpart of the wale spacing of a knit: forces are compared with EI/W^2, energies with"
         " EI/W per loop, and lenses of hooked wires are searched up to 1.65 W.",
         None,
