@@ -106,9 +106,9 @@ def test_friction_is_refused(tmp_path):
 
 @pytest.mark.slow
 def test_the_card_in_space_is_symmetric_and_near_that_of_the_plane():
-    """S = dw/dE makes C symmetric, to 1e-3 with residuals of 2e-5 over strains of 1e-3. Tensions of the planar model are 6 % too
-    high at 12 % and 4 % at 16 % (studies/condensation.md); C, their slope, is no farther off, nor is shear, where heights
-    count."""
+    """S = dw/dE makes C symmetric: residuals of 2e-5 of the tension (0.13 N/m) over strains of 1e-3 are 1.6e-3 of 1.7 N/m.
+    Tensions of the planar model are 6 % too high at 12 % and 4 % at 16 % (studies/condensation.md); C, their slope, is no farther
+    off, nor is shear, where heights count."""
     cards = {}
     for kind in ("planar", "spatial"):
         model = exact_model(scene_of(kind))
@@ -116,7 +116,7 @@ def test_the_card_in_space_is_symmetric_and_near_that_of_the_plane():
         path.to(load)
         cards[kind], _ = find_card(model, path.state, load)
     mine, other = cards["spatial"], cards["planar"]
-    assert mine.asymmetry < 1e-3 and mine.step_difference < 5e-3 and mine.is_stable
+    assert mine.asymmetry < 1.6e-3 and mine.step_difference < 5e-3 and mine.is_stable
     assert mine.stiffness == pytest.approx(other.stiffness, abs=0.06 * other.stiffness.max())
     assert mine.areal_mass == pytest.approx(other.areal_mass, rel=5e-3)
 

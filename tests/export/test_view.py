@@ -288,18 +288,18 @@ def test_the_page_in_a_browser(tmp_path: Path) -> None:
         page.on("request", lambda request: asked.append(request.url))
         page.goto(viewer.url)
         page.get_by_text("wire or a contact").wait_for(timeout=SETTLE)
-        page.get_by_text("strain weft 10 %").wait_for(timeout=SETTLE)
+        page.get_by_text("strain weft 10.0 %").wait_for(timeout=SETTLE)
         page.wait_for_timeout(5000)
         last = _pixels(page, tmp_path)
         assert np.count_nonzero(np.ptp(last, axis=(0, 1)) > 50) == 3  # not blank
         page.get_by_role("slider").press("Home")
-        page.get_by_text("strain weft 0 %").wait_for(timeout=SETTLE)
+        page.get_by_text("strain weft 0.0 %").wait_for(timeout=SETTLE)
         page.wait_for_timeout(3000)
         first = _pixels(page, tmp_path)
         assert np.count_nonzero(np.abs(first - last).max(axis=2) > 50) > 100
         page.get_by_role("checkbox").click()  # wires alone
         page.get_by_role("slider").press("End")
-        page.get_by_text("strain weft 10 %").wait_for(timeout=SETTLE)
+        page.get_by_text("strain weft 10.0 %").wait_for(timeout=SETTLE)
         page.wait_for_timeout(3000)
         drawn = np.argwhere(np.abs(_pixels(page, tmp_path) - 255.0).max(axis=2) > 100) + [TOP, 0]
         y, x = drawn[np.argmin(np.linalg.norm(drawn - [300, 350], axis=1))]
