@@ -18,14 +18,18 @@ def _smaller_side(repeats: int) -> int:
 
 
 def smaller_scene(scene: Scene) -> Scene | None:
-    """The scene of the smaller mesh, or None where the mesh is small enough."""
+    """The scene of the smaller mesh, or None where the mesh is small enough, or none is like it.
+
+    A mesh of another outline than a rectangle starts from one repeat in the plane only: in space, where it fades out towards the
+    clamps, wires would pass through each other.
+    """
     repeats = scene.knit.repeats
     if scene.knit.scatter or scene.depends_on_path:
         return None  # no repeat is like another, or what was before counts
     if scene.model.boundary == "periodic":
         smaller = (1, 1)
     elif scene.panel.outline != "rectangle":
-        return one_repeat(scene)
+        return one_repeat(scene) if scene.model.kind == "planar" else None
     else:
         smaller = _smaller_side(repeats[0]), _smaller_side(repeats[1])
         if repeats[0] * repeats[1] < WORTH * smaller[0] * smaller[1]:
