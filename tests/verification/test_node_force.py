@@ -50,7 +50,7 @@ def test_a_clamped_wire_bends_as_a_beam_under_tension(tmp_path: Path, spacing: f
 
 def test_only_forces_on_the_nodes_of_a_model_in_space_are_taken(tmp_path: Path) -> None:
     simulation = clamped_wires(tmp_path, 100e-6)
-    for wrong in (np.zeros(3), np.full((simulation.model.node_count, 3), np.nan)):
+    for wrong in (np.zeros(3), np.full((simulation.model.node_count, 3), np.nan), "abc", np.zeros((1, 3), dtype=complex)):
         with pytest.raises(ModelError, match="forces on nodes: given an array"):
             simulation.set_force(wrong)
     planar = Simulation(build_model(load_scene(SCENES / "atlas_cell.toml")))

@@ -32,7 +32,7 @@ class Record:
     steps: int
     steady: bool
     work: float  # [J] done by the boundary since the start (ramp; a relaxation leaves it 0)
-    dissipated: float  # [J] since the start, by damping of a ramp, friction and yield
+    dissipated: float  # [J] since the start, by damping of a ramp, friction and yield; else 0
     membrane_residual: float  # out-of-balance membrane stress over the tension; 0 where converged
     edge_work: float  # [J] work of pulls at the edge, cords and uneven thermal strain
     stations: np.ndarray  # (station, 2) [m] displacement of the rim (rim.py); empty where it follows the load

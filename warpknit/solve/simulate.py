@@ -92,9 +92,12 @@ class Simulation:
         if place is None:
             raise ModelError("forces on nodes: given for the planar model, allowed: model.kind = 'spatial'")
         wanted = (self.model.node_count, 3)
-        if np.shape(force) != wanted or not np.all(np.isfinite(force)):
-            raise ModelError(f"forces on nodes: given an array of {np.shape(force)}, allowed: finite numbers, {wanted}")
-        store(place, force)
+        values = np.asarray(force)
+        if values.dtype.kind not in "fiu":
+            raise ModelError(f"forces on nodes: given an array of {values.dtype}, allowed: finite numbers, {wanted}")
+        if values.shape != wanted or not np.all(np.isfinite(values)):
+            raise ModelError(f"forces on nodes: given an array of {values.shape}, allowed: finite numbers, {wanted}")
+        store(place, values)
 
     # --- drives
 
