@@ -1,6 +1,11 @@
 """Every way a command can end other than well, each with the exit status it maps to.
 
 The command line catches these in one place (`warpknit.cli`). The text of an error is one line that a person can act on.
+
+    try:
+        warpknit.load_scene("scenes/atlas_cell.toml", {"wire.diameter": "15 kg"})
+    except warpknit.errors.InputError as error:
+        print(error)
 """
 
 from __future__ import annotations

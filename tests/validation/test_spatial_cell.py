@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from warpknit import measure
 from warpknit.kernels import control as c
+from warpknit.kernels.wire_closest import SINGLE_STEP
 from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
@@ -233,7 +234,8 @@ def test_near_contacts_are_those_of_a_new_search() -> None:
 
 
 def test_forces_in_a_narrow_tile_are_those_in_many_repeats() -> None:
-    """The state of one repeat of a tricot, laid out over 4 x 3: the same forces on all copies of a node, and on its sites."""
+    """The state of one repeat of a tricot, laid out over 4 x 3: the same forces on all copies of a node, and on its sites. Contact
+    points are found to the square of a last step of SINGLE_STEP, times the ratio of third to second derivatives."""
     relaxation = relaxed(*TRICOT)[0]
     one = relaxation.mechanics
     many = Simulation(build_model(load_scene(CELL, [*DRAFT, *TRICOT, "knit.repeats=[4, 3]"])))
@@ -251,7 +253,7 @@ def test_forces_in_a_narrow_tile_are_those_in_many_repeats() -> None:
         mechanics.stepper.evaluate()
     assert there.contact.pair_count == 12 * one.contact.pair_count
     force = one.state.force.numpy()[node]
-    assert np.abs(there.state.force.numpy() - force).max() < 1e-9 * np.abs(force).max()
+    assert np.abs(there.state.force.numpy() - force).max() < 4.0 * float(SINGLE_STEP) ** 2 * np.abs(force).max()
     few, all_of_them = (read(s.model, s.mechanics.sites, s.mechanics.relaxation, s.mechanics.contact) for s in (relaxation, many))
     assert all_of_them.near.force.size == 12 * few.near.force.size
     assert np.sort(all_of_them.site_force)[::12] == pytest.approx(

@@ -1,6 +1,6 @@
 """The scene: what is knitted, how it is loaded and solved, as frozen objects in plain SI.
 
-    scene = load_scene("scenes/atlas_patch.toml", overrides=["load.strain_warp=0.05"], preset="draft")
+    scene = load_scene("scenes/atlas_cell.toml", overrides=["load.strain_warp=0.05"], preset="draft")
 
 A scene file is TOML; `warpknit.scene.file` lists its keys. Whatever is wrong with it is a SceneError of one line.
 """
