@@ -234,8 +234,8 @@ def test_near_contacts_are_those_of_a_new_search() -> None:
 
 
 def test_forces_in_a_narrow_tile_are_those_in_many_repeats() -> None:
-    """The state of one repeat of a tricot, laid out over 4 x 3: the same forces on all copies of a node, and on its sites. Contact
-    points are found to the square of a last step of SINGLE_STEP, times the ratio of third to second derivatives."""
+    """The state of one repeat of a tricot, laid out over 4 x 3: the same forces on all copies of a node, and on its sites.
+    Contact points are found to the square of a last step of SINGLE_STEP, times the ratio of third to second derivatives."""
     relaxation = relaxed(*TRICOT)[0]
     one = relaxation.mechanics
     many = Simulation(build_model(load_scene(CELL, [*DRAFT, *TRICOT, "knit.repeats=[4, 3]"])))
