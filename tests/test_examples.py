@@ -96,7 +96,7 @@ def examples(item: object) -> list[str]:
     return [textwrap.dedent(text) for text in paragraphs if all(line.startswith("    ") for line in text.splitlines())]
 
 
-DOCUMENTED = {name: getattr(warpknit, name) for name in dir(warpknit) if name != "__version__"}
+DOCUMENTED = {name: getattr(warpknit, name) for name in (*dir(warpknit), "scene", "errors") if name != "__version__"}
 
 
 @pytest.mark.usefixtures("fresh")

@@ -18,8 +18,9 @@ Scenes are changed in code, and states are computed without files:
 | `load_run` | the `Run` of a directory: summary, tables, states and observables as arrays |
 | `build_model`, `initial_state`, `Simulation` | the same states without files, record by record |
 | `measure` | measures of a recorded state |
-| `Scene`, `Run` | what these functions return, for type annotations and `help` |
-| `scene`, `errors` | tables of a scene, `scene.resolved_toml`; the exceptions |
+
+`warpknit.Scene` and `warpknit.Run` are what these functions return, for annotations and `help`; `warpknit.scene` has the tables
+of a scene and `resolved_toml`.
 
 Everything is in SI units. docs/python.md has probes, forces of one's own, parameter studies and notebooks.
 Errors are in `warpknit.errors`; each is one line that says what was given and what is allowed.
@@ -31,13 +32,17 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from . import errors, measure, scene
+    from . import errors as errors
+    from . import measure
+    from . import scene as scene
     from .commands.map import run_map
     from .commands.report import make_report
     from .commands.run import run
     from .model import build_model, initial_state
-    from .results import Run, load_run
-    from .scene import Scene, load_scene
+    from .results import Run as Run
+    from .results import load_run
+    from .scene import Scene as Scene
+    from .scene import load_scene
     from .solve.simulate import Simulation
 
 _DOOR = {
@@ -49,19 +54,17 @@ _DOOR = {
     "run_map": "commands.map",
     "make_report": "commands.report",
     "load_run": "results",
+    "measure": None,
+    # not listed by dir()
     "Run": "results",
     "Scene": "scene",
-    "measure": None,
     "scene": None,
     "errors": None,
 }
 __all__ = [
-    "Run",
-    "Scene",
     "Simulation",
     "__version__",
     "build_model",
-    "errors",
     "initial_state",
     "load_run",
     "load_scene",
@@ -69,7 +72,6 @@ __all__ = [
     "measure",
     "run",
     "run_map",
-    "scene",
 ]
 
 
