@@ -126,3 +126,15 @@ def test_the_axis_of_tension_ends_little_above_the_elastic_limit(tmp_path, monke
     design_figures.tension_strain_figure(curves, tmp_path / "a.png", yield_stress=6e8)
     top = design_figures.BEYOND_LIMIT * 2.0
     assert drawn[0].axes[0].get_ylim() == pytest.approx((-design_figures.ROOM * top, (1.0 + design_figures.ROOM) * top))
+
+
+def test_curves_of_a_strain_that_goes_back_run_along_the_load() -> None:
+    """Under given tensions a strain may fall while the load grows: over it the curves would cross themselves."""
+    factor = np.linspace(0.0, 1.0, 5)
+    stages = [("load", slice(0, 5))]
+    for strain, label in (
+        ([0.0, 0.01, 0.03, 0.02, 0.04], "load factor"),
+        ([0.0, 0.01, 0.02, 0.03, 0.04], "strain, weft and warp [%]"),
+    ):
+        columns = {"strain_weft": np.array(strain), "strain_warp": np.array(strain), "load_factor": factor}
+        assert curves_figure._abscissa(columns, stages, 5)[1] == label

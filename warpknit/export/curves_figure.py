@@ -19,6 +19,7 @@ from warpknit.text import ZERO_CELSIUS
 __all__ = ["curves_figure", "heat_figure"]
 
 SIDE_COLOURS = (("weft", BLUE), ("warp", ORANGE))
+LEAST_FOLD = 1e-3  # of the range of a strain: less does not count as going back
 LEAST_SPAN = 0.02  # of a value: shortest axis of a quantity against temperature
 DECADES_DRAWN = 1e-9  # of the largest value of a logarithmic axis: less is not drawn, and does not flatten the others
 STAGE_STYLES: tuple[tuple[str | tuple[int, tuple[float, ...]], str], ...] = (
@@ -167,7 +168,9 @@ def _draw_curves(
         if high < 10.0 * low:
             axes.set_ylim(np.sqrt(low * high / 10.0), np.sqrt(10.0 * low * high))  # a decade
     if handles:
-        axes.legend(handles=handles, frameon=True, framealpha=0.8, edgecolor="none", loc="best")
+        axes.legend(
+            handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(handles), frameon=False, borderaxespad=0.2
+        )
     axes.grid(color="#DDDDDD", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
 
@@ -175,18 +178,22 @@ def _draw_curves(
 def _abscissa(columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[str, slice]], count: int) -> tuple[NDArray[Any], str]:
     """Abscissa of a run and its label: a strain if it varies in each stage, else the progress along the stages.
 
-    In a single stage without strain: shear, temperature, the load factor, or the number of the record.
+    Also the progress where the strain goes back within a stage, as it may under given tensions. In a single stage without strain:
+    shear, temperature, the load factor, or the number of the record.
     """
     held = [
         all(float(np.ptp(columns[name][rows])) < 1e-9 for name in ("strain_weft", "strain_warp") if name in columns)
         for _, rows in stages
     ]
     if len(stages) > 1 and any(held) and "load_factor" in columns:
-        stage = np.searchsorted([rows.stop for _, rows in stages], np.arange(count), side="right")
-        return stage + columns["load_factor"], "stage and its load factor"
+        return _along_stages(columns["load_factor"], stages)
     spread = {name: float(np.ptp(values)) if np.isfinite(values).all() else 0.0 for name, values in columns.items()}
     weft, warp = columns.get("strain_weft"), columns.get("strain_warp")
     weft_spread, warp_spread = spread.get("strain_weft", 0.0), spread.get("strain_warp", 0.0)
+    largest = warp if warp_spread > weft_spread else weft
+    folds = largest is not None and "load_factor" in columns and any(_folds(largest[rows]) for _, rows in stages)
+    if folds:
+        return _along_stages(columns["load_factor"], stages)
     if weft is not None and warp is not None and (count == 1 or max(weft_spread, warp_spread) > 1e-9):
         if np.allclose(weft, warp, rtol=0.0, atol=1e-9):
             return 100.0 * weft, "strain, weft and warp [%]"
@@ -206,6 +213,19 @@ def _abscissa(columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[str, s
     if spread.get("load_factor", 0.0) > 0.0:
         return columns["load_factor"], "load factor"
     return np.arange(count, dtype=float), "record"
+
+
+def _along_stages(load_factor: NDArray[Any], stages: Sequence[tuple[str, slice]]) -> tuple[NDArray[Any], str]:
+    """Progress along the stages, and its label."""
+    stage = np.searchsorted([rows.stop for _, rows in stages], np.arange(len(load_factor)), side="right")
+    return stage + load_factor, "stage and its load factor" if len(stages) > 1 else "load factor"
+
+
+def _folds(values: NDArray[Any]) -> bool:
+    """Whether values go both up and down, by more than round-off."""
+    steps = np.diff(values)
+    least = LEAST_FOLD * float(np.ptp(values)) if len(values) and np.isfinite(values).all() else np.inf
+    return bool((steps > least).any() and (steps < -least).any())
 
 
 def _stages(names: Sequence[str]) -> list[tuple[str, slice]]:
