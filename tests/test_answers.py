@@ -281,3 +281,16 @@ def test_heat_is_drawn_against_temperature(tmp_path: Path) -> None:
     for side in ("weft", "warp"):
         before, after = stage[f"tension_{side}_N_per_m"]
         assert after > before
+
+
+def test_no_state_within_a_jump_is_best(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Strains that jump between 0.5 and 0.6 N/m belong to two equilibria: what lies between them is no state of the mesh."""
+    rows = [row(0.1 * k) for k in range(10)]
+    for k, one in enumerate(rows):
+        one.active_percent = one.active_A_percent = one.active_B_percent = 100.0 if k in (5, 6) else 0.0
+        one.force_A_N = one.force_B_N = 0.0
+        one.strain_weft += 0.3 * (k >= 6)
+    best = found(rows, monkeypatch)["best"]
+    assert best["low"]["tension_weft_N_per_m"] <= 0.5 <= best["high"]["tension_weft_N_per_m"]
+    for state in (best, best["low"], best["high"]):
+        assert not 0.5 + 1e-9 < state["tension_weft_N_per_m"] < 0.6 - 1e-9

@@ -49,6 +49,7 @@ from numpy.typing import NDArray
 from .. import measure
 from ..measure import MeshModel
 from ..measure.contact_classes import ContactClass, classes_of
+from ..measure.jumps import stands_out
 from .history import Row, stages_of
 
 SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf. Ser. 402, 66)
@@ -80,7 +81,9 @@ def answers_of(model: MeshModel, rows: Sequence[Row]) -> Answer | None:
     part = max(stages_of(rows), key=lambda part: max(row.active_percent for row in part), default=list(rows))
     rising = sorted(part, key=mean_tension)
     events = [mean_tension(Row(**one)) for one in (*closings.values(), first_yield) if one is not None]
-    tensions = [*events, *np.linspace(mean_tension(rising[0]), mean_tension(rising[-1]), DRIFT_STATES)]
+    events = [one for one in events if not _is_in_jump(one, rising)]
+    between = np.linspace(mean_tension(rising[0]), mean_tension(rising[-1]), DRIFT_STATES)
+    tensions = [*events, *(float(one) for one in between if not _is_in_jump(float(one), rising))]
     states = [there for tension in tensions if (there := _at_tension(rising, float(tension), classes, closings)) is not None]
     return {
         "contacts": [
@@ -232,6 +235,16 @@ def _is_held(part: Sequence[Row], side: str) -> bool:
     strain = abs(vars(end)[f"strain_{side}"] - vars(begin)[f"strain_{side}"])
     tension = [vars(row)[f"tension_{side}_N_per_m"] for row in (begin, end)]
     return strain <= HELD_STRAIN or abs(tension[1] - tension[0]) <= HELD_TENSION * max(map(abs, tension))
+
+
+def _is_in_jump(tension: float, rising: Sequence[Row]) -> bool:
+    """Whether a tension [N/m] lies between two records whose strains are of different equilibria (measure/jumps.py)."""
+    path = np.array([mean_tension(row) for row in rising])
+    k = int(np.searchsorted(path, tension))
+    if len(path) < 2 or np.any(np.diff(path) <= 0.0) or k in (0, len(path)) or tension in (path[k], path[k - 1]):
+        return False
+    strains = ([vars(row)[f"strain_{side}"] for row in rising] for side in ("weft", "warp"))
+    return any(bool(stands_out(path, np.array(one))[k - 1]) for one in strains)
 
 
 def _best(rising: Sequence[Row], states: Sequence[Row], limit: float) -> Answer | None:
