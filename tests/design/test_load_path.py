@@ -9,6 +9,7 @@ import pytest
 from warpknit import measure
 from warpknit.design.curves import tension_strain
 from warpknit.design.equal_tension import EqualTensionPath, load_equally, service_points
+from warpknit.design.fine_states import exact_model
 from warpknit.design.load_path import LoadPath, under_strain, under_tension
 from warpknit.design.service import EqualTension
 from warpknit.errors import Diverged
@@ -68,8 +69,12 @@ def test_strains_of_a_path_are_those_asked_for_whatever_the_frame_expands():
 def test_a_path_ends_behind_first_yield_unless_more_is_requested():
     """The double atlas of 15 um yields at 0.6 N/m: service tensions beyond have no point; a larger map adds nothing."""
     scene = load_scene(SCENES / "contact_map.toml", ["output.frames=4"], "draft")
-    path = load_equally(scene, EqualTension(0.2, 0.2, scene.wire.yield_stress), None)
+    path = load_equally(
+        exact_model(scene, scene.solver.residual_tolerance), EqualTension(0.2, 0.2, scene.wire.yield_stress), None
+    )
     above = [row.stress_max_Pa > scene.wire.yield_stress for row in path.rows]
     assert above == [False] * (len(above) - 2) + [True, True]
     assert {point.why for point in service_points(scene, path, None, None)} == {"beyond first yield"}
-    assert load_equally(scene, EqualTension(0.0, 0.0, 1.0), None) == EqualTensionPath()
+    assert (
+        load_equally(exact_model(scene, scene.solver.residual_tolerance), EqualTension(0.0, 0.0, 1.0), None) == EqualTensionPath()
+    )

@@ -17,6 +17,7 @@ from warpknit.design.card import MaterialCard
 from warpknit.design.card_files import card_values, card_warnings
 from warpknit.design.equal_tension import load_equally, service_points
 from warpknit.design.fe import CODES
+from warpknit.design.fine_states import exact_model
 from warpknit.design.service import REFINED, EqualTension, equal_tension
 from warpknit.export import map_figure
 from warpknit.scene import load_scene
@@ -155,7 +156,9 @@ def test_service_points_are_equilibria_and_not_interpolated(reports):
     values = found["0.06 N/m"][1]["values"]
     scene = load_scene(out / "scene.toml")
     scene = replace(scene, output=replace(scene.output, service_tension=0.06))
-    path = load_equally(scene, EqualTension(0.06, 0.06, scene.wire.yield_stress), None)
+    path = load_equally(
+        exact_model(scene, scene.solver.residual_tolerance), EqualTension(0.06, 0.06, scene.wire.yield_stress), None
+    )
     point = service_points(scene, path, None, None)[0]
     assert point.strains == pytest.approx((values["prestrain1"], values["prestrain2"]), abs=5e-4)
     assert 0.01 * point.active_percent == pytest.approx(values["active"])

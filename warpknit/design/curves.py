@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from .. import measure
 from ..errors import Diverged
 from ..measure import Observables
 from ..sweep.states import Mesh
-from .load_path import LoadPath, under_strain
+from .load_path import LoadPath, part_of, under_strain
 from .network import sheet_resistance
 
 POINTS = 12  # of a curve, in addition to the mesh as knitted
@@ -49,16 +48,12 @@ def tension_strain(model: Mesh, weft: float, warp: float, watch: Callable[[float
         stage = under_strain(model.scene, np.diag([1.0 + along_weft * end, 1.0 + along_warp * end]))
         found: dict[int, Observables] = {}
         with suppress(Diverged):
-            for k, record in enumerate(path.load(stage, levels * POINTS, partial(_watch, watch, number))):
+            for k, record in enumerate(path.load(stage, levels * POINTS, part_of(watch, number, len(LOADS)))):
                 if k % levels == 0:
                     found[k // levels] = record.observables
         for k, share in enumerate(np.linspace(0.0, 1.0, POINTS + 1).tolist()):
             points.append(_point(name, along_weft * end * share, along_warp * end * share, found.get(k)))
     return points
-
-
-def _watch(watch: Callable[[float], None], done: int, share: float) -> None:
-    watch((done + share) / len(LOADS))
 
 
 def _point(load: str, weft: float, warp: float, state: Observables | None) -> CurvePoint:

@@ -10,19 +10,19 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from ..errors import Diverged
-from ..runner.answers import SERVICE_TENSIONS, answers_of, mean_tension
+from ..runner.answers import SERVICE_TENSIONS, Answer, mean_tension
 from ..runner.history import Row, row_of
 from ..runner.warnings_of import branch_changes, tensions_text
 from ..scene import Scene
+from ..sweep.states import Mesh
 from ..text import celsius
 from .card import MaterialCard
 from .fine_states import exact_model
-from .load_path import AS_KNITTED, LoadPath, PathState, under_tension
+from .load_path import AS_KNITTED, LoadPath, PathState, part_of, under_tension
 from .service import EqualTension, ServicePoint, point_of_card
 
 BEGIN = 0.125  # of the least tension of interest: end of the first stage, so that small tensions are resolved
@@ -46,24 +46,25 @@ class EqualTensionPath:
 
 
 def load_equally(
-    scene: Scene, largest: EqualTension, requested: float | None, watch: Callable[[float], None] = lambda _: None
+    model: Mesh, largest: EqualTension, requested: float | None, watch: Callable[[float], None] = lambda _: None
 ) -> EqualTensionPath:
     """The path over the `requested` tension [N/m] to first yield, else to the largest of the service tensions and of the map.
 
     Empty without a requested tension where the `largest` of the map is zero. A path that does not converge ends with the records
-    before. `watch` is called with the share that is done.
+    before. `watch` is called with the share that is done. model: in double precision.
     """
+    scene = model.scene
     if largest.largest == 0.0 and requested is None:
         return EqualTensionPath()
     wanted = service_tensions(scene, requested)
     ends = [0.0, *_ends(wanted, largest.largest)]
-    path = LoadPath(exact_model(scene, scene.solver.residual_tolerance))
+    path = LoadPath(model)
     rows: list[Row] = []
     states: dict[float, PathState] = {}
     at: dict[float, Row] = {}
     try:
         for number, (low, high) in enumerate(pairwise(ends)):
-            for record in path.load(under_tension(scene, high), _levels(scene, low, high), _part(watch, number, len(ends) - 1)):
+            for record in path.load(under_tension(scene, high), _levels(scene, low, high), part_of(watch, number, len(ends) - 1)):
                 rows.append(row_of(record))
                 if low >= (requested or 0.0) and _has_yielded(scene, rows):
                     return EqualTensionPath(rows, states, at, YIELDED)
@@ -71,11 +72,6 @@ def load_equally(
     except Diverged as error:
         return EqualTensionPath(rows, states, at, str(error))
     return EqualTensionPath(rows, states, at)
-
-
-def _part(watch: Callable[[float], None], number: int, of: int) -> Callable[[float], None]:
-    """`watch` for a part of the whole."""
-    return lambda share: watch((number + share) / of)
 
 
 def service_tensions(scene: Scene, requested: float | None) -> list[float]:
@@ -121,32 +117,19 @@ def service_points(
     return points
 
 
-def answers_on(
-    scene: Scene, path: EqualTensionPath, service: Sequence[ServicePoint], heated: Sequence[Row]
-) -> dict[str, Any] | None:
-    """The answers (runner/answers.py) that a path gives, with these service points; None without one. heated: see `heat`."""
-    model = exact_model(scene)
-    answers = None if len(path.rows) < 2 else answers_of(model, path.rows)
-    if answers is None:
-        return None
-    warm = answers_of(model, heated)
-    return answers | {"heat": [] if warm is None else warm["heat"], "service": [_point(point) for point in service]}
+def with_service(answers: Answer, service: Sequence[ServicePoint], heated: Answer | None) -> Answer:
+    """Answers with these service points, and what heat does by the answers of a run that changes the temperature."""
+    return answers | {"heat": [] if heated is None else heated["heat"], "service": [_point(point) for point in service]}
 
 
-def heat(
-    scene: Scene, path: EqualTensionPath, requested: float | None, watch: Callable[[float], None] = lambda _: None
-) -> list[Row]:
-    """Rows of a run that holds the `requested` tension [N/m], or the best one of the path, at the temperatures of [[path]].
+def heat(scene: Scene, path: EqualTensionPath, held: float | None, watch: Callable[[float], None] = lambda _: None) -> list[Row]:
+    """Rows of a run that holds a tension [N/m] at the temperatures of [[path]]; none without them, or without a tension.
 
     It begins where the path has a tension as small or smaller. `watch` is called with the share that is done; a run that does not
     converge ends with the records before.
     """
     temperatures = list(dict.fromkeys(stage.temperature for stage in scene.stages))[1:]
-    answers = None if len(path.rows) < 2 or not temperatures else answers_of(exact_model(scene), path.rows)
-    if answers is None:
-        return []
-    held = requested or (None if answers["best"] is None else mean_tension(Row(**answers["best"])))
-    if held is None:
+    if held is None or not temperatures or len(path.rows) < 2:
         return []
     rows: list[Row] = []
     low = max((tension for tension in path.states if tension <= held), default=0.0)
@@ -159,16 +142,16 @@ def heat(
         for number, temperature in enumerate(temperatures):
             stage = replace(begin, name=celsius(temperature), temperature=temperature)
             levels = max(LEAST_LEVELS, scene.output.frames // 2)
-            for record in warm.load(stage, levels, _part(watch, number, len(temperatures))):
+            for record in warm.load(stage, levels, part_of(watch, number, len(temperatures))):
                 rows.append(row_of(record))
     return rows
 
 
-def jump_text(scene: Scene, path: EqualTensionPath) -> str | None:
+def jump_text(model: Mesh, path: EqualTensionPath) -> str | None:
     """Sentence on the jumps of a path between several equilibria, or None."""
     tensions = np.maximum.accumulate([mean_tension(row) for row in path.rows])
     rows = [row for row, more in zip(path.rows, np.diff(tensions, prepend=-1.0) > 0.0, strict=True) if more]
-    found = branch_changes(exact_model(scene), rows, np.array([mean_tension(row) for row in rows])) if len(rows) > 1 else []
+    found = branch_changes(model, rows, np.array([mean_tension(row) for row in rows])) if len(rows) > 1 else []
     if not found:
         return None
     places = "; ".join(tensions_text(*pair) for pair in found[:JUMPS_TOLD]) + ("; ..." if len(found) > JUMPS_TOLD else "")
@@ -179,7 +162,7 @@ def jump_text(scene: Scene, path: EqualTensionPath) -> str | None:
     )
 
 
-def _point(point: ServicePoint) -> dict[str, Any]:
+def _point(point: ServicePoint) -> Answer:
     """A service point as the answers of a run have it."""
     tensions = dict.fromkeys(("tension_weft_N_per_m", "tension_warp_N_per_m"), point.tension)
     state = None if point.strains is None else dict(zip(("strain_weft", "strain_warp"), point.strains, strict=True)) | tensions

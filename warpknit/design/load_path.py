@@ -38,7 +38,6 @@ class LoadPath:
     def __init__(self, model: Any, state: PathState = AS_KNITTED) -> None:
         """The models of two paths may differ in their solver's tolerance."""
         self.model, self.state = model, state
-        self.last: Record | None = None
 
     def load(self, stage: Stage, levels: int, watch: Callable[[float], None] = lambda _: None) -> Iterator[Record]:
         """Records of a stage from the state of the path, which then is its end; the first begins with the mesh as knitted.
@@ -56,8 +55,7 @@ class LoadPath:
             simulation.drive.restore(self.state.kept)
         else:
             simulation.compile()
-        for self.last in simulation.run():
-            yield self.last
+        yield from simulation.run()
         self.state = PathState(stages, simulation.drive.snapshot())
 
     def to(self, stage: Stage) -> Record:
@@ -78,3 +76,8 @@ def under_tension(scene: Scene, tension: float, name: str = "equal tension") -> 
     """The first stage of `scene`, with `tension` [N/m] in weft and warp in place of its load."""
     load = replace(scene.stages[0], strain_weft=None, strain_warp=None, shear=0.0, name=name)
     return replace(load, tension_weft=tension, tension_warp=tension)
+
+
+def part_of(watch: Callable[[float], None], number: int, of: int) -> Callable[[float], None]:
+    """`watch` for one of so many equal parts of the whole."""
+    return lambda share: watch((number + share) / of)

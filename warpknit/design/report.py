@@ -20,6 +20,7 @@ from ..errors import Diverged
 from ..files import write_aside, write_table
 from ..measure import Observables
 from ..mesh.layout import contact_classes
+from ..runner.answers import answers_of, mean_tension
 from ..runner.history import Row, row_of
 from ..runner.progress_display import Progress
 from ..scene import Scene, Stage, Sweep
@@ -30,7 +31,7 @@ from ..text import celsius, exact
 from .card import MaterialCard, find_card
 from .card_files import card_warnings, write_card
 from .curves import CurvePoint, tension_strain
-from .equal_tension import EqualTensionPath, answers_on, heat, jump_text, load_equally, service_points
+from .equal_tension import EqualTensionPath, heat, jump_text, load_equally, service_points, with_service
 from .fe import CODES, FILES, write_fe_cards
 from .fine_states import ROUGH_TOLERANCE, exact_model, states_at
 from .load_path import LoadPath, PathState, under_strain, under_tension
@@ -121,10 +122,13 @@ def write_report(
     weft, warp = (max(vars(row)[f"strain_{side}"] or 0.0 for row in rows) for side in ("weft", "warp"))
     curves = tension_strain(model, weft, warp, begin(0))
     optimum, largest = find_optimum(rows, scene.wire.yield_stress), equal_tension(rows, scene.wire.yield_stress)
-    path = load_equally(scene, largest, tension, begin(1))
-    card, tensioned, where, loading = _card(scene, optimum, path, tension, begin(2))
+    double = exact_model(scene, scene.solver.residual_tolerance)
+    path = load_equally(double, largest, tension, begin(1))
+    card, tensioned, where, loading = _card(double, optimum, path, tension, begin(2))
     service = service_points(scene, path, tension, card)
-    heated = heat(scene, path, tension, begin(3))
+    answers = None if len(path.rows) < 2 else answers_of(double, path.rows)
+    best = None if answers is None else answers["best"]
+    heated = heat(scene, path, tension or (None if best is None else mean_tension(Row(**best))), begin(3))
     begin(4)
     knitted = states_at(model, [np.eye(2)])[0]
     found = Findings(
@@ -137,8 +141,8 @@ def write_report(
         requested=tension,
         equal_tension=largest,
         levels=len(path.rows) - 1,
-        path_jumps=jump_text(scene, path),
-        answers=answers_on(scene, path, service, heated),
+        path_jumps=jump_text(double, path),
+        answers=None if answers is None else with_service(answers, service, answers_of(double, heated)),
         heated=heated,
         service=service,
         curves=curves,
@@ -155,12 +159,13 @@ def write_report(
 
 
 def _card(
-    scene: Scene, optimum: Optimum | None, path: EqualTensionPath, tension: float | None, watch: Callable[[float], None]
+    model: Mesh, optimum: Optimum | None, path: EqualTensionPath, tension: float | None, watch: Callable[[float], None]
 ) -> tuple[MaterialCard | None, Observables | None, str, Sequence[Row]]:
     """The card, its mesh, its state in words, and states on the way to it and beyond; or None and the reason.
 
-    path: under equal tensions, for a card at a `tension` [N/m]. `watch` is called with the share that is done.
+    path: of the model under equal tensions, for a card at a `tension` [N/m]. `watch` is called with the share that is done.
     """
+    scene = model.scene
     if tension is not None:
         text = f"{exact(tension, 'N/m')} in both directions"
         load, beyond = (under_tension(scene, factor * tension) for factor in (1.0, BEYOND))
@@ -173,7 +178,7 @@ def _card(
         if tension is not None:
             begin, rows = path.states.get(tension), list(path.rows)
         else:
-            way = LoadPath(exact_model(scene, scene.solver.residual_tolerance))
+            way = LoadPath(model)
             rows = [row_of(record) for record in way.load(load, scene.output.frames, lambda share: watch(WAY * share))]
             begin = way.state
         if begin is None:
@@ -182,7 +187,7 @@ def _card(
     except Diverged as error:
         return None, None, f"no card for {text}: {error}", ()
     with suppress(Diverged):
-        rows.append(row_of(LoadPath(exact_model(scene, scene.solver.residual_tolerance), begin).to(beyond)))
+        rows.append(row_of(LoadPath(model, begin).to(beyond)))
     return card, mesh, text, rows
 
 

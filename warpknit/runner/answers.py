@@ -81,9 +81,9 @@ def answers_of(model: MeshModel, rows: Sequence[Row]) -> Answer | None:
     part = max(stages_of(rows), key=lambda part: max(row.active_percent for row in part), default=list(rows))
     rising = sorted(part, key=mean_tension)
     events = [mean_tension(Row(**one)) for one in (*closings.values(), first_yield) if one is not None]
-    events = [one for one in events if not _is_in_jump(one, rising)]
     between = np.linspace(mean_tension(rising[0]), mean_tension(rising[-1]), DRIFT_STATES)
-    tensions = [*events, *(float(one) for one in between if not _is_in_jump(float(one), rising))]
+    jumps = _jumps(rising)
+    tensions = [one for one in (*events, *between.tolist()) if not any(low < one < high for low, high in jumps)]
     states = [there for tension in tensions if (there := _at_tension(rising, float(tension), classes, closings)) is not None]
     return {
         "contacts": [
@@ -237,14 +237,15 @@ def _is_held(part: Sequence[Row], side: str) -> bool:
     return strain <= HELD_STRAIN or abs(tension[1] - tension[0]) <= HELD_TENSION * max(map(abs, tension))
 
 
-def _is_in_jump(tension: float, rising: Sequence[Row]) -> bool:
-    """Whether a tension [N/m] lies between two records whose strains are of different equilibria (measure/jumps.py)."""
+def _jumps(rising: Sequence[Row]) -> list[tuple[float, float]]:
+    """Tensions [N/m] of neighbouring records whose strains are of different equilibria (measure/jumps.py)."""
     path = np.array([mean_tension(row) for row in rising])
-    k = int(np.searchsorted(path, tension))
-    if len(path) < 2 or np.any(np.diff(path) <= 0.0) or k in (0, len(path)) or tension in (path[k], path[k - 1]):
-        return False
-    strains = ([vars(row)[f"strain_{side}"] for row in rising] for side in ("weft", "warp"))
-    return any(bool(stands_out(path, np.array(one))[k - 1]) for one in strains)
+    if len(path) < 2 or np.any(np.diff(path) <= 0.0):
+        return []
+    found = np.zeros(len(path) - 1, dtype=bool)
+    for side in ("weft", "warp"):
+        found |= stands_out(path, np.array([vars(row)[f"strain_{side}"] for row in rising]))
+    return [(float(path[k]), float(path[k + 1])) for k in np.flatnonzero(found)]
 
 
 def _best(rising: Sequence[Row], states: Sequence[Row], limit: float) -> Answer | None:
