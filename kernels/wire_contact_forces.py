@@ -21,9 +21,10 @@ import warp as wp
 
 from .control import CONTACT_STIFFNESS, LENGTH_FACTOR, STATUS, STATUS_RUNNING, STEP, TIME_STEP, is_halted
 from .rod_frames import affine_map
-from .wire_closest import NOT_NEAR, ONE_PLACE, is_bounded
+from .wire_closest import NOT_NEAR, ONE_PLACE
 from .wire_curve import Bump, curve_through, derivative_at, node_weights, point_at, rest_shape, row, section_offsets, stencil
 from .wire_friction import previous_slip
+from .wire_minima import is_bounded
 from .wire_motion import node_velocities, point_velocity, section_rate
 from .wire_pairs import NO_COMMON_WIRE
 from .wire_prefetch import first_of_part, prefetch_pair

@@ -4,7 +4,7 @@ A contact inside both segments has the weight 1. A closest point that is bounded
 slowly, side by side or wound round each other, and touch along a line: each node of either wire is then a contact, whichever of
 the two adjacent segments the closest point would move to.
 
-Two segments may touch in two points, a and b, with a saddle c of the distance between them (wire_closest.py). Their energy is
+Two segments may touch in two points, a and b, with a saddle c of the distance between them (wire_minima.py). Their energy is
 
     k (o_a^2 + o_b^2 - w o_c^2)/2        o being no less than zero, w = 1 - (1 - w_a) (1 - w_b)
 

@@ -3,8 +3,8 @@
 import numpy as np
 import warp as wp
 
-from warpknit.kernels.wire_closest import NEWTON_ACCURACY, closest_on_curves, distance_at
 from warpknit.kernels.wire_curve import Nodes, Shape, curve_through, derivative_at, point_at
+from warpknit.kernels.wire_minima import NEWTON_ACCURACY, closest_on_curves, distance_at
 
 CURVES = 20_000
 DIRECTIONS = 32

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from warpknit import measure
 from warpknit.kernels import control as c
-from warpknit.kernels.wire_closest import SINGLE_STEP
+from warpknit.kernels.wire_minima import SINGLE_STEP
 from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
