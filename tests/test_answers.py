@@ -12,7 +12,7 @@ import pytest
 
 from warpknit.measure.contact_classes import ContactClass
 from warpknit.runner import answers as module
-from warpknit.runner.answers import answers_of, closing
+from warpknit.runner.answers import answers_of, closing, heat_of
 from warpknit.runner.answers_table import answer_rows
 from warpknit.runner.history import Row, read_history
 from warpknit.runner.run import run_scene
@@ -37,13 +37,18 @@ def row(tension: float, *, stage: str = "load", temperature: float = 293.15) -> 
     )  # fmt: skip
 
 
-def found(rows: list[Row], monkeypatch: pytest.MonkeyPatch, service: float | None = None) -> dict[str, Any]:
+def found(
+    rows: list[Row], monkeypatch: pytest.MonkeyPatch, service: float | None = None, jumps: list[tuple[Row, Row]] | None = None
+) -> dict[str, Any]:
     """The answers from rows of such a mesh."""
-    scene = SimpleNamespace(hook=None, wire=SimpleNamespace(yield_stress=LIMIT), output=SimpleNamespace(service_tension=service))
+    scene = SimpleNamespace(
+        hook=None, wire=SimpleNamespace(yield_stress=LIMIT), output=SimpleNamespace(service_tension=service),
+        stages=[SimpleNamespace(name=name, by_tension=(False, False)) for name in ("load", "cold")],
+    )  # fmt: skip
     monkeypatch.setattr(module, "classes_of", lambda _: [ContactClass("A", 10), ContactClass("B", 30)])
     monkeypatch.setattr(module.measure, "active_threshold", lambda _: 1e-12)
     monkeypatch.setattr(module.measure, "least_force", lambda _: 1e-12)
-    answers = answers_of(SimpleNamespace(scene=scene), rows)
+    answers = answers_of(SimpleNamespace(scene=scene), rows, jumps or ())
     assert answers is not None
     return answers
 
@@ -126,7 +131,14 @@ def test_heat_is_told_stage_by_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     assert stage["stage"] == "cold"
     assert stage["temperature_K"] == pytest.approx([293.15, 83.15])
     assert stage["tension_weft_N_per_m"] == pytest.approx([0.3, 0.4])
-    assert "heat, 20 to -190 degC" in dict(answer_rows(answers, LIMIT))
+    text = dict(answer_rows(answers, LIMIT))["heat, 20 to -190 degC, frame held"]
+    assert "tension 300 mN/m to 400 mN/m, strain 6.0 % / 3.0 %, stress 300 MPa to 400 MPa" in text
+    for k, one in enumerate(cold):
+        one.tension_weft_N_per_m = one.tension_warp_N_per_m = 0.3
+        one.strain_weft += 1e-4 * k
+    by_tension = [SimpleNamespace(name="cold", by_tension=(True, True))]
+    text = dict(answer_rows(answers | {"heat": heat_of([row(0.3), *cold], by_tension)}, LIMIT))
+    assert "tension 300 mN/m, strain 6.0 % / 3.0 %, changed by +0.04 / +0 %" in text["heat, 20 to -190 degC, tension held"]
 
 
 def test_a_graze_is_not_the_closing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -283,14 +295,35 @@ def test_heat_is_drawn_against_temperature(tmp_path: Path) -> None:
         assert after > before
 
 
+def test_no_state_within_a_jump_is_interpolated(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between 0.5 and 0.6 N/m the mesh jumps: B closes, the wire yields, and a share at 0.55 N/m is of neither equilibrium."""
+    rows = [row(0.1 * k) for k in range(10)]
+    for k, one in enumerate(rows):
+        one.stress_max_Pa = LIMIT * (1.2 if k > 5 else 0.5)
+        one.force_B_N, one.active_B_percent = (1e-6 * k, 100.0) if k > 5 else (0.0, 0.0)
+        one.active_percent = 0.25 * one.active_A_percent + 0.75 * one.active_B_percent
+    answers = found(rows, monkeypatch, service=0.55, jumps=[(rows[5], rows[6])])
+    assert answers["first_yield"]["jump"] and answers["first_yield"]["tension_weft_N_per_m"] == rows[6].tension_weft_N_per_m
+    closes = answers["contacts"][1]["closes"]
+    assert closes["jump"] and not closes["resolved"] and not answers["contacts"][0]["closes"]["jump"]
+    (point,) = answers["service"]
+    assert point["state"] is None and [one["active_percent"] for one in point["jump"]] == [25.0, 100.0]
+    text = dict(answer_rows(answers, LIMIT))
+    there = "between 500 mN/m and 600 mN/m, strain 10.0 % / 5.0 % and 12.0 % / 6.0 %, where the mesh jumps"
+    assert text["contacts B close at"] == f"{there} (30 pairs)"
+    assert text["first yield at"].startswith(f"{there}, in the head of a closed loop")
+    assert text["active at 550 mN/m"] == "unknown: the mesh jumps there, from 25.0 % at 500 mN/m to 100.0 % at 600 mN/m"
+    (behind,) = found(rows, monkeypatch, service=rows[6].tension_weft_N_per_m, jumps=[(rows[5], rows[6])])["service"]
+    assert behind["active_percent"] == 100.0
+
+
 def test_no_state_within_a_jump_is_best(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Strains that jump between 0.5 and 0.6 N/m belong to two equilibria: what lies between them is no state of the mesh."""
+    """The mesh jumps between 0.5 and 0.6 N/m: what lies between them is no state of it."""
     rows = [row(0.1 * k) for k in range(10)]
     for k, one in enumerate(rows):
         one.active_percent = one.active_A_percent = one.active_B_percent = 100.0 if k in (5, 6) else 0.0
         one.force_A_N = one.force_B_N = 0.0
-        one.strain_weft += 0.3 * (k >= 6)
-    best = found(rows, monkeypatch)["best"]
+    best = found(rows, monkeypatch, jumps=[(rows[5], rows[6])])["best"]
     assert best["low"]["tension_weft_N_per_m"] <= 0.5 <= best["high"]["tension_weft_N_per_m"]
     for state in (best, best["low"], best["high"]):
         assert not 0.5 + 1e-9 < state["tension_weft_N_per_m"] < 0.6 - 1e-9

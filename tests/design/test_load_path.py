@@ -28,12 +28,13 @@ def model(request):
 
 
 def test_stages_of_a_path_are_those_of_a_run(model):
-    """The same bits as a run that knows all its stages at once."""
-    stages = under_strain(model.scene, np.diag([1.05, 1.05])), under_tension(model.scene, 0.03)
+    """The same bits as a run that knows all its stages at once, also where contacts carry force at the end of a stage."""
+    stages = under_strain(model.scene, np.diag([1.05, 1.05])), under_tension(model.scene, 0.05), under_tension(model.scene, 0.1)
     whole = [row_of(r) for r in Simulation(replace(model, scene=replace(model.scene, stages=stages))).run()]
     path = LoadPath(model)
     parts = [row_of(record) for stage in stages for record in path.load(stage, levels=2)]
     assert [vars(row) for row in parts] == [vars(row) for row in whole]
+    assert whole[4].active_pairs > 0 and whole[5].tension_weft_N_per_m == pytest.approx(0.075, rel=0.01)
 
 
 def test_branches_do_not_depend_on_each_other(model):

@@ -65,7 +65,7 @@ def test_the_page_holds_all_it_shows(reports):
     out, found = reports
     page, _, _ = found[""]
     sources = re.findall(r'(?:src|href)="([^"]*)"', page)
-    assert len(sources) == 6 and all(source.startswith("data:image/png;base64,") for source in sources)
+    assert len(sources) == 7 and all(source.startswith("data:image/png;base64,") for source in sources)
     page = re.sub(r'"data:image/png;base64,[^"]*"', '""', page)  # which may spell any word
     assert "http" not in page and "@import" not in page and "<script" not in page and "url(" not in page
     for words in ("Active contacts", "Tension against strain", "Material card", "Openings", "resistance", "wire length per loop"):
@@ -75,7 +75,7 @@ def test_the_page_holds_all_it_shows(reports):
         assert words in page
     assert page.count('<h2 class="new-page">') == 3 and "break-before: page" in page
     assert "nan" not in re.sub(r"data:[^\"]*", "", page).lower().split()
-    assert len(list((out / "figures").glob("report_*.png"))) == 6
+    assert len(list((out / "figures").glob("report_*.png"))) == 7
 
 
 def test_the_answers_come_first(reports):

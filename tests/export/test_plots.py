@@ -13,6 +13,7 @@ import pytest
 from reference.histories import history
 from warpknit.export import curves_figure, design_figures, mesh_figure
 from warpknit.export.plots import scale_of
+from warpknit.export.stage_curves import columns_of, stage_slices
 from warpknit.frame import Frame, WireLayout
 
 
@@ -98,7 +99,7 @@ def test_empty_history_is_refused(tmp_path: Path) -> None:
 )
 def test_abscissa_is_what_varies(rows: list[dict[str, object]], label: str) -> None:
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0] if name != "stage"}
-    stages = curves_figure._stages([str(row["stage"]) for row in rows])
+    stages = stage_slices([str(row["stage"]) for row in rows])
     values, given = curves_figure._abscissa(columns, stages, len(rows))
     assert given == label and np.all(np.diff(values) > 0.0)
 
@@ -110,6 +111,22 @@ def test_abscissa_is_what_varies(rows: list[dict[str, object]], label: str) -> N
 def test_units_go_by_the_size_of_what_is_shown(largest, scaled, unit):
     scale, found = scale_of("N/m", np.array([0.0, -largest, np.nan]), np.array([np.nan]))
     assert (scale * largest, found) == (pytest.approx(scaled), unit)
+
+
+def test_the_abscissa_is_the_tension_where_it_is_given() -> None:
+    """Tensions that follow the load factor, and strains that do not: a run under tension; also in stages."""
+    rows = history(6)
+    for k, one in enumerate(rows):
+        strain = 0.1 * np.sqrt(k / 5.0)
+        one.update(load_factor=k / 5.0, strain_weft=strain, strain_warp=strain)
+        one.update(tension_weft_N_per_m=0.4 * k, tension_warp_N_per_m=0.4 * k)
+    columns = columns_of(rows)
+    values, label = curves_figure._abscissa(columns, [("load", slice(0, 6))], 6)
+    assert label == "tension, weft and warp [N/m]" and values == pytest.approx(0.4 * np.arange(6))
+    columns["tension_warp_N_per_m"] *= 0.5
+    assert curves_figure._abscissa(columns, [("load", slice(0, 6))], 6)[1] == "mean tension of weft and warp [N/m]"
+    columns["strain_weft"] = 0.02 * np.arange(6.0)
+    assert "strain" in curves_figure._abscissa(columns, [("load", slice(0, 6))], 6)[1]
 
 
 def test_the_axis_of_tension_ends_little_above_the_elastic_limit(tmp_path, monkeypatch):

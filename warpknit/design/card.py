@@ -52,6 +52,7 @@ class MaterialCard:
     stress_max: float  # [Pa] in the wire of the tensioned mesh
     active_percent: float  # contacts of the tensioned mesh
     temperature: float  # [K] of the mesh
+    jumps: str = ""  # sentence on those of the load on the way to the mesh
 
     @property
     def poissons_ratios(self) -> tuple[float, float]:

@@ -75,6 +75,8 @@ def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[str]:
             f"the stiffness of the material card is uncertain: with another difference step it changes by {card.difference:.0%}"
             " of its largest entry, probably because contacts are about to close; choose another tension"
         )
+    if card.jumps:
+        yield f"on the way to the state of the material card {card.jumps}"
     if card.shear_coupling > AGREEMENT:
         coupling = f"{card.shear_coupling:.0%} of the largest stiffness"
         yield f"shear is coupled to extension ({coupling}), which an orthotropic card cannot represent"

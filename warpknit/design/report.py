@@ -20,8 +20,10 @@ from ..errors import Diverged
 from ..files import write_aside, write_table
 from ..measure import Observables
 from ..mesh.layout import contact_classes
-from ..runner.answers import answers_of, mean_tension
-from ..runner.history import Row, row_of
+from ..runner.answers import answers_of
+from ..runner.branches import Jump as RowJump
+from ..runner.branches import jumps_of, jumps_under_tension
+from ..runner.history import Row, mean_tension, row_of
 from ..runner.progress_display import Progress
 from ..scene import Scene, Stage, Sweep
 from ..scene.capabilities import refuse
@@ -31,9 +33,10 @@ from ..text import celsius, exact
 from .card import MaterialCard, find_card
 from .card_files import card_warnings, write_card
 from .curves import CurvePoint, tension_strain
-from .equal_tension import EqualTensionPath, heat, jump_text, load_equally, service_points, with_service
+from .equal_tension import EqualTensionPath, jump_text, load_equally, service_points, with_service
 from .fe import CODES, FILES, write_fe_cards
 from .fine_states import ROUGH_TOLERANCE, exact_model, states_at
+from .heat import HeatedMesh, heat
 from .load_path import LoadPath, PathState, under_strain, under_tension
 from .network import contact_resistances, sheet_resistance
 from .opening_size import BANDS, Opening, openings
@@ -59,10 +62,10 @@ class Findings:
     jumps: Sequence[Jump]  # of the map
     requested: float | None  # [N/m] tension requested for the card
     equal_tension: EqualTension  # largest in the map
-    levels: int  # of the path under equal tensions
-    path_jumps: str | None  # sentence on its jumps
+    path: EqualTensionPath
+    path_jumps: Sequence[RowJump]
     answers: dict[str, Any] | None  # that it gives (runner/answers.py)
-    heated: Sequence[Row]  # of the mesh at one tension while its temperature changes
+    heated: Sequence[HeatedMesh]  # at one tension, while its temperature changes
     service: Sequence[ServicePoint]
     curves: Sequence[CurvePoint]
     where: str  # state of the card, in words; or why there is none
@@ -124,9 +127,10 @@ def write_report(
     optimum, largest = find_optimum(rows, scene.wire.yield_stress), equal_tension(rows, scene.wire.yield_stress)
     double = exact_model(scene, scene.solver.residual_tolerance)
     path = load_equally(double, largest, tension, begin(1))
-    card, tensioned, where, loading = _card(double, optimum, path, tension, begin(2))
+    found_jumps = jumps_under_tension(double, path.rows)
+    card, tensioned, where, loading = _card(double, optimum, path, found_jumps, tension, begin(2))
     service = service_points(scene, path, tension, card)
-    answers = None if len(path.rows) < 2 else answers_of(double, path.rows)
+    answers = None if len(path.rows) < 2 else answers_of(double, path.rows, found_jumps)
     best = None if answers is None else answers["best"]
     heated = heat(scene, path, tension or (None if best is None else mean_tension(Row(**best))), begin(3))
     begin(4)
@@ -140,9 +144,11 @@ def write_report(
         jumps=find_jumps(model, rows),
         requested=tension,
         equal_tension=largest,
-        levels=len(path.rows) - 1,
-        path_jumps=jump_text(double, path),
-        answers=None if answers is None else with_service(answers, service, answers_of(double, heated)),
+        path=path,
+        path_jumps=found_jumps,
+        answers=None
+        if answers is None
+        else with_service(answers, service) | {"heat": [one for case in heated for one in case.answers]},
         heated=heated,
         service=service,
         curves=curves,
@@ -159,11 +165,17 @@ def write_report(
 
 
 def _card(
-    model: Mesh, optimum: Optimum | None, path: EqualTensionPath, tension: float | None, watch: Callable[[float], None]
+    model: Mesh,
+    optimum: Optimum | None,
+    path: EqualTensionPath,
+    path_jumps: Sequence[RowJump],
+    tension: float | None,
+    watch: Callable[[float], None],
 ) -> tuple[MaterialCard | None, Observables | None, str, Sequence[Row]]:
     """The card, its mesh, its state in words, and states on the way to it and beyond; or None and the reason.
 
-    path: of the model under equal tensions, for a card at a `tension` [N/m]. `watch` is called with the share that is done.
+    path: of the model under equal tensions, with its jumps, for a card at a `tension` [N/m]. `watch` is called with the
+    share that is done.
     """
     scene = model.scene
     if tension is not None:
@@ -177,10 +189,11 @@ def _card(
     try:
         if tension is not None:
             begin, rows = path.states.get(tension), list(path.rows)
+            passed = [jump for jump in path_jumps if mean_tension(jump[0]) < tension]
         else:
             way = LoadPath(model)
             rows = [row_of(record) for record in way.load(load, scene.output.frames, lambda share: watch(WAY * share))]
-            begin = way.state
+            begin, passed = way.state, jumps_of(model, rows)
         if begin is None:
             raise Diverged(path.ended)
         card, mesh = _card_from(scene, begin, load, lambda share: watch(WAY + (1.0 - WAY) * share))
@@ -188,7 +201,7 @@ def _card(
         return None, None, f"no card for {text}: {error}", ()
     with suppress(Diverged):
         rows.append(row_of(LoadPath(model, begin).to(beyond)))
-    return card, mesh, text, rows
+    return replace(card, jumps=jump_text(passed) or ""), mesh, text, rows
 
 
 def _card_from(scene: Scene, begin: PathState, load: Stage, watch: Callable[[float], None]) -> tuple[MaterialCard, Observables]:
@@ -222,9 +235,9 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     for warning in found.model_warnings:
         page.warning(f"{warning[0].upper()}{warning[1:]}.")
     page.text(f"warpknit {__version__}, {date.today().isoformat()}, scene {found.scene.hash}")
-    answers_section(page, found.scene, found.answers, found.levels, found.equal_tension, figures.get("heat"))
-    if found.path_jumps is not None:
-        page.warning(found.path_jumps)
+    answers_section(page, found.scene, found.answers, found.path, found.equal_tension, figures)
+    if (jumped := jump_text(found.path_jumps)) is not None:
+        page.warning(f"Under equal tensions {jumped}.")
     page.text(
         "Computed by warpknit for endless cloth, without friction. Pairs of the map and curves are loaded from the mesh as"
         " knitted in proportion to their strains, answers and service tensions under equal tensions. Weft is across the wales"
@@ -236,7 +249,7 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     load = found.scene.stages[0]
     page.text(f"The optimum, the curves and the card are at {celsius(load.temperature)}, the temperature of [load].")
     mesh_section(page, found.scene, found.model.cloth, found.card, found.notes, figures)
-    map_section(page, found.scene, found.optimum, found.service, found.equal_tension, figures["map"])
+    map_section(page, found.scene, found.optimum, found.jumps, found.service, figures["map"])
     if (jumped := jump_warning(found.jumps, found.by_tension)) is not None:
         page.warning(f"{jumped[0].upper()}{jumped[1:]}.")
     curve_section(page, found.curves, figures["curves"])
@@ -248,8 +261,8 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
 
 
 def _figures(found: Findings, folder: Path) -> dict[str, Path]:
-    from ..export.curves_figure import heat_figure
-    from ..export.design_figures import openings_figure, resistance_figure, tension_strain_figure
+    from ..export.design_figures import openings_figure, resistance_figure, tension_figure, tension_strain_figure
+    from ..export.heat_figure import heat_figure
     from ..export.knit_figure import knit_figure
     from ..export.map_figure import Marks, map_figure
     from ..export.mesh_figure import mesh_figure, state_title
@@ -282,6 +295,10 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
         "openings": lambda path: openings_figure(circles, BANDS, path),
         "resistance": lambda path: resistance_figure(curves["equal"], path),
     }  # fmt: skip
+    if found.answers is not None:
+        answers, path = found.answers, [vars(row) for row in found.path.rows]
+        apart = [(mean_tension(one), mean_tension(other)) for one, other in found.path_jumps]
+        draw["tension"] = lambda file: tension_figure(path, answers, file, yield_stress=limit, jumps=apart)
     if (cloth := found.model.cloth) is not None:
         draw["knit"] = lambda path: knit_figure(cloth, found.scene.wire.diameter, path, classes=contact_classes(found.scene))
     if (mesh := found.tensioned) is not None:
@@ -289,7 +306,8 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
         title = state_title(frame, measure.mesh_tension(mesh))
         draw["mesh"] = lambda path: mesh_figure(mesh.model.layout(), frame, path, title, yield_stress=limit)
     figures = {name: drawn(folder / f"report_{name}.png") for name, drawn in draw.items()}
-    heat = heat_figure([vars(row) for row in found.heated], folder / "report_heat.png") if found.heated else None
+    heated = [[vars(row) for row in case.rows] for case in found.heated]
+    heat = heat_figure(heated, folder / "report_heat.png")
     return figures if heat is None else figures | {"heat": heat}
 
 

@@ -12,12 +12,14 @@ from scipy.constants import speed_of_light
 
 from ..knit.cloth import Cloth
 from ..runner.answers_table import answer_rows
+from ..runner.history import mean_tension
 from ..scene import Scene
-from ..sweep.contact_map import Optimum, drift_text
+from ..sweep.contact_map import Jump, Optimum, drift_text, optimum_warnings
 from ..text import celsius, engineering, percent
 from .card import AGREEMENT, MaterialCard
 from .card_files import DEFINITION, card_values, card_warnings
 from .curves import CurvePoint
+from .equal_tension import YIELDED, EqualTensionPath
 from .inputs import INCH, openings_per_length
 from .network import surface, wire_resistance
 from .opening_size import BANDS, FINE_ENOUGH, Opening
@@ -28,23 +30,49 @@ FOR_PEOPLE = {"Pa": (1e-6, "MPa"), "kg/m^2": (1e3, "g/m2"), "1/K": (1e6, "1e-6/K
 
 
 def answers_section(
-    page: Page, scene: Scene, answers: dict[str, Any] | None, levels: int, largest: EqualTension, heat: Path | None
+    page: Page,
+    scene: Scene,
+    answers: dict[str, Any] | None,
+    path: EqualTensionPath,
+    largest: EqualTension,
+    figures: dict[str, Path],
 ) -> None:
-    """Answers to a designer's questions, first on the page. levels: of their path; heat: picture of what temperature does."""
+    """Answers to a designer's questions, first on the page.
+
+    path: under equal tensions. largest: of the map, for a page without answers.
+    """
     page.heading("In short")
     if answers is None:
         page.warning(largest.text())
         return
     page.table(answer_rows(answers, scene.wire.yield_stress))
     page.text(
-        f"Equal tensions in weft and warp, from the mesh as knitted in {levels} levels, to first yield or the largest"
-        " service tension. Contacts A, B, ... are the classes of places of one shape, from the tightest lens on. The shares at"
-        " service tensions are those of the table below."
+        f"Equal tensions in weft and warp, from the mesh as knitted in {len(path.rows) - 1} levels, {_end_of(path)}. A mesh that"
+        " is pulled otherwise on the way, as in a run or the map, may differ. Contacts A, B, ... are the classes of places of one"
+        " shape, from the tightest lens on. The shares at service tensions are those of the table below. The wire is elastic and"
+        " free of stress as knitted: stress is that of the load alone."
     )
-    if heat is not None:
-        page.figure(heat, "The mesh under a held tension, while its temperature changes to that of each [[path]].")
+    page.figure(
+        figures["tension"],
+        "Active contacts and largest wire stress against equal tensions in weft and warp. Green: best tension and how far it may"
+        " drift; grey: jumps to another equilibrium.",
+    )
+    if "heat" in figures:
+        page.figure(
+            figures["heat"],
+            "The mesh while its temperature changes to that of each [[path]]: under a held tension, and held in a frame that"
+            f" expands by {1e6 * scene.model.frame_expansion:g} x 1e-6/K (model.frame_expansion).",
+        )
     elif not answers["heat"]:
         page.text("The scene has no [[path]] with another temperature, so this page does not show what heat does.")
+
+
+def _end_of(path: EqualTensionPath) -> str:
+    """Where a path ends, and why."""
+    top = engineering(mean_tension(path.rows[-1]), "N/m")
+    if path.ended == YIELDED:
+        return "to first yield"
+    return f"to {top}" + (f", behind which the mesh did not converge ({path.ended})" if path.ended else "")
 
 
 def mesh_section(
@@ -83,11 +111,11 @@ def map_section(
     page: Page,
     scene: Scene,
     optimum: Optimum | None,
+    jumps: Sequence[Jump],
     service: Sequence[ServicePoint],
-    largest: EqualTension,
     figure: Path,
 ) -> None:
-    """The contact map, the optimum and the service tensions; largest: equal tensions of the map."""
+    """The contact map, the optimum and the service tensions."""
     page.heading("Active contacts and the optimum", new_page=True)
     page.figure(
         figure,
@@ -105,14 +133,16 @@ def map_section(
             ("largest wire stress", f"{engineering(optimum.stress_max_Pa, 'Pa')}, {margin}"),
             *((f"tension, where {drift.along} may drift", drift_text(asdict(drift))) for drift in optimum.drift),
         ])  # fmt: skip
-    page.text("The optimum is the load with the most active contacts among those that keep the wire below its elastic limit.")
-    if optimum is not None and optimum.edge_warning is not None:
-        page.warning(f"{optimum.edge_warning[0].upper()}{optimum.edge_warning[1:]}.")
+    page.text(
+        "The optimum is the pair of loads of the map, equal or not, with the most active contacts among those that keep the wire"
+        " below its elastic limit. For a mesh that carries the same tension in weft and warp, take the best tension above."
+    )
+    for warning in optimum_warnings(optimum, jumps):
+        page.warning(f"{warning[0].upper()}{warning[1:]}.")
     page.table(
         [(point.name, point.strain, point.active, point.stress) for point in service],
         ("service tension, both directions", "strain, weft / warp", "active contacts", "largest wire stress"),
     )
-    page.text(largest.text())
     if scene.sweep is not None and scene.sweep.seeds > 1:
         page.text(
             "The map is the mean over meshes with scattered loops; the service tensions and all results below are for the first"

@@ -1,4 +1,4 @@
-"""Figures of `warpknit report`: tension against strain, sheet resistance against tension, openings against frequency."""
+"""Figures of `warpknit report`: contacts and stress against tension, tension against strain, sheet resistance, openings."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
-from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, WIDTHS, figure_of, save_figure, scale_of
+from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, WIDTHS, figure_of, save_figure, scale_of
 
-__all__ = ["openings_figure", "resistance_figure", "tension_strain_figure"]
+__all__ = ["openings_figure", "resistance_figure", "tension_figure", "tension_strain_figure"]
 
 TITLES = {
     "equal": "equal strain in both directions",
@@ -23,6 +23,8 @@ TITLES = {
 FREQUENCIES = (1e9, 1e11)  # [Hz]
 BEYOND_LIMIT = 1.5  # of the largest tension below the elastic limit: upper end of the axis
 ROOM = 0.04  # of the axis, at both ends
+LEAST_TENSION = 1e-4  # of the largest: less is not drawn, on a logarithmic axis
+CLASS_DASHES = ("-", "--", ":")
 LEAST_DECADES = 0.6  # of a resistance axis: a constant resistance is a level line
 
 SIDES: dict[str, dict[str, Any]] = {
@@ -31,6 +33,60 @@ SIDES: dict[str, dict[str, Any]] = {
 }
 
 Curve = Mapping[str, NDArray[Any]]
+
+
+def tension_figure(
+    rows: Sequence[Mapping[str, Any]],
+    answers: Mapping[str, Any],
+    path: str | os.PathLike[str],
+    *,
+    yield_stress: float,
+    jumps: Sequence[tuple[float, float]] = (),
+) -> Path:
+    """Active contacts and largest wire stress against equal tensions in weft and warp.
+
+    rows: of history.csv under such tensions; answers: theirs (runner/answers.py); jumps: tensions [N/m] on both sides of each.
+    """
+    tension = np.array([0.5 * (row["tension_weft_N_per_m"] + row["tension_warp_N_per_m"]) for row in rows])
+    shown = tension > LEAST_TENSION * tension.max()
+    scale, unit = scale_of("N/m", tension)
+    to_stress, stress_unit = scale_of("Pa", np.array([row["stress_max_Pa"] for row in rows]), np.array([yield_stress]))
+
+    def column(name: str) -> NDArray[Any]:
+        return np.array([row[name] for row in rows], dtype=float)[shown]
+
+    figure = figure_of(10.5, 4.4)
+    contacts, stress = figure.subplots(1, 2)
+    classes = [one["name"] for one in answers["contacts"]]
+    contacts.plot(scale * tension[shown], column("active_percent"), color=GREEN, linewidth=WIDTHS[0], label="all contacts")
+    if len(classes) > 1:
+        for number, name in enumerate(classes):
+            look = {"color": (BLUE, ORANGE, PURPLE, GREY)[number % 4], "linestyle": CLASS_DASHES[number // 4 % len(CLASS_DASHES)]}
+            values = column(f"active_{name}_percent")
+            contacts.plot(scale * tension[shown], values, linewidth=WIDTHS[1], label=f"class {name}", **look)
+    contacts.set_ylim(-3.0, 103.0)
+    contacts.set_ylabel("active contacts [% of pairs]")
+    stress.plot(scale * tension[shown], to_stress * column("stress_max_Pa"), color=BLUE, linewidth=WIDTHS[1], marker=".")
+    stress.axhline(to_stress * yield_stress, color=ORANGE, linestyle="--", label="elastic limit")
+    stress.set_ylim(0.0, to_stress * 1.15 * min(max(column("stress_max_Pa").max(initial=0.0), yield_stress), 2.0 * yield_stress))
+    stress.set_ylabel(f"largest wire stress [{stress_unit}]")
+    for axes in (contacts, stress):
+        axes.set_xscale("log")
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.set_xlabel(f"tension, weft and warp [{unit}]")
+        for low, high in jumps:
+            axes.axvspan(scale * low, scale * high, color="#BBBBBB", alpha=0.5, linewidth=0.0, zorder=0, label="jump")
+        if (best := answers["best"]) is not None:
+            low, high = (
+                0.5 * scale * (best[end]["tension_weft_N_per_m"] + best[end]["tension_warp_N_per_m"]) for end in ("low", "high")
+            )
+            if high > low:
+                axes.axvspan(low, high, color="#CDE9DC", linewidth=0.0, zorder=0, label="best tension, may drift")
+        axes.grid(color="#DDDDDD", linewidth=0.6)
+        axes.spines[["top", "right"]].set_visible(False)
+    handles = {str(one.get_label()): one for axes in figure.axes for one in axes.get_legend_handles_labels()[0]}
+    figure.legend(handles=list(handles.values()), loc="outside upper center", ncols=6, frameon=False, fontsize="small")
+    return save_figure(figure, path)
 
 
 def tension_strain_figure(curves: Mapping[str, Curve], path: str | os.PathLike[str], *, yield_stress: float) -> Path:

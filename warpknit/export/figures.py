@@ -4,7 +4,8 @@ import math
 import re
 from pathlib import Path
 
-from warpknit.export.curves_figure import curves_figure, heat_figure
+from warpknit.export.curves_figure import curves_figure
+from warpknit.export.heat_figure import heat_figure
 from warpknit.export.hook_figure import hook_figure
 from warpknit.export.mesh_figure import mesh_figure, state_title
 from warpknit.export.panel_figure import panel_figure
@@ -37,7 +38,7 @@ def export_figures(record: RunRecord) -> list[Path]:
             for number, frame in enumerate(stage_ends)
         ]
     paths = [curves_figure(history, folder / "curves.png")]
-    if (heat := heat_figure(history, folder / "heat.png")) is not None:
+    if (heat := heat_figure([history], folder / "heat.png")) is not None:
         paths.append(heat)
     for name, frame in wanted:
         tables = {kind: record.directory / "panel" / f"{kind}_{frame.index:06d}.csv" for kind in ("map", "edge", "surface")}

@@ -28,7 +28,8 @@ BODY_STATE = ("body_ux", "body_uy", "body_vx", "body_vy", "anchor_x", "anchor_y"
 CLAMP_STATE = ("clamp_from", "clamp_to", "wire_thermal_strain")
 PATH_STATE = ("pair_stuck", "plastic_turn", "back_turn")
 PAIR_STATE = ("pair_slide", "pair_u", "pair_wake", "pair_offset", "pair_force", "pair_gap", "pair_node")
-ARRAYS = WIRE_STATE + BODY_STATE + PAIR_STATE + CLAMP_STATE + PATH_STATE
+FORCE_STATE = ("pair_body_x", "pair_body_y", "pair_nodal_x", "pair_nodal_y")  # of the last step: stress before the next one
+ARRAYS = WIRE_STATE + BODY_STATE + PAIR_STATE + CLAMP_STATE + PATH_STATE + FORCE_STATE
 
 
 @dataclass

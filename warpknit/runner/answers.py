@@ -16,6 +16,7 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     contacts[].closes                 the state where half of the pairs carry more than the threshold, its `stage`, the records
                                       `between`
     contacts[].closes.resolved        false where the forces give no place between two records: the state is halfway
+    contacts[].closes.jump            true where the mesh jumps to another equilibrium between them
     contacts[].closes.as_knitted      true where the class is closed in the first record
     contacts[].closes.closed_percent  share of its pairs that are closed in the second record of `between`
     contacts[].closes.first_touch     the record in which a class was closed before, and opened again; null without one
@@ -23,11 +24,15 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     service                           `tension_N_per_m` with `active_percent` and the `state` where the mean of weft and warp
                                       first reaches it, or, in a report, `why` none was found
     service[].resolved                false where a class closes at an unknown tension between the same two records
+    service[].jump                    the records on both sides where the mesh jumps to another equilibrium at this tension,
+                                      each with `active_percent`, in place of a state; null without one
     first_yield                       the state where the largest stress reaches the yield stress, the records `between`, the
                                       place; null if not
+    first_yield.jump                  true where the mesh jumps to another equilibrium between them: the state is the one behind
     largest_stress                    the largest stress of the run, and its place
     largest_tension                   the state of the largest tension
     heat                              each stage that changes the temperature alone: values at its begin and end
+    heat[].held                       what it holds in weft and warp, `tension` or `strain` each
     best                              the state in the middle of the widest range of tension with the most active contacts and
                                       no stress above the limit; what a single record alone shows does not count
     best.low                          the lower end of this range, in which at most one percentage point of contacts opens
@@ -40,7 +45,7 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -49,8 +54,9 @@ from numpy.typing import NDArray
 from .. import measure
 from ..measure import MeshModel
 from ..measure.contact_classes import ContactClass, classes_of
-from ..measure.jumps import stands_out
-from .history import Row, stages_of
+from ..scene import Stage
+from .branches import Jump
+from .history import Row, mean_tension, stages_of
 
 SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf. Ser. 402, 66)
 STATE = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m", "temperature_K")
@@ -65,25 +71,27 @@ SLACK = 1e-6  # of the distance of two records: round-off of a state found betwe
 Answer = dict[str, Any]
 
 
-def answers_of(model: MeshModel, rows: Sequence[Row]) -> Answer | None:
-    """The section `answers` of summary.json, in SI units; None of two hooked wires, which have no tension."""
+def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()) -> Answer | None:
+    """The section `answers` of summary.json, in SI units; None of two hooked wires, which have no tension.
+
+    jumps: neighbouring rows of different branches of equilibria (branches.py); no state is interpolated between them.
+    """
     if not rows or model.scene.hook is not None:
         return None
     classes = classes_of(model)
     threshold = measure.active_threshold(model)
-    closings = {one.name: closing(rows, one.name, threshold, measure.least_force(model)) for one in classes}
-    first_yield = _first_yield(model, rows)
+    closings = {one.name: closing(rows, one.name, threshold, measure.least_force(model), jumps) for one in classes}
+    first_yield = _first_yield(model, rows, jumps)
     top = max(rows, key=mean_tension)
     given = model.scene.output.service_tension
     wanted = SERVICE_TENSIONS if given is None else (given,)
-    pairs = max(1, sum(one.pairs for one in classes))
-    service = [_service(tension, _at_tension(rows, tension, classes, closings), closings, pairs) for tension in wanted]
+    service = [_service(tension, rows, classes, closings, jumps) for tension in wanted]
     part = max(stages_of(rows), key=lambda part: max(row.active_percent for row in part), default=list(rows))
     rising = sorted(part, key=mean_tension)
     events = [mean_tension(Row(**one)) for one in (*closings.values(), first_yield) if one is not None]
     between = np.linspace(mean_tension(rising[0]), mean_tension(rising[-1]), DRIFT_STATES)
-    jumps = _jumps(rising)
-    tensions = [one for one in (*events, *between.tolist()) if not any(low < one < high for low, high in jumps)]
+    apart = [sorted(map(mean_tension, jump)) for jump in jumps]
+    tensions = [one for one in (*events, *between.tolist()) if not any(low < one < high for low, high in apart)]
     states = [there for tension in tensions if (there := _at_tension(rising, float(tension), classes, closings)) is not None]
     return {
         "contacts": [
@@ -95,26 +103,27 @@ def answers_of(model: MeshModel, rows: Sequence[Row]) -> Answer | None:
             }
             for one in classes
         ],
-        "service": service if given is not None else [point for point in service if point["state"] is not None],
+        "service": service if given is not None else [point for point in service if point["state"] or point["jump"]],
         "first_yield": first_yield,
         "largest_stress": _peak(max(rows, key=lambda row: row.stress_max_Pa)),
         "largest_tension": _state(top),
-        "heat": list(_heat(rows)),
+        "heat": heat_of(rows, model.scene.stages),
         "best": _best(rising, states, model.scene.wire.yield_stress),
     }
 
 
-def mean_tension(row: Row) -> float:
-    """[N/m] mean of weft and warp."""
-    return float(0.5 * (row.tension_weft_N_per_m + row.tension_warp_N_per_m))
+def _is_jump(before: Row, after: Row, jumps: Sequence[Jump]) -> bool:
+    """Whether there is a jump between two neighbouring rows."""
+    return any(one is before and other is after for one, other in jumps)
 
 
-def closing(rows: Sequence[Row], name: str, threshold: float, least: float) -> Answer | None:
+def closing(rows: Sequence[Row], name: str, threshold: float, least: float, jumps: Sequence[Jump] = ()) -> Answer | None:
     """The state in which a class of contact closes; None if it stays open.
 
     threshold [N]: of an active pair; least [N]: force below which a pair counts as open. `between`: the records on both sides.
-    `resolved`: whether the forces give a place between them; if not, the state is halfway. `first_touch`: the record in which
-    the class was closed before, and opened again; None without one. `closed_percent`: share of its pairs in the record behind.
+    `resolved`: whether the forces give a place between them; if not, as within a `jump`, the state is halfway.
+    `first_touch`: the record in which the class was closed before, and opened again; None without one. `closed_percent`: share of
+    its pairs in the record behind.
     """
     force = [vars(row)[f"force_{name}_N"] for row in rows]
     closed = [one > threshold for one in force]
@@ -125,12 +134,15 @@ def closing(rows: Sequence[Row], name: str, threshold: float, least: float) -> A
     touch = next((row for row, one in zip(rows[:k], closed, strict=False) if one), None)
     found = {
         "stage": after.stage, "as_knitted": k == 0, "resolved": True, "between": [_state(before), _state(after)],
+        "jump": _is_jump(before, after, jumps),
         "closed_percent": vars(after)[f"active_{name}_percent"],
         "first_touch": None if touch is None else _state(touch),
         "opens": next((_state(row) for row, one in zip(rows[k:], closed[k:], strict=True) if not one), None),
     }  # fmt: skip
     if k == 0:
         return _state(after) | found
+    if found["jump"]:
+        return _between(before, after, 0.5) | found | {"resolved": False}
     if force[k - 1] > least:  # closed already, with less than the threshold
         return _between(before, after, (threshold - force[k - 1]) / (force[k] - force[k - 1])) | found
     if k + 1 < len(rows) and rows[k + 1].stage == after.stage and force[k + 1] > force[k]:
@@ -176,18 +188,24 @@ def _peak(row: Row) -> Answer:
     return {"stress_max_Pa": row.stress_max_Pa} | {name: vars(row).get(name) for name in PEAK}
 
 
-def _first_yield(model: MeshModel, rows: Sequence[Row]) -> Answer | None:
+def _first_yield(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump]) -> Answer | None:
     """The state in which the largest stress first reaches the elastic limit, and the place; None if it does not."""
     limit = model.scene.wire.yield_stress
     k = next((k for k, row in enumerate(rows) if row.stress_max_Pa > limit), None)
     if k is None:
         return None
     before, after = rows[max(k - 1, 0)], rows[k]
-    state = _state(after)
-    if k:
+    state, jump = _state(after), _is_jump(before, after, jumps)
+    if k and not jump:
         state = _between(before, after, (limit - before.stress_max_Pa) / (after.stress_max_Pa - before.stress_max_Pa))
     between = [_state(before), _state(after)]
-    return state | {"stage": after.stage, "as_knitted": k == 0, "between": between} | _peak(after)
+    return state | {"stage": after.stage, "as_knitted": k == 0, "jump": jump, "between": between} | _peak(after)
+
+
+def _around(rows: Sequence[Row], tension: float) -> Jump | None:
+    """The rows between which the mean tension first reaches `tension` [N/m], the first one twice if it has it; None if not."""
+    k = next((k for k, row in enumerate(rows) if mean_tension(row) >= tension), None)
+    return None if k is None else (rows[max(k - 1, 0)], rows[k])
 
 
 def _at_tension(rows: Sequence[Row], tension: float, classes: Sequence[ContactClass], closings: Answer) -> Row | None:
@@ -195,10 +213,10 @@ def _at_tension(rows: Sequence[Row], tension: float, classes: Sequence[ContactCl
 
     A class that closes between two records counts as closed from its own tension on.
     """
-    k = next((k for k, row in enumerate(rows) if mean_tension(row) >= tension), None)
-    if not k:
-        return None if k is None else rows[0]
-    before, after = rows[k - 1], rows[k]
+    around = _around(rows, tension)
+    if around is None or around[0] is around[1]:
+        return None if around is None else around[1]
+    before, after = around
     share = (tension - mean_tension(before)) / (mean_tension(after) - mean_tension(before))
     active = 0.0
     for one in classes:
@@ -213,20 +231,32 @@ def _at_tension(rows: Sequence[Row], tension: float, classes: Sequence[ContactCl
     return Row(**_between(before, after, share), active_percent=active / pairs, stress_max_Pa=stress)
 
 
-def _service(tension: float, there: Row | None, closings: Answer, pairs: int) -> Answer:
+def _service(
+    tension: float, rows: Sequence[Row], classes: Sequence[ContactClass], closings: Answer, jumps: Sequence[Jump]
+) -> Answer:
     """The share at a service tension, of whole contacts; `resolved`: whether no class closes at an unknown tension between the
-    same two records."""
+    same two records. Within a `jump` there is no state."""
+    around = _around(rows, tension)
+    if around is not None and _is_jump(*around, jumps) and tension < mean_tension(around[1]):
+        sides = [_state(row) | {"active_percent": row.active_percent} for row in around]
+        return {"tension_N_per_m": tension, "active_percent": None, "state": None, "resolved": False, "jump": sides}
+    there = _at_tension(rows, tension, classes, closings)
     unknown = [one["between"] for one in closings.values() if one is not None and not one["resolved"]]
     near = [low for low, high in unknown if mean_tension(Row(**low)) <= tension <= mean_tension(Row(**high))]
+    pairs = max(1, sum(one.pairs for one in classes))
     active, state = (None, None) if there is None else (100.0 * round(0.01 * pairs * there.active_percent) / pairs, _state(there))
-    return {"tension_N_per_m": tension, "active_percent": active, "state": state, "resolved": not near}
+    return {"tension_N_per_m": tension, "active_percent": active, "state": state, "resolved": not near, "jump": None}
 
 
-def _heat(rows: Sequence[Row]) -> Iterator[Answer]:
+def heat_of(rows: Sequence[Row], stages: Sequence[Stage]) -> list[Answer]:
     """Stages that change the temperature, and hold strain or tension in either direction: values at begin and end."""
-    for part in stages_of(rows):
-        if part[-1].temperature_K != part[0].temperature_K and all(_is_held(part, side) for side in ("weft", "warp")):
-            yield {"stage": part[-1].stage} | {name: [vars(row)[name] for row in (part[0], part[-1])] for name in HEATED}
+    by_tension = {stage.name: stage.by_tension for stage in stages}
+    return [
+        {"stage": part[-1].stage, "held": ["tension" if one else "strain" for one in by_tension[part[-1].stage]]}
+        | {name: [vars(row)[name] for row in (part[0], part[-1])] for name in HEATED}
+        for part in stages_of(rows)
+        if part[-1].temperature_K != part[0].temperature_K and all(_is_held(part, side) for side in ("weft", "warp"))
+    ]
 
 
 def _is_held(part: Sequence[Row], side: str) -> bool:
@@ -235,17 +265,6 @@ def _is_held(part: Sequence[Row], side: str) -> bool:
     strain = abs(vars(end)[f"strain_{side}"] - vars(begin)[f"strain_{side}"])
     tension = [vars(row)[f"tension_{side}_N_per_m"] for row in (begin, end)]
     return strain <= HELD_STRAIN or abs(tension[1] - tension[0]) <= HELD_TENSION * max(map(abs, tension))
-
-
-def _jumps(rising: Sequence[Row]) -> list[tuple[float, float]]:
-    """Tensions [N/m] of neighbouring records whose strains are of different equilibria (measure/jumps.py)."""
-    path = np.array([mean_tension(row) for row in rising])
-    if len(path) < 2 or np.any(np.diff(path) <= 0.0):
-        return []
-    found = np.zeros(len(path) - 1, dtype=bool)
-    for side in ("weft", "warp"):
-        found |= stands_out(path, np.array([vars(row)[f"strain_{side}"] for row in rising]))
-    return [(float(path[k]), float(path[k + 1])) for k in np.flatnonzero(found)]
 
 
 def _best(rising: Sequence[Row], states: Sequence[Row], limit: float) -> Answer | None:

@@ -9,6 +9,7 @@ from ..text import celsius, engineering, exact, percent
 
 State = Mapping[str, Any]
 LEAST, LEAST_SHARE = 1e-6, 1e-4  # [N/m]; of the larger of both: smaller tensions are scatter about zero
+LEAST_CHANGE = 1e-7  # of a strain
 WIDE = 0.5  # of a tension: distance of two records that is given with the tension between them
 
 
@@ -24,7 +25,11 @@ def answer_rows(answers: Mapping[str, Any], yield_stress: float) -> Iterator[tup
         there = point["state"]
         none = point.get("why", f"not reached; {reached}")
         text = none if there is None else f"{percent(0.01 * point['active_percent'])}, {_pair_of(there)}"
-        text += "" if point["resolved"] else "; contacts close between the records there: more output.frames tell which"
+        if point.get("jump"):
+            sides = (f"{percent(0.01 * one['active_percent'])} at {engineering(_mean(one), 'N/m')}" for one in point["jump"])
+            text = f"unknown: the mesh jumps there, from {' to '.join(sides)}"
+        elif not point["resolved"]:
+            text += "; contacts close between the records there: more output.frames tell which"
         yield f"active at {exact(point['tension_N_per_m'], 'N/m')}", text
     yield "first yield at", _yield(answers, yield_stress, reached)
     for stage in answers["heat"]:
@@ -32,11 +37,11 @@ def answer_rows(answers: Mapping[str, Any], yield_stress: float) -> Iterator[tup
     yield from _best(answers["best"])
 
 
-def _tension(state: State) -> str:
+def _tension(state: State, digits: int = 3) -> str:
     """Tension in weft and warp; once where both are alike."""
     both = [state[f"tension_{side}_N_per_m"] for side in ("weft", "warp")]
     least = max(LEAST, LEAST_SHARE * max(map(abs, both)))
-    return " / ".join(dict.fromkeys(engineering(value if abs(value) > least else 0.0, "N/m") for value in both))
+    return " / ".join(dict.fromkeys(engineering(value if abs(value) > least else 0.0, "N/m", digits) for value in both))
 
 
 def _pair_of(state: State) -> str:
@@ -63,19 +68,24 @@ def _closing(one: Mapping[str, Any], reached: str) -> str:
     opened = "" if closes["opens"] is None else f", open again at {_tension(closes['opens'])}"
     touch = closes["first_touch"]
     touched = "" if touch is None else f", after a touch at {_tension(touch)} that opens again"
-    low, high = closes["between"]
     if not closes["resolved"]:
-        strains = f"{_strain(low)} and {_strain(high).removeprefix('strain ')}"
-        return f"between {_tension(low)} and {_tension(high)}, {strains}{touched}{opened}"
+        return f"{_records(closes)}{touched}{opened}"
     return f"{_found(closes)}{touched}{opened}"
+
+
+def _records(one: Mapping[str, Any]) -> str:
+    """The records on both sides of what happens at an unknown tension."""
+    low, high = one["between"]
+    jump = ", where the mesh jumps" if one["jump"] else ""
+    return f"between {_tension(low)} and {_tension(high)}, {_strain(low)} and {_strain(high).removeprefix('strain ')}{jump}"
 
 
 def _found(one: Mapping[str, Any]) -> str:
     """A state between two records, and the records where they are far apart."""
     low, high = one["between"]
-    wide = _mean(high) - _mean(low) > WIDE * _mean(one)
-    records = f", from records at {_tension(low)} and {_tension(high)}" if wide else ""
-    return f"{_tension(one)}, {_strain(one)}{records}"
+    if _mean(high) - _mean(low) > WIDE * _mean(one):
+        return f"about {_tension(one, 2)}, between records at {_tension(low)} and {_tension(high)}, {_strain(one)}"
+    return f"{_tension(one)}, {_strain(one)}"
 
 
 def _yield(answers: Mapping[str, Any], limit: float, reached: str) -> str:
@@ -86,6 +96,8 @@ def _yield(answers: Mapping[str, Any], limit: float, reached: str) -> str:
         return f"not {reached}: {stress}, {peak['stress_max_Pa'] / limit:.0%} of the limit, {_place(peak)}"
     if found["as_knitted"]:
         return f"as knitted, {_place(found)}"
+    if found["jump"]:
+        return f"{_records(found)}, {_place(found)}"
     return f"{_found(found)}, {_place(found)}"
 
 
@@ -98,13 +110,16 @@ def _place(peak: Mapping[str, Any]) -> str:
 
 
 def _heat(stage: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    begin, end = ({name: values[k] for name, values in stage.items() if name != "stage"} for k in (0, 1))
-    yield (
-        f"heat, {celsius(begin['temperature_K']).split()[0]} to {celsius(end['temperature_K'])}",
-        f"active {percent(0.01 * begin['active_percent'])} to {percent(0.01 * end['active_percent'])},"
-        f" tension {_tension(begin)} to {_tension(end)}, {_strain(begin)} to {_strain(end).removeprefix('strain ')},"
-        f" stress {engineering(begin['stress_max_Pa'], 'Pa')} to {engineering(end['stress_max_Pa'], 'Pa')}",
-    )
+    held = set(stage["held"])
+    begin, end = ({name: values[k] for name, values in stage.items() if name not in ("stage", "held")} for k in (0, 1))
+    what = {"strain": ", frame held", "tension": ", tension held"}[held.pop()] if len(held) == 1 else ""
+    parts = [f"active {percent(0.01 * begin['active_percent'])} to {percent(0.01 * end['active_percent'])}"]
+    parts.append(f"tension {_tension(begin)}" + ("" if what == ", tension held" else f" to {_tension(end)}"))
+    moves = any(abs(end[name] - begin[name]) > LEAST_CHANGE for name in ("strain_weft", "strain_warp"))
+    change = " / ".join(f"{100.0 * (end[name] - begin[name]):+.2g}" for name in ("strain_weft", "strain_warp"))
+    parts.append(f"{_strain(begin)}" + (f", changed by {change} %" if moves else ""))
+    parts.append(f"stress {engineering(begin['stress_max_Pa'], 'Pa')} to {engineering(end['stress_max_Pa'], 'Pa')}")
+    yield f"heat, {celsius(begin['temperature_K']).split()[0]} to {celsius(end['temperature_K'])}{what}", ", ".join(parts)
 
 
 def _best(best: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
@@ -115,7 +130,7 @@ def _best(best: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
     yield "best tension", f"{_tension(best)}: {percent(0.01 * best['active_percent'])} active, {stress}"
     low, high = best["low"], best["high"]
     if best["grows"]:
-        yield "  may drift", "unknown: the share still grows at the end of the stage"
+        yield "  may drift", "unknown: no record but the last of the stage has this share"
         return
     bounds = [f" ({_mean(end) / _mean(best) - 1.0:+.0%}{', end of the stage' if best[name] else ''})"
               for end, name in ((low, "open_low"), (high, "open_high"))]  # fmt: skip

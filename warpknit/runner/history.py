@@ -85,6 +85,11 @@ def add_work(rows: list[Row], model: MeshModel) -> None:
             r.work_J = part[0].work_J + float(w) + r.edge_work_J - part[0].edge_work_J
 
 
+def mean_tension(row: Row) -> float:
+    """[N/m] mean of weft and warp."""
+    return float(0.5 * (row.tension_weft_N_per_m + row.tension_warp_N_per_m))
+
+
 def stages_of(rows: Sequence[Row]) -> Iterator[list[Row]]:
     """The rows of each stage, after the last row of the stage before."""
     begin = 0

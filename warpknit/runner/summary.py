@@ -59,6 +59,7 @@ from ..measure import MeshModel, table
 from ..measure.jumps import STORED_FLOOR
 from ..measure.table import Record
 from .answers import answers_of
+from .branches import jumps_of
 from .history import Row
 from .warnings_of import warnings_of
 
@@ -185,6 +186,6 @@ def run_summary(
             "drive": scene.solver.drive,
         },
         **last,
-        "answers": answers_of(model, rows),
+        "answers": answers_of(model, rows, jumps_of(model, rows)),
         "stages": stages,
     }

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from ..measure import MeshModel, energy_scale
-from ..measure.jumps import STORED_FLOOR, STRAIN_JUMP, UNBALANCED, jumps
+from ..measure import MeshModel
+from ..measure.jumps import STRAIN_JUMP, UNBALANCED
 from ..text import engineering
+from .branches import jumps_of, tensions_text
 from .cautions import cautions
-from .history import Row, stages_of, work_terms
+from .history import Row
 
 STEEP = 0.3  # slope above which its square is not small
 LEVELS_FOLLOWED = 4  # of a stage: with fewer the work is too inaccurate to detect a snap-through
@@ -135,44 +136,19 @@ def _jumped(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
                 " load history"
             )
             return
-    if model.scene.hook is None:
-        yield from _changed_branch(model, rows)
+    yield from _changed_branch(model, rows)
 
 
 def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
     """The first jump between neighbouring levels, by the rule that also marks the cells of a map, and the number of others."""
-    found = []
-    for part in stages_of(rows):
-        path = np.array([0.0, *(row.load_factor for row in part[1:])])
-        found += [(place, *pair) for pair in branch_changes(model, part, path) for place in [path[part.index(pair[0])]]]
-    if found:
-        before, a, b = found[0]
+    if found := jumps_of(model, rows):
+        a, b = found[0]
+        before = a.load_factor if a.stage == b.stage else 0.0
         others = f", and at {len(found) - 1} other places" if len(found) > 1 else ""
         yield (
             f"the mesh jumps to another equilibrium between loads {before:.3g} and {b.load_factor:.3g} of stage {b.stage!r}"
             f" ({tensions_text(a, b)}){others}: several equilibria exist there, and the result depends on the load history"
         )
-
-
-def branch_changes(model: MeshModel, rows: Sequence[Row], path: np.ndarray) -> list[tuple[Row, Row]]:
-    """Neighbouring rows with a jump between them (measure/jumps.py). path (row,): increasing parameter of the load."""
-    force, place = work_terms(rows, model.panel.area)
-    found = jumps(
-        path,
-        force,
-        place,
-        stored=np.array([row.stored for row in rows]),
-        dissipated=np.array([row.dissipated_J - row.edge_work_J for row in rows]),
-        values=np.array([[row.strain_weft, row.strain_warp, row.tension_weft_N_per_m, row.tension_warp_N_per_m] for row in rows]),
-        floor=STORED_FLOOR * energy_scale(model),
-    )
-    return [(rows[k], rows[k + 1]) for k in np.flatnonzero(found).tolist()]
-
-
-def tensions_text(one: Row, other: Row) -> str:
-    """Mean tensions of weft and warp of two rows."""
-    both = [0.5 * (row.tension_weft_N_per_m + row.tension_warp_N_per_m) for row in (one, other)]
-    return " and ".join(engineering(value, "N/m") for value in both)
 
 
 def _snapped(model: MeshModel, stages: Stages) -> Iterator[str]:

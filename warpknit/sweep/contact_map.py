@@ -267,6 +267,19 @@ class Optimum:
         return f"the optimum is at the edge of the map in {' and '.join(self.at_edge)}: a wider [sweep] may have a better one"
 
 
+def optimum_warnings(optimum: Optimum | None, jumps: Sequence[Jump]) -> Iterator[str]:
+    """What limits the optimum: the edge of the map, and jumps to another equilibrium beside it."""
+    if optimum is None:
+        return
+    if optimum.edge_warning is not None:
+        yield optimum.edge_warning
+    if any(optimum.load in jump for jump in jumps):
+        yield (
+            "the optimum is beside a jump to another equilibrium: a mesh with little other strains, or loaded otherwise, may have"
+            " fewer active contacts"
+        )
+
+
 def find_optimum(rows: Sequence[MapRow], yield_stress: float) -> Optimum | None:
     """The optimum among converged cells with tension in both directions and no stress above `yield_stress` [Pa], or None.
 

@@ -27,7 +27,7 @@ from ..runner.progress_display import Progress as Display
 from ..runner.run_directory import CommandResult, continues_earlier, finished_result, open_directory
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.capabilities import refuse
-from ..text import duration
+from ..text import celsius, duration
 from .contact_map import (
     STEADY,
     MapRow,
@@ -38,6 +38,7 @@ from .contact_map import (
     map_row,
     mean_map,
     model_warnings,
+    optimum_warnings,
     read_map,
     write_map,
 )
@@ -214,9 +215,9 @@ class _Mapper:
         if (jumped := jump_warning(jumps, self.sweep.by_tension)) is not None:
             warnings.append(jumped)
         if len(self.scene.stages) > 1:
-            warnings.append("a map does not run the stages of [[path]]")
-        if optimum is not None and optimum.edge_warning is not None and len(rows) == len(self.pairs):
-            warnings.append(optimum.edge_warning)
+            warnings.append(f"the map is at {celsius(self.scene.stages[0].temperature)}: it does not run the stages of [[path]]")
+        if len(rows) == len(self.pairs):
+            warnings += optimum_warnings(optimum, jumps)
         return {
             "scene": {"name": self.scene.name, "hash": self.scene.hash},
             "version": __version__,

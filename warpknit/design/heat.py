@@ -1,0 +1,70 @@
+"""What heat does to a mesh under tension: with the tension held, and held in a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..errors import Diverged
+from ..runner.answers import Answer, heat_of
+from ..runner.history import Row, row_of
+from ..scene import Scene, Stage
+from ..text import celsius
+from .equal_tension import EqualTensionPath, levels_between
+from .fine_states import exact_model
+from .load_path import AS_KNITTED, LoadPath, part_of, under_strain, under_tension
+
+TOLERANCE = 1e-3  # residual, at most: heat changes tensions by little more
+LEAST_LEVELS = 2  # of a change of temperature
+
+
+@dataclass(frozen=True)
+class HeatedMesh:
+    """Rows of history.csv of a mesh whose temperature changes, from the state before, and the stages of its load."""
+
+    rows: Sequence[Row]
+    stages: Sequence[Stage]
+
+    @property
+    def answers(self) -> list[Answer]:
+        """What heat does, as in the answers of a run."""
+        return heat_of(self.rows, self.stages)
+
+
+def heat(
+    scene: Scene, path: EqualTensionPath, held: float | None, watch: Callable[[float], None] = lambda _: None
+) -> list[HeatedMesh]:
+    """A tension [N/m] at the temperatures of [[path]]: held, and with the mesh held in a frame that expands by
+    model.frame_expansion. None without such temperatures, or without a tension.
+
+    They begin where the path has a tension as small or smaller. `watch` is called with the share that is done; a load that does
+    not converge ends with the records before.
+    """
+    temperatures = list(dict.fromkeys(stage.temperature for stage in scene.stages))[1:]
+    if held is None or not temperatures or len(path.rows) < 2:
+        return []
+    low = max((tension for tension in path.states if tension <= held), default=0.0)
+    mesh = LoadPath(exact_model(scene, TOLERANCE), path.states.get(low, AS_KNITTED))
+    under = under_tension(scene, held)
+    try:
+        *_, record = mesh.load(under, 1 if low == held else levels_between(scene, low, held))
+    except Diverged:
+        return []
+    begin = row_of(record)
+    framed = under_strain(scene, np.diag([1.0 + begin.strain_weft, 1.0 + begin.strain_warp]))
+    cases = (("tension held", under), ("frame held", framed))
+    found = []
+    for number, (name, load) in enumerate(cases):
+        way, rows = LoadPath(mesh.model, mesh.state), [begin]
+        ahead = part_of(watch, number, len(cases))
+        with suppress(Diverged):
+            for count, temperature in enumerate(temperatures):
+                stage = replace(load, name=f"{celsius(temperature)}, {name}", temperature=temperature)
+                levels = max(LEAST_LEVELS, scene.output.frames // 2)
+                for record in way.load(stage, levels, part_of(ahead, count, len(temperatures))):
+                    rows.append(row_of(record))
+        found.append(HeatedMesh(rows, way.state.stages))
+    return found
