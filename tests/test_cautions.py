@@ -1,11 +1,13 @@
 """What a run says of its own result because of what was asked for; odd constants and loads are in test_extremes.py."""
 
+import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from warpknit.model import build_model
-from warpknit.runner.cautions import cautions
+from warpknit.runner.cautions import cautions, scene_cautions
 from warpknit.runner.history import Row
 from warpknit.runner.run import run_scene
 from warpknit.runner.summary_table import summary_rows
@@ -29,6 +31,20 @@ def test_friction_that_holds_asks_for_states_near_each_other(friction: float, fr
 def test_few_nodes_are_named(nodes: int, says: bool) -> None:
     model = build_model(load_scene(SCENE, (f"model.nodes_per_loop={nodes}",)))
     assert any("nodes a loop are few" in line for line in cautions(model, [])) == says
+
+
+@pytest.mark.parametrize(("share", "says"), [(1.01, True), (0.99, False)])
+def test_a_tension_beyond_all_wires_at_their_limit_is_named(share: float, says: bool) -> None:
+    """Tensions of weft and warp add up to axial force times length of the wires in an area: elastic limit x section x length."""
+    scene = load_scene(SCENE.with_name("contact_map.toml"))
+    cloth = build_model(scene).cloth
+    wire = scene.wire
+    most = wire.yield_stress * math.pi * wire.radius**2 * cloth.wire_per_area
+    stage = replace(
+        scene.stages[0], strain_weft=None, strain_warp=None, tension_weft=0.5 * share * most, tension_warp=0.5 * share * most
+    )
+    found = [line for line in scene_cautions(replace(scene, stages=(stage,)), cloth) if "add up" in line]
+    assert bool(found) == says
 
 
 def stressed(plastic: bool, tension: float, **wire: float) -> list[str]:

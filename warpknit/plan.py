@@ -21,6 +21,7 @@ from .memory import available_memory, required_memory
 from .mesh.layout import knit_scene
 from .mesh.rim import net_nodes
 from .model import build_model, estimates_of
+from .runner.cautions import scene_cautions
 from .scene import Scene
 from .scene.capabilities import without_effect
 from .solve.simulate import Simulation
@@ -59,13 +60,14 @@ class Plan:
     kind: str  # of model
     kind_reason: str
     file: WireReport | None = None  # of wires from a file
+    warnings: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """The object that `warpknit plan --json` prints."""
         values = asdict(replace(self, file=None))
         for name in ("scene", "device", "available_bytes", "counted", "relaxes", "knit", "sweep", "accuracy", "hooked_by"):
             del values[name]
-        for name in ("factor", "exception", "file", "kind", "kind_reason"):
+        for name in ("factor", "exception", "file", "kind", "kind_reason", "warnings"):
             del values[name]
         values["model"] = {"kind": self.kind, "kind_reason": self.kind_reason}
         file = {} if self.file is None else self.file.as_dict()
@@ -103,6 +105,7 @@ class Plan:
             ("accuracy", self.accuracy),
             ("physics", self.physics[0]),
             *(("", sentence) for sentence in self.physics[1:]),
+            *(("warning", warning) for warning in self.warnings),
         ]
         return [f"{heading:<11}{text}" for heading, text in rows]
 
@@ -149,6 +152,7 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         kind=scene.model.kind,
         kind_reason=scene.kind_reason,
         file=file,
+        warnings=tuple(scene_cautions(scene, cloth)),
     )
 
 

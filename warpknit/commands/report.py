@@ -104,7 +104,10 @@ def report_command(
         return Report(result, notes, None)
     write_fit(fitted, out)
     rows = read_map(out / "map.csv", out / "map_details.csv")
-    page = write_report(fitted.scene, rows, out, tension=asked.tension, notes=notes, codes=asked.codes, progress=progress)
+    try:
+        page = write_report(fitted.scene, rows, out, tension=asked.tension, notes=notes, codes=asked.codes, progress=progress)
+    except KeyboardInterrupt as interrupt:
+        raise KeyboardInterrupt(f"interrupted; the map is kept in {out}, and the same command goes on from there") from interrupt
     if asked.tension is not None and page.card is None:
         result = CommandResult(Diverged.exit_code, result.summary, page.where)
     return Report(result, notes, page)

@@ -41,7 +41,16 @@ from .load_path import LoadPath, PathState, under_strain, under_tension
 from .network import contact_resistances, sheet_resistance
 from .opening_size import BANDS, Opening, openings
 from .page import Page
-from .sections import answers_section, card_section, curve_section, electric_section, map_section, mesh_section, openings_section
+from .sections import (
+    answers_section,
+    card_section,
+    curve_section,
+    electric_section,
+    map_section,
+    mesh_section,
+    openings_section,
+    wire_text,
+)
 from .service import EqualTension, ServicePoint, equal_tension
 
 STAGES = ("tension-strain curves", "equal tensions", "material card", "heat", "openings and page")  # of the progress
@@ -80,6 +89,13 @@ class Findings:
     def by_tension(self) -> bool:
         """Whether the map prescribes tensions."""
         return any(row.by_tension for row in self.rows)
+
+    def place_in_map(self, point: ServicePoint) -> tuple[float, float] | None:
+        """The load of a service point, by the axes of the map; None without one, or outside the map."""
+        load = (point.tension, point.tension) if point.strains and self.by_tension else point.strains
+        weft, warp = axes_of(self.rows)
+        within = load is not None and weft[0] <= load[0] <= weft[-1] and warp[0] <= load[1] <= warp[-1]
+        return load if within else None
 
     @property
     def card_state(self) -> str:
@@ -231,7 +247,7 @@ def _write(found: Findings, out: Path, codes: Sequence[str]) -> None:
 
 def _page(found: Findings, figures: dict[str, Path]) -> Page:
     wire = found.scene.wire
-    page = Page(f"{found.scene.name}: {wire.material} mesh, {1e6 * wire.diameter:g} um wire")
+    page = Page(f"{found.scene.name}: {wire.material} mesh, {wire_text(wire)}")
     for warning in found.model_warnings:
         page.warning(f"{warning[0].upper()}{warning[1:]}.")
     page.text(f"warpknit {__version__}, {date.today().isoformat()}, scene {found.scene.hash}")
@@ -249,7 +265,8 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     load = found.scene.stages[0]
     page.text(f"The optimum, the curves and the card are at {celsius(load.temperature)}, the temperature of [load].")
     mesh_section(page, found.scene, found.model.cloth, found.card, found.notes, figures)
-    map_section(page, found.scene, found.optimum, found.jumps, found.service, figures["map"])
+    outside = [point.name for point in found.service if point.strains and found.place_in_map(point) is None]
+    map_section(page, found.scene, found.optimum, found.jumps, found.service, outside, figures["map"])
     if (jumped := jump_warning(found.jumps, found.by_tension)) is not None:
         page.warning(f"{jumped[0].upper()}{jumped[1:]}.")
     curve_section(page, found.curves, figures["curves"])
@@ -277,9 +294,7 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
         places=tuple(
             (f"{p.name}: {p.strain}, {p.active} active", load, p.active_percent)
             for p in found.service
-            if (load := (p.tension, p.tension) if p.strains and found.by_tension else p.strains) is not None
-            and weft[0] <= load[0] <= weft[-1]
-            and warp[0] <= load[1] <= warp[-1]
+            if (load := found.place_in_map(p)) is not None
         ),
     )
     curves = {load: _arrays([p for p in found.curves if p.load == load]) for load in dict.fromkeys(p.load for p in found.curves)}

@@ -13,7 +13,7 @@ from scipy.constants import speed_of_light
 from ..knit.cloth import Cloth
 from ..runner.answers_table import answer_rows
 from ..runner.history import mean_tension
-from ..scene import Scene
+from ..scene import Scene, Wire
 from ..sweep.contact_map import Jump, Optimum, drift_text, optimum_warnings
 from ..text import celsius, engineering, percent
 from .card import AGREEMENT, MaterialCard
@@ -49,8 +49,9 @@ def answers_section(
     page.text(
         f"Equal tensions in weft and warp, from the mesh as knitted in {len(path.rows) - 1} levels, {_end_of(path)}. A mesh that"
         " is pulled otherwise on the way, as in a run or the map, may differ. Contacts A, B, ... are the classes of places of one"
-        " shape, from the tightest lens on. The shares at service tensions are those of the table below. The wire is elastic and"
-        " free of stress as knitted: stress is that of the load alone."
+        " shape, from the tightest lens on; a place where two wires touch counts as two pairs, one for each wire. The shares at"
+        " service tensions are those of the table below. The wire is elastic and free of stress as knitted: stress is that of the"
+        " load alone."
     )
     page.figure(
         figures["tension"],
@@ -65,6 +66,12 @@ def answers_section(
         )
     elif not answers["heat"]:
         page.text("The scene has no [[path]] with another temperature, so this page does not show what heat does.")
+
+
+def wire_text(wire: Wire) -> str:
+    """Diameter of the wire, and the wires of a yarn."""
+    diameter = f"{1e6 * wire.diameter:g} um"
+    return f"{diameter} wire" if wire.ends == 1 else f"yarn of {wire.ends} x {diameter} wire"
 
 
 def _end_of(path: EqualTensionPath) -> str:
@@ -83,7 +90,7 @@ def mesh_section(
     page.heading("The mesh")
     plating = "" if wire.plating is None else f", {1e6 * wire.plating.thickness:g} um of {wire.plating.material}"
     rows = [
-        ("wire", f"{wire.material}, {1e6 * wire.diameter:g} um{plating}, {wire.ends} per yarn"),
+        ("wire", f"{wire.material}, {wire_text(wire)}{plating}"),
         ("wales and courses", f"{0.01 / knit.wale_spacing:.3g} and {0.01 / knit.course_spacing:.3g} per cm"),
     ]
     if cloth is not None:
@@ -104,7 +111,11 @@ def mesh_section(
     if "knit" in figures:
         page.figure(figures["knit"], "The mesh as knitted, in plan view, and its places of contact.")
     if "mesh" in figures:
-        page.figure(figures["mesh"], "The mesh at the tension of the card: stress of the wires, active and open contacts.")
+        page.figure(
+            figures["mesh"],
+            "The mesh at the tension of the card: stress of the wires at the nodes, active and open contacts. The largest stress"
+            " may lie between two nodes, under a contact; the tables have it.",
+        )
 
 
 def map_section(
@@ -113,9 +124,10 @@ def map_section(
     optimum: Optimum | None,
     jumps: Sequence[Jump],
     service: Sequence[ServicePoint],
+    outside: Sequence[str],
     figure: Path,
 ) -> None:
-    """The contact map, the optimum and the service tensions."""
+    """The contact map, the optimum and the service tensions. outside: names of those beyond the map."""
     page.heading("Active contacts and the optimum", new_page=True)
     page.figure(
         figure,
@@ -133,6 +145,8 @@ def map_section(
             ("largest wire stress", f"{engineering(optimum.stress_max_Pa, 'Pa')}, {margin}"),
             *((f"tension, where {drift.along} may drift", drift_text(asdict(drift))) for drift in optimum.drift),
         ])  # fmt: skip
+    if outside:
+        page.text(f"Outside the map, so without a marker: {', '.join(outside)}.")
     page.text(
         "The optimum is the pair of loads of the map, equal or not, with the most active contacts among those that keep the wire"
         " below its elastic limit. For a mesh that carries the same tension in weft and warp, take the best tension above."

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import LogLocator
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
@@ -152,6 +153,7 @@ def resistance_figure(curve: Curve, path: str | os.PathLike[str]) -> Path:
         half = max(0.55 * (most - least), 0.5 * LEAST_DECADES)
         axes.set_ylim(10.0 ** (0.5 * (least + most) - half), 10.0 ** (0.5 * (least + most) + half))
         axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
         axes.yaxis.set_minor_formatter("{x:.1g}")
     axes.set_xlabel("strain in weft and warp [%]")
     axes.set_ylabel("sheet resistance [ohm/sq]")

@@ -140,7 +140,7 @@ def _mesh_map(
     np.fmax.at(stress, _cell_of(position, low, size, shape), 1e-6 * np.abs(frame.node_stress)[layout.curve_node])
     colours, scale = stress_colours(stress, yield_stress)
     image = left.imshow(stress.reshape(shape), origin="lower", extent=extent, cmap=colours, norm=scale, interpolation="nearest")
-    _stress_bar(figure, left, image, yield_stress, "highest wire stress in each cell [MPa]")
+    _stress_bar(figure, left, image, yield_stress, "highest wire stress at nodes in each cell [MPa]")
 
     body = 1e3 * np.asarray(frame.body_position)[:, :2] - origin
     # repeats count from the corner of the mesh; loops at the edge reach a little beyond it
@@ -268,7 +268,7 @@ def _stress_bar(
     axes: Axes,
     mappable: Any,
     yield_stress: float | None,
-    label: str = "wire stress [MPa]",
+    label: str = "wire stress at nodes [MPa]",
 ) -> None:
     if yield_stress is not None:
         label += f", yield at {1e-6 * yield_stress:.4g}"

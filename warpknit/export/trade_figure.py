@@ -19,6 +19,11 @@ __all__ = ["Mark", "trade_figure"]
 QUANTITIES = ("active contacts [points of %]", "tension [%]", "sum of contact forces [%]", "largest stress [%]")
 PERCENT = (1.0, 100.0, 100.0, 100.0)
 LEAST = 1e-3  # [%] smaller errors stand at the foot of the axis
+LABEL_PLACES = (
+    ((-7, 0), "right"),
+    ((0, -11), "center"),
+    ((0, 11), "center"),
+)  # of the cheapest preset, of others, of the dearest
 COLOURS = {"alone": GREY, "together": BLUE, "preset": ORANGE}
 SAID = {"alone": "one setting changed", "together": "several changed", "preset": "presets"}
 
@@ -62,10 +67,10 @@ def _panel(place: Axes, marks: Sequence[Mark], number: int, own: float) -> None:
         place.scatter(prices, errors, s=size, color=colour, zorder=3 if group == "preset" else 2, linewidths=0)
         if group == "preset":
             for k in chosen:
-                below = k == chosen[0]  # neighbours' labels stand on either side of them
-                place.annotate(marks[k].label, (marks[k].price, percent[k]), xytext=(-6, -11) if below else (0, 8),
-                               ha="right" if below else "center", textcoords="offset points", fontsize="small",
-                               color=colour, zorder=5, path_effects=[withStroke(linewidth=3.0, foreground="white")])  # fmt: skip
+                offset, align = LABEL_PLACES[min(chosen.index(k), 1) if k != chosen[-1] else 2]
+                place.annotate(marks[k].label, (marks[k].price, percent[k]), xytext=offset, ha=align, va="center",
+                               textcoords="offset points", fontsize="small", color=colour, zorder=5,
+                               path_effects=[withStroke(linewidth=3.0, foreground="white")])  # fmt: skip
     front: list[int] = []
     for k in sorted(range(len(marks)), key=lambda k: (marks[k].price, percent[k])):
         if not front or percent[k] < percent[front[-1]]:

@@ -8,10 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..knit.cloth import Cloth
 from ..measure import MeshModel
 from ..scene import Scene
 from ..scene.materials import MATERIALS
-from ..text import celsius, exact
+from ..text import celsius, engineering, exact
 from .history import Row
 
 METAL_STIFFNESS = (10e9, 600e9)  # [Pa] Young's modulus, from lead to osmium
@@ -25,15 +26,37 @@ CONVERGED_INCREMENT = 0.0003125  # strain increment at which they no longer depe
 
 def cautions(model: MeshModel, rows: list[Row]) -> Iterator[str]:
     """Warnings, one line each."""
-    scene = model.scene
+    yield from scene_cautions(model.scene, model.cloth)
+    if model.scene.solver.drive == "ramp" and rows:
+        yield from _about_ramp(rows)
+
+
+def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
+    """Warnings that need no result, one line each. cloth: of the scene, None of a hook or of wires from a file."""
     yield from _about_constants(scene)
     nodes = scene.model.nodes_per_loop
     if scene.hook is None and nodes < FEWEST_NODES:
         yield f"{nodes} nodes a loop are few: errors of tension and contact force may exceed 10 %"
-    if scene.solver.drive == "ramp" and rows:
-        yield from _about_ramp(rows)
+    if cloth is not None:
+        yield from _about_tension(scene, cloth)
     if scene.solver.drive == "relax" and scene.contact.friction > SMALL_FRICTION:
         yield from _about_friction(scene)
+
+
+def _about_tension(scene: Scene, cloth: Cloth) -> Iterator[str]:
+    """Tensions that no arrangement of elastic wires carries.
+
+    The sum of weft and warp is the mean axial force of the wires times their length in an area, which extension makes smaller.
+    """
+    wire = scene.wire
+    radius = wire.radius + (0.0 if wire.plating is None else wire.plating.thickness)
+    most = wire.yield_stress * wire.ends * math.pi * radius**2 * cloth.wire_per_area
+    largest = max((stage.tension_weft or 0.0) + (stage.tension_warp or 0.0) for stage in scene.stages)
+    if largest > most:
+        yield (
+            f"the given tensions of weft and warp add up to {engineering(largest, 'N/m')}; with all wires straight and at"
+            f" their elastic limit of {engineering(wire.yield_stress, 'Pa')} the mesh carries {engineering(most, 'N/m')} at most"
+        )
 
 
 def _about_constants(scene: Scene) -> Iterator[str]:

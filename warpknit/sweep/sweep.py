@@ -128,6 +128,7 @@ class _Mapper:
             try:
                 for seed, done in enumerate(self.maps):
                     self._run_seed(seed, done)
+                self._interrupts.check()
             except Interrupted:
                 reason, code, message = "interrupted", 130, f"interrupted; finished cells are kept in {self.out}"
             finally:

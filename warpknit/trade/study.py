@@ -90,6 +90,8 @@ class _Study:
         reason, code, message = "finished", 0, ""
         with self._interrupts.handled():
             try:
+                for warning in self.base.warnings([]):
+                    _log.warning("warning: %s", warning)
                 points = self._points()
                 self._log_estimate(points)
                 for number, point in enumerate(points, start=1):
