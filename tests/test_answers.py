@@ -131,14 +131,16 @@ def test_heat_is_told_stage_by_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     assert stage["stage"] == "cold"
     assert stage["temperature_K"] == pytest.approx([293.15, 83.15])
     assert stage["tension_weft_N_per_m"] == pytest.approx([0.3, 0.4])
-    text = dict(answer_rows(answers, LIMIT))["heat, 20 to -190 degC, frame held"]
+    text = dict(answer_rows(answers, LIMIT))["heat, 20 to -190 degC"]
+    assert text.startswith("frame held: active")
     assert "tension 300 mN/m to 400 mN/m, strain 6.0 % / 3.0 %, stress 300 MPa to 400 MPa" in text
     for k, one in enumerate(cold):
         one.tension_weft_N_per_m = one.tension_warp_N_per_m = 0.3
         one.strain_weft += 1e-4 * k
     by_tension = [SimpleNamespace(name="cold", by_tension=(True, True))]
     text = dict(answer_rows(answers | {"heat": heat_of([row(0.3), *cold], by_tension)}, LIMIT))
-    assert "tension 300 mN/m, strain 6.0 % / 3.0 %, changed by +0.04 / +0 %" in text["heat, 20 to -190 degC, tension held"]
+    assert text["heat, 20 to -190 degC"].startswith("tension held: active")
+    assert "tension 300 mN/m, strain 6.0 % / 3.0 %, changed by +0.04 / +0 %" in text["heat, 20 to -190 degC"]
 
 
 def test_a_graze_is_not_the_closing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,14 +15,20 @@ from warpknit.text import ZERO_CELSIUS
 __all__ = ["curves_figure"]
 
 SIDES = ("weft", "warp")
+SIDE_COLOURS = tuple(zip(SIDES, (BLUE, ORANGE), strict=True))
+ENERGY_COLOURS = (("bend", BLUE), ("stretch", ORANGE), ("contact", GREEN), ("kinetic", PURPLE))
+LOGARITHMIC = 4  # first of the panels with a logarithmic axis
+NEAR_LIMIT = 2.0  # of the axis of stress: an elastic limit beyond is not drawn, and does not flatten the curve
 LEAST_FOLD = 1e-3  # of the range of a strain: less does not count as going back
+HELD_STRAIN = 2e-3  # a frame expands by less over 200 K
 IMPOSED_STRAIN, IMPOSED_TENSION = 1e-6, 0.02  # of its range in a stage: departure from a straight line over the load factor
 
 
-def curves_figure(history: History, path: str | os.PathLike[str]) -> Path:
-    """Draw active contacts, tension, energies and residual of a run, from history.csv or its rows.
+def curves_figure(history: History, path: str | os.PathLike[str], *, yield_stress: float | None = None) -> Path:
+    """Draw contacts, tension, stress, energies and residual of a run, from history.csv or its rows.
 
-    Under given tensions these are the abscissa, and strains are drawn in their place.
+    Under given tensions these are the abscissa, and strains are drawn in their place. Stages that change the temperature alone
+    are left out beside others: they are in heat_figure.py. yield_stress: [Pa] elastic limit of the wire.
     """
     rows = history_rows(history)
     columns = columns_of(rows)
@@ -30,42 +36,62 @@ def curves_figure(history: History, path: str | os.PathLike[str]) -> Path:
     def column(name: str) -> NDArray[Any]:
         return columns.get(name, np.full(len(rows), np.nan))
 
-    stages = stage_slices([str(row.get("stage", "")) for row in rows])
-    abscissa, abscissa_label = _abscissa(columns, stages, len(rows))
+    def scaled(unit: str, curves: Sequence[tuple[str, str, str]]) -> tuple[str, tuple[tuple[str, str, NDArray[Any]], ...]]:
+        """Unit with its prefix, and the curves (label, colour, column) in it."""
+        scale, prefixed = scale_of(unit, *(column(name) for _, _, name in curves))
+        return prefixed, tuple((label, colour, scale * column(name)) for label, colour, name in curves)
 
-    tension = {side: column(f"tension_{side}_N_per_m") for side in ("weft", "warp")}
-    strain = {side: 100.0 * column(f"strain_{side}") for side in ("weft", "warp")}
-    energies = {name: column(f"energy_{name}_J") for name in ("bend", "stretch", "contact", "kinetic")}
-    (to_tension, tension_unit), (to_energy, energy_unit) = scale_of("N/m", *tension.values()), scale_of("J", *energies.values())
-    figure = figure_of(10.5, 7.6)
-    panels = figure.subplots(2, 2, sharex=True).ravel()
-    panel_curves: tuple[tuple[str, bool, tuple[tuple[str, str, NDArray[Any]], ...]], ...] = (
-        ("active contacts [% of pairs]", False, (("", GREEN, column("active_percent")),)),
-        ("strain [%]", False, (("weft", BLUE, strain["weft"]), ("warp", ORANGE, strain["warp"])))
-        if _is_by_tension(columns, stages)
-        else (
-            f"boundary tension [{tension_unit}]",
-            False,
-            (("weft", BLUE, to_tension * tension["weft"]), ("warp", ORANGE, to_tension * tension["warp"])),
-        ),
-        (
-            f"energy [{energy_unit}]",
-            True,
-            tuple((name, c, to_energy * energies[name]) for name, c in zip(energies, (BLUE, ORANGE, GREEN, PURPLE), strict=True)),
-        ),
-        ("residual, relative to mean boundary force", True, (("", GREY, column("residual")),)),
+    every = stage_slices([str(row.get("stage", "")) for row in rows])
+    stages = [stage for stage in every if not _heats_alone(columns, stage[1])] or every
+    abscissa, abscissa_label = _abscissa(columns, stages, len(rows))
+    unit, tensions = scaled("N/m", [(side, colour, f"tension_{side}_N_per_m") for side, colour in SIDE_COLOURS])
+    across = f"boundary tension [{unit}]", tensions
+    if _is_by_tension(columns, stages):
+        across = "strain [%]", tuple((side, colour, 100.0 * column(f"strain_{side}")) for side, colour in SIDE_COLOURS)
+    stress_unit, stress = scaled("Pa", [("", PURPLE, "stress_max_Pa")])
+    force_unit, force = scaled("N", [("", GREEN, "contact_force_max_N")])
+    energy_unit, energies = scaled("J", [(name, colour, f"energy_{name}_J") for name, colour in ENERGY_COLOURS])
+    panel_curves = (
+        ("active contacts [% of pairs]", (("", GREEN, column("active_percent")),)),
+        across,
+        (f"largest wire stress [{stress_unit}]", stress),
+        (f"largest contact force [{force_unit}]", force),
+        (f"energy [{energy_unit}]", energies),
+        ("residual over mean boundary force", (("", GREY, column("residual")),)),
     )
-    for axes, (label, is_logarithmic, curves) in zip(panels, panel_curves, strict=True):
-        draw_curves(axes, abscissa, stages, curves, is_logarithmic)
+    figure = figure_of(10.5, 10.4)
+    panels = figure.subplots(3, 2, sharex=True).ravel()
+    for number, (axes, (label, curves)) in enumerate(zip(panels, panel_curves, strict=True)):
+        draw_curves(axes, abscissa, stages, curves, is_logarithmic=number >= LOGARITHMIC)
         axes.set_ylabel(label)
     panels[0].set_ylim(-3.0, 103.0)
-    if not any(np.any(values < 0.0) for _, _, values in panel_curves[1][2]):
-        panels[1].set_ylim(bottom=0.0)
-    for axes in panels[2:]:
+    for axes, (_, curves) in zip(panels[1:LOGARITHMIC], panel_curves[1:], strict=False):
+        if not any(np.any(values < 0.0) for *_, values in curves):
+            axes.set_ylim(bottom=0.0)
+    if yield_stress is not None and stress[0][2].max(initial=0.0, where=np.isfinite(stress[0][2])) > 0.0:
+        limit = yield_stress * scale_of("Pa", column("stress_max_Pa"))[0]
+        if limit < panels[2].get_ylim()[1] * NEAR_LIMIT:
+            panels[2].axhline(limit, color=ORANGE, linestyle="--", linewidth=1.0, label="elastic limit")
+            panels[2].set_ylim(top=max(panels[2].get_ylim()[1], 1.05 * limit))
+            panels[2].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, borderaxespad=0.2)
+    for axes in panels[-2:]:
         axes.set_xlabel(abscissa_label)
     if len(stages) > 1:
         stage_legend(figure, [name for name, _ in stages])
     return save_figure(figure, path)
+
+
+def _heats_alone(columns: Mapping[str, NDArray[Any]], rows: slice) -> bool:
+    """Whether a stage changes the temperature, and neither strain nor tension in weft and warp."""
+    temperature = columns.get("temperature_K")
+    if temperature is None or not np.ptp(temperature[rows]) > 1e-6:
+        return False
+    return all(
+        np.ptp(columns[f"strain_{side}"][rows]) <= HELD_STRAIN
+        or np.ptp(tension[rows]) <= IMPOSED_TENSION * np.abs(tension[rows]).max()
+        for side in SIDES
+        for tension in [columns[f"tension_{side}_N_per_m"]]
+    )
 
 
 def _abscissa(columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[str, slice]], count: int) -> tuple[NDArray[Any], str]:

@@ -110,16 +110,16 @@ def _place(peak: Mapping[str, Any]) -> str:
 
 
 def _heat(stage: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    held = set(stage["held"])
     begin, end = ({name: values[k] for name, values in stage.items() if name not in ("stage", "held")} for k in (0, 1))
-    what = {"strain": ", frame held", "tension": ", tension held"}[held.pop()] if len(held) == 1 else ""
+    by_tension = {one == "tension" for one in stage["held"]}
+    held = "" if len(by_tension) > 1 else "tension held: " if True in by_tension else "frame held: "
     parts = [f"active {percent(0.01 * begin['active_percent'])} to {percent(0.01 * end['active_percent'])}"]
-    parts.append(f"tension {_tension(begin)}" + ("" if what == ", tension held" else f" to {_tension(end)}"))
+    parts.append(f"tension {_tension(begin)}" + ("" if by_tension == {True} else f" to {_tension(end)}"))
     moves = any(abs(end[name] - begin[name]) > LEAST_CHANGE for name in ("strain_weft", "strain_warp"))
     change = " / ".join(f"{100.0 * (end[name] - begin[name]):+.2g}" for name in ("strain_weft", "strain_warp"))
     parts.append(f"{_strain(begin)}" + (f", changed by {change} %" if moves else ""))
     parts.append(f"stress {engineering(begin['stress_max_Pa'], 'Pa')} to {engineering(end['stress_max_Pa'], 'Pa')}")
-    yield f"heat, {celsius(begin['temperature_K']).split()[0]} to {celsius(end['temperature_K'])}{what}", ", ".join(parts)
+    yield f"heat, {celsius(begin['temperature_K']).split()[0]} to {celsius(end['temperature_K'])}", held + ", ".join(parts)
 
 
 def _best(best: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
@@ -130,7 +130,7 @@ def _best(best: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
     yield "best tension", f"{_tension(best)}: {percent(0.01 * best['active_percent'])} active, {stress}"
     low, high = best["low"], best["high"]
     if best["grows"]:
-        yield "  may drift", "unknown: no record but the last of the stage has this share"
+        yield "  may drift", "unknown: only the last record has this share; a larger load would tell"
         return
     bounds = [f" ({_mean(end) / _mean(best) - 1.0:+.0%}{', end of the stage' if best[name] else ''})"
               for end, name in ((low, "open_low"), (high, "open_high"))]  # fmt: skip
