@@ -9,9 +9,10 @@ from scipy.optimize import minimize
 
 from reference.rods import SECTION, Pose, set_masses
 from warpknit.kernels import control as c
+from warpknit.spatial.contacts import Contacts
 from warpknit.spatial.rest_curve import FIT_PLACES, CentreLine, fit_rest_curve
 from warpknit.spatial.rods import Rods, rods_of
-from warpknit.spatial.wire_contact import Contacts, WireContact
+from warpknit.spatial.wire_contact import WireContact
 
 STIFFNESS = 100.0  # [N/m]
 

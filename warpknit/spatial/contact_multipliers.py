@@ -12,9 +12,10 @@ import numpy as np
 
 from ..host import fetch, store
 from ..kernels import control as c
+from .contacts import Contacts
 from .search_cells import MAX_OFFSET
 from .stalled import Stalled
-from .wire_contact import Contacts, WireContact
+from .wire_contact import WireContact
 
 OVERLAP_ERROR = 0.004  # of the thickness: allowed overlap of a contact
 FORCE_PENALTY = 20.0  # penalty over N/d: a twentieth of the thickness is the overlap of a force without offset

@@ -19,6 +19,7 @@ from ..numerics import AXIAL_ERROR, SLOWEST_WAVE
 from ..transfer.repeat_mesh import RepeatArrays, upload_repeats
 from .clamps import MovingClamps
 from .contact_multipliers import ContactMultipliers
+from .contacts import Contacts
 from .edge import Edge
 from .fictitious_masses import Masses
 from .fields import Fields
@@ -32,7 +33,7 @@ from .rod_relaxation import CHECK_STEPS, RodRelaxation
 from .rod_step import RodStepper
 from .sites import Sites
 from .thermal import segment_thermal_strain
-from .wire_contact import Contacts, WireContact
+from .wire_contact import WireContact
 
 CLOSEST = 1e-3  # of the thickness: smaller overlaps as knitted, and smaller distances of centre lines, count as zero
 LOAD_STEPS, LOAD_STRAIN = 200, 0.03  # steps over which the load of a level is applied, up to this strain; in proportion beyond it

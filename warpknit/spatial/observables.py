@@ -22,13 +22,14 @@ from ..measure.measures import active_threshold
 from ..measure.observables import Energies, WireStress
 from ..text import short_repr
 from .contact_places import contact_places, site_places
+from .contacts import Contacts
 from .hook_contact import hook_contact
 from .model import SpatialModel
 from .moments import bending_moments
 from .rest_curve import section_offsets, spatial_curve
 from .rod_relaxation import RodRelaxation
 from .sites import NOWHERE, Sites
-from .wire_contact import Contacts, WireContact
+from .wire_contact import WireContact
 
 NEAR = 1.25  # thicknesses: distance of centre lines below which the paper counts a contact as active
 

@@ -9,9 +9,9 @@ import numpy as np
 from ..kernels import control as c
 from ..numerics import AXIAL_ERROR, ENERGY_FLOOR, FORCE_FLOOR, LOCAL_ALLOWANCE
 from .contact_multipliers import OVERLAP_ERROR, ContactMultipliers
+from .contacts import Contacts
 from .model import SpatialModel
 from .rod_relaxation import RodRelaxation
-from .wire_contact import Contacts
 
 
 class Residual:

@@ -18,6 +18,9 @@ from ..kernels.wire_friction import transfer_elastic_slip
 from ..kernels.wire_pairs import find_segment_pairs, place_segments_in_hash
 from ..launch import Launch, bind
 from ..memory import available_memory
+from .contact_bounds import stiffness_bounds
+from .contacts import Contacts
+from .pair_list import SLIP_ARRAYS, PairList
 from .rest_curve import RestCurve, catmull_rom
 from .rod_arrays import TouchArrays
 from .rod_step import RodStepper
@@ -28,10 +31,6 @@ MIN_ARC_SEPARATION = (
     4.0  # radii along a wire, below which its segments do not touch each other; bent back onto itself it takes pi
 )
 STICK_SHARE = 0.5  # tangential over normal stiffness
-# bounds on the stiffness of a contact, whose weights change until the next update of the masses
-WEIGHT_SUM = 0.25  # sum of the sizes of the weights of a wire, beyond 1, over those of the outer edges in the slopes
-MORE_TILT = 0.1  # allowance for the components of the normal; more between wires that do not touch
-LEAST_WEIGHT, BEYOND_WEIGHT = 0.5, 0.16  # of the nodes of the segment, at least; of the nodes beyond, over that of their edge
 # memory of one pair, its elastic slips, and of a pair that may touch
 PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2 + 1) + 4 * 4, 2 * 2 * (8 * (3 + 2) + 4)
 TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (2 + 2 * 3)) + 4 * 3
@@ -41,9 +40,6 @@ LEAST_CAPACITY = 64  # of a list
 NEXT_TRAVEL = 0.4  # of the thickness, most travel before near pairs are listed again
 SINGLE = 1.0001  # allowance for distances in single precision
 CAPACITY_MARGIN = 1.3  # capacity of a list over the pairs found
-PAIR_ARRAYS = ("first", "second", "shift", "arc_separation", "wake_travel", "renewal_travel", "found")
-SLIP_ARRAYS = ("slip_step", "slip_place", "elastic_slip")
-NODE_ARRAYS = ("start", "count")
 
 
 def _fill(array: wp.array, values: np.ndarray) -> None:
@@ -59,30 +55,6 @@ def _is_one_of(members: np.ndarray, total: int) -> np.ndarray:
     found = np.zeros(total, dtype=bool)
     found[members] = True
     return found
-
-
-def _sum_at(node: np.ndarray, values: np.ndarray, nodes: int) -> np.ndarray:
-    """[node] sums of the values at their nodes, of which -1 does not exist."""
-    return np.bincount(node + 1, values, nodes + 1)[1:]
-
-
-@dataclass(frozen=True)
-class Contacts:
-    """Contacts on the host; arrays [contact]. `first` and `second` are the first nodes of the two segments.
-
-    Two contacts of the same segments with different shifts are contacts with different periodic images.
-
-    A saddle between two contacts of a pair counts as a contact with a negative force (kernels/wire_weights.py).
-    """
-
-    first: np.ndarray
-    second: np.ndarray
-    place: np.ndarray  # (contact, 2) on the segments, 0 .. 1
-    shift: np.ndarray  # (contact, 3) [m] at rest, periodic shift of the second segment next to the first
-    force: np.ndarray  # [N] normal
-    friction: np.ndarray  # (contact, 3) [N] on the first
-    normal: np.ndarray  # (contact, 3) towards the first
-    overlap: np.ndarray  # [m] negative: gap
 
 
 @dataclass(frozen=True)
@@ -112,41 +84,6 @@ def _upload_wires(rods: Rods, curve: RestCurve, device: str) -> _WireArrays:
     )
 
 
-class _PairList:
-    """Device arrays of a list of at most `capacity` segment pairs; `number` identifies the list."""
-
-    def __init__(self, capacity: int, nodes: int, device: str, number: int, *, with_slip: bool) -> None:
-        def make(dtype: type, count: int = capacity) -> wp.array:
-            return wp.zeros(count, dtype=dtype, device=device)
-
-        self.capacity, self.number = capacity, number
-        self.start, self.count = make(wp.int32, nodes), make(wp.int32, nodes)
-        self.total = make(wp.int32, 1)
-        self.first, self.second = make(wp.int32), make(wp.int32)
-        self.shift = make(wp.vec3d)
-        self.arc_separation, self.wake_travel = make(wp.float64), make(wp.float64)
-        self.renewal_travel, self.found, self.is_near = make(wp.float64), make(wp.int32), make(wp.int32)
-        self.mark: list[wp.Launch] = []  # of `mark_near_pairs` by every thread, once it is recorded
-        self.by_second = np.zeros(0, dtype=np.int32)  # the pairs in the order of their second segments
-        self.second_start = np.zeros(nodes + 1, dtype=np.int64)  # where those of each segment begin
-        self.place = make(wp.vec2d, PLACES * capacity)
-        # elastic slip of friction: two contacts a pair, double-buffered by the parity of the step
-        slips = (2, 2 * capacity if with_slip else 0)
-        self.slip_step = wp.full(slips, -1, dtype=wp.int32, device=device)
-        self.slip_place = wp.zeros(slips, dtype=wp.vec2d, device=device)
-        self.elastic_slip = wp.zeros(slips, dtype=wp.vec3d, device=device)
-
-    def order(self, total: int) -> None:
-        """Order the pairs by their second segments, after the list has been filled with so many."""
-        second = fetch(self.second)[:total]
-        self.by_second = np.argsort(second, kind="stable").astype(np.int32)
-        self.second_start = np.searchsorted(second[self.by_second], np.arange(len(self.second_start)))
-
-    def named(self, *names: str) -> dict[str, wp.array]:
-        """Arrays by the names of the kernel arguments."""
-        return {f"pair_{name}": getattr(self, name) for name in names}
-
-
 class WireContact:
     """Contact of all wires of a stepper with each other and themselves. Sets itself as the stepper's contact."""
 
@@ -164,7 +101,7 @@ class WireContact:
         rods, device = stepper.rods, stepper.device
         self.searches = 0
         curve = catmull_rom(rods) if curve is None else curve
-        self._curve, self._after, self._before = curve, rods.following, rods.previous
+        self._curve = curve
         cells = search_cells(rods, curve)
         self.margin, self._approach, self._max_sag = cells.margin, cells.approach, cells.max_sag
         self._radius, self._cell = cells.radius, cells.size
@@ -215,9 +152,9 @@ class WireContact:
             ]  # fmt: skip
         return work
 
-    def _new_list(self, capacity: int, number: int) -> _PairList:
+    def _new_list(self, capacity: int, number: int) -> PairList:
         stepper = self.stepper
-        return _PairList(capacity, stepper.rods.node_count, stepper.device, number, with_slip=self.friction > 0.0)
+        return PairList(capacity, stepper.rods.node_count, stepper.device, number, with_slip=self.friction > 0.0)
 
     def _new_touch(self, capacity: int) -> TouchArrays:
         stepper = self.stepper
@@ -322,11 +259,7 @@ class WireContact:
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Arrays for a checkpoint: the pair list with its elastic slips."""
-        pairs, count = self._list, self.pair_count
-        kept = {f"pairs_{name}": fetch(getattr(pairs, name))[:count].copy() for name in PAIR_ARRAYS}
-        kept["pairs_place"] = fetch(pairs.place)[: PLACES * count].copy()
-        kept |= {f"pairs_{name}": fetch(getattr(pairs, name))[:, : 2 * count].copy() for name in SLIP_ARRAYS}
-        kept |= {f"pairs_{name}": fetch(getattr(pairs, name)).copy() for name in NODE_ARRAYS}
+        kept = self._list.state_dict()
         kept["pairs_near"] = self._near_pairs()
         numbers = [self.searches, fetch(self.max_penetration).max(), self._travel, self._search_travel]
         return kept | {"contact": np.array(numbers)}
@@ -335,18 +268,7 @@ class WireContact:
         """Restore what `state_dict` returned."""
         total = len(kept["pairs_first"])
         pairs = self._new_list(max(self._capacity(total, PAIR_BYTES), 1), self._list.number + 2)
-        for name in (*PAIR_ARRAYS, "place", *SLIP_ARRAYS):
-            array, values = getattr(pairs, name), kept[f"pairs_{name}"]
-            filled = fetch(array).copy()
-            if name in SLIP_ARRAYS:
-                filled[:, : values.shape[1]] = values
-            else:
-                filled[: len(values)] = values
-            store(array, filled)
-        for name in NODE_ARRAYS:
-            store(getattr(pairs, name), kept[f"pairs_{name}"])
-        store(pairs.total, total)
-        pairs.order(total)
+        pairs.load_state_dict(kept)
         self._list = pairs
         if self.friction == 0.0:
             self._other = pairs
@@ -356,35 +278,12 @@ class WireContact:
         self._take_near_pairs(_is_one_of(kept["pairs_near"], total))
 
     def stiffness_bounds(self, approach: float) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds on the stiffness of the contacts: of nodes (node, 3) [N/m] along x, y, z, and of sections [node] [N m].
-
-        Contacts count that touch or may do so after an approach [m], up to which the last evaluation looked.
-        """
-        rods, state = self.stepper.rods, self.stepper.state
-        thickness, nodes = rods.section.thickness, rods.node_count
-        near = self.read_contacts(approach)
-        after, before = self._after, self._before
-        penalty = fetch(state.contact_penalty)
-        own = np.maximum(penalty, penalty[after])
+        """Bounds on the stiffness of the contacts that touch or may do so after an approach [m], up to which the last evaluation
+        looked: of nodes (node, 3) [N/m] along x, y, z, and of sections [node] [N m]."""
+        state = self.stepper.state
         sticking = 0.0 if self.friction == 0.0 else STICK_SHARE * float(state.read_control()[int(c.CONTACT_STIFFNESS)])
-        stiffness = self._curve.weight_square * np.maximum(own[near.first], own[near.second])
-        tilt = MORE_TILT + np.maximum(-near.overlap, 0.0) / thickness
-        along = np.abs(near.normal) + tilt[:, None]
-        outer = self._curve.slope_weight[:, [0, 3]]
-        total = 2.0 + WEIGHT_SUM * (outer[near.first] + outer[near.second]).sum(axis=1)
-        bound = total[:, None] * ((stiffness * along.sum(axis=1))[:, None] * along + sticking)
-        there, weights, arms, sections, levers = [], [], [], [], []
-        for node, s in ((near.first, near.place[:, 0]), (near.second, near.place[:, 1])):
-            beyond = BEYOND_WEIGHT * outer[node].T
-            there += [before[node], node, after[node], after[after[node]]]
-            weights += [beyond[0], np.maximum(1.0 - s, LEAST_WEIGHT), np.maximum(s, LEAST_WEIGHT), beyond[1]]
-            arms += 4 * [sticking * (thickness / rods.natural_length[node]) ** 2]  # tilting segments
-            sections += [before[node], node, after[node]]
-            levers += 3 * [stiffness * self._curve.lever**2 + sticking * 0.25 * thickness**2]
-        sums = np.concatenate(weights)[:, None] * np.tile(bound, (8, 1)) + np.concatenate(arms)[:, None]
-        node_bound = np.stack([_sum_at(np.concatenate(there), sums[:, k], nodes) for k in range(3)], axis=1)
-        section_bound = _sum_at(np.concatenate(sections), np.concatenate(levers), nodes)
-        return node_bound, section_bound
+        near = self.read_contacts(approach)
+        return stiffness_bounds(near, self.stepper.rods, self._curve, fetch(state.contact_penalty), sticking)
 
     def _capacity(self, total: int, size: int) -> int:
         """Capacity of a list of so many pairs of `size` bytes."""
@@ -397,7 +296,7 @@ class WireContact:
             )
         return capacity
 
-    def _find(self, pairs: _PairList, radius: float, *, filling: bool) -> None:
+    def _find(self, pairs: PairList, radius: float, *, filling: bool) -> None:
         stepper, rods = self.stepper, self.stepper.rods
         finds = []
         for part in range(stepper.threads):
