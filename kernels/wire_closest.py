@@ -2,7 +2,8 @@
 
 Wires that hook at a small angle touch on both sides of their crossing, and the two contacts may be closer to each other than a
 segment is long. Minima are therefore searched from both ends of a segment; the nearest of a grid of places leads to a nearer one
-that both miss. Two different minima have a saddle of the distance between them.
+that both miss. Two different minima have a saddle of the distance between them. One of them may be in the next segment, with the
+saddle on this side of the node: the nearest place at the node then stands for it.
 
 Steps look at the pairs alone that may touch soon (`mark_near_pairs`); a pair is evaluated only where the distance of its chords,
 less the sag of the curves, is below the contact distance; one that does not touch sleeps until the travel has used up its gap.
@@ -27,6 +28,7 @@ from .wire_curve import (
 from .wire_minima import (
     NEWTON_ACCURACY,
     are_distinct,
+    beyond_saddle,
     closest_on_curves,
     distance_at,
     followed_saddle,
@@ -37,7 +39,7 @@ from .wire_minima import (
 )
 from .wire_prefetch import first_of_part, prefetch_pair
 
-MIN_BARRIER = wp.constant(wp.float64(1.0e-9))  # between two minima, of the contact distance
+MIN_BARRIER = wp.constant(wp.float64(1.0e-11))  # between two minima, of the contact distance: ten times NEWTON_ACCURACY squared
 MISSED = wp.constant(wp.float64(0.01))  # of the contact distance, by which a third minimum has to be nearer than two others
 RENEWAL_TRAVEL = wp.constant(wp.float64(0.01))  # of the contact distance
 RUNNING_TRAVEL = wp.constant(wp.float64(0.04))  # of the contact distance, beyond that while steps follow each other
@@ -230,14 +232,28 @@ def find_closest_places(
             pair_renewal_travel[pair] = travel + RENEWAL_TRAVEL * contact_distance
         minima = ONE_PLACE
         nearest = distance_at(curve_p, curve_q, one)
+        other_distance = distance_at(curve_p, curve_q, other)
+        is_saddle_known = bool(is_followed)
+        touching = wp.vec2d(one)
+        if other_distance < nearest:
+            touching = wp.vec2d(other)
+        is_alone = not are_distinct(one, other) or wp.max(nearest, other_distance) >= contact_distance
+        if is_alone and wp.min(nearest, other_distance) < contact_distance:
+            from_end = beyond_saddle(curve_p, curve_q, touching)
+            if are_distinct(touching, wp.vec2d(from_end[0], from_end[1])):
+                from_other = from_end
+                one = touching
+                other = wp.vec2d(from_end[0], from_end[1])
+                nearest = distance_at(curve_p, curve_q, one)
+                other_distance = distance_at(curve_p, curve_q, other)
+                is_saddle_known = False
         if are_distinct(one, other):
             from_saddle = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
-            if is_followed:
+            if is_saddle_known:
                 from_saddle = followed_saddle(curve_p, curve_q, pair_place[k + 2])
             saddle = wp.vec2d(from_saddle[0], from_saddle[1])
             if from_saddle[2] >= NEWTON_ACCURACY:
                 saddle = saddle_of(curve_p, curve_q, one, other)
-            other_distance = distance_at(curve_p, curve_q, other)
             barrier = MIN_BARRIER * contact_distance
             if distance_at(curve_p, curve_q, saddle) > wp.max(nearest, other_distance) + barrier:
                 minima = TWO_PLACES

@@ -28,7 +28,7 @@ from .wire_minima import is_bounded
 from .wire_motion import node_velocities, point_velocity, section_rate
 from .wire_pairs import NO_COMMON_WIRE
 from .wire_prefetch import first_of_part, prefetch_pair
-from .wire_weights import friction_weight, inside_weight, line_weight, saddle_weight
+from .wire_weights import friction_weight, line_weight, saddle_weight
 
 
 @wp.func
@@ -189,7 +189,7 @@ def find_contact_forces(
                 )
                 overlaps[a] = contact_distance - wp.length(r) + offset_a
                 weight = one
-                inside = inside_weight(place)
+                is_separate = bool(True)
                 s_goes_on = is_bounded(s, wp.dot(r, dp)) and ((s <= zero and previous[i] >= 0) or (s >= one and has_more_p))
                 t_goes_on = is_bounded(t, -wp.dot(r, dq)) and ((t <= zero and previous[j] >= 0) or (t >= one and has_more_q))
                 if (
@@ -197,19 +197,16 @@ def find_contact_forces(
                     and wp.abs(separation + t * natural_length[j] - s * natural_length[i]) < min_arc_separation * node_radius[i]
                 ):
                     weight = zero
-                    inside = zero
-                elif s_goes_on and t_goes_on:
+                    is_separate = False
+                elif (s_goes_on and t_goes_on) or (s >= one and has_more_p and not s_goes_on):
+                    weight = zero
+                elif t >= one and has_more_q and not t_goes_on:
                     weight = zero
                 elif s_goes_on or t_goes_on:
-                    weight = line_weight(curve_p, curve_q, place, length[i], length[j], contact_distance)
-                    inside = weight
-                elif (s >= one and has_more_p) or (t >= one and has_more_q):
-                    weight = zero
-                elif a < 2 and inside < one:
-                    inside = wp.max(inside, line_weight(curve_p, curve_q, place, length[i], length[j], contact_distance))
+                    weight = line_weight(p, q, place, r, dp, dq, contact_distance)
                 weights[a] = weight
-                if a < 2 and found != ONE_PLACE:
-                    without_saddle = without_saddle * (one - inside * saddle_weight(place, pair_place[3 * pair + 2]))
+                if a < 2 and found != ONE_PLACE and is_separate:
+                    without_saddle = without_saddle * (one - saddle_weight(place, pair_place[3 * pair + 2]))
                 elif a == 2:
                     weights[2] = (without_saddle - one) * weight
         for a in range(last):
@@ -258,7 +255,7 @@ def find_contact_forces(
                     slip = slip + control[TIME_STEP] * slip_velocity
                 own = weight
                 if found != ONE_PLACE:
-                    own = weight * friction_weight(overlap, overlaps[1 - a], -weights[2] * overlaps[2])
+                    own = weight * friction_weight(overlap, overlaps[1 - a], weights[1 - a], -weights[2] * overlaps[2])
                 friction_force = -(stick_share * control[CONTACT_STIFFNESS] * own) * slip
                 limit = friction * own * normal_force / weight
                 size = wp.length(friction_force)

@@ -15,7 +15,8 @@ NEWTON_ROUND_OFF = wp.constant(wp.float64(1.0e-12))  # of a segment: smaller ste
 MIN_CURVATURE = wp.constant(wp.float64(1.0e-4))  # smallest curvature of a Newton step, over the larger one
 MAX_STEP = wp.constant(wp.float64(0.25))  # of a segment
 SAME_PLACE = wp.constant(wp.float64(1.0e-6))  # of a segment: closer places are one
-SADDLE_STEPS, FOLLOWING_STEPS = 40, 6
+SADDLE_STEPS, FOLLOWING_STEPS, END_STEPS = 40, 6, 8
+END_CURVATURE = wp.constant(wp.float64(0.25))  # smallest curvature of a step towards the place nearest to an end, of the chord
 SAMPLES = 5  # places along a segment, of the grid that a search starts from
 SAMPLE_SPACING = wp.constant(wp.float64(0.25))
 Samples = wp.types.matrix(shape=(SAMPLES, 3), dtype=wp.float64)  # points on a curve, as rows
@@ -221,6 +222,65 @@ def projected_end(p: Powers, q: Powers, end: wp.float64) -> wp.vec2d:
 
 
 @wp.func
+def turned(place: wp.vec2d) -> wp.vec2d:
+    """The places of a pair of segments with the second one first."""
+    return wp.vec2d(place[1], place[0])
+
+
+@wp.func
+def nearer_end(place: wp.float64) -> wp.float64:
+    """The end, 0 or 1, next to a place inside a segment; of a place at an end, the other one."""
+    if place <= wp.float64(0.0) or place >= wp.float64(1.0):
+        return wp.float64(1.0) - place
+    return wp.round(place)
+
+
+@wp.func
+def nearest_to_end(p: Powers, q: Powers, place: wp.vec2d) -> wp.vec2d:
+    """(s, t) of the end of p nearer to a minimum at `place`, and the place of q nearest to that end."""
+    end = nearer_end(place[0])
+    at_p = point_at(p, end)
+    t = place[1]
+    for step in range(END_STEPS):
+        dq = derivative_at(q, t)
+        r = at_p - point_at(q, t)
+        slope = wp.dot(r, dq)
+        if step == 0:
+            r = point_at(p, place[0]) - point_at(q, t)
+            slope = (end - place[0]) * wp.dot(derivative_at(p, place[0]), dq)
+        square = wp.dot(dq, dq)
+        curvature = wp.max(square - wp.dot(r, second_derivative_at(q, t)), END_CURVATURE * square)
+        nearer = wp.clamp(t + slope / curvature, wp.float64(0.0), wp.float64(1.0))
+        step_size = wp.abs(nearer - t)
+        t = nearer
+        if step_size < NEWTON_ACCURACY:
+            break
+    return wp.vec2d(end, t)
+
+
+@wp.func
+def beyond_saddle(p: Powers, q: Powers, place: wp.vec2d) -> wp.vec4d:
+    """As `closest_on_curves`, from an end of a segment beyond which the distance is less, with a saddle before it; else `place`.
+
+    Of either segment the end nearer to the minimum at `place` is tried; of both the one with the least distance counts.
+    """
+    of_p = nearest_to_end(p, q, place)
+    of_q = turned(nearest_to_end(q, p, turned(place)))
+    end = wp.vec2d(place)
+    least = wp.float64(1.0e300)
+    r = point_at(p, of_p[0]) - point_at(q, of_p[1])
+    if is_bounded(of_p[0], wp.dot(r, derivative_at(p, of_p[0]))):
+        end = of_p
+        least = wp.length_sq(r)
+    r = point_at(p, of_q[0]) - point_at(q, of_q[1])
+    if is_bounded(of_q[1], -wp.dot(r, derivative_at(q, of_q[1]))) and wp.length_sq(r) < least:
+        end = of_q
+    if are_distinct(end, place):
+        return closest_on_curves(p, q, end)
+    return wp.vec4d(place[0], place[1], wp.float64(0.0), wp.float64(0.0))
+
+
+@wp.func
 def distance_at(p: Powers, q: Powers, place: wp.vec2d) -> wp.float64:
     """[m] distance of two points of two curves."""
     return wp.length(point_at(p, place[0]) - point_at(q, place[1]))
@@ -254,13 +314,9 @@ def saddle_of(p: Powers, q: Powers, one: wp.vec2d, other: wp.vec2d) -> wp.vec2d:
         if other[0] >= one[0]:
             return saddle_between(p, q, one, other)
         return saddle_between(p, q, other, one)
-    ahead = wp.vec2d(one[1], one[0])
-    behind = wp.vec2d(other[1], other[0])
-    if other[1] < one[1]:
-        ahead = wp.vec2d(other[1], other[0])
-        behind = wp.vec2d(one[1], one[0])
-    turned = saddle_between(q, p, ahead, behind)
-    return wp.vec2d(turned[1], turned[0])
+    if other[1] >= one[1]:
+        return turned(saddle_between(q, p, turned(one), turned(other)))
+    return turned(saddle_between(q, p, turned(other), turned(one)))
 
 
 @wp.func

@@ -2,7 +2,8 @@
 
 A contact inside both segments has the weight 1. A closest point that is bounded by a node counts only where the wires separate
 slowly, side by side or wound round each other, and touch along a line: each node of either wire is then a contact, whichever of
-the two adjacent segments the closest point would move to.
+the two adjacent segments the closest point would move to. Its weight depends on what both of these segments have in common, so a
+contact passes a node without a jump.
 
 Two segments may touch in two points, a and b, with a saddle c of the distance between them (wire_minima.py). Their energy is
 
@@ -10,56 +11,68 @@ Two segments may touch in two points, a and b, with a saddle c of the distance b
 
 w_a = (1 - (x/SADDLE_RANGE)^4)^2 with the distance x from a to the saddle, and w_b likewise. A closest point appears or disappears
 together with a saddle; there the two cancel, so neither the energy nor its gradient jumps. The saddle therefore pulls as a
-contact would push. Farther off it does not count, because wires that touch along a line have one contact a segment; nor where a
-or b is within END_FRACTION of the end of a segment, about to move to the next one, which does not have the saddle. The gradient
+contact would push. Farther off it does not count, because wires that touch along a line have one contact a segment. a or b may
+be bounded by a node, with the closest point itself in the next segment: the saddle passes the node without a jump. The gradient
 of w is left out: w is flat near either end. The friction of each closest point has the weight
 
-    1 - (o_c/o_a) w_a        w_a = (o_b - o_c)/(o_a + o_b - 2 o_c)
+    1 - (w o_c/o_a) (1 - v_b (1 - u_a))        u_a = (o_b - w o_c)/(o_a + o_b - 2 w o_c)
 
-which is 0 for a contact that appears, 1/2 where one splits into two, and 1 once the wires are separate in between.
+with the weight v_b of the other one as a contact, 1 inside the segment. It is 0 for a contact that appears, 1/2 where one splits
+into two, and 1 once the wires are separate in between.
 """
 
 import warp as wp
 
-from .wire_curve import Powers, derivative_at, point_at, second_derivative_at
+from .wire_curve import Nodes, row
 
 # separation of the wires over the contact distance, within a segment or, if longer, within the contact distance
 LINE_FRACTION = wp.constant(wp.float64(0.25))  # below: contact along a line
 POINT_FRACTION = wp.constant(wp.float64(0.35))  # above: contact in a point
-END_FRACTION = wp.constant(wp.float64(0.05))  # of a segment
 SADDLE_RANGE = wp.constant(wp.float64(0.5))  # of a segment
 
 
 @wp.func
-def line_weight(
-    p: Powers, q: Powers, place: wp.vec2d, length_p: wp.float64, length_q: wp.float64, contact_distance: wp.float64
-) -> wp.float64:
-    """Weight of a contact bounded by the end of a segment: 1 where the wires touch along a line, 0 in a point.
+def curvature_at(nodes: Nodes, place: wp.float64) -> wp.vec3d:
+    """[1/m] curvature vector of the line through four nodes: at nodes 1 and 2, interpolated.
 
-    From the determinant of the second derivatives of the squared distance: the squared sine of the angle between straight wires,
-    and zero for wires wound round each other.
+    Both segments beside a node have the same there, unlike the second derivatives of their curves.
     """
-    dp = derivative_at(p, place[0])
-    dq = derivative_at(q, place[1])
-    r = point_at(p, place[0]) - point_at(q, place[1])
-    pp = wp.dot(dp, dp)
-    qq = wp.dot(dq, dq)
-    pq = wp.dot(dp, dq)
-    determinant = (pp + wp.dot(r, second_derivative_at(p, place[0]))) * (
-        qq - wp.dot(r, second_derivative_at(q, place[1]))
-    ) - pq * pq
-    sine = wp.sqrt(wp.max(determinant, wp.float64(0.0)) / (pp * qq))
-    fraction = sine * wp.max(wp.max(length_p, length_q) / contact_distance, wp.float64(1.0))
-    return wp.clamp((POINT_FRACTION - fraction) / (POINT_FRACTION - LINE_FRACTION), wp.float64(0.0), wp.float64(1.0))
+    before = row(nodes, 1) - row(nodes, 0)
+    edge = row(nodes, 2) - row(nodes, 1)
+    after = row(nodes, 3) - row(nodes, 2)
+    two = wp.float64(2.0)
+    length = wp.length(edge)
+    own = edge / length
+    one = (two / (length + wp.length(before))) * (own - wp.normalize(before))
+    other = (two / (length + wp.length(after))) * (wp.normalize(after) - own)
+    return one + place * (other - one)
 
 
 @wp.func
-def inside_weight(place: wp.vec2d) -> wp.float64:
-    """0 at the ends of either segment, 1 from END_FRACTION off them."""
+def spacing_at(nodes: Nodes, place: wp.float64) -> wp.float64:
+    """[m] length of segments: the mean of both at a node, interpolated between nodes."""
+    half = wp.float64(0.5)
+    before = wp.length(row(nodes, 1) - row(nodes, 0))
+    own = wp.length(row(nodes, 2) - row(nodes, 1))
+    after = wp.length(row(nodes, 3) - row(nodes, 2))
+    return half * (own + before + place * (after - before))
+
+
+@wp.func
+def line_weight(
+    p: Nodes, q: Nodes, place: wp.vec2d, r: wp.vec3d, dp: wp.vec3d, dq: wp.vec3d, contact_distance: wp.float64
+) -> wp.float64:
+    """Weight of a contact bounded by the end of a segment: 1 where the wires touch along a line, 0 in a point.
+
+    r points from q to p, dp and dq along the curves. From the determinant of the second derivatives of half the squared distance
+    by the arcs: the squared sine of the angle between straight wires, and zero for wires wound round each other.
+    """
     one = wp.float64(1.0)
-    s = wp.min(place[0], one - place[0])
-    t = wp.min(place[1], one - place[1])
-    return wp.clamp(wp.min(s, t) / END_FRACTION, wp.float64(0.0), one)
+    cosine = wp.dot(wp.normalize(dp), wp.normalize(dq))
+    determinant = (one + wp.dot(r, curvature_at(p, place[0]))) * (one - wp.dot(r, curvature_at(q, place[1]))) - cosine * cosine
+    sine = wp.sqrt(wp.abs(determinant))
+    fraction = sine * wp.max(wp.max(spacing_at(p, place[0]), spacing_at(q, place[1])) / contact_distance, one)
+    return wp.clamp((POINT_FRACTION - fraction) / (POINT_FRACTION - LINE_FRACTION), wp.float64(0.0), one)
 
 
 @wp.func
@@ -72,14 +85,15 @@ def saddle_weight(place: wp.vec2d, saddle: wp.vec2d) -> wp.float64:
 
 
 @wp.func
-def friction_weight(own: wp.float64, other: wp.float64, saddle: wp.float64) -> wp.float64:
-    """Friction weight of one of two contacts, from both overlaps and that of the saddle between them."""
+def friction_weight(own: wp.float64, other: wp.float64, weight_of_other: wp.float64, saddle: wp.float64) -> wp.float64:
+    """Friction weight of one of two contacts, from both overlaps and that of the saddle between them, the weight of the other."""
     zero = wp.float64(0.0)
     if saddle <= zero or own <= zero:
         return wp.float64(1.0)
     above = wp.max(own - saddle, zero)
     beyond = wp.max(other - saddle, zero)
-    weight = wp.float64(0.5)
+    share = wp.float64(0.5)
     if above + beyond > zero:
-        weight = beyond / (above + beyond)
-    return wp.max(wp.float64(1.0) - weight * wp.min(saddle / own, wp.float64(1.0)), zero)
+        share = beyond / (above + beyond)
+    share = wp.float64(1.0) - weight_of_other * (wp.float64(1.0) - share)
+    return wp.max(wp.float64(1.0) - share * wp.min(saddle / own, wp.float64(1.0)), zero)

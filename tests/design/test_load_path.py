@@ -79,3 +79,30 @@ def test_a_path_ends_behind_first_yield_unless_more_is_requested():
     assert (
         load_equally(exact_model(scene, scene.solver.residual_tolerance), EqualTension(0.0, 0.0, 1.0), None) == EqualTensionPath()
     )
+
+
+@pytest.mark.parametrize("failing", [1, 2, 99])
+def test_a_stage_that_does_not_converge_is_left_out(failing, monkeypatch):
+    """The next one begins where it began; of three in a row the path ends with what it has, and says why."""
+    tried = []
+
+    class Failing(LoadPath):
+        def load(self, stage, levels, watch=lambda _: None):
+            tried.append(stage.tension_weft)
+            for number, record in enumerate(super().load(stage, levels, watch)):
+                if number == 1 and 1 < len(tried) <= 1 + failing:
+                    raise Diverged("no progress")
+                yield record
+
+    monkeypatch.setattr("warpknit.design.equal_tension.LoadPath", Failing)
+    scene = load_scene(SCENES / "contact_map.toml", ["output.frames=4"], "draft")
+    path = load_equally(
+        exact_model(scene, scene.solver.residual_tolerance), EqualTension(0.2, 0.2, scene.wire.yield_stress), None
+    )
+    tensions = [row.tension_weft_N_per_m for row in path.rows]
+    assert tensions == sorted(tensions)
+    if failing == 99:
+        assert (len(tried), list(path.states), path.ended) == (4, tried[:1], "no progress")
+    else:
+        assert list(path.states)[:2] == [tried[0], tried[1 + failing]]
+        assert path.ended == "beyond first yield"

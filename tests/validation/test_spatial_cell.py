@@ -2,7 +2,7 @@
 tile."""
 
 import functools
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +12,10 @@ from scipy.spatial import cKDTree
 from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.kernels.wire_minima import SINGLE_STEP
+from warpknit.knit.named import named_knit
 from warpknit.model import build_model
 from warpknit.planar.state import initial_state
-from warpknit.scene import load_scene
+from warpknit.scene import load_scene, make_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.observables import NEAR, SpatialObservables, read
 from warpknit.spatial.search_cells import search_cells
@@ -181,18 +182,18 @@ def test_rhombus_of_a_patch_is_that_of_the_cell() -> None:
 
 
 @pytest.mark.parametrize(
-    ("nodes", "friction", "residual", "accuracy"), [(16, 0.0, 1e-6, 3e-5), (14, 0.2, 0.1, 1e-9)], ids=["without", "with friction"]
+    ("friction", "residual", "accuracy"), [(0.0, 1e-6, 3e-5), (0.2, 0.1, 1e-9)], ids=["without", "with friction"]
 )
-def test_tile_of_three_by_three_repeats_is_the_cell(nodes: int, friction: float, residual: float, accuracy: float) -> None:
+def test_tile_of_three_by_three_repeats_is_the_cell(friction: float, residual: float, accuracy: float) -> None:
     """At so few nodes that segments of one repeat are near several images of each other, one repeat rests as nine do.
 
     Without friction that is one state, to the residual, by which the tensions of both may drift. With friction the state depends
-    on the way there, which is the same but for round-off.
+    on the way there, which is the same but for round-off; not so at 14 nodes, where a closest point passes a node and
+    its saddle is lower than the least barrier (kernels/wire_closest.py): forces then move by the third root of that, 2e-4.
     """
     load = ("load.strain_weft=0.1", "load.strain_warp=0.1", "output.frames=1", f"solver.residual_tolerance={residual}")
     one, nine = (
-        readings(f"model.nodes_per_loop={nodes}", f"knit.repeats=[{n}, {n}]", f"contact.friction={friction}", *load)[-1]
-        for n in (1, 3)
+        readings("model.nodes_per_loop=16", f"knit.repeats=[{n}, {n}]", f"contact.friction={friction}", *load)[-1] for n in (1, 3)
     )
     assert search_cells(one.model.rods, one.model.curve).count.min() < 3
     assert measure.contacts(nine).active_percent == measure.contacts(one).active_percent > 0.0
@@ -260,3 +261,20 @@ def test_forces_in_a_narrow_tile_are_those_in_many_repeats() -> None:
         np.sort(few.site_force), rel=1e-6, abs=1e-9 * few.site_force.max()
     )
     assert all_of_them.body_near.sum() == 12 * few.body_near.sum() > 0
+
+
+def test_a_level_at_which_a_contact_passes_a_node_converges() -> None:
+    """A force that jumps as a closest point passes a node of the contact curve keeps a mesh from equilibrium: here, at 11 %."""
+    bars = [asdict(bar) for bar in named_knit("reverse-locknit").bars]
+    scene = make_scene(
+        {
+            "wire": {"material": "molybdenum", "diameter": "20 um", "ends": 3},
+            "knit": {"bars": bars, "wales": "26 /inch", "courses": "30 /inch"},
+            "model": {"kind": "spatial", "boundary": "periodic"},
+            "load": {"strain_weft": 0.11, "strain_warp": 0.11},
+            "solver": {"max_steps": 10_000},
+            "output": {"frames": 11},
+        }
+    )
+    *_, last = Simulation(build_model(scene)).run()
+    assert last.steady and measure.contacts(last.observables).active_percent > 50.0

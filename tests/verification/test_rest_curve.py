@@ -35,14 +35,17 @@ def line_of(*curves: np.ndarray, nodes: int, step: float) -> tuple[Rods, CentreL
     return rods_of(SECTION, [f(s) for f in curves]), CentreLine(slope, between, np.full(len(slope), step))
 
 
-def hooked(angle: float, bow: float, gap: float, *, lean: float = 0.0, along: float = 0.0) -> tuple[Rods, CentreLine]:
+def hooked(
+    angle: float, bow: float, gap: float, *, lean: float = 0.0, along: float = 0.0, off: float = 0.0
+) -> tuple[Rods, CentreLine]:
     """Two wires that hook each other as in a knit: side by side at the distance `gap`, bowed towards each other's ends with the
     curvature `bow`, and crossing over and under with the slopes +- `angle`, `along` from the middle of a segment of length 3 of
-    each. Where they `lean`, they are nearer to each other on one side of that than on the other."""
+    each, and `off` farther on the second. Where they `lean`, they are nearer to each other on one side of that than on the
+    other."""
 
     def wire(side: float) -> Callable[[np.ndarray], np.ndarray]:
         def at(s: np.ndarray) -> np.ndarray:
-            x = s - 7.5 - along
+            x = s - 7.5 - along - (off if side > 0.0 else 0.0)
             return np.stack([x, side * 0.5 * (gap + lean * x - bow * x**2), side * np.tan(angle) * x], axis=-1)
 
         return at
@@ -169,12 +172,13 @@ def test_two_contacts_become_one_without_a_jump() -> None:
     assert jumps[1] < 0.2 * jumps[0]
 
 
+@pytest.mark.parametrize("along", [0.0, 1.35])
 @pytest.mark.parametrize("share", [0.95, 0.99, 1.01])
-def test_two_contacts_near_each_other_rub_as_what_both_press_with(share: float) -> None:
+def test_two_contacts_near_each_other_rub_as_what_both_press_with(share: float, along: float) -> None:
     """Drawn along each other by more than the contacts give way: two alike with a saddle between them are rubbed by mu times
-    their forces less that of the saddle, as one of that force would be."""
+    their forces less that of the saddle, as one of that force would be; also with one of them beyond a node."""
     bow, gap, friction, way = 0.8, 0.98, 0.01, 2e-3
-    rods, line = hooked(float(np.arctan(share * np.sqrt(0.5 * bow * gap))), bow, gap)
+    rods, line = hooked(float(np.arctan(share * np.sqrt(0.5 * bow * gap))), bow, gap, along=along)
     pose = Pose(rods)
     contact = WireContact(pose.stepper, STIFFNESS, friction=friction, curve=fit_rest_curve(rods, line))
     state = pose.stepper.state
@@ -193,7 +197,7 @@ def test_two_contacts_near_each_other_rub_as_what_both_press_with(share: float) 
 @pytest.mark.parametrize("along", [-0.5, 0.0, 0.5])
 def test_a_contact_goes_without_a_jump_while_another_stays(along: float) -> None:
     """Of wires that lean, one closest point meets the saddle of the distance, away from the other point, and both are gone. There
-    the force on the wires changes with the root of the angle, and not by that of the contact: that a barrier of less than 1e-9
+    the force on the wires changes with the root of the angle, and not by that of the contact: that a barrier of less than 1e-11
     counts as none leaves a jump of the order of its third root."""
     bow, gap, lean = 0.8, 0.9, 0.02
 
@@ -211,6 +215,51 @@ def test_a_contact_goes_without_a_jump_while_another_stays(along: float) -> None
     assert np.sort(before.force)[1] > 0.05 * STIFFNESS
     assert np.ptp(before.place[before.force > 0.0, 0]) > 0.1  # and stand apart
     assert np.linalg.norm(push(before) - push(after)) < 5e-3 * np.sort(before.force)[1]
+
+
+HOOKS = [(0.6, 0.0), (0.9, 0.0), (0.97, 0.0), (0.9, 0.02), (0.7, 0.1), (1.05, 0.0)]  # share of the angle, lean
+
+
+@pytest.mark.parametrize("off", [0.0, 1.3])
+@pytest.mark.parametrize(("share", "lean"), HOOKS)
+def test_contacts_and_their_saddle_pass_nodes(share: float, lean: float, off: float) -> None:
+    """The same wires with their nodes elsewhere, over the length of a segment: the push does not depend on where the nodes are.
+    The saddle counts less where the closest points are 0.2 segments from it, with w = 0.95 for 1 at a node."""
+    bow, gap = 0.8, 0.97
+    angle = float(np.arctan(share * np.sqrt(0.5 * bow * gap)))
+    found = [touch(angle, bow, gap, lean=lean, along=along, off=off) for along in np.linspace(-1.499, 1.499, 41)]
+    pushes = np.array([np.linalg.norm(push(contacts)) for contacts in found])
+    saddle = max(-float(contacts.force.min(initial=0.0)) for contacts in found)
+    assert len({tuple(contacts.first) for contacts in found}) > 1 or share > 1.0  # they do pass nodes
+    assert np.ptp(pushes) < 0.06 * saddle + 1e-3 * pushes.mean()
+
+
+@pytest.mark.parametrize("off", [0.0, 1.3])
+@pytest.mark.parametrize(("share", "lean"), HOOKS)
+def test_contacts_that_are_followed_are_those_of_a_new_search(share: float, lean: float, off: float) -> None:
+    """The nodes move along two hooked wires by the length of a segment, in steps of a hundredth: closest points are followed from
+    step to step, and a saddle that comes in over a node is found in the same step as by a search."""
+    bow, gap = 0.8, 0.97
+
+    def rods_at(along: float) -> Rods:
+        return hooked(float(np.arctan(share * np.sqrt(0.5 * bow * gap))), bow, gap, lean=lean, along=along, off=off)[0]
+
+    ways = np.linspace(-1.499, 1.499, 101)
+    rods = rods_at(ways[0])
+    followed, contact = contact_of(rods, None)
+    still, pushes = np.zeros(rods.node_count), []
+    for along in ways:
+        move = rods_at(along).position - rods.position
+        followed.at(move, still)
+        anew, searched = Pose(rods), None
+        searched = WireContact(anew.stepper, STIFFNESS)
+        anew.at(move, still)
+        searched.search()
+        anew.stepper.evaluate()
+        pushes.append([push(contacts.read_contacts()) for contacts in (contact, searched)])
+    one, other = np.array(pushes).transpose(1, 0, 2)
+    assert np.linalg.norm(one, axis=1).min() > 0.5
+    assert one == pytest.approx(other, abs=1e-4 * np.abs(other).max())
 
 
 @pytest.mark.parametrize("seed", [0, 1])

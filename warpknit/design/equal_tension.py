@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 from ..errors import Diverged
 from ..runner.answers import SERVICE_TENSIONS, Answer
@@ -26,6 +25,7 @@ LEAST_LEVELS = 2  # of a stage that doubles the tension, which has half the leve
 APART = 1.05  # ratio of the tensions at the ends of two stages, at least, but for those that are wanted
 YIELDED = "beyond first yield"
 NO_PATH = "no strains of equal tension in the map"
+MISSES = 2  # stages in a row that may fail
 DOUBLINGS = 4  # of the largest tension of interest, at most, in search of first yield
 JUMPS_TOLD = 4
 
@@ -46,30 +46,38 @@ def load_equally(
     """The path over the `requested` tension [N/m] to first yield, else to the largest of the service tensions and of the map,
     doubled DOUBLINGS times.
 
-    Empty without a requested tension where the `largest` of the map is zero. A path that does not converge ends with the records
-    before. `watch` is called with the share that is done. model: in double precision.
+    Empty without a requested tension where the `largest` of the map is zero. A stage that does not converge is tried with the end
+    of the next one, MISSES times in a row; then the path ends with the records before. `watch` is called with the share that is
+    done. model: in double precision.
     """
     scene = model.scene
     if largest.largest == 0.0 and requested is None:
         return EqualTensionPath()
     wanted = service_tensions(scene, requested)
     top = max(largest.largest, *wanted)
-    ends = [0.0, *_ends(wanted, largest.largest), *(top * 2.0**k for k in range(1, DOUBLINGS + 1))]
+    ends = [*_ends(wanted, largest.largest), *(top * 2.0**k for k in range(1, DOUBLINGS + 1))]
     path = LoadPath(model)
     rows: list[Row] = []
     states: dict[float, PathState] = {}
     at: dict[float, Row] = {}
-    try:
-        for number, (low, high) in enumerate(pairwise(ends)):
+    low, missed = 0.0, 0
+    for number, high in enumerate(ends):
+        before = len(rows)
+        try:
             for record in path.load(
-                under_tension(scene, high), levels_between(scene, low, high), part_of(watch, number, len(ends) - 1)
+                under_tension(scene, high), levels_between(scene, low, high), part_of(watch, number, len(ends))
             ):
                 rows.append(row_of(record))
                 if low >= (requested or 0.0) and _has_yielded(scene, rows):
                     return EqualTensionPath(rows, states, at, YIELDED)
+        except Diverged as error:
+            missed += 1
+            if missed > MISSES or high == ends[-1]:
+                return EqualTensionPath(rows, states, at, str(error))
+            del rows[before:]
+        else:
             states[high], at[high] = path.state, rows[-1]
-    except Diverged as error:
-        return EqualTensionPath(rows, states, at, str(error))
+            low, missed = high, 0
     return EqualTensionPath(rows, states, at)
 
 

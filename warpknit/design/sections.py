@@ -256,15 +256,15 @@ def electric_section(
 ) -> None:
     """Contact and sheet resistance.
 
-    electric [Ohm]: of the active contacts at the tension of the card, and of the sheet in weft and warp, None where it does not
-    conduct.
+    electric [Ohm]: of the places where wires touch at the tension of the card, and of the sheet in weft and warp, None where it
+    does not conduct.
     """
     page.heading("Electrical resistance")
     rows = [("wire", f"{engineering(wire_resistance(scene.wire), 'ohm/m')}")]
     if electric is not None:
         resistances, sheet = electric
         contacts = "none" if not len(resistances) else f"{_pair(resistances.min(), resistances.max(), 'ohm', ' to ')}"
-        rows.append((f"each of the {len(resistances)} active contacts of a repeat", contacts))
+        rows.append((f"each of the {len(resistances)} places of a repeat where wires touch", contacts))
         shown = " / ".join("does not conduct" if value is None else engineering(value, "ohm") for value in sheet)
         rows.append(("sheet resistance, weft / warp", shown + " per square"))
     page.table(rows)
@@ -273,8 +273,8 @@ def electric_section(
     page.text(
         "Direct current through a network of wires and contacts, without a transverse field. Each contact is one circular spot"
         f" (Holm); the surface has a resistivity of {1e9 * metal.resistivity:.3g} nOhm m and a hardness of"
-        f" {1e-9 * metal.hardness:g} GPa (wire.hardness), at 20 degC. Oxide films and wires that cross without hooking are not"
-        " included."
+        f" {1e-9 * metal.hardness:g} GPa (wire.hardness), at 20 degC. Oxide films are not included. In the spatial model wires"
+        " also touch outside the contacts that the shares count; in the planar model they do not."
     )
 
 

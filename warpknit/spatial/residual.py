@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from ..kernels import control as c
 from ..numerics import AXIAL_ERROR, ENERGY_FLOOR, FORCE_FLOOR, LOCAL_ALLOWANCE
 from .contact_multipliers import OVERLAP_ERROR, ContactMultipliers
 from .contacts import Contacts
@@ -32,13 +31,12 @@ class Residual:
 
         touching: contacts of the state last evaluated; forces (any, 3) [N] unbalanced.
         """
-        relaxation, state, scene = self.relaxation, self.relaxation.stepper.state, self.model.scene
+        relaxation, scene = self.relaxation, self.model.scene
         pushing = touching.force[touching.force > 0.0]
         bent = self.model.bending_stiffness / scene.knit.wale_spacing
         scale = max(float(pushing.mean()) if len(pushing) else 0.0, FORCE_FLOOR * bent / scene.knit.wale_spacing)
         force = np.linalg.norm(forces, axis=1)
         balance = max(float(np.sqrt(np.mean(force**2))), float(force.max()) / LOCAL_ALLOWANCE) / scale
         loops = self.model.rods.node_count / scene.model.nodes_per_loop
-        kinetic = 0.5 * float(state.read_control()[int(c.KINETIC_TWICE)])
-        motion = math.sqrt(kinetic / max(relaxation.stepper.energy(), ENERGY_FLOOR * bent * loops))
+        motion = math.sqrt(relaxation.kinetic_energy() / max(relaxation.stepper.energy(), ENERGY_FLOOR * bent * loops))
         return max(balance, motion)

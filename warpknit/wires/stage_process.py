@@ -41,10 +41,10 @@ def stage_arrays(stage: Usd.Stage, time: float | None) -> dict[str, np.ndarray]:
         code = _time_code(curves, time)
         if curves.ComputeVisibility(code) == UsdGeom.Tokens.invisible:
             continue
-        of_prim = np.asarray(curves.GetCurveVertexCountsAttr().Get(code) or [], dtype=np.int64)
+        of_prim = _numbers(curves.GetCurveVertexCountsAttr(), code, np.int64)
         total += int(of_prim.clip(0).sum())
         check_count(total)
-        places = np.asarray(curves.GetPointsAttr().Get(code) or np.empty((0, 3)), dtype=np.float64).reshape(-1, 3)
+        places = _numbers(curves.GetPointsAttr(), code, np.float64).reshape(-1, 3)
         if (of_prim < 1).any() or int(of_prim.sum()) != len(places):
             raise BadFile(f"{prim.GetPath()} with {len(places):,} points and counts of {int(of_prim.sum()):,}")
         matrix = np.array(curves.ComputeLocalToWorldTransform(code))  # of rows: points stand on its left
@@ -76,12 +76,18 @@ def _time_code(curves: UsdGeom.BasisCurves, time: float | None) -> Usd.TimeCode:
     return Usd.TimeCode(samples[0]) if samples else Usd.TimeCode.Default()
 
 
+def _numbers(attribute: Usd.Attribute, code: Usd.TimeCode, kind: type) -> np.ndarray:
+    """The values of an attribute; none where it has none. Raises `BadFile`."""
+    values = attribute.Get(code)
+    try:
+        return np.asarray([] if values is None else values, dtype=kind)
+    except TypeError as error:  # values of no registered type
+        raise BadFile(f"{attribute.GetPath()} with values that are no numbers") from error
+
+
 def _width(curves: UsdGeom.BasisCurves, code: Usd.TimeCode) -> float:
     """The one width of the curves of a prim, NaN where they have none or several."""
-    try:
-        widths = np.asarray(curves.GetWidthsAttr().Get(code) or [], dtype=float).ravel()
-    except TypeError as error:  # values of no registered type
-        raise BadFile(f"{curves.GetPath()} with widths that are no numbers") from error
+    widths = _numbers(curves.GetWidthsAttr(), code, np.float64).ravel()
     return float(widths[0]) if len(widths) and np.ptp(widths) <= 1e-3 * abs(widths[0]) else float("nan")
 
 
