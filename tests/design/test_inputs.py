@@ -100,7 +100,7 @@ def test_the_areal_mass_is_that_of_all_bars(scene):
     assert f"as knitted is {1e3 * mass:.3g} g/m2, +0%" in note.replace("-0%", "+0%")
     assert f"{1e3 * knit_scene(locknit).stitch_length:.3g} mm of wire per loop" in note
     page = Page("locknit")
-    mesh_section(page, locknit, knit_scene(locknit), None, (), {})
+    mesh_section(page, locknit, knit_scene(locknit), read(model, initial_state(model)), None, (), {})
     assert f"{1e3 * mass:.3g} g/m2" in page.html()
 
 

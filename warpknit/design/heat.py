@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +26,7 @@ class HeatedMesh:
 
     rows: Sequence[Row]
     stages: Sequence[Stage]
+    ended: str = ""  # why, where it did not reach the last temperature
 
     @property
     def answers(self) -> list[Answer]:
@@ -58,13 +58,17 @@ def heat(
     cases = (("tension held", under), ("frame held", framed))
     found = []
     for number, (name, load) in enumerate(cases):
-        way, rows = LoadPath(mesh.model, mesh.state), [begin]
+        way, rows, stages = LoadPath(mesh.model, mesh.state), [begin], list(mesh.state.stages)
+        ended = ""
         ahead = part_of(watch, number, len(cases))
-        with suppress(Diverged):
+        try:
             for count, temperature in enumerate(temperatures):
                 stage = replace(load, name=f"{celsius(temperature)}, {name}", temperature=temperature)
+                stages.append(stage)
                 levels = max(LEAST_LEVELS, scene.output.frames // 2)
                 for record in way.load(stage, levels, part_of(ahead, count, len(temperatures))):
                     rows.append(row_of(record))
-        found.append(HeatedMesh(rows, way.state.stages))
+        except Diverged:
+            ended = f"{stages[-1].name}: the mesh did not converge above {celsius(rows[-1].temperature_K)}"
+        found.append(HeatedMesh(rows, stages, ended))
     return found

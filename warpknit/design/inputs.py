@@ -88,11 +88,14 @@ def with_known(scene: Scene, known: Known) -> Fitted:
         fitted = fitted.then(fit_curve(fitted.scene, known.curve))
     if known.areal_mass is not None:
         cloth = knit_scene(fitted.scene)
-        found = cloth.wire_per_area * fitted.scene.wire.linear_density
+        (knitted,) = states_at(mesh_of(fitted.scene), [np.eye(2)])
+        if isinstance(knitted, Diverged):
+            raise InputError(f"{scene.path}: --areal-mass: the mesh as knitted did not converge: {knitted}")
+        found = measure.areal_mass(knitted)
         needed = cloth.stitch_length * known.areal_mass / found
         note = (
             f"the areal mass as knitted is {1e3 * found:.3g} g/m2, {found / known.areal_mass - 1.0:+.0%} from the given"
-            f" {1e3 * known.areal_mass:.3g} g/m2, which requires {1e3 * needed:.3g} mm of wire per loop"
+            f" {1e3 * known.areal_mass:.3g} g/m2, which requires {1e3 * needed:.3g} mm of wire per loop in plan view"
         )
         fitted = fitted.then(Fitted(fitted.scene, (note,)))
     return fitted

@@ -81,6 +81,7 @@ class Findings:
     card: MaterialCard | None
     loading: Sequence[Row]  # states from the mesh as knitted to the card and beyond
     tensioned: Observables | None  # the mesh of the card
+    knitted: Observables | None  # the mesh as knitted
     knitted_openings: Sequence[Opening]
     tensioned_openings: Sequence[Opening]
     model_warnings: Sequence[str]  # where the states are outside the validity of their model
@@ -172,6 +173,7 @@ def write_report(
         card=card,
         loading=loading,
         tensioned=tensioned,
+        knitted=None if isinstance(knitted, Diverged) else knitted,
         knitted_openings=[] if isinstance(knitted, Diverged) else openings(knitted),
         tensioned_openings=[] if tensioned is None else openings(tensioned),
         model_warnings=model_warnings(model, rows),
@@ -252,6 +254,9 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
         page.warning(f"{warning[0].upper()}{warning[1:]}.")
     page.text(f"warpknit {__version__}, {date.today().isoformat()}, scene {found.scene.hash}")
     answers_section(page, found.scene, found.answers, found.path, found.equal_tension, figures)
+    for case in found.heated:
+        if case.ended:
+            page.warning(f"{case.ended}.")
     if (jumped := jump_text(found.path_jumps)) is not None:
         page.warning(f"Under equal tensions {jumped}.")
     page.text(
@@ -259,12 +264,14 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
         " knitted in proportion to their strains, answers and service tensions under equal tensions. Weft is across the wales"
         " (axis 1, x), warp along them (axis 2, y). Tensions are forces per current width."
     )
-    page.text(f"Model: {found.scene.model.kind}, {found.scene.kind_reason}.")
+    preset = found.scene.preset_in_force
+    nodes = f"{found.scene.model.nodes_per_loop} nodes per loop" + (f" (preset {preset})" if preset else "")
+    page.text(f"Model: {found.scene.model.kind}, {found.scene.kind_reason}; {nodes}.")
     if found.card is None:
         page.warning(f"{found.where[0].upper()}{found.where[1:]}.")
     load = found.scene.stages[0]
     page.text(f"The optimum, the curves and the card are at {celsius(load.temperature)}, the temperature of [load].")
-    mesh_section(page, found.scene, found.model.cloth, found.card, found.notes, figures)
+    mesh_section(page, found.scene, found.model.cloth, found.knitted, found.card, found.notes, figures)
     outside = [point.name for point in found.service if point.strains and found.place_in_map(point) is None]
     map_section(page, found.scene, found.optimum, found.jumps, found.service, outside, figures["map"])
     if (jumped := jump_warning(found.jumps, found.by_tension)) is not None:

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 from scipy.constants import speed_of_light
 
+from .. import measure
 from ..knit.cloth import Cloth
+from ..measure import Observables
 from ..runner.answers_table import answer_rows
 from ..runner.history import mean_tension
 from ..scene import Scene, Wire
@@ -62,7 +64,11 @@ def answers_section(
         page.figure(
             figures["heat"],
             "The mesh while its temperature changes to that of each [[path]]: under a held tension, and held in a frame that"
-            f" expands by {1e6 * scene.model.frame_expansion:g} x 1e-6/K (model.frame_expansion).",
+            + (
+                f" expands by {1e6 * scene.model.frame_expansion:g} x 1e-6/K (model.frame_expansion)."
+                if scene.model.frame_expansion
+                else " does not expand (model.frame_expansion)."
+            ),
         )
     elif not answers["heat"]:
         page.text("The scene has no [[path]] with another temperature, so this page does not show what heat does.")
@@ -78,14 +84,20 @@ def _end_of(path: EqualTensionPath) -> str:
     """Where a path ends, and why."""
     top = engineering(mean_tension(path.rows[-1]), "N/m")
     if path.ended == YIELDED:
-        return "to first yield"
-    return f"to {top}" + (f", behind which the mesh did not converge ({path.ended})" if path.ended else "")
+        return f"to {top}, beyond first yield"
+    return f"to {top}" + (f", above which the mesh did not converge ({path.ended})" if path.ended else "")
 
 
 def mesh_section(
-    page: Page, scene: Scene, cloth: Cloth | None, card: MaterialCard | None, notes: Sequence[str], figures: dict[str, Path]
+    page: Page,
+    scene: Scene,
+    cloth: Cloth | None,
+    knitted: Observables | None,
+    card: MaterialCard | None,
+    notes: Sequence[str],
+    figures: dict[str, Path],
 ) -> None:
-    """Wire, knit and mass of the mesh, with its pictures; notes: how the scene was fitted."""
+    """Wire, knit and mass of the mesh, with its pictures; knitted: a repeat as knitted; notes: how the scene was fitted."""
     wire, knit = scene.wire, scene.knit
     page.heading("The mesh")
     plating = "" if wire.plating is None else f", {1e6 * wire.plating.thickness:g} um of {wire.plating.material}"
@@ -96,11 +108,13 @@ def mesh_section(
     if cloth is not None:
         bars = enumerate(knit.bars, 1)
         rows += [(f"guide bar {n}", f"chain {bar.chain}, threading {bar.threading}, shift {bar.shift}") for n, bar in bars]
-        mass = cloth.wire_per_area * wire.linear_density
         loops = len(cloth.stitches) / (cloth.wales * cloth.courses)
-        length = f"{1e3 * cloth.stitch_length:.3g} mm in plan view, {loops:g} per needle and course"
-        rows.append(("wire length per loop", length))
-        rows.append(("areal mass as knitted", f"{1e3 * mass:.3g} g/m2"))
+        lengths = [f"{1e3 * cloth.stitch_length:.3g} mm in plan view", f"{loops:g} per needle and course"]
+        if knitted is not None:
+            lengths.insert(0, f"{1e3 * knitted.wire_length / len(cloth.stitches):.3g} mm")
+        rows.append(("wire length per loop", ", ".join(lengths)))
+        if knitted is not None:
+            rows.append(("areal mass as knitted", f"{1e3 * measure.areal_mass(knitted):.3g} g/m2"))
         if (count := openings_per_length(scene)) is not None:
             rows.append(("openings as knitted", f"{count * INCH:.3g} per inch (square root of the number per square inch)"))
     if card is not None:

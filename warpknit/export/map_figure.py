@@ -36,6 +36,7 @@ PLACE_MARKERS = "osD^v"
 LEGEND_COLUMNS, WIDE_LABEL = 3, 28  # columns, one less where a label has more characters
 LABEL_MARGIN = 0.06  # of the map: nearer to its edge a label would be cut
 STEP = 1e-5  # of the map, on either side of the edge of a cell
+REACHES = 1e-9  # of the largest share: a share this little below a line has reached it
 TITLE_PAD = 14.0  # [pt] room for the mark of an optimum at the upper edge
 WARNING_WIDTH = 100  # characters of a line
 
@@ -129,12 +130,14 @@ def _draw_levels(
     levels = PERCENT_LEVELS if percent else [v for v in MaxNLocator(7).tick_values(low, high) if abs(v) > LEAST_LEVEL * high]
     names: dict[bytes, list[float]] = {}  # of lines round the same cells
     for level in levels:
-        if low < level < high:
+        if low < level < high or (percent and level == high):
             names.setdefault((known.filled(-np.inf) >= level).tobytes(), []).append(level)
     if not names:
         return
     text = {same[-1]: ", ".join(f"{level:g}" for level in same) + (" %" if percent else "") for same in names.values()}
-    lines = axes.contour(*(_steps(x, y, known) if percent else (x, y, known)), levels=list(text), colors="white", linewidths=0.9)
+    # a share that reaches a line is on its upper side
+    shown = _steps(x, y, known + REACHES * high) if percent else (x, y, known)
+    lines = axes.contour(*shown, levels=list(text), colors="white", linewidths=0.9)
     bar.add_lines(lines)
     for label in axes.clabel(lines, fmt=text, inline=False, fontsize="small"):
         label.set_rotation(0.0)

@@ -52,9 +52,10 @@ class ContactMultipliers:
         return float(self._errors(touching).max(initial=0.0))
 
     def _errors(self, touching: Contacts) -> np.ndarray:
-        """[contact] overlap or gap over the thickness; of forces below the mean, in proportion."""
-        force = np.abs(touching.force)
-        share = np.minimum(1.0, force / max(float(force.mean()) if len(force) else 0.0, 1e-300))
+        """[contact] overlap or gap over the thickness; of forces below the mean, in proportion; not of saddles."""
+        force = np.maximum(touching.force, 0.0)
+        mean = float(force[force > 0.0].mean()) if (force > 0.0).any() else 0.0
+        share = np.minimum(1.0, force / max(mean, 1e-300))
         return np.asarray(share * np.abs(touching.overlap) / self._thickness)
 
     def renew(self, touching: Contacts, rate: float, *, loading: bool) -> None:

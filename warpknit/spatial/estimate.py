@@ -38,7 +38,7 @@ COUNTED_NODES = 50_000  # meshes up to here are laid out to be counted: five sec
 SPATIAL_FACTOR = 3  # steps and time of the scenes measured are off by so much either way
 SLOW_LEVELS = "a level at which contacts of a tight knit come and go may take ten times as long"  # seen on a locknit
 
-STEPS_A_LEVEL = 800.0  # however many nodes
+STEPS_A_LEVEL = 600.0  # however many nodes
 MEASURED_TOLERANCE, TOLERANCE_POWER = 1e-2, 0.12
 TENSION_STATES = 6  # times the steps of a level that goes by strain: 4 to 9 at 20 mN/m both ways
 FREE_STATES = 2  # the same of a direction without tension: 0.6 to 8 on tight knits

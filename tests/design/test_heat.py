@@ -1,0 +1,43 @@
+"""What heat does to a mesh under tension (design/heat.py)."""
+
+from pathlib import Path
+
+import pytest
+
+from warpknit.design.equal_tension import EqualTensionPath
+from warpknit.design.heat import heat
+from warpknit.design.load_path import LoadPath
+from warpknit.errors import Diverged
+from warpknit.runner.history import Row, row_of
+from warpknit.scene import Scene, load_scene
+from warpknit.sweep.states import mesh_of
+
+SCENES = Path(__file__).parents[2] / "scenes"
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    hot = ['path=[{temperature="120 degC"}]', "output.frames=4"]
+    return load_scene(SCENES / "contact_map.toml", hot, "draft")
+
+
+def rows_of(scene: Scene) -> list[Row]:
+    return [row_of(record) for record in LoadPath(mesh_of(scene)).load(scene.stages[0], levels=1)]
+
+
+def test_a_temperature_that_is_not_reached_is_told(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The answers are those of the records before, and the mesh says where it stopped; the other case goes on."""
+
+    class Failing(LoadPath):
+        def load(self, stage, levels, watch=lambda _: None):
+            for number, record in enumerate(super().load(stage, levels, watch)):
+                if "tension held" in stage.name and number == 1:
+                    raise Diverged("no progress")
+                yield record
+
+    monkeypatch.setattr("warpknit.design.heat.LoadPath", Failing)
+    held, framed = heat(scene, EqualTensionPath(rows=rows_of(scene)), 0.2)
+    assert "tension held" in held.ended and "did not converge above 70 degC" in held.ended
+    assert len(held.rows) == 2
+    assert [one["temperature_K"][1] for one in held.answers] == [pytest.approx(343.15)]
+    assert framed.ended == "" and framed.rows[-1].temperature_K == pytest.approx(393.15)
