@@ -73,7 +73,7 @@ class Program(click.Group):
                 known = FAULT, traceback.format_exc()
             status, line = known
             if status != FAULT:
-                line = f"warpknit: {' '.join(line.splitlines())}"
+                line = f"warpknit: {' '.join(line.split())}"
         status, speaks = ranks.leave(status)
         if line and speaks and (ranks.count > 1 or not started_as()):
             click.echo(line, err=True)

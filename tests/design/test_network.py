@@ -103,7 +103,9 @@ def every_segment(r: PlanarObservables):
     panel, wire = r.model.panel, r.model.scene.wire
     periods = r.gradient @ np.diag(panel.size)
     place = list(positions(r)[0][:, :2])
-    resistance = r.natural_length * r.length_factor * (4.0 * MATERIALS[wire.material].resistivity / (np.pi * wire.diameter**2))
+    of_wire = panel.wire_length / np.add.reduceat(r.natural_length, panel.wire_first)  # arcs over chords
+    lengths = r.natural_length * np.repeat(of_wire, panel.wire_count) * r.length_factor
+    resistance = lengths * (4.0 * MATERIALS[wire.material].resistivity / (np.pi * wire.diameter**2))
     both = np.repeat(pair_active(r).reshape(-1, 2).all(axis=1), 2)
     ends, reach, ohms, touching = [], [], [], {}
     for first, count in zip(panel.wire_first, panel.wire_count, strict=True):
@@ -136,6 +138,7 @@ def every_segment(r: PlanarObservables):
 def test_a_mesh_is_the_network_of_its_segments():
     """Wires between contacts are their segments in series, and where in a repeat a point stands does not matter."""
     state = hooked([1, 1])
+    assert state.contact_places.wire_length == pytest.approx(state.model.panel.wire_length * state.length_factor, rel=1e-12)
     expected = sheet_conductance(*every_segment(state))
     weft, warp = sheet_resistance(state)
     assert (1.0 / weft, 1.0 / warp) == pytest.approx(np.diag(expected), rel=1e-9)

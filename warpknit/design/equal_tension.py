@@ -17,7 +17,7 @@ from ..scene import Scene
 from ..sweep.states import Mesh
 from .card import MaterialCard
 from .load_path import LoadPath, PathState, part_of, under_tension
-from .service import EqualTension, ServicePoint, point_of_card
+from .service import EqualTension, ServicePoint
 
 BEGIN = 0.125  # of the least tension of interest: end of the first stage, so that small tensions are resolved
 LEAST = 2.0**-12  # of the largest one: end of the first stage, at least
@@ -117,10 +117,11 @@ def service_points(
         if (row := path.at.get(tension)) is None:
             why = path.ended if path.ended == YIELDED else "no equilibrium found" if path.ended else NO_PATH
             points.append(ServicePoint(tension, why=why))
-        elif tension == requested and card is not None:
-            points.append(point_of_card(card, tension))
-        else:
-            points.append(ServicePoint(tension, (row.strain_weft, row.strain_warp), row.active_percent, row.stress_max_Pa))
+            continue
+        strains, active, stress = (row.strain_weft, row.strain_warp), row.active_percent, row.stress_max_Pa
+        if tension == requested and card is not None:
+            strains, active, stress = (card.strain_weft, card.strain_warp), card.active_percent, card.stress_max
+        points.append(ServicePoint(tension, strains, active, stress, YIELDED if stress > scene.wire.yield_stress else ""))
     return points
 
 

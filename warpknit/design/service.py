@@ -9,7 +9,6 @@ import numpy as np
 
 from ..sweep.contact_map import MapRow, axes_of, grid
 from ..text import engineering, exact, percent
-from .card import MaterialCard
 
 REFINED = 16  # times finer than the map on each side, for the search of equal tensions
 SIDES = ("weft", "warp")
@@ -23,7 +22,7 @@ class ServicePoint:
     strains: tuple[float, float] | None = None  # weft and warp; None where no state is known
     active_percent: float = 0.0
     stress_max: float = 0.0  # [Pa]
-    why: str = ""  # there is no state
+    why: str = ""  # there is no state, or what limits it
 
     @property
     def name(self) -> str:
@@ -43,12 +42,7 @@ class ServicePoint:
     @property
     def stress(self) -> str:
         """Largest wire stress, as text."""
-        return "-" if self.strains is None else engineering(self.stress_max, "Pa")
-
-
-def point_of_card(card: MaterialCard, tension: float) -> ServicePoint:
-    """The service point of a card that was made for `tension` [N/m] in both directions."""
-    return ServicePoint(tension, (card.strain_weft, card.strain_warp), card.active_percent, card.stress_max)
+        return "-" if self.strains is None else engineering(self.stress_max, "Pa") + (f", {self.why}" if self.why else "")
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,9 @@ def contact_places(r: Any) -> ContactPlaces:
     at_body = place(panel.pair_table[pairs] + r.pair_slide[pairs]) + panel.pair_shift[pairs]
     origin = np.repeat(panel.block_origin, panel.block_count, axis=0)[r.pair_node[pairs]]
     at_wire = place(r.entry[r.pair_node[pairs]]) + origin
-    lengths = r.natural_length * r.length_factor
     wires = len(panel.wire_first)
+    chords = np.add.reduceat(r.natural_length, panel.wire_first)
+    lengths = r.length_factor * r.natural_length * np.repeat(panel.wire_length / chords, panel.wire_count)  # along the arcs
     wire = panel.pair_wire[pairs]
     return ContactPlaces(
         force=r.pair_force.reshape(-1, 2)[both].mean(axis=1),

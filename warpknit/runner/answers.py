@@ -22,7 +22,7 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     contacts[].closes.first_touch     the record in which a class was closed before, and opened again; null without one
     contacts[].closes.opens           the record behind in which less than half of its pairs are closed; null without one
     service                           `tension_N_per_m` with `active_percent` and the `state` where the mean of weft and warp
-                                      first reaches it, or, in a report, `why` none was found
+                                      first reaches it; `why`, in a report, none was found or what limits it
     service[].resolved                false where a class closes at an unknown tension between the same two records
     service[].jump                    the records on both sides where the mesh jumps to another equilibrium at this tension,
                                       each with `active_percent`, in place of a state; null without one
@@ -67,6 +67,10 @@ HELD_STRAIN, HELD_TENSION = 2e-3, 0.02  # a frame expands by less over 200 K; te
 DRIFT = 1.0  # percentage points of contacts that may open while the tension drifts
 DRIFT_STATES = 201  # states between the least and the largest tension of a stage, in which a drift is looked for
 SLACK = 1e-6  # of the distance of two records: round-off of a state found between them
+SLACK_STRAIN, SLACK_TENSION = (
+    0.02,
+    0.1,
+)  # strain between two records, and tension of one over that of the next, where slack is taken up
 
 Answer = dict[str, Any]
 
@@ -121,9 +125,9 @@ def closing(rows: Sequence[Row], name: str, threshold: float, least: float, jump
     """The state in which a class of contact closes; None if it stays open.
 
     threshold [N]: of an active pair; least [N]: force below which a pair counts as open. `between`: the records on both sides.
-    `resolved`: whether the forces give a place between them; if not, as within a `jump`, the state is halfway.
-    `first_touch`: the record in which the class was closed before, and opened again; None without one. `closed_percent`: share of
-    its pairs in the record behind.
+    `resolved`: whether the forces give a place between them; if not, as within a `jump` or where slack is taken up, the state is
+    halfway. `first_touch`: the record in which the class was closed before, and opened again; None without one. `closed_percent`:
+    share of its pairs in the record behind.
     """
     force = [vars(row)[f"force_{name}_N"] for row in rows]
     closed = [one > threshold for one in force]
@@ -141,7 +145,7 @@ def closing(rows: Sequence[Row], name: str, threshold: float, least: float, jump
     }  # fmt: skip
     if k == 0:
         return _state(after) | found
-    if found["jump"]:
+    if found["jump"] or _takes_up_slack(before, after):
         return _between(before, after, 0.5) | found | {"resolved": False}
     if force[k - 1] > least:  # closed already, with less than the threshold
         return _between(before, after, (threshold - force[k - 1]) / (force[k] - force[k - 1])) | found
@@ -154,6 +158,12 @@ def closing(rows: Sequence[Row], name: str, threshold: float, least: float, jump
             share = float(np.clip(gained[0] / gained[1], 0.0, 1.0)) if gained[1] > 0.0 else 0.5
             return _between(before, after, share) | found
     return _between(before, after, 0.5) | found | {"resolved": False}
+
+
+def _takes_up_slack(before: Row, after: Row) -> bool:
+    """Whether the mesh strains freely for most of the way from one record to the next: no state between them is interpolated."""
+    step = max(abs(vars(after)[name] - vars(before)[name]) for name in ("strain_weft", "strain_warp"))
+    return step > SLACK_STRAIN and mean_tension(before) < SLACK_TENSION * mean_tension(after)
 
 
 def _closing_record(rows: Sequence[Row], closed: Sequence[bool]) -> int | None:

@@ -23,8 +23,11 @@ def answer_rows(answers: Mapping[str, Any], yield_stress: float) -> Iterator[tup
         yield f"{name} close at", f"{_closing(one, reached)} ({part}{one['pairs']} pairs)"
     for point in answers["service"]:
         there = point["state"]
-        none = point.get("why", f"not reached; {reached}")
-        text = none if there is None else f"{percent(0.01 * point['active_percent'])}, {_pair_of(there)}"
+        why = point.get("why", "")
+        if there is None:
+            text = why or f"not reached; {reached}"
+        else:
+            text = f"{percent(0.01 * point['active_percent'])}, {_pair_of(there)}" + (f", {why}" if why else "")
         if point.get("jump"):
             sides = (f"{percent(0.01 * one['active_percent'])} at {engineering(_mean(one), 'N/m')}" for one in point["jump"])
             text = f"unknown: the mesh jumps there, from {' to '.join(sides)}"

@@ -13,7 +13,8 @@ import numpy as np
 
 STEP_LIMIT = 0.02  # strain
 PROBE = 2e-4  # strain of the first step, which measures the stiffness: before it the order of magnitude is unknown
-TOLERANCE = 2e-3  # relative to the target, or to half of the larger tension, by which both scatter
+TOLERANCE = 2e-3  # relative to the target, or to half of the larger tension, by which both scatter; at most
+TOLERANCE_SHARE = 2.0 / 3.0  # the same over the residual tolerance, by which tensions scatter
 PATIENCE = 20  # equilibria after which the residual tolerance will do, by which tensions scatter
 SIGNIFICANT = 2.0  # residual tolerances: relative change of tension that renews the tangent
 MAX_STATES = 60  # equilibria tried for one load level
@@ -50,7 +51,9 @@ class TensionSearch:
         self.states += 1
         miss = np.where(driven, target - tension, 0.0)
         least = max(0.01 * scale, 0.5 * float(np.abs(tension).max()))
-        tolerance = TOLERANCE if self.states <= PATIENCE else max(TOLERANCE, residual_tolerance)
+        tolerance = min(TOLERANCE, TOLERANCE_SHARE * residual_tolerance)
+        if self.states > PATIENCE:
+            tolerance = max(TOLERANCE, residual_tolerance)
         if np.all(np.abs(miss) <= tolerance * np.maximum(np.abs(target), least)):
             return None
         return strain + (self._step(miss, driven) if self.stiffness else PROBE * np.sign(miss))

@@ -37,7 +37,7 @@ def text(fe: FeCard) -> str:
             lines += [f"*UNIAXIAL, COMPONENT={component}", "*LOADING DATA, DIRECTION=TENSION, TYPE=ELASTIC, EXTRAPOLATION=LINEAR"]
             strain, stress = curve.stretch - 1.0, megapascal(1.0) * curve.nominal
             lines += [f"{number(y)}, {number(x)}" for x, y in zip(strain, stress, strict=True)]
-        shear = megapascal(fe.card.stiffness[2, 2])
+        shear = megapascal(fe.card.stiffness[2, 2] * fe.area_ratio)  # conjugate to the shear angle, in the volume as knitted
         lines += [
             "*UNIAXIAL, COMPONENT=SHEAR",
             "*LOADING DATA, TYPE=ELASTIC, EXTRAPOLATION=LINEAR",

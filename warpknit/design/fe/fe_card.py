@@ -32,9 +32,14 @@ class FeCard:
         return megapascal(self.card.tension_weft), megapascal(self.card.tension_warp)
 
     @property
+    def area_ratio(self) -> float:
+        """Area of the tensioned mesh over that as knitted."""
+        return (1.0 + self.card.strain_weft) * (1.0 + self.card.strain_warp)
+
+    @property
     def areal_mass_knitted(self) -> float:
         """[kg/m2] of the mesh as knitted, to which the curves refer."""
-        return self.card.areal_mass * (1.0 + self.card.strain_weft) * (1.0 + self.card.strain_warp)
+        return self.card.areal_mass * self.area_ratio
 
 
 def number(value: float) -> str:
