@@ -105,6 +105,7 @@ def test_help_is_status_0(arguments):
         (RuntimeError("Failed to allocate 8 bytes on device 'cpu'"), 4, "memory ran out"),
         (OSError(errno.ENOSPC, "No space left on device", "summary.json"), 4, "disk ran out: summary.json"),
         (KeyboardInterrupt(), 130, "interrupted"),
+        (KeyboardInterrupt("interrupted; the map is kept"), 130, "interrupted; the map is kept"),
     ],
 )
 def test_every_way_to_end_has_its_status_and_one_line(behind, error, status, said):

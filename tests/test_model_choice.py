@@ -199,7 +199,7 @@ def test_a_report_and_its_card_in_the_plane_of_a_tight_knit_begin_with_its_warni
     page = (out / "report.html").read_text(encoding="utf-8")
     top = page.split("<h1>")[1].split("<p", maxsplit=2)[1]
     assert 'class="warning"' in top and PLANE_WARNING.capitalize() in top
-    assert "Model: planar, as given." in page
+    assert "Model: planar, as given; " in page
     card = json.loads((out / "material_card.json").read_text())
     assert card["warnings"][0].startswith(PLANE_WARNING) and card["model"]["kind"] == "planar"
     header, first, *_ = (out / "material_card.csv").read_text().splitlines()

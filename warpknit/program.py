@@ -31,7 +31,7 @@ def exit_status(error: BaseException) -> tuple[int, str] | None:
         case click.ClickException():
             return BAD_INPUT, error.format_message()
         case KeyboardInterrupt() | click.Abort():
-            return INTERRUPTED, str(error) or "interrupted"
+            return INTERRUPTED, str(error) or str(error.__cause__ or "") or "interrupted"  # click puts Abort in its place
         case MemoryError():
             return OUT_OF_RESOURCES, f"memory ran out: {error or 'more is needed than available'}"
         case RuntimeError() if str(error).startswith("Failed to allocate"):  # Warp's arrays

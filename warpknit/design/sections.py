@@ -57,8 +57,8 @@ def answers_section(
     )
     page.figure(
         figures["tension"],
-        "Active contacts and largest wire stress against equal tensions in weft and warp. Green: best tension and how far it may"
-        " drift; grey: jumps to another equilibrium.",
+        "Active contacts and largest wire stress against equal tensions in weft and warp. Green: best tension (dotted) and how"
+        " far it may drift; grey: jumps to another equilibrium.",
     )
     if "heat" in figures:
         page.figure(

@@ -62,7 +62,7 @@ def tension_figure(
     contacts.plot(scale * tension[shown], column("active_percent"), color=GREEN, linewidth=WIDTHS[0], label="all contacts")
     if len(classes) > 1:
         for number, name in enumerate(classes):
-            look = {"color": (BLUE, ORANGE, PURPLE, GREY)[number % 4], "linestyle": CLASS_DASHES[number // 4 % len(CLASS_DASHES)]}
+            look = {"color": (BLUE, ORANGE, PURPLE, GREY)[number % 4], "linestyle": CLASS_DASHES[number % len(CLASS_DASHES)]}
             values = column(f"active_{name}_percent")
             contacts.plot(scale * tension[shown], values, linewidth=WIDTHS[1], label=f"class {name}", **look)
     contacts.set_ylim(-3.0, 103.0)
@@ -76,13 +76,15 @@ def tension_figure(
         axes.xaxis.set_major_formatter("{x:g}")
         axes.set_xlabel(f"tension, weft and warp [{unit}]")
         for low, high in jumps:
-            axes.axvspan(scale * low, scale * high, color="#BBBBBB", alpha=0.5, linewidth=0.0, zorder=0, label="jump")
+            axes.axvspan(scale * low, scale * high, color="#BBBBBB", linewidth=0.0, zorder=0.5, label="jump")
         if (best := answers["best"]) is not None:
-            low, high = (
-                0.5 * scale * (best[end]["tension_weft_N_per_m"] + best[end]["tension_warp_N_per_m"]) for end in ("low", "high")
+            here, low, high = (
+                0.5 * scale * (one["tension_weft_N_per_m"] + one["tension_warp_N_per_m"])
+                for one in (best, best["low"], best["high"])
             )
             if high > low:
-                axes.axvspan(low, high, color="#CDE9DC", linewidth=0.0, zorder=0, label="best tension, may drift")
+                axes.axvspan(low, high, color="#CDE9DC", linewidth=0.0, zorder=0, label="its drift")
+            axes.axvline(here, color=GREEN, linestyle=":", linewidth=1.4, zorder=0.8, label="best tension")
         axes.grid(color="#DDDDDD", linewidth=0.6)
         axes.spines[["top", "right"]].set_visible(False)
     handles = {str(one.get_label()): one for axes in figure.axes for one in axes.get_legend_handles_labels()[0]}

@@ -29,6 +29,7 @@ LOAD = "a strain such as '6 %', a tension such as '2 N/m', or both, '6 %, 2 N/m'
 PLATING = "a metal and the thickness of its coating, such as 'gold, 0.2 um'"
 SPACING = "a count per length such as '26 /inch', a count an inch such as 26, or a distance such as '0.98 mm'"
 COMMENT_COLUMN = 30  # of the comments behind keys
+SWEPT = (0.25, 0.5, 1.0, 1.5, 2.0)  # tensions of a map over that of the scene
 
 
 class Refused(ValueError):
@@ -283,10 +284,19 @@ def _options(request: SceneRequest) -> Iterator[str]:
     yield _off("usd", "false", "no scene.usda for Blender and usdview")
     yield _off("vtk", "true", "files for ParaView")
     yield ""
-    yield "# For `warpknit map` and `warpknit report`: each weft strain with each warp strain, instead of [load]."
+    yield "# For `warpknit map` and `warpknit report`: each load in weft with each in warp, instead of [load]."
     yield "# [sweep]"
-    yield "# strain_weft = [0.0, 0.02, 0.04, 0.06, 0.08, 0.1]"
-    yield "# strain_warp = [0.0, 0.02, 0.04, 0.06, 0.08, 0.1]"
+    yield from _sweep(request)
+
+
+def _sweep(request: SceneRequest) -> Iterator[str]:
+    """Loads of a map: tensions about those of the scene, or strains."""
+    tensions = [si(value.strip('"'), "tension") if key.startswith("tension") else 0.0 for key, value in _load(request.loading)]
+    for side, tension in zip(("weft", "warp"), tensions, strict=True):
+        if min(tensions) > 0.0:
+            yield f"# tension_{side} = [{', '.join(f'{share * tension:.4g}' for share in SWEPT)}]  # N/m; or strain_{side}"
+        else:
+            yield f"# strain_{side} = [0.0, 0.02, 0.04, 0.06, 0.08, 0.1]  # or tension_{side}"
 
 
 def _strained(request: SceneRequest) -> bool:
