@@ -29,7 +29,7 @@ from .observables import SpatialObservables, read
 from .prolongation import Prolongation
 from .residual import Residual
 from .rod_arrays import RodState
-from .rod_relaxation import CHECK_STEPS, RodRelaxation
+from .rod_relaxation import CHECK_STEPS, VIBRATION, RodRelaxation
 from .rod_step import RodStepper
 from .sites import Sites
 from .thermal import segment_thermal_strain
@@ -66,6 +66,7 @@ class SpatialMechanics:
             curve=model.curve,
             clamps=self.clamps,
             multipliers=model.ramp is None,
+            vibration=1.0 if scene.depends_on_path else VIBRATION,  # what slips or yields while it vibrates stays so
         )
         self.multipliers = None if model.ramp is not None else ContactMultipliers(self.contact, model.soft_penalty)
         self.residual = Residual(model, self.relaxation, self.multipliers)

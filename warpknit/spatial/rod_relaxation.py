@@ -44,7 +44,7 @@ CONTACT_SPEED, LEAST_SPEED, FASTER = 0.1, 0.001, 1.5
 # a wire is taut where its mean excess strain is above TAUT_ERROR AXIAL_ERROR and does not fall to a share within so many checks
 TAUT_ERROR, TAUT_PROGRESS = 20.0, (0.5, 8)
 TAUT_FACTOR = 4.0  # by which a taut wire is made stiffer: its mean excess strain has stalled
-VIBRATION = 10.0  # speed of the whole motion over that of the mean one, from which on it counts
+VIBRATION = 3.0  # speed of the whole motion over that of the mean one, from which on it counts
 LEAST_DAMPING = 0.01  # [1/s] banded masses leave few modes slower than half of it
 
 
@@ -70,10 +70,11 @@ class RodRelaxation:
         curve: RestCurve | None = None,
         clamps: MovingClamps | None = None,
         multipliers: bool = True,
+        vibration: float = VIBRATION,
     ) -> None:
         """softening: true axial stiffness over that of the dynamics; wave_length [m] of the slowest wave, default: the longest
         wire; curve: on which wires touch, default Catmull-Rom; clamps: moving ones, of the same stepper; multipliers: whether
-        they correct the softening."""
+        they correct the softening; vibration: see `kinetic_energy`."""
         self.stepper = stepper
         self.clamps = clamps
         self.softening = softening
@@ -106,6 +107,7 @@ class RodRelaxation:
         self._banded = BandedMasses(rods, longest if wave_length is None else wave_length, sliding)
         self._product = MassProduct(stepper.arrays, state)
         self.renew_masses()
+        self.vibration = vibration
         self._last_check: _Motion | None = None
         self._mean_energy: float | None = None  # [J] kinetic energy of the mean motion since the last check
         self._rate: float = MAX_RATE
@@ -253,10 +255,10 @@ class RodRelaxation:
     def kinetic_energy(self) -> float:
         """[J] of the mean motion since the last check; of all motion after the state was moved from outside.
 
-        Where a contact comes and goes, its nodes vibrate about an equilibrium. Vibrations count VIBRATION times less.
+        Where a contact comes and goes, its nodes vibrate about an equilibrium. Vibrations count `vibration` times less.
         """
         whole = 0.5 * float(self.stepper.state.read_control()[int(c.KINETIC_TWICE)])
-        return whole if self._mean_energy is None else max(self._mean_energy, whole / VIBRATION**2)
+        return whole if self._mean_energy is None else max(self._mean_energy, whole / self.vibration**2)
 
     @property
     def multiplier_rate(self) -> float:
