@@ -16,6 +16,7 @@ MIN_CURVATURE = wp.constant(wp.float64(1.0e-4))  # smallest curvature of a Newto
 MAX_STEP = wp.constant(wp.float64(0.25))  # of a segment
 SAME_PLACE = wp.constant(wp.float64(1.0e-6))  # of a segment: closer places are one
 SADDLE_STEPS, FOLLOWING_STEPS, END_STEPS = 40, 6, 8
+FAR = wp.constant(wp.float64(1.0e300))  # [m2] square of a distance
 END_CURVATURE = wp.constant(wp.float64(0.25))  # smallest curvature of a step towards the place nearest to an end, of the chord
 SAMPLES = 5  # places along a segment, of the grid that a search starts from
 SAMPLE_SPACING = wp.constant(wp.float64(0.25))
@@ -78,7 +79,7 @@ def closest_on_curves(p: Powers, q: Powers, start: wp.vec2d) -> wp.vec4d:
     t = start[1]
     before_s = start[0]
     before_t = start[1]
-    nearest = wp.float64(1.0e300)
+    nearest = FAR
     for _step in range(NEWTON_STEPS):
         r = point_at(p, s) - point_at(q, t)
         if wp.length_sq(r) > nearest and step_size > NEWTON_ACCURACY:
@@ -236,26 +237,31 @@ def nearer_end(place: wp.float64) -> wp.float64:
 
 
 @wp.func
-def nearest_to_end(p: Powers, q: Powers, place: wp.vec2d) -> wp.vec2d:
-    """(s, t) of the end of p nearer to a minimum at `place`, and the place of q nearest to that end."""
+def falling_end(p: Powers, q: Powers, place: wp.vec2d) -> wp.vec3d:
+    """(s, t) of the end of p nearer to a minimum at `place` and the place of q nearest to that end, and their distance squared
+    [m2]; for the latter FAR where the distance does not decrease beyond the end.
+
+    The search ends early where the rest of its steps cannot change that.
+    """
     end = nearer_end(place[0])
     at_p = point_at(p, end)
+    dp = derivative_at(p, end)
+    outwards = wp.float64(2.0) * end - wp.float64(1.0)
     t = place[1]
-    for step in range(END_STEPS):
-        dq = derivative_at(q, t)
+    for _step in range(END_STEPS):
         r = at_p - point_at(q, t)
-        slope = wp.dot(r, dq)
-        if step == 0:
-            r = point_at(p, place[0]) - point_at(q, t)
-            slope = (end - place[0]) * wp.dot(derivative_at(p, place[0]), dq)
+        dq = derivative_at(q, t)
         square = wp.dot(dq, dq)
         curvature = wp.max(square - wp.dot(r, second_derivative_at(q, t)), END_CURVATURE * square)
-        nearer = wp.clamp(t + slope / curvature, wp.float64(0.0), wp.float64(1.0))
-        step_size = wp.abs(nearer - t)
-        t = nearer
-        if step_size < NEWTON_ACCURACY:
+        step = wp.clamp(t + wp.dot(r, dq) / curvature, wp.float64(0.0), wp.float64(1.0)) - t
+        rise = outwards * wp.dot(r, dp)
+        if rise > wp.float64(2.0) * wp.abs(step) * wp.length(dp) * wp.length(dq):
+            return wp.vec3d(end, t, FAR)
+        t += step
+        if wp.abs(step) < NEWTON_ACCURACY:
             break
-    return wp.vec2d(end, t)
+    r = at_p - point_at(q, t)
+    return wp.vec3d(end, t, wp.where(outwards * wp.dot(r, dp) < wp.float64(0.0), wp.length_sq(r), FAR))
 
 
 @wp.func
@@ -264,18 +270,12 @@ def beyond_saddle(p: Powers, q: Powers, place: wp.vec2d) -> wp.vec4d:
 
     Of either segment the end nearer to the minimum at `place` is tried; of both the one with the least distance counts.
     """
-    of_p = nearest_to_end(p, q, place)
-    of_q = turned(nearest_to_end(q, p, turned(place)))
-    end = wp.vec2d(place)
-    least = wp.float64(1.0e300)
-    r = point_at(p, of_p[0]) - point_at(q, of_p[1])
-    if is_bounded(of_p[0], wp.dot(r, derivative_at(p, of_p[0]))):
-        end = of_p
-        least = wp.length_sq(r)
-    r = point_at(p, of_q[0]) - point_at(q, of_q[1])
-    if is_bounded(of_q[1], -wp.dot(r, derivative_at(q, of_q[1]))) and wp.length_sq(r) < least:
-        end = of_q
-    if are_distinct(end, place):
+    of_p = falling_end(p, q, place)
+    of_q = falling_end(q, p, turned(place))
+    end = wp.vec2d(of_p[0], of_p[1])
+    if of_q[2] < of_p[2]:
+        end = wp.vec2d(of_q[1], of_q[0])
+    if wp.min(of_p[2], of_q[2]) < FAR and are_distinct(end, place):
         return closest_on_curves(p, q, end)
     return wp.vec4d(place[0], place[1], wp.float64(0.0), wp.float64(0.0))
 
@@ -289,7 +289,7 @@ def distance_at(p: Powers, q: Powers, place: wp.vec2d) -> wp.float64:
 @wp.func
 def nearest_sample(p: Powers, q: Powers) -> wp.vec2d:
     """The places (s, t) of least distance on a grid of SAMPLES places along either curve."""
-    nearest = wp.float64(1.0e300)
+    nearest = FAR
     place = wp.vec2d()
     on_q = Samples()
     for b in range(SAMPLES):

@@ -121,10 +121,8 @@ class RodStepper:
     def step(self, count: int) -> None:
         """Take `count` steps, fewer where the state freezes (kernels/control.py)."""
         for size in GRAPH_STEPS:
-            for _ in range(count // size):
-                if self.device == "cpu" and self.state.read_control()[int(c.STATUS)] != float(c.STATUS_RUNNING):
-                    return
-                self._replay(size)
+            if count >= size:
+                self._replay(size, count // size)
             count %= size
 
     def evaluate(self, gap: float | None = None) -> None:
@@ -135,7 +133,7 @@ class RodStepper:
         kept = float(self.state.read_control()[int(c.STATUS)])
         gap = EVALUATED * self.rods.section.thickness if gap is None else gap
         self.state.write_control({c.STATUS: float(c.STATUS_EVALUATING), c.EVALUATED_GAP: gap})
-        self._replay(0)
+        self._replay(0, 1)
         self.state.write_control({c.STATUS: kept})
 
     def update_frames(self) -> None:
@@ -154,15 +152,22 @@ class RodStepper:
         """The launches of a step, those of its first thread."""
         return [*self._force_launches(), *self._motion_launches()]
 
-    def _replay(self, steps: int) -> None:
-        """Replay so many steps in all threads; for none, the forces alone."""
+    def _replay(self, steps: int, times: int) -> None:
+        """Replay graphs of so many steps in all threads, while the state does not freeze; for none, the forces alone."""
         key = (self.contact.version if self.contact is not None else (), steps)
         if key not in self._graphs:
             # two lists of pairs take turns; graphs of lists that have grown since are not used again
             kept = [version for version, _ in self._graphs if version != key[0]][-1:]
             self._graphs = {k: graphs for k, graphs in self._graphs.items() if k[0] in (key[0], *kept)}
             self._graphs[key] = [self._captured(part, steps) for part in range(self.team.threads)]
-        self.team.together([partial(wp.capture_launch, graph) for graph in self._graphs[key]])
+        self.team.together([partial(self._replay_part, graph, times) for graph in self._graphs[key]])
+
+    def _replay_part(self, graph: wp.Graph, times: int) -> None:
+        """Replay a graph; all threads see the state freeze after the same step."""
+        for time in range(times):
+            if time > 0 and self.device == "cpu" and self.state.read_control()[int(c.STATUS)] != float(c.STATUS_RUNNING):
+                return
+            wp.capture_launch(graph)
 
     def _captured(self, part: int, steps: int) -> wp.Graph:
         """The graph of one thread's part."""
