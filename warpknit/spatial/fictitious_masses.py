@@ -30,7 +30,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..host import fetch, shared
+from ..host import fetch, store
 from ..kernels.banded_mass import HELD_NODE, HELD_TURN
 from ..kernels.bend import BOW
 from ..kernels.rod_sums import sum_mass_products
@@ -151,11 +151,16 @@ class MassProduct:
     """Products of the masses of the dynamics with motions."""
 
     def __init__(self, arrays: RodArrays, state: RodState) -> None:
-        self._sources, self._device = (arrays, state), str(state.control.device)
-        self._partial = wp.zeros(len(arrays.block_first), dtype=wp.float64, device=self._device)
+        device, nodes = str(state.control.device), len(state.torque)
+        self._move = wp.zeros(nodes, dtype=wp.vec3d, device=device)
+        self._turn = wp.zeros(nodes, dtype=wp.float64, device=device)
+        self._partial = wp.zeros(len(arrays.block_first), dtype=wp.float64, device=device)
+        motion = {"move": self._move, "turn": self._turn, "partial": self._partial}
+        self._sum = bind(sum_mass_products, len(self._partial), arrays, state, **motion).record(device)
 
     def twice_energy(self, move: np.ndarray, turn: np.ndarray) -> float:
         """v . M v + w . I w of motions (node, 3) and [node], zero where held."""
-        motion = {"move": shared(move, wp.vec3d, self._device), "turn": shared(turn, wp.float64, self._device)}
-        bind(sum_mass_products, len(self._partial), *self._sources, partial=self._partial, **motion).run(self._device)
+        store(self._move, move)
+        store(self._turn, turn)
+        self._sum.launch()
         return float(fetch(self._partial).sum())

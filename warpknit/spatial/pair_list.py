@@ -27,7 +27,9 @@ class PairList:
         self.shift = make(wp.vec3d)
         self.arc_separation, self.wake_travel = make(wp.float64), make(wp.float64)
         self.renewal_travel, self.found, self.is_near = make(wp.float64), make(wp.int32), make(wp.int32)
-        self.mark: list[wp.Launch] = []  # of `mark_near_pairs` by every thread, once it is recorded
+        # launches of every thread, once they are recorded: of `find_segment_pairs` and `mark_near_pairs`
+        self.find: list[wp.Launch] = []
+        self.mark: list[wp.Launch] = []
         self.by_second = np.zeros(0, dtype=np.int32)  # the pairs in the order of their second segments
         self.second_start = np.zeros(nodes + 1, dtype=np.int64)  # where those of each segment begin
         self.place = make(wp.vec2d, PLACES * capacity)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 import warp as wp
@@ -108,6 +107,8 @@ class WireContact:
         along_x, along_y, along_z = map(int, cells.count)
         self._grid = wp.HashGrid(along_x, along_y, along_z, device=device)
         self._hash_place = wp.zeros(rods.node_count, dtype=wp.vec3, device=device)
+        place = bind(place_segments_in_hash, rods.node_count, stepper.state, cell=wp.vec3d(*self._cell), place=self._hash_place)
+        self._place_in_hash = place.record(device)
         self._wires = _upload_wires(rods, curve, device)
         # [m] of each thread, CACHE_LINE numbers apart, since the last `pop_max_penetration`
         self.max_penetration = wp.zeros(CACHE_LINE * stepper.threads, dtype=wp.float64, device=device)
@@ -163,10 +164,9 @@ class WireContact:
     def search(self) -> None:
         """Search all pairs, and start a new travel budget. Raises `OutOfResources`."""
         stepper, state, device = self.stepper, self.stepper.state, self.stepper.device
-        nodes = stepper.rods.node_count
         stepper.update_frames()
         narrowest = float(np.linalg.svd(state.gradient, compute_uv=False).min())
-        bind(place_segments_in_hash, nodes, state, cell=wp.vec3d(*self._cell), place=self._hash_place).run(device)
+        self._place_in_hash.launch()
         self._grid.build(self._hash_place, 1.0)
         before, pairs = self._list, self._other
         longer = max(float(state.read_control()[int(c.LENGTH_FACTOR)]), 1.0)
@@ -298,19 +298,23 @@ class WireContact:
 
     def _find(self, pairs: PairList, radius: float, *, filling: bool) -> None:
         stepper, rods = self.stepper, self.stepper.rods
-        finds = []
-        for part in range(stepper.threads):
-            first, count = stepper.team.share(rods.node_count, part)
-            finds.append(bind(
-                find_segment_pairs, count, self._wires, stepper.arrays, stepper.state, first_segment=first,
-                grid=wp.uint64(self._grid.id), hash_radius=radius / float(self._cell.min()), search_radius=SINGLE * radius,
-                cell=wp.vec3(*self._cell), margin=wp.float64(self.margin),
-                min_arc_separation=wp.float64(MIN_ARC_SEPARATION),
-                max_sag=wp.float64(self._max_sag),
-                tile=wp.vec3d(*rods.tile), is_filling=int(filling), place=self._hash_place,
-                start=pairs.start, count=pairs.count, **pairs.named("first", "second", "shift", "arc_separation", "wake_travel"),
-            ))  # fmt: skip
-        stepper.team.together([partial(find.run, stepper.device) for find in finds])
+        if not pairs.find:
+            named = pairs.named("first", "second", "shift", "arc_separation", "wake_travel")
+            named |= {"start": pairs.start, "count": pairs.count, "place": self._hash_place}
+            for part in range(stepper.threads):
+                first, count = stepper.team.share(rods.node_count, part)
+                find = bind(
+                    find_segment_pairs, count, self._wires, stepper.arrays, stepper.state, first_segment=first,
+                    grid=wp.uint64(self._grid.id), hash_radius=0.0, search_radius=0.0, is_filling=0,
+                    cell=wp.vec3(*self._cell), margin=wp.float64(self.margin), max_sag=wp.float64(self._max_sag),
+                    min_arc_separation=wp.float64(MIN_ARC_SEPARATION), tile=wp.vec3d(*rods.tile), **named,
+                )  # fmt: skip
+                pairs.find.append(find.record(stepper.device))
+        for find in pairs.find:
+            find.set_param_by_name("hash_radius", radius / float(self._cell.min()))
+            find.set_param_by_name("search_radius", SINGLE * radius)
+            find.set_param_by_name("is_filling", int(filling))
+        stepper.team.together([find.launch for find in pairs.find])
 
     def advance(self, steps: int) -> int:
         """Take steps, with a new search whenever the travel budget is used up.
