@@ -82,9 +82,9 @@ def test_what_does_not_happen_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """A run to half a newton per metre: B stays open, the wire elastic, and the service tension is not reached."""
     text = dict(answer_rows(found([row(0.1 * k) for k in range(6)], monkeypatch, service=2.0), LIMIT))
     assert text["contacts B close at"].startswith("not closed up to 500 mN/m")
-    assert text["first yield at"].startswith("not up to 500 mN/m: 500 MPa, 71% of the limit, in the head of a closed loop")
+    assert text["first yield at"].startswith("not up to 500 mN/m: 500 MPa, 71 % of the limit, in the head of a closed loop")
     assert text["active at 2 N/m"] == "not reached; up to 500 mN/m"
-    assert "end of the stage" in text["  may drift"]
+    assert "end of the records" in text["  may drift"]
 
 
 def test_a_class_that_opens_again_is_said_to(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -117,6 +117,20 @@ def test_a_last_record_gives_a_range(monkeypatch: pytest.MonkeyPatch) -> None:
     text = dict(answer_rows(found(rows, monkeypatch, service=0.25), LIMIT))
     assert text["contacts A close at"].startswith("between 200 mN/m and 300 mN/m")
     assert text["active at 250 mN/m"].endswith("more output.frames tell which")
+
+
+def test_a_range_of_drift_tells_jumps_and_an_unknown_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All contacts close by a jump from 0.3 to 0.4 N/m, and the mesh jumps again from 0.5 to 0.6 N/m, where they stay closed."""
+    rows = [row(0.1 * k) for k in range(7)]
+    for k, one in enumerate(rows):
+        one.force_A_N = one.force_B_N = SLOPE * (k > 3)
+        one.active_percent = one.active_A_percent = one.active_B_percent = 100.0 * (k > 3)
+    best = found(rows, monkeypatch, jumps=[(rows[3], rows[4]), (rows[5], rows[6])])["best"]
+    assert [one["tension_weft_N_per_m"] for one in best["low_between"]] == pytest.approx([0.3, 0.4])
+    (jump,) = best["jumps"]
+    assert [one["tension_weft_N_per_m"] for one in jump] == pytest.approx([0.5, 0.6])
+    text = dict(answer_rows(found(rows, monkeypatch, jumps=[(rows[3], rows[4]), (rows[5], rows[6])]), LIMIT))["  may drift"]
+    assert "between records at 300 mN/m and 400 mN/m" in text and text.endswith("; the mesh jumps between 500 mN/m and 600 mN/m")
 
 
 def test_heat_is_told_stage_by_stage(monkeypatch: pytest.MonkeyPatch) -> None:

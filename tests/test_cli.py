@@ -135,8 +135,8 @@ def test_a_run_that_ends_early_gives_its_status_and_message(behind, status):
 def test_a_finished_run_prints_a_short_table(behind):
     result = invoke("run", CELL, "--out", "somewhere")
     assert result.exit_code == 0
-    for text in ("16 of 24 pairs, 66.7 %", "19 mN/m / 18 mN/m", "148 MPa, 7% of the elastic limit", "12,345", "3.21 s", "steady"):
-        assert text in result.stdout
+    texts = ("16 of 24 pairs, 66.7 %", "19 mN/m / 18 mN/m", "148 MPa, 7 % of the elastic limit", "12,345", "3.21 s", "steady")
+    assert all(text in result.stdout for text in texts)
     assert "the wire is beyond its yield stress" in result.stdout
     assert "somewhere" in result.stdout
 
@@ -220,4 +220,4 @@ def test_a_notebook_shows_a_bar_that_goes(monkeypatch):
         progress.stage("<load>", number=1, of=2)
         progress.update(done=0.25, load_factor=0.5)
         progress.update(done=0.251, load_factor=0.5)
-    assert shown == ['&lt;load&gt; (1/2) <progress value="0.250" max="1"></progress> load 50%', ""]
+    assert shown == ['&lt;load&gt; (1/2) <progress value="0.250" max="1"></progress> load 50 %', ""]

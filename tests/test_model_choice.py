@@ -23,7 +23,7 @@ BARS = [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}]
 KNIT = {"bars": BARS, "wale_spacing": "1 mm", "course_spacing": "0.8 mm", "repeats": [3, 2]}
 TIGHT = {"knit": KNIT, "model": {"boundary": "periodic"}}  # a closed tricot of two bars
 SWEEP = {"strain_weft": [0.0], "strain_warp": [0.0, 0.02]}
-PLANE_WARNING = "tight loops: wires in space touch after 70% of the planar approach"
+PLANE_WARNING = "tight loops: wires in space touch after 70 % of the planar approach"
 TRICOT_FILE = """
 knit = {bars = [{chain = "1-0/1-2"}, {chain = "1-2/1-0"}], wale_spacing = "1 mm", course_spacing = "0.8 mm", repeats = [3, 2]}
 model = {boundary = "periodic"}
@@ -53,7 +53,7 @@ def test_an_open_knit_is_in_the_plane() -> None:
     assert first_touch(scene) > PLANE_IS_GOOD
     assert scene.model.kind == "planar"
     assert scene.kind_reason == (
-        "taken by auto: wires in space first touch after 88% of the planar approach, and the plane is good from 80% on"
+        "taken by auto: wires in space first touch after 88 % of the planar approach, and the plane is good from 80 % on"
     )
     assert scene.model.nodes_per_loop == PRESETS["standard"].nodes_per_loop and scene.solver.precision == "single"
 
@@ -64,7 +64,7 @@ def test_a_tight_knit_is_in_space_with_the_presets_of_space() -> None:
     assert first_touch(scene) == pytest.approx(0.70, abs=0.005)
     assert scene.model.kind == "spatial"
     assert scene.kind_reason == (
-        "taken by auto: wires in space first touch after 70% of the planar approach; the plane is good from 80% on"
+        "taken by auto: wires in space first touch after 70 % of the planar approach; the plane is good from 80 % on"
     )
     for name, preset in PRESETS.items():
         by_auto = make_scene(TIGHT, preset=name)
@@ -95,7 +95,7 @@ def test_a_tight_knit_is_in_the_plane_where_space_lacks_something(tables: dict, 
     """It says so, and the warning of the plane is raised."""
     scene = make_scene({**TIGHT, **tables}, **options)
     assert scene.model.kind == "planar"
-    assert scene.kind_reason.startswith(f"taken by auto: not available in space: {words}; wires in space first touch after 70%")
+    assert scene.kind_reason.startswith(f"taken by auto: not available in space: {words}; wires in space first touch after 70 %")
     assert any(sentence.startswith(PLANE_WARNING) for sentence in make_plan(scene, "cpu").physics)
 
 
@@ -116,7 +116,7 @@ def test_a_tight_knit_is_in_the_plane_where_space_lacks_something(tables: dict, 
             {"contact": {"friction": 0.1}, "sweep": SWEEP},
             "map",
             "spatial",
-            "not available in the plane: friction and `warpknit map`; wires in space first touch after 88%",
+            "not available in the plane: friction and `warpknit map`; wires in space first touch after 88 %",
         ),
     ],
 )

@@ -72,7 +72,7 @@ def _refuse_both(resume: bool, force: bool) -> None:
 def result_options(command: Any) -> Any:
     """The options of the output directory."""
     for option in (
-        click.option("--quiet", is_flag=True, help="No progress, no log."),
+        click.option("--quiet", is_flag=True, help="No progress, no log; results and warnings are printed."),
         click.option("--force", is_flag=True, help="Replace finished results in DIR."),
         click.option("--resume", is_flag=True, help="Continue an interrupted command in DIR."),
         click.option("--out", metavar="DIR", help="Where the results go.  [default: runs/<scene name>]"),
@@ -224,7 +224,7 @@ def trade(
 @click.option("--fit-curve", metavar="FILE", help="Fit the loops to the biaxial test in a CSV file.")
 @click.option("--areal-mass", metavar="MASS", help='Compare with a measured mass, such as "10 g/m^2".')
 @click.option("--cards", metavar="CODE,...", help="FE codes to write the card for, such as nastran,abaqus.  [default: all]")
-@click.option("--quiet", is_flag=True, help="No progress, no log.")
+@click.option("--quiet", is_flag=True, help="No progress, no log; results and warnings are printed.")
 @click.option("--force", is_flag=True, help="Replace finished results in DIR.")
 @click.option("--out", metavar="DIR", help="Where the results go.  [default: runs/<scene name>]")
 def report(

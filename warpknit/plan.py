@@ -179,7 +179,8 @@ def _sweep(scene: Scene, size: Size) -> str:
 def _repeat(scene: Scene, cloth: Cloth) -> str:
     """One repeat in words, with the number of links of each bar."""
     links = [len(parse_chain(bar.chain)) for bar in scene.knit.bars]
-    text = f"a repeat of {cloth.wales} wales x {cloth.courses} courses, {engineering(cloth.stitch_length, 'm')} of wire a loop"
+    text = f"a repeat of {cloth.wales} x {cloth.courses} stitches (wales x courses)"
+    text += f", {engineering(cloth.stitch_length, 'm')} of wire a loop"
     if len(set(links)) > 1:
         text += f"; chains of {' and '.join(map(str, links))} links, each over and over"
     return text

@@ -56,9 +56,10 @@ def celsius(temperature: float) -> str:
     return f"{temperature - ZERO_CELSIUS:.6g} degC"
 
 
-def percent(share: float) -> str:
-    """A share in percent with one digit after the point: 0.0966 as 9.7 %."""
-    return f"{100.0 * share:.1f} %"
+def percent(share: float, digits: int = 1, *, signed: bool = False) -> str:
+    """A share in percent, with so many digits after the point: 0.0966 as 9.7 %, or +9.7 %; never -0.0 %."""
+    value = round(100.0 * share, digits) + 0.0
+    return f"{value:+.{digits}f} %" if signed and value else f"{value:.{digits}f} %"
 
 
 def memory(count: int) -> str:

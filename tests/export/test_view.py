@@ -172,7 +172,7 @@ def test_a_click_tells_numbers_that_follow_the_record(
     viewer.pick(*above(viewer, viewer.drawing.points[point]))
     stress = 1e-6 * frames[2].node_stress[layout.curve_node][index]
     assert f"**wire {wire}**" in viewer.picked.content and f"stress {engineering(1e6 * stress, 'Pa')}," in viewer.picked.content
-    assert f"{stress / 2000:.0%} of the elastic limit" in viewer.picked.content
+    assert f"{100 * stress / 2000:.0f} % of the elastic limit" in viewer.picked.content
     viewer.pick(np.array([0.0, 0.0, 90.0]), np.array([0.0, 0.0, 1.0]))  # away from it
     assert viewer.picked.content == viewers().ASK
 

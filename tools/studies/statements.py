@@ -98,7 +98,7 @@ class SweepRow:
 
 
 def contact_maps(file: str, *overrides: str, strains: np.ndarray = STRAINS) -> tuple[ContactMap, ContactMap]:
-    """Maps of all contacts and of the central rhombus, nan where the mesh does not come to rest, which is said. Raises SceneError
+    """Maps of all contacts and of the central rhombus, nan where the mesh does not converge, which is said. Raises SceneError
     where loops of such proportions make no knit."""
     n = len(strains)
     found = np.full((4, n, n), np.nan)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..files import write_aside, write_table
 from ..scene import Scene
-from ..text import celsius, engineering
+from ..text import celsius, engineering, percent
 from .card import AGREEMENT, MaterialCard
 
 AXES = {"1": "weft (x)", "2": "warp (y)", "3": "shear, engineering shear strain 2 E12"}
@@ -72,13 +72,14 @@ def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[str]:
         )
     if card.difference > AGREEMENT:
         yield (
-            f"the stiffness of the material card is uncertain: with another difference step it changes by {card.difference:.0%}"
+            f"the stiffness of the material card is uncertain: with another difference step it changes by"
+            f" {percent(card.difference, 0)}"
             " of its largest entry, probably because contacts are about to close; choose another tension"
         )
     if card.jumps:
         yield f"on the way to the state of the material card {card.jumps}"
     if card.shear_coupling > AGREEMENT:
-        coupling = f"{card.shear_coupling:.0%} of the largest stiffness"
+        coupling = f"{percent(card.shear_coupling, 0)} of the largest stiffness"
         yield f"shear is coupled to extension ({coupling}), which an orthotropic card cannot represent"
     if card.stress_max > scene.wire.yield_stress:
         stress, limit = engineering(card.stress_max, "Pa"), engineering(scene.wire.yield_stress, "Pa")

@@ -26,7 +26,7 @@ from ..mesh.layout import knit_scene
 from ..scene import Knit, Scene
 from ..scene.objects import Override
 from ..sweep.states import mesh_of
-from ..text import at_least, at_most, exact
+from ..text import at_least, at_most, exact, percent
 from .fine_states import states_at
 
 INCH = 0.0254  # [m]
@@ -94,7 +94,8 @@ def with_known(scene: Scene, known: Known) -> Fitted:
         found = measure.areal_mass(knitted)
         needed = cloth.stitch_length * known.areal_mass / found
         note = (
-            f"the areal mass as knitted is {1e3 * found:.3g} g/m2, {found / known.areal_mass - 1.0:+.0%} from the given"
+            f"the areal mass as knitted is {1e3 * found:.3g} g/m2, {percent(found / known.areal_mass - 1.0, 0, signed=True)} from"
+            " the given"
             f" {1e3 * known.areal_mass:.3g} g/m2, which requires {1e3 * needed:.3g} mm of wire per loop in plan view"
         )
         fitted = fitted.then(Fitted(fitted.scene, (note,)))
@@ -196,9 +197,9 @@ def fit_curve(scene: Scene, path: Path) -> Fitted:
     if best.fun > NO_FIT:
         raise InputError(
             f"{path}: given tensions that cannot be fitted by one factor on the proportions of knit.loop (smallest rms error"
-            f" {best.fun:.0%}), allowed: tensions [N/m] of this mesh, with the spacings and the wire of the scene"
+            f" {percent(best.fun, 0)}), allowed: tensions [N/m] of this mesh, with the spacings and the wire of the scene"
         )
-    how = f"{path.name} with an rms error of {best.fun:.1%} of the tensions"
+    how = f"{path.name} with an rms error of {percent(best.fun)} of the tensions"
     fitted = _fitted(scene, float(best.x), how, path.name, float(best.fun))
     ends = _factors(scene)
     doubts = []

@@ -151,7 +151,7 @@ def map_section(
     if optimum is None:
         page.warning("No tensile load of the map has active contacts with the wire below its elastic limit.")
     else:
-        margin = f"margin {optimum.stress_margin:.0%} of the elastic limit"
+        margin = f"margin {percent(optimum.stress_margin, 0)} of the elastic limit"
         page.table([
             ("optimum strain, weft / warp", f"{percent(optimum.strain_weft)} / {percent(optimum.strain_warp)}"),
             ("tension, weft / warp", _pair(optimum.tension_weft_N_per_m, optimum.tension_warp_N_per_m, "N/m")),
@@ -226,7 +226,7 @@ def card_section(page: Page, scene: Scene, card: MaterialCard | None, where: str
     for warning in card_warnings(card, scene):
         page.warning(warning[0].upper() + warning[1:] + ".")
     if card.difference <= AGREEMENT:
-        differ = f"{card.difference:.1%}" if card.difference >= 1e-3 else "less than 0.1%"
+        differ = percent(card.difference) if card.difference >= 1e-3 else "less than 0.1 %"
         page.text(
             f"Doubling the difference step, and C21 in place of C12, change the stiffness by {differ} of its largest entry."
         )

@@ -53,8 +53,10 @@ def knit_figure(
     axes.set_title(f"{columns} x {rows} repeats of {cloth.wales} x {cloth.courses} stitches (wales x courses)", fontsize="medium")
     frame_plan_axes(axes, low, high)
     handles: list[Artist] = []
-    for bar in sorted({thread.bar for thread in cloth.threads}):
-        handles.append(Line2D([], [], color=_colour(bar), linewidth=1.8, label=f"guide bar {bar + 1}"))
+    bars = sorted({thread.bar for thread in cloth.threads})
+    for bar in bars:
+        where = {0: ", back", len(bars) - 1: ", front"}.get(bar, "") if len(bars) > 1 else ""
+        handles.append(Line2D([], [], color=_colour(bar), linewidth=1.8, label=f"guide bar {bar + 1}{where}"))
 
     bodies = np.array([clasp.position for clasp in cloth.clasps]).reshape(-1, 2)
     classes = np.zeros(len(bodies), dtype=np.intp) if classes is None else classes
@@ -62,7 +64,8 @@ def knit_figure(
     for number in np.unique(classes).tolist():
         style: dict[str, Any] = {"marker": CLASS_MARKERS[number], "color": BODY_COLOUR, "linestyle": "none"}
         styles.append(style | {"markeredgecolor": "white", "markeredgewidth": 0.5})
-        label = f"contact {CLASS_NAMES[number]}, {np.count_nonzero(classes == number)} per repeat"
+        count = np.count_nonzero(classes == number)
+        label = f"contact {CLASS_NAMES[number]}, {count} places ({2 * count} pairs) a repeat"
         handles.append(Line2D([], [], markersize=MARK_SIZE, label=label, **styles[-1]))
     if cloth.rhombus is not None:
         middle = 0.5 * np.array([columns, rows]) * cloth.size

@@ -35,6 +35,7 @@ LIMIT_COLOUR, OPTIMUM_COLOUR = "#D55E00", "white"
 PLACE_MARKERS = "osD^v"
 LEGEND_COLUMNS, WIDE_LABEL = 3, 28  # columns, one less where a label has more characters
 LABEL_MARGIN = 0.06  # of the map: nearer to its edge a label would be cut
+LABEL_ROOM = np.array([0.09, 0.04])  # of the map: nearer to another one a label is left out
 STEP = 1e-5  # of the map, on either side of the edge of a cell
 REACHES = 1e-9  # of the largest share: a share this little below a line has reached it
 TITLE_PAD = 14.0  # [pt] room for the mark of an optimum at the upper edge
@@ -139,11 +140,15 @@ def _draw_levels(
     shown = _steps(x, y, known + REACHES * high) if percent else (x, y, known)
     lines = axes.contour(*shown, levels=list(text), colors="white", linewidths=0.9)
     bar.add_lines(lines)
+    taken: list[NDArray[Any]] = []
     for label in axes.clabel(lines, fmt=text, inline=False, fontsize="small"):
         label.set_rotation(0.0)
         label.set_path_effects([withStroke(linewidth=2.0, foreground="#404040")])
-        inside = axes.transAxes.inverted().transform(axes.transData.transform(label.get_position()))
-        label.set_visible(bool(np.all((inside > LABEL_MARGIN) & (inside < 1.0 - LABEL_MARGIN))))
+        place = axes.transAxes.inverted().transform(axes.transData.transform(label.get_position()))
+        is_inside = bool(np.all((place > LABEL_MARGIN) & (place < 1.0 - LABEL_MARGIN)))
+        label.set_visible(is_inside and all(np.any(np.abs(place - other) > LABEL_ROOM) for other in taken))
+        if label.get_visible():
+            taken.append(place)
 
 
 def _steps(x: NDArray[Any], y: NDArray[Any], values: Any) -> tuple[NDArray[Any], NDArray[Any], Any]:
@@ -181,7 +186,8 @@ def _draw_marks(
         label = f"all below the elastic limit, {limit}"
         handles.append(Line2D([], [], linestyle="none", label=label))
     if marks.jumps:
-        style = {"marker": "x", "markersize": 6, "markeredgewidth": 1.6, "color": LIMIT_COLOUR, "linestyle": "none"}
+        style = {"marker": "x", "markersize": 6, "markeredgewidth": 1.6, "color": "black", "linestyle": "none"}
+        style["path_effects"] = [withStroke(linewidth=3.0, foreground="white")]
         cells = of_load[0] * np.array(sorted({tuple(cell) for pair in marks.jumps for cell in pair}))
         axes.plot(cells[:, 0], cells[:, 1], zorder=6, clip_on=False, **style)
         handles.append(Line2D([], [], label="jump to a neighbouring cell", **style))

@@ -9,6 +9,7 @@ from ..knit.cloth import Cloth
 from ..knit.lens_width import way_left
 from ..scene import Scene
 from ..scene.model_choice import PLANE_IS_GOOD, first_touch
+from ..text import percent
 
 SLID = 0.5  # diameters of sliding between wires: the double atlas cell has 1e-3
 CHECK = "compare with model.kind = 'spatial'"
@@ -22,8 +23,8 @@ def tight_loops(scene: Scene, cloth: Cloth) -> Iterator[str]:
         share = way_left(cloth, wire.thickness, wire.thickness + 2.0 * scene.model.body_radius)
     if share < PLANE_IS_GOOD:
         yield (
-            f"{loops}: wires in space touch after {share:.0%} of the planar approach, so they hook earlier and carry more;"
-            f" {CHECK}"
+            f"{loops}: wires in space touch after {percent(share, 0)} of the planar approach, so they hook earlier and carry"
+            f" more; {CHECK}"
         )
 
 

@@ -37,8 +37,11 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
                                       no stress above the limit; what a single record alone shows does not count
     best.low                          the lower end of this range, in which at most one percentage point of contacts opens
     best.high                         the upper end
-    best.open_low                     true where the stage begins there
-    best.open_high                    true where the stage ends there
+    best.low_between                  the records on both sides of the lower end, where a class closes at an unknown tension
+                                      between them; else null
+    best.jumps                        the states on both sides of each jump to another equilibrium within the range
+    best.open_low                     true where the records begin there
+    best.open_high                    true where the records end there
     best.grows                        true where no record but the last is known to be in the range: the state is the last one
                                       then
 """
@@ -112,7 +115,7 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
         "largest_stress": _peak(max(rows, key=lambda row: row.stress_max_Pa)),
         "largest_tension": _state(top),
         "heat": heat_of(rows, model.scene.stages),
-        "best": _best(rising, states, model.scene.wire.yield_stress),
+        "best": _best(rising, states, model.scene.wire.yield_stress, _unknown(closings), jumps),
     }
 
 
@@ -251,11 +254,15 @@ def _service(
         sides = [_state(row) | {"active_percent": row.active_percent} for row in around]
         return {"tension_N_per_m": tension, "active_percent": None, "state": None, "resolved": False, "jump": sides}
     there = _at_tension(rows, tension, classes, closings)
-    unknown = [one["between"] for one in closings.values() if one is not None and not one["resolved"]]
-    near = [low for low, high in unknown if mean_tension(Row(**low)) <= tension <= mean_tension(Row(**high))]
+    near = [low for low, high in _unknown(closings) if mean_tension(Row(**low)) <= tension <= mean_tension(Row(**high))]
     pairs = max(1, sum(one.pairs for one in classes))
     active, state = (None, None) if there is None else (100.0 * round(0.01 * pairs * there.active_percent) / pairs, _state(there))
     return {"tension_N_per_m": tension, "active_percent": active, "state": state, "resolved": not near, "jump": None}
+
+
+def _unknown(closings: Answer) -> list[list[Answer]]:
+    """The pairs of states between which a class closes at an unknown tension."""
+    return [one["between"] for one in closings.values() if one is not None and not one["resolved"]]
 
 
 def heat_of(rows: Sequence[Row], stages: Sequence[Stage]) -> list[Answer]:
@@ -277,14 +284,16 @@ def _is_held(part: Sequence[Row], side: str) -> bool:
     return strain <= HELD_STRAIN or abs(tension[1] - tension[0]) <= HELD_TENSION * max(map(abs, tension))
 
 
-def _best(rising: Sequence[Row], states: Sequence[Row], limit: float) -> Answer | None:
+def _best(
+    rising: Sequence[Row], states: Sequence[Row], limit: float, unknown: Sequence[Sequence[Answer]], jumps: Sequence[Jump]
+) -> Answer | None:
     """The tension in the middle of the widest range with the most active contacts, and no stress above `limit` [Pa]; or None.
 
     Contacts that are active in one record, and in neither of those beside it, do not count.
 
-    rising: records of a stage, by tension; states: others between them. `low`, `high`: ends of the range; `open_low`,
-    `open_high`: the stage ends there, so that it may be wider; `grows`: the range is only known to begin behind the last record
-    but one, and the best tension is the last.
+    rising: records of a stage, by tension; states: others between them; unknown: pairs of states between which a class closes.
+    `low`, `high`: ends of the range; `open_low`, `open_high`: the records end there, so that it may be wider; `grows`: the range
+    is only known to begin behind the last record but one, and the best tension is the last.
     """
 
     def share(row: Row) -> float:
@@ -304,7 +313,12 @@ def _best(rising: Sequence[Row], states: Sequence[Row], limit: float) -> Answer 
     grows = open_high and all(mean_tension(row) < mean_tension(states[low]) for row in rising[:-1])
     middle = 0.5 * (mean_tension(states[low]) + mean_tension(states[high]))
     best = states[high] if grows else min(states[low : high + 1], key=lambda row: abs(mean_tension(row) - middle))
+    ends_at = [mean_tension(states[k]) for k in (low, high)]
+    around = [pair for pair in unknown if mean_tension(Row(**pair[0])) < ends_at[0] <= mean_tension(Row(**pair[1]))]
+    within = [sorted(jump, key=mean_tension) for jump in jumps]
+    within = [jump for jump in within if ends_at[0] <= mean_tension(jump[0]) and mean_tension(jump[1]) <= ends_at[1]]
     return {
         **_state(best), "active_percent": best.active_percent, "stress_max_Pa": best.stress_max_Pa, "stage": rising[-1].stage,
         "low": _state(states[low]), "high": _state(states[high]), "open_low": low == 0, "open_high": open_high, "grows": grows,
+        "low_between": around[0] if around else None, "jumps": [[_state(row) for row in jump] for jump in within],
     }  # fmt: skip

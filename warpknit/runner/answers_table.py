@@ -96,7 +96,7 @@ def _yield(answers: Mapping[str, Any], limit: float, reached: str) -> str:
     if found is None:
         peak = answers["largest_stress"]
         stress = engineering(peak["stress_max_Pa"], "Pa")
-        return f"not {reached}: {stress}, {peak['stress_max_Pa'] / limit:.0%} of the limit, {_place(peak)}"
+        return f"not {reached}: {stress}, {percent(peak['stress_max_Pa'] / limit, 0)} of the limit, {_place(peak)}"
     if found["as_knitted"]:
         return f"as knitted, {_place(found)}"
     if found["jump"]:
@@ -135,6 +135,11 @@ def _best(best: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
     if best["grows"]:
         yield "  may drift", "unknown: only the last record has this share; a larger load would tell"
         return
-    bounds = [f" ({_mean(end) / _mean(best) - 1.0:+.0%}{', end of the stage' if best[name] else ''})"
+    bounds = [f" ({percent(_mean(end) / _mean(best) - 1.0, 0, signed=True)}{', end of the records' if best[name] else ''})"
               for end, name in ((low, "open_low"), (high, "open_high"))]  # fmt: skip
-    yield "  may drift", f"from {_tension(low)}{bounds[0]} to {_tension(high)}{bounds[1]}"
+    lowest = f"{_tension(low)}{bounds[0]}"
+    if best["low_between"] is not None:
+        lowest = f"about {_tension(low)}{bounds[0]}, between records at {' and '.join(map(_tension, best['low_between']))},"
+    snaps = "; ".join(" and ".join(map(_tension, jump)) for jump in best["jumps"])
+    inside = f"; the mesh jumps between {snaps}" if snaps else ""
+    yield "  may drift", f"from {lowest} to {_tension(high)}{bounds[1]}{inside}"

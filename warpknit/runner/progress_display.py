@@ -15,7 +15,7 @@ from html import escape
 from types import TracebackType
 from typing import Any
 
-from ..text import duration
+from ..text import duration, percent
 
 _log = logging.getLogger(__name__)
 
@@ -119,7 +119,7 @@ class NotebookBar(Progress):
         if abs(done - self._shown) >= NOTEBOOK_STEP:
             self._shown = done
             bar = f'<progress value="{done:.3f}" max="1"></progress>'
-            self._place.update(self._html(f"{self._text} {bar} load {load_factor:.0%}"))
+            self._place.update(self._html(f"{self._text} {bar} load {percent(load_factor, 0)}"))
 
 
 def in_notebook() -> bool:

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ..text import duration, engineering
+from ..text import duration, engineering, percent
 from .answers_table import answer_rows
 
 
@@ -29,7 +29,7 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
     if hook is not None:
         yield from _hook_rows(hook)
     if hook is None and (strain := value("mesh", "strain_weft")) is not None:
-        yield "strain, weft / warp", f"{strain:.2%} / {value('mesh', 'strain_warp') or 0.0:.2%}"
+        yield "strain, weft / warp", f"{percent(strain, 2)} / {percent(value('mesh', 'strain_warp') or 0.0, 2)}"
     if hook is None and (active := value("contacts", "active")) is not None:
         share = value("contacts", "active_percent")
         text = f"{active} of {value('contacts', 'pairs')} pairs"
@@ -47,7 +47,8 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
         yield "largest contact force", engineering(force, "N")
     if (stress := value("wire", "stress_max_Pa")) is not None:
         limit = value("wire", "yield_stress_Pa")
-        yield "largest stress", engineering(stress, "Pa") + (f", {stress / limit:.0%} of the elastic limit" if limit else "")
+        of_limit = f", {percent(stress / limit, 0)} of the elastic limit" if limit else ""
+        yield "largest stress", engineering(stress, "Pa") + of_limit
         has_grips = hook is not None or value("model", "boundary") == "gripped"
         interior = value("wire", "stress_interior_max_Pa") if has_grips else None
         if interior is not None and interior < 0.95 * stress:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..measure import MeshModel
 from ..measure.jumps import STRAIN_JUMP, UNBALANCED
-from ..text import engineering
+from ..text import engineering, percent
 from .branches import jumps_of, tensions_text
 from .cautions import cautions
 from .history import Row
@@ -80,7 +80,7 @@ def _unevenly_pulled(model: MeshModel, stages: Stages) -> Iterator[str]:
     if membrane_residual > 0.0:
         yield (
             "the mesh is slack or uneven: its equilibrium as a membrane did not converge, and its stress may be out of balance by"
-            f" {membrane_residual:.1%} of the tension"
+            f" {percent(membrane_residual)} of the tension"
         )
     for stage in stages:
         driven = _driven_by_tension(model, stage["name"])
@@ -131,9 +131,8 @@ def _jumped(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
         jump = float(np.max(np.abs([b.strain_weft - a.strain_weft, b.strain_warp - a.strain_warp]) * by_tension))
         if jump > STRAIN_JUMP:
             yield (
-                f"the mesh jumps by {jump:.1%} strain between loads {a.load_factor:.3g} and {b.load_factor:.3g} of stage"
-                f" {b.stage!r}: slack was taken up, or several equilibria exist at this load and the result depends on the"
-                " load history"
+                f"the mesh jumps by {percent(jump)} strain between {_between(a, b)}: slack was taken up, or several equilibria"
+                " exist at this load and the result depends on the load history"
             )
             return
     yield from _changed_branch(model, rows)
@@ -143,20 +142,25 @@ def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
     """The first jump between neighbouring levels, by the rule that also marks the cells of a map, and the number of others."""
     if found := jumps_of(model, rows):
         a, b = found[0]
-        before = a.load_factor if a.stage == b.stage else 0.0
         others = f", and at {len(found) - 1} other places" if len(found) > 1 else ""
         yield (
-            f"the mesh jumps to another equilibrium between loads {before:.3g} and {b.load_factor:.3g} of stage {b.stage!r}"
-            f" ({tensions_text(a, b)}){others}: several equilibria exist there, and the result depends on the load history"
+            f"the mesh jumps to another equilibrium between {_between(a, b)} ({tensions_text(a, b)}){others}:"
+            " several equilibria exist there, and the result depends on the load history"
         )
+
+
+def _between(a: Row, b: Row) -> str:
+    """The loads of two neighbouring records: shares of that of the stage of the second one."""
+    before = a.load_factor if a.stage == b.stage else 0.0
+    return f"{100.0 * before:.3g} % and {100.0 * b.load_factor:.3g} % of the load of stage {b.stage!r}"
 
 
 def _snapped(model: MeshModel, stages: Stages) -> Iterator[str]:
     followed = model.scene.output.frames >= LEVELS_FOLLOWED or model.scene.solver.drive == "ramp"
     if stages and followed and abs(stages[-1]["quality"]["energy_balance_of_stored"]) > UNBALANCED:
         yield (
-            f"work and stored energy differ by {stages[-1]['quality']['energy_balance_of_stored']:.0%} of the largest stored"
-            " energy: the mesh snapped through between recorded states, or output.frames is too small"
+            f"work and stored energy differ by {percent(stages[-1]['quality']['energy_balance_of_stored'], 0)} of the largest"
+            " stored energy: the mesh snapped through between recorded states, or output.frames is too small"
         )
 
 

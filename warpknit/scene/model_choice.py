@@ -17,7 +17,8 @@ from warpknit.scene.objects import Knit
 from warpknit.scene.presets import PRESETS
 from warpknit.scene.traits import Case
 from warpknit.scene.wire import Wire
-from warpknit.text import rounded
+
+from ..text import percent, rounded
 
 if TYPE_CHECKING:
     from warpknit.scene.file import SceneFile
@@ -73,12 +74,12 @@ def _of_knit(file: SceneFile, wire: Wire, knit: Knit) -> Choice:
         return Choice("planar", "the knit cannot be laid out")
     if touch == 1.0:
         return Choice("planar", "wires in space touch no earlier than in the plane")
-    first = f"wires in space first touch after {touch:.0%} of the planar approach"
+    first = f"wires in space first touch after {percent(touch, 0)} of the planar approach"
     if touch < PLANE_IS_GOOD:
         nodes = file.model.nodes_per_loop or PRESETS[file.solver.preset].spatial_nodes_per_loop
         size = _size(nodes * loops * math.prod(knit.repeats))
-        return Choice("spatial", f"{first}; the plane is good from {PLANE_IS_GOOD:.0%} on{size}")
-    return Choice("planar", f"{first}, and the plane is good from {PLANE_IS_GOOD:.0%} on")
+        return Choice("spatial", f"{first}; the plane is good from {percent(PLANE_IS_GOOD, 0)} on{size}")
+    return Choice("planar", f"{first}, and the plane is good from {percent(PLANE_IS_GOOD, 0)} on")
 
 
 def _size(nodes: int) -> str:

@@ -303,13 +303,13 @@ class WireContact:
             named |= {"start": pairs.start, "count": pairs.count, "place": self._hash_place}
             for part in range(stepper.threads):
                 first, count = stepper.team.share(rods.node_count, part)
-                find = bind(
+                one = bind(
                     find_segment_pairs, count, self._wires, stepper.arrays, stepper.state, first_segment=first,
                     grid=wp.uint64(self._grid.id), hash_radius=0.0, search_radius=0.0, is_filling=0,
                     cell=wp.vec3(*self._cell), margin=wp.float64(self.margin), max_sag=wp.float64(self._max_sag),
                     min_arc_separation=wp.float64(MIN_ARC_SEPARATION), tile=wp.vec3d(*rods.tile), **named,
                 )  # fmt: skip
-                pairs.find.append(find.record(stepper.device))
+                pairs.find.append(one.record(stepper.device))
         for find in pairs.find:
             find.set_param_by_name("hash_radius", radius / float(self._cell.min()))
             find.set_param_by_name("search_radius", SINGLE * radius)

@@ -29,7 +29,7 @@ def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         tensions = (engineering(optimum[f"tension_{side}_N_per_m"], "N/m") for side in ("weft", "warp"))
         yield "  tension, weft / warp", " / ".join(tensions)
         yield "  active contacts", percent(0.01 * optimum["active_percent"])
-        margin = f"margin {optimum['stress_margin']:.0%} of the elastic limit"
+        margin = f"margin {percent(optimum['stress_margin'], 0)} of the elastic limit"
         yield "  largest stress", f"{engineering(optimum['stress_max_Pa'], 'Pa')}, {margin}"
         for drift in optimum.get("drift", ()):
             yield f"  {drift['along']} may drift", drift_text(drift)

@@ -27,7 +27,7 @@ from ..runner.progress_display import Progress as Display
 from ..runner.run_directory import CommandResult, continues_earlier, finished_result, open_directory
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.capabilities import refuse
-from ..text import celsius, duration
+from ..text import celsius, duration, percent
 from .contact_map import (
     STEADY,
     MapRow,
@@ -265,7 +265,7 @@ class _Mapper:
             jumps=summary["jumps"],
         )
         wire, seeds, warnings = self.scene.wire, self.sweep.seeds, self.model_warnings
-        scatter = f", mean of {seeds} seeds, loops scattered by {self.scene.knit.scatter:.0%}" if seeds > 1 else ""
+        scatter = f", mean of {seeds} seeds, loops scattered by {percent(self.scene.knit.scatter, 0)}" if seeds > 1 else ""
         mesh = f"{self.scene.name}: {wire.material} {1e6 * wire.diameter:g} um, {self.scene.model.boundary}{scatter}"
         for name, values, label, unit in FIGURES + (SEED_FIGURES if seeds > 1 else ()):
             map_figure(

@@ -28,7 +28,7 @@ from matplotlib.ticker import MaxNLocator
 from ...errors import ExportError, InputError
 from ...frame import Floats
 from ...knit.clasp_classes import CLASS_NAMES
-from ...text import engineering
+from ...text import engineering, percent
 from ..figures import tension_of
 from ..mesh_figure import state_title, stress_colours
 from ..run_record import read_frame, read_run, state_files
@@ -290,7 +290,7 @@ class Viewer:
 
     def _wire_text(self, shown: Drawing, point: int) -> str:
         stress = 1e6 * float(shown.stress[point])
-        share = "" if self.yield_stress is None else f", {stress / self.yield_stress:.0%} of the elastic limit"
+        share = "" if self.yield_stress is None else f", {percent(stress / self.yield_stress, 0)} of the elastic limit"
         return f"  \nstress {engineering(stress, 'Pa')}{share}"
 
     def _note(self) -> str:
