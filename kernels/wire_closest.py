@@ -7,7 +7,9 @@ saddle on this side of the node: the nearest place at the node then stands for i
 
 Steps look at the pairs alone that may touch soon (`mark_near_pairs`); a pair is evaluated only where the distance of its chords,
 less the sag of the curves, is below the contact distance; one that does not touch sleeps until the travel has used up its gap.
-A step starts from the closest points of the step before, and searches anew after a travel of RENEWAL_TRAVEL.
+A step starts from the closest points of the step before, and searches anew after a travel of RENEWAL_TRAVEL. A closest point
+that goes over into another in one step was gone: the other one had appeared unseen. Such a pair is searched in every step from
+then on, as wires that vibrate there would gain energy each time.
 """
 
 import warp as wp
@@ -43,6 +45,8 @@ MIN_BARRIER = wp.constant(wp.float64(1.0e-11))  # between two minima, of the con
 MISSED = wp.constant(wp.float64(0.01))  # of the contact distance, by which a third minimum has to be nearer than two others
 RENEWAL_TRAVEL = wp.constant(wp.float64(0.01))  # of the contact distance
 RUNNING_TRAVEL = wp.constant(wp.float64(0.04))  # of the contact distance, beyond that while steps follow each other
+SPLIT = wp.constant(wp.float64(0.05))  # of a segment, by which a minimum moves in a step only where it has gone over into another
+SPLIT_PAIR = wp.constant(wp.float64(-2.0))  # [m] travel of renewal of a pair that is searched in every step since then
 PLACES = 3  # of a pair: two minima and the saddle between them
 
 NOT_NEAR = wp.constant(0)  # minima of a pair; negative where the wires do not touch
@@ -200,6 +204,7 @@ def find_closest_places(
         is_due = travel > pair_renewal_travel[pair] + wp.where(is_running, RUNNING_TRAVEL, wp.float64(0.0)) * contact_distance
         # of three minima a new search may find another two: two that are known are kept, unless they miss the nearest
         is_followed = found != NOT_NEAR and (was_two or not is_due)
+        is_split = pair_renewal_travel[pair] == SPLIT_PAIR
         if is_followed:
             from_one = closest_on_curves(curve_p, curve_q, pair_place[k])
             from_other = from_one
@@ -209,6 +214,8 @@ def find_closest_places(
             other = wp.vec2d(from_other[0], from_other[1])
             is_followed = wp.max(from_one[2], from_other[2]) < NEWTON_ACCURACY and from_one[3] == wp.float64(0.0)
             is_followed = is_followed and was_two == are_distinct(one, other)
+            if is_followed and is_running and not was_two:
+                is_split = wp.abs(one[0] - pair_place[k][0]) + wp.abs(one[1] - pair_place[k][1]) > SPLIT
         if not is_followed:
             from_one = closest_on_curves(curve_p, curve_q, projected_end(curve_p, curve_q, wp.float64(0.0)))
             from_other = closest_on_curves(curve_p, curve_q, projected_end(curve_p, curve_q, wp.float64(1.0)))
@@ -229,7 +236,10 @@ def find_closest_places(
                     else:
                         from_other = from_sample
                         other = sample
-            pair_renewal_travel[pair] = travel + RENEWAL_TRAVEL * contact_distance
+            if not is_split:
+                pair_renewal_travel[pair] = travel + RENEWAL_TRAVEL * contact_distance
+        if is_split:
+            pair_renewal_travel[pair] = SPLIT_PAIR
         minima = ONE_PLACE
         nearest = distance_at(curve_p, curve_q, one)
         other_distance = distance_at(curve_p, curve_q, other)

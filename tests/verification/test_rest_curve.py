@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -260,6 +261,39 @@ def test_contacts_that_are_followed_are_those_of_a_new_search(share: float, lean
     one, other = np.array(pushes).transpose(1, 0, 2)
     assert np.linalg.norm(one, axis=1).min() > 0.5
     assert one == pytest.approx(other, abs=1e-4 * np.abs(other).max())
+
+
+def test_a_closest_point_that_appears_anew_is_found_at_once() -> None:
+    """Hooked wires rock to and fro, by less than calls for a search. Leaning one way they have one closest point, upright two,
+    and leaning the other way one: the first one, which is followed, is gone there. On the way back it appears beside the other
+    one, and the push is that of a search in every step."""
+    bow, gap, share, steps = 0.8, 0.97, 0.988, 40
+
+    def rods_at(lean: float) -> Rods:
+        return hooked(float(np.arctan(share * np.sqrt(0.5 * bow * gap))), bow, gap, lean=lean)[0]
+
+    def searched(lean: float) -> Contacts:
+        return contact_of(rods_at(lean), None)[1].read_contacts()
+
+    low, high = 0.0, 0.05  # lean from which on there is one closest point
+    for _halving in range(12):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if (searched(middle).force > 0.0).sum() == 2 else (low, middle)
+    leans = 1.3 * high * np.cos(np.linspace(0.0, 2.0 * np.pi, 2 * steps + 1))
+    rods = rods_at(leans[0])
+    pose, contact = contact_of(rods, None)
+    state, count = pose.stepper.state, []
+    set_masses(pose.stepper, 1e15, 1e15)
+    pose.stepper.set_time_step(1.0)
+    for lean, following in pairwise(leans):
+        state.velocity.assign(rods_at(following).position - rods_at(lean).position)
+        contact.advance(1)
+        found, other = contact.read_contacts(), searched(lean)
+        count.append(int((found.force > 0.0).sum()))
+        if len(count) > steps:
+            assert push(found) == pytest.approx(push(other), abs=1e-5 * np.linalg.norm(push(other)))
+    assert (count[0], count[steps], count[3 * steps // 2], count[-1]) == (1, 1, 2, 1)
+    assert contact.searches == 1
 
 
 @pytest.mark.parametrize("seed", [0, 1])

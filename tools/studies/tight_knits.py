@@ -1,12 +1,13 @@
 """Tight knits in space: which levels converge, in how many steps, and how the others fail.
 
     python tools/studies/tight_knits.py [DIR] [--only WORD] [--yarn WORD] [--load WORD] [--levels N] [--preset NAME]
+    python tools/studies/tight_knits.py DIR --against OTHER
 
 One repeat of each knit, periodic, at 26 wales and 30 courses an inch, of 30 um molybdenum wire and of a yarn of four 17 um wires;
 by 2, 6 and 12 % both ways, and by 6 % one way with the other one free of tension. Every level is a row: steps and processor time,
 the criteria of convergence, tension, contacts and stress, and the steps and time that `warpknit plan` expects of a level. The
 last bar of a knit is the front guide bar, whose underlaps lie outermost. Prints the table and renews its rows in
-tight_knits_levels.csv; options choose a part of them.
+tight_knits_levels.csv; options choose a part of them. --against compares the table in DIR with that in OTHER, of a finer preset.
 """
 
 from __future__ import annotations
@@ -48,6 +49,7 @@ LOADS: dict[str, dict[str, float]] = {
 LEVELS = 3
 MAX_STEPS = 40_000  # of a level
 JUMP = 0.3  # of the larger tension: a decrease at a larger strain that is told of
+QUANTILES = (0.5, 0.75, 0.9, 0.95)
 SLACK = 1e-3  # [N/m] tension below which a knit counts as slack
 
 
@@ -196,6 +198,23 @@ def in_order(rows: list[Row], path: Path) -> list[Row]:
     )
 
 
+def compare(rows: list[Row], finer: list[Row]) -> Iterator[str]:
+    """Quantiles of what converged levels differ by from those of a finer preset, where these carry a tension."""
+    by_level = {(row.knit, row.yarn, row.load, row.level): row for row in rows if row.ending == "converged"}
+    pairs = [(by_level.get((row.knit, row.yarn, row.load, row.level)), row) for row in finer if row.ending == "converged"]
+    differ: dict[str, list[float]] = {"tension": [], "stress": [], "active": []}
+    for here, there in pairs:
+        most = max(abs(there.tension_weft), abs(there.tension_warp))
+        if here is not None and most > SLACK:
+            apart = (abs(getattr(here, name) - getattr(there, name)) for name in ("tension_weft", "tension_warp"))
+            differ["tension"].append(max(apart) / most)
+            differ["stress"].append(abs(here.stress_max / there.stress_max - 1.0))
+            differ["active"].append(0.01 * abs(here.active_percent - there.active_percent))
+    for name, values in differ.items():
+        quantiles = ", ".join(f"{100.0 * np.quantile(values, share):.2f} % at {share:.0%}" for share in QUANTILES)
+        yield f"{name}: {quantiles} of {len(values)} levels"
+
+
 def main() -> int:
     parser = new_parser(__doc__)
     add_directory(parser)
@@ -204,8 +223,12 @@ def main() -> int:
     parser.add_argument("--load", choices=LOADS, action="append", help="of this load; may be given several times")
     parser.add_argument("--levels", type=int, default=LEVELS, help="load levels of a run  [default: %(default)s]")
     parser.add_argument("--preset", default="draft", help="solver.preset  [default: %(default)s]")
+    parser.add_argument("--against", type=Path, metavar="OTHER", help="compare with the table of this folder, of a finer preset")
     given = parser.parse_args()
     path = table_path(given, "tight_knits_levels.csv")
+    if given.against is not None:
+        print("\n".join(compare(read_rows(path, Row), read_rows(given.against / path.name, Row))))
+        return 0
     start_warp()
     for knit in (name for name in KNITS if given.only in name):
         for yarn in (name for name in YARNS if given.yarn in (None, name)):

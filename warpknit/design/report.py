@@ -27,6 +27,7 @@ from ..runner.history import Row, mean_tension, row_of
 from ..runner.progress_display import Progress
 from ..scene import Scene, Stage, Sweep
 from ..scene.capabilities import refuse
+from ..scene.presets import tight_knits
 from ..sweep.contact_map import Jump, MapRow, Optimum, axes_of, find_jumps, find_optimum, grid, jump_warning, model_warnings
 from ..sweep.states import Mesh, mesh_of
 from ..text import celsius, exact
@@ -266,7 +267,8 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     )
     preset = found.scene.preset_in_force
     nodes = f"{found.scene.model.nodes_per_loop} nodes per loop" + (f" (preset {preset})" if preset else "")
-    page.text(f"Model: {found.scene.model.kind}, {found.scene.kind_reason}; {nodes}.")
+    known = tight_knits(preset) if preset and found.scene.model.kind == "spatial" else ""
+    page.text(f"Model: {found.scene.model.kind}, {found.scene.kind_reason}; {nodes}." + (f" At it {known}." if known else ""))
     if found.card is None:
         page.warning(f"{found.where[0].upper()}{found.where[1:]}.")
     load = found.scene.stages[0]
