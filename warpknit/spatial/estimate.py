@@ -45,15 +45,15 @@ FREE_STATES = 2  # the same of a direction without tension: 0.6 to 8 on tight kn
 GRIPPED = 3.0  # times the steps of a tile
 FROM_REPEAT = 0.2  # the same of a tile that starts from one repeat: 125 steps
 SMALLER_SHARE = 2.0  # time of a gripped mesh with its smaller meshes over that of its own steps: 1.5 to 3
-HOOKED = 1.5  # the same of two hooked wires
+HOOKED = 2.0  # the same of two hooked wires
 FROM_FILE = 0.7  # the same of wires from a file, by their loop_size
 
 # time [s] of a step on one core
-STEP_TIME = 45e-6  # however few nodes, with its share of a convergence check
+STEP_TIME = 36e-6  # however few nodes, with its share of a convergence check
 NODE_TIME = 0.12e-6
 PAIR_TIME = 0.01e-6  # of two segments that are near each other, most of which sleep
 CLOSE_TIME = 0.3e-6  # more of two that touch or nearly do so, at rest
-SITE_TIME = 1.5e-6  # of a place of hooking, whose wires touch for some of the levels
+SITE_TIME = 1.2e-6  # of a place of hooking, whose wires touch for some of the levels
 CLOSE = 0.3  # thicknesses between surfaces
 PAIRS_OF_NODE = 0.45  # pairs of segments near each other: 0.40 and 0.44 on the double atlas, 3.3 on a tight tricot
 
