@@ -123,14 +123,56 @@ partial_sums = wp.types.vector(length=PARTIAL_COUNT, dtype=wp.float64)
 
 
 @wp.func
-def add_rows(sums: partial_sums, partial: wp.array2d(dtype=wp.float64)):
-    """Add the rows in their order; of the two largest squares take the larger."""
-    for b in range(partial.shape[0]):
+def add_rows(sums: partial_sums, partial: wp.array2d(dtype=wp.float64), begin: int, end: int, step: int):
+    """Add rows in their order; of the two largest squares take the larger."""
+    for b in range(begin, end, step):
         sums[KINETIC_PART] += partial[b, KINETIC_PART]
         sums[SPEED_PART] = wp.max(sums[SPEED_PART], partial[b, SPEED_PART])
         sums[STRONGEST_PART] = wp.max(sums[STRONGEST_PART], partial[b, STRONGEST_PART])
         sums[FORCE_PART] += partial[b, FORCE_PART]
     return sums
+
+
+@wp.func
+def all_rows(wire_partial: wp.array2d(dtype=wp.float64), body_partial: wp.array2d(dtype=wp.float64)):
+    """The sums of the rows of wires, then of bodies."""
+    sums = add_rows(partial_sums(), wire_partial, 0, wire_partial.shape[0], 1)
+    return add_rows(sums, body_partial, 0, body_partial.shape[0], 1)
+
+
+@wp.func
+def set_row(partial: wp.array2d(dtype=wp.float64), row: int, sums: partial_sums):
+    for k in range(PARTIAL_COUNT):
+        partial[row, k] = sums[k]
+
+
+@wp.kernel
+def sum_nodes_of_blocks(
+    # in: blocks, and a row of each node
+    block_first: wp.array(dtype=wp.int32),
+    block_count: wp.array(dtype=wp.int32),
+    first_block: int,
+    node_partial: wp.array2d(dtype=wp.float64),
+    # out: a row of each block
+    partial: wp.array2d(dtype=wp.float64),
+):
+    """A thread a block of nodes."""
+    block = first_block + wp.tid()
+    begin = block_first[block]
+    set_row(partial, block, add_rows(partial_sums(), node_partial, begin, begin + block_count[block], 1))
+
+
+@wp.kernel
+def sum_rows(
+    # in
+    partial: wp.array2d(dtype=wp.float64),
+    # out: fewer rows
+    fewer: wp.array2d(dtype=wp.float64),
+):
+    """Each thread adds its row and every so many behind it: the order of the threads does not matter, and neighbours read
+    neighbouring rows."""
+    row = wp.tid()
+    set_row(fewer, row, add_rows(partial_sums(), partial, row, partial.shape[0], fewer.shape[0]))
 
 
 @wp.kernel
@@ -142,9 +184,7 @@ def sum_partials(
     row: wp.array2d(dtype=wp.float64),
 ):
     """The partial sums of a strip as one row."""
-    sums = add_rows(add_rows(partial_sums(), wire_partial), body_partial)
-    for k in range(PARTIAL_COUNT):
-        row[0, k] = sums[k]
+    set_row(row, 0, all_rows(wire_partial, body_partial))
 
 
 @wp.func
@@ -154,7 +194,7 @@ def renew_control(
     control: wp.array(dtype=wp.float64),
 ):
     """Sum the partial sums in their order, watch the limits, set the factors of the next step and move the load."""
-    sums = add_rows(add_rows(partial_sums(), wire_partial), body_partial)
+    sums = all_rows(wire_partial, body_partial)
     kinetic = sums[KINETIC_PART]
     finite = wp.isfinite(kinetic) and wp.isfinite(sums[FORCE_PART])
     control[KINETIC_TWICE] = kinetic

@@ -53,14 +53,17 @@ def corner_weights(sx: wp.float64, sy: wp.float64, corner: int) -> wp.vec2d:
 
 
 @wp.func
-def gather(grid: Grid, x: wp.float64, y: wp.float64, fx: wp.float64, fy: wp.float64, force: wp.array2d(dtype=wp.float64)):
+def gather(
+    grid: Grid, x: wp.float64, y: wp.float64, fx: wp.float64, fy: wp.float64, unit: wp.float64, force: wp.array2d(dtype=wp.int64)
+):
+    """Add a force [N] at a place to the grid, in whole counts of `unit` [N]: their sums do not depend on the order."""
     ix, iy, sx, sy = place_on(grid, x, y)
     for corner in range(4):
         weights = corner_weights(sx, sy, corner)
         w = weights[0] * weights[1]
         there = corner_index(grid, ix, iy, corner)
-        wp.atomic_add(force, there, 0, w * fx)
-        wp.atomic_add(force, there, 1, w * fy)
+        wp.atomic_add(force, there, 0, wp.int64(wp.round(w * fx / unit)))
+        wp.atomic_add(force, there, 1, wp.int64(wp.round(w * fy / unit)))
 
 
 @wp.func
@@ -101,10 +104,11 @@ def gather_node_forces(
     node_mass: wp.array(dtype=Any),
     acceleration_x: wp.array(dtype=Any),
     acceleration_y: wp.array(dtype=Any),
+    force_unit: wp.float64,
     # out, added to
-    force: wp.array2d(dtype=wp.float64),
+    force: wp.array2d(dtype=wp.int64),
 ):
-    """force[grid node] [N]; held nodes have no acceleration."""
+    """force[grid node], counts of `force_unit` [N]; held nodes have no acceleration."""
     thread = wp.tid()
     block = thread / block_size
     lane = thread - block * block_size
@@ -115,7 +119,7 @@ def gather_node_forces(
     mass = wp.float64(node_mass[t] * wire_mass[block_wire[block]])
     x = place_x[t] + block_origin_x[block]
     y = place_y[t] + block_origin_y[block]
-    gather(grid, x, y, mass * wp.float64(acceleration_x[i]), mass * wp.float64(acceleration_y[i]), force)
+    gather(grid, x, y, mass * wp.float64(acceleration_x[i]), mass * wp.float64(acceleration_y[i]), force_unit, force)
 
 
 @wp.kernel
@@ -128,14 +132,17 @@ def gather_body_forces(
     pair_force: wp.array(dtype=Any),
     pair_body_x: wp.array(dtype=Any),
     pair_body_y: wp.array(dtype=Any),
+    force_unit: wp.float64,
     # out, added to
-    force: wp.array2d(dtype=wp.float64),
+    force: wp.array2d(dtype=wp.int64),
 ):
     """The same for bodies."""
     body = wp.tid()
     for p in range(2 * body, 2 * body + 2):
         if pair_force[p] != pair_force.dtype(0.0):
-            gather(grid, body_origin_x[body], body_origin_y[body], wp.float64(pair_body_x[p]), wp.float64(pair_body_y[p]), force)
+            fx = wp.float64(pair_body_x[p])
+            fy = wp.float64(pair_body_y[p])
+            gather(grid, body_origin_x[body], body_origin_y[body], fx, fy, force_unit, force)
 
 
 @wp.kernel
@@ -145,17 +152,19 @@ def gather_forces(
     rest_position: wp.array(dtype=wp.vec3d),
     force: wp.array(dtype=wp.vec3d),
     grid: Grid,
+    force_unit: wp.float64,
     # out, added to
-    grid_force: wp.array2d(dtype=wp.float64),
-    across_force: wp.array2d(dtype=wp.float64),
+    grid_force: wp.array2d(dtype=wp.int64),
+    across_force: wp.array2d(dtype=wp.int64),
 ):
-    """Forces [N] of the nodes that are not held: grid_force[grid node] in the plane, across_force[grid node, 0] across it."""
+    """Forces of the nodes that are not held, counts of `force_unit` [N]: grid_force[grid node] in the plane,
+    across_force[grid node, 0] across it."""
     i = wp.tid()
     if (held[i] & HELD_NODE) == 0:
         x = rest_position[i][0]
         y = rest_position[i][1]
-        gather(grid, x, y, force[i][0], force[i][1], grid_force)
-        gather(grid, x, y, force[i][2], wp.float64(0.0), across_force)
+        gather(grid, x, y, force[i][0], force[i][1], force_unit, grid_force)
+        gather(grid, x, y, force[i][2], wp.float64(0.0), force_unit, across_force)
 
 
 @wp.func

@@ -150,14 +150,7 @@ _UPDATE = r"""
         strongest = strong[l] > strongest ? strong[l] : strongest;
         fastest = fast[l] > fastest ? fast[l] : fastest;
     }
-    if (ALONE) {
-        wp::atomic_add(partial, block, (int)KINETIC_PART, (double)(kinetic / mass_factor));
-        wp::atomic_max(partial, block, (int)SPEED_PART, (double)fastest);
-        wp::atomic_max(partial, block, (int)STRONGEST_PART, (double)strongest);
-        wp::atomic_add(partial, block, (int)FORCE_PART, (double)square);
-        return;
-    }
-    double* partial_row = partial.data + PARTIAL_COUNT * block;
+    double* partial_row = partial.data + PARTIAL_COUNT * (size_t)(ALONE ? offset_of_block + HALO : block);
     partial_row[KINETIC_PART] = kinetic / mass_factor;
     partial_row[SPEED_PART] = fastest;
     partial_row[STRONGEST_PART] = strongest;

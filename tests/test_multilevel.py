@@ -116,7 +116,9 @@ def test_membrane_moves_and_forces_are_adjoint() -> None:
         speed.zero_()
     drive.mechanics.slowest_mode.update(use=False)
     probe, membrane = drive.mechanics.slowest_mode.probe, drive.membrane
-    shaken = 1e3 * rng.normal(size=(2, model.panel.node_count))
+    table = model.rest.node_mass.numpy()[node_entries(model)]
+    mass = table * np.repeat(state.wire_mass.numpy(), model.panel.wire_count)
+    shaken = 1e-3 * rng.normal(size=(2, model.panel.node_count)) / mass  # by forces of a millinewton
     shaken[:, model.panel.held_node] = 0.0
     probe.acceleration_x.assign(shaken[0])
     probe.acceleration_y.assign(shaken[1])
@@ -129,8 +131,6 @@ def test_membrane_moves_and_forces_are_adjoint() -> None:
     membrane.warm_up(response)
     membrane.move(Correction(displacement, stations))
     after = state_variables(model, state)
-    table = model.rest.node_mass.numpy()[node_entries(model)]
-    mass = table * np.repeat(state.wire_mass.numpy(), model.panel.wire_count)
     work = np.sum(mass * (shaken[0] * (after["x"] - before["x"]) + shaken[1] * (after["y"] - before["y"])))
     # counts of 2^-39 m against moves of 1 um
     assert work == pytest.approx(np.sum(gathered * displacement), rel=1e-4)

@@ -11,6 +11,11 @@ import warp as wp
 _VIEW = "host_view"  # attribute of an array on the CPU: its view, made once
 
 
+def is_in_place(device: wp.DeviceLike) -> bool:
+    """Whether the host reads and writes the arrays of a device themselves, as on the CPU, and not copies."""
+    return bool(wp.get_device(device).is_cpu)
+
+
 def fetch(array: wp.array) -> np.ndarray:
     """The array on the host: a view on the CPU, a copy from a GPU.
 
@@ -20,7 +25,7 @@ def fetch(array: wp.array) -> np.ndarray:
     if view is not None:
         return view
     host: np.ndarray = array.numpy()
-    if not wp.get_device(array.device).is_cpu or not array.is_contiguous or not host.nbytes:
+    if not is_in_place(array.device) or not array.is_contiguous or not host.nbytes:
         return host
     # a view that refers to its array, which keeps it, would never be freed: NumPy's arrays are no part of garbage collection
     memory = (ctypes.c_char * host.nbytes).from_address(array.ptr)
@@ -36,7 +41,12 @@ def shared(values: np.ndarray, kind: type, device: str) -> wp.array:
 
 def store(array: wp.array, values: Any) -> None:
     """Set all entries of the array to values that have its shape on the host, or broadcast to it."""
+    store_at(array, ..., values)
+
+
+def store_at(array: wp.array, key: Any, values: Any) -> None:
+    """Set the entries of the array at a NumPy key."""
     host = fetch(array)
-    host[...] = values
-    if not wp.get_device(array.device).is_cpu:
+    host[key] = values
+    if not is_in_place(array.device):
         array.assign(host)

@@ -7,7 +7,7 @@ import warp as wp
 
 from ..kernels.membrane_transfer import gather_body_forces, gather_node_forces
 from ..launch import bind
-from ..transfer.grid import RepeatGrid
+from ..transfer.grid import CountedForces, RepeatGrid
 from ..transfer.response import Response
 from .model import Model, block_threads
 from .state import State
@@ -24,19 +24,20 @@ class MembraneGrid:
     ) -> None:
         self.model, self.state, self._probe = model, state, probe
         self._repeats = RepeatGrid(model, low, cell, cells, model.mesh, model.rest, model.constants)
+        self._force = CountedForces(int(np.prod(cells + 1)), model.axial_stiffness, model.device)
         self._body_clasp: wp.array = wp.array(model.panel.body_clasp, dtype=wp.int32, device=model.device)
         self._one = wp.full(len(model.panel.wire_first), 1.0, dtype=model.precision.real, device=model.device)
 
     def gather(self) -> np.ndarray:
         """Out-of-balance forces (grid node, 2) [N], from the accelerations that the probe holds."""
         model, mesh, state, repeats = self.model, self.model.mesh, self.state, self._repeats
-        repeats.force.zero_()
-        onto = {"grid": repeats.grid, "force": repeats.force}
+        self._force.counts.zero_()
+        onto = {"grid": repeats.grid, "force": self._force.counts, "force_unit": self._force.unit}
         nodes = (model.rest, mesh, state, model.constants, self._probe)
         bind(gather_node_forces, block_threads(model), *nodes, **onto).run(model.device)
         if model.owned_bodies:
             bind(gather_body_forces, model.owned_bodies, mesh, state, **onto).run(model.device)
-        return model.ranks.sum(repeats.force.numpy())
+        return self._force.read(model.ranks)
 
     def gather_across(self) -> None:
         """None: nothing moves out of the plane."""

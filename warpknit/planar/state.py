@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..host import fetch
+from ..host import fetch, is_in_place, store_at
 from ..kernels import contact_by_batch as b
 from ..kernels import control as c
 from ..kernels.bend import BOW, SLOPE_SHARE
@@ -134,11 +134,7 @@ class State:
 
     def write_control(self, values: dict[int, float]) -> None:
         """Set entries of the control array."""
-        host = fetch(self.control)
-        for index, value in values.items():
-            host[..., int(index)] = value
-        if str(self.control.device) != "cpu":  # on the CPU `host` is the array itself
-            self.control.assign(host)
+        store_at(self.control, (..., list(map(int, values))), list(values.values()))
 
 
 def initial_state(model: Model, replicas: int | None = None) -> State:
@@ -151,7 +147,7 @@ def initial_state(model: Model, replicas: int | None = None) -> State:
     nodes, bodies, pairs = model.panel.node_count, model.panel.body_count, model.pair_count
     wires = len(model.panel.wire_first)
     anchored = bodies if model.treatment.anchored else 0
-    batched = contact_batches(model) * int(b.PAIR_BATCH) if wp.get_device(device).is_cpu else 0
+    batched = contact_batches(model) * int(b.PAIR_BATCH) if is_in_place(device) else 0
 
     asleep = np.where(model.panel.pair_wire < 0, ASLEEP, 0.0)
 

@@ -20,13 +20,14 @@ from ..kernels.contact import find_contact_forces
 from ..kernels.contact_by_batch import PAIR_BATCH, find_contact_forces_by_batch
 from ..kernels.contact_friction import add_friction
 from ..kernels.contact_node import follow_contact_node, lend_contact_force
-from ..kernels.control import update_control
+from ..kernels.control import PARTIAL_COUNT, sum_nodes_of_blocks, update_control
 from ..kernels.grip import move_held_nodes
 from ..kernels.slide import slide_clamps
 from ..kernels.wire_forces import BLOCK_SIZE
 from ..kernels.wires import step_wires
 from ..launch import Launch, bind
 from ..numerics import GRAPH_STEPS, thread_count
+from ..row_sums import fewer_rows
 from ..team import Pace, Team
 from .model import Model, body_blocks, contact_batches
 from .state import State
@@ -58,6 +59,8 @@ class Stepper:
         self._alone = Stepper(model, state, threads=1) if short else None
         self._pace = Pace()
         self._graphs: dict[tuple[int, int], list[wp.Graph]] = {}
+        nodes = model.panel.node_count if self.by_node else 0
+        self._node_partial = wp.zeros((nodes, int(PARTIAL_COUNT)), dtype=wp.float64, device=model.device)
 
     @cached_property
     def _launches(self) -> list[list[list[wp.Launch]]]:
@@ -108,8 +111,6 @@ class Stepper:
             for launches in self._launches:
                 with wp.ScopedCapture(device=self.model.device) as capture:
                     for k in range(steps):
-                        if self.by_node:
-                            self.state.wire_partial.zero_()
                         for launch in launches[(parity + k) % 2]:
                             launch.launch()
                 graphs.append(capture.graph)
@@ -143,7 +144,9 @@ class Stepper:
 
     def _record(self, parity: int, part: int) -> list[wp.Launch]:
         """One thread's part of a step: contact, wires and bodies; the first thread also grips and control."""
-        end = [bind(update_control, 1, self.state)]
+        (wires, wire_partial), (bodies, body_partial) = map(fewer_rows, (self.state.wire_partial, self.state.body_partial))
+        rows = {"wire_partial": wire_partial, "body_partial": body_partial}
+        end = [*wires, *bodies, bind(update_control, 1, control=self.state.control, **rows)]
         work = [*self._contact_work(parity, part), *self.team.barrier(), *self._motion(parity, part)]
         return self._commands([*work, *(end if part == 0 else []), *self.team.barrier()])
 
@@ -155,10 +158,16 @@ class Stepper:
         body, bodies = self.team.share(body_blocks(model), part)
         return [
             self.wire_launch(now, block, blocks, state.node_vx, state.node_vy, state.node_ux[then], state.node_uy[then]),
+            *self._block_sums(block, blocks),
             *body_launches(model, state, then, body, bodies),
             *self.team.barrier(),
             *(self._grips(then) if part == 0 else []),
         ]
+
+    def _block_sums(self, block: int, blocks: int) -> list[Launch]:
+        """Sums over the nodes of blocks, where each node has a row."""
+        rows = {"node_partial": self._node_partial, "partial": self.state.wire_partial}
+        return [bind(sum_nodes_of_blocks, blocks, self.model.mesh, first_block=block, **rows)] if self.by_node else []
 
     def _grips(self, then: int) -> list[Launch]:
         model, state = self.model, self.state
@@ -181,7 +190,7 @@ class Stepper:
             step_wires, blocks * int(threads), model.rest, model.mesh, state, model.constants, first_block=first_block,
             threads_a_block=threads,
             ux_in=state.node_ux[now], uy_in=state.node_uy[now], vx=vx, vy=vy, ux_out=ux_out, uy_out=uy_out,
-            partial=state.wire_partial,
+            partial=self._node_partial if self.by_node else state.wire_partial,
         )  # fmt: skip
 
 

@@ -19,6 +19,7 @@ from ..kernels.border import collect_forces, distribute_forces
 from ..kernels.control import PARTIAL_COUNT, sum_partials, update_control
 from ..launch import Launch, bind
 from ..mesh.strip import Strip
+from ..row_sums import fewer_rows
 from .model import Model
 from .state import State
 from .step import Stepper, body_launch
@@ -101,14 +102,16 @@ class StripStepper(Stepper):
         if name == "motion":
             shared = slice(model.owned_bodies, model.panel.body_count)
             move_shared = body_launch(model, state, self._shared_blocks, 0, shared, self._unused_rows)
-            sums = bind(sum_partials, 1, state, row=self._row.array)
+            (wires, wire_partial), (bodies, body_partial) = map(fewer_rows, (state.wire_partial, state.body_partial))
+            rows = {"wire_partial": wire_partial, "body_partial": body_partial}
+            sums = [*wires, *bodies, bind(sum_partials, 1, row=self._row.array, **rows)]
             return [
                 [
                     *([self._distribute()] if part == 0 else []),
                     *self.team.barrier(),
                     *([move_shared] if part == 0 else []),
                     *self._motion(parity, part),
-                    *([sums] if part == 0 else []),
+                    *(sums if part == 0 else []),
                 ]
                 for part in parts
             ]
@@ -156,8 +159,6 @@ class StripStepper(Stepper):
     def _captured(self, parity: int, names: tuple[str, ...], part: int) -> wp.Graph:
         with wp.ScopedCapture(device=self.model.device) as capture:
             for name in names:
-                if name == "motion" and self.by_node:
-                    self.state.wire_partial.zero_()
                 for launch in self._parts[parity][name][part]:
                     launch.launch()
         return capture.graph

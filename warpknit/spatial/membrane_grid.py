@@ -13,6 +13,7 @@ from scipy.interpolate import RectBivariateSpline
 from ..host import fetch, store
 from ..kernels.membrane_transfer import Grid, gather_forces
 from ..launch import bind
+from ..transfer.grid import CountedForces
 from ..transfer.response import Response
 from .fields import Fields
 
@@ -28,24 +29,24 @@ class MembraneGrid:
         self._grid = Grid()
         self._grid.low, self._grid.cell, self._grid.cells = wp.vec2d(*low), wp.vec2d(*cell), wp.vec2i(*map(int, cells))
         count = int(np.prod(cells + 1))
-        self._force = wp.zeros((count, 2), dtype=wp.float64, device=self.model.device)
-        self._across_force = wp.zeros_like(self._force)
+        stiffness = self.model.rods.section.axial_stiffness
+        self._force, self._across_force = (CountedForces(count, stiffness, self.model.device) for _ in range(2))
         self._axes = [begin + size * np.arange(count + 1) for begin, size, count in zip(low, cell, cells, strict=True)]
 
     def gather(self) -> np.ndarray:
         """Out-of-balance forces (grid node, 2) [N], in the state last evaluated."""
         stepper = self.fields.stepper
-        self._force.zero_()
-        self._across_force.zero_()
+        self._force.counts.zero_()
+        self._across_force.counts.zero_()
         bind(
-            gather_forces, self.model.node_count, stepper.arrays, stepper.state, grid=self._grid, grid_force=self._force,
-            across_force=self._across_force,
+            gather_forces, self.model.node_count, stepper.arrays, stepper.state, grid=self._grid, grid_force=self._force.counts,
+            across_force=self._across_force.counts, force_unit=self._force.unit,
         ).run(self.model.device)  # fmt: skip
-        return np.asarray(self._force.numpy())
+        return self._force.read()
 
     def gather_across(self) -> np.ndarray:
         """[grid node] [N] the same out of the plane of the mesh, as the last `gather` found them."""
-        return np.asarray(self._across_force.numpy()[:, 0])
+        return self._across_force.read()[:, 0]
 
     def spread(self, displacement: np.ndarray, response: Response) -> None:
         """Move the mesh with the grid (grid node, 2) [m]; the clamps stay."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import warp as wp
 
-from ..host import fetch, shared, store
+from ..host import fetch, is_in_place, shared, store, store_at
 from ..kernels import control as c
 from ..kernels.banded_mass import BORDERS, FACTORS, factor_masses
 from ..kernels.rod_blocks import ROD_BLOCK
@@ -103,11 +103,7 @@ class RodState:
 
     def write_control(self, values: dict[int, float]) -> None:
         """Set entries of the control array."""
-        host = fetch(self.control)
-        for index, value in values.items():
-            host[int(index)] = value
-        if not wp.get_device(self.control.device).is_cpu:
-            store(self.control, host)
+        store_at(self.control, list(map(int, values)), list(values.values()))
 
     def read_control(self) -> np.ndarray:
         """The control array on the host: a view on the CPU, a copy from a GPU."""
@@ -311,7 +307,7 @@ def force_launch(rods: Rods, arrays: RodArrays, state: RodState, touch: TouchArr
 def _block_share(arrays: RodArrays, state: RodState, share: Share) -> tuple[int, int, wp.int32 | wp.int64]:
     """First block of a share, its threads, and those of a block: one, or one a node on a GPU (kernels/rod_blocks.py)."""
     begin, blocks = share(len(arrays.block_first))
-    if wp.get_device(state.control.device).is_cpu:
+    if is_in_place(state.control.device):
         return begin, blocks, wp.int32(1)
     return begin, blocks * ROD_BLOCK, wp.int64(ROD_BLOCK)
 

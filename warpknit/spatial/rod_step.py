@@ -25,6 +25,7 @@ from ..kernels import control as c
 from ..kernels.control import update_control
 from ..launch import Launch, bind
 from ..numerics import thread_count
+from ..row_sums import fewer_rows
 from ..team import Team
 from .fictitious_masses import Masses
 from .rod_arrays import (
@@ -115,7 +116,8 @@ class RodStepper:
         motion = [motion_launch(self.arrays, state, partial(self.team.share, part=part)), *wait]
         if part == 0:
             motion += self.clamps.launches() if self.clamps is not None else ()
-            motion.append(bind(update_control, 1, state, wire_partial=state.partial, body_partial=state.no_bodies))
+            sums, rows = fewer_rows(state.partial)
+            motion += [*sums, bind(update_control, 1, control=state.control, wire_partial=rows, body_partial=state.no_bodies)]
         return [*motion, *wait]
 
     def step(self, count: int) -> None:

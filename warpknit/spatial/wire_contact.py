@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from ..errors import OutOfResources
-from ..host import fetch, shared, store
+from ..host import fetch, shared, store, store_at
 from ..kernels import control as c
 from ..kernels.wire_closest import NOT_NEAR, ONE_PLACE, PLACES, find_closest_places, mark_near_pairs
 from ..kernels.wire_contact_forces import find_contact_forces
@@ -39,14 +39,6 @@ LEAST_CAPACITY = 64  # of a list
 NEXT_TRAVEL = 0.4  # of the thickness, most travel before near pairs are listed again
 SINGLE = 1.0001  # allowance for distances in single precision
 CAPACITY_MARGIN = 1.3  # capacity of a list over the pairs found
-
-
-def _fill(array: wp.array, values: np.ndarray) -> None:
-    """Write values to the begin of an array of whole numbers."""
-    host = fetch(array)
-    host[: len(values)] = values
-    if not wp.get_device(array.device).is_cpu:
-        store(array, host)
 
 
 def _is_one_of(members: np.ndarray, total: int) -> np.ndarray:
@@ -241,10 +233,10 @@ class WireContact:
         by_second = is_near[pairs.by_second]
         before_second = np.concatenate([[0], np.cumsum(by_second)])
         touch = self.touch
-        _fill(touch.touch_pair, near)
-        _fill(touch.touch_of_second, before[pairs.by_second[by_second]])
-        _fill(touch.touch_first_start, np.append(before[fetch(pairs.start)], count))
-        _fill(touch.touch_second_start, before_second[pairs.second_start])
+        store_at(touch.touch_pair, slice(count), near)
+        store_at(touch.touch_of_second, slice(count), before[pairs.by_second[by_second]])
+        store_at(touch.touch_first_start, ..., np.append(before[fetch(pairs.start)], count))
+        store_at(touch.touch_second_start, ..., before_second[pairs.second_start])
         store(touch.touch_count, count)
 
     def refresh(self, moved: float = 0.0) -> None:

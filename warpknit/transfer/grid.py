@@ -7,10 +7,27 @@ import warp as wp
 
 from ..kernels.membrane_transfer import Grid, spread_to_bodies, spread_to_nodes
 from ..launch import bind
+from ..ranks.ranks import Ranks
 from .repeat_mesh import RepeatModel, node_threads
 from .response import Response
 
 DIRECTIONS = {"x": 0, "y": 1, "body_x": 0, "body_y": 1}  # of fields that are displacements
+
+
+COUNT = 2.0**-52  # of EA: sums of out-of-balance forces stay far below 2^63 of them
+
+
+class CountedForces:
+    """Forces (grid node, 2) on the device as whole counts of `unit` [N]: their sums do not depend on the order of the threads."""
+
+    def __init__(self, grid_nodes: int, axial_stiffness: float, device: str) -> None:
+        self.unit = wp.float64(COUNT * axial_stiffness)
+        self.counts = wp.zeros((grid_nodes, 2), dtype=wp.int64, device=device)
+
+    def read(self, ranks: Ranks | None = None) -> np.ndarray:
+        """(grid node, 2) [N], over all ranks if given."""
+        counts = self.counts.numpy()
+        return float(self.unit) * (counts if ranks is None else ranks.sum(counts))
 
 
 class RepeatGrid:
@@ -22,7 +39,6 @@ class RepeatGrid:
         self.grid = Grid()
         self.grid.low, self.grid.cell, self.grid.cells = wp.vec2d(*low), wp.vec2d(*cell), wp.vec2i(*map(int, cells))
         count = int(np.prod(cells + 1))
-        self.force = wp.zeros((count, 2), dtype=wp.float64, device=model.device)  # [N] gathered
         self._displacement = wp.zeros((count, 2), dtype=wp.float64, device=model.device)
 
     def set_displacement(self, displacement: np.ndarray) -> None:

@@ -1,0 +1,27 @@
+"""Sums over the mesh on a GPU, in stages: rows of partial sums become fewer, in the same order always."""
+
+from __future__ import annotations
+
+import math
+
+import warp as wp
+
+from .host import is_in_place
+from .kernels.control import PARTIAL_COUNT, sum_rows
+from .launch import Launch, bind
+
+ROWS_A_THREAD = 64  # of one stage; one thread adds what is left
+
+
+def fewer_rows(partial: wp.array) -> tuple[list[Launch], wp.array]:
+    """Launches that add up rows (row, PARTIAL_COUNT), and the at most ROWS_A_THREAD rows that they leave.
+
+    None on the CPU, where a single thread adds them as fast.
+    """
+    launches: list[Launch] = []
+    while not is_in_place(partial.device) and len(partial) > ROWS_A_THREAD:
+        rows = math.ceil(len(partial) / ROWS_A_THREAD)
+        fewer = wp.zeros((rows, int(PARTIAL_COUNT)), dtype=wp.float64, device=partial.device)
+        launches.append(bind(sum_rows, rows, partial=partial, fewer=fewer))
+        partial = fewer
+    return launches, partial
