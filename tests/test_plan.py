@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import warp as wp
 
+from warpknit import device
 from warpknit.errors import DeviceError, InputError, MemoryNeeded
 from warpknit.knit.chain import KnitError
 from warpknit.memory import MEMORY_PER_NODE
@@ -227,6 +228,15 @@ def test_what_cannot_fit_is_refused_and_says_how_much(monkeypatch):
 def test_a_device_that_is_not_there_is_refused():
     with pytest.raises(DeviceError, match="--device cuda:99: not on this machine; allowed: cpu"):
         make_plan(load_scene(CELL), "cuda:99")
+
+
+def test_the_default_device_goes_by_the_size_of_the_mesh(monkeypatch):
+    """Small meshes stay on the CPU where there is a GPU; ranks of one machine take its GPUs in turn."""
+    monkeypatch.setattr(device, "devices", lambda: ["cpu", "cuda:0", "cuda:1"])
+    assert device.find_device(None, nodes=lambda: 1000) == "cpu"
+    assert [device.find_device(None, place, lambda: 10**6) for place in range(3)] == ["cuda:0", "cuda:1", "cuda:0"]
+    assert device.find_device("cuda:1", nodes=lambda: 1000) == "cuda:1"
+    assert make_plan(load_scene(CELL)).device == "cpu"
 
 
 def test_a_knit_that_cannot_be_made_is_refused():

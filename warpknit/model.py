@@ -12,6 +12,7 @@ from .device import devices
 from .errors import DeviceError, InputError
 from .estimate import Estimates
 from .mechanics import Group, Mechanics, Model
+from .mesh.layout import knit_scene
 from .ranks.ranks import Ranks
 from .scene import Scene
 from .trial import Trials
@@ -65,6 +66,13 @@ def replicas_of(model: Model, count: int, threads: int | None = None) -> Group:
     """A group of `count` replicas of a model; `threads` default to one a core."""
     replicas: Group = _kind(model.scene).replicas(model, count, threads=threads)
     return replicas
+
+
+def node_count(scene: Scene) -> int:
+    """Nodes of the mesh of a scene, estimated where it is large."""
+    cloth = knit_scene(scene) if scene.hook is None and scene.wires is None else None
+    size, _counted = estimates_of(scene).size_of(scene, cloth)
+    return size.nodes
 
 
 def estimates_of(scene: Scene) -> Estimates:

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from .device import find_device
+from .device import find_device, free_memory
 from .estimate import Size
 from .knit.chain import parse_chain
 from .knit.cloth import Cloth
@@ -115,11 +115,13 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
 
     Raises the errors of a run: `DeviceError`, `MemoryNeeded`, `ModelError`, `KnitError`, `SceneError`.
     """
-    name = find_device(device)
+    if device is not None:
+        find_device(device)
     file = None if scene.wires is None else wire_report(scene, scene.wire.thickness)
     cloth = knit_scene(scene) if scene.hook is None and scene.wires is None else None
     estimates = estimates_of(scene)
     size, counted = estimates.size_of(scene, cloth)
+    name = find_device(device, nodes=lambda: size.nodes)
     _refuse_intersecting_wires(scene, file)
     cost, notes = estimates.cost_of(scene, size), estimates.notes(scene, size)
     return Plan(
@@ -130,7 +132,7 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         bodies=size.bodies,
         pairs=2 * size.bodies,
         memory_bytes=PROGRAM_MEMORY + required_memory(scene, size.nodes),
-        available_bytes=available_memory(),
+        available_bytes=int(min(available_memory(), free_memory(name))),
         time_step_s=size.time_step,
         limited_by=size.limited_by,
         steps=cost.steps,

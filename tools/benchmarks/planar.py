@@ -167,7 +167,7 @@ def measure(options: argparse.Namespace, nodes: int, precision: str, folder: Pat
     if not options.contact:
         model = without_bodies(model)
     on_cpu = options.device == "cpu"
-    loop = CLoop(model, folder)
+    loop = CLoop(model, folder) if on_cpu else None
     count = model.panel.node_count
     floor_bytes = 2 * COORDINATES * np.dtype(REAL[precision][0]).itemsize
     found = []
@@ -176,10 +176,10 @@ def measure(options: argparse.Namespace, nodes: int, precision: str, folder: Pat
         steps = Steps(model, state, threads)
         number = max(1, round(options.seconds * 2e8 * threads / count / GRAPH)) * GRAPH if on_cpu else 40 * GRAPH
         works: dict[str, Callable[[], object]] = {"warpknit": partial(steps.stepper.step, number)}
-        if on_cpu:
+        if loop is not None:
             works["c"] = partial(loop.step, number, threads)
         seconds = {name: taken / number for name, taken in best(works, options.rounds, device=options.device).items()}
-        bandwidth = triad_bandwidth(loop.library, threads) if on_cpu else copy_bandwidth(options.device)
+        bandwidth = triad_bandwidth(loop.library, threads) if loop is not None else copy_bandwidth(options.device)
         found.append({
             "case": "contact" if options.contact else "free",
             "nodes": count,
@@ -188,7 +188,7 @@ def measure(options: argparse.Namespace, nodes: int, precision: str, folder: Pat
             "device": options.device,
             "node_steps_per_s": count / seconds["warpknit"],
             "compile_s": round(steps.compile_s, 3),
-            "c_loop_node_steps_per_s": loop.nodes / seconds["c"] if on_cpu else None,
+            "c_loop_node_steps_per_s": loop.nodes / seconds["c"] if loop is not None else None,
             "bandwidth_floor_node_steps_per_s": bandwidth / floor_bytes,
         })  # fmt: skip
     return found

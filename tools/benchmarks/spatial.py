@@ -50,7 +50,7 @@ PARTS = {
 }
 
 
-def at_load(knit: str, repeats: int, overrides: list[str]) -> Simulation:
+def at_load(knit: str, repeats: int, overrides: list[str], device: str = "cpu") -> Simulation:
     """A knit at rest under its load, roughly."""
     options = [
         *KNITS[knit],
@@ -60,7 +60,7 @@ def at_load(knit: str, repeats: int, overrides: list[str]) -> Simulation:
         f"model.nodes_per_loop={NODES_PER_LOOP}",
         f"knit.repeats=[{repeats}, {repeats}]",
     ]
-    relaxation = Simulation(build_model(load_scene(SCENE, [*options, *overrides])))
+    relaxation = Simulation(build_model(load_scene(SCENE, [*options, *overrides]), device))
     for _record in relaxation.run():
         pass
     return relaxation
@@ -86,7 +86,7 @@ def kernels_alone(relaxation: Simulation, rounds: int) -> dict[str, float]:
         if one.threads and one.kernel.key != "wait_for_all":
             launches.setdefault(one.kernel.key, []).append(one)
     works = {key: repeated(relaxation, ones) for key, ones in launches.items()}
-    taken = best(works, rounds)
+    taken = best(works, rounds, device=stepper.device)
     stepper.state.write_control(kept)
     return {name: seconds / STEPS for name, seconds in taken.items()}
 
@@ -126,27 +126,33 @@ class CLoop:
 
 def measure(knit: str, repeats: int, options: argparse.Namespace, folder: Path) -> Iterator[dict[str, Any]]:
     """What a step takes, and its parts; without contact, then with it."""
-    relaxation = at_load(knit, repeats, options.overrides)
+    relaxation = at_load(knit, repeats, options.overrides, options.device)
     stepper, contact, steps = relaxation.mechanics.stepper, relaxation.mechanics.contact, relaxation.progress.steps
     rounds, threads, nodes, searches = options.rounds, stepper.threads, relaxation.model.rods.node_count, contact.searches
     contact.search()
     stepper.state.write_control({c.TRAVEL_LIMIT: np.inf})
-    loop = CLoop(stepper, folder)
-    works = {"step": partial(stepper.step, STEPS), "c": partial(loop.step, STEPS, threads)}
-    best(works, 1)
-    whole = best(works, rounds)
+    works = {"step": partial(stepper.step, STEPS)}
+    if options.device == "cpu":
+        works["c"] = partial(CLoop(stepper, folder).step, STEPS, threads)
+    best(works, 1, device=options.device)
+    whole = best(works, rounds, device=options.device)
     parts = kernels_alone(relaxation, rounds)
     near, pairs = contact.read_contacts(), contact.pair_count
-    search = best({"search": contact.search}, rounds)["search"] * searches / max(steps, 1)
+    search = best({"search": contact.search}, rounds, device=options.device)["search"] * searches / max(steps, 1)
     share = dict.fromkeys(("broad_phase", *dict.fromkeys(PARTS.values())), 0.0) | {"broad_phase": search}
     for name, seconds in parts.items():
-        share[PARTS[name]] += seconds
+        share[PARTS.get(name, "rods")] += seconds
     common = {"nodes": nodes, "precision": "double", "threads": threads, "device": str(stepper.device)}
 
     def speeds(taken: dict[str, float]) -> dict[str, Any]:
         one = {name: nodes * STEPS / seconds for name, seconds in taken.items()}
-        ratio = one["step"] / one["c"]
-        return {"node_steps_per_s": one["step"], "c_loop_node_steps_per_s": one["c"], "to_c_loop": round(ratio, 3)}
+        if "c" not in one:
+            return {"node_steps_per_s": one["step"]}
+        return {
+            "node_steps_per_s": one["step"],
+            "c_loop_node_steps_per_s": one["c"],
+            "to_c_loop": round(one["step"] / one["c"], 3),
+        }
 
     contacts = {
         "pairs": pairs,
@@ -159,8 +165,8 @@ def measure(knit: str, repeats: int, options: argparse.Namespace, folder: Path) 
     }
     stepper.contact = None
     stepper.state.write_control({c.TIME_STEP: 0.0})  # wires that touch would be driven apart
-    best(works, 1)
-    yield {"case": f"{knit}, free", **common, **speeds(best(works, rounds))}
+    best(works, 1, device=options.device)
+    yield {"case": f"{knit}, free", **common, **speeds(best(works, rounds, device=options.device))}
     yield {"case": knit, **common, **speeds(whole), **contacts}
 
 

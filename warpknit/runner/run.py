@@ -15,7 +15,7 @@ from pathlib import Path
 from ..device import find_device
 from ..errors import RunDirectoryError
 from ..files import held_directory
-from ..model import build_model
+from ..model import build_model, node_count
 from ..ranks.ranks import One, Ranks
 from ..scene import Scene
 from ..scene.capabilities import refuse
@@ -57,9 +57,12 @@ def run_scene(
     finished = ranks.from_first(lambda: _finished_run(scene, out, resume, force, own.names))
     if finished is not None:
         return finished
-    name = find_device(device, ranks.place)
+    name = find_device(device, ranks.place, lambda: node_count(scene))
     if device is None:
         _log.info("running on %s", name if ranks.count == 1 else f"{ranks.count} ranks, this one on {name}")
+    elif ranks.count > 1 and name != "cpu":
+        _log.warning("warning: --device %s puts all %d ranks on one GPU; without --device they take those of the machine in turn",
+                     name, ranks.count)  # fmt: skip
     checkpoint = None
     if resume and ranks.from_first(lambda: has_checkpoint(out)):
         checkpoint = Checkpoint(out, scene.hash, ranks)
