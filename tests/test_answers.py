@@ -87,6 +87,16 @@ def test_what_does_not_happen_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "end of the records" in text["  may drift"]
 
 
+def test_a_compressed_mesh_has_no_service_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mean tension of 0.3 N/m of 0.7 and -0.1 N/m is not a mesh in tension."""
+    rows = [row(0.1 * k) for k in range(6)]
+    for one in rows:
+        one.tension_weft_N_per_m, one.tension_warp_N_per_m = one.tension_weft_N_per_m + 0.4, one.tension_warp_N_per_m - 0.4
+    answers = found(rows, monkeypatch, service=0.3)
+    assert answers["service"][0]["state"] is None
+    assert dict(answer_rows(answers, LIMIT))["active at 300 mN/m"].startswith("compressed in weft or warp")
+
+
 def test_a_class_that_opens_again_is_said_to(monkeypatch: pytest.MonkeyPatch) -> None:
     """A carries force from 0.23 to 0.3 N/m alone: its closing is there, and the record in which it is open again is given."""
     rows = [row(0.1 * k) for k in range(6)]

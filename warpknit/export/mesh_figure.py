@@ -197,10 +197,10 @@ def _legend(figure: Figure, layout: WireLayout, frame: Frame) -> None:
     """Say how many contacts are active and open, and how many of the central rhombus."""
     if not layout.body_count:
         return
-    kind = "bodies" if layout.body_radius else "contacts"
+    kind = "bodies" if layout.body_radius else "places of contact"
     handles = []
     for chosen, name, _, look in _kinds(frame):
-        label = f"{kind} {name}: {np.count_nonzero(chosen)}"
+        label = f"{name} {kind}: {np.count_nonzero(chosen)}"
         handles.append(Line2D([], [], label=label, **look, markersize=6.5, markeredgewidth=1.0))
     if layout.wire_closed.any():
         handles.append(Line2D([], [], **OUTLINE, label="the tile that is counted"))

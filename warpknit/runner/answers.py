@@ -22,7 +22,7 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     contacts[].closes.first_touch     the record in which a class was closed before, and opened again; null without one
     contacts[].closes.opens           the record behind in which less than half of its pairs are closed; null without one
     service                           `tension_N_per_m` with `active_percent` and the `state` where the mean of weft and warp
-                                      first reaches it; `why`, in a report, none was found or what limits it
+                                      first reaches it; `why` there is none, or what limits it
     service[].resolved                false where a class closes at an unknown tension between the same two records
     service[].jump                    the records on both sides where the mesh jumps to another equilibrium at this tension,
                                       each with `active_percent`, in place of a state; null without one
@@ -67,6 +67,8 @@ HEATED = (*STATE, "active_percent", "stress_max_Pa")
 PEAK = ("stress_max_part", "stress_max_wire", "stress_max_node", "stress_max_x_m", "stress_max_y_m")
 ROUND_OFF = 1e-9  # of the elastic limit, in a state that is interpolated to lie on it
 HELD_STRAIN, HELD_TENSION = 2e-3, 0.02  # a frame expands by less over 200 K; tensions are found to less, of themselves
+COMPRESSED = "compressed in weft or warp where the mean tension is this"
+SCATTER = 1e-3  # of a mean tension: a smaller one in one direction is about zero
 DRIFT = 1.0  # percentage points of contacts that may open while the tension drifts
 DRIFT_STATES = 201  # states between the least and the largest tension of a stage, in which a drift is looked for
 SLACK = 1e-6  # of the distance of two records: round-off of a state found between them
@@ -254,10 +256,13 @@ def _service(
         sides = [_state(row) | {"active_percent": row.active_percent} for row in around]
         return {"tension_N_per_m": tension, "active_percent": None, "state": None, "resolved": False, "jump": sides}
     there = _at_tension(rows, tension, classes, closings)
+    why = {}
+    if there is not None and min(there.tension_weft_N_per_m, there.tension_warp_N_per_m) < -SCATTER * tension:
+        there, why = None, {"why": COMPRESSED}
     near = [low for low, high in _unknown(closings) if mean_tension(Row(**low)) <= tension <= mean_tension(Row(**high))]
     pairs = max(1, sum(one.pairs for one in classes))
     active, state = (None, None) if there is None else (100.0 * round(0.01 * pairs * there.active_percent) / pairs, _state(there))
-    return {"tension_N_per_m": tension, "active_percent": active, "state": state, "resolved": not near, "jump": None}
+    return {"tension_N_per_m": tension, "active_percent": active, "state": state, "resolved": not near, "jump": None} | why
 
 
 def _unknown(closings: Answer) -> list[list[Answer]]:
