@@ -5,13 +5,14 @@ from __future__ import annotations
 import csv
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from warpknit import export, measure
 from warpknit.measure import Observables, table
-from warpknit.measure.contact_classes import class_of_pair, classes_of
+from warpknit.measure.contact_classes import class_of_pair, classes_of, median_force
 from warpknit.measure.observables import MeshModel
 from warpknit.measure.table import Measure
 from warpknit.model import build_model
@@ -89,3 +90,14 @@ def test_the_layout_has_the_classes_of_the_contacts(kind: str) -> None:
     np.testing.assert_array_equal(np.repeat(model.layout().body_class, 2), class_of_pair(model))
     assert len(np.unique(model.layout().body_class)) == len(classes_of(model)) > 1
     assert build_model(load_scene(CELL.with_name("hook_spatial.toml"))).layout().body_class.size == 0
+
+
+@pytest.mark.parametrize(("loaded", "found"), [(3, 0.0), (4, 283e-6), (5, 283e-6)])
+def test_a_class_has_the_force_that_half_of_its_pairs_reach(loaded: int, found: float) -> None:
+    """Of eight pairs 3, 4 or 5 carry 283 uN and the others nothing: half of them carry 283 uN from four on, never a mean."""
+    model = build_model(load_scene(CELL, [*QUICK, *OF_KIND["planar"]]))
+    pairs = np.flatnonzero(class_of_pair(model) == 0)
+    assert len(pairs) == 8
+    force = np.zeros(model.pair_count)
+    force[pairs[:loaded]] = 283e-6
+    assert median_force(SimpleNamespace(model=model, pair_force=force), "A") == found

@@ -42,9 +42,9 @@ def active_percent(r: Observables, name: str) -> float | None:
 
 
 def median_force(r: Observables, name: str) -> float | None:
-    """[N] contact force that half of the pairs of a class exceed; None where the mesh has none of it."""
+    """[N] contact force that half of the pairs of a class reach, the upper median; None where the mesh has none of it."""
     pairs = _pairs(r, name)
-    return None if pairs is None else float(np.median(r.pair_force[pairs]))
+    return None if pairs is None else float(np.sort(r.pair_force[pairs])[len(pairs) // 2])
 
 
 def _pairs(r: Observables, name: str) -> np.ndarray | None:

@@ -19,7 +19,7 @@ Names and meanings; docs/reference/summary.md has them too. A unit is the end of
     active_pairs            pairs closed with more than the threshold
     active_percent          share of the active pairs
     active_A_percent        share of the active pairs of a class
-    force_A_N               median contact force of a class
+    force_A_N               contact force that half of the pairs of a class reach
     bodies                  contact bodies; in space places where two wires hook
     active_bodies           bodies both of whose pairs are active
     active_bodies_percent   share of the bodies both of whose pairs are active

@@ -1,8 +1,8 @@
 """Answers to a designer's questions from the rows of a run: at which tension contacts close and the wire yields, what heat does,
 which tension is best and how far it may drift.
 
-A class of contact closes where half of its pairs carry more than the threshold. Its median force F is zero while it is open, and
-grows with the load once it is closed. So a value x of the state at closing follows from the two records behind it,
+A class of contact closes where half of its pairs carry more than the threshold. The force F that half of them reach is zero
+while it is open, and grows with the load once it is closed. So a state x at closing follows from the two records behind it,
 
     x0 = x1 - (F1 - threshold) (x2 - x1) / (F2 - F1).
 
