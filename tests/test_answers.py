@@ -353,3 +353,36 @@ def test_no_state_within_a_jump_is_best(monkeypatch: pytest.MonkeyPatch) -> None
     assert best["low"]["tension_weft_N_per_m"] <= 0.5 <= best["high"]["tension_weft_N_per_m"]
     for state in (best, best["low"], best["high"]):
         assert not 0.5 + 1e-9 < state["tension_weft_N_per_m"] < 0.6 - 1e-9
+
+
+def test_what_is_loaded_beyond_first_yield_does_not_change_the_best_tension(monkeypatch: pytest.MonkeyPatch) -> None:
+    """First yield is at 0.7 N/m. The mesh jumps back from 0.8 to 0.45 N/m and is loaded on, below the limit and with B open."""
+    rows = [row(0.1 * k) for k in range(9)]
+    behind = [row(0.45 + 0.1 * k) for k in range(10)]
+    for one in behind:
+        one.stress_max_Pa, one.force_B_N, one.active_B_percent, one.active_percent = 0.5 * LIMIT, 0.0, 0.0, 25.0
+    best = found(rows, monkeypatch)["best"]
+    assert best["low"]["tension_weft_N_per_m"] == pytest.approx(CLOSES["B"], rel=1e-6)
+    assert best["high"]["tension_weft_N_per_m"] == pytest.approx(LIMIT / STRESS, rel=1e-9)
+    assert found(rows + behind, monkeypatch, jumps=[(rows[-1], behind[0])])["best"] == best
+
+
+def test_a_range_goes_along_the_load_and_not_over_other_states_of_its_tensions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The mesh jumps back from 0.5 to 0.25 N/m, where all contacts close: they are active from there to 0.65 N/m."""
+    rows = [row(0.1 * k) for k in range(6)] + [row(0.25 + 0.1 * k) for k in range(5)]
+    for one in rows[6:]:
+        one.active_percent = one.active_A_percent = one.active_B_percent = 100.0
+    best = found(rows, monkeypatch, jumps=[(rows[5], rows[6])])["best"]
+    assert [best[end]["tension_weft_N_per_m"] for end in ("low", "high")] == pytest.approx([0.25, 0.65])
+    assert best["active_percent"] == 100.0 and best["open_high"] and not best["open_low"]
+
+
+def test_a_range_of_one_record_is_called_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between two jumps one record has all contacts, and the wire yields at the next one."""
+    rows = [row(0.1 * k) for k in range(6)]
+    rows[5].stress_max_Pa = 2.0 * LIMIT
+    for one in rows[4:]:
+        one.active_percent = one.active_A_percent = one.active_B_percent = 100.0
+    answers = found(rows, monkeypatch, jumps=[(rows[3], rows[4]), (rows[4], rows[5])])
+    assert answers["best"]["low"] == answers["best"]["high"]
+    assert dict(answer_rows(answers, LIMIT))["  may drift"] == "unknown: a single record has this share; more output.frames tell"

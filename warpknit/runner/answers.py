@@ -33,9 +33,10 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     largest_tension                   the state of the largest tension
     heat                              each stage that changes the temperature alone: values at its begin and end
     heat[].held                       what it holds in weft and warp, `tension` or `strain` each
-    best                              the state in the middle of the widest range of tension with the most active contacts and
-                                      no stress above the limit; what a single record alone shows does not count
-    best.low                          the lower end of this range, in which at most one percentage point of contacts opens
+    best                              the state in the middle of the widest range of tension with the most active contacts, up to
+                                      first yield; what a single record alone shows does not count
+    best.low                          the lower end of this range, in which at most one percentage point of contacts opens along
+                                      the load; that of `best` where the range is a single record
     best.high                         the upper end
     best.low_between                  the records on both sides of the lower end, where a class closes at an unknown tension
                                       between them; else null
@@ -48,7 +49,9 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -95,13 +98,10 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
     given = model.scene.output.service_tension
     wanted = SERVICE_TENSIONS if given is None else (given,)
     service = [_service(tension, rows, classes, closings, jumps) for tension in wanted]
-    part = max(stages_of(rows), key=lambda part: max(row.active_percent for row in part), default=list(rows))
-    rising = sorted(part, key=mean_tension)
-    events = [mean_tension(Row(**one)) for one in (*closings.values(), first_yield) if one is not None]
-    between = np.linspace(mean_tension(rising[0]), mean_tension(rising[-1]), DRIFT_STATES)
-    apart = [sorted(map(mean_tension, jump)) for jump in jumps]
-    tensions = [one for one in (*events, *between.tolist()) if not any(low < one < high for low, high in apart)]
-    states = [there for tension in tensions if (there := _at_tension(rising, float(tension), classes, closings)) is not None]
+    limit = model.scene.wire.yield_stress
+    yields = _yielding_record(rows, limit)
+    known = rows if yields is None else rows[: yields + 1]  # what is loaded further does not change the best tension
+    until = {one.name: closing(rows, one.name, threshold, measure.least_force(model), jumps, len(known)) for one in classes}
     return {
         "contacts": [
             {
@@ -117,7 +117,7 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
         "largest_stress": _peak(max(rows, key=lambda row: row.stress_max_Pa)),
         "largest_tension": _state(top),
         "heat": heat_of(rows, model.scene.stages),
-        "best": _best(rising, states, model.scene.wire.yield_stress, _unknown(closings), jumps),
+        "best": _best(known, limit, classes, until, jumps),
     }
 
 
@@ -126,17 +126,20 @@ def _is_jump(before: Row, after: Row, jumps: Sequence[Jump]) -> bool:
     return any(one is before and other is after for one, other in jumps)
 
 
-def closing(rows: Sequence[Row], name: str, threshold: float, least: float, jumps: Sequence[Jump] = ()) -> Answer | None:
+def closing(
+    rows: Sequence[Row], name: str, threshold: float, least: float, jumps: Sequence[Jump] = (), end: int | None = None
+) -> Answer | None:
     """The state in which a class of contact closes; None if it stays open.
 
-    threshold [N]: of an active pair; least [N]: force below which a pair counts as open. `between`: the records on both sides.
+    threshold [N]: of an active pair; least [N]: force below which a pair counts as open; end: number of the rows that are asked,
+    where not all; those behind tell only how the force grows. `between`: the records on both sides.
     `resolved`: whether the forces give a place between them; if not, as within a `jump` or where slack is taken up, the state is
     halfway. `first_touch`: the record in which the class was closed before, and opened again; None without one. `closed_percent`:
     share of its pairs in the record behind.
     """
     force = [vars(row)[f"force_{name}_N"] for row in rows]
     closed = [one > threshold for one in force]
-    k = _closing_record(rows, closed)
+    k = _closing_record(rows[:end], closed[:end])
     if k is None:
         return None
     after, before = rows[k], rows[max(k - 1, 0)]
@@ -154,10 +157,11 @@ def closing(rows: Sequence[Row], name: str, threshold: float, least: float, jump
         return _between(before, after, 0.5) | found | {"resolved": False}
     if force[k - 1] > least:  # closed already, with less than the threshold
         return _between(before, after, (threshold - force[k - 1]) / (force[k] - force[k - 1])) | found
-    if k + 1 < len(rows) and rows[k + 1].stage == after.stage and force[k + 1] > force[k]:
-        steps = (force[k] - threshold) / (force[k + 1] - force[k])
-        ahead, low, here = (np.array([vars(row)[name] for name in STATE]) for row in (rows[k + 1], before, after))
-        values = here - steps * (ahead - here)
+    ahead = next(iter(rows[k + 1 :]), after)
+    growth = vars(ahead)[f"force_{name}_N"] - force[k]
+    if growth > 0.0 and ahead.stage == after.stage and not _is_jump(after, ahead, jumps):
+        there, low, here = (np.array([vars(row)[name] for name in STATE]) for row in (ahead, before, after))
+        values = here - (force[k] - threshold) / growth * (there - here)
         if _lies_between(values, low, here):
             gained = [float(one[2] + one[3] - low[2] - low[3]) for one in (values, here)]  # twice the mean tension
             share = float(np.clip(gained[0] / gained[1], 0.0, 1.0)) if gained[1] > 0.0 else 0.5
@@ -203,10 +207,15 @@ def _peak(row: Row) -> Answer:
     return {"stress_max_Pa": row.stress_max_Pa} | {name: vars(row).get(name) for name in PEAK}
 
 
+def _yielding_record(rows: Sequence[Row], limit: float) -> int | None:
+    """The first record with a stress above the elastic limit [Pa]."""
+    return next((k for k, row in enumerate(rows) if row.stress_max_Pa > limit), None)
+
+
 def _first_yield(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump]) -> Answer | None:
     """The state in which the largest stress first reaches the elastic limit, and the place; None if it does not."""
     limit = model.scene.wire.yield_stress
-    k = next((k for k, row in enumerate(rows) if row.stress_max_Pa > limit), None)
+    k = _yielding_record(rows, limit)
     if k is None:
         return None
     before, after = rows[max(k - 1, 0)], rows[k]
@@ -224,21 +233,28 @@ def _around(rows: Sequence[Row], tension: float) -> Jump | None:
 
 
 def _at_tension(rows: Sequence[Row], tension: float, classes: Sequence[ContactClass], closings: Answer) -> Row | None:
-    """The state in which the mean tension first reaches `tension` [N/m], with its contacts and stress; None if it does not.
-
-    A class that closes between two records counts as closed from its own tension on.
-    """
+    """The state in which the mean tension first reaches `tension` [N/m], with its contacts and stress; None if it does not."""
     around = _around(rows, tension)
     if around is None or around[0] is around[1]:
         return None if around is None else around[1]
-    before, after = around
-    share = (tension - mean_tension(before)) / (mean_tension(after) - mean_tension(before))
-    active = 0.0
+    return _interpolated(*around, tension, classes, closings)
+
+
+def _interpolated(before: Row, after: Row, tension: float, classes: Sequence[ContactClass], closings: Answer) -> Row:
+    """The state between two records with the mean tension `tension` [N/m], with its contacts and stress.
+
+    A class that closes between them counts as closed from its own tension on.
+    """
+
+    def share_of(tension: float) -> float:
+        return (tension - mean_tension(before)) / (mean_tension(after) - mean_tension(before))
+
+    share, active = share_of(tension), 0.0
     for one in classes:
         ends = [vars(row)[f"active_{one.name}_percent"] for row in (before, after)]
         closes = closings[one.name]
         if closes is not None and closes["between"][1] == _state(after):
-            active += one.pairs * ends[int(tension >= mean_tension(Row(**closes)))]
+            active += one.pairs * ends[int(share >= share_of(mean_tension(Row(**closes))))]
         else:
             active += one.pairs * ((1.0 - share) * ends[0] + share * ends[1])
     stress = (1.0 - share) * before.stress_max_Pa + share * after.stress_max_Pa
@@ -289,41 +305,66 @@ def _is_held(part: Sequence[Row], side: str) -> bool:
     return strain <= HELD_STRAIN or abs(tension[1] - tension[0]) <= HELD_TENSION * max(map(abs, tension))
 
 
+def _path(
+    rows: Sequence[Row], limit: float, classes: Sequence[ContactClass], closings: Answer, jumps: Sequence[Jump]
+) -> list[Row]:
+    """The records of a stage, with states between them where there is no jump: at even steps of the mean tension, and where
+    contacts close or the stress reaches `limit` [Pa]."""
+    step = float(np.ptp([mean_tension(row) for row in rows])) / (DRIFT_STATES - 1)
+    path = list(rows[:1])
+    for before, after in pairwise(rows):
+        low, high = mean_tension(before), mean_tension(after)
+        if not _is_jump(before, after, jumps) and step > 0.0:
+            tensions = np.linspace(low, high, math.ceil(abs(high - low) / step) + 1).tolist()
+            tensions += [mean_tension(Row(**one)) for one in closings.values() if one and one["between"][1] == _state(after)]
+            if before.stress_max_Pa < limit < after.stress_max_Pa:
+                tensions.append(
+                    low + (limit - before.stress_max_Pa) / (after.stress_max_Pa - before.stress_max_Pa) * (high - low)
+                )
+            inside = sorted({one for one in tensions if min(low, high) < one < max(low, high)}, reverse=high < low)
+            path += [_interpolated(before, after, tension, classes, closings) for tension in inside]
+        path.append(after)
+    return path
+
+
 def _best(
-    rising: Sequence[Row], states: Sequence[Row], limit: float, unknown: Sequence[Sequence[Answer]], jumps: Sequence[Jump]
+    rows: Sequence[Row], limit: float, classes: Sequence[ContactClass], closings: Answer, jumps: Sequence[Jump]
 ) -> Answer | None:
     """The tension in the middle of the widest range with the most active contacts, and no stress above `limit` [Pa]; or None.
 
-    Contacts that are active in one record, and in neither of those beside it, do not count.
-
-    rising: records of a stage, by tension; states: others between them; unknown: pairs of states between which a class closes.
-    `low`, `high`: ends of the range; `open_low`, `open_high`: the records end there, so that it may be wider; `grows`: the range
-    is only known to begin behind the last record but one, and the best tension is the last.
+    rows: up to the first one above the limit. A range is a part of the path of one stage. Contacts that are active in one record,
+    and in neither of those beside it, do not count.
     """
 
     def share(row: Row) -> float:
         tensile = row.tension_weft_N_per_m > 0.0 and row.tension_warp_N_per_m > 0.0
         return float(row.active_percent) if tensile and row.stress_max_Pa <= limit * (1.0 + ROUND_OFF) else 0.0
 
-    states = sorted([*rising, *states], key=mean_tension)
-    shares, recorded = [share(row) for row in states], [row.active_percent for row in rising]
+    rows = max(stages_of(rows), key=lambda part: max(map(share, part)), default=list(rows))
+    states = _path(rows, limit, classes, closings, jumps)
+    shares, recorded = [share(row) for row in states], [row.active_percent for row in rows]
     if max(shares) == 0.0:
         return None
     inner = [min(here, max(around)) for here, *around in zip(recorded[1:-1], recorded, recorded[2:], strict=False)]
     most = min(max(shares), max([recorded[0], *inner, recorded[-1]])) or max(shares)
     good = [0.0 < one >= most - DRIFT for one in shares]
-    ends = np.flatnonzero(np.diff([False, *good, False])).reshape(-1, 2) - [0, 1]  # of each range, (range, 2)
-    low, high = max(ends.tolist(), key=lambda one: mean_tension(states[one[1]]) - mean_tension(states[one[0]]))
-    open_high = high + 1 == len(states)
-    grows = open_high and all(mean_tension(row) < mean_tension(states[low]) for row in rising[:-1])
-    middle = 0.5 * (mean_tension(states[low]) + mean_tension(states[high]))
-    best = states[high] if grows else min(states[low : high + 1], key=lambda row: abs(mean_tension(row) - middle))
-    ends_at = [mean_tension(states[k]) for k in (low, high)]
-    around = [pair for pair in unknown if mean_tension(Row(**pair[0])) < ends_at[0] <= mean_tension(Row(**pair[1]))]
-    within = [sorted(jump, key=mean_tension) for jump in jumps]
-    within = [jump for jump in within if ends_at[0] <= mean_tension(jump[0]) and mean_tension(jump[1]) <= ends_at[1]]
+    ends = np.flatnonzero(np.diff([False, *good, False])).reshape(-1, 2)  # of each range, (range, 2)
+    ranges = [states[begin:end] for begin, end in ends.tolist()]
+    within = max(ranges, key=lambda one: float(np.ptp([mean_tension(row) for row in one])))
+    low, high = min(within, key=mean_tension), max(within, key=mean_tension)
+    middle = 0.5 * (mean_tension(low) + mean_tension(high))
+    inside = {id(row) for row in within}
+    grows = high is states[-1] and not any(id(row) in inside for row in rows[:-1])
+    best = high if grows else min(within, key=lambda row: abs(mean_tension(row) - middle))
+    around = [
+        [before, after] for before, after in _unknown(closings)
+        if after == _state(low) or mean_tension(Row(**before)) < mean_tension(low) < mean_tension(Row(**after))
+    ]  # fmt: skip
+    passed = [sorted(jump, key=mean_tension) for jump in jumps if all(id(row) in inside for row in jump)]
     return {
-        **_state(best), "active_percent": best.active_percent, "stress_max_Pa": best.stress_max_Pa, "stage": rising[-1].stage,
-        "low": _state(states[low]), "high": _state(states[high]), "open_low": low == 0, "open_high": open_high, "grows": grows,
-        "low_between": around[0] if around else None, "jumps": [[_state(row) for row in jump] for jump in within],
+        **_state(best), "active_percent": best.active_percent, "stress_max_Pa": best.stress_max_Pa, "stage": rows[-1].stage,
+        "low": _state(low), "high": _state(high), "grows": grows,
+        "open_low": any(low is one for one in (states[0], states[-1])),
+        "open_high": any(high is one for one in (states[0], states[-1])),
+        "low_between": around[0] if around else None, "jumps": [[_state(row) for row in jump] for jump in passed],
     }  # fmt: skip

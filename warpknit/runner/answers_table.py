@@ -132,6 +132,9 @@ def _best(best: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
     stress = engineering(best["stress_max_Pa"], "Pa")
     yield "best tension", f"{_tension(best)}: {percent(0.01 * best['active_percent'])} active, {stress}"
     low, high = best["low"], best["high"]
+    if low == high and not best["grows"]:
+        yield "  may drift", "unknown: a single record has this share; more output.frames tell"
+        return
     if best["grows"]:
         yield "  may drift", "unknown: only the last record has this share; a larger load would tell"
         return
