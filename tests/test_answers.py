@@ -43,11 +43,13 @@ def found(
     """The answers from rows of such a mesh."""
     scene = SimpleNamespace(
         hook=None, wire=SimpleNamespace(yield_stress=LIMIT), output=SimpleNamespace(service_tension=service),
+        solver=SimpleNamespace(residual_tolerance=1e-3),
         stages=[SimpleNamespace(name=name, by_tension=(False, False)) for name in ("load", "cold")],
     )  # fmt: skip
     monkeypatch.setattr(module, "classes_of", lambda _: [ContactClass("A", 10), ContactClass("B", 30)])
     monkeypatch.setattr(module.measure, "active_threshold", lambda _: 1e-12)
     monkeypatch.setattr(module.measure, "least_force", lambda _: 1e-12)
+    monkeypatch.setattr(module.measure, "tension_scale", lambda _: 1.0)
     answers = answers_of(SimpleNamespace(scene=scene), rows, jumps or ())
     assert answers is not None
     return answers
@@ -84,7 +86,8 @@ def test_what_does_not_happen_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     assert text["contacts B close at"].startswith("not closed up to 500 mN/m")
     assert text["first yield at"].startswith("not up to 500 mN/m: 500 MPa, 71 % of the limit, in the head of a closed loop")
     assert text["active at 2 N/m"] == "not reached; up to 500 mN/m"
-    assert "end of the records" in text["  may drift"]
+    assert text["best tension"] == "365 mN/m, the middle of its range: 25.0 % active, 365 MPa"
+    assert text["  may drift"] == "from 230 mN/m (-37 %) to at least 500 mN/m (+37 %), where the records end"
 
 
 def test_a_compressed_mesh_has_no_service_state(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -386,3 +389,31 @@ def test_a_range_of_one_record_is_called_so(monkeypatch: pytest.MonkeyPatch) -> 
     answers = found(rows, monkeypatch, jumps=[(rows[3], rows[4]), (rows[4], rows[5])])
     assert answers["best"]["low"] == answers["best"]["high"]
     assert dict(answer_rows(answers, LIMIT))["  may drift"] == "unknown: a single record has this share; more output.frames tell"
+
+
+def test_unequal_tensions_are_given_with_their_mean(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Warp carries three times the tension of weft: 0.4 N/m is the mean of 0.2 and 0.6 N/m."""
+    rows = [row(0.1 * k) for k in range(7)]
+    for one in rows:
+        one.tension_weft_N_per_m, one.tension_warp_N_per_m = 0.5 * one.tension_weft_N_per_m, 1.5 * one.tension_warp_N_per_m
+    text = dict(answer_rows(found(rows, monkeypatch, service=0.4), LIMIT))
+    assert text["active at 400 mN/m"] == "25.0 %, mean of 200 mN/m / 600 mN/m in weft / warp, strain 8.0 % / 4.0 %"
+    assert "to at least 300 mN/m / 900 mN/m (+45 % of the mean), where the records end" in text["  may drift"]
+
+
+def test_a_tension_has_the_digits_that_its_records_need(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A closes at 231.4 mN/m, just above a record at 230.6 mN/m and far from the next: 230 mN/m would lie below it."""
+    monkeypatch.setitem(CLOSES, "A", 0.2314)
+    rows = [row(one) for one in (0.0, 0.1, 0.2306, 0.5, 0.6)]
+    text = dict(answer_rows(found(rows, monkeypatch), LIMIT))["contacts A close at"]
+    assert text.startswith("about 231 mN/m, between records at 231 mN/m and 500 mN/m")
+
+
+def test_a_tension_within_the_tolerance_is_zero(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tensions are known to 0.01 EI/C^3 times the residual tolerance, here 10 uN/m: a mesh as knitted has none."""
+    monkeypatch.setitem(CLOSES, "A", 0.05)
+    rows = [row(0.2 * k) for k in range(4)]
+    rows[0].tension_weft_N_per_m, rows[0].tension_warp_N_per_m = -2.45e-6, 8e-6
+    answers = found(rows, monkeypatch)
+    assert answers["tension_tolerance_N_per_m"] == pytest.approx(1e-5)
+    assert dict(answer_rows(answers, LIMIT))["contacts A close at"].startswith("between 0 N/m and 200 mN/m, ")

@@ -9,6 +9,8 @@ while it is open, and grows with the load once it is closed. So a state x at clo
 The closing is the one that lasts up to the largest tension of a stage: wires in space may graze each other, and part again, long
 before they carry load there. Values between neighbouring records are linear otherwise.
 
+Tensions are known to a tolerance: smaller ones are zero.
+
 Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension_warp_N_per_m` and `temperature_K`.
 
     contacts                          classes of contact: `name`, `pairs`, `active_percent` at the end, and `closes`; null if
@@ -31,6 +33,7 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     first_yield.jump                  true where the mesh jumps to another equilibrium between them: the state is the one behind
     largest_stress                    the largest stress of the run, and its place
     largest_tension                   the state of the largest tension
+    tension_tolerance_N_per_m         smaller tensions are zero within the tolerance of the equilibria
     heat                              each stage that changes the temperature alone: values at its begin and end
     heat[].held                       what it holds in weft and warp, `tension` or `strain` each
     best                              the state in the middle of the widest range of tension with the most active contacts, up to
@@ -70,6 +73,7 @@ HEATED = (*STATE, "active_percent", "stress_max_Pa")
 PEAK = ("stress_max_part", "stress_max_wire", "stress_max_node", "stress_max_x_m", "stress_max_y_m")
 ROUND_OFF = 1e-9  # of the elastic limit, in a state that is interpolated to lie on it
 HELD_STRAIN, HELD_TENSION = 2e-3, 0.02  # a frame expands by less over 200 K; tensions are found to less, of themselves
+ZERO_TENSION = 0.01  # of EI/C^3: tensions of loose meshes are found to the residual tolerance of this (solve/tension.py)
 COMPRESSED = "compressed in weft or warp where the mean tension is this"
 SCATTER = 1e-3  # of a mean tension: a smaller one in one direction is about zero
 DRIFT = 1.0  # percentage points of contacts that may open while the tension drifts
@@ -116,6 +120,7 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
         "first_yield": first_yield,
         "largest_stress": _peak(max(rows, key=lambda row: row.stress_max_Pa)),
         "largest_tension": _state(top),
+        "tension_tolerance_N_per_m": ZERO_TENSION * model.scene.solver.residual_tolerance * measure.tension_scale(model),
         "heat": heat_of(rows, model.scene.stages),
         "best": _best(known, limit, classes, until, jumps),
     }

@@ -8,13 +8,14 @@ from typing import Any
 from ..text import celsius, engineering, exact, percent
 
 State = Mapping[str, Any]
-LEAST, LEAST_SHARE = 1e-6, 1e-4  # [N/m]; of the larger of both: smaller tensions are scatter about zero
+LEAST_SHARE = 1e-4  # of the larger of both: smaller tensions are scatter about zero
 LEAST_CHANGE = 1e-7  # of a strain
 WIDE = 0.5  # of a tension: distance of two records that is given with the tension between them
 
 
 def answer_rows(answers: Mapping[str, Any], yield_stress: float) -> Iterator[tuple[str, str]]:
     """Pairs of a heading and a text. yield_stress [Pa]: elastic limit of the wire."""
+    answers = _without_scatter(answers, answers["tension_tolerance_N_per_m"])
     reached = f"up to {_tension(answers['largest_tension'])}"
     for one in answers["contacts"]:
         name = f"contacts {one['name']}" if len(answers["contacts"]) > 1 else "contacts"
@@ -29,7 +30,7 @@ def answer_rows(answers: Mapping[str, Any], yield_stress: float) -> Iterator[tup
         else:
             text = f"{percent(0.01 * point['active_percent'])}, {_pair_of(there)}" + (f", {why}" if why else "")
         if point.get("jump"):
-            sides = (f"{percent(0.01 * one['active_percent'])} at {engineering(_mean(one), 'N/m')}" for one in point["jump"])
+            sides = (f"{percent(0.01 * one['active_percent'])} at {_tension(one)}" for one in point["jump"])
             text = f"unknown: the mesh jumps there, from {' to '.join(sides)}"
         elif not point["resolved"]:
             text += "; contacts close between the records there: more output.frames tell which"
@@ -40,17 +41,34 @@ def answer_rows(answers: Mapping[str, Any], yield_stress: float) -> Iterator[tup
     yield from _best(answers["best"])
 
 
+def _without_scatter(part: Any, least: float) -> Any:
+    """A part of the answers in which tensions below `least` [N/m] are zero."""
+    if isinstance(part, Mapping):
+        return {
+            name: _scatter_is_zero(value, least)
+            if name.startswith(("tension_weft", "tension_warp"))
+            else _without_scatter(value, least)
+            for name, value in part.items()
+        }
+    return [_without_scatter(one, least) for one in part] if isinstance(part, list) else part
+
+
+def _scatter_is_zero(tension: Any, least: float) -> Any:
+    """A tension [N/m], or a list of them."""
+    return [_scatter_is_zero(one, least) for one in tension] if isinstance(tension, list) else tension * (abs(tension) > least)
+
+
 def _tension(state: State, digits: int = 3) -> str:
     """Tension in weft and warp; once where both are alike."""
     both = [state[f"tension_{side}_N_per_m"] for side in ("weft", "warp")]
-    least = max(LEAST, LEAST_SHARE * max(map(abs, both)))
+    least = LEAST_SHARE * max(map(abs, both))
     return " / ".join(dict.fromkeys(engineering(value if abs(value) > least else 0.0, "N/m", digits) for value in both))
 
 
 def _pair_of(state: State) -> str:
     """Strain of a state whose mean tension is known, after the tensions in weft and warp where they differ."""
     tension = _tension(state)
-    return f"{tension}, {_strain(state)}" if " / " in tension else _strain(state)
+    return f"mean of {tension} in weft / warp, {_strain(state)}" if " / " in tension else _strain(state)
 
 
 def _strain(state: State) -> str:
@@ -87,8 +105,18 @@ def _found(one: Mapping[str, Any]) -> str:
     """A state between two records, and the records where they are far apart."""
     low, high = one["between"]
     if _mean(high) - _mean(low) > WIDE * _mean(one):
-        return f"about {_tension(one, 2)}, between records at {_tension(low)} and {_tension(high)}, {_strain(one)}"
+        return f"about {_tension(one, _digits(one))}, between records at {_tension(low)} and {_tension(high)}, {_strain(one)}"
     return f"{_tension(one)}, {_strain(one)}"
+
+
+def _digits(one: Mapping[str, Any]) -> int:
+    """Two digits of the tensions of a state, or three where two would leave the records on both sides, which have three."""
+    for side in ("weft", "warp"):
+        low, here, high = (state[f"tension_{side}_N_per_m"] for state in (one["between"][0], one, one["between"][1]))
+        ends = sorted(float(f"{end:.3g}") for end in (low, high))
+        if not ends[0] <= float(f"{here:.2g}") <= ends[1]:
+            return 3
+    return 2
 
 
 def _yield(answers: Mapping[str, Any], limit: float, reached: str) -> str:
@@ -129,20 +157,26 @@ def _best(best: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
     if best is None:
         yield "best tension", "none: no tensile state with an active contact is below the elastic limit"
         return
-    stress = engineering(best["stress_max_Pa"], "Pa")
-    yield "best tension", f"{_tension(best)}: {percent(0.01 * best['active_percent'])} active, {stress}"
     low, high = best["low"], best["high"]
+    middle = "" if best["grows"] or low == high else ", the middle of its range"
+    stress = engineering(best["stress_max_Pa"], "Pa")
+    yield "best tension", f"{_tension(best)}{middle}: {percent(0.01 * best['active_percent'])} active, {stress}"
     if low == high and not best["grows"]:
         yield "  may drift", "unknown: a single record has this share; more output.frames tell"
         return
     if best["grows"]:
         yield "  may drift", "unknown: only the last record has this share; a larger load would tell"
         return
-    bounds = [f" ({percent(_mean(end) / _mean(best) - 1.0, 0, signed=True)}{', end of the records' if best[name] else ''})"
-              for end, name in ((low, "open_low"), (high, "open_high"))]  # fmt: skip
-    lowest = f"{_tension(low)}{bounds[0]}"
+    of_mean = " of the mean" if " / " in _tension(best) else ""
+    lowest, highest = (
+        f"{_tension(end)} ({percent(_mean(end) / _mean(best) - 1.0, 0, signed=True)}{of_mean})" for end in (low, high)
+    )
     if best["low_between"] is not None:
-        lowest = f"about {_tension(low)}{bounds[0]}, between records at {' and '.join(map(_tension, best['low_between']))},"
+        lowest = f"about {lowest}, between records at {' and '.join(map(_tension, best['low_between']))},"
+    if best["open_low"]:
+        lowest = f"at most {lowest}, where the records begin,"
+    if best["open_high"]:
+        highest = f"at least {highest}, where the records end"
     snaps = "; ".join(" and ".join(map(_tension, jump)) for jump in best["jumps"])
     inside = f"; the mesh jumps between {snaps}" if snaps else ""
-    yield "  may drift", f"from {lowest} to {_tension(high)}{bounds[1]}{inside}"
+    yield "  may drift", f"from {lowest} to {highest}{inside}"

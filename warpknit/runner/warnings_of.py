@@ -144,8 +144,9 @@ def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
         a, b = found[0]
         others = f", and at {len(found) - 1} other places" if len(found) > 1 else ""
         yield (
-            f"the mesh jumps to another equilibrium between {_between(a, b)} ({tensions_text(a, b)}){others}:"
-            " several equilibria exist there, and the result depends on the load history"
+            f"the mesh jumps to another equilibrium between {_between(a, b)}"
+            f" (mean of weft and warp {tensions_text(a, b)}){others}: several"
+            " equilibria exist there, and the result depends on the load history"
         )
 
 
