@@ -3,7 +3,8 @@
 Grid node (a, b) stands at low + (a, b) cell; its shape function is bilinear in the rest position and falls to zero at the next
 grid nodes. A virtual displacement of the membrane moves nodes and bodies by the shape functions at their rest
 position, so the force on a grid node is the sum of their forces with the same weights. A launch spreads the displacement in
-one direction, or what the strain changes in another field.
+one direction, or what the strain changes in another field. In space displacements are spread as a bicubic surface, whose slopes
+have no jumps.
 """
 
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import warp as wp
 
 from .banded_mass import HELD_NODE
-from .prolong import weighed
+from .prolong import faded, weighed
 
 
 @wp.struct
@@ -250,3 +251,79 @@ def spread_to_bodies(
     total = strained(grid, body_origin_x[body], body_origin_y[body], displacement, direction, cell, index)
     moved = value[i] + value.dtype(scale * total)
     value[i] = wp.where(is_positive != 0, wp.max(moved, value.dtype(0)), moved)
+
+
+@wp.func
+def cubic_weights(s: wp.float64) -> wp.vec4d:
+    """Weights of value and slope at 0, then of both at 1, in the cubic at s (Hermite)."""
+    r = wp.float64(1.0) - s
+    two = wp.float64(2.0)
+    one = wp.float64(1.0)
+    return wp.vec4d((one + two * s) * r * r, s * r * r, s * s * (one + two * r), -s * s * r)
+
+
+@wp.func
+def cubic_slopes(s: wp.float64) -> wp.vec4d:
+    """Derivatives of `cubic_weights`."""
+    r = wp.float64(1.0) - s
+    three = wp.float64(3.0)
+    six = wp.float64(6.0)
+    one = wp.float64(1.0)
+    return wp.vec4d(-six * s * r, r * (one - three * s), six * s * r, s * (three * s - wp.float64(2.0)))
+
+
+@wp.kernel
+def spread_surface(
+    # in: rest positions [m] of nodes in space
+    rest_position: wp.array(dtype=wp.vec3d),
+    grid: Grid,
+    # in: value, slopes along x and y and cross slope at each grid node, the slopes per cell
+    surface: wp.array2d(dtype=wp.float64),
+    # out
+    value: wp.array(dtype=wp.float64),
+    slope_x: wp.array(dtype=wp.float64),
+    slope_y: wp.array(dtype=wp.float64),
+):
+    """The bicubic surface through the grid nodes at the rest place of each node, and its slopes [1/m]."""
+    i = wp.tid()
+    ix, iy, sx, sy = place_on(grid, rest_position[i][0], rest_position[i][1])
+    wx = cubic_weights(sx)
+    wy = cubic_weights(sy)
+    dx = cubic_slopes(sx)
+    dy = cubic_slopes(sy)
+    total = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
+    for corner in range(4):
+        there = corner_index(grid, ix, iy, corner)
+        a = 2 * (corner % 2)
+        b = 2 * (corner / 2)
+        for degree in range(4):  # whether it is a slope in x, and in y
+            p = a + degree % 2
+            q = b + degree / 2
+            known = surface[there, degree]
+            total += known * wp.vec3d(wx[p] * wy[q], dx[p] * wy[q], wx[p] * dy[q])
+    value[i] = total[0]
+    slope_x[i] = total[1] / grid.cell[0]
+    slope_y[i] = total[2] / grid.cell[1]
+
+
+@wp.kernel
+def respond_to_strain(
+    # in: [node] entries of the rest table, and nodes to the nearer end of the wire
+    node_entry: wp.array(dtype=wp.int32),
+    from_end: wp.array(dtype=wp.int32),
+    taper: wp.float64,
+    # in: [node] displacement gradient
+    gradient_xx: wp.array(dtype=wp.float64),
+    gradient_xy: wp.array(dtype=wp.float64),
+    gradient_yx: wp.array(dtype=wp.float64),
+    gradient_yy: wp.array(dtype=wp.float64),
+    # in: see spread_to_nodes
+    cell_node: wp.array(dtype=wp.int32),
+    cell: wp.array2d(dtype=wp.float64),
+    # out
+    value: wp.array(dtype=wp.float64),
+):
+    """What a field of the nodes of a panel changes by as the repeats are strained, tapered over `taper` nodes towards clamps."""
+    i = wp.tid()
+    gradient = wp.vec4d(gradient_xx[i], gradient_xy[i], gradient_yx[i], gradient_yy[i])
+    value[i] = faded(taper, from_end[i]) * weighed(cell, cell_node[node_entry[i]], gradient)

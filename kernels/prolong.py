@@ -109,11 +109,12 @@ def weighed(change: wp.array2d(dtype=wp.float64), i: int, gradient: wp.vec4d) ->
 
 
 @wp.func
-def faded(m: Meshes, from_end: int) -> wp.float64:
-    """Share of a change that a node so many nodes from the end of its wire takes: smooth from 0 at the clamp to 1."""
-    if m.taper <= wp.float64(0.0):
+def faded(taper: wp.float64, from_end: int) -> wp.float64:
+    """Share of a change that a node so many nodes from the end of its wire takes: smooth from 0 at the clamp to 1 after `taper`
+    nodes."""
+    if taper <= wp.float64(0.0):
         return wp.float64(1.0)
-    s = wp.min(wp.max(wp.float64(from_end - 1), wp.float64(0.0)) / m.taper, wp.float64(1.0))
+    s = wp.min(wp.max(wp.float64(from_end - 1), wp.float64(0.0)) / taper, wp.float64(1.0))
     return s * s * (wp.float64(3.0) - wp.float64(2.0) * s)
 
 
@@ -226,7 +227,7 @@ def prolong_nodes(
         m, small_node, strand, column, row, n, local % n, 1, 0, place, change_x, change_y, change, cell, cell_node[t]
     )  # fmt: skip
     wire = block_wire[block]
-    fade = faded(m, wp.min(i - wire_first[wire], wire_first[wire] + wire_count[wire] - 1 - i))
+    fade = faded(m.taper, wp.min(i - wire_first[wire], wire_first[wire] + wire_count[wire] - 1 - i))
     value[i] = value[i] + value.dtype(scale * wp.float64(wire_scale[wire]) * fade * total)
 
 
@@ -268,5 +269,5 @@ def prolong_bodies(
         m, small_body, clasp, column, body_row[body], 1, 0, per_body, side, place, change_x, change_y, change, cell,
         per_body * clasp + side,
     )  # fmt: skip
-    moved = value[i] + value.dtype(scale * faded(m, body_from_end[body]) * total)
+    moved = value[i] + value.dtype(scale * faded(m.taper, body_from_end[body]) * total)
     value[i] = wp.where(is_positive != 0, wp.max(moved, value.dtype(0)), moved)

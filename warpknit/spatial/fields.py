@@ -87,20 +87,31 @@ class Fields:
         move = np.stack([change["x"], change["y"], change["z"]], axis=1)
         store(state.displacement, fetch(state.displacement) + np.where(self._moves[:, None], move, 0.0))
         self._turn_sections(turn)
+        self._pull(change)
+        self.contact.search()
+        self.relaxation.renew_masses(loading=True)
+        self.relaxation.begin_anew()
+
+    def move(self, changes: dict[str, np.ndarray]) -> None:
+        """Change fields of the nodes of the rods by values [node]; held nodes and sections stay.
+
+        The turn is that beside the rotation that a section makes with its segment.
+        """
+        state, change = self.stepper.state, dict.fromkeys(FIELDS, np.zeros(self.model.node_count)) | changes
+        self.stepper.evaluate()
+        displacement = np.stack([change["x"], change["y"], change["z"]], axis=1)
+        position = fetch(state.position) + np.where(self._moves[:, None], displacement, 0.0)
+        self._pull(change)
+        self.stepper.place(position, np.where(self.relaxation.free_sections, change["turn"], 0.0))
+        self.relaxation.renew_masses(loading=True)
+        self.relaxation.begin_anew()
+
+    def _pull(self, change: dict[str, np.ndarray]) -> None:
+        """Change the multipliers of segments and contacts with the fields [node]."""
+        state = self.stepper.state
         pulled = change["tension"] - fetch(state.stretch_stiffness) * change["strain"]
         store(state.tension_offset, fetch(state.tension_offset) + np.where(self.relaxation.can_stretch, pulled, 0.0))
         self.multipliers.add_push(change["push"])
-        self.contact.search()
-        self.relaxation.renew_masses(loading=True)
-        self.relaxation.reset_damping_estimate()
-
-    def move(self, displacement: np.ndarray, turn: np.ndarray) -> None:
-        """Displace the nodes of the rods by (node, 3) [m] and turn sections by [node] [rad]; held nodes and sections stay."""
-        self.stepper.evaluate()
-        position = fetch(self.stepper.state.position) + np.where(self._moves[:, None], displacement, 0.0)
-        self.stepper.place(position, np.where(self.relaxation.free_sections, turn, 0.0))
-        self.relaxation.renew_masses(loading=True)
-        self.relaxation.reset_damping_estimate()
 
     # --- turns of the sections
 

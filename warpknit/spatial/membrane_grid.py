@@ -1,7 +1,7 @@
 """Between a spatial mesh and the coarse grid of a membrane: forces gathered onto it, displacements spread from it.
 
 Displacements are cubic splines over the grid, whose slopes have no jumps: a jump would bend the wires that cross it. Wires rotate
-with the membrane.
+with the membrane, and repeats change by the response of endless cloth to the strain, less so beside the clamps, which stay.
 """
 
 from __future__ import annotations
@@ -11,11 +11,12 @@ import warp as wp
 from scipy.interpolate import RectBivariateSpline
 
 from ..host import fetch, store
-from ..kernels.membrane_transfer import Grid, gather_forces
+from ..kernels.membrane_transfer import Grid, gather_forces, respond_to_strain, spread_surface
 from ..launch import bind
 from ..transfer.grid import CountedForces
+from ..transfer.prolongation import FADED
 from ..transfer.response import Response
-from .fields import Fields
+from .fields import OF_SEGMENTS, Fields
 
 MAX_SHIFT = 0.25  # of the thickness: by which a correction moves a loop against its neighbour, so that no wire passes another
 
@@ -31,6 +32,12 @@ class MembraneGrid:
         count = int(np.prod(cells + 1))
         stiffness = self.model.rods.section.axial_stiffness
         self._force, self._across_force = (CountedForces(count, stiffness, self.model.device) for _ in range(2))
+        panel, device = self.model.panel, self.model.device
+        self._entry: wp.array = wp.array(panel.node_entry, dtype=wp.int32, device=device)
+        after = np.arange(panel.node_count) - np.repeat(panel.wire_first, panel.wire_count)
+        from_end = np.minimum(after, np.repeat(panel.wire_count, panel.wire_count) - 1 - after)
+        self._from_end: wp.array = wp.array(from_end.astype(np.int32), dtype=wp.int32, device=device)
+        self._taper = wp.float64(FADED * self.model.scene.model.nodes_per_loop)
         self._axes = [begin + size * np.arange(count + 1) for begin, size, count in zip(low, cell, cells, strict=True)]
 
     def gather(self) -> np.ndarray:
@@ -49,29 +56,59 @@ class MembraneGrid:
         return self._across_force.read()[:, 0]
 
     def spread(self, displacement: np.ndarray, response: Response) -> None:
-        """Move the mesh with the grid (grid node, 2) [m]; the clamps stay."""
-        x, along_x = self._surface(displacement[:, 0])
-        y, along_y = self._surface(displacement[:, 1])
-        turn = 0.5 * (along_y[:, 0] - along_x[:, 1]) * fetch(self.fields.stepper.state.tangent)[:, 2]
-        self.fields.move(np.stack([x, y, np.zeros_like(x)], axis=1), turn)
+        """Move the mesh with the grid (grid node, 2) [m], its repeats as endless cloth answers; the clamps stay."""
+        x, y = self._surface(displacement[:, 0]), self._surface(displacement[:, 1])
+        shear = 0.5 * (x[2] + y[1])  # sections rotate with the mesh as below
+        changes = self._answer({"gradient_xx": x[1], "gradient_xy": shear, "gradient_yx": shear, "gradient_yy": y[2]}, response)
+        changes["x"], changes["y"] = changes.get("x", 0.0) + x[0], changes.get("y", 0.0) + y[0]
+        (along_x, along_y) = (self._on_mesh(*slope) for slope in (x[1:], y[1:]))
+        rotation = 0.5 * (along_y[0] - along_x[1]) * fetch(self.fields.stepper.state.tangent)[:, 2]
+        changes["turn"] = changes.get("turn", 0.0) + rotation
+        self.fields.move(changes)
 
     def spread_across(self, displacement: np.ndarray) -> None:
         """Move the mesh out of its plane with the grid [grid node] [m], and stop it in that direction; the clamps stay."""
         stepper, rods = self.fields.stepper, self.model.rods
-        lift, slope = self._surface(displacement)
-        height = rods.position[:, 2:] - rods.position[:, 2].mean()
-        rotation = np.stack([slope[:, 1], -slope[:, 0]], axis=1)
-        turn = np.sum(rotation * fetch(stepper.state.tangent)[:, :2], axis=1)
-        self.fields.move(np.column_stack([-slope * height, lift]), turn)
+        lift, *slope = self._surface(displacement)
+        along_x, along_y = self._on_mesh(*slope)
+        height = rods.position[:, 2] - rods.position[:, 2].mean()
+        tangent = fetch(stepper.state.tangent)
+        turn = along_y * tangent[:, 0] - along_x * tangent[:, 1]
+        self.fields.move({"x": -along_x * height, "y": -along_y * height, "z": lift, "turn": turn})
         velocity = stepper.state.velocity
         store(velocity, fetch(velocity) * np.array([1.0, 1.0, 0.0]))
 
-    def _surface(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """[node] values [grid node] at the rest places of the nodes, and their slope (node, 2) on the deformed mesh."""
-        x, y = self.model.rods.position[:, :2].T
-        counts = [len(axis) for axis in self._axes]
+    def _answer(self, gradient: dict[str, np.ndarray], response: Response) -> dict[str, np.ndarray]:
+        """Fields [node] that the repeats change by as the grid strains them, by name; gradient: [node] of the displacement."""
+        nodes, panel, device = self.fields.nodes, self.model.panel, self.model.device
+        on_panel = {name: nodes.of_panel(part) for name, part in gradient.items()}
+        of_panel: dict[str, wp.array] = {name: wp.array(part, dtype=wp.float64, device=device) for name, part in on_panel.items()}
+        value, answer = wp.zeros(panel.node_count, dtype=wp.float64, device=device), {}
+        for name, cell in response.change.items():
+            bind(
+                respond_to_strain, panel.node_count, response, node_entry=self._entry, from_end=self._from_end, taper=self._taper,
+                cell=cell, value=value, **of_panel,
+            ).run(device)  # fmt: skip
+            answer[name] = np.array(nodes.of_rods(fetch(value), of_segments=name in OF_SEGMENTS))
+        return answer
+
+    def _surface(self, values: np.ndarray) -> tuple[np.ndarray, ...]:
+        """[node] values [grid node] at the rest places of the nodes, and their slopes along x and y [1/m], by a cubic spline."""
+        nodes, device, counts = self.model.node_count, self.model.device, [len(axis) for axis in self._axes]
         if not values.any():  # so for a single cell, whose edge is held
-            return np.zeros(len(x)), np.zeros((len(x), 2))
-        surface = RectBivariateSpline(*self._axes, values.reshape(counts), kx=min(3, counts[0] - 1), ky=min(3, counts[1] - 1))
-        slope = np.stack([surface.ev(x, y, dx=1), surface.ev(x, y, dy=1)], axis=1)
-        return surface.ev(x, y), slope @ np.linalg.inv(self.fields.stepper.state.gradient)
+            return np.zeros(nodes), np.zeros(nodes), np.zeros(nodes)
+        spline = RectBivariateSpline(*self._axes, values.reshape(counts), kx=min(3, counts[0] - 1), ky=min(3, counts[1] - 1))
+        cell = [axis[1] - axis[0] for axis in self._axes]
+        known = [spline(*self._axes, dx=a, dy=b).ravel() * cell[0] ** a * cell[1] ** b for b in (0, 1) for a in (0, 1)]
+        surface: wp.array = wp.array(np.ascontiguousarray(np.transpose(known)), dtype=wp.float64, device=device)
+        value, slope_x, slope_y = (wp.zeros(nodes, dtype=wp.float64, device=device) for _ in range(3))
+        bind(
+            spread_surface, nodes, self.fields.stepper.arrays, grid=self._grid, surface=surface, value=value, slope_x=slope_x,
+            slope_y=slope_y,
+        ).run(device)  # fmt: skip
+        return value.numpy(), slope_x.numpy(), slope_y.numpy()
+
+    def _on_mesh(self, slope_x: np.ndarray, slope_y: np.ndarray) -> np.ndarray:
+        """(2, node) slopes on the deformed mesh, of those at rest."""
+        inverse = np.linalg.inv(self.fields.stepper.state.gradient)
+        return np.stack([slope_x * inverse[0, k] + slope_y * inverse[1, k] for k in (0, 1)])

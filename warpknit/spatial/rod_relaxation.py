@@ -346,6 +346,11 @@ class RodRelaxation:
         """Start the damping estimate anew, after the state was moved from outside; velocities are kept."""
         self._last_check = None
 
+    def begin_anew(self) -> None:
+        """The same, with the full rate of the multipliers, whose errors have grown by the move."""
+        self._reset_rate()
+        self.reset_damping_estimate()
+
     def state_dict(self) -> dict[str, np.ndarray]:
         """Arrays for a checkpoint, in addition to the state of the rods."""
         kept = {"thermal_strain": self.thermal_strain, "multipliers": np.array(self._has_multipliers)}

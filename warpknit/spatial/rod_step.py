@@ -158,8 +158,8 @@ class RodStepper:
         """Replay graphs of so many steps in all threads, while the state does not freeze; for none, the forces alone."""
         key = (self.contact.version if self.contact is not None else (), steps)
         if key not in self._graphs:
-            # two lists of pairs take turns; graphs of lists that have grown since are not used again
-            kept = [version for version, _ in self._graphs if version != key[0]][-1:]
+            # two lists of pairs take turns; graphs of lists that have grown since are not used again, and hold their arrays
+            kept = [version for version, _ in self._graphs if version != key[0] and version[1:] == key[0][1:]][-1:]
             self._graphs = {k: graphs for k, graphs in self._graphs.items() if k[0] in (key[0], *kept)}
             self._graphs[key] = [self._captured(part, steps) for part in range(self.team.threads)]
         self.team.together([partial(self._replay_part, graph, times) for graph in self._graphs[key]])
