@@ -17,6 +17,7 @@ from warpknit.solve.aitken import Aitken
 from warpknit.solve.multilevel import MultilevelRelaxation
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Progress, Simulation
+from warpknit.spatial import prolongation
 from warpknit.spatial.mechanics import SpatialMechanics
 from warpknit.spatial.model import SpatialModel
 from warpknit.spatial.panel_nodes import PanelNodes
@@ -183,6 +184,31 @@ def test_a_gripped_mesh_takes_the_place_of_the_smaller_one() -> None:
     assert np.abs(without["z"]).max() > 0.9e-6
     for name in ("x", "y", "z"):
         assert with_own[name] == pytest.approx(without[name], abs=5e-3 * 2e-6)  # cubics between nodes of panel and rods
+
+
+def test_wires_that_would_overlap_leave_the_large_mesh_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A large mesh that cannot take the state of the smaller one has its own state at the new load, and is not corrected as a
+    membrane; its level ends in the same equilibrium."""
+    monkeypatch.setattr(prolongation, "MAX_OVERLAP", -1.0)  # any state overlaps
+    changes = (STRIP, "model.boundary=gripped", "load.strain_weft=0.03", "load.strain_warp=0.03")
+    simulation = Simulation(mesh(*changes))
+    drive = simulation.drive
+    assert isinstance(drive, MultilevelRelaxation) and isinstance(drive.mechanics, SpatialMechanics)
+    for _record in simulation.run():
+        pass
+    assert not drive.progress.is_prolonged and drive.progress.gave_up
+    kept = drive.mechanics.fields.read()
+    assert drive.smaller is not None and drive.prolongation is not None and isinstance(drive.smaller.mechanics, SpatialMechanics)
+    nodes = drive.smaller.model.panel.node_count
+    drive.smaller.mechanics.fields.add({"z": np.linspace(0.0, 1e-6, nodes)})
+    assert not drive.prolongation.carry(drive._response)
+    for name, value in drive.mechanics.fields.read().items():
+        assert value == pytest.approx(kept[name], rel=1e-12, abs=1e-12 * np.abs(kept[name]).max()), name
+    tension, active = observed(drive.mechanics)
+    alone, _, _ = solved(*changes, alone=True)
+    expected, share = observed(alone)
+    assert tension == pytest.approx(expected, rel=3 * TOLERANCE)
+    assert active == pytest.approx(share, abs=1.0)
 
 
 @pytest.mark.parametrize("of_segments", [False, True])

@@ -195,8 +195,9 @@ class Mechanics(Protocol):
 class Prolongation(Protocol):
     """Carries what changes on a smaller mesh over to a larger one of the same knit."""
 
-    def carry(self, response: Any) -> None:
-        """Add what changed on the smaller mesh since the last time; `response`: of the cloth at the load."""
+    def carry(self, response: Any) -> bool:
+        """Add what changed on the smaller mesh since the last time; `response`: of the cloth at the load. False: the larger mesh
+        cannot take it, and keeps its state."""
 
     def state_dict(self) -> dict[str, np.ndarray]: ...
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None: ...

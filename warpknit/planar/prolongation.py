@@ -31,10 +31,10 @@ class Prolongation:
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         self._last = {name: kept[f"prolonged_{name}"] for name in self._last}
 
-    def carry(self, response: Response) -> None:
+    def carry(self, response: Response) -> bool:
         """Bring the large mesh to the state of the small one; update its stiffnesses and masses.
 
-        `response`: of the cloth at the load.
+        `response`: of the cloth at the load. True: bodies of a plane take any displacement.
         """
         large, state, repeats = self.large, self.large_state, self._repeats
         self._follow_stiffness()
@@ -42,7 +42,7 @@ class Prolongation:
         now, counts = state.parity, 1.0 / large.precision.unit
         taken = repeats.taken(self._last, last)
         if taken is None:
-            return
+            return True
         if repeats.replaces:
             own = (state.node_ux[now], state.node_uy[now], state.tension_offset, state.body_ux, state.body_uy, state.pair_offset)
             for array in own:
@@ -57,6 +57,7 @@ class Prolongation:
         repeats.add_to_bodies(state.body_ux, "body_x", change, response, counts)
         repeats.add_to_bodies(state.body_uy, "body_y", change, response, counts)
         repeats.add_to_bodies(state.pair_offset, "body_offset", change, response, per_body=2, is_positive=True)
+        return True
 
     def _follow_stiffness(self) -> None:
         """Raise stiffness and mass of each wire to the largest of its source wires on the small mesh."""

@@ -141,11 +141,8 @@ class MultilevelRelaxation(Relaxation):
         """Load the smallest mesh in small increments: the equilibrium may depend on the load path."""
         progress = smallest.progress
         if not progress.start.gradient:
-            temperature_rise = (float(smallest.state.read_control()[int(c.LENGTH_FACTOR)]) - 1.0) / max(
-                self.scene.wire.expansion, 1e-12
-            )
-            temperature = self.scene.wire.reference_temperature + temperature_rise
-            progress.start = LoadStart(smallest.state.gradient.ravel().tolist(), temperature=temperature)
+            now = _load_of(smallest)
+            progress.start = LoadStart(now.gradient.ravel().tolist(), temperature=now.temperature)
         start = progress.start
         gradient, temperature = np.array(start.gradient).reshape(2, 2), start.temperature
         levels = max(1, math.ceil(float(np.abs(target.gradient - gradient).max()) / self.mechanics.path_increment - 1e-9))
@@ -160,10 +157,14 @@ class MultilevelRelaxation(Relaxation):
         if self.prolongation is None:
             super()._start_level(target)
         else:
+            begin = _load_of(self)
             self.mechanics.set_load(target, 0)
-            self.prolongation.carry(self._response)
+            self.progress.is_prolonged = self.prolongation.carry(self._response)
             self.mechanics.stop()
             self.mechanics.search()
+            if not self.progress.is_prolonged:
+                self.mechanics.set_load(begin, 0)
+                self.mechanics.set_load(target, self.mechanics.load_steps(target, predicted=False))
         self._move_edge(target)
 
     def _move_edge(self, target: LoadPoint) -> None:
@@ -193,10 +194,18 @@ class MultilevelRelaxation(Relaxation):
     def _begin_solving(self) -> None:
         super()._begin_solving()
         progress = self.progress
-        progress.imbalance, progress.least_imbalance, progress.failed_corrections, progress.gave_up = 1e30, 1e30, 0, False
+        progress.least_imbalance, progress.failed_corrections = 1e30, 0
+        # a mesh that cannot take what the cloth answers to a strain is not moved as cloth either
+        progress.gave_up = not progress.is_prolonged
+        progress.imbalance = self._unknown_imbalance if progress.gave_up else 1e30
         progress.ratio, progress.next_correction = 1e30, CORRECTION_CHECKS
         self._correction.begin()
         self._lift.begin()
+
+    @property
+    def _unknown_imbalance(self) -> float:
+        """Imbalance of a mesh that is not corrected as a membrane: of no interest, but for that of a free edge."""
+        return 1e30 if self.membrane is not None and self.membrane.rim.is_free else 0.0
 
     def corrected(self, ratio: float) -> float:
         progress, membrane = self.progress, self.membrane
@@ -254,7 +263,7 @@ class MultilevelRelaxation(Relaxation):
         elif progress.failed_corrections > MAX_FAILED_CORRECTIONS:
             # the mesh differs from a membrane of endless cloth: continue without corrections
             self.membrane_residual = max(self.membrane_residual, MEMBRANE_TOLERANCE * progress.imbalance)
-            progress.gave_up, progress.imbalance = True, 1e30 if membrane.rim.is_free else 0.0
+            progress.gave_up, progress.imbalance = True, self._unknown_imbalance
         else:
             correction = correction.scaled(self._correction.next_factor(correction.vector, correction.max_factor))
             membrane.move(correction)
@@ -267,6 +276,13 @@ class MultilevelRelaxation(Relaxation):
             self._stations = self.stations + correction.stations
             clamps = self.rim.clamps @ self.stations
             cast(EdgeMechanics, self.mechanics).move_clamps(clamps, clamps)
+
+
+def _load_of(relaxation: Relaxation) -> LoadPoint:
+    """Gradient and temperature of its mesh now."""
+    wire, length = relaxation.scene.wire, float(relaxation.state.read_control()[int(c.LENGTH_FACTOR)])
+    temperature = wire.reference_temperature + (length - 1.0) / max(wire.expansion, 1e-12)
+    return LoadPoint(relaxation.state.gradient, temperature)
 
 
 def _under(prefix: str, kept: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

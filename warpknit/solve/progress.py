@@ -72,6 +72,7 @@ class Progress:
     next_correction: int = 0  # check from which the next correction is due
     least_imbalance: float = 1e30  # smallest so far in the level
     failed_corrections: int = 0  # corrections since the smallest imbalance decreased
+    is_prolonged: bool = True  # the level starts from the smaller mesh
     gave_up: bool = False  # corrections of the mesh, for the rest of the level
     imbalance: float = 1e30  # out-of-balance membrane stress over its tolerance
     # ramps

@@ -27,6 +27,7 @@ from .wire_contact import WireContact
 OF_NODES = ("x", "y", "z", "push")
 OF_SEGMENTS = ("turn", "tension", "strain")
 FIELDS = OF_NODES + OF_SEGMENTS
+CHANGED = ("displacement", "tangent", "director", "tension_offset", "contact_offset")  # arrays of the state
 STIFFNESSES = ("stretch", "penalty", "raised")  # of segments, and of contacts at nodes; not fields, as they only grow
 
 
@@ -88,6 +89,20 @@ class Fields:
         store(state.displacement, fetch(state.displacement) + np.where(self._moves[:, None], move, 0.0))
         self._turn_sections(turn)
         self._pull(change)
+        self._begin_anew()
+
+    def snapshot(self) -> dict[str, np.ndarray]:
+        """What `add` changes, to put back."""
+        return {name: fetch(getattr(self.stepper.state, name)).copy() for name in CHANGED}
+
+    def put_back(self, snapshot: dict[str, np.ndarray]) -> None:
+        """Return to the state of a `snapshot`, at the load of now."""
+        for name, value in snapshot.items():
+            store(getattr(self.stepper.state, name), value)
+        self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        """Find the contacts of other places of the nodes, and the masses."""
         self.contact.search()
         self.relaxation.renew_masses(loading=True)
         self.relaxation.begin_anew()
@@ -105,6 +120,12 @@ class Fields:
         self.stepper.place(position, np.where(self.relaxation.free_sections, change["turn"], 0.0))
         self.relaxation.renew_masses(loading=True)
         self.relaxation.begin_anew()
+
+    def overlap(self) -> float:
+        """Largest overlap of wires over their thickness."""
+        self.contact.pop_max_penetration()
+        self.stepper.evaluate()
+        return self.contact.pop_max_penetration() / self.model.rods.section.thickness
 
     def _pull(self, change: dict[str, np.ndarray]) -> None:
         """Change the multipliers of segments and contacts with the fields [node]."""

@@ -10,6 +10,8 @@ from ..transfer.repeat_mesh import RepeatArrays
 from ..transfer.response import Response
 from .fields import Fields
 
+MAX_OVERLAP = 0.5  # of the thickness, after the transfer: wires that lie deeper in each other may push each other through
+
 
 class Prolongation:
     """Brings a large mesh to the state of a small one."""
@@ -29,10 +31,10 @@ class Prolongation:
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         self._last = {name: kept[f"prolonged_{name}"] for name in self._last}
 
-    def carry(self, response: Response) -> None:
+    def carry(self, response: Response) -> bool:
         """Bring the large mesh to the state of the small one, and raise its stiffnesses to those of the small one.
 
-        `response`: of the cloth at the load.
+        `response`: of the cloth at the load. False where wires would overlap: the large mesh keeps its own state.
         """
         last, self._last = self._last, self.small.read()
         taken, stiffness = self._repeats.taken(self._last, last), self.small.read_stiffness()
@@ -42,9 +44,15 @@ class Prolongation:
         }
         raised = {name: self._prolonged(name, change, response) for name in stiffness}
         self.large.stiffen(raised, self.small.multipliers.mean_force)
-        if taken is not None:
-            own = self.large.read() if self._repeats.replaces else dict.fromkeys(taken, 0.0)
-            self.large.add({name: self._prolonged(name, change, response) - own[name] for name in taken})
+        if taken is None:
+            return True
+        own = self.large.read() if self._repeats.replaces else dict.fromkeys(taken, 0.0)
+        before = self.large.snapshot()
+        self.large.add({name: self._prolonged(name, change, response) - own[name] for name in taken})
+        if self.large.overlap() <= MAX_OVERLAP:
+            return True
+        self.large.put_back(before)
+        return False
 
     def _prolonged(self, name: str, change: dict[str, wp.array], response: Response) -> np.ndarray:
         """[panel node] of the large mesh, from values of the small one."""
