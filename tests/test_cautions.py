@@ -58,8 +58,8 @@ def stressed(plastic: bool, tension: float, **wire: float) -> list[str]:
 def test_an_elastic_wire_above_its_limit_claims_no_set() -> None:
     (said,) = stressed(False, 7e8)
     assert said == (
-        "largest wire stress 700 MPa, above the elastic limit of 600 MPa: a real wire would yield and keep a set; the model is"
-        " elastic and computes none (wire.plastic)"
+        "largest wire stress 700 MPa, above the elastic limit of 600 MPa (assumed; set wire.yield_stress): a real wire"
+        " would yield and keep a set; the model is elastic and computes none (wire.plastic)"
     )
 
 

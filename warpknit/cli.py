@@ -267,8 +267,12 @@ def report(
     from warpknit.sweep.map_table import map_lines
 
     lines = [("mesh", note) for note in done.notes]
-    lines += [*map_lines(done.result.summary), ("material card", done.page.card_state)]
-    lines += [*(("warning", warning) for warning in done.page.warnings), ("page", str(directory / "report.html"))]
+    lines += map_lines(done.result.summary)
+    if done.result.exit_code == FINISHED:
+        lines.append(("material card", done.page.card_state))
+    lines += [("warning", warning) for warning in done.page.warnings]
+    if not done.page.earlier_kept:
+        lines.append(("page", str(directory / "report.html")))
     print_table(lines)
     if done.result.exit_code != FINISHED:
         raise Diverged(done.result.message)

@@ -5,6 +5,7 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,11 +15,12 @@ from warpknit import __version__
 from warpknit.cli import main
 from warpknit.design import curves
 from warpknit.design.card import MaterialCard
-from warpknit.design.card_files import card_values, card_warnings
-from warpknit.design.equal_tension import load_equally, service_points
+from warpknit.design.card_files import card_values, card_warnings, strength_values
+from warpknit.design.equal_tension import EqualTensionPath, load_equally, service_points, unreached_text
 from warpknit.design.fe import CODES
 from warpknit.design.fine_states import exact_model
 from warpknit.design.service import REFINED, EqualTension, equal_tension
+from warpknit.errors import Diverged
 from warpknit.export import map_figure
 from warpknit.scene import load_scene
 from warpknit.sweep.contact_map import MapRow
@@ -111,6 +113,49 @@ def test_a_tension_that_is_not_found_is_said_and_is_no_success(tmp_path, monkeyp
     assert "No card for 1 N/m" in page and not (tmp_path / "r" / "material_card.json").exists()
 
 
+def test_a_report_without_its_card_keeps_an_earlier_one(tmp_path, monkeypatch):
+    """All files of the report with the card at 30 mN/m are the same, byte for byte, after one that finds no card; the reason is
+    told once."""
+    monkeypatch.setattr(curves, "POINTS", 2)
+    out = tmp_path / "r"
+    assert make_report(out, "--tension", "0.03 N/m").exit_code == 0
+    kept = {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()}
+
+    def no_card(*_, **__):
+        raise Diverged("a wire is lost")
+
+    monkeypatch.setattr("warpknit.design.report.find_card", no_card)
+    done = make_report(out, "--tension", "0.06 N/m", "--areal-mass", "10 g/m^2")
+    assert done.exit_code == 3 and "earlier report" in done.stderr and done.stderr.count("a wire is lost") == 1
+    assert "no card" not in done.stdout and len(done.stderr.splitlines()) == 1
+    assert {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()} == kept
+
+
+def test_an_end_of_the_path_is_told_by_the_wire_first():
+    """To 1.2 N/m: under 700 MPa a wire of 600 and 800 MPa would yield, under 900 MPa break; below them the solver is quoted."""
+    scene = load_scene(SCENES / "contact_map.toml", ["wire.yield_stress=600 MPa", "wire.tensile_strength=800 MPa"])
+    told = {}
+    for stress in (5e8, 7e8, 9e8):
+        record = SimpleNamespace(tension_weft_N_per_m=1.25, tension_warp_N_per_m=1.15, stress_max_Pa=stress)
+        told[stress] = unreached_text(scene, EqualTensionPath(rows=[record], ended="level 0.5 did not converge"), 2.0)
+        assert told[stress].startswith("the mesh was followed up to 1.2 N/m")
+    assert "level 0.5 did not converge" in told[5e8] and "level" not in told[7e8] + told[9e8]
+    assert "above the elastic limit of 600 MPa: the wire would yield" in told[7e8]
+    assert "above the strength of 800 MPa: the wire would break" in told[9e8] and "assumed" not in told[9e8]
+
+
+def test_a_card_says_how_near_the_wire_is_to_its_limits():
+    """3 GPa over 2 GPa and 4.5 GPa, the limits of tungsten, which are assumed until the scene gives them."""
+    card, file = replace(CARD, stress_max=3e9), SCENES / "contact_map.toml"
+    rows = {name: (value, meaning) for name, value, _, meaning in strength_values(card, load_scene(file))}
+    assert rows["stress_over_yield"][0] == pytest.approx(1.5) and rows["stress_over_strength"][0] == pytest.approx(2.0 / 3.0)
+    assert rows["yield_stress"] == (2e9, "elastic limit of the wire (assumed; set wire.yield_stress)")
+    given = load_scene(file, ["wire.yield_stress=2 GPa"])
+    assert {name: meaning for name, _, _, meaning in strength_values(card, given)}["yield_stress"] == "elastic limit of the wire"
+    (said,) = card_warnings(replace(card, stress_max=5e9), given)
+    assert "5 GPa, above the strength of 4.5 GPa (assumed; set wire.tensile_strength): the wire would break" in said
+
+
 def test_a_tension_within_reach_is_the_prestress_of_the_card(reports):
     out, found = reports
     page, card, _ = found["0.06 N/m"]
@@ -119,6 +164,7 @@ def test_a_tension_within_reach_is_the_prestress_of_the_card(reports):
     with open(out / "material_card.csv", newline="", encoding="utf-8") as file:
         rows = {row["name"]: row for row in csv.DictReader(file)}
     assert {name: float(row["value"]) for name, row in rows.items()} == card["values"]
+    assert rows["stress_over_yield"]["value"] == str(card["values"]["stress_max"] / card["values"]["yield_stress"])
     assert card["quality"]["positive_definite"] and rows["C33"]["unit"] == "N/m"
 
 

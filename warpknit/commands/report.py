@@ -102,14 +102,15 @@ def report_command(
     result = sweep_scene(fitted.scene, out=out, device=device, resume=not force, force=force, progress=progress)
     if result.exit_code != 0:
         return Report(result, notes, None)
-    write_fit(fitted, out)
     rows = read_map(out / "map.csv", out / "map_details.csv")
     try:
         page = write_report(fitted.scene, rows, out, tension=asked.tension, notes=notes, codes=asked.codes, progress=progress)
     except KeyboardInterrupt as interrupt:
         raise KeyboardInterrupt(f"interrupted; the map is kept in {out}, and the same command goes on from there") from interrupt
+    if not page.earlier_kept:
+        write_fit(fitted, out)
     if asked.tension is not None and page.card is None:
-        result = CommandResult(Diverged.exit_code, result.summary, page.where)
+        result = CommandResult(Diverged.exit_code, result.summary, page.card_state)
     return Report(result, notes, page)
 
 

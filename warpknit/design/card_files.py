@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from ..files import write_aside, write_table
+from ..runner.strength import assumed_text, exceeded_text
 from ..scene import Scene
 from ..text import celsius, engineering, percent
 from .card import AGREEMENT, MaterialCard
 
+CARD = "material_card.json"
 AXES = {"1": "weft (x)", "2": "warp (y)", "3": "shear, engineering shear strain 2 E12"}
 DEFINITION = (
     "Tangent of the tensioned mesh: C = dS/dE with S the second Piola-Kirchhoff stress (force per width) and E the Green-Lagrange"
@@ -81,9 +83,8 @@ def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[str]:
     if card.shear_coupling > AGREEMENT:
         coupling = f"{percent(card.shear_coupling, 0)} of the largest stiffness"
         yield f"shear is coupled to extension ({coupling}), which an orthotropic card cannot represent"
-    if card.stress_max > scene.wire.yield_stress:
-        stress, limit = engineering(card.stress_max, "Pa"), engineering(scene.wire.yield_stress, "Pa")
-        yield f"at the tension of the card the wire stress of {stress} exceeds the elastic limit of {limit}: the wire would yield"
+    if beyond := exceeded_text(scene, card.stress_max):
+        yield f"at the tension of the card the largest wire stress is {engineering(card.stress_max, 'Pa')}, {beyond}"
 
 
 def _unstable(card: MaterialCard) -> str:
@@ -101,6 +102,18 @@ def _unstable(card: MaterialCard) -> str:
         f"{text}, even with the prestress: the mesh has no stable state there. Choose a larger --tension, or strains of the"
         " contact map with more active contacts"
     )
+
+
+def strength_values(card: MaterialCard, scene: Scene) -> Iterator[tuple[str, float, str, str]]:
+    """Rows of the limits of the wire, and of the largest stress over them."""
+    wire = scene.wire
+    for name, limit, what in (
+        ("yield_stress", wire.yield_stress, "elastic limit"),
+        ("tensile_strength", wire.tensile_strength, "tensile strength"),
+    ):
+        yield name, limit, "Pa", f"{what} of the wire{assumed_text(scene, f'wire.{name}')}"
+    yield "stress_over_yield", card.stress_max / wire.yield_stress, "1", "largest stress over the elastic limit: yields above 1"
+    yield "stress_over_strength", card.stress_max / wire.tensile_strength, "1", "largest stress over the strength: breaks above 1"
 
 
 def validity(scene: Scene, model_warnings: Sequence[str]) -> tuple[str, float, str, str]:
@@ -121,7 +134,7 @@ def write_card(
 
     fe_cards: the file for each FE code, or why there is none.
     """
-    rows = [validity(scene, model_warnings), *card_values(card)]
+    rows = [validity(scene, model_warnings), *card_values(card), *strength_values(card, scene)]
     columns = zip(("name", "value", "unit", "meaning"), zip(*rows, strict=True), strict=True)
     write_table(out / "material_card.csv", {heading: np.array(column, dtype=object) for heading, column in columns})
     content: dict[str, Any] = {
@@ -144,5 +157,5 @@ def write_card(
         },
         "fe_cards": dict(fe_cards or {}),
     }
-    with write_aside(out / "material_card.json") as file:
+    with write_aside(out / CARD) as file:
         json.dump(content, file, indent=2, allow_nan=False)

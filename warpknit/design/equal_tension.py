@@ -12,9 +12,11 @@ from dataclasses import dataclass, field
 from ..errors import Diverged
 from ..runner.answers import SERVICE_TENSIONS, Answer
 from ..runner.branches import Jump, tensions_text
-from ..runner.history import Row, row_of
+from ..runner.history import Row, mean_tension, row_of
+from ..runner.strength import exceeded_text, limit_text
 from ..scene import Scene
 from ..sweep.states import Mesh
+from ..text import engineering
 from .card import MaterialCard
 from .load_path import LoadPath, PathState, part_of, under_tension
 from .service import EqualTension, ServicePoint
@@ -79,6 +81,20 @@ def load_equally(
             states[high], at[high] = path.state, rows[-1]
             low, missed = high, 0
     return EqualTensionPath(rows, states, at)
+
+
+def unreached_text(scene: Scene, path: EqualTensionPath, tension: float) -> str:
+    """Up to which tension a path that has no state at `tension` [N/m] was followed, and why it ended."""
+    if not path.rows:
+        return f"the mesh as knitted did not converge: {path.ended}"
+    top = max(path.rows, key=mean_tension)
+    followed = f"the mesh was followed up to {engineering(mean_tension(top), 'N/m')}"
+    if mean_tension(top) > tension:
+        return f"{followed}, but no equilibrium was found at this tension: give a larger output.frames or another tension"
+    if beyond := exceeded_text(scene, top.stress_max_Pa):
+        stress = engineering(top.stress_max_Pa, "Pa")
+        return f"{followed}, where the largest wire stress is {stress}, {beyond}; give a smaller tension, or a stronger wire"
+    return f"{followed}, with the wire below its {limit_text(scene)}; {path.ended}"
 
 
 def service_tensions(scene: Scene, requested: float | None) -> list[float]:

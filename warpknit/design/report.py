@@ -32,9 +32,9 @@ from ..sweep.contact_map import Jump, MapRow, Optimum, axes_of, find_jumps, find
 from ..sweep.states import Mesh, mesh_of
 from ..text import celsius, exact
 from .card import MaterialCard, find_card
-from .card_files import card_warnings, write_card
+from .card_files import CARD, card_warnings, write_card
 from .curves import CurvePoint, tension_strain
-from .equal_tension import EqualTensionPath, jump_text, load_equally, service_points, with_service
+from .equal_tension import EqualTensionPath, jump_text, load_equally, service_points, unreached_text, with_service
 from .fe import CODES, FILES, write_fe_cards
 from .fine_states import ROUGH_TOLERANCE, exact_model, states_at
 from .heat import HeatedMesh, heat
@@ -86,6 +86,7 @@ class Findings:
     knitted_openings: Sequence[Opening]
     tensioned_openings: Sequence[Opening]
     model_warnings: Sequence[str]  # where the states are outside the validity of their model
+    earlier_kept: bool  # nothing was written: there is no card, and the directory has an earlier report with one
 
     @property
     def by_tension(self) -> bool:
@@ -102,7 +103,9 @@ class Findings:
     @property
     def card_state(self) -> str:
         """State and temperature of the card; or why there is none."""
-        return self.where if self.card is None else f"{self.where}, at {celsius(self.card.temperature)}"
+        if self.card is not None:
+            return f"{self.where}, at {celsius(self.card.temperature)}"
+        return self.where + ("; the earlier report in the directory, with its card, is kept" if self.earlier_kept else "")
 
     @property
     def warnings(self) -> list[str]:
@@ -130,7 +133,7 @@ def write_report(
     """Write report.html, the card, tension_strain.csv and figures into `out`, which holds the finished map of `scene`.
 
     rows: of the map. tension [N/m]: of the card, in both directions; default: the optimum. notes: how the scene was fitted.
-    codes: FE codes that get the card (`fe.CODES`).
+    codes: FE codes that get the card (`fe.CODES`). A report without a card does not replace one that has one.
     Raises `ModelError`, `KnitError`.
     """
     show = progress or Progress()
@@ -178,8 +181,10 @@ def write_report(
         knitted_openings=[] if isinstance(knitted, Diverged) else openings(knitted),
         tensioned_openings=[] if tensioned is None else openings(tensioned),
         model_warnings=model_warnings(model, rows),
+        earlier_kept=card is None and (out / CARD).exists(),
     )
-    _write(found, out, codes)
+    if not found.earlier_kept:
+        _write(found, out, codes)
     return found
 
 
@@ -214,7 +219,7 @@ def _card(
             rows = [row_of(record) for record in way.load(load, scene.output.frames, lambda share: watch(WAY * share))]
             begin, passed = way.state, jumps_of(model, rows)
         if begin is None:
-            raise Diverged(path.ended)
+            raise Diverged(unreached_text(scene, path, tension or 0.0))
         card, mesh = _card_from(scene, begin, load, lambda share: watch(WAY + (1.0 - WAY) * share))
     except Diverged as error:
         return None, None, f"no card for {text}: {error}", ()
@@ -235,13 +240,13 @@ def _write(found: Findings, out: Path, codes: Sequence[str]) -> None:
     names = [field.name for field in fields(CurvePoint)]
     table = {name: np.array([asdict(p)[name] for p in found.curves], dtype=object) for name in names}
     write_table(out / "tension_strain.csv", table)
-    for name in ("material_card.csv", "material_card.json", *FILES):
-        (out / name).unlink(missing_ok=True)  # of an earlier report
     if found.card is not None:
         fe_cards = write_fe_cards(
             found.card, found.loading, found.scene, found.where, out, codes=codes, warnings=found.model_warnings
         )
         write_card(found.card, found.scene, found.where, out, found.model_warnings, fe_cards)
+        for name in set(FILES) - set(fe_cards.values()):
+            (out / name).unlink(missing_ok=True)  # of an earlier report
     with write_aside(out / "answers.json") as file:
         json.dump(found.answers, file, indent=2, allow_nan=False)
     with write_aside(out / "report.html") as file:

@@ -15,11 +15,12 @@ from ..knit.cloth import Cloth
 from ..measure import Observables
 from ..runner.answers_table import answer_rows
 from ..runner.history import mean_tension
+from ..runner.strength import limit_text
 from ..scene import Scene, Wire
 from ..sweep.contact_map import Jump, Optimum, drift_text, optimum_warnings
 from ..text import celsius, engineering, percent
 from .card import AGREEMENT, MaterialCard
-from .card_files import DEFINITION, card_values, card_warnings
+from .card_files import DEFINITION, card_values, card_warnings, strength_values
 from .curves import CurvePoint
 from .equal_tension import YIELDED, EqualTensionPath
 from .inputs import INCH, openings_per_length
@@ -53,7 +54,7 @@ def answers_section(
         " is pulled otherwise on the way, as in a run or the map, may differ. Contacts A, B, ... are the classes of places of one"
         " shape, from the tightest lens on; a place where two wires touch counts as two pairs, one for each wire. The shares at"
         " service tensions are those of the table below. The wire is elastic and free of stress as knitted: stress is that of the"
-        " load alone."
+        f" load alone. First yield is that of an {limit_text(scene)}."
     )
     page.figure(
         figures["tension"],
@@ -151,7 +152,7 @@ def map_section(
     if optimum is None:
         page.warning("No tensile load of the map has active contacts with the wire below its elastic limit.")
     else:
-        margin = f"margin {percent(optimum.stress_margin, 0)} of the elastic limit"
+        margin = f"margin {percent(optimum.stress_margin, 0)} of the {limit_text(scene)}"
         page.table([
             ("optimum strain, weft / warp", f"{percent(optimum.strain_weft)} / {percent(optimum.strain_warp)}"),
             ("tension, weft / warp", _pair(optimum.tension_weft_N_per_m, optimum.tension_warp_N_per_m, "N/m")),
@@ -217,7 +218,8 @@ def card_section(page: Page, scene: Scene, card: MaterialCard | None, where: str
         f"Valid at {where}: {tensions} and strains of {strains} in weft / warp, with {percent(0.01 * card.active_percent)} of the"
         f" contacts active, at {celsius(card.temperature)}."
     )
-    rows = [(name, *_shown(name, value, unit), meaning) for name, value, unit, meaning in card_values(card)]
+    values = [*card_values(card), *strength_values(card, scene)]
+    rows = [(name, *_shown(name, value, unit), meaning) for name, value, unit, meaning in values]
     page.table(rows, ("", "value", "unit", "meaning"))
     page.text(
         DEFINITION + " material_card.csv and material_card.json contain the same values, in SI units;"

@@ -45,6 +45,7 @@ Names and meanings; docs/reference/summary.md has them too. A unit is the end of
     stress_p99_Pa           99th percentile of the stress of the nodes
     shear_stress_max_Pa     in space: largest shear stress of twist, G (d/2) times the change of twist
     yield_stress_Pa         elastic limit of the wire
+    yield_stress_assumed    whether the elastic limit is that of the material, which the scene does not give
     yield_fraction          share of the nodes whose stress is above the yield stress
     plastic_fraction        with `wire.plastic`: share of the nodes that have yielded in bending and keep a set
     plastic_strain_max      with `wire.plastic`: largest plastic strain of a fibre
@@ -258,6 +259,7 @@ MEASURES: tuple[Measure, ...] = (
     Measure("stress_p99_Pa", lambda r: m.stress_extremes(r)[1], summary="wire"),
     Measure("shear_stress_max_Pa", lambda r: None if r.shear_stress is None else float(r.shear_stress.max()), summary="wire"),
     Measure("yield_stress_Pa", lambda r: r.model.scene.wire.yield_stress, summary="wire"),
+    Measure("yield_stress_assumed", lambda r: "wire.yield_stress" in r.model.scene.assumed, summary="wire"),
     Measure("yield_fraction", lambda r: m.stress_extremes(r)[2], summary="wire", map="map"),
     Measure("plastic_fraction", lambda r: m.plastic_extremes(r)[0], summary="wire"),
     Measure("plastic_strain_max", lambda r: m.plastic_extremes(r)[1], summary="wire"),

@@ -10,6 +10,7 @@ import click
 
 from ..text import duration, engineering, percent
 from .answers_table import answer_rows
+from .strength import assumed_note
 
 
 def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[str, str]]:
@@ -48,7 +49,8 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
     if (stress := value("wire", "stress_max_Pa")) is not None:
         limit = value("wire", "yield_stress_Pa")
         of_limit = f", {percent(stress / limit, 0)} of the elastic limit" if limit else ""
-        yield "largest stress", engineering(stress, "Pa") + of_limit
+        note = assumed_note("wire.yield_stress", bool(value("wire", "yield_stress_assumed")))
+        yield "largest stress", engineering(stress, "Pa") + of_limit + note
         has_grips = hook is not None or value("model", "boundary") == "gripped"
         interior = value("wire", "stress_interior_max_Pa") if has_grips else None
         if interior is not None and interior < 0.95 * stress:

@@ -13,6 +13,7 @@ from ..text import engineering, percent
 from .branches import jumps_of, tensions_text
 from .cautions import cautions
 from .history import Row
+from .strength import limit_text, strength_text
 
 STEEP = 0.3  # slope above which its square is not small
 LEVELS_FOLLOWED = 4  # of a stage: with fewer the work is too inaccurate to detect a snap-through
@@ -48,9 +49,9 @@ def _overstressed(model: MeshModel, rows: Sequence[Row], stages: Stages) -> Iter
     stressed = f"largest wire stress {engineering(largest, 'Pa')}{where}, above the"
     if largest > wire.tensile_strength:
         law = "the model has no fracture" if wire.plastic else "the model is elastic"
-        yield f"{stressed} strength of {engineering(wire.tensile_strength, 'Pa')}: the wire would break; {law}"
+        yield f"{stressed} {strength_text(model.scene)}: the wire would break; {law}"
     elif largest > wire.yield_stress:
-        yield f"{stressed} elastic limit of {engineering(wire.yield_stress, 'Pa')}: {_yielding(model, stages)}"
+        yield f"{stressed} {limit_text(model.scene)}: {_yielding(model, stages)}"
 
 
 def _yielding(model: MeshModel, stages: Stages) -> str:

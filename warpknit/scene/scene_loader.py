@@ -159,6 +159,7 @@ def make_scene(
         output=file.output,
         sweep=file.sweep,
         kind_reason=choice.reason,
+        assumed=tuple(f"wire.{name}" for name in OF_THE_METAL if getattr(file.wire, name) is None),
         remake=partial(make_scene, table, path=path),
     )
 

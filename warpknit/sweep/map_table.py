@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from ..runner.strength import assumed_note
 from ..runner.summary_table import model_rows
 from ..text import duration, engineering, percent
 from .contact_map import drift_text
@@ -22,15 +23,17 @@ def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     yield "time steps", f"{steps:,} of {nodes:,} nodes, {solver['cell_steps_per_s']:,.0f} a second"
     yield "wall time", duration(solver["wall_s"], 3)
     limit = summary["wire"]["yield_stress_Pa"]
+    note = assumed_note("wire.yield_stress", summary["wire"].get("yield_stress_assumed", False))
     if optimum is None:
-        yield "optimum", f"none: no tensile load with an active contact has a wire stress below {engineering(limit, 'Pa')}"
+        below = f"below {engineering(limit, 'Pa')}{note}"
+        yield "optimum", f"none: no tensile load with an active contact has a wire stress {below}"
     else:
         yield "optimum strain, weft / warp", f"{percent(optimum['strain_weft'])} / {percent(optimum['strain_warp'])}"
         tensions = (engineering(optimum[f"tension_{side}_N_per_m"], "N/m") for side in ("weft", "warp"))
         yield "  tension, weft / warp", " / ".join(tensions)
         yield "  active contacts", percent(0.01 * optimum["active_percent"])
         margin = f"margin {percent(optimum['stress_margin'], 0)} of the elastic limit"
-        yield "  largest stress", f"{engineering(optimum['stress_max_Pa'], 'Pa')}, {margin}"
+        yield "  largest stress", f"{engineering(optimum['stress_max_Pa'], 'Pa')}, {margin}{note}"
         for drift in optimum.get("drift", ()):
             yield f"  {drift['along']} may drift", drift_text(drift)
     yield "stopped", summary["stop_reason"]

@@ -243,7 +243,10 @@ class _Mapper:
                 "cell_steps_per_s": self.steps / wall,
                 "node_steps_per_s": self.steps * self.nodes / wall,
             },
-            "wire": {"yield_stress_Pa": wire.yield_stress},
+            "wire": {
+                "yield_stress_Pa": wire.yield_stress,
+                "yield_stress_assumed": "wire.yield_stress" in self.scene.assumed,
+            },
             "optimum": None if optimum is None else asdict(optimum),
             "jumps": jumps,
         }

@@ -1,0 +1,35 @@
+"""The elastic limit and the strength of a wire, and what a stress beyond them means, in words."""
+
+from __future__ import annotations
+
+from ..scene import Scene
+from ..text import engineering
+
+
+def assumed_note(key: str, is_assumed: bool) -> str:
+    """That the value of a dotted key is that of the material, and how to give it; empty where the scene gives it."""
+    return f" (assumed; set {key})" if is_assumed else ""
+
+
+def limit_text(scene: Scene) -> str:
+    """The elastic limit with its value, and that it is assumed where the scene does not give it."""
+    return f"elastic limit of {engineering(scene.wire.yield_stress, 'Pa')}{assumed_text(scene, 'wire.yield_stress')}"
+
+
+def strength_text(scene: Scene) -> str:
+    """The tensile strength, as `limit_text`."""
+    return f"strength of {engineering(scene.wire.tensile_strength, 'Pa')}{assumed_text(scene, 'wire.tensile_strength')}"
+
+
+def assumed_text(scene: Scene, key: str) -> str:
+    """The `assumed_note` of a key of a scene."""
+    return assumed_note(key, key in scene.assumed)
+
+
+def exceeded_text(scene: Scene, stress: float) -> str:
+    """What a wire stress [Pa] exceeds, and what the wire would do; empty within the elastic limit."""
+    if stress > scene.wire.tensile_strength:
+        return f"above the {strength_text(scene)}: the wire would break"
+    if stress > scene.wire.yield_stress:
+        return f"above the {limit_text(scene)}: the wire would yield"
+    return ""
