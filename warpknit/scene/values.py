@@ -41,6 +41,8 @@ class Quantity(Check):
     least: float | None = None  # inclusive lower bound [SI]
     most: float | None = None  # inclusive upper bound [SI]
     usual: str = ""  # a usual value, where the example of the dimension is none
+    bare_least: float | None = None  # smallest bare number [SI]: below it a forgotten unit is likelier
+    hint: str = ""  # added where a number is out of bounds
 
     @property
     def example(self) -> str:
@@ -64,14 +66,17 @@ class Quantity(Check):
             number = si(value, self.dimension)
         except QuantityError as error:
             raise refused(self.allowed) from error
+        is_bare = not isinstance(value, str) or not has_unit(value)
         if (
             (self.above is not None and number <= self.above)
             or (self.least is not None and number < self.least)
             or (self.most is not None and number > self.most)
+            or (is_bare and self.bare_least is not None and number < self.bare_least)
         ):
             unit = DIMENSIONS[self.dimension].unit
-            is_bare = unit and (not isinstance(value, str) or not has_unit(value))
-            raise refused(self.allowed + (f" (a bare number is in {unit})" if is_bare else ""))
+            write = "; write its unit" if self.bare_least is not None else ""
+            note = f" (a bare number is in {unit}{write})"
+            raise refused(self.allowed + (note if is_bare and unit else "") + self.hint)
         return number
 
 
@@ -224,7 +229,7 @@ Vector = Annotated[tuple[float, float], BeforeValidator(Pair(Quantity("length", 
 Angle = Annotated[float, BeforeValidator(Quantity("angle"))]
 Turn = Annotated[float, BeforeValidator(Quantity("angle", least=-1.6, most=1.6))]
 TemperatureGradient = Annotated[tuple[float, float], BeforeValidator(Pair(Quantity("temperature_gradient")))]
-PerLength = Annotated[float, BeforeValidator(Quantity("per_length", above=0.0))]
+PerLength = Annotated[float, BeforeValidator(Quantity("per_length", above=0.0, usual="26 /inch", bare_least=100.0))]
 Stress = Annotated[float, BeforeValidator(Quantity("stress", above=0.0))]
 Strength = Annotated[float, BeforeValidator(Quantity("stress", above=0.0, usual="800 MPa"))]
 Hardness = Annotated[float, BeforeValidator(Quantity("stress", above=0.0, usual="0.7 GPa"))]
@@ -245,7 +250,7 @@ Time = Annotated[float, BeforeValidator(Quantity("time", above=0.0))]
 LoadingTime = Annotated[float, BeforeValidator(Quantity("time", above=0.0, usual="10 ms"))]
 TimeStep = Annotated[float, BeforeValidator(Quantity("time", above=0.0, usual="0.1 us"))]
 Rate = Annotated[float, BeforeValidator(Quantity("rate", least=0.0))]
-STRAIN = Quantity("number", least=-0.5, most=2.0)
+STRAIN = Quantity("number", least=-0.5, most=2.0, hint=" (a share: 0.1 is '10 %')")
 Strain = Annotated[float, BeforeValidator(STRAIN)]
 Shear = Annotated[float, BeforeValidator(Quantity("number", least=-1.0, most=1.0))]
 PoissonsRatio = Annotated[float, BeforeValidator(Quantity("number", above=-1.0, most=0.5))]
