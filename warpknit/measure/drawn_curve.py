@@ -7,12 +7,15 @@ On the segment behind a node and relative to it, for s in 0 .. 1,
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..frame import WireLayout
 from ..hermite import hermite
+
+AT_ONCE = 65536  # points
 
 
 @dataclass(frozen=True)
@@ -26,14 +29,20 @@ class WireCurve:
 
     def offset(self, node: np.ndarray, s: np.ndarray) -> np.ndarray:
         """(m, 3) [m] from their node of the points at s (m,) on the segments behind nodes (m,)."""
+        return _in_parts(self._offset, node, s)
+
+    def derivative(self, node: np.ndarray, s: np.ndarray) -> np.ndarray:
+        """(m, 3) [m] dp/ds at s (m,) on the segments behind nodes (m,)."""
+        return _in_parts(self._derivative, node, s)
+
+    def _offset(self, node: np.ndarray, s: np.ndarray) -> np.ndarray:
         s = s[:, None]
         h10, h01, h11 = hermite(s)
         smooth = h10 * self.begin[node] + h01 * self.edge[node] + h11 * self.end[node]
         powers = s ** np.arange(self.bump.shape[1])
         return smooth + (s * (1 - s)) ** 2 * np.einsum("mp,mpa->ma", powers, self.bump[node])
 
-    def derivative(self, node: np.ndarray, s: np.ndarray) -> np.ndarray:
-        """(m, 3) [m] dp/ds at s (m,) on the segments behind nodes (m,)."""
+    def _derivative(self, node: np.ndarray, s: np.ndarray) -> np.ndarray:
         s = s[:, None]
         smooth = (1 - s) * (1 - 3 * s) * self.begin[node] + 6 * s * (1 - s) * self.edge[node] + s * (3 * s - 2) * self.end[node]
         power = np.arange(self.bump.shape[1])
@@ -45,6 +54,15 @@ class WireCurve:
         nodes = np.arange(len(self.edge))
         places = [self.offset(nodes, np.full(len(nodes), k / parts)) for k in range(1, parts)]
         return np.stack(places, axis=1).astype(np.float32) if places else np.zeros((0, 0, 3), dtype=np.float32)
+
+
+def _in_parts(points: Callable[[np.ndarray, np.ndarray], np.ndarray], node: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """(m, 3) points, some at a time: a large mesh has no memory for what it takes to find all at once."""
+    found = np.empty((len(node), 3))
+    for begin in range(0, len(node), AT_ONCE):
+        part = slice(begin, begin + AT_ONCE)
+        found[part] = points(node[part], s[part])
+    return found
 
 
 @dataclass(frozen=True)

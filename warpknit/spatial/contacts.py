@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -24,3 +25,10 @@ class Contacts:
     friction: np.ndarray  # (contact, 3) [N] on the first
     normal: np.ndarray  # (contact, 3) towards the first
     overlap: np.ndarray  # [m] negative: gap
+
+    @staticmethod
+    def joined(parts: Sequence[Contacts]) -> Contacts:
+        """Those of all parts, one after another."""
+        if len(parts) == 1:
+            return parts[0]
+        return Contacts(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Contacts)))

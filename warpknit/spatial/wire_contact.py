@@ -36,8 +36,9 @@ TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (2 + 2 * 3)) + 4 * 3
 AT_A_TIME = 1024  # pairs whose closest points and forces are found one after the other, so that their data stay in the cache
 CACHE_LINE = 8  # numbers
 LEAST_CAPACITY = 64  # of a list
-NEXT_TRAVEL = 0.4  # of the thickness, most travel before near pairs are listed again
+NEXT_TRAVEL = 0.1  # of the thickness, most travel before near pairs are listed again
 SINGLE = 1.0001  # allowance for distances in single precision
+LEAST_READ = 4096  # pairs whose contacts are read at once, at least
 CAPACITY_MARGIN = 1.3  # capacity of a list over the pairs found
 
 
@@ -205,12 +206,12 @@ class WireContact:
         stepper, state = self.stepper, self.stepper.state
         if travel is not None:
             self._travel = min(travel, NEXT_TRAVEL * stepper.rods.section.thickness)
-        self._list_near(float(CLOSING_RATE) * self._travel)
+        self._take_near_pairs(self._is_near(float(CLOSING_RATE) * self._travel))
         reached = float(state.read_control()[int(c.TRAVEL)]) + self._travel
         state.write_control({c.TRAVEL_LIMIT: min(reached, self._search_travel), c.STATUS: 0.0})
 
-    def _list_near(self, gap: float) -> None:
-        """List the pairs with a gap [m] at the present positions, without what pushes them apart."""
+    def _is_near(self, gap: float) -> np.ndarray:
+        """[pair] bool: which pairs are within a gap [m] at the present positions, without what pushes them apart."""
         stepper, state, pairs = self.stepper, self.stepper.state, self._list
         state.write_control({c.NEAR_GAP: gap})
         if not pairs.mark:
@@ -221,7 +222,7 @@ class WireContact:
                 mark = bind(mark_near_pairs, threads, self._wires, stepper.arrays, state, part=part, **counts, **named)
                 pairs.mark.append(mark.record(stepper.device))
         stepper.team.together([mark.launch for mark in pairs.mark])
-        self._take_near_pairs(fetch(pairs.is_near)[: self.pair_count] != 0)
+        return fetch(pairs.is_near)[: self.pair_count] != 0
 
     def _take_near_pairs(self, is_near: np.ndarray) -> None:
         """Have the steps look at those of all pairs that are near."""
@@ -336,14 +337,19 @@ class WireContact:
         return fetch(self.touch.touch_pair)[: int(fetch(self.touch.touch_count)[0])].copy()
 
     def find_contacts(self, distance: float) -> Contacts:
-        """All contacts of the state last evaluated with a gap below `distance` [m], at most 2 MAX_OFFSET thicknesses."""
-        near = self._near_pairs()
-        self._list_near(distance)
-        self.stepper.evaluate(distance)
-        contacts = self.read_contacts(distance)
-        self._take_near_pairs(_is_one_of(near, self.pair_count))
+        """All contacts of the state last evaluated with a gap below `distance` [m], at most 2 MAX_OFFSET thicknesses.
+
+        Some pairs at a time, so that a large mesh needs no more memory than for its steps.
+        """
+        stepped, near = self._near_pairs(), np.flatnonzero(self._is_near(distance))
+        found, size = [], max(self.touch.capacity, LEAST_READ)
+        for begin in range(0, max(len(near), 1), size):
+            self._take_near_pairs(_is_one_of(near[begin : begin + size], self.pair_count))
+            self.stepper.evaluate(distance)
+            found.append(self.read_contacts(distance))
+        self._take_near_pairs(_is_one_of(stepped, self.pair_count))
         self.stepper.evaluate()
-        return contacts
+        return Contacts.joined(found)
 
     def read_contacts(self, distance: float | None = None) -> Contacts:
         """Contacts of the state last evaluated: those with a force, or those found with a gap below `distance` [m]."""
