@@ -85,6 +85,7 @@ def factor_masses(
     # in: wires
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
+    first_wire: int,
     following: wp.array(dtype=wp.int32),
     held: wp.array(dtype=wp.int32),
     # in: diagonals of the masses and of the spin inertias; couplings that do not exist are zero
@@ -99,7 +100,7 @@ def factor_masses(
     wire_quiet: wp.array(dtype=wp.int32),
 ):
     """One thread a wire, of two nodes or more."""
-    wire = wp.tid()
+    wire = first_wire + wp.tid()
     first = wire_first[wire]
     count = wire_count[wire]
     zero = wp.float64(0.0)

@@ -63,7 +63,12 @@ NEAR_GAP = wp.constant(51)  # [m] of wires in space, up to which a pair of segme
 PAIR_REACH = wp.constant(52)  # [m] of wires in space, by which a unit strain of the load moves the segments of a pair apart
 LOAD_MOTION = wp.constant(53)  # [m] of the plane, by which the load moves a body and a wire together until the next search
 EXTRAPOLATION = wp.constant(54)  # [-] change of a level predicted, over that of the level before (multiplier_update.py)
-CONTROL_COUNT = 55
+# of a convergence check of wires in space (contact_checks.py)
+PENALTY_FLOOR = wp.constant(55)  # [N/m] least penalty of a contact
+MEAN_PUSH = wp.constant(56)  # [N] mean force of the contacts that push
+IS_LOADING = wp.constant(57)  # 1 while a load is applied
+STICKING = wp.constant(58)  # [N/m] tangential stiffness of contacts
+CONTROL_COUNT = 59
 
 STATUS_RUNNING = wp.constant(wp.float64(0.0))
 STATUS_STALE = wp.constant(wp.float64(1.0))

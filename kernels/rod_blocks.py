@@ -22,3 +22,23 @@ BLOCK = (
     const double* steer = control.data;
 """
 )
+
+# for BLOCK: local node k is node first - HALO + k of the wire, unrolled around a closed one; segment k joins nodes k and k + 1
+AROUND = r"""
+    const int nodes = count + 2 * HALO, whole = (nodes + PAD - 1) / PAD * PAD;
+    int at[SPAN];
+    double has[SPAN], inner[SPAN];
+    for (int k = 0; k < whole; ++k) {
+        int i = first - HALO + (k < nodes ? k : nodes - 1);
+        if (closed) {
+            while (i < wire_begin) i += wire_nodes;
+            while (i >= wire_end) i -= wire_nodes;
+            has[k] = inner[k] = 1;
+        } else {
+            has[k] = i >= wire_begin && i < wire_end - 1 ? 1 : 0;
+            inner[k] = i > wire_begin && i < wire_end - 1 ? 1 : 0;
+            i = i < wire_begin ? wire_begin : (i >= wire_end ? wire_end - 1 : i);
+        }
+        at[k] = i;
+    }
+"""

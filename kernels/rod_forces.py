@@ -59,7 +59,7 @@ import warp as wp
 from .arctangent import ARCTANGENT
 from .control import STATUS, is_halted
 from .native import constants
-from .rod_blocks import BLOCK
+from .rod_blocks import AROUND, BLOCK
 
 # what the slopes of a moment (VALUEx, VALUEy) along both segments add at their node: by_x, by_y
 _SLOPES = """const double from_x = VALUEx[k] - cos_r[k - 1] * VALUEx[k - 1] - sin_r[k - 1] * VALUEy[k - 1];
@@ -72,28 +72,12 @@ _SLOPES = """const double from_x = VALUEx[k] - cos_r[k - 1] * VALUEx[k - 1] - si
 _FORCES = (
     (
         BLOCK
+        + AROUND
         + constants(STATUS=STATUS, STATUS_RUNNING=0)
         + r"""
-    // local node k is node first - HALO + k of the wire, unrolled around a closed one; segment k joins nodes k and k + 1
     typedef double real;
-    const int nodes = count + 2 * HALO, whole = (nodes + PAD - 1) / PAD * PAD;
     const bool yields = yield_curvature > 0 && hardening < 1, steps = steer[STATUS] == STATUS_RUNNING;
     const double factor = steer[LENGTH_FACTOR], bow_moment = steer[BOW_MOMENT];
-    int at[SPAN];
-    double has[SPAN], inner[SPAN];
-    for (int k = 0; k < whole; ++k) {
-        int i = first - HALO + (k < nodes ? k : nodes - 1);
-        if (closed) {
-            while (i < wire_begin) i += wire_nodes;
-            while (i >= wire_end) i -= wire_nodes;
-            has[k] = inner[k] = 1;
-        } else {
-            has[k] = i >= wire_begin && i < wire_end - 1 ? 1 : 0;
-            inner[k] = i > wire_begin && i < wire_end - 1 ? 1 : 0;
-            i = i < wire_begin ? wire_begin : (i >= wire_end ? wire_end - 1 : i);
-        }
-        at[k] = i;
-    }
     double tx[SPAN], ty[SPAN], tz[SPAN], dx[SPAN], dy[SPAN], dz[SPAN], il[SPAN], pull[SPAN], natural[SPAN], spread[SPAN];
     double own_x[SPAN], own_y[SPAN], own_m[SPAN], flow_x[SPAN], flow_y[SPAN], sixth[SPAN], cos_r[SPAN], sin_r[SPAN];
     double s11[SPAN], s12[SPAN], s22[SPAN], s13[SPAN], s23[SPAN], s33[SPAN], arc_pull[SPAN];

@@ -8,6 +8,7 @@ def sum_mass_products(
     # in: blocks
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
+    first_block: int,
     following: wp.array(dtype=wp.int32),
     # in: fictitious masses (banded_mass.py)
     node_mass: wp.array(dtype=wp.vec3d),
@@ -22,7 +23,7 @@ def sum_mass_products(
     partial: wp.array(dtype=wp.float64),
 ):
     """v . M v + w . I w of a block; couplings with nodes behind count twice."""
-    block = wp.tid()
+    block = first_block + wp.tid()
     two = wp.float64(2.0)
     total = wp.float64(0.0)
     for lane in range(block_count[block]):

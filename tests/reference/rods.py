@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warpknit.spatial.fictitious_masses import Masses
+from warpknit.spatial.masses import Masses
 from warpknit.spatial.rod_relaxation import CHECK_STEPS, RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, Section

@@ -4,14 +4,21 @@ import numpy as np
 import pytest
 
 from reference.rods import SECTION, Pose, helix
+from warpknit.host import fetch
 from warpknit.kernels import control as c
 from warpknit.numerics import LOOK_AHEAD
-from warpknit.spatial.fictitious_masses import BandedMasses, Masses, MassProduct
+from warpknit.spatial.fictitious_masses import BandedMasses
+from warpknit.spatial.masses import Masses
 from warpknit.spatial.rod_arrays import motion_launch
+from warpknit.spatial.rod_checks import RodChecks
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, rods_of
 
-NONE = np.zeros(0, dtype=np.int64)
+
+def checks_of(stepper: RodStepper) -> RodChecks:
+    """Checks of rods without clamps that move, of chords."""
+    at_rest = np.zeros(stepper.rods.node_count)
+    return RodChecks(stepper, np.zeros(0, dtype=np.int64), keeps_arc_length=False, bow_at_rest=at_rest)
 
 
 def dense(rods: Rods, masses: Masses) -> tuple[np.ndarray, np.ndarray]:
@@ -61,7 +68,9 @@ def test_accelerations_are_those_of_the_dense_matrices() -> None:
         assert found[:, k] == pytest.approx(np.linalg.solve(mass[k], force[:, k]), rel=0, abs=1e-13)
     assert stepper.state.spin.numpy() == pytest.approx(np.linalg.solve(spin, torque), rel=0, abs=1e-13)
     twice = sum(float(force[:, k] @ mass[k] @ force[:, k]) for k in range(3)) + float(torque @ spin @ torque)
-    assert MassProduct(stepper.arrays, stepper.state).twice_energy(force, torque) == pytest.approx(twice, rel=1e-13, abs=0)
+    assert checks_of(stepper).twice_energy(stepper.state.force, stepper.state.torque, "forces") == pytest.approx(
+        twice, rel=1e-13, abs=0
+    )
 
 
 @pytest.mark.parametrize("turn", [0.05, 0.4, 1.2])
@@ -74,16 +83,11 @@ def test_masses_bound_the_stiffness_of_a_coil(turn: float, stretch: float) -> No
     rods = rods_of(SECTION, [np.stack([radius * np.cos(angle), radius * np.sin(angle), 0.1 * angle], axis=1)])
     pose = Pose(rods)
     pose.stepper.state.stretch_stiffness.fill_(stretch * SECTION.axial_stiffness)
-    none = np.zeros(nodes)
-    masses = BandedMasses(rods, 100.0, NONE).at(
-        stretch_stiffness=np.full(nodes, stretch * SECTION.axial_stiffness),
-        turning=rods.rest_turning,
-        moment=none,
-        tension=none,
-        contact=np.zeros((nodes, 3)),
-        contact_turn=none,
-        keeps_arc_length=False,
-    )
+    pose.stepper.evaluate()
+    BandedMasses(checks_of(pose.stepper), 100.0, keeps_arc_length=False).find()
+    state = pose.stepper.state
+    found = (state.node_mass, state.next_mass, state.second_mass, state.spin_inertia, state.next_inertia)
+    masses = Masses(*(fetch(array) for array in found))
     mass, spin = dense(rods, masses)
     unknowns, sections = pose.unknowns(), np.flatnonzero(pose.has_segment)
     whole = np.zeros((unknowns, unknowns))

@@ -143,9 +143,9 @@ def _criteria(simulation: Simulation) -> dict[str, float]:
     """What the last convergence check compared with the tolerances."""
     mechanics = simulation.mechanics
     mechanics.stepper.evaluate()
-    touching = mechanics.contact.read_contacts()
-    balance = mechanics.residual.measure(touching, mechanics.relaxation.unbalanced_forces())
-    return {"balance": balance, "overlap": mechanics.multipliers.error(touching)}
+    contacts = mechanics.contact.checks.sums()
+    balance = mechanics.residual.measure(mechanics.relaxation.sums(of_mean=False), contacts)
+    return {"balance": balance, "overlap": mechanics.multipliers.error(contacts)}
 
 
 def _state(record: Record) -> dict[str, float]:

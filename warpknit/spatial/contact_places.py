@@ -9,6 +9,7 @@ import numpy as np
 from ..measure.contact_places import ContactPlaces, arcs_along
 from ..measure.measures import active_threshold
 from ..wires.overlaps import segment_distances
+from .rest_curve import rest_place
 from .sites import NOWHERE
 
 
@@ -76,7 +77,7 @@ def contact_places(r: Any) -> ContactPlaces:
     kept = contacts.force > active_threshold(r.model)
     node = np.stack([contacts.first, contacts.second], axis=1)[kept]
     place, shift = contacts.place[kept], contacts.shift[kept]
-    rest = np.stack([r.rest_place(node[:, side], place[:, side]) for side in (0, 1)], axis=1)
+    rest = np.stack([rest_place(rods, r.model.curve, node[:, side], place[:, side]) for side in (0, 1)], axis=1)
     lengths = rods.natural_arc * r.length_factor
     wire = rods.wire_of[node]
     return ContactPlaces(

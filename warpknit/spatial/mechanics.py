@@ -18,17 +18,18 @@ from ..mesh.rim import Rim
 from ..numerics import AXIAL_ERROR, SLOWEST_WAVE
 from ..transfer.repeat_mesh import RepeatArrays, upload_repeats
 from .clamps import MovingClamps
+from .contact_checks import ContactSums
 from .contact_multipliers import ContactMultipliers
-from .contacts import Contacts
 from .edge import Edge
-from .fictitious_masses import Masses
 from .fields import Fields
+from .masses import Masses
 from .membrane_grid import MembraneGrid
 from .model import SpatialModel
-from .observables import SpatialObservables, read
+from .observables import SpatialObservables, nominal_stress, read
 from .prolongation import Prolongation
 from .residual import Residual
 from .rod_arrays import RodState
+from .rod_checks import StateSums
 from .rod_relaxation import CHECK_STEPS, VIBRATION, RodRelaxation
 from .rod_step import RodStepper
 from .sites import Sites
@@ -207,23 +208,21 @@ class SpatialMechanics:
     def check(self, checks: int, *, loading: bool) -> Check:
         self.stepper.evaluate(0.0)
         self.relaxation.renew_damping()
-        touching = self.contact.read_contacts()
+        state, contacts = self.relaxation.sums(of_mean=True), self.contact.checks.sums()
         tolerance = self.model.scene.solver.residual_tolerance
-        ratio = (
-            np.inf if loading and self.edge is None else self.residual.ratio(touching, self.relaxation.mean_unbalanced_forces())
-        )
+        ratio = np.inf if loading and self.edge is None else self.residual.ratio(state, contacts)
         if not loading:
-            self.relaxation.watch_progress(ratio)
-        self._renew_multipliers(touching, loading)
+            self.relaxation.watch_progress(ratio, state.excess_max)
+        self._renew_multipliers(state, contacts, loading)
         if self.edge is not None:
             self._move_edge(self.edge, checks, ratio)
             ratio = max(ratio, self.edge.residual_ratio(tolerance))
         return Check(np.nan, np.inf) if loading else Check(ratio * tolerance, ratio)
 
-    def _renew_multipliers(self, touching: Contacts, loading: bool) -> None:
-        self.relaxation.renew_multipliers(loading=loading)
+    def _renew_multipliers(self, state: StateSums, contacts: ContactSums, loading: bool) -> None:
+        self.relaxation.renew_multipliers(state, loading=loading)
         if self.multipliers is not None:
-            self.multipliers.renew(touching, self.relaxation.multiplier_rate, loading=loading)
+            self.multipliers.renew(contacts, self.relaxation.multiplier_rate, loading=loading)
         self.relaxation.renew_masses(loading=loading)
         self.relaxation.keep_motion()
 
@@ -247,7 +246,9 @@ class SpatialMechanics:
         """Nothing: masses go with every check."""
 
     def stress(self) -> np.ndarray:
-        return read(self.model, self.sites, self.relaxation, self.contact, find_near=False).nominal_stress
+        self.stepper.evaluate()
+        forces = fetch(self.state.edge_force), fetch(self.state.force)
+        return nominal_stress(self.model, *forces, self.contact.read_contacts())
 
     def causes(self) -> str:
         return strength_exceeded(measure.stress_extremes(self.observe())[0], self.model.scene.wire.tensile_strength)
@@ -266,9 +267,9 @@ class SpatialMechanics:
                 f" {100 * deep.max():.2g} % of their thickness; they were pushed apart before loading"
             )
             return False
-        is_free = wire.set_fraction == 1.0 and self.relaxation.stretch_error() <= AXIAL_ERROR
-        forces = self.relaxation.unbalanced_forces()
-        return is_free and self.residual.ratio(self.contact.read_contacts(), forces) < 1.0
+        state = self.relaxation.sums(of_mean=False)
+        is_free = wire.set_fraction == 1.0 and state.excess_max <= AXIAL_ERROR
+        return is_free and self.residual.ratio(state, self.contact.checks.sums()) < 1.0
 
     # --- real time
 
@@ -286,7 +287,7 @@ class SpatialMechanics:
 
     def residual_now(self) -> float:
         self.stepper.evaluate()
-        return self.residual.measure(self.contact.read_contacts(), self.relaxation.unbalanced_forces())
+        return self.residual.measure(self.relaxation.sums(of_mean=False), self.contact.checks.sums())
 
     # --- meshes of one knit (solve/multilevel.py)
 

@@ -26,7 +26,7 @@ from .contacts import Contacts
 from .hook_contact import hook_contact
 from .model import SpatialModel
 from .moments import bending_moments
-from .rest_curve import section_offsets, spatial_curve
+from .rest_curve import rest_place, section_offsets, spatial_curve
 from .rod_relaxation import RodRelaxation
 from .sites import NOWHERE, Sites
 from .wire_contact import WireContact
@@ -79,29 +79,7 @@ class SpatialObservables(Boundary):
         P = (1/A0) [sum over segments n (x) E0 - sum over contacts f (x) (P0 - Q0) + sum over held nodes f (x) (X - c)] with the
         clamp c; f of a contact is the force on the first wire, P0 and Q0 are the rest places of the contact on both wires.
         """
-        rods, t = self.model.rods, self.touching
-        total = np.einsum("ia,ib->ab", self.segment_force[:, :2], rods.rest_edge[:, :2])
-        if len(t.force):
-            lever = self.rest_place(t.first, t.place[:, 0]) - self.rest_place(t.second, t.place[:, 1]) - t.shift
-            push = t.force[:, None] * t.normal + t.friction
-            total = total - np.einsum("ia,ib->ab", push[:, :2], lever[:, :2])
-        held = self.model.wires.held_node
-        total = total + np.einsum("ia,ib->ab", self.force[held, :2], self.model.wires.held_lever)
-        return total / self.model.panel.area
-
-    def rest_place(self, node: np.ndarray, place: np.ndarray) -> np.ndarray:
-        """(contact, 3) [m] rest position of a place on the segment behind a node, by the weights of kernels/wire_curve.py."""
-        rods = self.model.rods
-        edge = rods.rest_edge
-        after = rods.following[node]
-        here = edge[node]
-        before = np.where((rods.previous[node] >= 0)[:, None], edge[rods.previous[node]], here)
-        behind = np.where((rods.following[after] >= 0)[:, None], edge[after], here)
-        s = place[:, None]
-        h10, h01, h11 = s * (1 - s) ** 2, s * s * (3 - 2 * s), s * s * (s - 1)
-        m = self.model.curve.slope_weight[node][:, :, None]
-        begin, end = m[:, 0] * before + m[:, 1] * here, m[:, 2] * here + m[:, 3] * behind
-        return rods.position[node] + h10 * begin + h01 * here + h11 * end
+        return nominal_stress(self.model, self.segment_force, self.force, self.touching)
 
     @property
     def thermal_force(self) -> float:
@@ -289,10 +267,21 @@ class SpatialObservables(Boundary):
         """None: not implemented in space."""
 
 
-def read(
-    model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: WireContact, *, find_near: bool = True
-) -> SpatialObservables:
-    """Evaluate the state and copy it to the host; `find_near`: with contacts closer than NEAR, else `near` is `touching`."""
+def nominal_stress(model: SpatialModel, segment_force: np.ndarray, force: np.ndarray, touching: Contacts) -> np.ndarray:
+    """(2, 2) [N/m] see `SpatialObservables`; segment_force (node, 3) [N], force (node, 3) [N] unbalanced."""
+    rods, curve, t = model.rods, model.curve, touching
+    total = np.einsum("ia,ib->ab", segment_force[:, :2], rods.rest_edge[:, :2])
+    if len(t.force):
+        lever = rest_place(rods, curve, t.first, t.place[:, 0]) - rest_place(rods, curve, t.second, t.place[:, 1]) - t.shift
+        push = t.force[:, None] * t.normal + t.friction
+        total = total - np.einsum("ia,ib->ab", push[:, :2], lever[:, :2])
+    held = model.wires.held_node
+    total = total + np.einsum("ia,ib->ab", force[held, :2], model.wires.held_lever)
+    return np.asarray(total / model.panel.area)
+
+
+def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: WireContact) -> SpatialObservables:
+    """Evaluate the state and copy it to the host."""
     stepper = relaxation.stepper
     stepper.evaluate()
     state, rods = stepper.state, model.rods
@@ -325,9 +314,9 @@ def read(
         bend_energy=yielding.elastic_energy,
         hardened_energy=yielding.hardened_energy,
         contact_growth=_contact_growth(model, touching, tangent, fetch(state.director)),
-        thermal_strain=relaxation.thermal_strain,
+        thermal_strain=relaxation.thermal_strain.copy(),
         touching=touching,
-        near=contact.find_contacts((NEAR - 1.0) * section.thickness) if find_near else touching,
+        near=contact.find_contacts((NEAR - 1.0) * section.thickness),
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import warp as wp
 
@@ -29,7 +31,7 @@ class PairList:
         self.renewal_travel, self.found, self.is_near = make(wp.float64), make(wp.int32), make(wp.int32)
         # launches of every thread, once they are recorded: of `find_segment_pairs` and `mark_near_pairs`
         self.find: list[wp.Launch] = []
-        self.mark: list[wp.Launch] = []
+        self.mark: list[Callable[[], None]] = []
         self.by_second = np.zeros(0, dtype=np.int32)  # the pairs in the order of their second segments
         self.second_start = np.zeros(nodes + 1, dtype=np.int64)  # where those of each segment begin
         self.place = make(wp.vec2d, PLACES * capacity)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ..numerics import AXIAL_ERROR, ENERGY_FLOOR, FORCE_FLOOR, LOCAL_ALLOWANCE
+from .contact_checks import ContactSums
 from .contact_multipliers import OVERLAP_ERROR, ContactMultipliers
-from .contacts import Contacts
 from .model import SpatialModel
+from .rod_checks import StateSums
 from .rod_relaxation import RodRelaxation
 
 
@@ -21,22 +20,20 @@ class Residual:
         self.model, self.relaxation, self.multipliers = model, relaxation, multipliers
         self.tolerance = model.scene.solver.residual_tolerance
 
-    def ratio(self, touching: Contacts, forces: np.ndarray) -> float:
+    def ratio(self, state: StateSums, contacts: ContactSums) -> float:
         """The largest criterion over its tolerance: residual, and errors of the softened axial strain and of soft contacts."""
-        ratio = max(self.measure(touching, forces) / self.tolerance, self.relaxation.stretch_error() / AXIAL_ERROR)
-        return ratio if self.multipliers is None else max(ratio, self.multipliers.error(touching) / OVERLAP_ERROR)
+        ratio = max(self.measure(state, contacts) / self.tolerance, state.excess_max / AXIAL_ERROR)
+        return ratio if self.multipliers is None else max(ratio, self.multipliers.error(contacts) / OVERLAP_ERROR)
 
-    def measure(self, touching: Contacts, forces: np.ndarray) -> float:
+    def measure(self, state: StateSums, contacts: ContactSums) -> float:
         """The larger of the relative unbalanced force and the relative motion, compared with solver.residual_tolerance.
 
-        touching: contacts of the state last evaluated; forces (any, 3) [N] unbalanced.
+        Sums of the state last evaluated.
         """
         relaxation, scene = self.relaxation, self.model.scene
-        pushing = touching.force[touching.force > 0.0]
         bent = self.model.bending_stiffness / scene.knit.wale_spacing
-        scale = max(float(pushing.mean()) if len(pushing) else 0.0, FORCE_FLOOR * bent / scene.knit.wale_spacing)
-        force = np.linalg.norm(forces, axis=1)
-        balance = max(float(np.sqrt(np.mean(force**2))), float(force.max()) / LOCAL_ALLOWANCE) / scale
+        scale = max(contacts.mean_push, FORCE_FLOOR * bent / scene.knit.wale_spacing)
+        rms = math.sqrt(state.unbalanced_square / max(state.free_nodes, 1))
         loops = self.model.rods.node_count / scene.model.nodes_per_loop
-        motion = math.sqrt(relaxation.kinetic_energy() / max(relaxation.stepper.energy(), ENERGY_FLOOR * bent * loops))
-        return max(balance, motion)
+        motion = math.sqrt(relaxation.kinetic_energy() / max(state.energy, ENERGY_FLOOR * bent * loops))
+        return max(rms / scale, state.unbalanced_max / LOCAL_ALLOWANCE / scale, motion)

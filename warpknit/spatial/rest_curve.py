@@ -105,6 +105,20 @@ def spatial_curve(
     return WireCurve(edge, begin, end, np.where(has[:, None], bump, zero))
 
 
+def rest_place(rods: Rods, curve: RestCurve, node: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """(contact, 3) [m] rest position of a place on the segment behind a node, by the weights of kernels/wire_curve.py."""
+    edge = rods.rest_edge
+    after = rods.following[node]
+    here = edge[node]
+    before = np.where((rods.previous[node] >= 0)[:, None], edge[rods.previous[node]], here)
+    behind = np.where((rods.following[after] >= 0)[:, None], edge[after], here)
+    s = place[:, None]
+    h10, h01, h11 = s * (1 - s) ** 2, s * s * (3 - 2 * s), s * s * (s - 1)
+    m = curve.slope_weight[node][:, :, None]
+    begin, end = m[:, 0] * before + m[:, 1] * here, m[:, 2] * here + m[:, 3] * behind
+    return np.asarray(rods.position[node] + h10 * begin + h01 * here + h11 * end)
+
+
 def section_offsets(
     rods: Rods, curve: RestCurve, tangent: np.ndarray, director: np.ndarray, node: np.ndarray, place: np.ndarray
 ) -> np.ndarray:

@@ -312,9 +312,10 @@ def _block_share(arrays: RodArrays, state: RodState, share: Share) -> tuple[int,
     return begin, blocks * ROD_BLOCK, wp.int64(ROD_BLOCK)
 
 
-def factor_launch(arrays: RodArrays, state: RodState) -> Launch:
+def factor_launch(arrays: RodArrays, state: RodState, share: Share = whole) -> Launch:
     """Launch of `factor_masses`, after the masses have changed."""
-    return bind(factor_masses, len(arrays.wire_first), arrays, state)
+    wire, wires = share(len(arrays.wire_first))
+    return bind(factor_masses, wires, arrays, state, first_wire=wire)
 
 
 def motion_launch(arrays: RodArrays, state: RodState, share: Share = whole) -> Launch:

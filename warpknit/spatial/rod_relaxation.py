@@ -13,18 +13,19 @@ temperature (`set_thermal_strain`).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import replace
 
 import numpy as np
 
-from ..host import fetch, store
+from ..host import fetch, store, store_at
 from ..kernels import control as c
 from ..kernels.banded_mass import HELD_NODE, HELD_TURN
 from ..kernels.bend import BOW
 from ..numerics import AXIAL_ERROR, FASTEST_DAMPING, LOOK_AHEAD, SPEED_SHARE, STEP_MARGIN, renewed_damping
 from .clamps import MovingClamps
-from .fictitious_masses import BandedMasses, MassProduct
+from .fictitious_masses import BandedMasses
 from .rest_curve import RestCurve
+from .rod_checks import RodChecks, StateSums
 from .rod_step import EVALUATED, RodStepper
 from .stalled import Stalled
 from .step_bound import largest_rates, stable_step
@@ -46,16 +47,7 @@ TAUT_ERROR, TAUT_PROGRESS = 20.0, (0.5, 8)
 TAUT_FACTOR = 4.0  # by which a taut wire is made stiffer: its mean excess strain has stalled
 VIBRATION = 3.0  # speed of the whole motion over that of the mean one, from which on it counts
 LEAST_DAMPING = 0.01  # [1/s] banded masses leave few modes slower than half of it
-
-
-@dataclass(frozen=True)
-class _Motion:
-    """A state at a convergence check; zero where held."""
-
-    place: np.ndarray  # (node, 3) [m]
-    force: np.ndarray  # (node, 3) [N]
-    angle: np.ndarray  # [node] [rad]
-    torque: np.ndarray  # [node] [N m]
+LAST = ("last_place", "last_force", "last_angle", "last_torque")  # arrays of the state at the last check
 
 
 class RodRelaxation:
@@ -90,12 +82,10 @@ class RodRelaxation:
         stepper.set_time_step(1.0, FASTEST_DAMPING, LOOK_AHEAD)
         stepper.evaluate()
         self.keeps_arc_length = multipliers and softening != 1.0
-        self.thermal_strain = np.zeros(rods.node_count)  # [node] of the segments, relative to the length factor
         self._has_multipliers = self.keeps_arc_length
         self.stored_stiffness = (
             rods.section.axial_stiffness if multipliers else self.softened_stiffness
         )  # [N] that stretch is stored with
-        self._bow_at_rest = self._bow() if self.keeps_arc_length else np.zeros(rods.node_count)
         state.write_control({c.BOW_MOMENT: 2.0 * float(BOW) if self.keeps_arc_length else 0.0})
         spacing = float(rods.natural_length[self.has_segment].min())
         self._largest_move = SPEED_SHARE * spacing  # [m] a step
@@ -104,11 +94,14 @@ class RodRelaxation:
         state.write_control({c.DRIVE: 0.0, c.STEP_LIMIT: spacing})
         sliding = np.zeros((0, 2), dtype=np.int64) if clamps is None else clamps.sliding_node
         longest = float(rods.wire_length.max())
-        self._banded = BandedMasses(rods, longest if wave_length is None else wave_length, sliding)
-        self._product = MassProduct(stepper.arrays, state)
+        bow = self._bow() if self.keeps_arc_length else np.zeros(rods.node_count)
+        self.checks = RodChecks(stepper, sliding, keeps_arc_length=self.keeps_arc_length, bow_at_rest=bow)
+        slowest = longest if wave_length is None else wave_length
+        self._banded = BandedMasses(self.checks, slowest, keeps_arc_length=self.keeps_arc_length)
         self.renew_masses()
         self.vibration = vibration
-        self._last_check: _Motion | None = None
+        self._has_last = False  # whether the state at the last check is known
+        self._last_slide = np.zeros((2, len(sliding)))  # [m] of the sliding clamps then, and [N] their forces
         self._mean_energy: float | None = None  # [J] kinetic energy of the mean motion since the last check
         self._rate: float = MAX_RATE
         self._best_ratio: float = math.inf
@@ -118,8 +111,13 @@ class RodRelaxation:
 
     def set_thermal_strain(self, thermal_strain: np.ndarray) -> None:
         """Set the strain [node] of the natural lengths beyond the common length factor; the multipliers apply it."""
-        self.thermal_strain = thermal_strain
+        store(self.checks.arrays.thermal_strain, thermal_strain)
         self._has_multipliers |= bool(thermal_strain.any())
+
+    @property
+    def thermal_strain(self) -> np.ndarray:
+        """[node] strain of the natural lengths of the segments beyond the common length factor."""
+        return fetch(self.checks.arrays.thermal_strain)
 
     def renew_masses(self, *, loading: bool = False) -> None:
         """Evaluate the state, and renew the fictitious masses for it; kinetic energy does not grow by it.
@@ -129,7 +127,6 @@ class RodRelaxation:
         """
         stepper, state = self.stepper, self.stepper.state
         move = self._largest_move
-        contact, contact_turn = np.zeros((stepper.rods.node_count, 3)), np.zeros(stepper.rods.node_count)
         if stepper.contact is not None:
             if not loading:
                 speed = float(state.read_control()[int(c.SPEED_MAX)])
@@ -137,37 +134,29 @@ class RodRelaxation:
             approach = min(APPROACH * CHECK_STEPS * move, EVALUATED * stepper.rods.section.thickness)
             stepper.contact.list_near_pairs(CHECK_STEPS * move)
             stepper.evaluate(approach)
-            contact, contact_turn = stepper.contact.stiffness_bounds(approach)
+            stepper.contact.bound_stiffness(self.checks.arrays)
         else:
             stepper.evaluate()
         state.write_control({c.SPEED_LIMIT: move})
-        elastic = np.linalg.norm(stepper.yielding.elastic, axis=1)
-        inside = np.maximum(stepper.yielding.length, 1e-300)
-        masses = self._banded.at(
-            stretch_stiffness=fetch(state.stretch_stiffness),
-            turning=np.linalg.norm(fetch(state.curvature), axis=1),
-            moment=stepper.rods.section.bending_stiffness * elastic / inside,
-            tension=self.tension(),
-            contact=contact,
-            contact_turn=contact_turn,
-            keeps_arc_length=self.keeps_arc_length,
-        )
-        before = self._product.twice_energy(*self._velocities())
-        stepper.set_masses(masses)
-        now = self._product.twice_energy(*self._velocities())
+        before = self._twice_energy()
+        self._banded.find()
+        now = self._twice_energy()
         if now > before:
             slower = math.sqrt(before / now)
-            for velocity in (state.velocity, state.spin, *([] if self.clamps is None else [self.clamps.velocity])):
-                store(velocity, slower * fetch(velocity))
+            self.checks.slow_motion(slower)
+            if self.clamps is not None:
+                store(self.clamps.velocity, slower * fetch(self.clamps.velocity))
 
-    def _velocities(self) -> tuple[np.ndarray, np.ndarray]:
-        """Velocities (node, 3) [m/s] of nodes, those of sliding clamps included, and spins [node] [1/s]."""
+    def _twice_energy(self) -> float:
+        """[J] twice the kinetic energy of nodes and sections, with that of sliding clamps."""
         state = self.stepper.state
-        velocity = fetch(state.velocity)
-        if self.clamps is not None:
-            velocity = velocity.copy()
-            velocity[self.clamps.sliding_node, 1] = fetch(self.clamps.velocity)[self.clamps.sliding][:, None]
-        return velocity, fetch(state.spin)
+        if self.clamps is None or not len(self.clamps.sliding):
+            return self.checks.twice_energy(state.velocity, state.spin, "energy")
+        sliding, velocity = self.clamps.sliding_node, fetch(state.velocity).copy()
+        store_at(state.velocity, (sliding, 1), fetch(self.clamps.velocity)[self.clamps.sliding][:, None])
+        energy = self.checks.twice_energy(state.velocity, state.spin, "energy")
+        store(state.velocity, velocity)
+        return energy
 
     def stable_time_step(self) -> float:
         """[s] stable time step for the current masses, turning angles and tensions."""
@@ -195,12 +184,6 @@ class RodRelaxation:
         strain = fetch(state.length) / (rods.natural_length * factor) - 1.0
         return np.where(self.has_segment, strain, 0.0)
 
-    def arc_strain(self) -> np.ndarray:
-        """[node] strain of the arcs of the segments; of their chords where arc lengths are not kept."""
-        if not self.keeps_arc_length:
-            return self.strain()
-        return np.where(self.has_segment, self.strain() + self._bow() - self._bow_at_rest, 0.0)
-
     def _bow(self) -> np.ndarray:
         """[node] relative excess of the arc over the chord of each segment (kernels/bend.py)."""
         rods, square = self.stepper.rods, np.sum(fetch(self.stepper.state.curvature) ** 2, axis=1)
@@ -218,39 +201,58 @@ class RodRelaxation:
         free = fetch(self.stepper.state.force)[self.free]
         return free if self.clamps is None else np.concatenate([free, self.clamps.force])
 
-    def mean_unbalanced_forces(self) -> np.ndarray:
-        """(free node, 3) [N] mean unbalanced forces of the last CHECK_STEPS steps, then those of sliding clamps now.
-
-        A contact may appear with a force: in equilibrium it then comes and goes, and balances in the mean.
-        """
-        mean = fetch(self.stepper.state.force_sum)[self.free] / CHECK_STEPS
-        return mean if self.clamps is None else np.concatenate([mean, self.clamps.force])
-
     def unbalanced_torques(self) -> np.ndarray:
         """[free segment] [N m] unbalanced torques in the state last evaluated."""
         return fetch(self.stepper.state.torque)[self.free_sections]
 
+    def sums(self, *, of_mean: bool) -> StateSums:
+        """Sums of the state last evaluated, sliding clamps included.
+
+        of_mean: with the mean unbalanced forces of the last CHECK_STEPS steps. A contact may appear with a force: in equilibrium
+        it then comes and goes, and balances in the mean. The forces of sliding clamps are those of now.
+        """
+        sums, yielding = self.checks.sums(of_mean=of_mean), self.stepper.yielding
+        if of_mean:
+            sums = replace(
+                sums,
+                unbalanced_square=sums.unbalanced_square / CHECK_STEPS**2,
+                unbalanced_max=sums.unbalanced_max / CHECK_STEPS,
+            )
+        if yielding.yields:
+            sums = replace(sums, energy=sums.energy + yielding.potential() - yielding.elastic_energy)
+        if self.clamps is not None and len(self.clamps.sliding):
+            force = np.abs(self.clamps.force[:, 1])
+            sums = replace(
+                sums,
+                unbalanced_square=sums.unbalanced_square + float(force @ force),
+                unbalanced_max=max(sums.unbalanced_max, float(force.max())),
+                free_nodes=sums.free_nodes + len(force),
+            )
+        return sums
+
     def stretch_error(self) -> float:
         """Largest difference between strain and T/EA: the remaining error of the softening."""
-        return float(np.abs(self._excess_strain()[self.can_stretch]).max(initial=0.0))
-
-    def _excess_strain(self) -> np.ndarray:
-        """[node] mechanical strain of the segments less T/EA."""
-        strain = (self.arc_strain() - self.thermal_strain) / (1.0 + self.thermal_strain)
-        return strain - self.tension() / self.stepper.rods.section.axial_stiffness
+        return self.sums(of_mean=False).excess_max
 
     def renew_damping(self) -> None:
         """Renew the damping by the motion since the last check, in the state last evaluated: Rayleigh's quotient."""
-        state, now, self._mean_energy = self.stepper.state, self._motion(), None
-        if self._last_check is not None:
-            before = self._last_check
-            force = -float(np.sum((now.place - before.place) * (now.force - before.force)))
-            force -= float(np.sum((now.angle - before.angle) * (now.torque - before.torque)))
-            moved = self._product.twice_energy(now.place - before.place, now.angle - before.angle)
-            self._mean_energy = 0.5 * moved / CHECK_STEPS**2
-            stiffness, inertia = np.float64(force), np.float64(moved)
-            damping = renewed_damping(state.read_control()[int(c.DAMPING)], stiffness, inertia, LEAST_DAMPING)
-            state.write_control({c.DAMPING: float(damping)})
+        state, arrays, self._mean_energy = self.stepper.state, self.checks.arrays, None
+        if not self._has_last:
+            return
+        work, self._has_last = self.checks.motion(), False
+        if self.clamps is not None and len(self.clamps.sliding):  # both nodes move, and carry the mass; the force counts once
+            place, force = self._slide() - self._last_slide
+            work += float(place @ force)
+            store_at(arrays.last_place, (self.clamps.sliding_node, 1), place[:, None])
+        moved = self.checks.twice_energy(arrays.last_place, arrays.last_angle, "moved")
+        self._mean_energy = 0.5 * moved / CHECK_STEPS**2
+        stiffness, inertia = np.float64(-work), np.float64(moved)
+        damping = renewed_damping(state.read_control()[int(c.DAMPING)], stiffness, inertia, LEAST_DAMPING)
+        state.write_control({c.DAMPING: float(damping)})
+
+    def _slide(self) -> np.ndarray:
+        """(2, sliding clamp) [m] places of the sliding clamps, and [N] their forces."""
+        return np.zeros((2, 0)) if self.clamps is None else np.stack([self.clamps.place, self.clamps.force[:, 1]])
 
     def kinetic_energy(self) -> float:
         """[J] of the mean motion since the last check; of all motion after the state was moved from outside.
@@ -271,8 +273,10 @@ class RodRelaxation:
         damping = float(self.stepper.state.read_control()[int(c.DAMPING)])
         return min(self._rate, RATE_TO_DAMPING * CHECK_STEPS * damping)
 
-    def watch_progress(self, ratio: float) -> None:
+    def watch_progress(self, ratio: float, excess: float) -> None:
         """Lower the rate of the multipliers where the residual ratio makes no progress, raise it where it does.
+
+        excess: the largest error of an axial strain.
 
         Multipliers converge where the softened stiffness exceeds the negative stiffness with which a mesh snaps (Nocedal and
         Wright 2006, Numerical Optimization, 17.3: the penalty of an augmented Lagrangian). Where the axial strain makes no
@@ -286,50 +290,37 @@ class RodRelaxation:
         if self._rate > MIN_RATE and self._stalled >= RATE_PATIENCE:
             self._rate, self._stalled = max(MIN_RATE, LOWERED_RATE * self._rate), 0
         elif self._stalled >= SOFT_PATIENCE:
-            self._is_too_soft = self.stretch_error() / AXIAL_ERROR >= SOFT_SHARE * ratio
+            self._is_too_soft = excess / AXIAL_ERROR >= SOFT_SHARE * ratio
 
     def _reset_rate(self) -> None:
         """Start with the full rate of the multipliers."""
         self._rate, self._best_ratio, self._stalled, self._is_too_soft = MAX_RATE, math.inf, 0, False
         self._taut.reset()
 
-    def renew_multipliers(self, *, loading: bool = False) -> None:
-        """Move the tension offsets by the error of the softening, in the state last evaluated; stiffen taut wires."""
-        if self._has_multipliers:
-            state, excess = self.stepper.state, self._excess_strain()
-            stiffness = fetch(state.stretch_stiffness)
-            offset = fetch(state.tension_offset) + self.multiplier_rate * stiffness * excess
-            stiffer = stiffness if loading else self._stiffer(stiffness, np.where(self.can_stretch, excess, 0.0))
-            offset = offset + (stiffness - stiffer) * self.strain()  # the tension is kept
-            store(state.tension_offset, np.where(self.can_stretch, offset, 0.0))
-            store(state.stretch_stiffness, stiffer)
+    def renew_multipliers(self, sums: StateSums | None = None, *, loading: bool = False) -> None:
+        """Move the tension offsets by the error of the softening, in the state last evaluated; stiffen taut wires.
 
-    def _stiffer(self, stiffness: np.ndarray, excess: np.ndarray) -> np.ndarray:
-        """[node] [N] softened axial stiffness, raised where a wire is taut: its mean excess strain is imposed and makes no
+        sums: of that state, where they are known.
+        """
+        if self._has_multipliers:
+            sums = self.sums(of_mean=False) if sums is None else sums
+            stiffening = np.ones(len(sums.mean_excess)) if loading else self._stiffening(sums.mean_excess)
+            self.checks.renew_tension_offsets(self.multiplier_rate, stiffening)
+
+    def _stiffening(self, mean_excess: np.ndarray) -> np.ndarray:
+        """[wire] factor of the softened axial stiffness where a wire is taut: its mean excess strain is imposed and makes no
         progress."""
-        rods = self.stepper.rods
-        total = np.add.reduceat(np.where(self.has_segment, excess * rods.natural_length, 0.0), rods.wire_first)
-        raised = self._taut.after(np.abs(total) / rods.wire_length)
-        factor = np.where(raised, TAUT_FACTOR, 1.0)
+        raised = self._taut.after(np.abs(mean_excess))
         if self._is_too_soft:
-            factor = np.full(len(raised), SOFT_FACTOR)
             self._reset_rate()
-        return np.minimum(np.repeat(factor, rods.wire_count) * stiffness, rods.section.axial_stiffness)
+            return np.full(len(raised), SOFT_FACTOR)
+        return np.where(raised, TAUT_FACTOR, 1.0)
 
     def keep_motion(self) -> None:
         """Keep the state last evaluated for the next `renew_damping`; velocities become kinetic energy in the control array."""
-        self._last_check = self._motion()
-        store(self.stepper.state.force_sum, 0)
-        energy = self._product.twice_energy(*self._velocities())
-        self.stepper.state.write_control({c.KINETIC_TWICE: energy})
-
-    def _motion(self) -> _Motion:
-        state, free, turns = self.stepper.state, self.free, self.free_sections
-        place, force = (np.where(free[:, None], fetch(array), 0.0) for array in (state.displacement, state.force))
-        if self.clamps is not None:
-            sliding = self.clamps.sliding_node  # both nodes move, and carry the mass, but the force counts once
-            place[sliding, 1], force[sliding[:, 0]] = self.clamps.place[:, None], self.clamps.force
-        return _Motion(place, force, np.where(turns, fetch(state.angle), 0.0), np.where(turns, fetch(state.torque), 0.0))
+        self.checks.keep_motion()
+        self._has_last, self._last_slide = True, self._slide()
+        self.stepper.state.write_control({c.KINETIC_TWICE: self._twice_energy()})
 
     def stop_motion(self) -> None:
         """Stop all motion, after the state was moved from outside; multipliers start with their full rate."""
@@ -340,11 +331,11 @@ class RodRelaxation:
         store(state.spin, 0)
         if self.clamps is not None:
             self.clamps.stop()
-        self._last_check = None
+        self._has_last = False
 
     def reset_damping_estimate(self) -> None:
         """Start the damping estimate anew, after the state was moved from outside; velocities are kept."""
-        self._last_check = None
+        self._has_last = False
 
     def begin_anew(self) -> None:
         """The same, with the full rate of the multipliers, whose errors have grown by the move."""
@@ -353,21 +344,25 @@ class RodRelaxation:
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Arrays for a checkpoint, in addition to the state of the rods."""
-        kept = {"thermal_strain": self.thermal_strain, "multipliers": np.array(self._has_multipliers)}
+        kept = {"thermal_strain": self.thermal_strain.copy(), "multipliers": np.array(self._has_multipliers)}
         kept |= self._taut.state_dict("taut")
         kept["multiplier_rate"] = np.array([self._rate, self._best_ratio, self._stalled])
-        if self._last_check is not None:
-            kept |= {f"check_{name}": array for name, array in vars(self._last_check).items()}
+        if self._has_last:
+            kept |= {name: fetch(getattr(self.checks.arrays, name)).copy() for name in LAST}
+            kept["last_slide"] = self._last_slide
         return kept if self.clamps is None else kept | {"clamp_velocity": fetch(self.clamps.velocity).copy()}
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         """Restore what `state_dict` returned."""
-        self.thermal_strain, self._has_multipliers = kept["thermal_strain"], bool(kept["multipliers"])
+        store(self.checks.arrays.thermal_strain, kept["thermal_strain"])
+        self._has_multipliers = bool(kept["multipliers"])
         self._rate, self._best_ratio, stalled = kept["multiplier_rate"].tolist()
         self._stalled = int(stalled)
         self._taut.load_state_dict("taut", kept)
-        self._last_check = None
-        if "check_place" in kept:
-            self._last_check = _Motion(*(kept[f"check_{field.name}"] for field in fields(_Motion)))
+        self._has_last = "last_place" in kept
+        if self._has_last:
+            self._last_slide = kept["last_slide"]
+            for name in LAST:
+                store(getattr(self.checks.arrays, name), kept[name])
         if self.clamps is not None:
             store(self.clamps.velocity, kept["clamp_velocity"])

@@ -27,7 +27,8 @@ from ..launch import Launch, bind
 from ..numerics import thread_count
 from ..row_sums import fewer_rows
 from ..team import Team
-from .fictitious_masses import Masses
+from .check_arrays import CheckArrays
+from .masses import Masses
 from .rod_arrays import (
     RodArrays,
     RodState,
@@ -68,11 +69,8 @@ class Contact(Protocol):
     def list_near_pairs(self, travel: float | None = None) -> None:
         """List the pairs that may touch within a travel [m] from the state last evaluated."""
 
-    def stiffness_bounds(self, approach: float) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds on the stiffness of contacts: of nodes (node, 3) [N/m] along x, y, z, and of sections [node] [N m].
-
-        Wires may approach each other by `approach` [m].
-        """
+    def bound_stiffness(self, arrays: CheckArrays) -> None:
+        """Write bounds on the stiffness of the contacts that may touch, up to the gap of the last evaluation."""
 
 
 class Clamps(Protocol):
@@ -97,8 +95,10 @@ class RodStepper:
         self.team = Team(thread_count(rods.node_count // NODES_A_THREAD) if device == "cpu" else 1, device)
         self._no_contact = no_contact(rods, device)
         self._graphs: dict[tuple[tuple[int, ...], int], list[wp.Graph]] = {}
-        self._factor = factor_launch(self.arrays, self.state).record(device)
-        self._factor.launch()
+        shares = (partial(self.team.share, part=part) for part in range(self.team.threads))
+        factors = [factor_launch(self.arrays, self.state, share) for share in shares]
+        self._factor = [factor.replay(device) for factor in factors if factor.threads]
+        self.factor_masses()
         self._frames = frames_launch(self.arrays, self.state).record(device)
 
     def _force_launches(self, part: int = 0) -> list[Launch]:
@@ -206,7 +206,11 @@ class RodStepper:
         store(state.second_mass, masses.second)
         store(state.spin_inertia, masses.spin)
         store(state.next_inertia, masses.next_spin)
-        self._factor.launch()
+        self.factor_masses()
+
+    def factor_masses(self) -> None:
+        """Factor the masses of the dynamics, after they have changed."""
+        self.team.together(self._factor)
 
     def place(self, position: np.ndarray, turn: np.ndarray | None = None) -> None:
         """Move nodes to positions (node, 3) [m] and rotate sections by angles [node] [rad]; frames follow."""

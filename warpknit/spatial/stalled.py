@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-PROGRESS, PATIENCE = 0.8, 8  # an error makes progress if it falls to this share of itself within so many checks; defaults
-
 
 class Stalled:
     """Errors of `count` constraints over the convergence checks."""
 
-    def __init__(self, count: int, tolerance: float, progress: float = PROGRESS, patience: int = PATIENCE) -> None:
+    def __init__(self, count: int, tolerance: float, progress: float, patience: int) -> None:
+        """An error makes progress if it falls to the share `progress` of itself within `patience` checks."""
         self._tolerance, self._progress, self._patience = tolerance, progress, patience
         self._best = np.full(count, np.inf)  # error at the last progress
         self._checks = np.zeros(count, dtype=int)  # without progress since

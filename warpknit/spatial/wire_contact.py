@@ -17,7 +17,8 @@ from ..kernels.wire_friction import transfer_elastic_slip
 from ..kernels.wire_pairs import find_segment_pairs, place_segments_in_hash
 from ..launch import Launch, bind
 from ..memory import available_memory
-from .contact_bounds import stiffness_bounds
+from .check_arrays import CheckArrays
+from .contact_checks import STICK_SHARE, ContactChecks
 from .contacts import Contacts
 from .pair_list import SLIP_ARRAYS, PairList
 from .rest_curve import RestCurve, catmull_rom
@@ -29,7 +30,6 @@ from .search_cells import search_cells
 MIN_ARC_SEPARATION = (
     4.0  # radii along a wire, below which its segments do not touch each other; bent back onto itself it takes pi
 )
-STICK_SHARE = 0.5  # tangential over normal stiffness
 # memory of one pair, its elastic slips, and of a pair that may touch
 PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2 + 1) + 4 * 4, 2 * 2 * (8 * (3 + 2) + 4)
 TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (2 + 2 * 3)) + 4 * 3
@@ -93,7 +93,6 @@ class WireContact:
         rods, device = stepper.rods, stepper.device
         self.searches = 0
         curve = catmull_rom(rods) if curve is None else curve
-        self._curve = curve
         cells = search_cells(rods, curve)
         self.margin, self._approach, self._max_sag = cells.margin, cells.approach, cells.max_sag
         self._radius, self._cell = cells.radius, cells.size
@@ -103,6 +102,7 @@ class WireContact:
         place = bind(place_segments_in_hash, rods.node_count, stepper.state, cell=wp.vec3d(*self._cell), place=self._hash_place)
         self._place_in_hash = place.record(device)
         self._wires = _upload_wires(rods, curve, device)
+        self._checks = ContactChecks(stepper, self._wires, curve, has_friction=friction > 0.0)
         # [m] of each thread, CACHE_LINE numbers apart, since the last `pop_max_penetration`
         self.max_penetration = wp.zeros(CACHE_LINE * stepper.threads, dtype=wp.float64, device=device)
         self._travel = NEXT_TRAVEL * rods.section.thickness  # [m] until the near pairs are listed again
@@ -220,8 +220,8 @@ class WireContact:
             counts = {"pair_count": pairs.total, "parts": stepper.threads, "threads": threads}
             for part in range(stepper.threads):
                 mark = bind(mark_near_pairs, threads, self._wires, stepper.arrays, state, part=part, **counts, **named)
-                pairs.mark.append(mark.record(stepper.device))
-        stepper.team.together([mark.launch for mark in pairs.mark])
+                pairs.mark.append(mark.replay(stepper.device))
+        stepper.team.together(pairs.mark)
         return fetch(pairs.is_near)[: self.pair_count] != 0
 
     def _take_near_pairs(self, is_near: np.ndarray) -> None:
@@ -270,13 +270,15 @@ class WireContact:
         store(self.max_penetration, penetration)
         self._take_near_pairs(_is_one_of(kept["pairs_near"], total))
 
-    def stiffness_bounds(self, approach: float) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds on the stiffness of the contacts that touch or may do so after an approach [m], up to which the last evaluation
-        looked: of nodes (node, 3) [N/m] along x, y, z, and of sections [node] [N m]."""
-        state = self.stepper.state
-        sticking = 0.0 if self.friction == 0.0 else STICK_SHARE * float(state.read_control()[int(c.CONTACT_STIFFNESS)])
-        near = self.read_contacts(approach)
-        return stiffness_bounds(near, self.stepper.rods, self._curve, fetch(state.contact_penalty), sticking)
+    def bound_stiffness(self, arrays: CheckArrays) -> None:
+        """Write bounds on the stiffness of the contacts that touch or may do so, up to the gap of the last evaluation."""
+        self.checks.bound_stiffness(arrays)
+
+    @property
+    def checks(self) -> ContactChecks:
+        """Sums over the contacts of the state last evaluated."""
+        self._checks.use(self._list, self.touch)
+        return self._checks
 
     def _capacity(self, total: int, size: int) -> int:
         """Capacity of a list of so many pairs of `size` bytes."""

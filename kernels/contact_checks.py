@@ -1,0 +1,353 @@
+"""What a convergence check finds and renews of the contacts between wires.
+
+Each node gathers from the contacts of the four segments on whose curve it has a weight, in their order: no sum depends on the
+number of threads. A contact is a place of a pair with a force, or with a gap below a distance.
+
+Offsets and penalties (spatial/contact_multipliers.py), with the overlaps o and forces N of the contacts that push at a node:
+
+    mean overlap = sum w N o/sum w N        penalty k -> FORCE_PENALTY raised max N/d, within [DECAY, GROWTH] of before
+    offset -> offset k_before/k + rate/2 mean overlap
+
+Bounds on the stiffness of a node, for the masses, with the unit normal n of each contact and the penalty k (see
+spatial/fictitious_masses.py): sum w total [k (|n_x| + |n_y| + |n_z|) |n_x| + sticking], with an allowance for tilt.
+"""
+
+import warp as wp
+
+from .control import EVALUATED_GAP, IS_LOADING, MEAN_PUSH, MULTIPLIER_RATE, PENALTY_FLOOR, STICKING
+from .native import constants
+from .wire_closest import NOT_NEAR, ONE_PLACE, PLACES
+
+CONTACT_BLOCK = 64  # touches summed by one thread
+# columns of the sums
+PUSHING = wp.constant(0)  # contacts that push
+PUSH_SUM = wp.constant(1)  # [N] their forces
+ERROR_MAX = wp.constant(2)  # [m] largest |overlap|, of forces below the mean in proportion
+CONTACT_COLUMNS = 3
+
+WEIGHT_SUM = 0.25  # sum of the sizes of the weights of a wire, beyond 1, over those of the outer edges in the slopes
+MORE_TILT = 0.1  # allowance for the components of the normal; more between wires that do not touch
+LEAST_WEIGHT, BEYOND_WEIGHT = 0.5, 0.16  # of the nodes of the segment, at least; of the nodes beyond, over that of their edge
+
+GROWTH, DECAY = 8.0, 0.5  # largest changes of a penalty at a check
+WITHOUT_CONTACT = 0.5  # share of the offset that is left after a check without contact
+NEIGHBOUR = 0.1  # share of a contact that counts at the two nodes beyond its segment
+LEAST_SHARE = 0.3  # the same at the two nodes of its segment, at least
+RAISED, MOST_RAISED = 2.0, 64.0  # factor of the penalty where overlaps stall, and the most that it comes to
+PROGRESS, PATIENCE = 0.8, 8  # an overlap makes progress if it falls to this share of itself within so many checks
+
+# The contacts of the segments on whose curve node i has a weight: as the node before them, as their first and second node, and as
+# the node behind them. CONTACT stands for what is done with each.
+_GATHER = (
+    constants(NOT_NEAR=NOT_NEAR, ONE_PLACE=ONE_PLACE, PLACES=PLACES)
+    + r"""
+    const int after_node = following.data[i], before_node = previous.data[i];
+    const int segments[4] = {after_node, i, before_node, before_node >= 0 ? previous.data[before_node] : -1};
+    const double* places = (const double*)pair_place.data;
+    const int* start_of_first = touch_first_start.data;
+    const int* start_of_second = touch_second_start.data;
+    for (int role = 0; role < 4; ++role) {
+        const int segment = segments[role];
+        if (segment < 0 || following.data[segment] < 0) continue;
+        for (int side = 0; side < 2; ++side) {
+            const int* start = (side ? start_of_second : start_of_first) + segment;
+            for (int q = start[0]; q < start[1]; ++q) {
+                const int touch = side ? touch_of_second.data[q] : q;
+                const int pair = touch_pair.data[touch], found = pair_found.data[pair];
+                for (int a = 0; a < (found == ONE_PLACE ? 1 : PLACES) && found > NOT_NEAR; ++a) {
+                    const double push = touch_normal_force.data[PLACES * touch + a];
+                    const double overlap = touch_overlap.data[PLACES * touch + a];
+                    const double place = places[2 * (PLACES * pair + a) + side];
+                    CONTACT
+                }
+            }
+        }
+    }
+"""
+)
+
+_BOUND = (
+    constants(
+        WEIGHT_SUM=WEIGHT_SUM,
+        MORE_TILT=MORE_TILT,
+        LEAST_WEIGHT=LEAST_WEIGHT,
+        BEYOND_WEIGHT=BEYOND_WEIGHT,
+        EVALUATED_GAP=EVALUATED_GAP,
+        STICKING=STICKING,
+    )  # fmt: skip
+    + r"""
+    const double distance = control.data[EVALUATED_GAP], sticking = control.data[STICKING];
+    double x = 0, y = 0, z = 0, turn = 0;
+"""
+    + _GATHER.replace(
+        "CONTACT\n",
+        r"""if (push == 0 && !(overlap > -distance)) continue;
+                    const int one = pair_first.data[pair], other = pair_second.data[pair];
+                    const double* weight = (const double*)(slope_weight.data + segment);
+                    const double* of_one = (const double*)(slope_weight.data + one);
+                    const double* of_other = (const double*)(slope_weight.data + other);
+                    const double* normal = (const double*)(touch_normal.data + PLACES * touch + a);
+                    const double here = contact_penalty.data[one], there = contact_penalty.data[other];
+                    const double next_here = contact_penalty.data[following.data[one]];
+                    const double next_there = contact_penalty.data[following.data[other]];
+                    double largest = here > next_here ? here : next_here;
+                    largest = there > largest ? there : largest;
+                    largest = next_there > largest ? next_there : largest;
+                    const double stiffness = weight_square * largest;
+                    const double tilt = MORE_TILT + (overlap < 0 ? -overlap / thickness : 0.0);
+                    const double nx = (normal[0] < 0 ? -normal[0] : normal[0]) + tilt;
+                    const double ny = (normal[1] < 0 ? -normal[1] : normal[1]) + tilt;
+                    const double nz = (normal[2] < 0 ? -normal[2] : normal[2]) + tilt;
+                    const double total = 2 + WEIGHT_SUM * (of_one[0] + of_one[3] + of_other[0] + of_other[3]);
+                    double share = BEYOND_WEIGHT * (role == 0 ? weight[0] : weight[3]);
+                    if (role == 1) share = 1 - place > LEAST_WEIGHT ? 1 - place : LEAST_WEIGHT;
+                    if (role == 2) share = place > LEAST_WEIGHT ? place : LEAST_WEIGHT;
+                    const double slender = thickness / natural_length.data[segment];
+                    const double along = stiffness * (nx + ny + nz), arm = sticking * slender * slender;
+                    x += share * total * (along * nx + sticking) + arm;
+                    y += share * total * (along * ny + sticking) + arm;
+                    z += share * total * (along * nz + sticking) + arm;
+                    if (role < 3) turn += stiffness * lever * lever + 0.25 * sticking * thickness * thickness;
+""",
+    )
+    + r"""
+    double* bound = (double*)(contact_bound.data + i);
+    bound[0] = x;
+    bound[1] = y;
+    bound[2] = z;
+    contact_turn.data[i] = turn;
+"""
+)
+
+_RENEW = (
+    constants(
+        GROWTH=GROWTH,
+        DECAY=DECAY,
+        WITHOUT_CONTACT=WITHOUT_CONTACT,
+        NEIGHBOUR=NEIGHBOUR,
+        LEAST_SHARE=LEAST_SHARE,
+        RAISED=RAISED,
+        MOST_RAISED=MOST_RAISED,
+        PROGRESS=PROGRESS,
+        PATIENCE=PATIENCE,
+        MULTIPLIER_RATE=MULTIPLIER_RATE,
+        PENALTY_FLOOR=PENALTY_FLOOR,
+        MEAN_PUSH=MEAN_PUSH,
+        IS_LOADING=IS_LOADING,
+    )  # fmt: skip
+    + r"""
+    const double rate = control.data[MULTIPLIER_RATE], floor = control.data[PENALTY_FLOOR], mean_force = control.data[MEAN_PUSH];
+    double total = 0, moved = 0, largest = 0, error = 0;
+"""
+    + _GATHER.replace(
+        "CONTACT\n",
+        r"""if (push == 0) continue;
+                    double share = NEIGHBOUR;
+                    if (role == 1) share = 1 - place > LEAST_SHARE ? 1 - place : LEAST_SHARE;
+                    if (role == 2) share = place > LEAST_SHARE ? place : LEAST_SHARE;
+                    if (push > 0) {
+                        total += share * push;
+                        moved += share * push * overlap;
+                        largest = push > largest ? push : largest;
+                    }
+                    if (role == 1 || role == 2) {
+                        const double counts = push < mean_force ? (push > 0 ? push / mean_force : 0.0) : 1.0;
+                        const double size = counts * (overlap < 0 ? -overlap : overlap);
+                        error = size > error ? size : error;
+                    }
+""",
+    )
+    + r"""
+    double raised = penalty_raised.data[i];
+    if (control.data[IS_LOADING] == 0) {
+        const double best = overlap_best.data[i];
+        const bool waits = error > allowed && error > PROGRESS * best;
+        if (!waits) overlap_best.data[i] = error;
+        int checks = waits ? overlap_checks.data[i] + 1 : 0;
+        if (checks >= PATIENCE) {
+            checks = 0;
+            raised = RAISED * raised < MOST_RAISED ? RAISED * raised : MOST_RAISED;
+        }
+        overlap_checks.data[i] = checks;
+        penalty_raised.data[i] = raised;
+    }
+    const double before = contact_penalty.data[i], offset = contact_offset.data[i];
+    double penalty = floor, next = WITHOUT_CONTACT * offset;
+    if (total > 0) {
+        const double wanted = force_penalty * raised * largest;
+        penalty = wanted > floor ? wanted : floor;
+        penalty = penalty < DECAY * before ? DECAY * before : (penalty > GROWTH * before ? GROWTH * before : penalty);
+        penalty = penalty > floor ? penalty : floor;
+        next = offset * before / penalty + 0.5 * rate * moved / total;
+    }
+    contact_penalty.data[i] = penalty;
+    contact_offset.data[i] = next < 0 ? 0.0 : (next > most_offset ? most_offset : next);
+"""
+)
+
+
+@wp.func_native(_BOUND)
+def contact_bound_at(
+    # in: the node, and wires
+    i: wp.int32,
+    previous: wp.array(dtype=wp.int32),
+    following: wp.array(dtype=wp.int32),
+    natural_length: wp.array(dtype=wp.float64),
+    slope_weight: wp.array(dtype=wp.vec4d),
+    thickness: wp.float64,
+    weight_square: wp.float64,
+    lever: wp.float64,
+    # in: contacts, also those with a gap below EVALUATED_GAP
+    control: wp.array(dtype=wp.float64),
+    touch_first_start: wp.array(dtype=wp.int32),
+    touch_second_start: wp.array(dtype=wp.int32),
+    touch_of_second: wp.array(dtype=wp.int32),
+    touch_pair: wp.array(dtype=wp.int32),
+    pair_first: wp.array(dtype=wp.int32),
+    pair_second: wp.array(dtype=wp.int32),
+    pair_found: wp.array(dtype=wp.int32),
+    pair_place: wp.array(dtype=wp.vec2d),
+    touch_overlap: wp.array(dtype=wp.float64),
+    touch_normal_force: wp.array(dtype=wp.float64),
+    touch_normal: wp.array(dtype=wp.vec3d),
+    contact_penalty: wp.array(dtype=wp.float64),
+    # out: of the node [N/m] along x, y, z, and of the section behind it [N m]
+    contact_bound: wp.array(dtype=wp.vec3d),
+    contact_turn: wp.array(dtype=wp.float64),
+): ...
+
+
+@wp.func_native(_RENEW)
+def renew_contact_at(
+    # in: the node, and wires
+    i: wp.int32,
+    previous: wp.array(dtype=wp.int32),
+    following: wp.array(dtype=wp.int32),
+    # in: contacts with a force
+    touch_first_start: wp.array(dtype=wp.int32),
+    touch_second_start: wp.array(dtype=wp.int32),
+    touch_of_second: wp.array(dtype=wp.int32),
+    touch_pair: wp.array(dtype=wp.int32),
+    pair_found: wp.array(dtype=wp.int32),
+    pair_place: wp.array(dtype=wp.vec2d),
+    touch_overlap: wp.array(dtype=wp.float64),
+    touch_normal_force: wp.array(dtype=wp.float64),
+    # in: what steers the check; [1/m] penalty over the force; [m] allowed overlap and largest offset
+    control: wp.array(dtype=wp.float64),
+    force_penalty: wp.float64,
+    allowed: wp.float64,
+    most_offset: wp.float64,
+    # in and out: factor of the penalty where overlaps have stalled, [m] overlap at the last progress, and checks since
+    penalty_raised: wp.array(dtype=wp.float64),
+    overlap_best: wp.array(dtype=wp.float64),
+    overlap_checks: wp.array(dtype=wp.int32),
+    contact_penalty: wp.array(dtype=wp.float64),
+    contact_offset: wp.array(dtype=wp.float64),
+): ...
+
+
+@wp.kernel
+def bound_contact_stiffness(
+    # in: wires
+    first_node: int,
+    previous: wp.array(dtype=wp.int32),
+    following: wp.array(dtype=wp.int32),
+    natural_length: wp.array(dtype=wp.float64),
+    slope_weight: wp.array(dtype=wp.vec4d),
+    thickness: wp.float64,
+    weight_square: wp.float64,
+    lever: wp.float64,
+    # in: contacts, also those with a gap below EVALUATED_GAP
+    control: wp.array(dtype=wp.float64),
+    touch_first_start: wp.array(dtype=wp.int32),
+    touch_second_start: wp.array(dtype=wp.int32),
+    touch_of_second: wp.array(dtype=wp.int32),
+    touch_pair: wp.array(dtype=wp.int32),
+    pair_first: wp.array(dtype=wp.int32),
+    pair_second: wp.array(dtype=wp.int32),
+    pair_found: wp.array(dtype=wp.int32),
+    pair_place: wp.array(dtype=wp.vec2d),
+    touch_overlap: wp.array(dtype=wp.float64),
+    touch_normal_force: wp.array(dtype=wp.float64),
+    touch_normal: wp.array(dtype=wp.vec3d),
+    contact_penalty: wp.array(dtype=wp.float64),
+    # out: of the node [N/m] along x, y, z, and of the section behind it [N m]
+    contact_bound: wp.array(dtype=wp.vec3d),
+    contact_turn: wp.array(dtype=wp.float64),
+):
+    """A thread a node."""
+    contact_bound_at(
+        first_node + wp.tid(), previous, following, natural_length, slope_weight, thickness, weight_square, lever, control,
+        touch_first_start, touch_second_start, touch_of_second, touch_pair, pair_first, pair_second, pair_found,
+        pair_place, touch_overlap, touch_normal_force, touch_normal, contact_penalty, contact_bound, contact_turn,
+    )  # fmt: skip
+
+
+@wp.kernel
+def renew_contact_offsets(
+    # in: wires
+    first_node: int,
+    previous: wp.array(dtype=wp.int32),
+    following: wp.array(dtype=wp.int32),
+    # in: contacts with a force
+    touch_first_start: wp.array(dtype=wp.int32),
+    touch_second_start: wp.array(dtype=wp.int32),
+    touch_of_second: wp.array(dtype=wp.int32),
+    touch_pair: wp.array(dtype=wp.int32),
+    pair_found: wp.array(dtype=wp.int32),
+    pair_place: wp.array(dtype=wp.vec2d),
+    touch_overlap: wp.array(dtype=wp.float64),
+    touch_normal_force: wp.array(dtype=wp.float64),
+    # in: as above
+    control: wp.array(dtype=wp.float64),
+    force_penalty: wp.float64,
+    allowed: wp.float64,
+    most_offset: wp.float64,
+    # in and out: as above
+    penalty_raised: wp.array(dtype=wp.float64),
+    overlap_best: wp.array(dtype=wp.float64),
+    overlap_checks: wp.array(dtype=wp.int32),
+    contact_penalty: wp.array(dtype=wp.float64),
+    contact_offset: wp.array(dtype=wp.float64),
+):
+    """A thread a node."""
+    renew_contact_at(
+        first_node + wp.tid(), previous, following, touch_first_start, touch_second_start, touch_of_second, touch_pair,
+        pair_found, pair_place, touch_overlap, touch_normal_force, control, force_penalty, allowed,
+        most_offset, penalty_raised, overlap_best, overlap_checks, contact_penalty, contact_offset,
+    )  # fmt: skip
+
+
+@wp.kernel
+def sum_contacts(
+    # in: contacts with a force
+    first_block: int,
+    touch_count: wp.array(dtype=wp.int32),
+    touch_pair: wp.array(dtype=wp.int32),
+    pair_found: wp.array(dtype=wp.int32),
+    touch_overlap: wp.array(dtype=wp.float64),
+    touch_normal_force: wp.array(dtype=wp.float64),
+    # in: mean force of those that push, if it is known
+    control: wp.array(dtype=wp.float64),
+    # out: (block, CONTACT_COLUMNS)
+    contact_partial: wp.array2d(dtype=wp.float64),
+):
+    """A thread for CONTACT_BLOCK touches."""
+    block = first_block + wp.tid()
+    zero = wp.float64(0.0)
+    one = wp.float64(1.0)
+    pushing = wp.float64(0.0)
+    total = wp.float64(0.0)
+    error = wp.float64(0.0)
+    for touch in range(CONTACT_BLOCK * block, wp.min(CONTACT_BLOCK * (block + 1), touch_count[0])):
+        found = pair_found[touch_pair[touch]]
+        if found > NOT_NEAR:
+            for a in range(wp.where(found == ONE_PLACE, 1, PLACES)):
+                push = touch_normal_force[PLACES * touch + a]
+                if push > zero:
+                    pushing += one
+                    total += push
+                    error = wp.max(error, wp.min(one, push / control[MEAN_PUSH]) * wp.abs(touch_overlap[PLACES * touch + a]))
+    contact_partial[block, PUSHING] = pushing
+    contact_partial[block, PUSH_SUM] = total
+    contact_partial[block, ERROR_MAX] = error

@@ -1,0 +1,269 @@
+"""Sums and renewals of a convergence check of rods: a row of partial sums for every block of nodes, so that their order is fixed.
+
+The strain of the arc of a segment, with bow = BOW (w |k|^2 + w' |k'|^2) of the turning vectors at its ends (bend.py), and what
+softening leaves of it, with the thermal strain s of the segment beyond the common length factor:
+
+    strain = l/L - 1 + bow - bow at rest        excess = (strain - s)/(1 + s) - T/EA
+
+Multipliers take up a share of the excess: offset -> offset + rate K excess. A change of K keeps the tension T.
+"""
+
+import warp as wp
+
+from .banded_mass import HELD_NODE, HELD_TURN
+from .bend import BOW
+from .control import LENGTH_FACTOR, MULTIPLIER_RATE
+from .native import constants
+
+# columns of the sums of a state
+UNBALANCED_SQUARE = wp.constant(0)  # [N2] of free nodes, summed
+UNBALANCED_MAX = wp.constant(1)  # [N2] the largest
+STRETCH_ENERGY = wp.constant(2)  # [J]
+BEND_ENERGY = wp.constant(3)  # [J]
+EXCESS_MAX = wp.constant(4)  # largest |excess| of a segment that can stretch
+EXCESS_SUM = wp.constant(5)  # [m] excess times length of segments that can stretch
+STATE_COLUMNS = 6
+
+_EXCESS = (
+    constants(LENGTH_FACTOR=LENGTH_FACTOR, BOW=BOW)
+    + r"""
+    const double* turn = (const double*)curvature.data;
+    const double* weight = (const double*)(bow_weight.data + i);
+    double strain = length.data[i] / (natural_length.data[i] * control.data[LENGTH_FACTOR]) - 1;
+    const double tension = tension_offset.data[i] + stretch_stiffness.data[i] * strain;
+    if (keeps_arc_length) {
+        const int j = following.data[i];
+        const double own = turn[2 * i] * turn[2 * i] + turn[2 * i + 1] * turn[2 * i + 1];
+        const double next = turn[2 * j] * turn[2 * j] + turn[2 * j + 1] * turn[2 * j + 1];
+        strain += BOW * (weight[0] * own + weight[1] * next) - bow_at_rest.data[i];
+    }
+    const double heated = thermal_strain.data[i];
+    return (strain - heated) / (1 + heated) - tension / axial_stiffness;
+"""
+)
+
+
+@wp.func_native(_EXCESS)
+def excess_strain(
+    # in: the node before the segment; rest data
+    i: wp.int32,
+    following: wp.array(dtype=wp.int32),
+    natural_length: wp.array(dtype=wp.float64),
+    bow_weight: wp.array(dtype=wp.vec2d),
+    bow_at_rest: wp.array(dtype=wp.float64),
+    thermal_strain: wp.array(dtype=wp.float64),
+    axial_stiffness: wp.float64,
+    keeps_arc_length: wp.int32,
+    # in
+    control: wp.array(dtype=wp.float64),
+    stretch_stiffness: wp.array(dtype=wp.float64),
+    tension_offset: wp.array(dtype=wp.float64),
+    length: wp.array(dtype=wp.float64),
+    curvature: wp.array(dtype=wp.vec2d),
+) -> wp.float64: ...
+
+
+@wp.func
+def chord_strain(
+    i: int,
+    natural_length: wp.array(dtype=wp.float64),
+    control: wp.array(dtype=wp.float64),
+    length: wp.array(dtype=wp.float64),
+) -> wp.float64:
+    """l/L - 1 of the segment behind node i."""
+    return length[i] / (natural_length[i] * control[LENGTH_FACTOR]) - wp.float64(1.0)
+
+
+@wp.func
+def is_free(i: int, held: wp.array(dtype=wp.int32)) -> bool:
+    """Whether the node moves."""
+    return (held[i] & HELD_NODE) == 0
+
+
+@wp.func
+def can_turn(i: int, following: wp.array(dtype=wp.int32), held: wp.array(dtype=wp.int32)) -> bool:
+    """Whether the section of the segment behind the node turns."""
+    return following[i] >= 0 and (held[i] & HELD_TURN) == 0
+
+
+@wp.kernel
+def sum_states(
+    # in: blocks
+    block_first: wp.array(dtype=wp.int32),
+    block_count: wp.array(dtype=wp.int32),
+    first_block: int,
+    # in: rest data
+    following: wp.array(dtype=wp.int32),
+    held: wp.array(dtype=wp.int32),
+    natural_length: wp.array(dtype=wp.float64),
+    bow_weight: wp.array(dtype=wp.vec2d),
+    bow_at_rest: wp.array(dtype=wp.float64),
+    thermal_strain: wp.array(dtype=wp.float64),
+    axial_stiffness: wp.float64,
+    keeps_arc_length: wp.int32,
+    # in
+    control: wp.array(dtype=wp.float64),
+    stretch_stiffness: wp.array(dtype=wp.float64),
+    tension_offset: wp.array(dtype=wp.float64),
+    length: wp.array(dtype=wp.float64),
+    curvature: wp.array(dtype=wp.vec2d),
+    bend_energy: wp.array(dtype=wp.float64),
+    unbalanced: wp.array(dtype=wp.vec3d),
+    # out: (block, STATE_COLUMNS)
+    state_partial: wp.array2d(dtype=wp.float64),
+):
+    """A thread a block."""
+    block = first_block + wp.tid()
+    half = wp.float64(0.5)
+    square = wp.float64(0.0)
+    largest = wp.float64(0.0)
+    stretched = wp.float64(0.0)
+    bent = wp.float64(0.0)
+    excess_max = wp.float64(0.0)
+    excess_sum = wp.float64(0.0)
+    for lane in range(block_count[block]):
+        i = block_first[block] + lane
+        bent += bend_energy[i]
+        if is_free(i, held):
+            force = wp.length_sq(unbalanced[i])
+            square += force
+            largest = wp.max(largest, force)
+        after = following[i]
+        if after >= 0:
+            strain = chord_strain(i, natural_length, control, length)
+            rest = natural_length[i] * control[LENGTH_FACTOR]
+            stretched += rest * strain * (tension_offset[i] + half * stretch_stiffness[i] * strain)
+            if is_free(i, held) or is_free(after, held):
+                excess = excess_strain(
+                    i, following, natural_length, bow_weight, bow_at_rest, thermal_strain, axial_stiffness, keeps_arc_length,
+                    control, stretch_stiffness, tension_offset, length, curvature,
+                )  # fmt: skip
+                excess_max = wp.max(excess_max, wp.abs(excess))
+                excess_sum += excess * natural_length[i]
+    state_partial[block, UNBALANCED_SQUARE] = square
+    state_partial[block, UNBALANCED_MAX] = wp.where(square == square, largest, square)  # not a number stays
+    state_partial[block, STRETCH_ENERGY] = stretched
+    state_partial[block, BEND_ENERGY] = bent
+    state_partial[block, EXCESS_MAX] = wp.where(excess_sum == excess_sum, excess_max, excess_sum)
+    state_partial[block, EXCESS_SUM] = excess_sum
+
+
+@wp.kernel
+def renew_tension_offsets(
+    # in: rest data
+    first_node: int,
+    node_wire: wp.array(dtype=wp.int32),
+    following: wp.array(dtype=wp.int32),
+    held: wp.array(dtype=wp.int32),
+    natural_length: wp.array(dtype=wp.float64),
+    bow_weight: wp.array(dtype=wp.vec2d),
+    bow_at_rest: wp.array(dtype=wp.float64),
+    thermal_strain: wp.array(dtype=wp.float64),
+    axial_stiffness: wp.float64,
+    keeps_arc_length: wp.int32,
+    # in: [wire] by which the softened stiffness of a wire is multiplied
+    stiffening: wp.array(dtype=wp.float64),
+    # in
+    control: wp.array(dtype=wp.float64),
+    length: wp.array(dtype=wp.float64),
+    curvature: wp.array(dtype=wp.vec2d),
+    # in and out
+    stretch_stiffness: wp.array(dtype=wp.float64),
+    tension_offset: wp.array(dtype=wp.float64),
+):
+    """A thread a node. A segment between two held nodes has no offset."""
+    i = first_node + wp.tid()
+    stiffness = stretch_stiffness[i]
+    stiffer = wp.min(stiffening[node_wire[i]] * stiffness, axial_stiffness)
+    offset = wp.float64(0.0)
+    after = following[i]
+    if after >= 0:
+        if is_free(i, held) or is_free(after, held):
+            excess = excess_strain(
+                i, following, natural_length, bow_weight, bow_at_rest, thermal_strain, axial_stiffness, keeps_arc_length,
+                control, stretch_stiffness, tension_offset, length, curvature,
+            )  # fmt: skip
+            offset = tension_offset[i] + control[MULTIPLIER_RATE] * stiffness * excess
+            offset += (stiffness - stiffer) * chord_strain(i, natural_length, control, length)
+    tension_offset[i] = offset
+    stretch_stiffness[i] = stiffer
+
+
+@wp.kernel
+def find_motion(
+    # in: blocks
+    block_first: wp.array(dtype=wp.int32),
+    block_count: wp.array(dtype=wp.int32),
+    first_block: int,
+    # in: rest data
+    following: wp.array(dtype=wp.int32),
+    held: wp.array(dtype=wp.int32),
+    # in
+    displacement: wp.array(dtype=wp.vec3d),
+    force: wp.array(dtype=wp.vec3d),
+    angle: wp.array(dtype=wp.float64),
+    torque: wp.array(dtype=wp.float64),
+    # in and out: of the last check; the motion since then, zero where held
+    last_place: wp.array(dtype=wp.vec3d),
+    last_angle: wp.array(dtype=wp.float64),
+    # in: of the last check
+    last_force: wp.array(dtype=wp.vec3d),
+    last_torque: wp.array(dtype=wp.float64),
+    # out: [block] [J] motion times change of the forces
+    partial: wp.array(dtype=wp.float64),
+):
+    """A thread a block."""
+    block = first_block + wp.tid()
+    work = wp.float64(0.0)
+    for lane in range(block_count[block]):
+        i = block_first[block] + lane
+        move = wp.vec3d()
+        turn = wp.float64(0.0)
+        if is_free(i, held):
+            move = displacement[i] - last_place[i]
+            work += wp.dot(move, force[i] - last_force[i])
+        if can_turn(i, following, held):
+            turn = angle[i] - last_angle[i]
+            work += turn * (torque[i] - last_torque[i])
+        last_place[i] = move
+        last_angle[i] = turn
+    partial[block] = work
+
+
+@wp.kernel
+def keep_motion(
+    # in
+    first_node: int,
+    displacement: wp.array(dtype=wp.vec3d),
+    force: wp.array(dtype=wp.vec3d),
+    angle: wp.array(dtype=wp.float64),
+    torque: wp.array(dtype=wp.float64),
+    # out: for the next check; forces are summed anew
+    last_place: wp.array(dtype=wp.vec3d),
+    last_force: wp.array(dtype=wp.vec3d),
+    last_angle: wp.array(dtype=wp.float64),
+    last_torque: wp.array(dtype=wp.float64),
+    force_sum: wp.array(dtype=wp.vec3d),
+):
+    """A thread a node."""
+    i = first_node + wp.tid()
+    last_place[i] = displacement[i]
+    last_force[i] = force[i]
+    last_angle[i] = angle[i]
+    last_torque[i] = torque[i]
+    force_sum[i] = wp.vec3d()
+
+
+@wp.kernel
+def slow_motion(
+    # in
+    first_node: int,
+    share: wp.float64,
+    # in and out
+    velocity: wp.array(dtype=wp.vec3d),
+    spin: wp.array(dtype=wp.float64),
+):
+    """A thread a node: velocities become a share of themselves."""
+    i = first_node + wp.tid()
+    velocity[i] = share * velocity[i]
+    spin[i] = share * spin[i]

@@ -1,0 +1,87 @@
+"""Sums over the contacts between wires at a convergence check, and bounds on their stiffness (kernels/contact_checks.py)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from ..host import fetch
+from ..kernels import contact_checks as k
+from ..kernels import control as c
+from ..launch import bind
+from .check_arrays import CheckArrays
+from .pair_list import PairList
+from .rest_curve import RestCurve
+from .rod_arrays import TouchArrays
+from .rod_step import RodStepper
+
+STICK_SHARE = 0.5  # tangential over normal stiffness
+
+
+@dataclass(frozen=True)
+class ContactSums:
+    """Sums over the contacts with a force in the state last evaluated."""
+
+    mean_push: float  # [N] mean force of those that push; 0 without any
+    overlap_error: float  # [m] largest overlap or gap; of forces below the mean, in proportion; not of saddles
+
+
+class ContactChecks:
+    """Sums over all contacts of a stepper, the same for any number of threads."""
+
+    def __init__(self, stepper: RodStepper, wires: object, curve: RestCurve, *, has_friction: bool) -> None:
+        """wires: rest data for contact, on the device; curve: the one on which wires touch."""
+        self._stepper, self._wires, self._has_friction = stepper, wires, has_friction
+        rods = stepper.rods
+        self._of_wires = {
+            "thickness": wp.float64(rods.section.thickness),
+            "weight_square": wp.float64(curve.weight_square),
+            "lever": wp.float64(curve.lever),
+        }
+        self._recorded: dict[str, list[Callable[[], None]]] = {}
+        self._lists: tuple[PairList, TouchArrays] | None = None
+
+    def use(self, pairs: PairList, touch: TouchArrays) -> None:
+        """Read these lists from now on."""
+        if self._lists is None or self._lists[0] is not pairs or self._lists[1] is not touch:
+            self._lists, self._recorded = (pairs, touch), {}
+            blocks = math.ceil(touch.capacity / k.CONTACT_BLOCK)
+            self._partial = wp.zeros((blocks, k.CONTACT_COLUMNS), dtype=wp.float64, device=self._stepper.device)
+
+    def launch(self, kernel: wp.Kernel, by: str, count: int, *sources: object, **named: object) -> None:
+        """Launch a kernel whose threads share `count` items, from `by` on; its arguments are recorded for the lists in use."""
+        assert self._lists is not None
+        stepper, (pairs, touch), name = self._stepper, self._lists, kernel.key
+        if name not in self._recorded:
+            arguments = {argument.label for argument in kernel.adj.args}
+            named |= pairs.named(*(x for x in ("first", "second", "found", "place") if f"pair_{x}" in arguments))
+            every = (stepper.arrays, stepper.state, self._wires, touch, *sources)
+            shares = (stepper.team.share(count, part) for part in range(stepper.threads))
+            parts = [bind(kernel, own, *every, **{by: first}, **named) for first, own in shares]
+            self._recorded[name] = [launch.replay(stepper.device) for launch in parts if launch.threads]
+        stepper.team.together(self._recorded[name])
+
+    def sums(self) -> ContactSums:
+        """Sums over the contacts with a force in the state last evaluated."""
+        state = self._stepper.state
+
+        def total() -> np.ndarray:
+            self.launch(k.sum_contacts, "first_block", len(self._partial), contact_partial=self._partial)
+            return fetch(self._partial)
+
+        rows = total()
+        pushing = float(rows[:, int(k.PUSHING)].sum())
+        mean = float(rows[:, int(k.PUSH_SUM)].sum()) / pushing if pushing > 0.0 else 0.0
+        state.write_control({c.MEAN_PUSH: max(mean, 1e-300)})
+        return ContactSums(mean, float(total()[:, int(k.ERROR_MAX)].max()))
+
+    def bound_stiffness(self, arrays: CheckArrays) -> None:
+        """Write the bounds on the stiffness of the contacts that touch or may do so, up to the gap of the last evaluation."""
+        state = self._stepper.state
+        stiffness = float(state.read_control()[int(c.CONTACT_STIFFNESS)])
+        state.write_control({c.STICKING: STICK_SHARE * stiffness if self._has_friction else 0.0})
+        self.launch(k.bound_contact_stiffness, "first_node", self._stepper.rods.node_count, arrays, **self._of_wires)

@@ -1,0 +1,112 @@
+"""Sums and renewals of a convergence check of rods, on the device (kernels/rod_checks.py)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..host import fetch, store
+from ..kernels import control as c
+from ..kernels import rod_checks as k
+from ..kernels.banded_mass import HELD_NODE
+from ..kernels.rod_sums import sum_mass_products
+from ..launch import Launch, bind
+from .check_arrays import check_arrays
+from .rod_step import RodStepper
+
+
+@dataclass(frozen=True)
+class StateSums:
+    """Sums over the state last evaluated."""
+
+    unbalanced_square: float  # [N2] of the free nodes, summed
+    unbalanced_max: float  # [N] the largest
+    free_nodes: int
+    energy: float  # [J] of stretch, bending and twist, elastic
+    excess_max: float  # largest difference between the strain of a segment and T/EA
+    mean_excess: np.ndarray  # [wire] of the segments that can stretch, over the length of the wire
+
+
+class RodChecks:
+    """Sums over all rods of a stepper, the same for any number of threads."""
+
+    def __init__(self, stepper: RodStepper, sliding: np.ndarray, *, keeps_arc_length: bool, bow_at_rest: np.ndarray) -> None:
+        """sliding: nodes of clamps that move; keeps_arc_length: whether strains are those of arcs; bow_at_rest [node]."""
+        self.stepper, rods, device = stepper, stepper.rods, stepper.device
+        self.arrays = check_arrays(rods, sliding, bow_at_rest, len(stepper.arrays.block_first), device)
+        self._free = int(np.count_nonzero((rods.held & int(HELD_NODE)) == 0))
+        self._block_wire = np.searchsorted(fetch(stepper.arrays.block_wire), np.arange(len(rods.wire_first)))
+        self._own: dict[str, Any] = {
+            "axial_stiffness": wp.float64(rods.section.axial_stiffness), "keeps_arc_length": wp.int32(keeps_arc_length)
+        }  # fmt: skip
+        self._recorded: dict[str, list[Callable[[], None]]] = {}
+
+    def launch(self, name: str, kernel: wp.Kernel, by: str, count: int, *sources: object, threads: int = 1, **named: Any) -> None:
+        """Launch a kernel for `count` items of so many threads each, shared by the team; recorded once under `name`.
+
+        by: name of the argument for the first item of a part.
+        """
+        if name not in self._recorded:
+            parts = []
+            for part in range(self.stepper.threads):
+                first, own = self.stepper.team.share(count, part)
+                parts.append(bind(kernel, threads * own, *sources, **{by: first}, **named))
+            self._recorded[name] = [launch.replay(self.stepper.device) for launch in parts if launch.threads]
+        self.stepper.team.together(self._recorded[name])
+
+    def sums(self, *, of_mean: bool) -> StateSums:
+        """Sums of the state last evaluated; `of_mean`: with the mean unbalanced forces since the last check."""
+        stepper, state, arrays = self.stepper, self.stepper.state, self.arrays
+        unbalanced, name = (state.force_sum, "mean sums") if of_mean else (state.force, "sums")
+        sources = (stepper.arrays, state, arrays)
+        blocks = len(arrays.partial)
+        self.launch(name, k.sum_states, "first_block", blocks, *sources, unbalanced=unbalanced, **self._own)
+        rows = fetch(arrays.state_partial)
+        excess = np.add.reduceat(rows[:, int(k.EXCESS_SUM)], self._block_wire)
+        energy = rows[:, int(k.STRETCH_ENERGY)].sum() + rows[:, int(k.BEND_ENERGY)].sum()
+        return StateSums(
+            unbalanced_square=float(rows[:, int(k.UNBALANCED_SQUARE)].sum()),
+            unbalanced_max=float(np.sqrt(rows[:, int(k.UNBALANCED_MAX)].max())),
+            free_nodes=self._free,
+            energy=float(energy),
+            excess_max=float(rows[:, int(k.EXCESS_MAX)].max()),
+            mean_excess=excess / stepper.rods.wire_length,
+        )
+
+    def renew_tension_offsets(self, rate: float, stiffening: np.ndarray) -> None:
+        """Move the tension offsets by `rate` times the errors of the softening; `stiffening` [wire] raises the stiffness."""
+        stepper, state, arrays = self.stepper, self.stepper.state, self.arrays
+        store(arrays.stiffening, stiffening)
+        state.write_control({c.MULTIPLIER_RATE: rate})
+        sources = (stepper.arrays, state, arrays)
+        self.launch("offsets", k.renew_tension_offsets, "first_node", stepper.rods.node_count, *sources, **self._own)
+
+    def motion(self) -> float:
+        """[J] motion since the last check times the change of the forces; the motion stands in `last_place`, `last_angle`."""
+        stepper, state, arrays = self.stepper, self.stepper.state, self.arrays
+        self.launch(
+            "motion", k.find_motion, "first_block", len(arrays.partial), stepper.arrays, state, arrays, partial=arrays.partial
+        )
+        return float(fetch(arrays.partial).sum())
+
+    def keep_motion(self) -> None:
+        """Keep the state last evaluated for the next `motion`."""
+        stepper = self.stepper
+        self.launch("keep", k.keep_motion, "first_node", stepper.rods.node_count, stepper.state, self.arrays)
+
+    def slow_motion(self, share: float) -> None:
+        """Reduce all velocities to a share."""
+        stepper = self.stepper
+        slow: Launch = bind(k.slow_motion, stepper.rods.node_count, stepper.state, first_node=0, share=wp.float64(share))
+        slow.run(stepper.device)
+
+    def twice_energy(self, move: wp.array, turn: wp.array, name: str) -> float:
+        """[J] v . M v + w . I w of motions (node, 3) and [node], by the masses of the dynamics; `name` of the pair of arrays."""
+        stepper, arrays = self.stepper, self.arrays
+        sums: dict[str, Any] = {"move": move, "turn": turn, "partial": arrays.partial}
+        self.launch(name, sum_mass_products, "first_block", len(arrays.partial), stepper.arrays, stepper.state, **sums)
+        return float(fetch(arrays.partial).sum())
