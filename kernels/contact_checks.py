@@ -23,7 +23,8 @@ CONTACT_BLOCK = 64  # touches summed by one thread
 PUSHING = wp.constant(0)  # contacts that push
 PUSH_SUM = wp.constant(1)  # [N] their forces
 ERROR_MAX = wp.constant(2)  # [m] largest |overlap|, of forces below the mean in proportion
-CONTACT_COLUMNS = 3
+ERROR_SQUARE = wp.constant(3)  # [m2] their squares, summed
+CONTACT_COLUMNS = 4
 
 WEIGHT_SUM = 0.25  # sum of the sizes of the weights of a wire, beyond 1, over those of the outer edges in the slopes
 MORE_TILT = 0.1  # allowance for the components of the normal; more between wires that do not touch
@@ -339,6 +340,7 @@ def sum_contacts(
     pushing = wp.float64(0.0)
     total = wp.float64(0.0)
     error = wp.float64(0.0)
+    square = wp.float64(0.0)
     for touch in range(CONTACT_BLOCK * block, wp.min(CONTACT_BLOCK * (block + 1), touch_count[0])):
         found = pair_found[touch_pair[touch]]
         if found > NOT_NEAR:
@@ -347,7 +349,10 @@ def sum_contacts(
                 if push > zero:
                     pushing += one
                     total += push
-                    error = wp.max(error, wp.min(one, push / control[MEAN_PUSH]) * wp.abs(touch_overlap[PLACES * touch + a]))
+                    own = wp.min(one, push / control[MEAN_PUSH]) * wp.abs(touch_overlap[PLACES * touch + a])
+                    error = wp.max(error, own)
+                    square += own * own
     contact_partial[block, PUSHING] = pushing
     contact_partial[block, PUSH_SUM] = total
     contact_partial[block, ERROR_MAX] = error
+    contact_partial[block, ERROR_SQUARE] = square

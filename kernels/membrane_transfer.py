@@ -12,7 +12,7 @@ from typing import Any
 import warp as wp
 
 from .banded_mass import HELD_NODE
-from .prolong import faded, weighed
+from .prolong import weighed
 
 
 @wp.struct
@@ -308,10 +308,8 @@ def spread_surface(
 
 @wp.kernel
 def respond_to_strain(
-    # in: [node] entries of the rest table, and nodes to the nearer end of the wire
+    # in: [node] entries of the rest table
     node_entry: wp.array(dtype=wp.int32),
-    from_end: wp.array(dtype=wp.int32),
-    taper: wp.float64,
     # in: [node] displacement gradient
     gradient_xx: wp.array(dtype=wp.float64),
     gradient_xy: wp.array(dtype=wp.float64),
@@ -323,7 +321,7 @@ def respond_to_strain(
     # out
     value: wp.array(dtype=wp.float64),
 ):
-    """What a field of the nodes of a panel changes by as the repeats are strained, tapered over `taper` nodes towards clamps."""
+    """What a field of the nodes of a panel changes by as the repeats are strained."""
     i = wp.tid()
     gradient = wp.vec4d(gradient_xx[i], gradient_xy[i], gradient_yx[i], gradient_yy[i])
-    value[i] = faded(taper, from_end[i]) * weighed(cell, cell_node[node_entry[i]], gradient)
+    value[i] = weighed(cell, cell_node[node_entry[i]], gradient)

@@ -21,8 +21,9 @@ UNBALANCED_MAX = wp.constant(1)  # [N2] the largest
 STRETCH_ENERGY = wp.constant(2)  # [J]
 BEND_ENERGY = wp.constant(3)  # [J]
 EXCESS_MAX = wp.constant(4)  # largest |excess| of a segment that can stretch
-EXCESS_SUM = wp.constant(5)  # [m] excess times length of segments that can stretch
-STATE_COLUMNS = 6
+EXCESS_SQUARE = wp.constant(5)  # squares of the excess, summed
+EXCESS_SUM = wp.constant(6)  # [m] excess times length of segments that can stretch
+STATE_COLUMNS = 7
 
 _EXCESS = (
     constants(LENGTH_FACTOR=LENGTH_FACTOR, BOW=BOW)
@@ -120,6 +121,7 @@ def sum_states(
     stretched = wp.float64(0.0)
     bent = wp.float64(0.0)
     excess_max = wp.float64(0.0)
+    excess_square = wp.float64(0.0)
     excess_sum = wp.float64(0.0)
     for lane in range(block_count[block]):
         i = block_first[block] + lane
@@ -139,12 +141,14 @@ def sum_states(
                     control, stretch_stiffness, tension_offset, length, curvature,
                 )  # fmt: skip
                 excess_max = wp.max(excess_max, wp.abs(excess))
+                excess_square += excess * excess
                 excess_sum += excess * natural_length[i]
     state_partial[block, UNBALANCED_SQUARE] = square
     state_partial[block, UNBALANCED_MAX] = wp.where(square == square, largest, square)  # not a number stays
     state_partial[block, STRETCH_ENERGY] = stretched
     state_partial[block, BEND_ENERGY] = bent
     state_partial[block, EXCESS_MAX] = wp.where(excess_sum == excess_sum, excess_max, excess_sum)
+    state_partial[block, EXCESS_SQUARE] = excess_square
     state_partial[block, EXCESS_SUM] = excess_sum
 
 

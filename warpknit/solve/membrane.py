@@ -34,7 +34,7 @@ class Correction:
     max_factor: float = 1.0  # largest share to apply at once
 
     def scaled(self, share: float) -> Correction:
-        return Correction(share * self.grid, share * self.stations)
+        return Correction(share * self.grid, share * self.stations, min(1.0, self.max_factor / share))
 
     @property
     def vector(self) -> np.ndarray:

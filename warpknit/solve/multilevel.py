@@ -30,8 +30,9 @@ MOVE_STEPS = 200  # steps between increments of an edge displacement
 EDGE_TOLERANCE = 0.05  # out-of-balance force on the stations of a cord over the force of the wires
 CORRECTION_CHECKS = 5  # convergence checks between membrane corrections, at least
 SLOW_DECAY = 0.8  # share of the residual that is left after a check: once more is left, short waves have decayed
-MIN_IMBALANCE = 0.05  # over the tolerance, corrected while the mesh is not converged: it would decay slowly
+MIN_IMBALANCE = 0.3  # over the tolerance, corrected while the mesh is not converged: it would decay slowly
 CORRECTION_GAIN = 0.7  # a correction has failed if the imbalance exceeds this share of the smallest so far
+MAX_PARTS = 6  # of a correction that is too large to be applied at once: one at a convergence check
 MAX_FAILED_CORRECTIONS = 8  # before membrane corrections are abandoned for the level
 MAX_SMALL_FAILURES = 4  # the same while the imbalance is within its tolerance
 MEMBRANE_TOLERANCE = 0.02  # rms stress out of balance over the tension
@@ -69,6 +70,7 @@ class MultilevelRelaxation(Relaxation):
             if self.scene.has_moving_edge:
                 self._rim, self.edge_work = rim, EdgeWork()
         self._correction, self._lift = Aitken(), Aitken()
+        self._rest: Correction | None = None  # of a correction that is applied in parts
 
     @property
     def rim(self) -> Rim | None:
@@ -96,6 +98,8 @@ class MultilevelRelaxation(Relaxation):
             kept |= self.prolongation.state_dict()
         if self.cell is not None:
             kept["stations"] = self.stations
+            if self._rest is not None:
+                kept |= {f"rest_{name}": np.array(value) for name, value in vars(self._rest).items()}
             kept |= {f"cell_{name}": value for name, value in self.cell.snapshot().items()}
             kept |= self._response.state_dict()
         return kept
@@ -109,6 +113,9 @@ class MultilevelRelaxation(Relaxation):
             self.prolongation.load_state_dict(kept)
         if self.cell is not None and self.membrane is not None:
             self._stations = kept["stations"]
+            self._rest = None
+            if "rest_grid" in kept:
+                self._rest = Correction(kept["rest_grid"], kept["rest_stations"], float(kept["rest_max_factor"]))
             self.cell.restore(_under("cell_", kept))
             self._response = load_response(kept, self.cell.model)
             self.membrane.renew(self._response)
@@ -199,6 +206,7 @@ class MultilevelRelaxation(Relaxation):
         progress.gave_up = not progress.is_prolonged
         progress.imbalance = self._unknown_imbalance if progress.gave_up else 1e30
         progress.ratio, progress.next_correction = 1e30, CORRECTION_CHECKS
+        self._rest = None
         self._correction.begin()
         self._lift.begin()
 
@@ -211,6 +219,11 @@ class MultilevelRelaxation(Relaxation):
         progress, membrane = self.progress, self.membrane
         if membrane is None:
             return ratio
+        if self._rest is not None:
+            progress.next_correction = progress.checks + CORRECTION_CHECKS
+            self._move_in_parts(membrane, self._rest)
+            self.mechanics.search()
+            return max(ratio, progress.imbalance)
         is_slow = ratio > SLOW_DECAY * progress.ratio or ratio < 1.0
         progress.ratio = ratio
         is_due = progress.checks >= progress.next_correction and is_slow
@@ -265,10 +278,17 @@ class MultilevelRelaxation(Relaxation):
             self.membrane_residual = max(self.membrane_residual, MEMBRANE_TOLERANCE * progress.imbalance)
             progress.gave_up, progress.imbalance = True, self._unknown_imbalance
         else:
-            correction = correction.scaled(self._correction.next_factor(correction.vector, correction.max_factor))
-            membrane.move(correction)
-            self._move_clamps(correction)
-            self.mechanics.begin_level()
+            most = min(1.0, MAX_PARTS * correction.max_factor)
+            self._move_in_parts(membrane, correction.scaled(self._correction.next_factor(correction.vector, most)))
+
+    def _move_in_parts(self, membrane: Membrane, correction: Correction) -> None:
+        """Move the mesh by as much of a correction as it may take at once; the rest follows at the next checks."""
+        share = correction.max_factor
+        self._rest = correction.scaled(1.0 - share) if share < 1.0 else None
+        part = correction.scaled(share)
+        membrane.move(part)
+        self._move_clamps(part)
+        self.mechanics.begin_level()
 
     def _move_clamps(self, correction: Correction) -> None:
         """Move the edge by a correction."""

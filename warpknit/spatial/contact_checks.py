@@ -27,7 +27,9 @@ class ContactSums:
     """Sums over the contacts with a force in the state last evaluated."""
 
     mean_push: float  # [N] mean force of those that push; 0 without any
-    overlap_error: float  # [m] largest overlap or gap; of forces below the mean, in proportion; not of saddles
+    pushing: int  # contacts that push
+    overlap_max: float  # [m] largest overlap or gap; of forces below the mean, in proportion; not of saddles
+    overlap_square: float  # [m2] squares of the same, summed
 
 
 class ContactChecks:
@@ -77,7 +79,8 @@ class ContactChecks:
         pushing = float(rows[:, int(k.PUSHING)].sum())
         mean = float(rows[:, int(k.PUSH_SUM)].sum()) / pushing if pushing > 0.0 else 0.0
         state.write_control({c.MEAN_PUSH: max(mean, 1e-300)})
-        return ContactSums(mean, float(total()[:, int(k.ERROR_MAX)].max()))
+        rows = total()
+        return ContactSums(mean, int(pushing), float(rows[:, int(k.ERROR_MAX)].max()), float(rows[:, int(k.ERROR_SQUARE)].sum()))
 
     def bound_stiffness(self, arrays: CheckArrays) -> None:
         """Write the bounds on the stiffness of the contacts that touch or may do so, up to the gap of the last evaluation."""

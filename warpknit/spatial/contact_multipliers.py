@@ -16,6 +16,7 @@ import warp as wp
 from ..host import fetch, store
 from ..kernels import control as c
 from ..kernels.contact_checks import MOST_RAISED, renew_contact_offsets
+from ..numerics import error_ratio
 from .contact_checks import ContactSums
 from .search_cells import MAX_OFFSET
 from .wire_contact import WireContact
@@ -67,9 +68,9 @@ class ContactMultipliers:
         """[N/m] smallest penalty while a load is applied: new contacts may have to carry as much as others at once."""
         return max(self._floor, FORCE_PENALTY * self.mean_force / self._thickness)
 
-    def error(self, contacts: ContactSums) -> float:
-        """Largest overlap error, in thicknesses."""
-        return contacts.overlap_error / self._thickness
+    def error_ratio(self, contacts: ContactSums) -> float:
+        """Overlaps over what is allowed."""
+        return error_ratio(contacts.overlap_square, contacts.pushing, contacts.overlap_max, OVERLAP_ERROR * self._thickness)
 
     def renew(self, contacts: ContactSums, rate: float, *, loading: bool) -> None:
         """Move the offsets by `rate` times the overlaps, and the penalties with the forces; contacts: those of this state."""
@@ -93,10 +94,15 @@ class ContactMultipliers:
             store(array, kept[name])
 
     def stiffen(self) -> None:
-        """Raise the penalties to the floor for a load to come; the forces of the offsets are kept."""
-        arrays, state = self._arrays, self._state
+        """Raise the penalties for a load to come, and forget where overlaps have stalled."""
+        arrays = self._arrays
         for array, value in ((arrays.penalty_raised, 1.0), (arrays.overlap_best, np.inf), (arrays.overlap_checks, 0)):
             store(array, value)
+        self.raise_to_floor()
+
+    def raise_to_floor(self) -> None:
+        """Raise the penalties to what contacts need that close fast; the forces of the offsets are kept."""
+        state = self._state
         before = fetch(state.contact_penalty)
         penalty = np.maximum(before, self._loading_floor)
         store(state.contact_offset, fetch(state.contact_offset) * before / penalty)

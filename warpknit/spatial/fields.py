@@ -117,6 +117,7 @@ class Fields:
         displacement = np.stack([change["x"], change["y"], change["z"]], axis=1)
         position = fetch(state.position) + np.where(self._moves[:, None], displacement, 0.0)
         self._pull(change)
+        self.multipliers.raise_to_floor()
         self.stepper.place(position, np.where(self.relaxation.free_sections, change["turn"], 0.0))
         self.relaxation.renew_masses(loading=True)
         self.relaxation.begin_anew()

@@ -15,7 +15,7 @@ from ..kernels import control as c
 from ..mechanics import Check, Drift, strength_exceeded
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
-from ..numerics import AXIAL_ERROR, SLOWEST_WAVE
+from ..numerics import SLOWEST_WAVE
 from ..transfer.repeat_mesh import RepeatArrays, upload_repeats
 from .clamps import MovingClamps
 from .contact_checks import ContactSums
@@ -212,7 +212,7 @@ class SpatialMechanics:
         tolerance = self.model.scene.solver.residual_tolerance
         ratio = np.inf if loading and self.edge is None else self.residual.ratio(state, contacts)
         if not loading:
-            self.relaxation.watch_progress(ratio, state.excess_max)
+            self.relaxation.watch_progress(ratio, state.excess_ratio)
         self._renew_multipliers(state, contacts, loading)
         if self.edge is not None:
             self._move_edge(self.edge, checks, ratio)
@@ -268,7 +268,7 @@ class SpatialMechanics:
             )
             return False
         state = self.relaxation.sums(of_mean=False)
-        is_free = wire.set_fraction == 1.0 and state.excess_max <= AXIAL_ERROR
+        is_free = wire.set_fraction == 1.0 and state.excess_ratio <= 1.0
         return is_free and self.residual.ratio(state, self.contact.checks.sums()) < 1.0
 
     # --- real time

@@ -1,7 +1,7 @@
 """Between a spatial mesh and the coarse grid of a membrane: forces gathered onto it, displacements spread from it.
 
 Displacements are cubic splines over the grid, whose slopes have no jumps: a jump would bend the wires that cross it. Wires rotate
-with the membrane, and repeats change by the response of endless cloth to the strain, less so beside the clamps, which stay.
+with the membrane, and repeats change by the response of endless cloth to the strain, less so within a repeat of the edge.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from ..host import fetch, store
 from ..kernels.membrane_transfer import Grid, gather_forces, respond_to_strain, spread_surface
 from ..launch import bind
 from ..transfer.grid import CountedForces
-from ..transfer.prolongation import FADED
 from ..transfer.response import Response
 from .fields import OF_SEGMENTS, Fields
 
@@ -34,10 +33,10 @@ class MembraneGrid:
         self._force, self._across_force = (CountedForces(count, stiffness, self.model.device) for _ in range(2))
         panel, device = self.model.panel, self.model.device
         self._entry: wp.array = wp.array(panel.node_entry, dtype=wp.int32, device=device)
-        after = np.arange(panel.node_count) - np.repeat(panel.wire_first, panel.wire_count)
-        from_end = np.minimum(after, np.repeat(panel.wire_count, panel.wire_count) - 1 - after)
-        self._from_end: wp.array = wp.array(from_end.astype(np.int32), dtype=wp.int32, device=device)
-        self._taper = wp.float64(FADED * self.model.scene.model.nodes_per_loop)
+        # by place, not along the wires: what touches moves together
+        assert panel.outline is not None
+        away = panel.outline.nearest(self.model.rods.position[:, :2])[1]
+        self._share = np.minimum(away / min(self.model.scene.knit.repeat), 1.0)
         self._axes = [begin + size * np.arange(count + 1) for begin, size, count in zip(low, cell, cells, strict=True)]
 
     def gather(self) -> np.ndarray:
@@ -86,10 +85,9 @@ class MembraneGrid:
         value, answer = wp.zeros(panel.node_count, dtype=wp.float64, device=device), {}
         for name, cell in response.change.items():
             bind(
-                respond_to_strain, panel.node_count, response, node_entry=self._entry, from_end=self._from_end, taper=self._taper,
-                cell=cell, value=value, **of_panel,
+                respond_to_strain, panel.node_count, response, node_entry=self._entry, cell=cell, value=value, **of_panel,
             ).run(device)  # fmt: skip
-            answer[name] = np.array(nodes.of_rods(fetch(value), of_segments=name in OF_SEGMENTS))
+            answer[name] = self._share * nodes.of_rods(fetch(value), of_segments=name in OF_SEGMENTS)
         return answer
 
     def _surface(self, values: np.ndarray) -> tuple[np.ndarray, ...]:

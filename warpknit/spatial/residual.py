@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from ..numerics import AXIAL_ERROR, ENERGY_FLOOR, FORCE_FLOOR, LOCAL_ALLOWANCE
+from ..numerics import ENERGY_FLOOR, FORCE_FLOOR, LOCAL_ALLOWANCE
 from .contact_checks import ContactSums
-from .contact_multipliers import OVERLAP_ERROR, ContactMultipliers
+from .contact_multipliers import ContactMultipliers
 from .model import SpatialModel
 from .rod_checks import StateSums
 from .rod_relaxation import RodRelaxation
@@ -22,8 +22,8 @@ class Residual:
 
     def ratio(self, state: StateSums, contacts: ContactSums) -> float:
         """The largest criterion over its tolerance: residual, and errors of the softened axial strain and of soft contacts."""
-        ratio = max(self.measure(state, contacts) / self.tolerance, state.excess_max / AXIAL_ERROR)
-        return ratio if self.multipliers is None else max(ratio, self.multipliers.error(contacts) / OVERLAP_ERROR)
+        ratio = max(self.measure(state, contacts) / self.tolerance, state.excess_ratio)
+        return ratio if self.multipliers is None else max(ratio, self.multipliers.error_ratio(contacts))
 
     def measure(self, state: StateSums, contacts: ContactSums) -> float:
         """The larger of the relative unbalanced force and the relative motion, compared with solver.residual_tolerance.

@@ -15,6 +15,7 @@ from ..kernels import rod_checks as k
 from ..kernels.banded_mass import HELD_NODE
 from ..kernels.rod_sums import sum_mass_products
 from ..launch import Launch, bind
+from ..numerics import AXIAL_ERROR, error_ratio
 from .check_arrays import check_arrays
 from .rod_step import RodStepper
 
@@ -28,7 +29,14 @@ class StateSums:
     free_nodes: int
     energy: float  # [J] of stretch, bending and twist, elastic
     excess_max: float  # largest difference between the strain of a segment and T/EA
+    excess_square: float  # squares of the same, summed
+    stretching: int  # segments that can stretch
     mean_excess: np.ndarray  # [wire] of the segments that can stretch, over the length of the wire
+
+    @property
+    def excess_ratio(self) -> float:
+        """Errors of axial strains over what is allowed."""
+        return error_ratio(self.excess_square, self.stretching, self.excess_max, AXIAL_ERROR)
 
 
 class RodChecks:
@@ -38,7 +46,9 @@ class RodChecks:
         """sliding: nodes of clamps that move; keeps_arc_length: whether strains are those of arcs; bow_at_rest [node]."""
         self.stepper, rods, device = stepper, stepper.rods, stepper.device
         self.arrays = check_arrays(rods, sliding, bow_at_rest, len(stepper.arrays.block_first), device)
-        self._free = int(np.count_nonzero((rods.held & int(HELD_NODE)) == 0))
+        free = (rods.held & int(HELD_NODE)) == 0
+        self._free = int(np.count_nonzero(free))
+        self._stretching = int(np.count_nonzero((rods.following >= 0) & (free | free[rods.following])))
         self._block_wire = np.searchsorted(fetch(stepper.arrays.block_wire), np.arange(len(rods.wire_first)))
         self._own: dict[str, Any] = {
             "axial_stiffness": wp.float64(rods.section.axial_stiffness), "keeps_arc_length": wp.int32(keeps_arc_length)
@@ -74,6 +84,8 @@ class RodChecks:
             free_nodes=self._free,
             energy=float(energy),
             excess_max=float(rows[:, int(k.EXCESS_MAX)].max()),
+            excess_square=float(rows[:, int(k.EXCESS_SQUARE)].sum()),
+            stretching=self._stretching,
             mean_excess=excess / stepper.rods.wire_length,
         )
 

@@ -276,7 +276,7 @@ class RodRelaxation:
     def watch_progress(self, ratio: float, excess: float) -> None:
         """Lower the rate of the multipliers where the residual ratio makes no progress, raise it where it does.
 
-        excess: the largest error of an axial strain.
+        excess: the part of the ratio that errors of axial strains have.
 
         Multipliers converge where the softened stiffness exceeds the negative stiffness with which a mesh snaps (Nocedal and
         Wright 2006, Numerical Optimization, 17.3: the penalty of an augmented Lagrangian). Where the axial strain makes no
@@ -290,7 +290,7 @@ class RodRelaxation:
         if self._rate > MIN_RATE and self._stalled >= RATE_PATIENCE:
             self._rate, self._stalled = max(MIN_RATE, LOWERED_RATE * self._rate), 0
         elif self._stalled >= SOFT_PATIENCE:
-            self._is_too_soft = excess / AXIAL_ERROR >= SOFT_SHARE * ratio
+            self._is_too_soft = excess >= SOFT_SHARE * ratio
 
     def _reset_rate(self) -> None:
         """Start with the full rate of the multipliers."""
