@@ -85,6 +85,8 @@ def factor_masses(
     # in: wires
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
+    wire_closed: wp.array(dtype=wp.int32),
+    wire_border: wp.array(dtype=wp.int32),
     first_wire: int,
     following: wp.array(dtype=wp.int32),
     held: wp.array(dtype=wp.int32),
@@ -94,7 +96,8 @@ def factor_masses(
     second_mass: wp.array(dtype=wp.float64),
     spin_inertia: wp.array(dtype=wp.float64),
     next_inertia: wp.array(dtype=wp.float64),
-    # out: (node, FACTORS) and (node, BORDERS); first node of each wire from which full rows are zero, up to the last four nodes
+    # out: (node, FACTORS), and (row, BORDERS): a row for each node of a closed wire and the last four of an open one, that of
+    # node j is wire_border + j; first node of each wire from which full rows are zero, up to the last four nodes
     mass_factor: wp.array2d(dtype=wp.vec4d),
     mass_border: wp.array2d(dtype=wp.vec4d),
     wire_quiet: wp.array(dtype=wp.int32),
@@ -144,8 +147,9 @@ def factor_masses(
         mass_factor[i, PIVOT] = inverse_pivot(i, d, following, held)
         mass_factor[i, NEXT] = lower
         mass_factor[i, SECOND] = lower_second
-        mass_border[i, OTHER] = of_other
-        mass_border[i, LAST] = of_last
+        if wire_closed[wire] != 0 or j >= count - 4:
+            mass_border[wire_border[wire] + j, OTHER] = of_other
+            mass_border[wire_border[wire] + j, LAST] = of_last
         last -= wp.cw_mul(wp.cw_mul(of_last, of_last), d)
         other -= wp.cw_mul(wp.cw_mul(of_other, of_other), d)
         cross -= wp.cw_mul(wp.cw_mul(of_other, of_last), d)
@@ -162,7 +166,7 @@ def factor_masses(
         for factor in range(FACTORS):
             mass_factor[first + k, factor] = wp.vec4d()
         for border in range(BORDERS):
-            mass_border[first + k, border] = wp.vec4d()
+            mass_border[wire_border[wire] + k, border] = wp.vec4d()
     i = first + count - 2
     mass_factor[i, PIVOT] = inverse_pivot(i, other, following, held)
     mass_factor[i + 1, PIVOT] = inverse_pivot(i + 1, last - wp.cw_mul(lower, cross), following, held)

@@ -112,11 +112,11 @@ _BOUND = (
 """,
     )
     + r"""
-    double* bound = (double*)(contact_bound.data + i);
+    double* bound = (double*)(sweep.data + i);
     bound[0] = x;
     bound[1] = y;
     bound[2] = z;
-    contact_turn.data[i] = turn;
+    bound[3] = turn;
 """
 )
 
@@ -213,8 +213,7 @@ def contact_bound_at(
     touch_normal: wp.array(dtype=wp.vec3d),
     contact_penalty: wp.array(dtype=wp.float64),
     # out: of the node [N/m] along x, y, z, and of the section behind it [N m]
-    contact_bound: wp.array(dtype=wp.vec3d),
-    contact_turn: wp.array(dtype=wp.float64),
+    sweep: wp.array(dtype=wp.vec4d),
 ): ...
 
 
@@ -273,14 +272,13 @@ def bound_contact_stiffness(
     touch_normal: wp.array(dtype=wp.vec3d),
     contact_penalty: wp.array(dtype=wp.float64),
     # out: of the node [N/m] along x, y, z, and of the section behind it [N m]
-    contact_bound: wp.array(dtype=wp.vec3d),
-    contact_turn: wp.array(dtype=wp.float64),
+    sweep: wp.array(dtype=wp.vec4d),
 ):
     """A thread a node."""
     contact_bound_at(
         first_node + wp.tid(), previous, following, natural_length, slope_weight, thickness, weight_square, lever, control,
         touch_first_start, touch_second_start, touch_of_second, touch_pair, pair_first, pair_second, pair_found,
-        pair_place, touch_overlap, touch_normal_force, touch_normal, contact_penalty, contact_bound, contact_turn,
+        pair_place, touch_overlap, touch_normal_force, touch_normal, contact_penalty, sweep,
     )  # fmt: skip
 
 

@@ -79,8 +79,8 @@ _MASSES = (
     double* __restrict second = second_mass.data + first - HALO;
     double* __restrict inertia = spin_inertia.data + first - HALO;
     double* __restrict next_turn = next_inertia.data + first - HALO;
-    const double* pushed = (const double*)(contact_bound.data + first - HALO);
-    const double* couple = contact_turn.data + first - HALO;
+    const double* pushed = (const double*)(sweep.data + first - HALO);
+    const bool touches = may_touch != 0;
     for (int k = HALO; k < HALO + count; ++k) {
         const double a = inverse[k - 1], c = inverse[k], beyond = inverse[k + 1];
         double edge[2];
@@ -92,11 +92,11 @@ _MASSES = (
         }
         const double own_bend = bend[k] * (a + c), after = bend[k + 1] * c;
         const double whole_mass = own_bend * (a + c) + bend[k - 1] * a * a + after * c + edge[0] + edge[1];
-        for (int d = 0; d < 3; ++d) mass[3 * k + d] = share * (whole_mass + pushed[3 * k + d] + slow_mass);
+        for (int d = 0; d < 3; ++d) mass[3 * k + d] = share * (whole_mass + (touches ? pushed[4 * k + d] : 0.0) + slow_mass);
         const bool goes_on = has[k] != 0 && has[k + 1] != 0, both_free = has[k] != 0 && free[k] != 0 && free[k + 1] != 0;
         next[k] = both_free ? -share * (after * (c + beyond) + own_bend * c + edge[1]) : 0.0;
         second[k] = goes_on && free[k] != 0 && free[k + 2] != 0 ? share * after * beyond : 0.0;
-        inertia[k] = spin_share * (twisted[k] + twisted[k + 1] + couple[k] + slow_inertia);
+        inertia[k] = spin_share * (twisted[k] + twisted[k + 1] + (touches ? pushed[4 * k + 3] : 0.0) + slow_inertia);
         next_turn[k] = goes_on && turns[k] != 0 && turns[k + 1] != 0 ? -spin_share * twist[k + 1] : 0.0;
     }
 """
@@ -140,9 +140,9 @@ def masses_of_block(
     length: wp.array(dtype=wp.float64),
     curvature: wp.array(dtype=wp.vec2d),
     plastic_turn: wp.array(dtype=wp.vec2d),
-    # in: bounds on the stiffness of contacts, of nodes [N/m] and of sections [N m]
-    contact_bound: wp.array(dtype=wp.vec3d),
-    contact_turn: wp.array(dtype=wp.float64),
+    # in: bounds on the stiffness of contacts, of nodes [N/m] and of sections [N m], where wires may touch
+    may_touch: wp.int32,
+    sweep: wp.array(dtype=wp.vec4d),
     # out: see banded_mass.py
     node_mass: wp.array(dtype=wp.vec3d),
     next_mass: wp.array(dtype=wp.float64),
@@ -189,9 +189,9 @@ def find_masses(
     length: wp.array(dtype=wp.float64),
     curvature: wp.array(dtype=wp.vec2d),
     plastic_turn: wp.array(dtype=wp.vec2d),
-    # in: bounds on the stiffness of contacts, of nodes [N/m] and of sections [N m]
-    contact_bound: wp.array(dtype=wp.vec3d),
-    contact_turn: wp.array(dtype=wp.float64),
+    # in: bounds on the stiffness of contacts, of nodes [N/m] and of sections [N m], where wires may touch
+    may_touch: wp.int32,
+    sweep: wp.array(dtype=wp.vec4d),
     # out: see banded_mass.py
     node_mass: wp.array(dtype=wp.vec3d),
     next_mass: wp.array(dtype=wp.float64),
@@ -236,8 +236,8 @@ def find_masses(
             length,
             curvature,
             plastic_turn,
-            contact_bound,
-            contact_turn,
+            may_touch,
+            sweep,
             node_mass,
             next_mass,
             second_mass,

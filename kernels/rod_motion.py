@@ -18,7 +18,7 @@ _MOVE = (
     + r"""
     const int first = wire_first.data[wire], count = wire_count.data[wire], quiet = wire_quiet.data[wire];
     const double* __restrict factors = (const double*)(mass_factor.data + FACTORS * first);
-    const double* __restrict borders = (const double*)(mass_border.data + BORDERS * first);
+    const double* __restrict borders = (const double*)(mass_border.data + BORDERS * wire_border.data[wire]);
     const double* __restrict push = (const double*)(force.data + first);
     const double* __restrict couple = torque.data + first;
     double* __restrict swept = (double*)(sweep.data + first);
@@ -110,6 +110,7 @@ def move_wire(
     wire: wp.int32,
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
+    wire_border: wp.array(dtype=wp.int32),
     # in: masses and their factors
     mass_factor: wp.array2d(dtype=wp.vec4d),
     mass_border: wp.array2d(dtype=wp.vec4d),
@@ -138,6 +139,7 @@ def move_rods(
     # in: wires
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
+    wire_border: wp.array(dtype=wp.int32),
     first_wire: int,
     # in: masses and their factors
     mass_factor: wp.array2d(dtype=wp.vec4d),
@@ -168,6 +170,7 @@ def move_rods(
         wire,
         wire_first,
         wire_count,
+        wire_border,
         mass_factor,
         mass_border,
         wire_quiet,

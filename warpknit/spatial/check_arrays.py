@@ -21,8 +21,6 @@ class CheckArrays:
     thermal_strain: wp.array  # of the segments, relative to the length factor
     is_sliding: wp.array  # int, 1 where a clamp moves the node
     stiffening: wp.array  # [wire] by which the softened stiffness of a wire is multiplied
-    contact_bound: wp.array  # vec3d [N/m] bound on the stiffness of the contacts of a node, along x, y and z
-    contact_turn: wp.array  # [N m] the same of a section
     # state at the last check; from `motion` on the motion since then
     last_place: wp.array  # vec3d [m]
     last_force: wp.array  # vec3d [N]
@@ -50,8 +48,6 @@ def check_arrays(rods: Rods, sliding: np.ndarray, bow_at_rest: np.ndarray, block
         thermal_strain=reals(),
         is_sliding=wp.array(is_sliding, dtype=wp.int32, device=device),
         stiffening=reals(len(rods.wire_first)),
-        contact_bound=vectors(),
-        contact_turn=reals(),
         last_place=vectors(),
         last_force=vectors(),
         last_angle=reals(),

@@ -13,7 +13,6 @@ from ..host import fetch
 from ..kernels import contact_checks as k
 from ..kernels import control as c
 from ..launch import bind
-from .check_arrays import CheckArrays
 from .pair_list import PairList
 from .rest_curve import RestCurve
 from .rod_arrays import TouchArrays
@@ -82,9 +81,9 @@ class ContactChecks:
         rows = total()
         return ContactSums(mean, int(pushing), float(rows[:, int(k.ERROR_MAX)].max()), float(rows[:, int(k.ERROR_SQUARE)].sum()))
 
-    def bound_stiffness(self, arrays: CheckArrays) -> None:
-        """Write the bounds on the stiffness of the contacts that touch or may do so, up to the gap of the last evaluation."""
+    def bound_stiffness(self) -> None:
+        """Write bounds on the stiffness of contacts, up to the gap of the last evaluation, into `sweep` of the state."""
         state = self._stepper.state
         stiffness = float(state.read_control()[int(c.CONTACT_STIFFNESS)])
         state.write_control({c.STICKING: STICK_SHARE * stiffness if self._has_friction else 0.0})
-        self.launch(k.bound_contact_stiffness, "first_node", self._stepper.rods.node_count, arrays, **self._of_wires)
+        self.launch(k.bound_contact_stiffness, "first_node", self._stepper.rods.node_count, **self._of_wires)

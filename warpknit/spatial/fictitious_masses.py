@@ -64,9 +64,9 @@ class BandedMasses:
         """Set the masses of the dynamics for the state last evaluated and the bounds on its contacts."""
         stepper = self._checks.stepper
         threads = 1 if is_in_place(stepper.device) else ROD_BLOCK
-        kind = wp.int32 if threads == 1 else wp.int64
+        kind, touches = wp.int32 if threads == 1 else wp.int64, stepper.contact is not None
         self._checks.launch(
-            "masses", find_masses, "first_block", len(stepper.arrays.block_first), stepper.arrays, stepper.state,
-            self._checks.arrays, threads=threads, threads_a_block=kind(threads), **self._constants,
+            f"masses {touches}", find_masses, "first_block", len(stepper.arrays.block_first), stepper.arrays, stepper.state,
+            self._checks.arrays, threads=threads, threads_a_block=kind(threads), may_touch=wp.int32(touches), **self._constants,
         )  # fmt: skip
         stepper.factor_masses()

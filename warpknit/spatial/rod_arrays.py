@@ -21,6 +21,8 @@ from ..text import short_repr
 from .node_stiffness import node_stiffness
 from .rods import Rods
 
+OPEN_BORDER = 4  # last nodes of an open wire that have a row in the borders of the masses
+
 
 @dataclass(frozen=True)
 class RodArrays:
@@ -29,6 +31,7 @@ class RodArrays:
     wire_first: wp.array  # [wire] int
     wire_count: wp.array  # [wire]
     wire_closed: wp.array  # [wire]
+    wire_border: wp.array  # [wire] row of the first node in the borders of the masses, see kernels/banded_mass.py
     block_first: wp.array  # [block] int, see kernels/rod_blocks.py
     block_count: wp.array  # [block]
     block_wire: wp.array  # [block]
@@ -69,7 +72,7 @@ class RodState:
     spin_inertia: wp.array  # [kg m2] of a segment
     next_inertia: wp.array  # [kg m2] coupling with the next segment
     mass_factor: wp.array  # (node, FACTORS) vec4d, factors of both
-    mass_border: wp.array  # (node, BORDERS) vec4d
+    mass_border: wp.array  # (row, BORDERS) vec4d
     wire_quiet: wp.array  # [wire] int, see kernels/banded_mass.py
     load_force: wp.array  # vec3d [N] dead load
     load_torque: wp.array  # [N m] about the segment
@@ -79,14 +82,14 @@ class RodState:
     moment: wp.array  # vec3d [N m] at a node, against turns along the section directors and twist
     twist: wp.array  # [rad]
     bend_energy: wp.array  # [J] of bending and twist at a node, and of the slope of the moment along its segment
-    plastic_turn: wp.array  # vec2d [rad] plastic part of the turning vector at the last equilibrium
+    plastic_turn: wp.array  # [node, or one without yield] vec2d [rad] plastic part of the turning vector at the last equilibrium
     edge_force: wp.array  # vec3d [N] of a segment on its first node
     contact_penalty: wp.array  # [N/m] of the contacts at a node
     contact_offset: wp.array  # [m] augmented Lagrangian multiplier of the contacts at a node, over their penalty
     force: wp.array  # vec3d [N]
     torque: wp.array  # [N m]
     force_sum: wp.array  # vec3d [N] of all steps since the last convergence check
-    sweep: wp.array  # vec4d, see kernels/rod_motion.py
+    sweep: wp.array  # vec4d, see kernels/rod_motion.py; between steps the bounds on the stiffness of contacts (contact_checks.py)
     control: wp.array  # [CONTROL_COUNT], see kernels/control.py
     partial: wp.array  # [wire, PARTIAL_COUNT]
     no_bodies: wp.array  # [1, PARTIAL_COUNT] zeros: the body rows of a planar model
@@ -124,6 +127,7 @@ def upload_rods(rods: Rods, device: str) -> RodArrays:
         wire_first=shared(rods.wire_first, wp.int32, device),
         wire_count=shared(rods.wire_count, wp.int32, device),
         wire_closed=shared(rods.wire_closed, wp.int32, device),
+        wire_border=wp.array(_borders(rods)[0], dtype=wp.int32, device=device),
         block_first=shared(blocks[0], wp.int32, device),
         block_count=shared(blocks[1], wp.int32, device),
         block_wire=shared(blocks[2], wp.int32, device),
@@ -163,6 +167,13 @@ def _blocks(rods: Rods) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return begin, np.minimum(ROD_BLOCK, end - begin), wire
 
 
+def _borders(rods: Rods) -> tuple[np.ndarray, int]:
+    """[wire] the row of its first node in the borders of the masses, and the number of rows."""
+    rows = np.where(rods.wire_closed, rods.wire_count, OPEN_BORDER)
+    begin = np.cumsum(rows) - rows
+    return begin - np.where(rods.wire_closed, 0, rods.wire_count - OPEN_BORDER), int(rows.sum())
+
+
 def rest_state(rods: Rods, device: str) -> RodState:
     """The rest state, with true masses and stiffnesses."""
     nodes = rods.node_count
@@ -191,7 +202,7 @@ def rest_state(rods: Rods, device: str) -> RodState:
         spin_inertia=reals(section.rotary_inertia * rods.natural_length),
         next_inertia=reals(),
         mass_factor=wp.zeros((nodes, FACTORS), dtype=wp.vec4d, device=device),
-        mass_border=wp.zeros((nodes, BORDERS), dtype=wp.vec4d, device=device),
+        mass_border=wp.zeros((_borders(rods)[1], BORDERS), dtype=wp.vec4d, device=device),
         wire_quiet=wp.zeros(len(rods.wire_first), dtype=wp.int32, device=device),
         load_force=vectors(),
         load_torque=reals(),
@@ -201,7 +212,7 @@ def rest_state(rods: Rods, device: str) -> RodState:
         moment=vectors(),
         twist=reals(),
         bend_energy=reals(),
-        plastic_turn=wp.zeros(nodes, dtype=wp.vec2d, device=device),
+        plastic_turn=wp.zeros(nodes if section.yields else 1, dtype=wp.vec2d, device=device),
         edge_force=vectors(),
         contact_penalty=reals(),
         contact_offset=reals(),

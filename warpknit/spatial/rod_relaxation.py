@@ -134,7 +134,7 @@ class RodRelaxation:
             approach = min(APPROACH * CHECK_STEPS * move, EVALUATED * stepper.rods.section.thickness)
             stepper.contact.list_near_pairs(CHECK_STEPS * move)
             stepper.evaluate(approach)
-            stepper.contact.bound_stiffness(self.checks.arrays)
+            stepper.contact.bound_stiffness()
         else:
             stepper.evaluate()
         state.write_control({c.SPEED_LIMIT: move})

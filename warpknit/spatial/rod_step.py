@@ -27,7 +27,6 @@ from ..launch import Launch, bind
 from ..numerics import thread_count
 from ..row_sums import fewer_rows
 from ..team import Team
-from .check_arrays import CheckArrays
 from .masses import Masses
 from .rod_arrays import (
     RodArrays,
@@ -69,7 +68,7 @@ class Contact(Protocol):
     def list_near_pairs(self, travel: float | None = None) -> None:
         """List the pairs that may touch within a travel [m] from the state last evaluated."""
 
-    def bound_stiffness(self, arrays: CheckArrays) -> None:
+    def bound_stiffness(self) -> None:
         """Write bounds on the stiffness of the contacts that may touch, up to the gap of the last evaluation."""
 
 

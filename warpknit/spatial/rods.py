@@ -30,6 +30,11 @@ class Section:
     yield_curvature: float = 0.0  # [1/m] change of curvature at first yield in bending; 0: no yield
     hardening: float = 1.0  # tangent bending stiffness beyond yield, over the elastic one
 
+    @property
+    def yields(self) -> bool:
+        """Whether it yields in bending."""
+        return self.yield_curvature > 0.0 and self.hardening < 1.0
+
 
 @dataclass(frozen=True)
 class Rods:

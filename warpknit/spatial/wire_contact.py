@@ -17,7 +17,6 @@ from ..kernels.wire_friction import transfer_elastic_slip
 from ..kernels.wire_pairs import find_segment_pairs, place_segments_in_hash
 from ..launch import Launch, bind
 from ..memory import available_memory
-from .check_arrays import CheckArrays
 from .contact_checks import STICK_SHARE, ContactChecks
 from .contacts import Contacts
 from .pair_list import SLIP_ARRAYS, PairList
@@ -270,9 +269,9 @@ class WireContact:
         store(self.max_penetration, penetration)
         self._take_near_pairs(_is_one_of(kept["pairs_near"], total))
 
-    def bound_stiffness(self, arrays: CheckArrays) -> None:
+    def bound_stiffness(self) -> None:
         """Write bounds on the stiffness of the contacts that touch or may do so, up to the gap of the last evaluation."""
-        self.checks.bound_stiffness(arrays)
+        self.checks.bound_stiffness()
 
     @property
     def checks(self) -> ContactChecks:

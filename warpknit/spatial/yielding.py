@@ -24,7 +24,7 @@ class Yielding:
         self._inside = (rods.following >= 0) & (rods.previous >= 0)
         section = rods.section
         self._kept = section.hardening
-        self.yields = section.yield_curvature > 0.0 and self._kept < 1.0
+        self.yields = section.yields
         self.dissipated = 0.0  # [J]
 
     @property
@@ -34,7 +34,7 @@ class Yielding:
 
     @property
     def plastic(self) -> np.ndarray:
-        """(node, 2) [rad] plastic turn."""
+        """(node, 2) [rad] plastic turn; one row of zeros where the section does not yield."""
         return fetch(self.state.plastic_turn)
 
     @property
@@ -61,7 +61,7 @@ class Yielding:
     @property
     def hardened_energy(self) -> float:
         """[J] stored by hardening: H kappa_p^2/2 a length, H = EI kept/(1 - kept)."""
-        return self._energy(0.5 * np.sum(self.back * self.plastic, axis=1))
+        return self._energy(0.5 * np.sum(self.back * self.plastic, axis=1)) if self.yields else 0.0
 
     def potential(self) -> float:
         """[J] incremental potential of bending and twist, whose gradient are the moments: stored plus dissipated energy."""
