@@ -11,6 +11,7 @@ import numpy as np
 from warpknit.scene import Scene, make_scene
 
 DIAMETER = 1e-3  # [m]; only ratios to it count
+YOUNGS_MODULUS = 1e9  # [Pa] does not count either
 LOOP_SIZE = 12.0  # diameters: sets the penalty of contact in the relaxation
 APART = 1.1  # distance of the strands over the diameter at first
 
@@ -57,15 +58,19 @@ def pulled(
     strains: Sequence[float],
     levels: int,
     tolerance: float,
+    diameter: float = 1.0,
+    shear: float = 0.0,
+    penalty: float | None = None,
 ) -> Scene:
     """Wires (m, 3) [d], straight without load, whose ends are clamped along x and moved apart by strains of their distance.
 
-    The strains follow each other as stages of `levels` levels each. The shape is not stress-free: level 0 relaxes it.
+    The strains follow each other as stages of `levels` levels each, and then the shear. diameter [d]: of the wire of the scene.
+    penalty [B/d^3]: of contact; too soft a one lets wires pass through each other in level 0, which relaxes the shape.
     """
     np.savez(folder / "wires.npz", *(DIAMETER * points for points in wires))
     table: dict[str, Any] = {
         "wires": {"file": "wires.npz", "unit": "m", "node_spacing": spacing * DIAMETER, "loop_size": LOOP_SIZE * DIAMETER},
-        "wire": {"diameter": DIAMETER, "set_fraction": 0.0, "youngs_modulus": 1e9, "poissons_ratio": 0.3},
+        "wire": {"diameter": diameter * DIAMETER, "set_fraction": 0.0, "youngs_modulus": YOUNGS_MODULUS, "poissons_ratio": 0.3},
         "model": {"kind": "spatial"},
         "contact": {"friction": friction},
         "load": {"strain_weft": strains[0], "strain_warp": 0.0},
@@ -73,6 +78,10 @@ def pulled(
         "solver": {"residual_tolerance": tolerance},
         "output": {"frames": levels},
     }
+    if penalty is not None:
+        table["contact"]["stiffness"] = penalty * YOUNGS_MODULUS * np.pi / 64.0 * (diameter * DIAMETER) ** 4 / DIAMETER**3
+    if shear:
+        table["path"].append({"shear": shear})
     if not table["path"]:
         del table["path"]
     return make_scene(table, path=folder / "scene.toml")

@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from clasps import clasp_rows, draw_clasp
 from knot_braid import Braid, braid
 from knot_curves import DIAMETER, overhand, pulled
 from study import (
@@ -161,9 +162,17 @@ def study_knots(given: argparse.Namespace) -> None:
     show_rows(with_shares(rows))
 
 
+def study_clasp(given: argparse.Namespace) -> None:
+    found = clasp_rows(quick=given.quick)
+    rows = [p.row for p in found]
+    write_rows(table_path(given, "clasp.csv"), rows)
+    show_rows(rows)
+    draw_clasp(picture_path(given, "clasp.png"), found)
+
+
 def add_options(name: str, parser: argparse.ArgumentParser) -> None:
-    add_directory(parser, "one knot, three levels")
+    add_directory(parser, "one case, three levels")
 
 
 if __name__ == "__main__":
-    sys.exit(run_one_of(__doc__, {"knots": study_knots}, add_options))
+    sys.exit(run_one_of(__doc__, {"knots": study_knots, "clasp": study_clasp}, add_options))
