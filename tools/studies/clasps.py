@@ -1,14 +1,14 @@
 """Two rods hooked at right angles and pulled apart: where they press on each other.
 
-Each rod turns around the other and has parallel arms, whose ends are clamped along x and moved apart. Lengths are over the distance
-d at which the centre lines touch, forces over B/d^2; T is the tension of an arm. Rods touch at the tips of the turns as long as the
-tips are bent by less than 1/d: near the tips of two rods with curvature k in perpendicular planes the squared distance of points at
-y and z from the tips is
+Each rod turns around the other and has parallel arms, whose ends are clamped along x and moved apart. Lengths are over the
+distance d at which the centre lines touch, forces over B/d^2; T is the tension of an arm. Rods touch at the tips of the turns as
+long as the tips are bent by less than 1/d: near the tips of two rods with curvature k in perpendicular planes the squared distance
+of points at y and z from the tips is
 
     d^2 + (y^2 + z^2) (1 - k d)
 
-so beyond k d = 1 the tips part, and the rods touch on either side of them. Of a long elastica that is held back by 2 T at its tip,
-B k^2/2 = T, so this begins at T d^2/B = 1/2.
+so beyond k d = 1 the tips part, and the rods touch on either side of them. Of a long elastica that is held back by 2 T at its
+tip, B k^2/2 = T, so this begins at T d^2/B = 1/2.
 """
 
 from __future__ import annotations
@@ -132,15 +132,18 @@ def clasp_states(
             now = shear * record.load_factor if record.stage_index == len(strains) else 0.0
             found = pressure_of(model, record, friction, twist, spacing, now, time.perf_counter() - begin)
             r = found.row
-            print(f"friction {friction:g} shear {now:.2f} T {r.tension:.3f} k d {r.tip_curvature:.3f} tips {r.tip_distance:.4f} gap"
-                  f" {r.gap:.3f} reach {r.reach:.3f} ratio {r.tension_ratio:.3f} asymmetry {r.asymmetry:.3f} balance {r.balance:.3f}"
-                  f" {r.contacts} contacts {r.steps:,} steps {r.wall_s:.0f} s", flush=True)
+            print(
+                f"friction {friction:g} shear {now:.2f} T {r.tension:.3f} k d {r.tip_curvature:.3f} tips {r.tip_distance:.4f} gap"
+                f" {r.gap:.3f} reach {r.reach:.3f} ratio {r.tension_ratio:.3f} asymmetry {r.asymmetry:.3f} balance {r.balance:.3f}"
+                f" {r.contacts} contacts {r.steps:,} steps {r.wall_s:.0f} s",
+                flush=True,
+            )
             yield found
     except Diverged as error:
         print(f"ended: {error}", flush=True)
 
 
-PULLED, TIGHT = (0.016, 0.0265, 0.05), 0.025  # strains
+PULLED, TIGHT = (0.016, 0.0265, 0.03), 0.025  # strains
 FRICTIONS = ((0.2, 1.0), (0.2, 100.0), (0.4, 100.0))  # friction coefficient, and GJ over that of the rod
 SHEAR = 0.6
 SHOWN = (0.4, 0.75, 2.5, 13.0)  # T of the states in the picture

@@ -22,7 +22,7 @@ def overhand(turns: int, radius: float, tail: float) -> np.ndarray:
     Tail, strand of the braid, loop, other strand, tail: two strands wind round each other by 2 turns + 1 half-turns along x.
     """
     half_turns, a = 2 * turns + 1, 0.5 * APART
-    length = half_turns * np.sqrt(radius)
+    length = 0.5 * (turns + 1) * half_turns * np.sqrt(radius)
     x = np.linspace(-0.5 * length, 0.5 * length, 60 * half_turns)
     angle = half_turns * np.pi * (x / length + 0.5) - 0.5 * np.pi
     up, side = a * np.sin(angle), a * np.cos(angle)
