@@ -1,4 +1,4 @@
-"""Knots, clasps and a closed trefoil of elastic rods against closed forms and the theory of loose knots (tools/studies/knots.py)."""
+"""Knots, clasps and a closed trefoil of elastic rods against closed forms and the theory of loose knots (tools/studies)."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_force_of_a_loose_trefoil_is_that_of_its_loop() -> None:
 
 
 def test_a_knot_without_friction_stores_the_work_done_on_it() -> None:
-    """Energy of three states over the work by Simpson's rule, whose error is that of the forces: the tolerance of their residual."""
+    """Energy of three states over the work by Simpson's rule, whose error is that of the forces: some times their tolerance."""
     rows = loose()
     shortening = np.array([2.0 * np.pi * row.loop_radius_h for row in rows])
     force = np.array([row.force for row in rows])
@@ -93,8 +93,8 @@ def clasped() -> list[Pressure]:
 
 
 def test_rods_touch_at_the_tips_until_these_are_bent_by_one_over_their_distance() -> None:
-    """Beyond k d = 1, at T d^2/B = 1/2 for long rods, tips part and the rods touch on either side of them. The tension of four arms
-    is what the contacts carry."""
+    """Beyond k d = 1, at T d^2/B = 1/2 for long rods, tips part and the rods touch on either side of them. The contacts carry the
+    tension of four arms."""
     assert clasped()[0].row.tension < 0.5 < 0.7 < clasped()[2].row.tension
     assert clasped()[0].row.gap < 0.01
     assert clasped()[0].row.tip_distance == pytest.approx(1.0, abs=2e-3)
@@ -108,7 +108,7 @@ def test_rods_touch_at_the_tips_until_these_are_bent_by_one_over_their_distance(
 
 
 def test_pressure_is_symmetric_without_friction() -> None:
-    """Both halves of a rod carry the same, and so do both rods: to what is left out of balance, 5e-3 of the mean contact force."""
+    """Both halves of a rod carry the same, and so do both rods: to what is out of balance, 5e-3 of the mean contact force."""
     for p in clasped():
         assert p.row.asymmetry < 0.01
     last = clasped()[-1]

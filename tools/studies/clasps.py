@@ -2,8 +2,8 @@
 
 Each rod turns around the other and has parallel arms, whose ends are clamped along x and moved apart. Lengths are over the
 distance d at which the centre lines touch, forces over B/d^2; T is the tension of an arm. Rods touch at the tips of the turns as
-long as the tips are bent by less than 1/d: near the tips of two rods with curvature k in perpendicular planes the squared distance
-of points at y and z from the tips is
+long as the tips are bent by less than 1/d: near the tips of two rods with curvature k in perpendicular planes the squared
+distance of points at y and z from the tips is
 
     d^2 + (y^2 + z^2) (1 - k d)
 
@@ -117,8 +117,8 @@ def clasp_states(
     begin = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         scene = pulled(
-            Path(folder), clasp(ARM, BEND), spacing=spacing, friction=friction, strains=strains, levels=levels, tolerance=TOLERANCE,
-            diameter=1.0 / FINE, shear=shear, penalty=PENALTY,
+            Path(folder), clasp(ARM, BEND), spacing=spacing, friction=friction, strains=strains, levels=levels,
+            tolerance=TOLERANCE, diameter=1.0 / FINE, shear=shear, penalty=PENALTY,
         )  # fmt: skip
         model = build_model(scene)
     given = model.rods.section
@@ -133,9 +133,8 @@ def clasp_states(
             found = pressure_of(model, record, friction, twist, spacing, now, time.perf_counter() - begin)
             r = found.row
             print(
-                f"friction {friction:g} shear {now:.2f} T {r.tension:.3f} k d {r.tip_curvature:.3f} tips {r.tip_distance:.4f} gap"
-                f" {r.gap:.3f} reach {r.reach:.3f} ratio {r.tension_ratio:.3f} asymmetry {r.asymmetry:.3f} balance {r.balance:.3f}"
-                f" {r.contacts} contacts {r.steps:,} steps {r.wall_s:.0f} s",
+                f"friction {friction:g} shear {now:.2f} T {r.tension:.3f}: k d {r.tip_curvature:.3f}, tips {r.tip_distance:.4f} d"
+                f" apart, contacts from {r.gap:.3f} to {r.reach:.3f} d, tensions {r.tension_ratio:.3f}, {r.steps:,} steps",
                 flush=True,
             )
             yield found

@@ -12,7 +12,7 @@ value, in excess of that of a loop whose strands cross at a point, it follows th
     contact force   q h^2/B = sigma e^3,    sigma = Q/sqrt(8)
     energy          E = pi B/R (1 + c e),    c = P/(sqrt(2) pi)
 
-The end-to-end shortening is S = 2 pi R, so without friction F = -dE/dS. As S grows by dS the strands slide along each other by dS:
+The end-to-end shortening is S = 2 pi R, so without friction F = -dE/dS. As S changes, the strands slide along each other as far:
 
     F h^2/B = e^4/2 (1 + 3/2 c e) + mu sigma e^3   when the knot is tightened; - when it is loosened
 

@@ -1,10 +1,10 @@
 """A closed trefoil of elastic rod that grows thicker: how short a rod can be for its thickness.
 
-The rod is straight without load, resists bending and hardly twist, and does not stretch. Scenes have no load that tightens a closed
-wire: heat makes it thicker and longer alike. Here the distance d at which it touches itself grows from level to level at the same
-length L. The contact forces grow without bound as L/d comes near its least value: 32.86 radii, L/d = 16.43, for an elastic trefoil
-(Starostin and van der Heijden 2014), 16.37 for the ideal one. A thin rod tends to a circle that is covered twice, with the bending
-energy 8 pi^2 B/L.
+The rod is straight without load, resists bending and hardly twist, and does not stretch. Scenes have no load that tightens a
+closed wire: heat makes it thicker and longer alike. Here the distance d at which it touches itself grows from level to level at
+the same length L. The contact forces grow without bound as L/d comes near its least value: 32.86 radii, L/d = 16.43, for an
+elastic trefoil (Starostin and van der Heijden 2014), 16.37 for the ideal one. A thin rod tends to a circle that is covered
+twice, with the bending energy 8 pi^2 B/L.
 """
 
 from __future__ import annotations
