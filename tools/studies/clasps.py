@@ -188,6 +188,6 @@ def draw_clasp(path: Path, found: list[Pressure]) -> None:
             p = last[-1]
             label = f"friction {friction:g}, GJ x {twist:g}: tensions {p.row.tension_ratio:.2f}"
             slid.plot(*profile(p), color=colour, label=label)
-    slid.set(xlabel="arc from the tip of the sliding rod, pulled towards + [d]", ylabel="pressure, of 2 T/d")
+    slid.set(xlabel="arc from the middle of the sliding rod [d]", ylabel="pressure, of 2 T/d")
     tidy(np.array([shape, ridge, along, slid]))
     figure.savefig(path)

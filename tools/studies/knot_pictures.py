@@ -21,50 +21,42 @@ class State(Protocol):
     force: float
     force_radius: float
     contact_force: float
+    friction_share: float
+    energy: float
 
 
 def draw_knots(path: Path, rows: Sequence[State]) -> None:
-    """Force without friction, force with friction, all turns in one curve, and the contact force; lines are the theory."""
-    figure, ((free, rubbed), (turns, press)) = new_figure(11.0, 8.0, 2, 2)
-    pulled = [r for r in rows if r.way == "tighten"]
-    numbers = sorted({r.turns for r in rows})
-    for n, colour in zip(numbers, COLOURS, strict=False):
-        b, own = braid(n), [r for r in pulled if r.turns == n]
-        line = np.linspace(1e-3, max(r.e for r in own), 50)
-        label = f"{n} turn{'s' if n > 1 else ''}"
-        smooth = [r for r in own if r.friction == 0.0]
-        free.plot([r.e for r in smooth], [r.force_radius for r in smooth], "o", color=colour, markersize=4, label=label)
+    """Force and energy without friction, force with friction, and the contact force; lines are the theory."""
+    figure, ((free, stored), (rubbed, press)) = new_figure(11.0, 8.0, 2, 2)
+    smooth = [r for r in rows if r.way == "tighten" and r.friction == 0.0]
+    for n, colour in zip(sorted({r.turns for r in rows}), COLOURS, strict=False):
+        b, own = braid(n), [r for r in smooth if r.turns == n]
+        e = np.array([r.e for r in own])
+        line = np.linspace(1e-3, e.max(), 50)
+        style = {"color": colour, "markersize": 4, "label": f"{n} turn{'s' if n > 1 else ''}"}
+        free.plot(e, [r.force_radius for r in own], "o", **style)
         free.plot(line, b.elastic(line) / line**4, color=colour)
-        press.plot(
-            [r.e for r in smooth], [r.contact_force / r.e**3 for r in smooth], "o", color=colour, markersize=4, label=label
-        )
+        stored.plot(e, [r.energy for r in own] / (np.pi * e**2), "o", **style)
+        stored.plot(line, 1.0 + b.c * line, color=colour)
+        press.plot(e, [r.contact_force for r in own] / e**3, "o", **style)
         press.plot([0.0], [b.sigma], "D", color=colour)
-        for friction, mark in ((0.1, "o"), (0.3, "^")):
-            some = [r for r in own if r.friction == friction]
-            x = [n * r.e for r in some]
-            turns.plot(
-                x,
-                [n**2 * r.force for r in some],
-                mark,
-                color=colour,
-                markersize=4,
-                label=f"{label}, friction {friction:g}" if some else None,
-            )
-            if some:
-                shown = np.linspace(min(x), max(x), 50) / n
-                turns.plot(n * shown, n**2 * b.force(shown, friction), color=colour)
-    one = [r for r in pulled if r.turns == 1]
+    one = [r for r in rows if r.turns == 1 and r.way == "tighten"]
     for friction, colour in zip(sorted({r.friction for r in one}), COLOURS, strict=False):
-        some = sorted((r.e, r.force) for r in one if r.friction == friction)
-        e = np.array([pair[0] for pair in some])
-        rubbed.plot(e**-2, [pair[1] for pair in some], "o", color=colour, markersize=4, label=f"friction {friction:g}")
-        rubbed.plot(e**-2, braid(1).force(e, friction), color=colour)
+        some = sorted((r for r in one if r.friction == friction), key=lambda r: r.e)
+        e = np.array([r.e for r in some])
+        style = {"color": colour, "markersize": 4, "label": f"friction {friction:g}"}
+        rubbed.plot(e, [r.force_radius for r in some], "o", **style)
+        rubbed.plot(e, braid(1).force(e, friction) / e**4, color=colour)
+        if friction:
+            balance = [(r.force + (1.0 - r.friction_share) * friction * r.contact_force) / r.e**4 for r in some]
+            rubbed.plot(e, balance, color=colour, linestyle=":")
+    rubbed.plot([], [], color="grey", linestyle=":", label="force without friction + mu x contact force")
     free.axhline(0.5, color="#999999", linestyle=":")
     free.set(xlabel="e = (h/R)^(1/2)", ylabel="F R^2/B without friction", xlim=(0.0, None))
-    rubbed.set(xlabel="loop radius R/h", ylabel="F h^2/B, one turn", xscale="log", yscale="log")
-    turns.set(xlabel="n e", ylabel="n^2 F h^2/B", xscale="log", yscale="log")
+    stored.set(xlabel="e", ylabel="bending energy without friction, of pi B/R", xlim=(0.0, None), ylim=(1.0, None))
+    rubbed.set(xlabel="e", ylabel="F R^2/B, one turn", xlim=(0.1, None), ylim=(0.0, 4.2))
     press.set(xlabel="e", ylabel="contact force h^2/(B e^3) without friction", xlim=(-0.005, None), ylim=(0.0, None))
-    tidy(np.array([free, rubbed, turns, press]))
+    tidy(np.array([free, stored, rubbed, press]))
     figure.savefig(path)
 
 
