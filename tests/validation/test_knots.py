@@ -77,10 +77,10 @@ def test_friction_adds_its_coefficient_times_the_contact_force() -> None:
 
 @pytest.mark.slow
 def test_a_second_turn_makes_a_knot_stiffer_as_its_braid_says() -> None:
-    """The first corrections of one and of two turns differ by 2.9 times; F R^2/B - 1/2 at e = 0.1 by at least twice."""
+    """The first corrections of one and of two turns differ by 2.9 times; at e = 0.1, n e = 0.2, the next one is as large."""
     rows = list(tightened(Case(2, 40.0, 0.25, 1.0, (0.0,), 1, tolerance=1e-2)))
     excess = 2.0 * rows[0].force_radius - 1.0
-    assert 1.5 * braid(2).c * rows[0].e < excess < 3.0 * braid(2).c * rows[0].e
+    assert 1.5 * braid(2).c * rows[0].e < excess < 3.0 * 1.5 * braid(2).c * rows[0].e
     assert excess > 2.0 * 1.5 * braid(1).c * rows[0].e
 
 
