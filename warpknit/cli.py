@@ -220,7 +220,11 @@ def trade(
     "--tension", metavar="TENSION", help='Equibiaxial tension of the material card, such as "2 N/m".  [default: the optimum]'
 )
 @click.option("--openings", metavar="COUNT", help='Scale wales and courses to this density of openings, such as "12 /inch".')
-@click.option("--fit-loop-length", metavar="LENGTH", help='Fit the loops to their wire length, such as "5.6 mm".')
+@click.option(
+    "--fit-loop-length",
+    metavar="LENGTH",
+    help='Fit the loops to their wire length, such as "5.6 mm", or by bar to the wire a course: "4.6 mm, 4.9 mm".',
+)
 @click.option("--fit-curve", metavar="FILE", help="Fit the loops to the biaxial test in a CSV file.")
 @click.option("--areal-mass", metavar="MASS", help='Compare with a measured mass, such as "10 g/m^2".')
 @click.option("--cards", metavar="CODE,...", help="FE codes to write the card for, such as nastran,abaqus.  [default: all]")
@@ -253,7 +257,7 @@ def report(
 
     known = Known(
         positive_quantity("--openings", openings, "per_length"),
-        positive_quantity("--fit-loop-length", fit_loop_length, "length"),
+        positive_lengths("--fit-loop-length", fit_loop_length),
         Path(fit_curve) if fit_curve else None,
         positive_quantity("--areal-mass", areal_mass, "areal_mass"),
     )
@@ -277,6 +281,13 @@ def report(
     if done.result.exit_code != FINISHED:
         raise Diverged(done.result.message)
     return FINISHED
+
+
+def positive_lengths(option: str, given: str | None) -> tuple[float, ...] | None:
+    """Lengths of an option in SI, with commas between them, or None."""
+    if given is None:
+        return None
+    return tuple(value for text in given.split(",") if (value := positive_quantity(option, text.strip(), "length")) is not None)
 
 
 def positive_quantity(option: str, given: str | None, dimension: str) -> float | None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from warpknit import measure
+from warpknit.commands.report import lengths_of
 from warpknit.design import inputs
 from warpknit.design.fine_states import states_at
 from warpknit.design.inputs import (
@@ -16,11 +17,14 @@ from warpknit.design.inputs import (
     Known,
     fit_curve,
     fit_loop_length,
+    fit_run_in,
+    fitted_overrides,
     openings_per_length,
     with_known,
     with_openings,
     write_fit,
 )
+from warpknit.design.loop_fit import run_in
 from warpknit.design.page import Page
 from warpknit.design.sections import mesh_section
 from warpknit.errors import InputError
@@ -79,6 +83,36 @@ def test_loops_are_fitted_to_their_wire_length(scene):
     assert found.scene.knit.loop.closed_radius > scene.knit.loop.closed_radius
     with pytest.raises(InputError, match=r"--fit-loop-length: given 9 mm, allowed: 5\.\d+ mm to 6\.\d+ mm"):
         fit_loop_length(scene, 9e-3)
+
+
+def test_loops_of_each_bar_are_fitted_to_its_run_in():
+    """Reverse locknit, 480 courses a rack of 2220 and 2500 mm: each bar takes its length a course; the loops of one bar do not
+    change those of the other. Tolerance: that of the factor, as lengths grow less than in proportion to it."""
+    bars = [{"chain": "2-3/1-0"}, {"chain": "1-0/1-2"}]
+    scene = make_scene({"knit": {"bars": bars, "wales": "26 /inch", "courses": "28 /inch"}, "model": {"boundary": "periodic"}})
+    wanted = 2.500 / 480, 2.220 / 480
+    fitted = with_known(scene, Known(loop_length=wanted))
+    found = [run_in(fitted.scene, bar) for bar in range(2)]
+    assert found == pytest.approx(wanted, rel=inputs.FIT_TOLERANCE)
+    assert fitted.loops.factor is None and fitted.loops.bar_factors == tuple(bar.loop_scale for bar in fitted.scene.knit.bars)
+    again = load_scene(scene, fitted_overrides(fitted.scene.knit))
+    assert [run_in(again, bar) for bar in range(2)] == found
+    assert fitted.scene.knit.loop == scene.knit.loop
+    with pytest.raises(InputError, match=r"given 9 mm for bar 2, allowed: 3\.\d+ mm to 4\.\d+ mm"):
+        fit_run_in(scene, (wanted[0], 9e-3))
+    with pytest.raises(InputError, match="given 5 mm, 4 mm, 4 mm, allowed: one length, or 2"):
+        fit_run_in(scene, (5e-3, 4e-3, 4e-3))
+
+
+def test_lengths_are_read_with_their_units():
+    assert lengths_of("fit_loop_length", "5.6 mm") == lengths_of("fit_loop_length", 5.6e-3) == (5.6e-3,)
+    assert (
+        lengths_of("fit_loop_length", "4.63 mm, 4940 um")
+        == lengths_of("fit_loop_length", ["4.63 mm", 4.94e-3])
+        == (4.63e-3, 4.94e-3)
+    )
+    with pytest.raises(InputError, match="fit_loop_length"):
+        lengths_of("fit_loop_length", "4.63 mm,")
 
 
 def test_an_areal_mass_is_compared(scene):
@@ -149,7 +183,7 @@ def test_a_bad_curve_is_refused(scene, tmp_path, text, said):
 
 def test_what_was_fitted_is_left_as_numbers(scene, tmp_path):
     """The factor on the proportions gives the wire length; a report without a fit removes the file of an earlier one."""
-    fitted = with_known(scene, Known(loop_length=5.6e-3))
+    fitted = with_known(scene, Known(loop_length=(5.6e-3,)))
     write_fit(fitted, tmp_path)
     (tmp_path / "map.json").write_text('{"scene": {"name": "x"}, "stop_reason": "finished", "warnings": []}', encoding="utf-8")
     fit = load_run(tmp_path).fit

@@ -22,7 +22,7 @@ def knit(**values):
 def test_proportions_scatter_by_what_is_asked():
     """Relative deviation of 4000 draws: that of a normal distribution cut off at MOST deviations, 0.954, within 5 %."""
     mean = LoopProportions()
-    loops = scattered_proportions(mean, 0.05, seed=1, count=4000)
+    loops = scattered_proportions([mean] * 4000, 0.05, seed=1)
     share = np.array([loop.closed_radius for loop in loops]) / mean.closed_radius - 1.0
     assert abs(share.mean()) < 4 * 0.05 / np.sqrt(4000)
     assert share.std() == pytest.approx(0.954 * 0.05, rel=0.05)

@@ -26,7 +26,7 @@ def make_report(
     *,
     tension: str | float | None = None,
     openings: str | float | None = None,
-    fit_loop_length: str | float | None = None,
+    fit_loop_length: str | float | Sequence[str | float] | None = None,
     fit_curve: Directory | None = None,
     areal_mass: str | float | None = None,
     cards: str | Sequence[str] | None = None,
@@ -40,9 +40,10 @@ def make_report(
 
     tension: of the material card, in both directions; default: at the optimum of the map.
     openings: scale wales and courses to this density, "12 /inch". areal_mass: compare with a measured one, "10 g/m^2".
-    fit_loop_length, fit_curve: fit the loops to their wire length, "5.6 mm"; or to a biaxial test, a CSV file with the columns
-        strain_weft, strain_warp, tension_weft_N_per_m, tension_warp_N_per_m. `run.scene` is the fitted scene, `run.fit` the
-        factor on the proportions of its loops, the rms error and the notes.
+    fit_loop_length, fit_curve: fit the loops to their wire length, "5.6 mm", or those of each bar to what it takes a course,
+        ["4.6 mm", "4.9 mm"]; or to a biaxial test, a CSV file with the columns strain_weft, strain_warp,
+        tension_weft_N_per_m, tension_warp_N_per_m. `run.scene` is the fitted scene, `run.fit` the factor on the proportions of
+        its loops, the rms error and the notes.
     cards: FE codes for which the card is written, "nastran, abaqus" or a list; default: all of docs/fe_cards.md.
     Quantities are strings with their unit or numbers in SI. scene, out, force, quiet and what is raised: as in `run`; a map of
     the same scene in `out` is used. Raises Diverged where no state carries the tension of the card.
@@ -50,7 +51,7 @@ def make_report(
     with naming_arguments():
         known = Known(
             openings=positive("openings", openings, "per_length"),
-            loop_length=positive("fit_loop_length", fit_loop_length, "length"),
+            loop_length=lengths_of("fit_loop_length", fit_loop_length),
             curve=None if fit_curve is None else Path(fit_curve),
             areal_mass=positive("areal_mass", areal_mass, "areal_mass"),
         )
@@ -119,6 +120,14 @@ def codes_of(cards: str | Sequence[str] | None) -> tuple[str, ...]:
     if cards is None:
         return tuple(CODES)
     return tuple(dict.fromkeys(code.strip() for code in (cards.split(",") if isinstance(cards, str) else cards)))
+
+
+def lengths_of(name: str, given: str | float | Sequence[str | float] | None) -> tuple[float, ...] | None:
+    """Lengths in SI, or None where none was given: one, or several as a list or with commas. Raises `InputError`."""
+    if given is None:
+        return None
+    parts = given.split(",") if isinstance(given, str) else [given] if isinstance(given, int | float) else list(given)
+    return tuple(value for part in parts if (value := positive(name, part, "length")) is not None)
 
 
 def positive(name: str, given: str | float | None, dimension: str) -> float | None:

@@ -1,7 +1,6 @@
 """What is known of a mesh when its loops were never measured: openings per length, wire length a loop, a biaxial test.
 
-Wales and courses are scaled to the openings, their ratio kept. The loops are fitted by one factor on the proportions that make
-them large (SCALED), within the range of each.
+Wales and courses are scaled to the openings, their ratio kept. The loops are fitted by factors (loop_fit.py).
 """
 
 from __future__ import annotations
@@ -13,58 +12,25 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import minimize_scalar
 
 from .. import measure
 from ..errors import Diverged, InputError
 from ..files import write_aside
-from ..knit.chain import KnitError
-from ..knit.lapping import lapping_table
-from ..knit.loops import RANGES, LoopProportions, loop_shape
 from ..knit.openings import find_openings
 from ..mesh.layout import knit_scene
 from ..scene import Knit, Scene
 from ..scene.objects import Override
 from ..sweep.states import mesh_of
-from ..text import at_least, at_most, exact, percent
+from ..text import at_most, exact, percent
 from .fine_states import states_at
+from .loop_fit import FIT_TOLERANCE, Fitted, factors, fit_loop_length, fit_run_in, fitted_by, scaled
 
 INCH = 0.0254  # [m]
-SCALED = {
-    "circular-oval": ("closed_radius", "closed_head", "open_head", "open_half_width"),
-    "general": ("foot_half_width", "leg_half_width", "head_height"),
-}
 SAME_AREA = 0.99  # of the rhombus's area: openings that are counted
 COLUMNS = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m")  # of a measured curve
-FIT_TOLERANCE = 2e-3  # of the factor
 POOR_FIT, NO_FIT = 0.1, 0.5  # rms error over the tensions: reported; refused
-EDGE, SHORTER = 1e-9, 0.8  # distance of a factor from the end of its range; reduction of one that cannot be knitted
-
-
 FIT = "fit.json"
-
-
-@dataclass(frozen=True)
-class LoopFit:
-    """A fit of the loops by one factor on their proportions."""
-
-    to: str  # "loop length", or the name of the file of a biaxial test
-    factor: float
-    proportions: dict[str, float]  # of knit.loop, that were fitted
-    rms_error: float | None = None  # over the tensions of the test
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """A fitted scene, sentences on how it was fitted, and the fit of its loops if there was one."""
-
-    scene: Scene
-    notes: tuple[str, ...] = ()
-    loops: LoopFit | None = None
-
-    def then(self, other: Fitted) -> Fitted:
-        """`other`, which was fitted from this scene, with the notes and the fit of both."""
-        return Fitted(other.scene, self.notes + other.notes, other.loops or self.loops)
 
 
 @dataclass(frozen=True)
@@ -72,7 +38,7 @@ class Known:
     """Measured properties of the mesh, in addition to its scene; None where unknown."""
 
     openings: float | None = None  # [1/m]
-    loop_length: float | None = None  # [m]
+    loop_length: tuple[float, ...] | None = None  # [m] of a loop, or of the loops of each bar
     curve: Path | None = None
     areal_mass: float | None = None  # [kg/m2] as knitted; for comparison only
 
@@ -83,7 +49,9 @@ def with_known(scene: Scene, known: Known) -> Fitted:
     if known.openings is not None:
         fitted = fitted.then(with_openings(fitted.scene, known.openings))
     if known.loop_length is not None:
-        fitted = fitted.then(fit_loop_length(fitted.scene, known.loop_length))
+        lengths = known.loop_length
+        one = len(lengths) == 1
+        fitted = fitted.then(fit_loop_length(fitted.scene, lengths[0]) if one else fit_run_in(fitted.scene, lengths))
     if known.curve is not None:
         fitted = fitted.then(fit_curve(fitted.scene, known.curve))
     if known.areal_mass is not None:
@@ -111,6 +79,7 @@ def write_fit(fitted: Fitted, out: Path) -> None:
     content = {
         "fitted_to": None if loops is None else loops.to,
         "factor": None if loops is None else loops.factor,
+        "bar_factors": None if loops is None else loops.bar_factors,
         "rms_error": None if loops is None else loops.rms_error,
         "loop": {} if loops is None else loops.proportions,
         "wale_spacing_m": knit.wale_spacing,
@@ -124,7 +93,8 @@ def write_fit(fitted: Fitted, out: Path) -> None:
 def fitted_overrides(knit: Knit) -> list[Override]:
     """Overrides that give a scene the spacings and the loops of a fitted knit."""
     loop = [(f"knit.loop.{name}", value) for name, value in asdict(knit.loop).items() if value is not None]
-    return [("knit.wale_spacing", knit.wale_spacing), ("knit.course_spacing", knit.course_spacing), *loop]
+    bars = [("knit.bars", [asdict(bar) for bar in knit.bars])] if any(bar.loop_scale != 1.0 for bar in knit.bars) else []
+    return [("knit.wale_spacing", knit.wale_spacing), ("knit.course_spacing", knit.course_spacing), *loop, *bars]
 
 
 def openings_per_length(scene: Scene) -> float | None:
@@ -151,28 +121,10 @@ def with_openings(scene: Scene, wanted: float) -> Fitted:
         most = now * min(knit.wale_spacing, knit.course_spacing) / (2.0 * scene.wire.diameter)
         allowed = f"at most {at_most(INCH * most, 'per inch')} (loops two wires apart)"
         raise InputError(f"--openings: given {exact(INCH * wanted, 'per inch')}, allowed: {allowed}")
-    scaled = replace(scene, knit=replace(knit, wale_spacing=wale, course_spacing=course))
+    resized = replace(scene, knit=replace(knit, wale_spacing=wale, course_spacing=course))
     return Fitted(
-        scaled, (f"wale spacing {1e3 * wale:.4g} mm and course spacing {1e3 * course:.4g} mm, from the openings per inch",)
+        resized, (f"wale spacing {1e3 * wale:.4g} mm and course spacing {1e3 * course:.4g} mm, from the openings per inch",)
     )
-
-
-def fit_loop_length(scene: Scene, wanted: float) -> Fitted:
-    """Loops with a wire length of `wanted` [m] each, in plan view. Raises `InputError` if it cannot be reached."""
-    low, high = _factors(scene)
-
-    def missing(factor: float) -> float:
-        return knit_scene(_scaled(scene, factor)).stitch_length - wanted
-
-    ends = missing(low), missing(high)
-    if not min(ends) <= 0.0 <= max(ends):
-        allowed = f"{at_least(wanted + min(ends), 'm')} to {at_most(wanted + max(ends), 'm')}"
-        raise InputError(
-            f"{scene.path}: --fit-loop-length: given {exact(wanted, 'm')}, allowed: {allowed}"
-            " with these spacings (beyond that, the proportions of knit.loop leave their ranges)"
-        )
-    factor = float(brentq(missing, low, high, xtol=FIT_TOLERANCE / 10))
-    return _fitted(scene, factor, "the wire length per loop", "loop length")
 
 
 def fit_curve(scene: Scene, path: Path) -> Fitted:
@@ -185,13 +137,13 @@ def fit_curve(scene: Scene, path: Path) -> Fitted:
     gradients = [np.diag(1.0 + strain) for strain in strains]
 
     def misfit(factor: float) -> float:
-        states = states_at(mesh_of(_scaled(scene, factor)), gradients)
+        states = states_at(mesh_of(scaled(scene, factor)), gradients)
         if any(isinstance(state, Diverged) for state in states):
             return math.inf
         found = np.array([measure.mesh_tension(state) for state in states if not isinstance(state, Diverged)])
         return float(np.linalg.norm(found - tensions) / np.linalg.norm(tensions))
 
-    best = minimize_scalar(misfit, bounds=_factors(scene), method="bounded", options={"xatol": FIT_TOLERANCE, "maxiter": 20})
+    best = minimize_scalar(misfit, bounds=factors(scene), method="bounded", options={"xatol": FIT_TOLERANCE, "maxiter": 20})
     if not math.isfinite(best.fun):
         raise InputError(f"{path}: strain: given strains at which the mesh did not converge, allowed: smaller strains")
     if best.fun > NO_FIT:
@@ -200,8 +152,8 @@ def fit_curve(scene: Scene, path: Path) -> Fitted:
             f" {percent(best.fun, 0)}), allowed: tensions [N/m] of this mesh, with the spacings and the wire of the scene"
         )
     how = f"{path.name} with an rms error of {percent(best.fun)} of the tensions"
-    fitted = _fitted(scene, float(best.x), how, path.name, float(best.fun))
-    ends = _factors(scene)
+    fitted = fitted_by(scene, float(best.x), how, path.name, float(best.fun))
+    ends = factors(scene)
     doubts = []
     if best.fun > POOR_FIT:
         doubts.append("this is a poor fit: the loops or the test differ from the scene by more than one factor")
@@ -234,38 +186,3 @@ def _read_curve(path: Path) -> tuple[np.ndarray, np.ndarray]:
     if not np.any(values[:, 2:]):
         raise InputError(f"{path}: given no tension other than 0, allowed: the tensions [N/m] of a biaxial test")
     return values[:, :2], values[:, 2:]
-
-
-def _scaled(scene: Scene, factor: float) -> Scene:
-    loop = scene.knit.loop
-    larger = {name: factor * getattr(loop, name) for name in _names(scene)}
-    return replace(scene, knit=replace(scene.knit, loop=replace(loop, **larger)))
-
-
-def _fitted(scene: Scene, factor: float, how: str, to: str, rms_error: float | None = None) -> Fitted:
-    """The scene scaled by `factor`. Raises `InputError` if its wires hook differently."""
-    scaled = _scaled(scene, factor)
-    meant, found = len(knit_scene(scene).clasps), len(knit_scene(scaled).clasps)
-    if found != meant:
-        allowed = f"{meant} times, as with knit.loop"
-        raise InputError(f"{scene.path}: {how}: given loops that hook {found} times per repeat, allowed: {allowed}")
-    loops = LoopFit(to, factor, {name: getattr(scaled.knit.loop, name) for name in _names(scene)}, rms_error)
-    return Fitted(scaled, (f"loop proportions times {factor:.3f}, fitted to {how}",), loops)
-
-
-def _names(scene: Scene) -> tuple[str, ...]:
-    return SCALED[loop_shape(lapping_table(scene.knit.bars, (1, 1)), LoopProportions.of(scene.knit.loop))]
-
-
-def _factors(scene: Scene) -> tuple[float, float]:
-    """Smallest and largest factor that keep all proportions in range and the loops of neighbouring wales separate."""
-    ranges = [np.array(RANGES[name]) / getattr(scene.knit.loop, name) for name in _names(scene)]
-    low, high = max(float(r[0]) for r in ranges) + EDGE, min(float(r[1]) for r in ranges) - EDGE
-    while high > 1.0:
-        try:
-            knit_scene(_scaled(scene, high))
-        except KnitError:
-            high = 1.0 + SHORTER * (high - 1.0) if high - 1.0 > FIT_TOLERANCE else 1.0
-        else:
-            break
-    return low, high

@@ -63,8 +63,9 @@ def same_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tup
 def knit_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tuple[int, int] = (1, 1)) -> Cloth:
     """Knit one repeat of endless cloth.
 
-    knit: `bars` (each with `chain`, `threading`, `shift`), `wale_spacing` [m], `course_spacing` [m], `loop`
-    (`LoopProportions` or any object with its names, None for the defaults), and, where loops differ, `scatter` and `seed`.
+    knit: `bars` (each with `chain`, `threading`, `shift`, and `loop_scale` where loops differ by bar), `wale_spacing` [m],
+    `course_spacing` [m], `loop` (`LoopProportions` or any object with its names, None for the defaults), and, where loops
+    differ at random, `scatter` and `seed`.
     diameter: of the wire, or thickness of the yarn [m].
     merge_lenses: one clasp for nested lenses of the same wires.
     tiles: pattern repeats (weft, warp) taken as one repeat.
@@ -79,8 +80,14 @@ def knit_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tup
     shape = loop_shape(lapping, proportions)
     layers = 1 + max(stitch.layer for stitch in lapping.stitches)
     scatter = float(getattr(knit, "scatter", 0.0))
-    scattered = scattered_proportions(proportions, scatter, knit.seed, len(lapping.stitches)) if scatter else ()
-    frame = LoopFrame(shape, proportions, wale, course, diameter, layers, scattered, lapping.courses)
+    sizes = [float(getattr(bar, "loop_scale", 1.0)) for bar in knit.bars]
+    by_bar = [proportions.sized(size, shape, f"knit.bars[{bar}].loop_scale") for bar, size in enumerate(sizes)]
+    loops: tuple[LoopProportions, ...] = ()
+    if scatter or any(size != 1.0 for size in sizes):
+        loops = tuple(by_bar[stitch.bar] for stitch in lapping.stitches)
+    if scatter:
+        loops = scattered_proportions(loops, scatter, knit.seed)
+    frame = LoopFrame(shape, proportions, wale, course, diameter, layers, loops, lapping.courses)
     frame.check()
     threads = tuple(
         thread_line(number * lapping.courses, stitches, lapping.courses, frame) for number, stitches in enumerate(lapping.threads)

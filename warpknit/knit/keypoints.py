@@ -80,12 +80,12 @@ class LoopFrame:
     course: float  # course spacing [m]
     diameter: float  # wire diameter [m]
     layers: int  # largest number of loops on one needle and course
-    scattered: tuple[LoopProportions, ...] = ()  # of each course of each thread, where loops differ
+    loops: tuple[LoopProportions, ...] = ()  # of each course of each thread, where loops differ
     courses: int = 1  # of a thread, to find a stitch among them
 
     def proportions_of(self, stitch: Stitch) -> LoopProportions:
         """Proportions of one loop."""
-        return self.scattered[stitch.thread * self.courses + stitch.course] if self.scattered else self.proportions
+        return self.loops[stitch.thread * self.courses + stitch.course] if self.loops else self.proportions
 
     @property
     def heights(self) -> Heights:
@@ -94,7 +94,7 @@ class LoopFrame:
 
     def check(self) -> None:
         """Raise `KnitError` where loops of neighbouring wales would run into each other."""
-        loops = (self.proportions, *self.scattered)
+        loops = self.loops or (self.proportions,)
         if self.shape == "circular-oval":
             key, given = "knit.loop.closed_radius", max(loop.closed_radius for loop in loops)
             room = (0.5 - max(abs(loop.lateral_shift) for loop in loops)) * self.wale - 0.5 * self.diameter

@@ -9,9 +9,10 @@ W = 1.7 mm, C = 1 mm stay at least a diameter apart.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
+from ..text import at_least, at_most
 from .chain import KnitError
 from .lapping import Lapping
 
@@ -30,6 +31,10 @@ RANGES: dict[str, tuple[float, float]] = {
     "foot_half_width": (0.06, 0.18),
     "leg_half_width": (0.16, 0.35),
     "head_height": (0.12, 0.45),
+}
+SIZES: dict[str, tuple[str, ...]] = {  # the proportions that make a loop large, by shape
+    "circular-oval": ("closed_radius", "closed_head", "open_head", "open_half_width"),
+    "general": ("foot_half_width", "leg_half_width", "head_height"),
 }
 
 
@@ -64,6 +69,17 @@ class LoopProportions:
                 raise KnitError(key, value, f"a number from {low:g} to {high:g}")
         if self.foot_half_width >= self.leg_half_width:
             raise KnitError("knit.loop.foot_half_width", self.foot_half_width, "less than leg_half_width")
+
+    def sized(self, size: float, shape: Shape, key: str) -> LoopProportions:
+        """Proportions with those that make a loop of this shape large times `size`, the value of `key`."""
+        if size == 1.0:
+            return self
+        names = SIZES[shape]
+        least, most = (pick(RANGES[name][end] / getattr(self, name) for name in names) for end, pick in ((0, max), (1, min)))
+        if not least <= size <= most:
+            allowed = f"{at_least(least, '')} to {at_most(most, '')}, or proportions of knit.loop leave their ranges"
+            raise KnitError(key, size, allowed)
+        return replace(self, **{name: size * getattr(self, name) for name in names})
 
     @classmethod
     def of(cls, loop: Any) -> LoopProportions:

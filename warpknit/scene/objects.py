@@ -43,6 +43,7 @@ from warpknit.scene.values import (
     Length,
     LoadingTime,
     LoopLength,
+    LoopScale,
     LoopShape,
     Name,
     NodesPerLoop,
@@ -108,6 +109,10 @@ class Bar(Table):
     )
     threading: Threading = key("Threaded (`|`) and empty (`.`) guides along the bar, repeated.", "|")
     shift: Shift = key("Offset of the bar to the right, in needles.", 0)
+    loop_scale: LoopScale = key(
+        "Factor on the proportions of `[knit.loop]` that make a loop large, for the loops of this bar: bars of different run-in.",
+        1.0,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -254,6 +254,7 @@ STRAIN = Quantity("number", least=-0.5, most=2.0, hint=" (a share: 0.1 is '10 %'
 Strain = Annotated[float, BeforeValidator(STRAIN)]
 Shear = Annotated[float, BeforeValidator(Quantity("number", least=-1.0, most=1.0))]
 PoissonsRatio = Annotated[float, BeforeValidator(Quantity("number", above=-1.0, most=0.5))]
+LoopScale = Annotated[float, BeforeValidator(Quantity("number", least=0.2, most=5.0))]
 Scatter = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=0.2))]
 Fraction = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=1.0))]
 Friction = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=5.0))]
