@@ -77,9 +77,11 @@ def fit_run_in(scene: Scene, wanted: tuple[float, ...]) -> Fitted:
         factor = _bar_factor(fit, bar, length)
         fit = _with_bar(fit, bar, factor)
         found.append(factor)
-    _refuse_other_hooks(scene, fit, "the run-in")
     text = ", ".join(f"bar {bar + 1}: {factor:.3f}" for bar, factor in enumerate(found))
     note = f"loop proportions of each bar times a factor fitted to its run-in ({text})"
+    meant, hooks = len(knit_scene(scene).clasps), len(knit_scene(fit).clasps)
+    if hooks != meant:
+        note += f"; wires then hook {hooks} times per repeat in plan view, with loops of one size {meant} times"
     return Fitted(fit, (note,), LoopFit("run-in", None, {}, bar_factors=tuple(found)))
 
 
@@ -124,20 +126,16 @@ def scaled(scene: Scene, factor: float) -> Scene:
 def fitted_by(scene: Scene, factor: float, how: str, to: str, rms_error: float | None = None) -> Fitted:
     """The scene scaled by `factor`. Raises `InputError` if its wires hook differently."""
     larger = scaled(scene, factor)
-    _refuse_other_hooks(scene, larger, how)
+    meant, found = len(knit_scene(scene).clasps), len(knit_scene(larger).clasps)
+    if found != meant:
+        allowed = f"{meant} times, as with knit.loop"
+        raise InputError(f"{scene.path}: {how}: given loops that hook {found} times per repeat, allowed: {allowed}")
     loops = LoopFit(to, factor, {name: getattr(larger.knit.loop, name) for name in _names(scene)}, rms_error)
     return Fitted(larger, (f"loop proportions times {factor:.3f}, fitted to {how}",), loops)
 
 
 def _names(scene: Scene) -> tuple[str, ...]:
     return SIZES[loop_shape(lapping_table(scene.knit.bars, (1, 1)), LoopProportions.of(scene.knit.loop))]
-
-
-def _refuse_other_hooks(scene: Scene, fitted: Scene, how: str) -> None:
-    meant, found = len(knit_scene(scene).clasps), len(knit_scene(fitted).clasps)
-    if found != meant:
-        allowed = f"{meant} times, as with knit.loop"
-        raise InputError(f"{scene.path}: {how}: given loops that hook {found} times per repeat, allowed: {allowed}")
 
 
 def factors(scene: Scene) -> tuple[float, float]:
