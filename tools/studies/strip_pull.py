@@ -1,0 +1,178 @@
+"""A strip pulled along one direction, its sides free: endless cloth at the strain at which it carries no tension across.
+
+A run under tension is refused with friction or yield, whose states depend on the load history: a search would be part of it. Here
+every trial of a level starts from the accepted level before, so that only the accepted strains are history. A level that does not
+converge, or in which the wires tighten too much, is tried again with half the step.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from warpknit import measure
+from warpknit.errors import WarpknitError
+from warpknit.measure import tension_scale
+from warpknit.mesh.load_point import LoadPoint
+from warpknit.model import build_model
+from warpknit.scene import Scene
+from warpknit.scene.wire import Wire
+from warpknit.solve.relax import Relaxation
+from warpknit.solve.simulate import Simulation
+
+WEFT, WARP = 0, 1
+FREE = 0.02  # of the tension along the pull: tension across that counts as none
+FLOOR = 0.01  # EI/C^3: tensions below it count as none
+TRIALS = 12  # strains across, a level
+STEP_ACROSS = 0.02  # strain across between two trials, at most
+SMALLEST = 0.15  # of the step of the strain: a level that fails with it ends the pull
+TIGHTER, TIGHT = 1.6, 100e6  # largest factor of the axial stress between two levels beyond so much [Pa]
+
+
+@dataclass(frozen=True)
+class Level:
+    """A state of a strip; forces over the width as knitted, as a laboratory gives them."""
+
+    strain: float  # along the pull
+    strain_across: float
+    force: float  # [N/m] along the pull, over the width as knitted
+    axial: float  # [Pa] largest axial stress, of the sections of all ends
+    fibre: float  # [Pa] largest stress of a fibre: axial and bending
+    active: float  # [%] of the places where wires hook
+
+
+@dataclass(frozen=True)
+class Pull:
+    """The levels of a pull, and why it ended."""
+
+    levels: tuple[Level, ...]
+    ending: str  # strength | end | steps | the class of the error
+    steps: int
+
+    def strain_at(self, force: float) -> float:
+        """Strain from which the strip carries a force [N/m], between two levels; nan if it never does."""
+        for before, after in zip(self.levels, self.levels[1:], strict=False):
+            if after.force >= force > before.force:
+                share = (force - before.force) / (after.force - before.force)
+                return before.strain + share * (after.strain - before.strain)
+        return math.nan
+
+    def force_at(self, axial: float) -> float:
+        """[N/m] force at an axial stress [Pa]: between two levels, or in proportion from the last one on; nan where no wire is taut."""
+        for before, after in zip(self.levels, self.levels[1:], strict=False):
+            if after.axial >= axial > before.axial:
+                share = (axial - before.axial) / (after.axial - before.axial)
+                return before.force + share * (after.force - before.force)
+        last = self.levels[-1]
+        return last.force * axial / last.axial if last.axial > 0.0 else math.nan
+
+
+def section_area(wire: Wire) -> float:
+    """[m2] of all ends, without plating."""
+    return wire.ends * math.pi * wire.radius**2
+
+
+def pull(scene: Scene, axis: int, end: float, *, step: float = 0.02, strength: float = math.inf, steps: int = 200_000) -> Pull:
+    """Pull a periodic tile along an axis to the strain `end`, the axial stress `strength` [Pa] or so many time steps."""
+    simulation = Simulation(build_model(scene))
+    strip = _Strip(simulation, axis)
+    levels = [strip.level(simulation.mechanics.observe())]
+    now, ending = step, "end"
+    while levels[-1].strain < end - 1e-9:
+        if strip.progress.steps > steps:
+            ending = "steps"
+            break
+        before = strip.relaxation.snapshot()
+        try:
+            found = strip.advance(levels, min(levels[-1].strain + now, end))
+        except WarpknitError as error:
+            found, ending = None, type(error).__name__
+        if found is None or (found.axial > TIGHT and found.axial > TIGHTER * max(levels[-1].axial, TIGHT)):
+            if now > SMALLEST * step:
+                strip.restore(before)
+                now, ending = 0.5 * now, "end"
+                continue
+            if found is None:
+                break
+        strip.accept()
+        levels.append(found)
+        now = min(step, 1.4 * now)
+        if found.axial > strength:
+            ending = "strength"
+            break
+    return Pull(tuple(levels), ending, strip.progress.steps)
+
+
+class _Strip:
+    """The levels of a pull, on the relaxation of a simulation."""
+
+    def __init__(self, simulation: Simulation, axis: int) -> None:
+        assert isinstance(simulation.drive, Relaxation)
+        self.relaxation, self.axis = simulation.drive, axis
+        self.scene, self.progress = simulation.model.scene, simulation.progress
+        self.floor = FLOOR * tension_scale(simulation.model)
+        self.stiffness = 0.0  # [N/m] of the tension across by the strain across
+        self.area = section_area(self.scene.wire)
+        simulation.mechanics.search()
+        self.progress.stage, self.progress.stage_index, self.progress.level = "pull", 1, 1  # not as knitted
+
+    def advance(self, levels: list[Level], strain: float) -> Level | None:
+        """The level at a strain along the pull; None where no strain across is found."""
+        last = levels[-1]
+        across, slope = last.strain_across, 0.0
+        if len(levels) > 2:
+            slope = (across - levels[-2].strain_across) / (last.strain - levels[-2].strain)
+        across = max(across + slope * (strain - last.strain), -0.99)
+        before = self.relaxation.snapshot()
+        tried: list[tuple[float, float]] = []  # strain and tension across
+        for trial in range(TRIALS):
+            if trial and self.scene.contact.friction > 0.0:
+                self.relaxation.restore(before)
+            observed = self._solve(strain, across)
+            tension = self.relaxation.mesh_tension(observed)
+            along, sideways = float(tension[self.axis]), float(tension[1 - self.axis])
+            if abs(sideways) <= FREE * max(abs(along), self.floor):
+                return self.level(observed)
+            tried.append((across, sideways))
+            across = self._next(tried)
+        return None
+
+    def _next(self, tried: list[tuple[float, float]]) -> float:
+        """Strain across to try next: a bounded secant step, within the strains that bracket no tension."""
+        across, sideways = tried[-1]
+        if len(tried) > 1 and tried[-2][0] != across:
+            slope = (sideways - tried[-2][1]) / (across - tried[-2][0])
+            self.stiffness = slope if slope > 0.0 else self.stiffness
+        self.stiffness = self.stiffness or max(abs(sideways) / 2e-3, self.floor)
+        there = across - float(np.clip(sideways / self.stiffness, -STEP_ACROSS, STEP_ACROSS))
+        slack = max((a for a, t in tried if t < 0.0), default=-math.inf)
+        tight = min((a for a, t in tried if t > 0.0), default=math.inf)
+        if slack < tight and math.isfinite(tight - slack) and not slack < there < tight:
+            there = 0.5 * (slack + tight)
+        return max(there, -0.99)
+
+    def _solve(self, strain: float, across: float) -> measure.Observables:
+        strains = np.array([across, strain] if self.axis == WARP else [strain, across])
+        self.progress.load_factor = strain
+        self.relaxation.solve(LoadPoint(np.diag(1.0 + strains), self.scene.wire.reference_temperature))
+        return self.relaxation.mechanics.observe()
+
+    def accept(self) -> None:
+        """Take the state into the load history."""
+        self.relaxation.mechanics.advance_history()
+
+    def restore(self, kept: dict[str, np.ndarray]) -> None:
+        """Return to an earlier state, in the middle of no level."""
+        self.relaxation.restore(kept)
+        self.progress.solving = False
+
+    def level(self, observed: measure.Observables) -> Level:
+        """The values of a state."""
+        strains = np.diag(observed.gradient) - 1.0
+        force = float(self.relaxation.mesh_tension(observed)[self.axis] * (1.0 + strains[1 - self.axis]))
+        axial = float(np.max(observed.axial_strain)) * self.scene.wire.axial_stiffness / self.area
+        fibre = float(measure.stress_extremes(observed)[0])
+        active = float(measure.contacts(observed).active_percent)
+        return Level(float(strains[self.axis]), float(strains[1 - self.axis]), force, axial, fibre, active)
