@@ -2,7 +2,7 @@
 
 A run under tension is refused with friction or yield, whose states depend on the load history: a search would be part of it. Here
 every trial of a level starts from the accepted level before, so that only the accepted strains are history. A level that does not
-converge, or in which the wires tighten too much, is tried again with half the step.
+converge, or in which the wires tighten too much, is tried again with another step.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ FREE = 0.02  # of the tension along the pull: tension across that counts as none
 FLOOR = 0.01  # EI/C^3: tensions below it count as none
 TRIALS = 12  # strains across, a level
 STEP_ACROSS = 0.02  # strain across between two trials, at most
-SMALLEST = 0.15  # of the step of the strain: a level that fails with it ends the pull
+STEPS = (1.0, 0.5, 0.25, 0.12, 1.5)  # of the step of the strain, tried one after the other; the last passes over a jump of loops
+SHORTEST = 3  # of STEPS
 TIGHTER, TIGHT = 1.6, 100e6  # largest factor of the axial stress between two levels beyond so much [Pa]
 
 
@@ -60,7 +61,7 @@ class Pull:
         return math.nan
 
     def force_at(self, axial: float) -> float:
-        """[N/m] force at an axial stress [Pa]: between two levels, or in proportion from the last one on; nan where no wire is taut."""
+        """[N/m] force at an axial stress [Pa], between two levels or in proportion from the last one on; nan without stress."""
         for before, after in zip(self.levels, self.levels[1:], strict=False):
             if after.axial >= axial > before.axial:
                 share = (axial - before.axial) / (after.axial - before.axial)
@@ -79,26 +80,28 @@ def pull(scene: Scene, axis: int, end: float, *, step: float = 0.02, strength: f
     simulation = Simulation(build_model(scene))
     strip = _Strip(simulation, axis)
     levels = [strip.level(simulation.mechanics.observe())]
-    now, ending = step, "end"
+    tried, ending = 0, "end"
     while levels[-1].strain < end - 1e-9:
         if strip.progress.steps > steps:
             ending = "steps"
             break
         before = strip.relaxation.snapshot()
         try:
-            found = strip.advance(levels, min(levels[-1].strain + now, end))
+            found = strip.advance(levels, min(levels[-1].strain + STEPS[tried] * step, end))
         except WarpknitError as error:
-            found, ending = None, type(error).__name__
-        if found is None or (found.axial > TIGHT and found.axial > TIGHTER * max(levels[-1].axial, TIGHT)):
-            if now > SMALLEST * step:
-                strip.restore(before)
-                now, ending = 0.5 * now, "end"
-                continue
-            if found is None:
+            found, failure = None, type(error).__name__
+        else:
+            failure = "no strain across"
+        if found is None or (found.axial > TIGHTER * max(levels[-1].axial, TIGHT) and tried < SHORTEST):
+            strip.restore(before)
+            tried += 1
+            if tried == len(STEPS):
+                ending = failure
                 break
+            continue
         strip.accept()
         levels.append(found)
-        now = min(step, 1.4 * now)
+        tried = max(0, min(tried, SHORTEST) - 1)
         if found.axial > strength:
             ending = "strength"
             break
