@@ -6,7 +6,8 @@ import math
 from functools import cache
 
 import pytest
-from pulled_meshes import CASES, MESHES, Case, pulls_of, scene_of
+from pulled_data import CASES, MESHES, Case
+from pulled_meshes import pulls_of, scene_of
 from strip_bounds import straight_strain, strongest, yarns_across
 from strip_pull import FREE, WARP, WEFT, Level, Pull, pull
 

@@ -13,7 +13,7 @@ from study import COLOURS, new_figure, tidy
 MODELS = ("planar", "spatial")
 SIDES = ("weft", "warp")
 PANELS = (  # title, columns by side, unit of the axis, logarithmic
-    ("tension against strain", "strain_{}", "strain", False),
+    ("tension against strain", "strain_{}", "strain from the lowest tension on", False),
     ("tangent stiffness", "stiffness_{}", "N/m", True),
     ("Poisson's ratio", "poisson_{}", "", False),
     ("active contacts", "active_percent", "%", False),
@@ -34,7 +34,6 @@ def draw(path: Path, rows: Sequence[Any], titles: dict[str, str]) -> None:
                     _draw_band(panel, here, column.format(side), number, model, side)
             against = column.startswith("strain")
             panel.set_title(title, fontsize=9)
-            panel.set_xscale("linear" if against else "log")
             panel.set_yscale("log" if logarithmic else "linear")
             panel.set_xlabel(unit if against else "tension [N/m]", fontsize=8)
             panel.set_ylabel("tension [N/m]" if against else unit, fontsize=8)
@@ -47,9 +46,10 @@ def draw(path: Path, rows: Sequence[Any], titles: dict[str, str]) -> None:
 def _draw_band(panel: Axes, rows: Sequence[Any], column: str, number: int, model: str, side: str) -> None:
     """The base case of a model and the band of all cases."""
     tensions = sorted({row.tension for row in rows})
-    values = {t: [getattr(row, column) for row in rows if row.tension == t] for t in tensions}
-    base = [(row.tension, getattr(row, column)) for row in rows if row.case == "base"]
-    low, high = ([pick(values[t]) for t in tensions] for pick in (np.nanmin, np.nanmax))
+    curves = {case: readings(rows, case, column) for case in {row.case for row in rows}}
+    values = [[curve[tension] for curve in curves.values() if tension in curve] for tension in tensions]
+    low, high = ([pick(of_all) for of_all in values] for pick in (np.nanmin, np.nanmax))
+    base = list(curves["base"].items())
     colour, dash = COLOURS[number], "-" if model == "spatial" else "--"
     label = f"{side} {model}".strip()
     fill = {"color": colour, "alpha": 0.25 if model == "spatial" else 0.12, "lw": 0}
@@ -59,3 +59,10 @@ def _draw_band(panel: Axes, rows: Sequence[Any], column: str, number: int, model
     else:
         panel.fill_between(tensions, low, high, **fill)
         panel.plot([t for t, _ in base], [v for _, v in base], color=colour, ls=dash, label=label)
+
+
+def readings(rows: Sequence[Any], case: str, column: str) -> dict[float, float]:
+    """A reading of a case by tension; strains from the state under the lowest tension on, as a laboratory has them."""
+    found = {row.tension: float(getattr(row, column)) for row in rows if row.case == case}
+    first = found[min(found)] if column.startswith("strain") else 0.0
+    return {tension: value - first for tension, value in found.items()}

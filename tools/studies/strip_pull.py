@@ -11,9 +11,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from loop_set import releases
 
 from warpknit import measure
-from warpknit.errors import WarpknitError
+from warpknit.errors import Diverged, WarpknitError
 from warpknit.measure import tension_scale
 from warpknit.mesh.load_point import LoadPoint
 from warpknit.model import build_model
@@ -77,9 +78,10 @@ def section_area(wire: Wire) -> float:
 
 def pull(scene: Scene, axis: int, end: float, *, step: float = 0.02, strength: float = math.inf, steps: int = 200_000) -> Pull:
     """Pull a periodic tile along an axis to the strain `end`, the axial stress `strength` [Pa] or so many time steps."""
-    simulation = Simulation(build_model(scene))
+    fraction = scene.wire.set_fraction
+    simulation = Simulation(build_model(scene.changed({"wire.set_fraction": 1.0})))
     strip = _Strip(simulation, axis)
-    levels = [strip.level(simulation.mechanics.observe())]
+    levels = [strip.first_level(fraction)]
     tried, ending = 0, "end"
     while levels[-1].strain < end - 1e-9:
         if strip.progress.steps > steps:
@@ -113,13 +115,24 @@ class _Strip:
 
     def __init__(self, simulation: Simulation, axis: int) -> None:
         assert isinstance(simulation.drive, Relaxation)
-        self.relaxation, self.axis = simulation.drive, axis
+        self.simulation, self.relaxation, self.axis = simulation, simulation.drive, axis
         self.scene, self.progress = simulation.model.scene, simulation.progress
         self.floor = FLOOR * tension_scale(simulation.model)
         self.stiffness = 0.0  # [N/m] of the tension across by the strain across
         self.area = section_area(self.scene.wire)
         simulation.mechanics.search()
         self.progress.stage, self.progress.stage_index, self.progress.level = "pull", 1, 1  # not as knitted
+
+    def first_level(self, fraction: float) -> Level:
+        """The mesh at the length as knitted, with its loops set in part."""
+        level = self.level(self.relaxation.mechanics.observe())
+        for _ in releases(self.simulation, fraction):
+            found = self.advance([level], 0.0)
+            if found is None:
+                raise Diverged("no strain across is found as knitted")
+            self.accept()
+            level = found
+        return level
 
     def advance(self, levels: list[Level], strain: float) -> Level | None:
         """The level at a strain along the pull; None where no strain across is found."""
