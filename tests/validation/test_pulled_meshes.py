@@ -17,7 +17,7 @@ from warpknit.scene import Scene
 from warpknit.solve.simulate import Simulation
 
 INCH = 25.4e-3
-HF_1, LF_2 = MESHES[0], MESHES[2]
+HF_1, LF_2 = MESHES[:2]
 ELASTIC = Case("elastic and smooth", {"wire.plastic": False, "contact.friction": 0.0})
 
 

@@ -58,15 +58,15 @@ MESHES = (
         (2.370, 2.220),
     ),
     Mesh(
-        "HF-2", REVERSE_LOCKNIT, MOLYBDENUM | {"diameter": "16 um", "ends": 4}, OF_MOLYBDENUM,
-        {"base": (26, 25), "24 wales": (24, 28), "28 wales": (28, 23)},
-        {"warp": Measured(25e-3, 30.40, 0.11, 0.444, 0.02), "weft": Measured(20e-3, 25.93, 0.02, 1.261, 0.03)},
-        (2.690, 2.220),
-    ),
-    Mesh(
         "LF-2", ATLAS, MOLYBDENUM | {"diameter": "27 um", "ends": 3}, OF_MOLYBDENUM,
         {"base": (26, 30), "25 courses": (26, 25), "40 courses": (26, 40)},
         {"warp": Measured(45e-3, 29.30, 0.07, 0.522, 0.08), "weft": Measured(40e-3, 23.68, 0.03, 0.726, 0.12)},
+    ),
+    Mesh(
+        "HF-2", REVERSE_LOCKNIT, MOLYBDENUM | {"diameter": "16 um", "ends": 4}, OF_MOLYBDENUM,
+        {"base": (26, 25), "24 wales": (24, 28), "28 wales": (28, 24)},
+        {"warp": Measured(25e-3, 30.40, 0.11, 0.444, 0.02), "weft": Measured(20e-3, 25.93, 0.02, 1.261, 0.03)},
+        (2.690, 2.220),
     ),
     Mesh(
         "LF-1", ATLAS, STEEL | {"diameter": "30 um", "ends": 3}, OF_STEEL,

@@ -132,7 +132,7 @@ def pulls_of(mesh: Mesh, *, case: str | None = None, quick: bool = False) -> Ite
         for direction, axis in DIRECTIONS.items():
             begin = time.process_time()
             end = straight_strain(scene, axis) + 0.05
-            pulled = pull(scene, axis, end, step=0.04, strength=mesh.strength[1], steps=50_000 if quick else 100_000)
+            pulled = pull(scene, axis, end, step=0.04, strength=mesh.strength[1], steps=50_000 if quick else 70_000)
             row = row_of(mesh, direction, each.name, scene, pulled, time.process_time() - begin)
             yield row, [LevelRow(mesh.name, direction, each.name, **asdict(level)) for level in pulled.levels]
 
@@ -153,20 +153,18 @@ def main() -> int:
     parser.add_argument("--case", help="renew the rows of this case")
     given = parser.parse_args()
     start_warp()
+    of_pulls, of_levels = table_path(given, "pulled_meshes.csv"), table_path(given, "pulled_meshes_levels.csv")
     rows: list[Row] = []
     levels: list[LevelRow] = []
     for mesh in MESHES[:1] if given.quick else MESHES:
         if given.only in (None, mesh.name):
             for row, found in pulls_of(mesh, case=given.case, quick=given.quick):
-                rows.append(row)
-                levels += found
+                rows, levels = renewed(of_pulls, [row], Row), renewed(of_levels, found, LevelRow)
+                write_rows(of_pulls, rows)
+                write_rows(of_levels, levels)
                 pulled = f"{row.mesh} {row.direction} {row.case}: {row.ending} at {row.last_strain:.3f}, {row.last_force:.0f} N/m"
                 print(f"{pulled}, {row.seconds:.0f} s", flush=True)
-    of_pulls, of_levels = table_path(given, "pulled_meshes.csv"), table_path(given, "pulled_meshes_levels.csv")
-    rows, levels = renewed(of_pulls, rows, Row), renewed(of_levels, levels, LevelRow)
     show_rows(rows)
-    write_rows(of_pulls, rows)
-    write_rows(of_levels, levels)
     draw(picture_path(given, "pulled_meshes.png"), rows, levels, MESHES)
     return 0
 

@@ -121,6 +121,7 @@ class _Strip:
         self.stiffness = 0.0  # [N/m] of the tension across by the strain across
         self.area = section_area(self.scene.wire)
         simulation.mechanics.search()
+        self.relaxation.solve(LoadPoint(np.eye(2), self.scene.wire.reference_temperature))  # wires that overlap as knitted
         self.progress.stage, self.progress.stage_index, self.progress.level = "pull", 1, 1  # not as knitted
 
     def first_level(self, fraction: float) -> Level:
