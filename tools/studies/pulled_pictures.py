@@ -35,7 +35,7 @@ def draw(path: Path, rows: Sequence[Any], levels: Sequence[Any], meshes: Sequenc
         panels[0, column].set_ylabel("force over the width as knitted [N/m]")
         panels[1, column].set_ylabel("force over the width as knitted [N/m]")
     tidy(panels, legend=False)
-    panels[0, 0].legend(frameon=False, fontsize=7, loc="lower right")
+    panels[0, -1].legend(frameon=False, fontsize=7, loc="lower right")
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path)
 
