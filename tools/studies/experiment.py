@@ -185,6 +185,8 @@ def main() -> int:
     parser = new_parser(__doc__)
     add_directory(parser, quick="the base cases at two tensions; under a minute")
     given = parser.parse_args()
+    if given.quick and given.directory is None:
+        parser.error("--quick: give a DIR, as the stored results are those of the whole study")
     start_warp()
     tensions = (1.0, 2.0) if given.quick else TENSIONS
     rows: list[Row] = []

@@ -152,6 +152,8 @@ def main() -> int:
     parser.add_argument("--only", choices=[mesh.name for mesh in MESHES], help="renew the rows of this mesh")
     parser.add_argument("--case", help="renew the rows of this case")
     given = parser.parse_args()
+    if given.quick and given.directory is None:
+        parser.error("--quick: give a DIR, as the stored results are those of the whole study")
     start_warp()
     of_pulls, of_levels = table_path(given, "pulled_meshes.csv"), table_path(given, "pulled_meshes_levels.csv")
     rows: list[Row] = []
