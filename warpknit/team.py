@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import warp as wp
 
@@ -39,6 +40,29 @@ class Team:
         """Begin and number of the share of a part in `count` items."""
         begin, end = count * part // self.threads, count * (part + 1) // self.threads
         return begin, end - begin
+
+
+class SharedLaunches:
+    """Launches that a team repeats, recorded once by name."""
+
+    def __init__(self, team: Team, device: str) -> None:
+        self._team, self._device = team, device
+        self._recorded: dict[str, list[Callable[[], None]]] = {}
+
+    def clear(self) -> None:
+        """Forget all, as their arrays are no longer in use."""
+        self._recorded = {}
+
+    def run(self, name: str, kernel: wp.Kernel, by: str, count: int, *sources: object, threads: int = 1, **named: Any) -> None:
+        """Launch a kernel for `count` items of so many threads each, which the team shares.
+
+        by: name of the argument for the first item of a part; sources and the other arguments as in `bind`, of the first call.
+        """
+        if name not in self._recorded:
+            shares = [self._team.share(count, part) for part in range(self._team.threads)]
+            parts = [bind(kernel, threads * own, *sources, **{by: first}, **named) for first, own in shares]
+            self._recorded[name] = [launch.replay(self._device) for launch in parts if launch.threads]
+        self._team.together(self._recorded[name])
 
 
 class Pace:

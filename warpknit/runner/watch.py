@@ -17,6 +17,8 @@ from .checkpoint import write_checkpoint
 from .interrupts import Interrupted, Interrupts
 
 DISPLAY_INTERVAL = 0.1  # [s]
+# [s] a checkpoint that takes longer, as that of a mesh of millions of nodes, is written less often: in a tenth of the time
+LONG_CHECKPOINT, LONG_SHARE = 1.0, 0.1
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,7 @@ class Watch:
         self._show, self._before_checkpoint = show, before_checkpoint
         self._wall_before = wall_before
         self.begin = self._saved = self._shown = time.perf_counter()
+        self._interval = self._scene.output.checkpoint_interval
         self.interrupts = Interrupts()
         simulation.watch = self._check
 
@@ -71,9 +74,7 @@ class Watch:
 
     def _check(self, progress: Progress) -> None:
         now = time.perf_counter()
-        requests = self._ranks.everyone(
-            (self.interrupts.is_requested, now - self._saved > self._scene.output.checkpoint_interval)
-        )
+        requests = self._ranks.everyone((self.interrupts.is_requested, now - self._saved > self._interval))
         if any(interrupt for interrupt, _ in requests):
             raise Interrupted
         if requests[0][1]:  # by the clock of the first rank
@@ -83,6 +84,9 @@ class Watch:
             self._show(progress)
 
     def _checkpoint(self) -> None:
+        begin = time.perf_counter()
         self._before_checkpoint()
         write_checkpoint(self.out, self.simulation, self._scene.hash, self.wall)
         self._saved = time.perf_counter()
+        if (took := self._saved - begin) > LONG_CHECKPOINT:
+            self._interval = max(self._scene.output.checkpoint_interval, took / LONG_SHARE)

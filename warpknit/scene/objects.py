@@ -408,7 +408,9 @@ class Output(Table):
         None,
         left_out="2, 3.4 and 4.9 N/m, in a run where it reaches them",
     )
-    checkpoint_interval: Time = key("Wall time between checkpoints.", 60.0)
+    checkpoint_interval: Time = key(
+        "Wall time between checkpoints; longer where one takes more than a tenth of it and over a second.", 60.0
+    )
 
 
 SIDES = ("weft", "warp")

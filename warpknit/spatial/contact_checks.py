@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -12,7 +13,7 @@ import warp as wp
 from ..host import fetch
 from ..kernels import contact_checks as k
 from ..kernels import control as c
-from ..launch import bind
+from ..team import SharedLaunches
 from .pair_list import PairList
 from .rest_curve import RestCurve
 from .rod_arrays import TouchArrays
@@ -43,28 +44,24 @@ class ContactChecks:
             "weight_square": wp.float64(curve.weight_square),
             "lever": wp.float64(curve.lever),
         }
-        self._recorded: dict[str, list[Callable[[], None]]] = {}
+        self._launches = SharedLaunches(stepper.team, stepper.device)
         self._lists: tuple[PairList, TouchArrays] | None = None
 
     def use(self, pairs: PairList, touch: TouchArrays) -> None:
         """Read these lists from now on."""
         if self._lists is None or self._lists[0] is not pairs or self._lists[1] is not touch:
-            self._lists, self._recorded = (pairs, touch), {}
+            self._lists = (pairs, touch)
+            self._pairs = SimpleNamespace(**pairs.named("first", "second", "found", "place"))
+            self._launches.clear()
             blocks = math.ceil(touch.capacity / k.CONTACT_BLOCK)
             self._partial = wp.zeros((blocks, k.CONTACT_COLUMNS), dtype=wp.float64, device=self._stepper.device)
 
-    def launch(self, kernel: wp.Kernel, by: str, count: int, *sources: object, **named: object) -> None:
-        """Launch a kernel whose threads share `count` items, from `by` on; its arguments are recorded for the lists in use."""
+    def launch(self, kernel: wp.Kernel, by: str, count: int, *sources: object, **named: Any) -> None:
+        """Launch a kernel whose threads share `count` items, from `by` on, on the lists in use."""
         assert self._lists is not None
-        stepper, (pairs, touch), name = self._stepper, self._lists, kernel.key
-        if name not in self._recorded:
-            arguments = {argument.label for argument in kernel.adj.args}
-            named |= pairs.named(*(x for x in ("first", "second", "found", "place") if f"pair_{x}" in arguments))
-            every = (stepper.arrays, stepper.state, self._wires, touch, *sources)
-            shares = (stepper.team.share(count, part) for part in range(stepper.threads))
-            parts = [bind(kernel, own, *every, **{by: first}, **named) for first, own in shares]
-            self._recorded[name] = [launch.replay(stepper.device) for launch in parts if launch.threads]
-        stepper.team.together(self._recorded[name])
+        stepper, touch = self._stepper, self._lists[1]
+        every = (stepper.arrays, stepper.state, self._wires, touch, self._pairs, *sources)
+        self._launches.run(kernel.key, kernel, by, count, *every, **named)
 
     def sums(self) -> ContactSums:
         """Sums over the contacts with a force in the state last evaluated."""

@@ -43,6 +43,7 @@ MEASURED_TOLERANCE, TOLERANCE_POWER = 1e-2, 0.12
 TENSION_STATES = 6  # times the steps of a level that goes by strain: 4 to 9 at 20 mN/m both ways
 FREE_STATES = 2  # the same of a direction without tension: 0.6 to 8 on tight knits
 GRIPPED = 3.0  # times the steps of a tile
+FROM_SMALLER = 1.4  # the same of a gripped mesh that starts from a smaller one: 775 steps
 FROM_REPEAT = 0.2  # the same of a tile that starts from one repeat: 125 steps
 SMALLER_SHARE = 2.0  # time of a gripped mesh with its smaller meshes over that of its own steps: 1.5 to 3
 HOOKED = 2.0  # the same of two hooked wires
@@ -133,7 +134,7 @@ def spatial_steps(scene: Scene) -> int:
     if scene.hook is not None:
         work *= HOOKED
     elif scene.model.boundary == "gripped":
-        work *= GRIPPED
+        work *= GRIPPED if _smaller(scene) is None else FROM_SMALLER
     elif _smaller(scene) is not None:
         work *= FROM_REPEAT
     if scene.wires is not None:

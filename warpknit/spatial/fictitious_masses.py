@@ -65,7 +65,7 @@ class BandedMasses:
         stepper = self._checks.stepper
         threads = 1 if is_in_place(stepper.device) else ROD_BLOCK
         kind, touches = wp.int32 if threads == 1 else wp.int64, stepper.contact is not None
-        self._checks.launch(
+        self._checks.launches.run(
             f"masses {touches}", find_masses, "first_block", len(stepper.arrays.block_first), stepper.arrays, stepper.state,
             self._checks.arrays, threads=threads, threads_a_block=kind(threads), may_touch=wp.int32(touches), **self._constants,
         )  # fmt: skip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +15,7 @@ from ..kernels.banded_mass import HELD_NODE
 from ..kernels.rod_sums import sum_mass_products
 from ..launch import Launch, bind
 from ..numerics import AXIAL_ERROR, error_ratio
+from ..team import SharedLaunches
 from .check_arrays import check_arrays
 from .rod_step import RodStepper
 
@@ -53,20 +53,7 @@ class RodChecks:
         self._own: dict[str, Any] = {
             "axial_stiffness": wp.float64(rods.section.axial_stiffness), "keeps_arc_length": wp.int32(keeps_arc_length)
         }  # fmt: skip
-        self._recorded: dict[str, list[Callable[[], None]]] = {}
-
-    def launch(self, name: str, kernel: wp.Kernel, by: str, count: int, *sources: object, threads: int = 1, **named: Any) -> None:
-        """Launch a kernel for `count` items of so many threads each, shared by the team; recorded once under `name`.
-
-        by: name of the argument for the first item of a part.
-        """
-        if name not in self._recorded:
-            parts = []
-            for part in range(self.stepper.threads):
-                first, own = self.stepper.team.share(count, part)
-                parts.append(bind(kernel, threads * own, *sources, **{by: first}, **named))
-            self._recorded[name] = [launch.replay(self.stepper.device) for launch in parts if launch.threads]
-        self.stepper.team.together(self._recorded[name])
+        self.launches = SharedLaunches(stepper.team, device)
 
     def sums(self, *, of_mean: bool) -> StateSums:
         """Sums of the state last evaluated; `of_mean`: with the mean unbalanced forces since the last check."""
@@ -74,7 +61,7 @@ class RodChecks:
         unbalanced, name = (state.force_sum, "mean sums") if of_mean else (state.force, "sums")
         sources = (stepper.arrays, state, arrays)
         blocks = len(arrays.partial)
-        self.launch(name, k.sum_states, "first_block", blocks, *sources, unbalanced=unbalanced, **self._own)
+        self.launches.run(name, k.sum_states, "first_block", blocks, *sources, unbalanced=unbalanced, **self._own)
         rows = fetch(arrays.state_partial)
         excess = np.add.reduceat(rows[:, int(k.EXCESS_SUM)], self._block_wire)
         energy = rows[:, int(k.STRETCH_ENERGY)].sum() + rows[:, int(k.BEND_ENERGY)].sum()
@@ -95,12 +82,12 @@ class RodChecks:
         store(arrays.stiffening, stiffening)
         state.write_control({c.MULTIPLIER_RATE: rate})
         sources = (stepper.arrays, state, arrays)
-        self.launch("offsets", k.renew_tension_offsets, "first_node", stepper.rods.node_count, *sources, **self._own)
+        self.launches.run("offsets", k.renew_tension_offsets, "first_node", stepper.rods.node_count, *sources, **self._own)
 
     def motion(self) -> float:
         """[J] motion since the last check times the change of the forces; the motion stands in `last_place`, `last_angle`."""
         stepper, state, arrays = self.stepper, self.stepper.state, self.arrays
-        self.launch(
+        self.launches.run(
             "motion", k.find_motion, "first_block", len(arrays.partial), stepper.arrays, state, arrays, partial=arrays.partial
         )
         return float(fetch(arrays.partial).sum())
@@ -108,7 +95,7 @@ class RodChecks:
     def keep_motion(self) -> None:
         """Keep the state last evaluated for the next `motion`."""
         stepper = self.stepper
-        self.launch("keep", k.keep_motion, "first_node", stepper.rods.node_count, stepper.state, self.arrays)
+        self.launches.run("keep", k.keep_motion, "first_node", stepper.rods.node_count, stepper.state, self.arrays)
 
     def slow_motion(self, share: float) -> None:
         """Reduce all velocities to a share."""
@@ -120,5 +107,5 @@ class RodChecks:
         """[J] v . M v + w . I w of motions (node, 3) and [node], by the masses of the dynamics; `name` of the pair of arrays."""
         stepper, arrays = self.stepper, self.arrays
         sums: dict[str, Any] = {"move": move, "turn": turn, "partial": arrays.partial}
-        self.launch(name, sum_mass_products, "first_block", len(arrays.partial), stepper.arrays, stepper.state, **sums)
+        self.launches.run(name, sum_mass_products, "first_block", len(arrays.partial), stepper.arrays, stepper.state, **sums)
         return float(fetch(arrays.partial).sum())
