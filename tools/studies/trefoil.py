@@ -15,8 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from warpknit.numerics import AXIAL_ERROR
-from warpknit.spatial.contact_multipliers import OVERLAP_ERROR, ContactMultipliers
+from warpknit.spatial.contact_multipliers import ContactMultipliers
 from warpknit.spatial.rod_relaxation import CHECK_STEPS, RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Section, rods_of
@@ -81,23 +80,24 @@ def tightened_trefoil(lengths: Sequence[float], nodes: int) -> Iterator[TrefoilR
             steps += CHECK_STEPS
             stepper.evaluate()
             rest.renew_damping()
-            touching = contact.read_contacts()
-            force = touching.force
+            sums, contacts = rest.sums(of_mean=True), contact.checks.sums()
             ratio = np.inf
-            if len(force):
-                forces = np.linalg.norm(rest.mean_unbalanced_forces(), axis=1)
-                balance = max(float(np.sqrt(np.mean(forces**2))), float(forces.max()) / LOCAL) / force[force > 0.0].mean()
-                ratio = max(balance / TOLERANCE, rest.stretch_error() / AXIAL_ERROR, multipliers.error(touching) / OVERLAP_ERROR)
-            rest.watch_progress(ratio)
+            if contacts.pushing:
+                rms = np.sqrt(sums.unbalanced_square / sums.free_nodes)
+                balance = max(rms, sums.unbalanced_max / LOCAL) / contacts.mean_push
+                ratio = max(balance / TOLERANCE, sums.excess_ratio, multipliers.error_ratio(contacts))
+            rest.watch_progress(ratio, sums.excess_ratio)
             if ratio < 1.0 and check > 8:
                 break
-            rest.renew_multipliers()
-            multipliers.renew(touching, rest.multiplier_rate, loading=False)
+            rest.renew_multipliers(sums)
+            multipliers.renew(contacts, rest.multiplier_rate, loading=False)
             rest.renew_masses()
             rest.keep_motion()
-        unit = STIFFNESS / d**2
+        stepper.evaluate()
+        touching = contact.read_contacts()
+        unit, force = STIFFNESS / d**2, touching.force
         bend = np.linalg.norm(np.asarray(stepper.state.curvature.numpy()), axis=1) / rods.node_length
-        arc = float(np.sum(rods.natural_arc * (1.0 + rest.arc_strain())))
+        arc = float(np.sum(rods.natural_arc * (1.0 + rest.tension() / section.axial_stiffness)))
         yield TrefoilRow(
             nodes, arc / d, 0.5 * float(np.sum(bend**2 * rods.node_length)) * length / (8.0 * np.pi**2),
             float(force.sum()) / unit, float(rest.tension().mean()) / unit, float(bend.max()) * d, len(force),
