@@ -145,7 +145,7 @@ def _criteria(simulation: Simulation) -> dict[str, float]:
     mechanics.stepper.evaluate()
     contacts = mechanics.contact.checks.sums()
     balance = mechanics.residual.measure(mechanics.relaxation.sums(of_mean=False), contacts)
-    return {"balance": balance, "overlap": mechanics.multipliers.error_ratio(contacts)}
+    return {"balance": balance, "overlap": contacts.overlap_max / mechanics.model.rods.section.thickness}
 
 
 def _state(record: Record) -> dict[str, float]:
