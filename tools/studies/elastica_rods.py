@@ -16,6 +16,7 @@ from typing import Any
 
 import elastica as ea
 import numpy as np
+from numba import njit
 from rod_problem import AXIAL, DENSITY, POISSON, RADIUS, YOUNGS_MODULUS, Problem, arcs, frames, load
 
 MEASURED = 0.2  # of a level, at its end: forces are means over it
@@ -26,38 +27,64 @@ class System(ea.BaseSystemCollection, ea.Constraints, ea.Damping, ea.Contact):
 
 
 class Clamps(ea.ConstraintBase):
-    """Holds both end segments of a rod and moves them; a guided end moves freely along y, as one body."""
+    """Holds both end segments of a rod and moves them by the course; a guided end moves freely along y, as one body."""
 
-    def __init__(self, *, guided: np.ndarray, course: Course, wire: int, **given: Any) -> None:
+    def __init__(self, *, guided: np.ndarray, move: np.ndarray, course: np.ndarray, **given: Any) -> None:
+        """guided [end] bool; move (end, 3) [d]; course: share of the move, and its rate."""
         super().__init__(**given)
         rod = self._system
-        self.course, self.wire, self.guided = course, wire, guided
-        self.ends = (np.array([0, 1]), np.array([rod.n_nodes - 2, rod.n_nodes - 1]))
-        self.position = [rod.position_collection[:, nodes].copy() for nodes in self.ends]
-        self.director = [rod.director_collection[..., k].copy() for k in (0, rod.n_elems - 1)]
-        self.shift = [0.0, 0.0]
+        self.course, self.move, self.guided = course, move, guided
+        self.position = rod.position_collection[:, [0, 1, -2, -1]].copy()
+        self.director = rod.director_collection[..., [0, -1]].copy()
 
     def constrain_values(self, system: Any, time: float) -> None:
-        for end, nodes in enumerate(self.ends):
-            placed = self.position[end] + (self.course.share * self.course.move[self.wire, end])[:, None]
-            if self.guided[end]:
-                placed[1] += (system.position_collection[1, nodes] - self.position[end][1]).mean()
-            system.position_collection[:, nodes] = placed
-            system.director_collection[..., 0 if end == 0 else system.n_elems - 1] = self.director[end]
+        place_ends(
+            system.position_collection,
+            system.director_collection,
+            self.position,
+            self.director,
+            self.move,
+            self.guided,
+            self.course,
+        )
 
     def constrain_rates(self, system: Any, time: float) -> None:
-        for end, nodes in enumerate(self.ends):
-            up = system.velocity_collection[1, nodes].mean() if self.guided[end] else 0.0
-            system.velocity_collection[:, nodes] = (self.course.rate * self.course.move[self.wire, end])[:, None]
-            system.velocity_collection[1, nodes] += up
-            system.omega_collection[:, 0 if end == 0 else system.n_elems - 1] = 0.0
+        drive_ends(system.velocity_collection, system.omega_collection, self.move, self.guided, self.course)
 
 
-class Course:
-    """How far the ends have moved: share of their displacement, and its rate."""
+@njit(cache=True)
+def place_ends(
+    position: np.ndarray,
+    director: np.ndarray,
+    first_position: np.ndarray,
+    first_director: np.ndarray,
+    move: np.ndarray,
+    guided: np.ndarray,
+    course: np.ndarray,
+) -> None:
+    for end in range(2):
+        node = 0 if end == 0 else position.shape[1] - 2
+        first = 2 * end
+        risen = 0.5 * (position[1, node] + position[1, node + 1] - first_position[1, first] - first_position[1, first + 1])
+        for k in range(2):
+            for axis in range(3):
+                position[axis, node + k] = first_position[axis, first + k] + course[0] * move[end, axis]
+            if guided[end]:
+                position[1, node + k] = first_position[1, first + k] + risen
+        director[:, :, 0 if end == 0 else director.shape[2] - 1] = first_director[:, :, end]
 
-    def __init__(self, move: np.ndarray) -> None:
-        self.move, self.share, self.rate = move, 0.0, 0.0
+
+@njit(cache=True)
+def drive_ends(velocity: np.ndarray, omega: np.ndarray, move: np.ndarray, guided: np.ndarray, course: np.ndarray) -> None:
+    for end in range(2):
+        node = 0 if end == 0 else velocity.shape[1] - 2
+        rising = 0.5 * (velocity[1, node] + velocity[1, node + 1])
+        for k in range(2):
+            for axis in range(3):
+                velocity[axis, node + k] = course[1] * move[end, axis]
+            if guided[end]:
+                velocity[1, node + k] = rising
+        omega[:, 0 if end == 0 else omega.shape[1] - 1] = 0.0
 
 
 def rod_of(problem: Problem, wire: int) -> Any:
@@ -82,11 +109,11 @@ def rod_of(problem: Problem, wire: int) -> Any:
 def solve(problem: Problem) -> dict[str, Any]:
     """Forces [B/d^2] (level, wire, end, 3) on ends, processor times [s], steps."""
     begin = time.process_time()
-    system, course = System(), Course(problem.move)
+    system, course = System(), np.zeros(2)
     rods = [rod_of(problem, wire) for wire in range(len(problem.lines))]
     for wire, rod in enumerate(rods):
         system.append(rod)
-        system.constrain(rod).using(Clamps, guided=problem.guided[wire], course=course, wire=wire)
+        system.constrain(rod).using(Clamps, guided=problem.guided[wire], move=problem.move[wire], course=course)
         system.dampen(rod).using(ea.AnalyticalLinearDamper, uniform_damping_constant=problem.damping, time_step=problem.time_step)
     contact = {"k": problem.stiffness, "nu": 0.0}
     if len(rods) == 2:
@@ -98,25 +125,25 @@ def solve(problem: Problem) -> dict[str, Any]:
     stepper.step(system, now, dt)  # compiles, or reads what an earlier process compiled
     setup, begin = time.process_time() - begin, time.process_time()
     count, before, steps = int(np.ceil(problem.level_time / dt)), 0.0, 1
-    forces, contact_x, wall = [], [], []
+    forces, speed, cpu = [], [], []
     for share in problem.levels_at():
         total, measured = np.zeros((len(rods), 2, 3)), 0
         for k in range(count):
             into = min(1.0, 2.0 * k / count)
-            course.share = before + (share - before) * into
-            course.rate = 2.0 * (share - before) / (count * dt) if into < 1.0 else 0.0
+            course[0] = before + (share - before) * into
+            course[1] = 2.0 * (share - before) / (count * dt) if into < 1.0 else 0.0
             now = stepper.step(system, now, dt)
             if k >= (1.0 - MEASURED) * count and k % 10 == 0:
                 total += [[end_force(rod, end) for end in (0, 1)] for rod in rods]
                 measured += 1
         steps += count
         forces.append((total / measured).tolist())
-        contact_x.append(float(np.abs(rods[0].velocity_collection).max()))
-        wall.append(time.process_time() - begin)
+        speed.append(float(np.abs(rods[0].velocity_collection).max()))
+        cpu.append(time.process_time() - begin)
         before = share
         if not np.isfinite(total).all():
             break
-    return {"force": forces, "cpu_s": wall, "setup_s": setup, "steps": steps, "speed": contact_x,
+    return {"force": forces, "cpu_s": cpu, "setup_s": setup, "steps": steps, "speed": speed,
             "nodes": [len(problem.nodes(w, True)) for w in range(len(rods))],
             "position": [rod.position_collection.T.tolist() for rod in rods]}  # fmt: skip
 
