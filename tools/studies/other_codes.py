@@ -1,13 +1,13 @@
 """PyElastica and Yade on the same wires as warpknit: one hook in space and one knot, by force, error and processor time.
 
-    python tools/studies/other_codes.py [DIR] [--only hook|knot]     # 10 min, --quick 1
+    python tools/studies/other_codes.py [DIR] [--case hook|knot] [--code CODE]     # 15 min, --quick 1
 
 Each code solves each case (other_cases.py) at several discretizations and, the explicit codes, at several rates. An error is the
 largest over the last two of four levels of the force, over that of a reference: warpknit's two finest runs, extrapolated by the
 square of the spacing for the hook, and the mean of both for the knot. Times are processor times of one core from the assembled
 model to the last level; what compiles or assembles stands apart. Each code runs in turn, the others in processes of their own.
 PyElastica comes with the extra `other-codes`, Yade with the package `yade` of Debian; a code that is absent is left out, and
-says so.
+says so. With --case or --code the other rows of the table stay.
 """
 
 from __future__ import annotations
@@ -20,19 +20,21 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from other_cases import HOOK_MOVE, LEVELS, Numerics, Solved, by_warpknit, knot_shortening, problem_of
 from rod_problem import RADIUS
-from study import COLOURS, add_directory, new_figure, new_parser, picture_path, show_rows, table_path, tidy, write_rows
+from study import COLOURS, add_directory, new_figure, new_parser, picture_path, read_rows, show_rows, table_path, tidy, write_rows
 
 from warpknit.device import start_warp
 from warpknit.errors import Diverged
 
 HERE = Path(__file__).parent
 LONGEST = 300.0  # [s] of a run
+CASES = ("hook", "knot")
 CODES = ("warpknit", "PyElastica", "Yade")
 BOUNDS = (0.10, 0.05, 0.02, 0.01)  # errors of the table of times
 COMPARED = 2  # last levels whose errors count
@@ -48,7 +50,8 @@ LADDER = {
     ],
     ("Yade", "hook"): [
         Numerics(n, periods=q, step=0.5, damping=0.2, stiffness=1.0)
-        for n, q in ((12, 0.5), (24, 0.25), (24, 0.5), (24, 2.0), (48, 0.25), (48, 0.5), (48, 1.0), (48, 2.0), (96, 0.5), (96, 1.0))
+        for n, q in ((12, 0.5), (24, 0.25), (24, 0.5), (24, 2.0), (48, 0.25), (48, 0.5), (48, 1.0), (48, 2.0),
+                     (96, 0.5), (96, 1.0))
     ],
     ("warpknit", "knot"): [Numerics(n, tolerance=5e-3) for n in (64, 90, 120, 134, 180, 250)],
     ("PyElastica", "knot"): [
@@ -141,8 +144,8 @@ def row_of(code: str, case: str, n: Numerics, found: Solved, wanted: np.ndarray)
     error = float(np.abs(found.force / wanted - 1.0)[-COMPARED:].max())
     step = 0.0 if code == "warpknit" else problem_of(code, case, n).time_step
     return Row(
-        case, code, n.segments, found.nodes, n.periods, step, n.damping, n.stiffness, n.tolerance, *map(float, found.force), error,
-        found.steps, float(found.cpu[-1]), found.setup,
+        case, code, n.segments, found.nodes, n.periods, step, n.damping, n.stiffness, n.tolerance, *map(float, found.force),
+        error, found.steps, float(found.cpu[-1]), found.setup,
     )  # fmt: skip
 
 
@@ -201,33 +204,48 @@ def forces_of(row: Row) -> np.ndarray:
 
 
 def study(given: argparse.Namespace) -> None:
-    rows: list[Row] = []
-    for case in (given.only,) if given.only else ("hook", "knot"):
-        wanted = reference(case)
-        rows.append(reference_row(case, wanted))
-        for code in CODES:
-            if not is_here(code):
-                print(f"{code} is not installed: left out")
-                continue
+    table = table_path(given, "other_codes.csv")
+    chosen = [
+        (case, code)
+        for case in CASES
+        for code in ("reference", *CODES)
+        if given.case in (None, case) and given.code in (None, code)
+    ]
+    rows = [row for row in read_rows(table, Row) if (row.case, row.code) not in chosen] if given.case or given.code else []
+    for case, code in chosen:
+        if code == "reference":
+            rows.append(reference_row(case, reference(case)))
+        elif not is_here(code):
+            print(f"{code} is not installed: left out")
+        else:
             ladder = LADDER[code, case]
-            for numerics in ladder[: QUICK[code]] if given.quick else ladder:
-                try:
-                    rows.append(row_of(code, case, numerics, solved(code, case, numerics), wanted))
-                except (Diverged, RuntimeError, subprocess.TimeoutExpired) as error:
-                    print(f"{code}, {case}, {numerics}: {error}", flush=True)
-                    continue
-                show_rows(rows[-1:])
-                write_rows(table_path(given, "other_codes.csv"), rows)
+            wanted = forces_of(next(r for r in rows if (r.case, r.code) == (case, "reference")))
+            rows += runs(code, case, ladder[: QUICK[code]] if given.quick else ladder, wanted)
+        rows.sort(key=lambda r: (CASES.index(r.case), ("reference", *CODES).index(r.code)))
+        write_rows(table, rows)
     show_rows(rows)
     show_times(rows)
-    if not given.only:
+    if {r.case for r in rows} == set(CASES):
         draw(picture_path(given, "other_codes.png"), rows)
+
+
+def runs(code: str, case: str, ladder: list[Numerics], wanted: np.ndarray) -> Iterator[Row]:
+    """Rows of the runs that end with a result."""
+    for numerics in ladder:
+        try:
+            row = row_of(code, case, numerics, solved(code, case, numerics), wanted)
+        except (Diverged, RuntimeError, subprocess.TimeoutExpired) as error:
+            print(f"{code}, {case}, {numerics}: {error}", flush=True)
+            continue
+        print(f"{case} {code} {row.segments} segments, {row.periods:g} periods: {row.error:.2%}, {row.cpu_s:.2f} s", flush=True)
+        yield row
 
 
 if __name__ == "__main__":
     parser = new_parser(__doc__)
     add_directory(parser, "two runs of warpknit, one of each other code")
-    parser.add_argument("--only", choices=("hook", "knot"))
+    parser.add_argument("--case", choices=CASES, help="renew the rows of this case only")
+    parser.add_argument("--code", choices=CODES, help="renew the rows of this code only")
     arguments = parser.parse_args()
     start_warp()
     study(arguments)
