@@ -44,9 +44,14 @@ FINEST = {"hook": (48, 96), "knot": (180, 250)}  # segments of warpknit's refere
 LADDER = {
     ("warpknit", "hook"): [Numerics(n, tolerance=1e-3, softening=64.0) for n in (8, 12, 16, 24, 48, 96)],
     ("PyElastica", "hook"): [
-        Numerics(n, periods=q, step=h, damping=2.0, stiffness=1.0)
-        for n, q, h in ((12, 0.1, 0.05), (12, 0.25, 0.05), (24, 0.1, 0.1), (24, 0.25, 0.1), (24, 0.5, 0.1), (48, 0.1, 0.2),
-                        (48, 0.25, 0.2), (48, 0.5, 0.2), (96, 0.25, 0.25), (96, 0.5, 0.25))
+        Numerics(n, periods=q, step=h, damping=z, stiffness=1.0)
+        for n, h, runs in (
+            (12, 0.05, ((0.1, 2.0), (0.25, 2.0))),
+            (24, 0.1, ((0.1, 2.0), (0.25, 2.0), (0.5, 2.0), (0.5, 4.0))),
+            (48, 0.2, ((0.1, 2.0), (0.25, 2.0), (0.5, 2.0), (0.5, 4.0))),
+            (96, 0.25, ((0.25, 2.0), (0.5, 2.0))),
+        )
+        for q, z in runs
     ],
     ("Yade", "hook"): [
         Numerics(n, periods=q, step=0.5, damping=0.2, stiffness=1.0)
@@ -60,7 +65,7 @@ LADDER = {
     ],
     ("Yade", "knot"): [
         Numerics(n, periods=q, step=0.3, damping=0.2, stiffness=30.0)
-        for n, q in ((64, 0.5), (64, 2.0), (90, 0.5), (90, 2.0), (90, 5.0), (110, 2.0), (128, 0.5), (128, 2.0), (128, 5.0))
+        for n, q in ((64, 0.5), (64, 2.0), (90, 0.5), (90, 2.0), (110, 0.5), (110, 2.0), (128, 0.25), (128, 0.5), (128, 2.0))
     ],
 }  # fmt: skip
 QUICK = {"warpknit": 2, "PyElastica": 1, "Yade": 1}

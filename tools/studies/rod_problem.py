@@ -16,6 +16,7 @@ RADIUS = 0.5
 AXIAL, BENDING, POISSON = 16.0, 1.0, 0.3
 YOUNGS_MODULUS = 64.0 / np.pi
 DENSITY = 4.0 / np.pi
+NEAR = 1e-2  # of a segment, over which tangents are taken
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,14 @@ class Problem:
         along = self.beyond + (np.arange(self.segments + 2) - 0.5 if straddle else np.arange(self.segments + 1)) * step
         arc = arcs(self.lines[wire])
         return np.stack([np.interp(along, arc, x) for x in self.lines[wire].T], axis=1)
+
+    def tangents(self, wire: int) -> np.ndarray:
+        """(node, 3) unit vectors along a line at nodes at the clamps and equally spaced between them."""
+        step = self.length / self.segments
+        along = self.beyond + np.arange(self.segments + 1) * step
+        arc, near = arcs(self.lines[wire]), NEAR * step
+        chord = np.stack([np.interp(along + near, arc, x) - np.interp(along - near, arc, x) for x in self.lines[wire].T], axis=1)
+        return chord / np.linalg.norm(chord, axis=1)[:, None]
 
     def levels_at(self) -> list[float]:
         """Shares of the displacement at the end of each level."""

@@ -2,9 +2,8 @@
 
     PYTHONPATH=tools/studies PROBLEM=problem.npz RESULT=result.json yade -n -x tools/studies/yade_rods.py
 
-Runs in Yade's own Python, with NumPy. A rod that is straight without load is placed straight, its interactions are created, and
-its nodes are moved onto the knot at once, with their sections: bending and twist count from the first orientation. Stiffness,
-masses and inertia of the beams are those that `gridConnection` gives. A clamp is at a node.
+Runs in Yade's own Python, with NumPy. Stiffness, masses and inertia of the beams are those that `gridConnection` gives. A clamp
+is at a node.
 """
 
 from __future__ import annotations
@@ -44,13 +43,29 @@ SAMPLES = 50
 O = Omega()  # noqa: E741
 
 
-def node_frames(points: np.ndarray) -> list[Any]:
-    """Orientation of the section at each node, without twist: the mean of those of its two segments."""
-    tangent = np.diff(points, axis=0)
-    tangent /= np.linalg.norm(tangent, axis=1)[:, None]
-    mean = np.concatenate([tangent[:1], tangent[1:] + tangent[:-1], tangent[-1:]])
-    along = np.concatenate([np.zeros((1, 3)), np.cumsum(mean, axis=0)])
+def node_frames(tangent: np.ndarray) -> list[Any]:
+    """Orientation of the section at each node, without twist, from tangents (node, 3)."""
+    along = np.concatenate([np.zeros((1, 3)), np.cumsum(tangent, axis=0)])
     return [Quaternion(Matrix3(*frame.T.ravel())) for frame in frames(along)]
+
+
+def bend(problem: Problem, wire: int, nodes: list[int]) -> None:
+    """Move a straight rod onto its line at once, with its sections.
+
+    Bending and twist count from the first orientation, so these moments are right; the shear force is summed over steps, and is
+    set to that of the shape: ks times the length times what the mean tangent of two nodes is off their chord.
+    """
+    points, tangent = problem.nodes(wire, straddle=False), problem.tangents(wire)
+    for node, point, turn in zip(nodes, points, node_frames(tangent), strict=True):
+        state = O.bodies[node].state
+        state.pos, state.ori, state.vel, state.angVel = Vector3(*point), turn, Vector3(0, 0, 0), Vector3(0, 0, 0)
+    chord = np.diff(points, axis=0)
+    chord /= np.linalg.norm(chord, axis=1)[:, None]
+    mean = 0.5 * (tangent[1:] + tangent[:-1])
+    off = problem.length / problem.segments * (mean - chord * (mean * chord).sum(axis=1)[:, None])
+    for first, second, shear in zip(nodes, nodes[1:], off):  # noqa: B905
+        beam = O.interactions[first, second].phys
+        beam.shearForce = Vector3(*(beam.ks * shear))
 
 
 def place(problem: Problem) -> list[list[int]]:
@@ -70,7 +85,7 @@ def place(problem: Problem) -> list[list[int]]:
             points = np.arange(len(points))[:, None] * np.array([problem.length / problem.segments, 0.0, 0.0])
         nodes = [O.bodies.append(gridNode(Vector3(*p), RADIUS, fixed=False, material=inner)) for p in points]
         if problem.straight:
-            for node, turn in zip(nodes, node_frames(points), strict=True):
+            for node, turn in zip(nodes, node_frames(np.tile([1.0, 0.0, 0.0], (len(points), 1))), strict=True):
                 O.bodies[node].state.ori = turn
         for first, second in zip(nodes, nodes[1:]):  # noqa: B905
             O.bodies.append(gridConnection(first, second, RADIUS, material=outer))
@@ -99,10 +114,7 @@ def solve(problem: Problem) -> dict[str, Any]:
     O.step()
     if problem.straight:
         for wire, nodes in enumerate(rods):
-            points = problem.nodes(wire, straddle=False)
-            for node, point, turn in zip(nodes, points, node_frames(points), strict=True):
-                O.bodies[node].state.pos, O.bodies[node].state.ori = Vector3(*point), turn
-                O.bodies[node].state.vel = O.bodies[node].state.angVel = Vector3(0, 0, 0)
+            bend(problem, wire, nodes)
     for wire, nodes in enumerate(rods):
         for end, node in enumerate((nodes[0], nodes[-1])):
             O.bodies[node].state.blockedDOFs = "xzXYZ" if problem.guided[wire, end] else "xyzXYZ"
