@@ -23,10 +23,11 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from other_cases import HOOK_MOVE, LEVELS, Numerics, Solved, by_warpknit, knot_shortening, problem_of
-from rod_problem import RADIUS
+from rod_problem import RADIUS, Problem
 from study import COLOURS, add_directory, new_figure, new_parser, picture_path, read_rows, show_rows, table_path, tidy, write_rows
 
 from warpknit.device import start_warp
@@ -101,11 +102,11 @@ def is_here(code: str) -> bool:
     return code == "warpknit" or shutil.which("yade") is not None
 
 
-def by_other(code: str, case: str, numerics: Numerics) -> Solved:
-    """The case by PyElastica or Yade, in a process of its own. Raises `RuntimeError` where it ends without a result."""
+def result_of(code: str, problem: Problem) -> dict[str, Any]:
+    """What PyElastica or Yade makes of a problem, in a process of its own. Raises `RuntimeError` where there is no result."""
     with tempfile.TemporaryDirectory() as folder:
         given, found = Path(folder) / "problem.npz", Path(folder) / "result.json"
-        problem_of(code, case, numerics).save(given)
+        problem.save(given)
         environment = os.environ | {"OMP_NUM_THREADS": "1"}
         if code == "PyElastica":
             command = [sys.executable, str(HERE / "elastica_rods.py"), str(given), str(found)]
@@ -115,11 +116,15 @@ def by_other(code: str, case: str, numerics: Numerics) -> Solved:
         done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=2.0 * LONGEST, check=False)
         if not found.exists():
             raise RuntimeError(f"{code}: {(done.stdout + done.stderr).strip()[-300:]}")
-        result = json.loads(found.read_text(encoding="utf-8"))
-    return solved_of(case, result)
+        return json.loads(found.read_text(encoding="utf-8"))
 
 
-def solved_of(case: str, result: dict) -> Solved:
+def by_other(code: str, case: str, numerics: Numerics) -> Solved:
+    """The case by PyElastica or Yade."""
+    return solved_of(case, result_of(code, problem_of(code, case, numerics)))
+
+
+def solved_of(case: str, result: dict[str, Any]) -> Solved:
     """Forces of levels behind the first relaxation: of the contact on one wire (hook), of the pull (knot)."""
     ends = np.array(result["force"])
     if case == "hook":
@@ -159,9 +164,13 @@ def reference_row(case: str, wanted: np.ndarray) -> Row:
 
 
 def time_to(rows: list[Row], case: str, code: str, bound: float) -> Row | None:
-    """The cheapest run of a code within an error; None where there is none."""
-    within = [r for r in rows if (r.case, r.code) == (case, code) and r.error <= bound]
-    return min(within, key=lambda r: r.cpu_s, default=None)
+    """The cheapest run of a code within an error that finer and slower runs keep; None where there is none."""
+    own = [r for r in rows if (r.case, r.code) == (case, code)]
+
+    def keeps(r: Row) -> bool:
+        return all(o.error <= bound for o in own if o.segments >= r.segments and o.periods >= r.periods)
+
+    return min((r for r in own if keeps(r)), key=lambda r: r.cpu_s, default=None)
 
 
 def show_times(rows: list[Row]) -> None:
