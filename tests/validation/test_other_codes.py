@@ -128,6 +128,18 @@ def test_yade_agrees_on_a_hook() -> None:
 # --- the page ---------------------------------------------------------------------------------------------------------
 
 
+def test_a_time_counts_only_where_finer_and_slower_runs_keep_the_error() -> None:
+    def run(segments: int, periods: float, error: float, cpu: float) -> Row:
+        return Row("hook", "Yade", segments, 0, periods, *(0.0,) * 8, error, 0, cpu, 0.0)
+
+    lucky, slow, fine, both = run(8, 1.0, 0.01, 1.0), run(8, 2.0, 0.09, 2.0), run(16, 1.0, 0.03, 3.0), run(16, 2.0, 0.02, 4.0)
+    rows = [lucky, slow, fine, both]
+    assert time_to(rows, "hook", "Yade", 0.10) == lucky
+    assert time_to(rows, "hook", "Yade", 0.05) == fine
+    assert time_to(rows, "hook", "Yade", 0.02) == both
+    assert time_to(rows, "hook", "Yade", 0.01) is None
+
+
 def test_the_page_has_the_times_of_the_table() -> None:
     """The cheapest run of each code within each error, and where there is none."""
     rows, text = read_rows(RESULTS / "other_codes.csv", Row), PAGE.read_text(encoding="utf-8")

@@ -62,6 +62,7 @@ def place_ends(
     guided: np.ndarray,
     course: np.ndarray,
 ) -> None:
+    """Write positions and sections of both end segments, from those at first and the share of their move."""
     for end in range(2):
         node = 0 if end == 0 else position.shape[1] - 2
         first = 2 * end
@@ -76,6 +77,7 @@ def place_ends(
 
 @njit(cache=True)
 def drive_ends(velocity: np.ndarray, omega: np.ndarray, move: np.ndarray, guided: np.ndarray, course: np.ndarray) -> None:
+    """Write velocities of both end segments, which do not turn."""
     for end in range(2):
         node = 0 if end == 0 else velocity.shape[1] - 2
         rising = 0.5 * (velocity[1, node] + velocity[1, node + 1])

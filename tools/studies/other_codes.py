@@ -204,9 +204,10 @@ def draw(path: Path, rows: list[Row]) -> None:
             force.plot(x, scale * forces_of(best), color=colour, marker=marker, linestyle="", alpha=0.8, label=label)
         for bound in (1.0, 2.0, 5.0):
             speed.axhline(bound, color="#999999", linewidth=0.8, linestyle=":")
-        speed.set(
-            xscale="log", yscale="log", xlabel="processor time [s]", ylabel="error of the force [%]", title=f"{case}: each run"
-        )
+        speed.set(xscale="log", yscale="log", xlabel="processor time [s]", ylabel="error of the force [%]", xlim=(0.1, 300.0))
+        speed.set(xticks=(0.1, 1.0, 10.0, 100.0), yticks=(0.1, 1.0, 10.0), ylim=(0.02, 50.0), title=f"{case}: each run")
+        for axis in (speed.xaxis, speed.yaxis):
+            axis.set_major_formatter("{x:g}")
     panels[0, 1].set(xlabel="displacement [mm]", ylabel="contact force [0.001 B/d²]", title="hook: least error of each code")
     panels[1, 1].set(xlabel="loop radius [h]", ylabel="pull F R²/B [-]", title="knot: least error of each code")
     tidy(panels)
