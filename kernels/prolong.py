@@ -2,10 +2,11 @@
 
 Both meshes are copies of one repeat. A node at rest position X of the large mesh takes its values from the same node of the
 repeat on the small mesh, moved by a shift that depends on X: none within `rim` repeats of an edge, counted from that edge,
-and linear in between, so that edges and corners are copied and the interior is stretched. Shifts are in general not integer:
-values are interpolated between the four repeats around. Stretching reduces gradients, so each repeat is less strained than its
-source: the response of a repeat to that difference is subtracted. A launch adds the change of one field: a displacement, a
-tension, a multiplier.
+and linear in between, so that edges and corners are copied and the interior is stretched. Where it begins, its slope grows over
+some repeats: wires that touch lie up to a repeat apart at rest, and would overlap where the slope jumps. Shifts are in general
+not integer: values are interpolated between the four repeats around. Stretching reduces gradients, so each repeat is less
+strained than its source: the response of a repeat to that difference is subtracted. A launch adds the change of one field: a
+displacement, a tension, a multiplier.
 
 A mesh cut along another outline starts from one repeat of endless cloth, whose change is tapered towards the clamps.
 
@@ -18,6 +19,8 @@ A mesh cut along another outline starts from one repeat of endless cloth, whose 
 from typing import Any
 
 import warp as wp
+
+MAX_BLEND = wp.constant(wp.float64(3.0))  # repeats over which the shift begins to change with the place
 
 
 @wp.struct
@@ -43,19 +46,39 @@ def index_on_small(index: int, offset: int, small: int, periodic: int) -> int:
 
 
 @wp.func
+def blend_of(small: int, rim: int) -> wp.float64:
+    """Repeats over which the shift begins and ends to change."""
+    return wp.clamp(wp.float64(0.5) * wp.float64(small - 2 * rim), wp.float64(1.0), MAX_BLEND)
+
+
+@wp.func
+def share_along(place: wp.float64, large: int, small: int, rim: int) -> wp.float64:
+    """Share 0 .. 1 of the shift that is left out, of a place counted from the edge at which the shift is 0: a line with a
+    parabola at its beginning."""
+    blend = blend_of(small, rim)
+    t = wp.max(place - wp.float64(rim), wp.float64(0.0))
+    begun = wp.min(t, blend)
+    inner = wp.max(wp.float64(large - 2 * rim) - blend, wp.float64(1.0))
+    return (t - begun + wp.float64(0.5) * begun * begun / blend) / inner
+
+
+@wp.func
 def shift_along(place: wp.float64, large: int, small: int, rim: int, periodic: int) -> wp.float64:
     if periodic != 0:
         return wp.float64(0.0)
-    inner = wp.float64(large - 2 * rim)
-    share = wp.clamp((place - wp.float64(rim)) / wp.max(inner, wp.float64(1.0)), wp.float64(0.0), wp.float64(1.0))
-    return -share * wp.float64(large - small)
+    if place <= wp.float64(0.5) * wp.float64(large):
+        return -share_along(place, large, small, rim) * wp.float64(large - small)
+    return (share_along(wp.float64(large) - place, large, small, rim) - wp.float64(1.0)) * wp.float64(large - small)
 
 
 @wp.func
 def slope_along(place: wp.float64, large: int, small: int, rim: int, periodic: int) -> wp.float64:
-    if periodic != 0 or place <= wp.float64(rim) or place >= wp.float64(large - rim):
+    from_edge = wp.min(place, wp.float64(large) - place) - wp.float64(rim)
+    if periodic != 0 or from_edge <= wp.float64(0.0):
         return wp.float64(0.0)
-    return -wp.float64(large - small) / wp.max(wp.float64(large - 2 * rim), wp.float64(1.0))
+    blend = blend_of(small, rim)
+    inner = wp.max(wp.float64(large - 2 * rim) - blend, wp.float64(1.0))
+    return -wp.min(from_edge / blend, wp.float64(1.0)) * wp.float64(large - small) / inner
 
 
 @wp.func
