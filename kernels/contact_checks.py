@@ -84,9 +84,9 @@ _BOUND = (
         "CONTACT\n",
         r"""if (push == 0 && !(overlap > -distance)) continue;
                     const int one = pair_first.data[pair], other = pair_second.data[pair];
-                    const double* weight = (const double*)(slope_weight.data + segment);
-                    const double* of_one = (const double*)(slope_weight.data + one);
-                    const double* of_other = (const double*)(slope_weight.data + other);
+                    const double* weight = (const double*)(slope_weight.data + rest_row.data[segment]);
+                    const double* of_one = (const double*)(slope_weight.data + rest_row.data[one]);
+                    const double* of_other = (const double*)(slope_weight.data + rest_row.data[other]);
                     const double* normal = (const double*)(touch_normal.data + PLACES * touch + a);
                     const double here = contact_penalty.data[one], there = contact_penalty.data[other];
                     const double next_here = contact_penalty.data[following.data[one]];
@@ -194,6 +194,7 @@ def contact_bound_at(
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
     natural_length: wp.array(dtype=wp.float64),
+    rest_row: wp.array(dtype=wp.int32),
     slope_weight: wp.array(dtype=wp.vec4d),
     thickness: wp.float64,
     weight_square: wp.float64,
@@ -253,6 +254,7 @@ def bound_contact_stiffness(
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
     natural_length: wp.array(dtype=wp.float64),
+    rest_row: wp.array(dtype=wp.int32),
     slope_weight: wp.array(dtype=wp.vec4d),
     thickness: wp.float64,
     weight_square: wp.float64,
@@ -276,8 +278,8 @@ def bound_contact_stiffness(
 ):
     """A thread a node."""
     contact_bound_at(
-        first_node + wp.tid(), previous, following, natural_length, slope_weight, thickness, weight_square, lever, control,
-        touch_first_start, touch_second_start, touch_of_second, touch_pair, pair_first, pair_second, pair_found,
+        first_node + wp.tid(), previous, following, natural_length, rest_row, slope_weight, thickness, weight_square, lever,
+        control, touch_first_start, touch_second_start, touch_of_second, touch_pair, pair_first, pair_second, pair_found,
         pair_place, touch_overlap, touch_normal_force, touch_normal, contact_penalty, sweep,
     )  # fmt: skip
 

@@ -77,6 +77,7 @@ def mark_near_pairs(
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
     node_radius: wp.array(dtype=wp.float64),
+    rest_row: wp.array(dtype=wp.int32),
     rest_bulge: wp.array(dtype=wp.float64),
     slope_weight: wp.array(dtype=wp.vec4d),
     contact_offset: wp.array(dtype=wp.float64),
@@ -107,9 +108,11 @@ def mark_near_pairs(
             q = q + wp.matrix_from_rows(shift, shift, shift, shift)
             chords = closest_on_chords(row(p, 1), row(p, 2), row(q, 1), row(q, 2))
             length_factor = control[LENGTH_FACTOR]
-            bound = least_distance(
-                p, q, chords, length_factor * rest_bulge[i], length_factor * rest_bulge[j], slope_weight[i], slope_weight[j]
-            )
+            of_p = rest_row[i]
+            of_q = rest_row[j]
+            bulge_p = length_factor * rest_bulge[of_p]
+            bulge_q = length_factor * rest_bulge[of_q]
+            bound = least_distance(p, q, chords, bulge_p, bulge_q, slope_weight[of_p], slope_weight[of_q])
             bound = bound - length_factor * (node_radius[i] + node_radius[j])
             pair_wake_travel[pair] = wp.max(pair_wake_travel[pair], travel + bound / CLOSING_RATE)
             gap = wp.max(gap, bound - offset)
@@ -136,6 +139,7 @@ def find_closest_places(
     following: wp.array(dtype=wp.int32),
     node_radius: wp.array(dtype=wp.float64),
     natural_length: wp.array(dtype=wp.float64),
+    rest_row: wp.array(dtype=wp.int32),
     rest_slope: wp.array(dtype=wp.vec2d),
     rest_bump: wp.array(dtype=Bump),
     rest_bulge: wp.array(dtype=wp.float64),
@@ -160,8 +164,8 @@ def find_closest_places(
         return
     for touch in range(first_of_part(touch_count, part, parts) + wp.tid(), first_of_part(touch_count, part + 1, parts), threads):
         prefetch_pair(touch, threads, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
-                      previous, following, node_radius, natural_length, rest_slope, rest_bump, slope_weight, contact_offset,
-                      position, length, tangent, director)  # fmt: skip
+                      previous, following, node_radius, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
+                      contact_offset, position, length, tangent, director)  # fmt: skip
         pair = touch_pair[touch]
         is_running = control[STATUS] == STATUS_RUNNING
         travel = control[TRAVEL]
@@ -181,18 +185,24 @@ def find_closest_places(
         q = q + wp.matrix_from_rows(shift, shift, shift, shift)
         length_factor = control[LENGTH_FACTOR]
         contact_distance = length_factor * (node_radius[i] + node_radius[j]) + offset
-        weight_p = slope_weight[i]
-        weight_q = slope_weight[j]
+        of_p = rest_row[i]
+        of_q = rest_row[j]
+        weight_p = slope_weight[of_p]
+        weight_q = slope_weight[of_q]
         gap = wp.float64(0.0)
         if found <= NOT_NEAR:  # wires that touched may still do so
             chords = closest_on_chords(row(p, 1), row(p, 2), row(q, 1), row(q, 2))
-            gap = least_distance(p, q, chords, length_factor * rest_bulge[i], length_factor * rest_bulge[j], weight_p, weight_q)
+            bulge_p = length_factor * rest_bulge[of_p]
+            bulge_q = length_factor * rest_bulge[of_q]
+            gap = least_distance(p, q, chords, bulge_p, bulge_q, weight_p, weight_q)
             gap = gap - contact_distance
             if gap > evaluated_gap:
                 pair_wake_travel[pair] = travel + (gap + offset) / CLOSING_RATE
                 continue
-        shape_p = rest_shape(i, previous, following, natural_length, rest_slope, rest_bump, slope_weight, tangent, director)
-        shape_q = rest_shape(j, previous, following, natural_length, rest_slope, rest_bump, slope_weight, tangent, director)
+        shape_p = rest_shape(i, previous, following, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
+                             tangent, director)  # fmt: skip
+        shape_q = rest_shape(j, previous, following, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
+                             tangent, director)  # fmt: skip
         curve_p = curve_through(p, length_factor * shape_p, weight_p)
         curve_q = curve_through(q, length_factor * shape_q, weight_q)
         one = wp.vec2d()

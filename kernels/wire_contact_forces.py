@@ -99,6 +99,7 @@ def find_contact_forces(
     node_wire: wp.array(dtype=wp.int32),
     node_radius: wp.array(dtype=wp.float64),
     wire_period: wp.array(dtype=wp.vec3d),
+    rest_row: wp.array(dtype=wp.int32),
     rest_slope: wp.array(dtype=wp.vec2d),
     rest_bump: wp.array(dtype=Bump),
     slope_weight: wp.array(dtype=wp.vec4d),
@@ -138,8 +139,8 @@ def find_contact_forces(
         return
     for touch in range(first_of_part(touch_count, part, parts) + wp.tid(), first_of_part(touch_count, part + 1, parts), threads):
         prefetch_pair(touch, threads, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
-                      previous, following, node_radius, natural_length, rest_slope, rest_bump, slope_weight, contact_offset,
-                      position, length, tangent, director)  # fmt: skip
+                      previous, following, node_radius, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
+                      contact_offset, position, length, tangent, director)  # fmt: skip
         touch_loaded[touch] = 0
         pair = touch_pair[touch]
         found = pair_found[pair]
@@ -156,12 +157,14 @@ def find_contact_forces(
         q = q + wp.matrix_from_rows(offset, offset, offset, offset)
         length_factor = control[LENGTH_FACTOR]
         contact_distance = length_factor * (node_radius[i] + node_radius[j])
-        shape_p = rest_shape(i, previous, following, natural_length, rest_slope, rest_bump, slope_weight, tangent, director)
-        shape_q = rest_shape(j, previous, following, natural_length, rest_slope, rest_bump, slope_weight, tangent, director)
+        shape_p = rest_shape(i, previous, following, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
+                             tangent, director)  # fmt: skip
+        shape_q = rest_shape(j, previous, following, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
+                             tangent, director)  # fmt: skip
         shape_p = length_factor * shape_p
         shape_q = length_factor * shape_q
-        curve_p = curve_through(p, shape_p, slope_weight[i])
-        curve_q = curve_through(q, shape_q, slope_weight[j])
+        curve_p = curve_through(p, shape_p, slope_weight[rest_row[i]])
+        curve_q = curve_through(q, shape_q, slope_weight[rest_row[j]])
         separation = pair_arc_separation[pair]
         is_same = separation != NO_COMMON_WIRE
         is_running = control[STATUS] == STATUS_RUNNING
@@ -225,8 +228,8 @@ def find_contact_forces(
             touch_normal[k] = n
             if overlap <= zero:
                 continue
-            w = node_weights(s, slope_weight[i])
-            v = node_weights(t, slope_weight[j])
+            w = node_weights(s, slope_weight[rest_row[i]])
+            v = node_weights(t, slope_weight[rest_row[j]])
             levers_p = section_offsets(shape_p, s)
             levers_q = section_offsets(shape_q, t)
             penalty_p = between(contact_penalty[i], contact_penalty[next_i], s)

@@ -86,25 +86,28 @@ def rest_shape(
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
     natural_length: wp.array(dtype=wp.float64),
+    rest_row: wp.array(dtype=wp.int32),
     rest_slope: wp.array(dtype=wp.vec2d),
     rest_bump: wp.array(dtype=Bump),
     slope_weight: wp.array(dtype=wp.vec4d),
     tangent: wp.array(dtype=wp.vec3d),
     director: wp.array(dtype=wp.vec3d),
 ) -> Shape:
-    """[m] rest-shape offsets m L A and B of the curve of segment i, as rows."""
+    """[m] rest-shape offsets m L A and B of the curve of segment i, as rows; `rest_row` [node] is the row of its rest data, which
+    wires of one shape share."""
     own = director[i]
     t = tangent[i]
-    m = slope_weight[i]
+    here = rest_row[i]
+    m = slope_weight[here]
     length = natural_length[i]
-    a = rest_slope[i]
-    b = rest_bump[i]
+    a = rest_slope[here]
+    b = rest_bump[here]
     zero = wp.vec3d()
     before = previous[i]
     if before >= 0:
         zero = (m[0] * natural_length[before]) * section_vector(director[before], tangent[before], a[0], a[1])
     after = following[i]
-    next_a = rest_slope[after]
+    next_a = rest_slope[rest_row[after]]
     three = wp.vec3d()
     if following[after] >= 0:
         three = (m[3] * natural_length[after]) * section_vector(director[after], tangent[after], next_a[0], next_a[1])

@@ -144,6 +144,7 @@ def find_segment_pairs(
     node_wire: wp.array(dtype=wp.int32),
     node_arc: wp.array(dtype=wp.float64),
     node_radius: wp.array(dtype=wp.float64),
+    rest_row: wp.array(dtype=wp.int32),
     rest_bulge: wp.array(dtype=wp.float64),
     slope_weight: wp.array(dtype=wp.vec4d),
     wire_closed: wp.array(dtype=wp.int32),
@@ -183,7 +184,7 @@ def find_segment_pairs(
     p1 = row(p, 1)
     p2 = row(p, 2)
     length_factor = control[LENGTH_FACTOR]
-    bulge = sag(p, length_factor * rest_bulge[i], slope_weight[i])
+    bulge = sag(p, length_factor * rest_bulge[rest_row[i]], slope_weight[rest_row[i]])
     zero = wp.float64(0.0)
     half = wp.float64(0.5)
     middle = half * (p1 + p2)
@@ -234,7 +235,7 @@ def find_segment_pairs(
             if gap > search_distance + max_sag * length[j]:
                 continue
             q = stencil(j, previous, following, position, length, tangent)
-            gap -= sag(q, length_factor * rest_bulge[j], slope_weight[j])
+            gap -= sag(q, length_factor * rest_bulge[rest_row[j]], slope_weight[rest_row[j]])
             if gap > search_distance:
                 continue
             if is_filling != 0:

@@ -36,9 +36,10 @@ _PREFETCH = r"""
             __builtin_prefetch(natural_length.data + i);
             __builtin_prefetch(contact_offset.data + i);
             __builtin_prefetch(node_radius.data + i);
-            __builtin_prefetch(rest_slope.data + i);
-            __builtin_prefetch(rest_bump.data + i);
-            __builtin_prefetch(slope_weight.data + i);
+            const int row = rest_row.data[i];
+            __builtin_prefetch(rest_slope.data + row);
+            __builtin_prefetch(rest_bump.data + row);
+            __builtin_prefetch(slope_weight.data + row);
         }
     }
 #endif
@@ -62,6 +63,7 @@ def prefetch_pair(
     following: wp.array(dtype=wp.int32),
     node_radius: wp.array(dtype=wp.float64),
     natural_length: wp.array(dtype=wp.float64),
+    rest_row: wp.array(dtype=wp.int32),
     rest_slope: wp.array(dtype=wp.vec2d),
     rest_bump: wp.array(dtype=Bump),
     slope_weight: wp.array(dtype=wp.vec4d),

@@ -46,12 +46,13 @@ def along_centre_line(rods: Rods, line: CentreLine) -> Rods:
 
 @dataclass(frozen=True)
 class RestCurve:
-    """Arrays [node], those of segments too."""
+    """Arrays [row], those of segments too: wires of one shape share their rows."""
 
-    slope: np.ndarray  # (node, 2) correction of the direction at a node, along the directors of the sections there
-    slope_weight: np.ndarray  # (node, 4) weights of the edges in the slopes at both ends of a segment
+    row: np.ndarray  # [node] int32, row of a node and of the segment behind it
+    slope: np.ndarray  # (row, 2) correction of the direction at a node, along the directors of the sections there
+    slope_weight: np.ndarray  # (row, 4) weights of the edges in the slopes at both ends of a segment
     length: np.ndarray  # [m] of the segments, by which slopes are multiplied
-    bump: np.ndarray  # (node, 2 BUMPS) [m] along the directors of a segment: two of s^2 (1 - s)^2, two of s^3 (1 - s)^2 ..
+    bump: np.ndarray  # (row, 2 BUMPS) [m] along the directors of a segment: two of s^2 (1 - s)^2, two of s^3 (1 - s)^2 ..
     bulge: np.ndarray  # [m] largest correction of the curve of a segment by both
     fit_error: float  # [m] largest distance of the curve from the centre line
     weight_square: float = 1.0  # largest sum of squared weights of a force on the curve, couples on sections taken as forces
@@ -59,15 +60,14 @@ class RestCurve:
 
     def at_nodes(self, node: np.ndarray) -> RestCurve:
         """The curve of wires whose nodes are copies of these."""
-        arrays = (self.slope, self.slope_weight, self.length, self.bump, self.bulge)
-        slope, slope_weight, length, bump, bulge = (values[node] for values in arrays)
-        return replace(self, slope=slope, slope_weight=slope_weight, length=length, bump=bump, bulge=bulge)
+        return replace(self, row=self.row[node])
 
 
 def catmull_rom(rods: Rods) -> RestCurve:
     """The Catmull-Rom curve: no correction."""
     none = np.zeros(rods.node_count)
     return RestCurve(
+        row=np.arange(rods.node_count, dtype=np.int32),
         slope=np.zeros((rods.node_count, 2)),
         slope_weight=np.full((rods.node_count, 4), 0.5),
         length=rods.natural_length,
@@ -89,8 +89,8 @@ def spatial_curve(
     section = np.stack([director, np.cross(tangent, director)], axis=2)  # (node, 3, 2)
     previous = np.arange(len(position)) - 1
     previous[edges.following[edges.has_segment]] = np.flatnonzero(edges.has_segment)
-    following, m = edges.following, rest.slope_weight[:, :, None]
-    length, slope = length_factor * rest.length[:, None], rest.slope
+    following, m = edges.following, rest.slope_weight[rest.row][:, :, None]
+    length, slope = length_factor * rest.length[rest.row][:, None], rest.slope[rest.row]
 
     def edge_slope(edge: np.ndarray, length: np.ndarray, section: np.ndarray, slope: np.ndarray) -> np.ndarray:
         return edge + length * np.einsum("nac,nc->na", section, slope)
@@ -99,7 +99,7 @@ def spatial_curve(
     begin += m[:, 1] * edge_slope(edges.behind, length, section, slope)
     end = m[:, 2] * edge_slope(edges.behind, length, section, slope[following])
     end += m[:, 3] * edge_slope(edges.behind[following], length[following], section[following], slope[following])
-    bump = np.einsum("nac,npc->npa", length_factor * section, rest.bump.reshape(-1, BUMPS, 2))
+    bump = np.einsum("nac,npc->npa", length_factor * section, rest.bump[rest.row].reshape(-1, BUMPS, 2))
     has, zero = edges.has_segment[:, None], np.zeros(3)
     begin, end, edge = (np.where(has, vector, zero) for vector in (begin, end, edges.behind))
     return WireCurve(edge, begin, end, np.where(has[:, None], bump, zero))
@@ -114,7 +114,7 @@ def rest_place(rods: Rods, curve: RestCurve, node: np.ndarray, place: np.ndarray
     behind = np.where((rods.following[after] >= 0)[:, None], edge[after], here)
     s = place[:, None]
     h10, h01, h11 = s * (1 - s) ** 2, s * s * (3 - 2 * s), s * s * (s - 1)
-    m = curve.slope_weight[node][:, :, None]
+    m = curve.slope_weight[curve.row[node]][:, :, None]
     begin, end = m[:, 0] * before + m[:, 1] * here, m[:, 2] * here + m[:, 3] * behind
     return np.asarray(rods.position[node] + h10 * begin + h01 * here + h11 * end)
 
@@ -135,14 +135,15 @@ def section_offsets(
         d1 = director[section]
         return one[:, :1] * d1 + one[:, 1:] * np.cross(tangent[section], d1)
 
-    length, m = curve.length[:, None], curve.slope_weight[node][:, :, None]
-    first, second, bump = curve.slope[node], curve.slope[after], curve.bump[node]
-    begin = np.where(has_before, m[:, 0] * length[before] * across(before, first), 0.0)
-    end = np.where(has_more, m[:, 3] * length[after] * across(after, second), 0.0)
+    here, there = curve.row[node], curve.row[after]
+    length, m = curve.length[:, None], curve.slope_weight[here][:, :, None]
+    first, second, bump = curve.slope[here], curve.slope[there], curve.bump[here]
+    begin = np.where(has_before, m[:, 0] * length[curve.row[before]] * across(before, first), 0.0)
+    end = np.where(has_more, m[:, 3] * length[there] * across(after, second), 0.0)
     s = place[:, None]
     own = sum(s**k * across(node, bump[:, 2 * k : 2 * k + 2]) for k in range(BUMPS))
     h10, _, h11 = hermite(s)
-    middle = length[node] * (m[:, 1] * h10 * across(node, first) + m[:, 2] * h11 * across(node, second))
+    middle = length[here] * (m[:, 1] * h10 * across(node, first) + m[:, 2] * h11 * across(node, second))
     return np.stack([h10 * begin, middle + (s * (1 - s)) ** 2 * own, h11 * end], axis=1)
 
 
@@ -188,6 +189,7 @@ def fit_rest_curve(rods: Rods, line: CentreLine) -> RestCurve:
         bounds = _weight_bounds(slope, weight, own, length, node, before[node], end)
         weight_square, lever = max(weight_square, bounds[0]), max(lever, bounds[1])
     return RestCurve(
+        row=np.arange(rods.node_count, dtype=np.int32),
         slope=slope,
         slope_weight=weight,
         length=length,
@@ -201,7 +203,7 @@ def fit_rest_curve(rods: Rods, line: CentreLine) -> RestCurve:
 
 def node_weights(curve: RestCurve, node: np.ndarray, place: np.ndarray) -> np.ndarray:
     """(contact, 4) weights of a force at places 0 .. 1 on the segments behind nodes (kernels/wire_curve.py)."""
-    m = curve.slope_weight[node].T
+    m = curve.slope_weight[curve.row[node]].T
     h10, h01, h11 = hermite(place)
     w = -m[0] * h10, 1 - h01 + (m[0] - m[1]) * h10 - m[2] * h11, h01 + m[1] * h10 + (m[2] - m[3]) * h11, m[3] * h11
     return np.stack(w, axis=1)

@@ -33,7 +33,7 @@ def search_cells(rods: Rods, curve: RestCurve) -> SearchCells:
     approach = APPROACH * float(segments.max())
     margin = approach + 2.0 * MAX_OFFSET * rods.section.thickness
     longest = 1.2 * float(segments.max())  # allows for stretch by the load
-    max_sag = MAX_SAG + float((curve.bulge / rods.natural_length).max())
+    max_sag = MAX_SAG + float((curve.bulge / curve.length).max())
     radius = longest * (1.0 + 2.0 * max_sag) + 2.0 * float(rods.wire_radius.max()) + margin
     is_tiled = rods.tile > 0
     count = np.where(is_tiled, np.maximum(np.floor(rods.tile / radius), 1), _free_cells(rods, radius)).astype(int)
