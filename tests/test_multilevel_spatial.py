@@ -81,6 +81,22 @@ def test_start_from_a_smaller_mesh_gives_the_same_answer_in_fewer_steps() -> Non
     assert steps < 0.75 * many
 
 
+def test_a_run_says_which_smaller_mesh_it_solves() -> None:
+    """While the start of a large mesh is made nothing of it is done: the display names the mesh that is solved."""
+    simulation = Simulation(mesh(STRIP, "model.boundary=gripped"))
+    said: list[str] = []
+
+    def watch(progress: Progress) -> None:
+        said.append(simulation.solving)
+        assert bool(simulation.solving) == (progress.checks == 0)
+
+    simulation.watch = watch
+    for _ in simulation.run():
+        pass
+    assert said[0] == "smaller mesh of 8 x 3 repeats 0 % done"
+    assert said[-1] == ""
+
+
 @pytest.mark.parametrize("stop_at", [pytest.param(20, marks=pytest.mark.slow), 50])
 def test_interrupted_start_continues_to_the_same_bits(stop_at: int) -> None:
     """A checkpoint in the smaller mesh or in the large one holds all that the rest of the run depends on."""

@@ -35,8 +35,9 @@ class Progress:
     def stage(self, name: str, *, number: int, of: int) -> None:
         """A stage of the loading begins; stages are numbered from 1."""
 
-    def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None) -> None:
-        """Within the stage: the share of the expected work that is `done`, and of the load that is applied (0 to 1)."""
+    def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
+        """Within the stage: the share of the expected work that is `done`, and of the load that is applied (0 to 1); what is done
+        now, where that is not the whole."""
 
 
 class StageLines(Progress):
@@ -50,16 +51,17 @@ class StageLines(Progress):
         self._begin, self._done_before = time.monotonic(), -1.0
         _log.info("stage %d of %d: %s", number, of, name)
 
-    def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None) -> None:
-        now = time.monotonic()
+    def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
+        clock = time.monotonic()
         if self._done_before < 0.0:  # a stage may go on from a checkpoint
-            self._begin, self._done_before = now, done
-        if now - self._last_line > LINE_INTERVAL:
-            self._last_line = now
+            self._begin, self._done_before = clock, done
+        if clock - self._last_line > LINE_INTERVAL:
+            self._last_line = clock
             rate = "" if node_steps_per_s is None else f", {node_steps_per_s:.2g} node-steps/s"
             gained = done - self._done_before
-            left = f", {duration((now - self._begin) * (1.0 - done) / gained)} left" if gained > 0.0 else ""
-            _log.info("  %.0f %% done, load %.0f %%%s%s", 100 * done, 100 * load_factor, rate, left)
+            left = f", {duration((clock - self._begin) * (1.0 - done) / gained)} left" if gained > 0.0 else ""
+            part = f", {now}" if now else ""
+            _log.info("  %.0f %% done, load %.0f %%%s%s%s", 100 * done, 100 * load_factor, rate, left, part)
 
 
 class Bar(Progress):
@@ -93,10 +95,10 @@ class Bar(Progress):
             self._bar.remove_task(self._task)
         self._task = self._bar.add_task(f"{name} ({number}/{of})", total=1.0, load_factor=0.0, rate="")
 
-    def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None) -> None:
+    def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
         if self._task is None:
             return
-        rate = "" if node_steps_per_s is None else f"{node_steps_per_s:.2g} node-steps/s"
+        rate = now if node_steps_per_s is None else f"{node_steps_per_s:.2g} node-steps/s"
         self._bar.update(self._task, completed=min(max(done, 0.0), 1.0), load_factor=load_factor, rate=rate)
 
 
@@ -115,7 +117,7 @@ class NotebookBar(Progress):
     def stage(self, name: str, *, number: int, of: int) -> None:
         self._text, self._shown = f"{escape(name)} ({number}/{of})", -1.0
 
-    def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None) -> None:
+    def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
         if abs(done - self._shown) >= NOTEBOOK_STEP:
             self._shown = done
             bar = f'<progress value="{done:.3f}" max="1"></progress>'

@@ -234,6 +234,7 @@ class Recorder:
             done=min(1.0, (max(0, records) + progress.level_share) / max(1, self.scene.output.frames)),
             load_factor=progress.load_factor,
             node_steps_per_s=rate,
+            now=self.simulation.solving,
         )
 
     # --- exports ---

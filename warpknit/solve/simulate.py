@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any, cast
 
 import numpy as np
@@ -15,6 +16,7 @@ from ..mesh.smaller import one_repeat, smaller_scene
 from ..model import build_model, initial_state, mechanics_of
 from ..ranks.ranks import One, Ranks
 from ..scene import Scene
+from ..text import percent
 from .drive import Drive
 from .multilevel import MultilevelRelaxation
 from .progress import LoadStart, Progress, Record
@@ -55,6 +57,7 @@ class Simulation:
         self.resumed = progress is not None
         self.progress = progress or Progress()
         self.watch = watch or (lambda _progress: None)
+        self.solving = ""  # which smaller mesh is solved for the start of a large one, and how far it is
         if model.scene.solver.drive == "relax":
             self.drive: Drive = self._relaxation(model, self.state, self.progress, self._cell_of(model))
         else:
@@ -64,7 +67,12 @@ class Simulation:
         progress = self.progress
         return f"<Simulation of {self.model.scene.name}: {progress.records} records, {progress.steps:,} steps>"
 
-    def _watched(self, _progress: Progress) -> None:
+    def _watched(self, progress: Progress, model: Model | None = None) -> None:
+        """The progress of the mesh, or of a smaller one with this model."""
+        self.solving = ""
+        if model is not None and progress is not self.progress:
+            columns, rows = model.scene.knit.repeats
+            self.solving = f"smaller mesh of {columns} x {rows} repeats {percent(progress.level_share, 0)} done"
         self.watch(self.progress)
 
     @property
@@ -105,14 +113,15 @@ class Simulation:
         """A relaxation with its smaller meshes."""
         mechanics = mechanics_of(model, state)
         multilevel = cast(MultilevelMechanics, mechanics)  # used where the model has it
+        watched = partial(self._watched, model=model)
         scene = smaller_scene(model.scene) if model.has_multilevel and model.cloth is not None else None
         if scene is None:
             if cell is None or not model.scene.has_moving_edge:
-                return Relaxation(mechanics, progress, self._watched)
-            return MultilevelRelaxation(multilevel, progress, self._watched, cell=cell)
+                return Relaxation(mechanics, progress, watched)
+            return MultilevelRelaxation(multilevel, progress, watched, cell=cell)
         smaller = build_model(scene, model.device, self._ranks_of(model, scene))
         below = self._relaxation(smaller, initial_state(smaller), Progress(), cell)
-        return MultilevelRelaxation(multilevel, progress, self._watched, smaller=below, cell=cell)
+        return MultilevelRelaxation(multilevel, progress, watched, smaller=below, cell=cell)
 
     @staticmethod
     def _ranks_of(model: Model, smaller: Scene) -> Ranks:
