@@ -12,6 +12,8 @@ from ..wires.overlaps import segment_distances
 from .rest_curve import rest_place
 from .sites import NOWHERE
 
+AT_A_TIME = 2**14  # pairs of segments whose distances are computed at a time
+
 
 def site_places(r: Any) -> np.ndarray:
     """(site, 3) [m] contact point of the two wires of each site, that of the largest force if there are several.
@@ -19,56 +21,86 @@ def site_places(r: Any) -> np.ndarray:
     Without contact, the midpoint between the nearest points of both wires. In the tile in which the first wire is drawn.
     """
     place = np.full((r.sites.count, 3), np.nan)
-    t = r.touching
     site, sign = r.touching_site
-    for number in np.unique(site[site != NOWHERE]):
-        which = np.flatnonzero(site == number)
-        strongest = int(which[np.argmax(t.force[which])])
-        place[number] = _touched(r, strongest, float(sign[strongest]))
-    for number in np.flatnonzero(np.isnan(place[:, 0])):
-        place[number] = _nearest(r, int(number))
+    order = np.lexsort((-r.touching.force, site))
+    order = order[site[order] != NOWHERE]
+    number, first = np.unique(site[order], return_index=True)
+    strongest = order[first]
+    place[number] = _touched(r, strongest, sign[strongest])
+    apart = np.flatnonzero(np.isnan(place[:, 0]))
+    place[apart] = _nearest(r, apart)
     return place
 
 
-def _touched(r: Any, contact: int, sign: float) -> np.ndarray:
-    """(3,) [m] place of a contact; sign: 1 where its first wire is the first wire of the site, else -1."""
+def _touched(r: Any, contact: np.ndarray, sign: np.ndarray) -> np.ndarray:
+    """(contact, 3) [m] places of contacts; sign: 1 where the first wire of one is the first wire of the site, else -1."""
     t = r.touching
-    node, s = (t.first, t.place[:, 0]) if sign > 0.0 else (t.second, t.place[:, 1])
+    side = np.where(sign > 0.0, 0, 1)
+    node = np.where(side == 0, t.first[contact], t.second[contact])
     half = 0.5 * (r.length_factor * r.model.rods.section.thickness - t.overlap[contact])
-    own = r.position[node[contact]] + r.curve.offset(node[contact : contact + 1], s[contact : contact + 1])[0]
-    return np.asarray(own - sign * half * t.normal[contact])
+    own = r.position[node] + r.curve.offset(node, t.place[contact, side])
+    return np.asarray(own - (sign * half)[:, None] * t.normal[contact])
 
 
-def _nearest(r: Any, site: int) -> np.ndarray:
-    """(3,) [m] midpoint between the nearest points of the two wires of a site, within its reach."""
-    lines, shifts = zip(*(_along(r, site, side) for side in (0, 1)), strict=True)
-    shift = r.sites.shift[site].copy()
-    shift[:2] = r.gradient @ shift[:2]
-    a, b = (grid.ravel() for grid in np.meshgrid(np.arange(len(lines[0]) - 1), np.arange(len(lines[1]) - 1)))
-    begin, other = lines[0], lines[1] + shift
-    distance, place_a, place_b = segment_distances(begin[a], begin[a + 1], other[b], other[b + 1])
-    k = int(np.argmin(distance))
-    own = begin[a[k]] + place_a[k] * (begin[a[k] + 1] - begin[a[k]])
-    facing = other[b[k]] + place_b[k] * (other[b[k] + 1] - other[b[k]])
-    return np.asarray(0.5 * (own + facing) - shifts[0][a[k]])
+def _nearest(r: Any, sites: np.ndarray) -> np.ndarray:
+    """(site, 3) [m] midpoints between the nearest points of the two wires of sites, within their reach."""
+    found = np.empty((len(sites), 3))
+    ranges = [_range(r, sites, side) for side in (0, 1)]
+    sizes, kind = np.unique(np.stack([size for _, _, size in ranges], axis=1), axis=0, return_inverse=True)
+    for number, (nodes, others) in enumerate(sizes.tolist()):
+        alike = np.flatnonzero(kind.ravel() == number)
+        for part in np.array_split(alike, -(-len(alike) * nodes * others // AT_A_TIME)):
+            lines, shifts = zip(
+                *(_along(r, sites[part], side, first[part], last[part], size)
+                  for side, (first, last, _), size in zip((0, 1), ranges, (nodes, others), strict=True)),
+                strict=True,
+            )  # fmt: skip
+            found[part] = _between(r, sites[part], lines[0], lines[1], shifts[0])
+    return found
 
 
-def _along(r: Any, site: int, side: int) -> tuple[np.ndarray, np.ndarray]:
-    """(n, 3) [m] nodes of one wire of a site within its reach, and the periodic shift (n, 3) [m] of each."""
+def _between(r: Any, sites: np.ndarray, line: np.ndarray, other: np.ndarray, drawn: np.ndarray) -> np.ndarray:
+    """(site, 3) [m] midpoints between the nearest points of two lines (site, nodes, 3), without the shift of the first one."""
+    shift = r.sites.shift[sites].copy()
+    shift[:, :2] = shift[:, :2] @ r.gradient.T
+    other = other + shift[:, None]
+    a, b = (grid.ravel() for grid in np.meshgrid(np.arange(line.shape[1] - 1), np.arange(other.shape[1] - 1)))
+    ends = (line[:, a], line[:, a + 1], other[:, b], other[:, b + 1])
+    distance, place_a, place_b = (
+        values.reshape(len(sites), len(a)) for values in segment_distances(*(end.reshape(-1, 3) for end in ends))
+    )
+    row, k = np.arange(len(sites)), np.argmin(distance, axis=1)
+    a, b = a[k], b[k]
+    own = line[row, a] + place_a[row, k][:, None] * (line[row, a + 1] - line[row, a])
+    facing = other[row, b] + place_b[row, k][:, None] * (other[row, b + 1] - other[row, b])
+    return np.asarray(0.5 * (own + facing) - drawn[row, a])
+
+
+def _range(r: Any, sites: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """[site] first and last node of one wire of sites within their reach, counted along the wire, and how many, two at least."""
     rods, wires = r.model.rods, r.model.wires
-    wire = int(wires.site_wire[site, side])
-    count, first = int(rods.wire_count[wire]), int(rods.wire_first[wire])
-    seed = wires.site_seed[site, side]
-    number = np.arange(np.floor(seed + wires.site_low[site, side]), np.ceil(seed + wires.site_high[site, side]) + 1).astype(int)
-    if not rods.wire_closed[wire]:
-        number = number[(number >= 0) & (number < count)]
-        if len(number) < 2:
-            number = np.array([max(0, min(round(seed), count - 1) - 1), min(round(seed), count - 1)])
-    turns = number // count if rods.wire_closed[wire] else np.zeros(len(number), dtype=int)
-    closing = np.zeros(3)
-    closing[:2] = r.gradient @ rods.wire_period[wire, :2]
-    shift = turns[:, None] * closing
-    return r.position[first + number - turns * count] + shift, shift
+    wire, seed = wires.site_wire[sites, side], wires.site_seed[sites, side]
+    end, is_closed = rods.wire_count[wire] - 1, rods.wire_closed[wire] != 0
+    first = np.floor(seed + wires.site_low[sites, side]).astype(int)
+    last = np.ceil(seed + wires.site_high[sites, side]).astype(int)
+    first, last = np.where(is_closed, first, np.maximum(first, 0)), np.where(is_closed, last, np.minimum(last, end))
+    is_short = ~is_closed & (last <= first)
+    nearest = np.minimum(np.rint(seed).astype(int), end)
+    first, last = np.where(is_short, np.maximum(nearest - 1, 0), first), np.where(is_short, nearest, last)
+    return first, last, np.maximum(last - first + 1, 2)
+
+
+def _along(r: Any, sites: np.ndarray, side: int, first: np.ndarray, last: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """(site, size, 3) [m] nodes of one wire of sites from the first to the last one, and the periodic shift [m] of each."""
+    rods = r.model.rods
+    wire = r.model.wires.site_wire[sites, side]
+    count = rods.wire_count[wire][:, None]
+    number = np.minimum(first[:, None] + np.arange(size), last[:, None])
+    turns = np.where(rods.wire_closed[wire][:, None] != 0, number // count, 0)
+    closing = np.zeros((len(sites), 3))
+    closing[:, :2] = rods.wire_period[wire, :2] @ r.gradient.T
+    shift = turns[:, :, None] * closing[:, None]
+    return r.position[rods.wire_first[wire][:, None] + number - turns * count] + shift, shift
 
 
 def contact_places(r: Any) -> ContactPlaces:
