@@ -45,12 +45,15 @@ def test_only_a_number_below_one_has_converged(ratio: float, converges: bool, mo
 
 
 def test_progress_counts_decades_to_convergence() -> None:
-    """Of 10,000, 100 and 10 times the tolerance: half and three quarters of the way; a larger ratio takes nothing back."""
+    """Of 10,000, 100 and 10 times the tolerance: half and three quarters of the way; a larger ratio takes nothing back. Next to
+    the tolerance nine tenths, as the drift of the tension has still to be watched."""
     progress = Progress()
     shares = []
     for ratio in (1e4, 1e2, 10.0, 1e3, np.inf, np.nan, 0.5):
         progress.approach(ratio)
         shares.append(progress.level_share)
     assert shares == pytest.approx([0.0, 0.5, 0.75, 0.75, 0.75, 0.75, 0.75])
+    progress.approach(1.001)
+    assert progress.level_share == 0.9
     progress.begin_level()
     assert progress.level_share == 0.0

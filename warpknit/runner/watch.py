@@ -17,8 +17,8 @@ from .checkpoint import write_checkpoint
 from .interrupts import Interrupted, Interrupts
 
 DISPLAY_INTERVAL = 0.1  # [s]
-# [s] a checkpoint that takes longer, as that of a mesh of millions of nodes, is written less often: in a tenth of the time
-LONG_CHECKPOINT, LONG_SHARE = 1.0, 0.1
+# [s] a checkpoint that takes longer, as that of a mesh of millions of nodes, is written less often: in a twentieth of the time
+LONG_CHECKPOINT, LONG_SHARE = 1.0, 0.05
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,8 @@ import numpy as np
 from ..text import short_repr
 from .tension import TensionSearch
 
+MOST_SHARE = 0.9  # of the way to convergence that a level which has not converged is said to be
+
 
 @dataclass(frozen=True)
 class Record:
@@ -92,7 +94,8 @@ class Progress:
         if not 1.0 < ratio < math.inf:
             return
         self.largest_ratio = max(self.largest_ratio, ratio)
-        self.level_share = max(self.level_share, 1.0 - math.log(ratio) / math.log(self.largest_ratio))
+        share = 1.0 - math.log(ratio) / math.log(self.largest_ratio)
+        self.level_share = max(self.level_share, min(share, MOST_SHARE))
 
     def as_dict(self) -> dict[str, Any]:
         return asdict(self)
