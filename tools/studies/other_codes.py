@@ -209,7 +209,8 @@ def draw(path: Path, rows: list[Row]) -> None:
         for axis in (speed.xaxis, speed.yaxis):
             axis.set_major_formatter("{x:g}")
     panels[0, 1].set(xlabel="displacement [mm]", ylabel="contact force [0.001 B/d²]", title="hook: least error of each code")
-    panels[1, 1].set(xlabel="radius of the loop over that of the wire [-]", ylabel="pull F R²/B [-]", title="knot: least error of each code")
+    panels[1, 1].set(ylabel="pull F R²/B [-]", title="knot: least error of each code")
+    panels[1, 1].set(xlabel="radius of the loop over that of the wire [-]")
     tidy(panels)
     panels[1, 0].get_legend().remove()
     figure.savefig(path)
