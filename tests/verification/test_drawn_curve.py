@@ -146,3 +146,29 @@ def test_large_meshes_are_drawn_by_their_nodes():
     assert curve_parts(128, 16) == MOST_PARTS
     assert curve_parts(500, 64) == 2
     assert curve_parts(POINTS_DRAWN, 16) == 1
+
+
+def test_the_mark_of_wires_apart_is_the_middle_of_the_gap_between_them() -> None:
+    """As knitted no wires touch: the mark is as far from the nodes of one wire, joined by lines, as from those of the other, and
+    both together are at most the distance of the two nodes where the wires hook."""
+    model = build_model(
+        load_scene(SCENES / "atlas_cell_spatial.toml", [*LOADED, "model.boundary=gripped", "knit.repeats=[2, 2]"])
+    )
+    reading = next(Simulation(model).run()).observables
+    assert len(reading.touching.force) == 0
+    rods, wires, position = model.rods, model.wires, reading.position
+
+    def distance(point: np.ndarray, wire: int) -> float:
+        nodes = position[rods.wire_first[wire] : rods.wire_first[wire] + rods.wire_count[wire]]
+        along = np.diff(nodes, axis=0)
+        share = np.clip(np.sum((point - nodes[:-1]) * along, axis=1) / np.sum(along**2, axis=1), 0.0, 1.0)
+        return float(np.linalg.norm(nodes[:-1] + share[:, None] * along - point, axis=1).min())
+
+    places = site_places(reading)
+    assert len(places) == len(wires.site_wire) > 30
+    for place, pair, seed in zip(places, wires.site_wire, wires.site_seed, strict=True):
+        one, other = (distance(place, wire) for wire in pair)
+        last = rods.wire_count[pair] - 1
+        ends = position[rods.wire_first[pair] + np.clip(np.rint(seed).astype(int), 0, last)]
+        assert one == pytest.approx(other, rel=1e-9)
+        assert one + other <= (1.0 + 1e-9) * np.linalg.norm(ends[1] - ends[0])
