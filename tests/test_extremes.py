@@ -119,6 +119,21 @@ def test_any_scene_ends_well(table: Table) -> None:
     assert ("did not reach equilibrium" in warnings) == (summary["stop_reason"] == "finished")
 
 
+def test_a_strain_at_the_limit_is_not_compression() -> None:
+    """-0.5 % of a mesh whose grips are turned, whose strain is read with round-off."""
+    table: Table = {
+        "load": {"strain_weft": 0.27275892828694037, "strain_warp": -0.005, "clamp_rotation": 0.5},
+        "model": {"boundary": "gripped", "nodes_per_loop": 20},
+        "solver": {"preset": "draft", "residual_tolerance": 0.003, "max_steps": 10000},
+        "output": {"frames": 2, "usd": False, "figures": False},
+        "wire": {"diameter": 1.558579007631804e-05},
+        "knit": {"wale_spacing": 0.00689013555528354, "course_spacing": 0.004525922582806832, "repeats": [1, 1]},
+    }
+    found = run_of(table)
+    assert found.exit_code == 0
+    assert not any("wrinkle" in warning for warning in found.summary["warnings"])
+
+
 @cache
 def tension_of_base() -> tuple[float, float]:
     return scaled_tension(BASE)

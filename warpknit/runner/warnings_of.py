@@ -17,7 +17,7 @@ from .strength import limit_text, strength_text
 
 STEEP = 0.3  # slope above which its square is not small
 LEVELS_FOLLOWED = 4  # of a stage: with fewer the work is too inaccurate to detect a snap-through
-SHORTER = -0.005  # imposed strain below which a mesh counts as compressed
+SHORTER = -0.005 * (1.0 + 1e-9)  # imposed strain below which a mesh counts as compressed: 0.5 %, beyond round-off
 UNEVEN = 0.25  # relative difference between the median tension of a panel and the mean at its edges
 
 Stages = Sequence[dict[str, Any]]
