@@ -52,14 +52,19 @@ def blend_of(small: int, rim: int) -> wp.float64:
 
 
 @wp.func
+def stretched(large: int, small: int, rim: int) -> wp.float64:
+    """Repeats over which a shift of the full slope grows from nothing to all."""
+    return wp.max(wp.float64(large - 2 * rim) - blend_of(small, rim), wp.float64(1.0))
+
+
+@wp.func
 def share_along(place: wp.float64, large: int, small: int, rim: int) -> wp.float64:
-    """Share 0 .. 1 of the shift that is left out, of a place counted from the edge at which the shift is 0: a line with a
-    parabola at its beginning."""
+    """Share 0 .. 1 of the shift at a place, counted from the edge at which the shift is 0: a line with a parabola at
+    its beginning."""
     blend = blend_of(small, rim)
     t = wp.max(place - wp.float64(rim), wp.float64(0.0))
     begun = wp.min(t, blend)
-    inner = wp.max(wp.float64(large - 2 * rim) - blend, wp.float64(1.0))
-    return (t - begun + wp.float64(0.5) * begun * begun / blend) / inner
+    return (t - begun + wp.float64(0.5) * begun * begun / blend) / stretched(large, small, rim)
 
 
 @wp.func
@@ -76,9 +81,8 @@ def slope_along(place: wp.float64, large: int, small: int, rim: int, periodic: i
     from_edge = wp.min(place, wp.float64(large) - place) - wp.float64(rim)
     if periodic != 0 or from_edge <= wp.float64(0.0):
         return wp.float64(0.0)
-    blend = blend_of(small, rim)
-    inner = wp.max(wp.float64(large - 2 * rim) - blend, wp.float64(1.0))
-    return -wp.min(from_edge / blend, wp.float64(1.0)) * wp.float64(large - small) / inner
+    share = wp.min(from_edge / blend_of(small, rim), wp.float64(1.0))
+    return -share * wp.float64(large - small) / stretched(large, small, rim)
 
 
 @wp.func

@@ -52,14 +52,7 @@ def fit_loop_length(scene: Scene, wanted: float) -> Fitted:
     def missing(factor: float) -> float:
         return knit_scene(scaled(scene, factor)).stitch_length - wanted
 
-    ends = missing(low), missing(high)
-    if not min(ends) <= 0.0 <= max(ends):
-        allowed = f"{at_least(wanted + min(ends), 'm')} to {at_most(wanted + max(ends), 'm')}"
-        raise InputError(
-            f"{scene.path}: --fit-loop-length: given {exact(wanted, 'm')}, allowed: {allowed}"
-            " with these spacings (beyond that, the proportions of knit.loop leave their ranges)"
-        )
-    factor = float(brentq(missing, low, high, xtol=FIT_TOLERANCE / 10))
+    factor = _factor(scene, missing, low, high, wanted)
     return fitted_by(scene, factor, "the wire length per loop", "loop length")
 
 
@@ -99,11 +92,16 @@ def _bar_factor(scene: Scene, bar: int, wanted: float) -> float:
         return run_in(_with_bar(scene, bar, factor), bar) - wanted
 
     low, high = _bounded(scene, scene.knit.bars[bar : bar + 1], lambda factor: _with_bar(scene, bar, factor))
+    return _factor(scene, missing, low, high, wanted, of=f" for bar {bar + 1}")
+
+
+def _factor(scene: Scene, missing: Callable[[float], float], low: float, high: float, wanted: float, of: str = "") -> float:
+    """The factor between `low` and `high` at which no length [m] is `missing` from the wanted one. Raises `InputError`."""
     ends = missing(low), missing(high)
     if not min(ends) <= 0.0 <= max(ends):
         allowed = f"{at_least(wanted + min(ends), 'm')} to {at_most(wanted + max(ends), 'm')}"
         raise InputError(
-            f"{scene.path}: --fit-loop-length: given {exact(wanted, 'm')} for bar {bar + 1}, allowed: {allowed}"
+            f"{scene.path}: --fit-loop-length: given {exact(wanted, 'm')}{of}, allowed: {allowed}"
             " with these spacings (beyond that, the proportions of knit.loop leave their ranges)"
         )
     return float(brentq(missing, low, high, xtol=FIT_TOLERANCE / 10))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -45,17 +45,14 @@ def _touched(r: Any, contact: np.ndarray, sign: np.ndarray) -> np.ndarray:
 def _nearest(r: Any, sites: np.ndarray) -> np.ndarray:
     """(site, 3) [m] midpoints between the nearest points of the two wires of sites, within their reach."""
     found = np.empty((len(sites), 3))
-    ranges = [_range(r, sites, side) for side in (0, 1)]
-    sizes, kind = np.unique(np.stack([size for _, _, size in ranges], axis=1), axis=0, return_inverse=True)
+    one, two = (_range(r, sites, side) for side in (0, 1))
+    sizes, kind = np.unique(np.stack([one.size, two.size], axis=1), axis=0, return_inverse=True)
     for number, (nodes, others) in enumerate(sizes.tolist()):
         alike = np.flatnonzero(kind.ravel() == number)
         for part in np.array_split(alike, -(-len(alike) * nodes * others // AT_A_TIME)):
-            lines, shifts = zip(
-                *(_along(r, sites[part], side, first[part], last[part], size)
-                  for side, (first, last, _), size in zip((0, 1), ranges, (nodes, others), strict=True)),
-                strict=True,
-            )  # fmt: skip
-            found[part] = _between(r, sites[part], lines[0], lines[1], shifts[0])
+            line, drawn = _along(r, sites[part], 0, one.first[part], one.last[part], nodes)
+            other, _ = _along(r, sites[part], 1, two.first[part], two.last[part], others)
+            found[part] = _between(r, sites[part], line, other, drawn)
     return found
 
 
@@ -76,8 +73,15 @@ def _between(r: Any, sites: np.ndarray, line: np.ndarray, other: np.ndarray, dra
     return np.asarray(0.5 * (own + facing) - drawn[row, a])
 
 
-def _range(r: Any, sites: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+class _Range(NamedTuple):
     """[site] first and last node of one wire of sites within their reach, counted along the wire, and how many, two at least."""
+
+    first: np.ndarray
+    last: np.ndarray
+    size: np.ndarray
+
+
+def _range(r: Any, sites: np.ndarray, side: int) -> _Range:
     rods, wires = r.model.rods, r.model.wires
     wire, seed = wires.site_wire[sites, side], wires.site_seed[sites, side]
     end, is_closed = rods.wire_count[wire] - 1, rods.wire_closed[wire] != 0
@@ -87,7 +91,7 @@ def _range(r: Any, sites: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray
     is_short = ~is_closed & (last <= first)
     nearest = np.minimum(np.rint(seed).astype(int), end)
     first, last = np.where(is_short, np.maximum(nearest - 1, 0), first), np.where(is_short, nearest, last)
-    return first, last, np.maximum(last - first + 1, 2)
+    return _Range(first, last, np.maximum(last - first + 1, 2))
 
 
 def _along(r: Any, sites: np.ndarray, side: int, first: np.ndarray, last: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:

@@ -141,7 +141,9 @@ class RepeatProlongation:
         ).run(self._device)  # fmt: skip
 
     def source_of_blocks(self) -> np.ndarray:
-        """[block] node of the small mesh that is the source of the middle node of each block; -1 without one."""
+        """[block] node of the small mesh that is the source of the middle node of each block; -1 without one.
+
+        By a shift that is linear from the rim on: beside it up to a repeat off that of kernels/prolong.py."""
         panel, table = self.large.panel, self.large.table
         thread = panel.wire_thread[panel.block_wire]
         entry = panel.block_table + panel.block_count // 2
