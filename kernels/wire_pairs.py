@@ -109,6 +109,12 @@ def nearest_image_square(between: wp.vec3, cell: wp.vec3, tile: wp.vec3) -> floa
 
 @wp.kernel
 def place_segments_in_hash(
+    # in: wires
+    previous: wp.array(dtype=wp.int32),
+    following: wp.array(dtype=wp.int32),
+    rest_row: wp.array(dtype=wp.int32),
+    rest_bulge: wp.array(dtype=wp.float64),
+    slope_weight: wp.array(dtype=wp.vec4d),
     # state in
     control: wp.array(dtype=wp.float64),
     position: wp.array(dtype=wp.vec3d),
@@ -116,13 +122,24 @@ def place_segments_in_hash(
     tangent: wp.array(dtype=wp.vec3d),
     # how
     cell: wp.vec3d,
-    # out
+    # out: midpoints of the segments in rest coordinates, in cells; [m] bound on the distance of their curves from them
     place: wp.array(dtype=wp.vec3),
+    reach: wp.array(dtype=wp.float32),
+    # in and out: [m] the longest reach
+    longest_reach: wp.array(dtype=wp.float32),
 ):
-    """Midpoints of the segments in rest coordinates, in cells; one thread a node."""
+    """One thread a node. The last node of an open wire, which has no segment, has the reach -1."""
     i = wp.tid()
-    middle = affine_inverse(position[i] + (wp.float64(0.5) * length[i]) * tangent[i], control)
+    half = wp.float64(0.5) * length[i]
+    middle = affine_inverse(position[i] + half * tangent[i], control)
     place[i] = wp.vec3(wp.float32(middle[0] / cell[0]), wp.float32(middle[1] / cell[1]), wp.float32(middle[2] / cell[2]))
+    reach[i] = -1.0
+    if following[i] >= 0:
+        p = stencil(i, previous, following, position, length, tangent)
+        bulge = control[LENGTH_FACTOR] * rest_bulge[rest_row[i]]
+        own_reach = wp.float32(half + sag(p, bulge, slope_weight[rest_row[i]]))
+        reach[i] = own_reach
+        wp.atomic_max(longest_reach, 0, own_reach)
 
 
 @wp.kernel
@@ -130,12 +147,12 @@ def find_segment_pairs(
     # how
     first_segment: int,
     grid: wp.uint64,
-    hash_radius: float,
-    search_radius: float,
+    largest_distance: float,
+    rest_scale: float,
+    round_off: float,
     cell: wp.vec3,
     margin: wp.float64,
     min_arc_separation: wp.float64,
-    max_sag: wp.float64,
     tile: wp.vec3d,
     is_filling: int,
     # in: wires
@@ -153,6 +170,8 @@ def find_segment_pairs(
     # state in
     control: wp.array(dtype=wp.float64),
     place: wp.array(dtype=wp.vec3),
+    reach: wp.array(dtype=wp.float32),
+    longest_reach: wp.array(dtype=wp.float32),
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
     tangent: wp.array(dtype=wp.vec3d),
@@ -167,8 +186,9 @@ def find_segment_pairs(
     pair_wake_travel: wp.array(dtype=wp.float64),
 ):
     """One thread a segment, from `first_segment` on. Pairs are segments and images whose surfaces may come nearer than `margin`
-    [m]; on one wire their arc separation is at least `min_arc_separation` radii. No curve deviates from its chord by more than
-    `max_sag` of its segment.
+    [m]; on one wire their arc separation is at least `min_arc_separation` radii. Lengths at rest are at most `rest_scale` times
+    those in space; wires touch or are listed at most `largest_distance` [m] from each other; single precision moves places by at
+    most `round_off` [m].
 
     `pair_shift` [m] at rest moves the second segment next to the first; `pair_arc_separation` [m] is `arc_separation`;
     `pair_wake_travel` [m] is the travel since this search at which the pair may touch.
@@ -176,7 +196,8 @@ def find_segment_pairs(
     i = first_segment + wp.tid()
     if is_filling == 0:
         count[i] = 0
-    if following[i] < 0:
+    own_reach = reach[i]
+    if own_reach < 0.0:
         return
     found = int(0)
     tile_size = wp.vec3(float(tile[0]), float(tile[1]), float(tile[2]))
@@ -189,21 +210,22 @@ def find_segment_pairs(
     half = wp.float64(0.5)
     middle = half * (p1 + p2)
     rest_extent = largest_rest_extent(control)
-    query = wp.hash_grid_query(grid, place[i], hash_radius)
+    farthest = rest_scale * (own_reach + longest_reach[0] + largest_distance + round_off)
+    query = wp.hash_grid_query(grid, place[i], farthest / wp.min(cell[0], wp.min(cell[1], cell[2])))
     j = int(0)
     while wp.hash_grid_query_next(query, j):
-        if j < i or following[j] < 0:
+        if j < i or reach[j] < 0.0:
             continue
-        if nearest_image_square(place[j] - place[i], cell, tile_size) > search_radius * search_radius:
+        contact_distance = length_factor * (node_radius[i] + node_radius[j])
+        search_distance = contact_distance + margin
+        both = own_reach + reach[j] + float(search_distance) + round_off
+        if nearest_image_square(place[j] - place[i], cell, tile_size) > rest_scale * rest_scale * both * both:
             continue
         q1 = position[j]
         q2 = q1 + length[j] * tangent[j]
         between = middle - half * (q1 + q2)
-        contact_distance = length_factor * (node_radius[i] + node_radius[j])
-        search_distance = contact_distance + margin
-        reach = half * (length[i] + length[j]) + search_distance + bulge + max_sag * length[j]
         rest_offset = affine_inverse(between, control)
-        rest_reach = reach * rest_extent
+        rest_reach = wp.float64(both) * rest_extent
         first_x = first_image(rest_offset[0], rest_reach[0], tile[0])
         first_y = first_image(rest_offset[1], rest_reach[1], tile[1])
         first_z = first_image(rest_offset[2], rest_reach[2], tile[2])
@@ -219,7 +241,7 @@ def find_segment_pairs(
             if j == i and not is_positive(shift):
                 continue
             offset = affine_map(shift, control)
-            if wp.length(between - offset) > reach:
+            if wp.length(between - offset) > wp.float64(both):
                 continue
             separation = arc_separation(i, j, shift, node_wire, node_arc, wire_closed, wire_length, wire_period)
             is_same = separation != NO_COMMON_WIRE
@@ -232,7 +254,7 @@ def find_segment_pairs(
             r2 = q2 + offset
             near = closest_on_chords(p1, p2, r1, r2)
             gap = wp.length(p1 + near[0] * (p2 - p1) - r1 - near[1] * (r2 - r1)) - bulge
-            if gap > search_distance + max_sag * length[j]:
+            if gap > search_distance + wp.float64(reach[j]) - half * length[j] + wp.float64(round_off):
                 continue
             q = stencil(j, previous, following, position, length, tangent)
             gap -= sag(q, length_factor * rest_bulge[rest_row[j]], slope_weight[rest_row[j]])

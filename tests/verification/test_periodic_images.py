@@ -103,7 +103,7 @@ def test_pairs_are_those_of_a_search_by_all_images(tile: tuple[float, float]) ->
         )
         counts = (i < j) | ((i == j) & ((a > 0) | ((a == 0) & (b > 0))))
         gap = distance - 1.0 - contact.margin
-        reachable = gap < 2.0 * contact._max_sag * size.max()
+        reachable = gap < 2.0 * search_cells(rods, catmull_rom(rods)).max_sag * size.max()
         for k in np.flatnonzero(counts & ~left_out & (gap < -1e-9)):
             assert (int(i[k]), int(j[k]), a, b) in found
         allowed = {(int(i[k]), int(j[k]), a, b) for k in np.flatnonzero(counts & ~left_out & reachable)}

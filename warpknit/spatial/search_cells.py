@@ -22,7 +22,7 @@ class SearchCells:
     approach: float  # of two wires, allowed before the next search
     margin: float  # gap up to which pairs are listed: what multipliers push apart, and the approach
     max_sag: float  # of a segment, over its length
-    radius: float  # largest distance of the midpoints of two segments that may touch before the next search
+    radius: float  # bound on the distance of the midpoints of two segments that may touch before the next search
     count: np.ndarray  # (3,) cells along x, y and z
     size: np.ndarray  # (3,)
 

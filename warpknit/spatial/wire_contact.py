@@ -36,7 +36,7 @@ AT_A_TIME = 1024  # pairs whose closest points and forces are found one after th
 CACHE_LINE = 8  # numbers
 LEAST_CAPACITY = 64  # of a list
 NEXT_TRAVEL = 0.1  # of the thickness, most travel before near pairs are listed again
-SINGLE = 1.0001  # allowance for distances in single precision
+SINGLE = 1e-3  # of the search radius: allowance for distances in single precision
 LEAST_READ = 4096  # pairs whose contacts are read at once, at least
 CAPACITY_MARGIN = 1.3  # capacity of a list over the pairs found
 
@@ -95,14 +95,18 @@ class WireContact:
         self.searches = 0
         curve = catmull_rom(rods) if curve is None else curve
         cells = search_cells(rods, curve)
-        self.margin, self._approach, self._max_sag = cells.margin, cells.approach, cells.max_sag
+        self.margin, self._approach = cells.margin, cells.approach
         self._radius, self._cell = cells.radius, cells.size
         along_x, along_y, along_z = map(int, cells.count)
         self._grid = wp.HashGrid(along_x, along_y, along_z, device=device)
         self._hash_place = wp.zeros(rods.node_count, dtype=wp.vec3, device=device)
-        place = bind(place_segments_in_hash, rods.node_count, stepper.state, cell=wp.vec3d(*self._cell), place=self._hash_place)
-        self._place_in_hash = place.record(device)
+        self._hash_reach = wp.zeros(rods.node_count, dtype=wp.float32, device=device)
+        self._longest_reach = wp.zeros(1, dtype=wp.float32, device=device)
         self._wires = _upload_wires(rods, curve, device)
+        self._place_in_hash = bind(
+            place_segments_in_hash, rods.node_count, self._wires, stepper.arrays, stepper.state, cell=wp.vec3d(*self._cell),
+            place=self._hash_place, reach=self._hash_reach, longest_reach=self._longest_reach,
+        ).record(device)  # fmt: skip
         self._checks = ContactChecks(stepper, self._wires, curve, has_friction=friction > 0.0)
         # [m] of each thread, CACHE_LINE numbers apart, since the last `pop_max_penetration`
         self.max_penetration = wp.zeros(CACHE_LINE * stepper.threads, dtype=wp.float64, device=device)
@@ -159,13 +163,11 @@ class WireContact:
         """Search all pairs, and start a new travel budget. Raises `OutOfResources`."""
         stepper, state, device = self.stepper, self.stepper.state, self.stepper.device
         stepper.update_frames()
-        narrowest = float(np.linalg.svd(state.gradient, compute_uv=False).min())
+        self._longest_reach.zero_()
         self._place_in_hash.launch()
         self._grid.build(self._hash_place, 1.0)
         before, pairs = self._list, self._other
-        longer = max(float(state.read_control()[int(c.LENGTH_FACTOR)]), 1.0)
-        radius = longer * self._radius / min(narrowest, 1.0)
-        self._find(pairs, radius, filling=False)
+        self._find(pairs, filling=False)
         wp.utils.array_scan(pairs.count, pairs.start, inclusive=False)
         total = int(fetch(pairs.start)[-1] + fetch(pairs.count)[-1])
         if total > pairs.capacity:
@@ -174,7 +176,7 @@ class WireContact:
             wp.copy(larger.count, pairs.count)
             pairs = larger
         store(pairs.total, total)
-        self._find(pairs, radius, filling=True)
+        self._find(pairs, filling=True)
         if self.friction > 0.0:
             bind(
                 transfer_elastic_slip, pairs.capacity, step=int(state.read_control()[int(c.STEP)]),
@@ -292,23 +294,28 @@ class WireContact:
             )
         return capacity
 
-    def _find(self, pairs: PairList, radius: float, *, filling: bool) -> None:
-        stepper, rods = self.stepper, self.stepper.rods
+    def _find(self, pairs: PairList, *, filling: bool) -> None:
+        """Count the pairs of each segment, or fill the list with them."""
+        stepper, state, rods = self.stepper, self.stepper.state, self.stepper.rods
         if not pairs.find:
             named = pairs.named("first", "second", "shift", "arc_separation", "wake_travel")
             named |= {"start": pairs.start, "count": pairs.count, "place": self._hash_place}
+            named |= {"reach": self._hash_reach, "longest_reach": self._longest_reach}
             for part in range(stepper.threads):
                 first, count = stepper.team.share(rods.node_count, part)
                 one = bind(
                     find_segment_pairs, count, self._wires, stepper.arrays, stepper.state, first_segment=first,
-                    grid=wp.uint64(self._grid.id), hash_radius=0.0, search_radius=0.0, is_filling=0,
-                    cell=wp.vec3(*self._cell), margin=wp.float64(self.margin), max_sag=wp.float64(self._max_sag),
+                    grid=wp.uint64(self._grid.id), largest_distance=0.0, rest_scale=0.0, is_filling=0,
+                    round_off=SINGLE * self._radius, cell=wp.vec3(*self._cell), margin=wp.float64(self.margin),
                     min_arc_separation=wp.float64(MIN_ARC_SEPARATION), tile=wp.vec3d(*rods.tile), **named,
                 )  # fmt: skip
                 pairs.find.append(one.record(stepper.device))
+        longer = max(float(state.read_control()[int(c.LENGTH_FACTOR)]), 1.0)
+        largest = longer * 2.0 * float(rods.wire_radius.max()) + self.margin
+        scale = 1.0 / min(float(np.linalg.svd(state.gradient, compute_uv=False).min()), 1.0)
         for find in pairs.find:
-            find.set_param_by_name("hash_radius", radius / float(self._cell.min()))
-            find.set_param_by_name("search_radius", SINGLE * radius)
+            find.set_param_by_name("largest_distance", largest)
+            find.set_param_by_name("rest_scale", scale)
             find.set_param_by_name("is_filling", int(filling))
         stepper.team.together([find.launch for find in pairs.find])
 
