@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import warp as wp
 
-from ..host import fetch, store
+from ..host import fetch, store, zeros
 from ..kernels.wire_closest import PLACES
 
 PAIR_ARRAYS = ("first", "second", "shift", "arc_separation", "wake_travel", "renewal_travel", "found")
@@ -20,7 +20,7 @@ class PairList:
 
     def __init__(self, capacity: int, nodes: int, device: str, number: int, *, with_slip: bool) -> None:
         def make(dtype: type, count: int = capacity) -> wp.array:
-            return wp.zeros(count, dtype=dtype, device=device)
+            return zeros(count, dtype, device)
 
         self.capacity, self.number = capacity, number
         self.start, self.count = make(wp.int32, nodes), make(wp.int32, nodes)
@@ -38,8 +38,8 @@ class PairList:
         # elastic slip of friction: two contacts a pair, double-buffered by the parity of the step
         slips = (2, 2 * capacity if with_slip else 0)
         self.slip_step = wp.full(slips, -1, dtype=wp.int32, device=device)
-        self.slip_place = wp.zeros(slips, dtype=wp.vec2d, device=device)
-        self.elastic_slip = wp.zeros(slips, dtype=wp.vec3d, device=device)
+        self.slip_place = zeros(slips, wp.vec2d, device)
+        self.elastic_slip = zeros(slips, wp.vec3d, device)
 
     def order(self, total: int) -> None:
         """Order the pairs by their second segments, after the list has been filled with so many."""

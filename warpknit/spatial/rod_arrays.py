@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import warp as wp
 
-from ..host import fetch, is_in_place, shared, store, store_at
+from ..host import fetch, is_in_place, shared, store, store_at, zeros
 from ..kernels import control as c
 from ..kernels.banded_mass import BORDERS, FACTORS, factor_masses
 from ..kernels.rod_blocks import ROD_BLOCK
@@ -139,11 +139,11 @@ def upload_rods(rods: Rods, device: str) -> RodArrays:
         rest_edge=shared(rods.rest_edge, wp.vec3d, device),
         natural_length=shared(rods.natural_length, wp.float64, device),
         node_length=shared(rods.node_length, wp.float64, device),
-        natural_curvature=wp.zeros(nodes, dtype=wp.vec2d, device=device),
-        natural_twist=wp.zeros(nodes, dtype=wp.float64, device=device),
+        natural_curvature=zeros(nodes, wp.vec2d, device),
+        natural_twist=zeros(nodes, wp.float64, device),
         node_stiffness=shared(stiffness, wp.float64, device),
         slope_length=shared(rods.slope_length, wp.float64, device),
-        moment_turn=wp.zeros(nodes, dtype=wp.vec2d, device=device),
+        moment_turn=zeros(nodes, wp.vec2d, device),
     )
     at_rest = rest_state(rods, device)
     at_rest.write_control({c.STATUS: float(c.STATUS_EVALUATING)})
@@ -181,10 +181,10 @@ def rest_state(rods: Rods, device: str) -> RodState:
     section = rods.section
 
     def reals(values: np.ndarray | float = 0.0) -> wp.array:
-        return wp.array(np.broadcast_to(values, nodes), dtype=wp.float64, device=device)
+        return shared(np.array(np.broadcast_to(values, nodes), dtype=float), wp.float64, device)
 
     def vectors(values: np.ndarray | None = None) -> wp.array:
-        return wp.array(np.zeros((nodes, 3)) if values is None else values, dtype=wp.vec3d, device=device)
+        return zeros(nodes, wp.vec3d, device) if values is None else shared(values.copy(), wp.vec3d, device)
 
     state = RodState(
         displacement=vectors(),
@@ -201,28 +201,28 @@ def rest_state(rods: Rods, device: str) -> RodState:
         second_mass=reals(),
         spin_inertia=reals(section.rotary_inertia * rods.natural_length),
         next_inertia=reals(),
-        mass_factor=wp.zeros((nodes, FACTORS), dtype=wp.vec4d, device=device),
-        mass_border=wp.zeros((_borders(rods)[1], BORDERS), dtype=wp.vec4d, device=device),
-        wire_quiet=wp.zeros(len(rods.wire_first), dtype=wp.int32, device=device),
+        mass_factor=zeros((nodes, FACTORS), wp.vec4d, device),
+        mass_border=zeros((_borders(rods)[1], BORDERS), wp.vec4d, device),
+        wire_quiet=zeros(len(rods.wire_first), wp.int32, device),
         load_force=vectors(),
         load_torque=reals(),
         position=vectors(rods.position),
         length=reals(np.linalg.norm(edge, axis=1)),
-        curvature=wp.zeros(nodes, dtype=wp.vec2d, device=device),
+        curvature=zeros(nodes, wp.vec2d, device),
         moment=vectors(),
         twist=reals(),
         bend_energy=reals(),
-        plastic_turn=wp.zeros(nodes if section.yields else 1, dtype=wp.vec2d, device=device),
+        plastic_turn=zeros(nodes if section.yields else 1, wp.vec2d, device),
         edge_force=vectors(),
         contact_penalty=reals(),
         contact_offset=reals(),
         force=vectors(),
         torque=reals(),
         force_sum=vectors(),
-        sweep=wp.zeros(nodes, dtype=wp.vec4d, device=device),
-        control=wp.zeros(c.CONTROL_COUNT, dtype=wp.float64, device=device),
-        partial=wp.zeros((len(rods.wire_first), c.PARTIAL_COUNT), dtype=wp.float64, device=device),
-        no_bodies=wp.zeros((1, c.PARTIAL_COUNT), dtype=wp.float64, device=device),
+        sweep=zeros(nodes, wp.vec4d, device),
+        control=zeros(c.CONTROL_COUNT, wp.float64, device),
+        partial=zeros((len(rods.wire_first), c.PARTIAL_COUNT), wp.float64, device),
+        no_bodies=zeros((1, c.PARTIAL_COUNT), wp.float64, device),
     )
     state.write_control(
         {
@@ -269,13 +269,13 @@ class TouchArrays:
         """Empty ones."""
 
         def whole(count: int) -> wp.array:
-            return wp.zeros(count, dtype=wp.int32, device=device)
+            return zeros(count, wp.int32, device)
 
         def reals(count: int) -> wp.array:
-            return wp.zeros(count, dtype=wp.float64, device=device)
+            return zeros(count, wp.float64, device)
 
         def vectors(count: int) -> wp.array:
-            return wp.zeros(count, dtype=wp.vec3d, device=device)
+            return zeros(count, wp.vec3d, device)
 
         places = PLACES * capacity
         return TouchArrays(
