@@ -84,3 +84,18 @@ def test_summary_and_table_agree_on_yield(tmp_path: Path, kind: str, plastic: bo
     assert ("plastic_fraction" in wire) is ("plastic_strain_max" in wire) is plastic
     assert ("yielded" in table) is (plastic and wire["plastic_fraction"] > 0.0)
     assert ("  above the elastic limit" in table) is not plastic
+
+
+TIGHT = [
+    'wire.material="molybdenum"', 'wire.diameter="30 um"', 'knit.wale_spacing="0.98 mm"', 'knit.course_spacing="0.85 mm"',
+    'knit.bars=[{chain="1-0/1-2"},{chain="1-2/1-0"}]',
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("changes", "frames", "says"), [(TIGHT, 6, True), (TIGHT, 7, False), ([], 1, False)], ids=["few", "many", "open"]
+)
+def test_a_tight_knit_asks_for_small_increments(changes: list[str], frames: int, says: bool) -> None:
+    """1.5 % or less: 10 % in seven."""
+    scene = load_scene(SCENE.with_name("atlas_cell_spatial.toml"), [*changes, f"output.frames={frames}"])
+    assert any("increments of" in line for line in cautions(build_model(scene), [])) == says

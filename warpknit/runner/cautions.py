@@ -10,9 +10,11 @@ import numpy as np
 
 from ..knit.cloth import Cloth
 from ..measure import MeshModel
+from ..mesh.smaller import smaller_scene
 from ..scene import Scene
 from ..scene.materials import MATERIALS
-from ..text import celsius, engineering, exact
+from ..scene.model_choice import PLANE_IS_GOOD, first_touch
+from ..text import celsius, engineering, exact, percent
 from .history import Row
 
 METAL_STIFFNESS = (10e9, 600e9)  # [Pa] Young's modulus, from lead to osmium
@@ -21,6 +23,7 @@ CONSTANTS_HOLD = (70.0, 600.0)  # [K] range in which moduli are within a few per
 QUASI_STATIC = 0.1  # largest kinetic over stored energy of a quasi-static ramp
 FEWEST_NODES = 12  # a loop: the tension error of the double atlas cell is 9 % at 8 nodes, 1 % at 12
 SMALL_FRICTION = 0.1  # coefficient up to which results hardly depend on the load increment
+FOLLOWED_INCREMENT = 0.015  # of the strain, in which a tricot follows its path that leaves it in increments of 2.7 %
 CONVERGED_INCREMENT = 0.0003125  # strain increment at which they no longer depend on it
 
 
@@ -39,6 +42,8 @@ def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
         yield f"{nodes} nodes a loop are few: errors of tension and contact force may exceed 10 %"
     if cloth is not None:
         yield from _about_tension(scene, cloth)
+        if scene.model.kind == "spatial" and not scene.depends_on_path and smaller_scene(scene) is None:
+            yield from _about_increments(scene)
     if scene.solver.drive == "relax" and scene.contact.friction > SMALL_FRICTION:
         yield from _about_friction(scene)
 
@@ -80,9 +85,23 @@ def _about_constants(scene: Scene) -> Iterator[str]:
             )
 
 
-def _about_friction(scene: Scene) -> Iterator[str]:
+def _largest_change(scene: Scene) -> float:
+    """Largest change of strain in a stage; of stages by tension 0."""
     strains = [np.zeros(2), *(np.array([stage.strain_weft or 0.0, stage.strain_warp or 0.0]) for stage in scene.stages)]
-    largest = max(float(np.abs(after - before).max()) for before, after in pairwise(strains))
+    return max(float(np.abs(after - before).max()) for before, after in pairwise(strains))
+
+
+def _about_increments(scene: Scene) -> Iterator[str]:
+    largest = _largest_change(scene)
+    if largest > FOLLOWED_INCREMENT * scene.output.frames * (1.0 + 1e-6) and first_touch(scene) < PLANE_IS_GOOD:
+        yield (
+            f"increments of {percent(largest / scene.output.frames)} strain are large for a tight knit, which may end in another"
+            f" equilibrium than on its path: set output.frames = {math.ceil(largest / FOLLOWED_INCREMENT - 1e-6)} or more"
+        )
+
+
+def _about_friction(scene: Scene) -> Iterator[str]:
+    largest = _largest_change(scene)
     if largest > CONVERGED_INCREMENT * scene.output.frames * (1.0 + 1e-6):
         frames = math.ceil(largest / CONVERGED_INCREMENT - 1e-6)
         yield (

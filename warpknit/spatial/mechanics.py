@@ -15,6 +15,7 @@ from ..kernels import control as c
 from ..mechanics import Check, Drift, strength_exceeded
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
+from ..mesh.smaller import smaller_scene
 from ..numerics import SLOWEST_WAVE
 from ..transfer.repeat_mesh import RepeatArrays, upload_repeats
 from .clamps import MovingClamps
@@ -33,6 +34,7 @@ from .rod_checks import StateSums
 from .rod_relaxation import CHECK_STEPS, VIBRATION, RodRelaxation
 from .rod_step import RodStepper
 from .sites import Sites
+from .stability import Stability
 from .thermal import segment_thermal_strain
 from .wire_contact import WireContact
 
@@ -51,7 +53,7 @@ class SpatialMechanics:
     can_overlap = True
     may_overlap = False
     drift = DRIFT
-    path_increment = LOAD_STRAIN
+    path_increment = 0.015
 
     def __init__(self, model: SpatialModel, state: RodState) -> None:
         self.model, scene = model, model.scene
@@ -72,6 +74,7 @@ class SpatialMechanics:
         self.multipliers = None if model.ramp is not None else ContactMultipliers(self.contact, model.soft_penalty)
         self.residual = Residual(model, self.relaxation, self.multipliers)
         self.edge = Edge(model) if scene.has_moving_edge else None
+        self.stability = Stability(model, self.relaxation, self.contact, self.notes)
         self._last: tuple[np.ndarray, np.ndarray] | None = None  # gradient and displacement of the previous level
         if model.ramp is not None:
             self._take_real_masses(model.ramp.node_mass, model.ramp.spin_inertia, model.ramp.damping)
@@ -204,20 +207,24 @@ class SpatialMechanics:
 
     def begin_level(self) -> None:
         self.contact.pop_max_penetration()
+        scene = self.model.scene
+        if not scene.depends_on_path and (scene.model.boundary == "periodic" or smaller_scene(scene) is None):
+            self.stability.begin_level()
 
     def check(self, checks: int, *, loading: bool) -> Check:
         self.stepper.evaluate(0.0)
         self.relaxation.renew_damping()
+        self.stability.hold_damping()
         state, contacts = self.relaxation.sums(of_mean=True), self.contact.checks.sums()
         tolerance = self.model.scene.solver.residual_tolerance
         ratio = np.inf if loading and self.edge is None else self.residual.ratio(state, contacts)
-        if not loading:
+        if not loading and not self.stability.is_running:
             self.relaxation.watch_progress(ratio, state.excess_ratio)
         self._renew_multipliers(state, contacts, loading)
         if self.edge is not None:
             self._move_edge(self.edge, checks, ratio)
             ratio = max(ratio, self.edge.residual_ratio(tolerance))
-        return Check(np.nan, np.inf) if loading else Check(ratio * tolerance, ratio)
+        return Check(np.nan, np.inf) if loading else Check(ratio * tolerance, self.stability.after_check(ratio))
 
     def _renew_multipliers(self, state: StateSums, contacts: ContactSums, loading: bool) -> None:
         self.relaxation.renew_multipliers(state, loading=loading)
@@ -333,6 +340,7 @@ class SpatialMechanics:
     def state_dict(self) -> dict[str, np.ndarray]:
         kept: dict[str, Any] = {"notes": np.array(json.dumps(self.notes))}
         kept |= self.contact.state_dict() | self.relaxation.state_dict() | self.stepper.yielding.state_dict()
+        kept |= self.stability.state_dict()
         for part in (self.edge, self.multipliers):
             kept |= part.state_dict() if part is not None else {}
         if self._last is not None:
@@ -344,6 +352,7 @@ class SpatialMechanics:
         self.contact.load_state_dict(kept)
         self.relaxation.load_state_dict(kept)
         self.stepper.yielding.load_state_dict(kept)
+        self.stability.load_state_dict(kept)
         for part in (self.edge, self.multipliers):
             if part is not None:
                 part.load_state_dict(kept)
