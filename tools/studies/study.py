@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import csv
+import math
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
@@ -34,6 +35,7 @@ PICTURES = Path(__file__).parents[2] / "docs" / "images"
 T = TypeVar("T")
 Options: TypeAlias = Callable[[str, argparse.ArgumentParser], None]
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+CROSSES: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 8}  # a reference beside curves
 
 
 def new_parser(text: str | None) -> argparse.ArgumentParser:
@@ -105,6 +107,12 @@ def write_rows(path: Path, rows: Sequence[Any]) -> None:
         for row in rows:
             table.writerow({key: _short(value) for key, value in asdict(row).items()})
     os.replace(aside, path)
+
+
+def without_nan(row: Any) -> Any:
+    """The same with None where a kind has no such number, which leaves its cell empty."""
+    none = [f.name for f in fields(row) if isinstance(value := getattr(row, f.name), float) and math.isnan(value)]
+    return replace(row, **dict.fromkeys(none))
 
 
 def _short(value: Any) -> Any:
