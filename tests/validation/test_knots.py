@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from clasps import Pressure, clasp_states
 from knot_braid import SPACING, braid
-from knots import Case, Row, tightened, with_shares
+from knots import QUICK, Case, Row, energy_terms, tightened, with_energy_force
 from trefoil import TOLERANCE as TREFOIL_TOLERANCE
 from trefoil import tightened_trefoil
 
-LOOSE = Case(1, 12.0, 0.2, 1.0, (0.0,), 2)
+LOOSE = Case(1, 12.0, 0.2, 1.0, levels=2)
 IDEAL_TREFOIL = 32.743 / 2.0  # length over diameter
 
 
@@ -64,11 +65,27 @@ def test_a_knot_without_friction_stores_the_work_done_on_it() -> None:
     assert rows[2].energy - rows[0].energy == pytest.approx(work, rel=4.0 * LOOSE.tolerance)
 
 
+def test_energy_force_is_the_derivative_of_the_energy() -> None:
+    """F = -dE/dS = -dE/de / (dS/de) with S = 2 pi h/e^2, here by central differences of step 1e-5, which err by 1e-9 or so."""
+
+    def state(e: float, k1: float = 0.6, k2: float = 1.8) -> Row:
+        energy = np.pi * e**2 * (1.0 + k1 * e + k2 * e**2)
+        return replace(loose()[0], e=e, energy=energy, force=0.0)
+
+    rows = [state(e) for e in (0.05, 0.1, 0.2)]
+    assert energy_terms(rows) == pytest.approx([0.6, 1.8])
+    for row in with_energy_force(rows):
+        step = 1e-5 * row.e
+        rise = state(row.e + step).energy - state(row.e - step).energy
+        shortening = 2.0 * np.pi * ((row.e + step) ** -2 - (row.e - step) ** -2)
+        assert row.energy_force == pytest.approx(-rise / shortening / row.e**4, rel=1e-6)
+
+
 @pytest.mark.slow
 def test_friction_adds_its_coefficient_times_the_contact_force() -> None:
     """Strands slide along each other by as much as the ends move apart: F - F0 = mu q, but for their angle and the slip that a
     contact gives way by before it slides, some per cent."""
-    rows = with_shares(list(tightened(Case(1, 12.0, 0.4, 1.0, (0.0, 0.2), 3))))
+    rows = with_energy_force([row for case in QUICK for row in tightened(case)])
     rubbed = [row for row in rows if row.friction]
     assert len(rubbed) == 3
     for row in rubbed:
@@ -78,7 +95,7 @@ def test_friction_adds_its_coefficient_times_the_contact_force() -> None:
 @pytest.mark.slow
 def test_a_second_turn_makes_a_knot_stiffer_as_its_braid_says() -> None:
     """The first corrections of one and of two turns differ by 2.9 times; at e = 0.1, n e = 0.2, the next one is as large."""
-    rows = list(tightened(Case(2, 40.0, 0.25, 1.0, (0.0,), 1, tolerance=1e-2)))
+    rows = list(tightened(Case(2, 40.0, 0.25, 1.0, levels=1, tolerance=1e-2)))
     excess = 2.0 * rows[0].force_radius - 1.0
     assert 1.5 * braid(2).c * rows[0].e < excess < 3.0 * 1.5 * braid(2).c * rows[0].e
     assert excess > 2.0 * 1.5 * braid(1).c * rows[0].e

@@ -1,8 +1,10 @@
 """Knots and clasps of elastic rods in space, against theory and measurements that others published.
 
-    python tools/studies/knots.py knots [DIR]     # 20 min, --quick 2: overhand knots of one to four turns, friction 0 to 0.3
-    python tools/studies/knots.py clasp [DIR]     # 6 min: two hooked rods pulled apart: where they press
-    python tools/studies/knots.py trefoil [DIR]   # 4 min: a closed trefoil that grows thicker
+    python tools/studies/knots.py knots [DIR] [--jobs N]   # 17 min, --quick 2: overhand knots of one to four turns, with friction
+    python tools/studies/knots.py clasp [DIR]              # 6 min: two hooked rods pulled apart: where they press
+    python tools/studies/knots.py trefoil [DIR]            # 4 min: a closed trefoil that grows thicker
+
+*knots* leaves knots.csv and goes on with the knots that are missing there; a new DIR runs all. --jobs computes several at once.
 
 A knot is tied in a straight rod whose ends are clamped along x and moved apart. All lengths are over the radius h of the rod and
 forces over B/h^2, so that material and diameter do not count, but for the stretch of the rod and the ratio of GJ to EI (Poisson's
@@ -17,7 +19,9 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -25,9 +29,10 @@ from clasps import clasp_rows, draw_clasp
 from knot_braid import Braid, braid
 from knot_curves import DIAMETER, overhand, pulled
 from knot_pictures import draw_knots, draw_trefoil
-from study import add_directory, picture_path, run_one_of, show_rows, table_path, write_rows
+from study import add_directory, picture_path, read_rows, run_one_of, show_rows, table_path, write_rows
 from trefoil import tightened_trefoil
 
+from warpknit.device import start_warp
 from warpknit.errors import Diverged
 from warpknit.model import build_model
 from warpknit.solve.simulate import Record, Simulation
@@ -39,34 +44,44 @@ TAIL = 4.0  # loop radii; the deflection of a tail falls as exp(-s/(1.4 R)) or f
 
 @dataclass(frozen=True)
 class Case:
-    """A knot that is pulled tight: loop radius at the start [d], end strain, node spacing [d], friction coefficients."""
+    """A knot that is pulled tight: loop radius at the start [d], end strain, node spacing [d], friction coefficient."""
 
     turns: int
     radius: float
     strain: float
     spacing: float
-    frictions: tuple[float, ...]
+    friction: float = 0.0
     levels: int = 6
     loosened: float | None = None  # strain to which it goes back
     tolerance: float = 5e-3
 
+    @property
+    def key(self) -> tuple[float, ...]:
+        return self.turns, self.radius, self.spacing, self.friction, self.tolerance
 
+
+FRICTIONS = (0.1, 0.2, 0.3)
 CASES = (
-    Case(1, 400.0, 0.01, 4.0, (0.0,), 1),
-    Case(1, 150.0, 0.01, 2.0, (0.0,), 1),
-    Case(1, 40.0, 0.25, 1.0, (0.0,)),
-    Case(1, 20.0, 0.58, 1.0, (0.0, 0.1, 0.2, 0.3), 8),
-    Case(1, 12.0, 0.50, 0.5, (0.0,), 4, 0.38),
-    Case(1, 12.0, 0.50, 1.0, (0.0, 0.1), 4, 0.38),
-    Case(2, 400.0, 0.01, 4.0, (0.0,), 1, tolerance=1e-2),
-    Case(2, 150.0, 0.01, 2.0, (0.0,), 1, tolerance=1e-2),
-    Case(2, 40.0, 0.50, 1.0, (0.0,), 4, tolerance=1e-2),
-    Case(3, 60.0, 0.45, 1.5, (0.0,), 3, tolerance=1e-2),
-    Case(4, 80.0, 0.42, 2.0, (0.0,), 3, tolerance=1e-2),
-    Case(2, 20.0, 0.30, 1.0, (0.0, 0.1), 6, tolerance=1e-2),
-)
+    *(Case(3, 60.0, 0.025, 1.5, friction, 1, tolerance=2e-2) for friction in FRICTIONS),
+    *(Case(4, 80.0, 0.025, 1.5, friction, 1, tolerance=2e-2) for friction in FRICTIONS),
+    *(Case(2, 20.0, 0.30, 1.0, friction, 6, tolerance=1e-2) for friction in FRICTIONS),
+    *(Case(1, 20.0, 0.58, 1.0, friction, 3) for friction in FRICTIONS),
+    Case(1, 12.0, 0.50, 1.0, 0.1, 2, 0.38),
+    Case(4, 80.0, 0.42, 2.0, levels=3, tolerance=1e-2),
+    Case(3, 60.0, 0.45, 1.5, levels=3, tolerance=1e-2),
+    Case(2, 400.0, 0.01, 4.0, levels=1, tolerance=1e-2),
+    Case(2, 150.0, 0.01, 2.0, levels=1, tolerance=1e-2),
+    Case(2, 40.0, 0.50, 1.0, levels=4, tolerance=1e-2),
+    Case(2, 20.0, 0.30, 1.0, tolerance=1e-2),
+    Case(1, 400.0, 0.01, 4.0, levels=1),
+    Case(1, 150.0, 0.01, 2.0, levels=1),
+    Case(1, 40.0, 0.25, 1.0),
+    Case(1, 20.0, 0.58, 1.0, levels=8),
+    Case(1, 12.0, 0.50, 0.5, levels=4, loosened=0.38),
+    Case(1, 12.0, 0.50, 1.0, levels=4, loosened=0.38),
+)  # long ones first
 LENGTHS = (24.0, 21.0, 19.0, 18.0, 17.5, 17.0, 16.8, 16.6, 16.5, 16.4, 16.3)  # L/d of the closed trefoil
-QUICK = (Case(1, 12.0, 0.4, 1.0, (0.0, 0.2), 3),)
+QUICK = (Case(1, 12.0, 0.4, 1.0, 0.0, 3), Case(1, 12.0, 0.4, 1.0, 0.2, 3))
 
 
 @dataclass(frozen=True)
@@ -76,19 +91,27 @@ class Row:
     turns: int
     friction: float
     way: str  # tighten | loosen
+    radius_d: float  # of the loop as drawn
     spacing_d: float
+    tolerance: float
     e: float  # sqrt(h/R)
     loop_radius_h: float
     force: float
     force_radius: float  # F R^2/B
+    energy_force: float  # F R^2/B without friction at this e, -dE/dS by the energies of all states of so many turns
     theory: float  # F h^2/B to first order in e and friction
     contact_force: float  # of all contacts
-    friction_share: float  # (F - F without friction at this e) over friction times contact force
+    friction_share: float  # what friction adds to the energy force, over friction times contact force
     energy: float  # of bending and twist, h/B
     contacts: int
     overlap_d: float
     steps: int
-    wall_s: float
+    cpu_s: float  # of the processor, since the knot was drawn
+
+    @property
+    def key(self) -> tuple[float, ...]:
+        """That of its case."""
+        return self.turns, self.radius_d, self.spacing_d, self.friction, self.tolerance
 
 
 def end_force(record: Record) -> float:
@@ -97,15 +120,15 @@ def end_force(record: Record) -> float:
     return float(0.5 * (pull[-1] - pull[0]))
 
 
-def row_of(model: SpatialModel, record: Record, case: Case, friction: float, way: str, wall: float) -> Row:
+def row_of(model: SpatialModel, record: Record, case: Case, way: str, cpu: float) -> Row:
     o, b = record.observables, model.rods.section.bending_stiffness
     shortening = float(model.rods.wire_length[0] - np.linalg.norm(o.position[-1] - o.position[0]))
     e = float(np.sqrt(2.0 * np.pi * RADIUS / shortening))
-    force, signed = end_force(record) * RADIUS**2 / b, friction if way == "tighten" else -friction
+    force, signed = end_force(record) * RADIUS**2 / b, case.friction if way == "tighten" else -case.friction
     return Row(
-        case.turns, friction, way, case.spacing, e, e**-2, force, force / e**4, float(theory(case.turns).force(e, signed)),
-        float(o.touching.force.sum()) * RADIUS**2 / b, np.nan, o.energies.stored * RADIUS / b, len(o.touching.force),
-        o.penetration, record.steps, wall,
+        case.turns, case.friction, way, case.radius, case.spacing, case.tolerance, e, e**-2, force, force / e**4, np.nan,
+        float(theory(case.turns).force(e, signed)), float(o.touching.force.sum()) * RADIUS**2 / b, np.nan,
+        o.energies.stored * RADIUS / b, len(o.touching.force), o.penetration, record.steps, cpu,
     )  # fmt: skip
 
 
@@ -113,58 +136,80 @@ def theory(turns: int) -> Braid:
     return braid(turns)
 
 
+def pulled_knot(case: Case, points: np.ndarray) -> SpatialModel:
+    """The model of a knot drawn through points (m, 3) [d]."""
+    strains = [case.strain] if case.loosened is None else [case.strain, case.loosened]
+    with tempfile.TemporaryDirectory() as folder:
+        return build_model(
+            pulled(
+                Path(folder), [points], spacing=case.spacing, friction=case.friction, strains=strains, levels=case.levels,
+                tolerance=case.tolerance,
+            )
+        )  # fmt: skip
+
+
 def tightened(case: Case) -> Iterator[Row]:
     """All states of a knot. It is relaxed without friction; from there friction acts."""
-    start = overhand(case.turns, case.radius, TAIL * case.radius)
-    for friction in sorted(case.frictions):
-        begin = time.perf_counter()
-        strains = [case.strain] + ([case.loosened] if case.loosened is not None else [])
-        with tempfile.TemporaryDirectory() as folder:
-            scene = pulled(
-                Path(folder), [start], spacing=case.spacing, friction=friction, strains=strains, levels=case.levels,
-                tolerance=case.tolerance,
-            )  # fmt: skip
-            model = build_model(scene)
-        try:
-            for record in Simulation(model).run():
-                if friction == min(case.frictions) and record.index == 0:
-                    start = record.observables.position / DIAMETER
-                if friction and record.index == 0:
-                    continue  # neither tightened nor loosened
-                way = "tighten" if record.stage_index == 0 else "loosen"
-                row = row_of(model, record, case, friction, way, time.perf_counter() - begin)
-                print(
-                    f"{row.turns} turns, friction {friction:g}, {way} e {row.e:.3f}: F R2/B {row.force_radius:.4f}"
-                    f" by theory {row.theory / row.e**4:.4f}, {row.steps:,} steps, {row.wall_s:.0f} s",
-                    flush=True,
-                )
-                yield row
-        except Diverged as error:
-            print(f"ended: {error}", flush=True)
+    begin = time.process_time()
+    points = overhand(case.turns, case.radius, TAIL * case.radius)
+    if case.friction:
+        relaxed = next(iter(Simulation(pulled_knot(replace(case, friction=0.0), points)).run()))
+        points = relaxed.observables.position / DIAMETER
+    model = pulled_knot(case, points)
+    try:
+        for record in Simulation(model).run():
+            if case.friction and record.index == 0:
+                continue  # neither tightened nor loosened
+            way = "tighten" if record.stage_index == 0 else "loosen"
+            row = row_of(model, record, case, way, time.process_time() - begin)
+            print(
+                f"{row.turns} turns, friction {row.friction:g}, {way} e {row.e:.3f}: F R2/B {row.force_radius:.4f}"
+                f" by theory {row.theory / row.e**4:.4f}, {row.steps:,} steps, {row.cpu_s:.0f} s",
+                flush=True,
+            )
+            yield row
+    except Diverged as error:
+        print(f"{case.turns} turns, friction {case.friction:g}, ended: {error}", flush=True)
 
 
-def with_shares(rows: list[Row]) -> list[Row]:
-    """The rows with what friction adds to the force, over friction times contact force."""
+def states_of(case: Case) -> list[Row]:
+    return list(tightened(case))
+
+
+def energy_terms(rows: list[Row]) -> np.ndarray:
+    """(2,) k1, k2 of E = pi B/R (1 + k1 e + k2 e^2), by least squares over states without friction."""
+    e = np.array([row.e for row in rows])
+    excess = np.array([row.energy for row in rows]) / (np.pi * e**2) - 1.0
+    return np.asarray(np.linalg.lstsq(np.stack([e, e**2], axis=1), excess, rcond=None)[0])
+
+
+def with_energy_force(rows: list[Row]) -> list[Row]:
+    """The rows with the force -dE/dS = B/(2 R^2) (1 + 3/2 k1 e + 2 k2 e^2) without friction, and what friction adds to it."""
     done = []
     for row in rows:
-        free = sorted(
-            (r.e, r.force_radius) for r in rows if (r.turns, r.friction, r.spacing_d) == (row.turns, 0.0, row.spacing_d)
-        )
-        if row.friction and free:
+        free = [r for r in rows if (r.turns, r.friction, r.way) == (row.turns, 0.0, "tighten")]
+        if free:
+            k1, k2 = energy_terms(free)
+            without = 0.5 * (1.0 + 1.5 * k1 * row.e + 2.0 * k2 * row.e**2)
             sign = 1.0 if row.way == "tighten" else -1.0
-            without = float(np.interp(row.e, *zip(*free, strict=True))) * row.e**4
-            row = replace(row, friction_share=sign * (row.force - without) / (row.friction * row.contact_force))
+            added = sign * (row.force - without * row.e**4)
+            share = added / (row.friction * row.contact_force) if row.friction else np.nan
+            row = replace(row, energy_force=without, friction_share=share)
         done.append(row)
     return done
 
 
 def study_knots(given: argparse.Namespace) -> None:
-    rows: list[Row] = []
-    for case in QUICK if given.quick else CASES:
-        rows += tightened(case)
-        write_rows(table_path(given, "knots.csv"), with_shares(rows))
-    show_rows(with_shares(rows))
-    draw_knots(picture_path(given, "knots.png"), with_shares(rows))
+    path, cases = table_path(given, "knots.csv"), QUICK if given.quick else CASES
+    order = [case.key for case in cases]
+    rows = [row for row in read_rows(path, Row) if row.key in order]
+    there = {row.key for row in rows}
+    with ProcessPoolExecutor(given.jobs, get_context("spawn"), start_warp) as processes:
+        for done in as_completed([processes.submit(states_of, case) for case in cases if case.key not in there]):
+            rows = sorted([*rows, *done.result()], key=lambda row: order.index(row.key))
+            write_rows(path, with_energy_force(rows))
+    show_rows(with_energy_force(rows))
+    draw_knots(picture_path(given, "knots.png"), with_energy_force(rows))
 
 
 def study_clasp(given: argparse.Namespace) -> None:
@@ -184,6 +229,8 @@ def study_trefoil(given: argparse.Namespace) -> None:
 
 def add_options(name: str, parser: argparse.ArgumentParser) -> None:
     add_directory(parser, "one case, three levels")
+    if name == "knots":
+        parser.add_argument("--jobs", type=int, default=1, metavar="N", help="knots computed at the same time, each in a process")
 
 
 if __name__ == "__main__":
