@@ -1,5 +1,6 @@
 """Pictures of contact maps: read back from the file."""
 
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.contour import QuadContourSet
 from matplotlib.image import imread
+from matplotlib.transforms import Bbox
 
 from warpknit.export import map_figure as module
 from warpknit.export.map_figure import Marks, map_figure
@@ -84,3 +86,29 @@ def distance(path, place: np.ndarray) -> float:
     along = end - begin
     share = np.clip(np.sum((place - begin) * along, axis=1) / np.maximum(np.sum(along**2, axis=1), 1e-30), 0.0, 1.0)
     return float(np.linalg.norm(begin + share[:, None] * along - place, axis=1).min())
+
+
+@pytest.mark.parametrize("unit", ["% of pairs", "Pa"])
+@pytest.mark.parametrize("cells", [4, 6, 11])
+def test_names_of_lines_are_read_at_a_glance(tmp_path, monkeypatch, cells: int, unit: str):
+    """In maps full of lines and marks the boxes of the names are inside the map, and meet neither each other nor a mark."""
+    drawn = []
+    monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
+    strains = np.linspace(0.0, 0.1, cells)
+    values = 100.0 * np.random.default_rng(cells).random((cells, cells))
+    jumps = [((at, at), (at, other)) for at, other in zip(strains[1:], strains, strict=False)]
+    marks = Marks(stress=1e6 * values, yield_stress=60e6, optimum=(strains[-1], strains[1]), jumps=jumps)
+    map_figure(tmp_path / "a.png", strains, strains, values, title="", label="", unit=unit, marks=marks)
+    drawn[-1].draw_without_rendering()
+    axes = drawn[-1].axes[0]
+    names = [label.get_window_extent() for label in axes.texts if label.get_visible()]
+    marked = [
+        Bbox([place - reach, place + reach])
+        for line in axes.get_lines()
+        for reach in [0.5 * line.get_markersize() * drawn[-1].dpi / 72.0]
+        for place in axes.transData.transform(line.get_xydata())
+    ]
+    assert len(names) > 1
+    assert all(axes.bbox.contains(*corner) for name in names for corner in name.corners())
+    assert not any(one.overlaps(other) for one, other in combinations(names, 2))
+    assert not any(name.overlaps(mark) for name in names for mark in marked)

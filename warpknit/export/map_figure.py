@@ -7,7 +7,7 @@ R. Guglielmini, A. Marotta, P. Salvini, IOP Conf. Ser.: Mater. Sci. Eng. 1214 (2
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle
 from pathlib import Path
@@ -17,11 +17,13 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colorbar import Colorbar
+from matplotlib.contour import ContourSet
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from warpknit.export.plots import figure_of, save_figure, scale_of
 
@@ -34,8 +36,8 @@ LEAST_LEVEL = 0.02  # of the largest value: lines of less are left out
 LIMIT_COLOUR, OPTIMUM_COLOUR = "#D55E00", "white"
 PLACE_MARKERS = "osD^v"
 LEGEND_COLUMNS, WIDE_LABEL = 3, 28  # columns, one less where a label has more characters
-LABEL_MARGIN = 0.06  # of the map: nearer to its edge a label would be cut
-LABEL_ROOM = np.array([0.09, 0.04])  # of the map: nearer to another one a label is left out
+NAME_ROOM = 3.0  # [pt] about the name of a line
+PLACES_APART = 2.0  # [pt] along a line, where its name may stand
 STEP = 1e-5  # of the map, on either side of the edge of a cell
 REACHES = 1e-9  # of the largest share: a share this little below a line has reached it
 TITLE_PAD = 14.0  # [pt] room for the mark of an optimum at the upper edge
@@ -88,8 +90,9 @@ def map_figure(
     bar.set_label(f"{label} [{unit}]")
     if known.mask.all():
         axes.text(0.5, 0.5, "no converged state", transform=axes.transAxes, ha="center", va="center")
-    elif min(values.shape) > 1:
-        _draw_levels(axes, bar, x, y, known, top, percent)
+    names = {}
+    if known.count() and min(values.shape) > 1:
+        names = _draw_levels(axes, bar, x, y, known, top, percent)
     handles = _draw_marks(axes, x, y, marks, tiles.to_rgba, of_load)
     if known.mask.any():
         axes.set_facecolor("#E8E8E8")
@@ -108,6 +111,7 @@ def map_figure(
     if warnings:
         lines = "\n".join(fill(warning, WARNING_WIDTH) for warning in warnings)
         figure.suptitle(lines, fontsize="small", color=LIMIT_COLOUR)
+    _name_lines(axes, names)
     return save_figure(figure, path)
 
 
@@ -124,31 +128,69 @@ def _range_of(known: np.ma.MaskedArray[Any, Any], unit: str, marks: Marks) -> tu
 
 def _draw_levels(
     axes: Axes, bar: Colorbar, x: NDArray[Any], y: NDArray[Any], known: np.ma.MaskedArray[Any, Any], top: float, percent: bool
-) -> None:
-    """Lines of equal value up to that of the last colour, with their values, also on the colour bar."""
+) -> dict[float, str]:
+    """Lines of equal value up to that of the last colour, also on the colour bar; the names of their levels."""
     low, high = float(known.min()), min(top, float(known.max()))
     # what is small beside the largest wanders about zero, and a line at zero with it
     levels = PERCENT_LEVELS if percent else [v for v in MaxNLocator(7).tick_values(low, high) if abs(v) > LEAST_LEVEL * high]
-    names: dict[bytes, list[float]] = {}  # of lines round the same cells
+    same: dict[bytes, list[float]] = {}  # levels of lines round the same cells
     for level in levels:
         if low < level < high or (percent and level == high):
-            names.setdefault((known.filled(-np.inf) >= level).tobytes(), []).append(level)
-    if not names:
-        return
-    text = {same[-1]: ", ".join(f"{level:g}" for level in same) + (" %" if percent else "") for same in names.values()}
+            same.setdefault((known.filled(-np.inf) >= level).tobytes(), []).append(level)
+    if not same:
+        return {}
+    names = {some[-1]: ", ".join(f"{level:g}" for level in some) + (" %" if percent else "") for some in same.values()}
     # a share that reaches a line is on its upper side
     shown = _steps(x, y, known + REACHES * high) if percent else (x, y, known)
-    lines = axes.contour(*shown, levels=list(text), colors="white", linewidths=0.9)
-    bar.add_lines(lines)
-    taken: list[NDArray[Any]] = []
-    for label in axes.clabel(lines, fmt=text, inline=False, fontsize="small"):
-        label.set_rotation(0.0)
-        label.set_path_effects([withStroke(linewidth=2.0, foreground="#404040")])
-        place = axes.transAxes.inverted().transform(axes.transData.transform(label.get_position()))
-        is_inside = bool(np.all((place > LABEL_MARGIN) & (place < 1.0 - LABEL_MARGIN)))
-        label.set_visible(is_inside and all(np.any(np.abs(place - other) > LABEL_ROOM) for other in taken))
-        if label.get_visible():
-            taken.append(place)
+    bar.add_lines(axes.contour(*shown, levels=list(names), colors="white", linewidths=0.9))
+    return names
+
+
+def _name_lines(axes: Axes, names: Mapping[float, str]) -> None:
+    """Write the names of levels on their lines: in the map, over no mark and no other name, where the fewest other lines run.
+
+    A line without such a place, or hardly longer than its name, has none.
+    """
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    figure.draw_without_rendering()  # all that takes room is in place
+    point = figure.dpi / 72.0
+    taken = [
+        (place, np.full(2, line.get_markersize() * point))
+        for line in axes.get_lines()
+        for place in axes.transData.transform(line.get_xydata())
+    ]
+    lines = [
+        (names.get(level, ""), _along(np.asarray(part), PLACES_APART * point))
+        for levels in axes.collections
+        if isinstance(levels, ContourSet)
+        for level, path in zip(levels.levels, levels.get_paths(), strict=True)
+        for part in path.to_polygons(axes.transData, closed_only=False)
+    ]
+    lines.sort(key=lambda line: -len(line[1]))  # the longest first
+    for k, (name, places) in enumerate(lines):
+        style: dict[str, Any] = {"color": "white", "fontsize": "small", "ha": "center", "va": "center", "visible": bool(name)}
+        label = axes.text(0.0, 0.0, name, path_effects=[withStroke(linewidth=2.0, foreground="#404040")], **style)
+        size = np.array(label.get_window_extent().size) + NAME_ROOM * point
+        free = np.all((places > axes.bbox.min + 0.5 * size) & (places < axes.bbox.max - 0.5 * size), axis=1)
+        for place, other in taken:
+            free &= np.any(np.abs(places - place) > 0.5 * (size + other), axis=1)
+        if not name or not free.any() or len(places) * PLACES_APART * point < 2.0 * size[0]:
+            label.remove()
+            continue
+        others = np.concatenate([np.zeros((0, 2)), *(other for j, (_, other) in enumerate(lines) if j != k)])
+        near = cKDTree(2.0 * others / size).query_ball_point(2.0 * places[free] / size, 1.0, p=np.inf, return_length=True)
+        from_middle = np.abs(np.flatnonzero(free) / len(places) - 0.5)
+        place = places[free][np.argmin(near + from_middle)]
+        label.set_position(tuple(axes.transData.inverted().transform(place)))
+        taken.append((place, size))
+
+
+def _along(line: NDArray[Any], apart: float) -> NDArray[Any]:
+    """(place, 2) evenly along a line (n, 2)."""
+    arc = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
+    places = np.linspace(0.0, arc[-1], max(2, round(arc[-1] / apart)))
+    return np.stack([np.interp(places, arc, line[:, k]) for k in (0, 1)], axis=1)
 
 
 def _steps(x: NDArray[Any], y: NDArray[Any], values: Any) -> tuple[NDArray[Any], NDArray[Any], Any]:
