@@ -207,7 +207,7 @@ def test_resume_and_force_are_not_both_possible(command):
 
 
 def test_a_notebook_shows_a_bar_that_goes(monkeypatch):
-    """What the cell of a notebook shows is updated in one place, and empty at the end."""
+    """What the cell of a notebook shows is updated in one place, and empty at the end; it names a smaller mesh that is solved."""
     shown = []
     kernel = SimpleNamespace(IPKernelApp=SimpleNamespace(initialized=lambda: True))
     place = SimpleNamespace(update=shown.append)
@@ -220,4 +220,9 @@ def test_a_notebook_shows_a_bar_that_goes(monkeypatch):
         progress.stage("<load>", number=1, of=2)
         progress.update(done=0.25, load_factor=0.5)
         progress.update(done=0.251, load_factor=0.5)
-    assert shown == ['&lt;load&gt; (1/2) <progress value="0.250" max="1"></progress> load 50 %', ""]
+        progress.update(done=0.251, load_factor=0.5, now="smaller mesh of 2 x 2 repeats 30 % done")
+        progress.update(done=0.251, load_factor=0.5, now="smaller mesh of 2 x 2 repeats 30 % done")
+        progress.update(done=0.251, load_factor=0.5)
+    bar = '&lt;load&gt; (1/2) <progress value="{}" max="1"></progress> load 50 %'
+    smaller = bar.format("0.251") + ", smaller mesh of 2 x 2 repeats 30 % done"
+    assert shown == [bar.format("0.250"), smaller, bar.format("0.251"), ""]

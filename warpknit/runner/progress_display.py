@@ -108,7 +108,7 @@ class NotebookBar(Progress):
     def __init__(self) -> None:
         from IPython.display import HTML, display
 
-        self._html, self._text, self._shown = HTML, "", -1.0
+        self._html, self._text, self._shown, self._now = HTML, "", -1.0, ""
         self._place = display(HTML(""), display_id=True)
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
@@ -118,10 +118,11 @@ class NotebookBar(Progress):
         self._text, self._shown = f"{escape(name)} ({number}/{of})", -1.0
 
     def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
-        if abs(done - self._shown) >= NOTEBOOK_STEP:
-            self._shown = done
+        if abs(done - self._shown) >= NOTEBOOK_STEP or now != self._now:
+            self._shown, self._now = done, now
             bar = f'<progress value="{done:.3f}" max="1"></progress>'
-            self._place.update(self._html(f"{self._text} {bar} load {percent(load_factor, 0)}"))
+            part = f", {escape(now)}" if now else ""
+            self._place.update(self._html(f"{self._text} {bar} load {percent(load_factor, 0)}{part}"))
 
 
 def in_notebook() -> bool:
