@@ -126,7 +126,8 @@ class PlanarObservables(HostState):
     @property
     def thermal_force(self) -> float:
         """[J] derivative of the energy by the length factor of the wires."""
-        stretch = -np.sum(self.natural_length * (self.tension + 0.5 * self.tension**2 / self._stretch_stiffness))
+        stored = 0.5 * self.natural_length * self.tension**2 / self._stretch_stiffness
+        stretch = np.sum(stored - self.tension * self._chord / self.length_factor)
         bend = -0.5 * np.sum(self.moment * self.elastic_turning) / self.length_factor
         return float(stretch + bend + np.sum(self.pair_force) * self.model.contact_reach)
 
@@ -134,9 +135,14 @@ class PlanarObservables(HostState):
     def thermal_strain_force(self) -> np.ndarray:
         """(wire, 2) [J] derivative of the energy by `thermal_strain`."""
         panel = self.model.panel
-        pull = -self.tension * self.natural_length * self.length_factor
+        pull = -self.tension * self._chord
         local = np.arange(panel.node_count) - np.repeat(panel.wire_first, panel.wire_count)
         return np.stack([np.add.reduceat(pull, panel.wire_first), np.add.reduceat(pull * local, panel.wire_first)], axis=1)
+
+    @property
+    def _chord(self) -> np.ndarray:
+        """[node] [m] length of the segments. Heat lengthens their arcs, and the chord of an arc that straightens with them."""
+        return np.hypot(self.edge[:, 0], self.edge[:, 1])
 
     @property
     def unbalanced_force(self) -> float:

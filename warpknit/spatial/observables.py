@@ -48,6 +48,7 @@ class SpatialObservables(Boundary):
     tension: np.ndarray  # [N] of the segments; 0 of rigid ones between held nodes
     rigid_pull: float  # [J] of rigid segments: tension times rest length, in the plane
     segment_tangent: np.ndarray  # (node, 3)
+    chord: np.ndarray  # [m] length of the segments; what heat lengthens is their arcs
     moment: np.ndarray  # (node, 3) [N m] against turns along the section directors, and twist
     plastic_curvature: np.ndarray  # (node, 2) [1/m] plastic
     twist_change: np.ndarray  # [1/m]
@@ -84,17 +85,15 @@ class SpatialObservables(Boundary):
     @property
     def thermal_force(self) -> float:
         """[J] derivative of the energy with respect to the length factor."""
-        rods, ea = self.model.rods, self.stretch_stiffness
-        pull = np.where(rods.following >= 0, rods.natural_length * (self.tension + 0.5 * self.tension**2 / ea), 0.0)
+        pulled = float(np.sum(self.tension * self.chord))
         held = self.model.wires.held_node
         clamped = float(np.sum(self.force[held, :2] * self.model.wires.held_lever)) + self.rigid_pull
-        return float(-pull.sum() - self.bend_energy / self.length_factor) + self.contact_growth - clamped
+        return (self.stretch_energy - pulled - self.bend_energy) / self.length_factor + self.contact_growth - clamped
 
     @property
     def thermal_strain_force(self) -> np.ndarray:
         """[node] [J] derivative of the energy with respect to `thermal_strain`."""
-        rods = self.model.rods
-        return np.where(rods.following >= 0, -self.tension * rods.natural_length * self.length_factor, 0.0)
+        return -self.tension * self.chord
 
     @property
     def held_forces(self) -> np.ndarray:
@@ -304,6 +303,7 @@ def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: 
         tension=tension,
         rigid_pull=float(np.sum((segment_tension - tension)[:, None] * tangent[:, :2] * rods.rest_edge[:, :2])),
         segment_tangent=tangent.copy(),
+        chord=fetch(state.length).copy(),
         moment=fetch(state.moment).copy(),
         plastic_curvature=share[:, None] * yielding.plastic,
         twist_change=twisted,
