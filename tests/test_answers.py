@@ -70,6 +70,28 @@ def test_contacts_close_and_wires_yield_where_they_do(levels: int, monkeypatch: 
     assert best["high"]["tension_weft_N_per_m"] == pytest.approx(LIMIT / STRESS, rel=1e-9) and not best["open_high"]
 
 
+@pytest.mark.parametrize("bend", [-0.6, 0.6])
+def test_a_force_that_bends_closes_where_it_begins(bend: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """F = SLOPE (x + bend x^2) with x = T - T0 is a parabola, so that T0 follows from three records exactly; a line through two
+    is off by about bend x1 x2 = 0.01 N/m."""
+    rows = [row(0.2 * k + 0.1) for k in range(5)]
+    for one in rows:
+        x = max(0.0, one.tension_weft_N_per_m - CLOSES["A"])
+        one.force_A_N = SLOPE * (x + bend * x * x)
+    closes = found(rows, monkeypatch)["contacts"][0]["closes"]
+    assert closes["resolved"] and closes["tension_weft_N_per_m"] == pytest.approx(CLOSES["A"], rel=1e-6)
+
+
+def test_a_force_that_bends_too_much_has_no_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """F = SLOPE x^3 with x = T - T0: the line through two records ends at 0.47 N/m, and no parabola through three at zero."""
+    rows = [row(0.4 * k + 0.1) for k in range(6)]
+    for one in rows:
+        one.force_A_N = SLOPE * max(0.0, one.tension_weft_N_per_m - CLOSES["A"]) ** 3
+    closes = found(rows, monkeypatch)["contacts"][0]["closes"]
+    assert not closes["resolved"]
+    assert [one["tension_weft_N_per_m"] for one in closes["between"]] == pytest.approx([0.1, 0.5])
+
+
 @pytest.mark.parametrize(("tension", "share"), [(0.22, 0.0), (0.24, 25.0), (0.60, 25.0), (0.62, 100.0)])
 def test_a_class_counts_at_service_tension_from_its_closing_on(
     tension: float, share: float, monkeypatch: pytest.MonkeyPatch

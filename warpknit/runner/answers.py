@@ -2,9 +2,12 @@
 which tension is best and how far it may drift.
 
 A class of contact closes where half of its pairs carry more than the threshold. The force F that half of them reach is zero
-while it is open, and grows with the load once it is closed. So a state x at closing follows from the two records behind it,
+while it is open, and grows with the load once it is closed. So the mean tension T at closing follows from the records behind it.
+Through two of them, where a jump or the end of the stage is next, goes a line,
 
-    x0 = x1 - (F1 - threshold) (x2 - x1) / (F2 - F1).
+    T = T1 - (F1 - threshold) (T2 - T1) / (F2 - F1),
+
+through three a parabola, as F bends where other contacts close. Where the two differ by more than CURVED no place is given.
 
 The closing is the one that lasts up to the largest tension of a stage: wires in space may graze each other, and part again, long
 before they carry load there. Values between neighbouring records are linear otherwise.
@@ -78,6 +81,7 @@ COMPRESSED = "compressed in weft or warp where the mean tension is this"
 SCATTER = 1e-3  # of a mean tension: a smaller one in one direction is about zero
 DRIFT = 1.0  # percentage points of contacts that may open while the tension drifts
 DRIFT_STATES = 201  # states between the least and the largest tension of a stage, in which a drift is looked for
+CURVED = 0.1  # of a mean tension: difference of a parabola from a line through forces, up to which the parabola counts
 SLACK = 1e-6  # of the distance of two records: round-off of a state found between them
 SLACK_STRAIN, SLACK_TENSION = (
     0.02,
@@ -162,16 +166,41 @@ def closing(
         return _between(before, after, 0.5) | found | {"resolved": False}
     if force[k - 1] > least:  # closed already, with less than the threshold
         return _between(before, after, (threshold - force[k - 1]) / (force[k] - force[k - 1])) | found
-    ahead = next(iter(rows[k + 1 :]), after)
-    growth = vars(ahead)[f"force_{name}_N"] - force[k]
-    if growth > 0.0 and ahead.stage == after.stage and not _is_jump(after, ahead, jumps):
-        there, low, here = (np.array([vars(row)[name] for name in STATE]) for row in (ahead, before, after))
-        values = here - (force[k] - threshold) / growth * (there - here)
+    behind = list(rows[k : k + 1])
+    for row in rows[k + 1 : k + 3]:
+        if row.stage != after.stage or _is_jump(behind[-1], row, jumps):
+            break
+        behind.append(row)
+    back = _steps_back([mean_tension(row) for row in behind], [one - threshold for one in force[k : k + len(behind)]])
+    if back is not None:
+        there, low, here = (np.array([vars(row)[name] for name in STATE]) for row in (behind[1], before, after))
+        values = here - back * (there - here)
         if _lies_between(values, low, here):
             gained = [float(one[2] + one[3] - low[2] - low[3]) for one in (values, here)]  # twice the mean tension
             share = float(np.clip(gained[0] / gained[1], 0.0, 1.0)) if gained[1] > 0.0 else 0.5
             return _between(before, after, share) | found
     return _between(before, after, 0.5) | found | {"resolved": False}
+
+
+def _steps_back(tension: Sequence[float], force: Sequence[float]) -> float | None:
+    """How far before the first of some records their growing force was zero, in steps to the second; None where they do not tell.
+
+    tension [N/m] and force [N] of one to three records.
+    """
+    growth = np.diff(force)
+    if len(force) < 2 or growth[0] <= 0.0:
+        return None
+    back, steps = float(force[0] / growth[0]), np.diff(tension)
+    if len(force) < 3 or steps.min() <= 0.0:
+        return back
+    third = steps[1] / steps[0]  # steps from the second record
+    bend = (growth[1] / third - growth[0]) / (1.0 + third)
+    slope = growth[0] - bend
+    inside = slope * slope - 4.0 * bend * force[0]
+    if slope <= 0.0 or inside < 0.0:
+        return None
+    curved = float(2.0 * force[0] / (slope + math.sqrt(inside)))
+    return curved if abs(curved - back) * steps[0] <= CURVED * (tension[0] - curved * steps[0]) else None
 
 
 def _takes_up_slack(before: Row, after: Row) -> bool:
