@@ -161,11 +161,28 @@ def test_a_range_of_drift_tells_jumps_and_an_unknown_end(monkeypatch: pytest.Mon
         one.force_A_N = one.force_B_N = SLOPE * (k > 3)
         one.active_percent = one.active_A_percent = one.active_B_percent = 100.0 * (k > 3)
     best = found(rows, monkeypatch, jumps=[(rows[3], rows[4]), (rows[5], rows[6])])["best"]
-    assert [one["tension_weft_N_per_m"] for one in best["low_between"]] == pytest.approx([0.3, 0.4])
+    assert [one["tension_weft_N_per_m"] for one in best["low_between"]] == pytest.approx([0.3, 0.4]) and best["low_jump"]
     (jump,) = best["jumps"]
     assert [one["tension_weft_N_per_m"] for one in jump] == pytest.approx([0.5, 0.6])
     text = dict(answer_rows(found(rows, monkeypatch, jumps=[(rows[3], rows[4]), (rows[5], rows[6])]), LIMIT))["  may drift"]
     assert "between records at 300 mN/m and 400 mN/m" in text and text.endswith("; the mesh jumps between 500 mN/m and 600 mN/m")
+
+
+def test_both_ends_of_a_range_of_drift_are_told_where_they_are_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half of all contacts close somewhere from 0.2 to 0.3 N/m, and open by a jump from 0.5 to 0.6 N/m: neither place is known,
+    and the range ends at one percentage point less on the way to 0.3 N/m."""
+    rows = [row(0.1 * k) for k in range(7)]
+    for k, one in enumerate(rows):
+        one.force_A_N = one.force_B_N = 0.0
+        one.active_percent = one.active_A_percent = one.active_B_percent = 100.0 if 2 < k < 6 else 50.0
+    answers = found(rows, monkeypatch, jumps=[(rows[5], rows[6])])
+    best = answers["best"]
+    sides = {end: [one["tension_weft_N_per_m"] for one in best[f"{end}_between"]] for end in ("low", "high")}
+    assert sides == {"low": pytest.approx([0.2, 0.3]), "high": pytest.approx([0.5, 0.6])}
+    assert (best["low_jump"], best["high_jump"], best["jumps"]) == (False, True, [])
+    text = dict(answer_rows(answers, LIMIT))["  may drift"]
+    assert text.startswith("from about 300 mN/m") and ", between records at 200 mN/m and 300 mN/m, to about 500 mN/m" in text
+    assert text.endswith(", between records at 500 mN/m and 600 mN/m, where the mesh jumps")
 
 
 def test_heat_is_told_stage_by_stage(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,11 +1,12 @@
 """Rows of a contact map: files, means over seeds, the optimum."""
 
 import math
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 
-from warpknit.sweep.contact_map import MapRow, find_optimum, grid, mean_map, read_map, write_map
+from warpknit.sweep.contact_map import MapRow, drift_text, find_optimum, grid, mean_map, read_map, write_map
 
 
 def row(weft, warp, active=50.0, stress=1e8, tension=(0.1, 0.2), reason="steady", above=0.0) -> MapRow:
@@ -86,6 +87,21 @@ def test_among_equal_shares_the_optimum_has_equal_neighbours_and_the_least_stres
     assert best is not None
     assert (best.strain_weft, best.strain_warp) == (0.2, 0.1)
     assert best.edge_warning is None
+
+
+def test_a_drift_of_the_optimum_tells_the_jumps_within_it():
+    """All cells are alike, and the mesh jumps at weft 0.3 to 0.4, at every warp: tensions are the strains in N/m."""
+    rows = square(lambda i, j: 60, lambda i, j: 1e8)
+    for one in rows:
+        one.tension_weft_N_per_m, one.tension_warp_N_per_m = one.strain_weft + 0.1, one.strain_warp + 0.1
+    warp = sorted({one.strain_warp for one in rows})
+    weft = sorted({one.strain_weft for one in rows})
+    best = find_optimum(rows, yield_stress=2e9, jumps=[((weft[3], y), (weft[4], y)) for y in warp])
+    assert best is not None
+    drift = {one.along: one for one in best.drift}
+    assert [len(drift[along].jumps) for along in ("weft", "warp", "both")] == [1, 0, 1]
+    assert np.array(drift["weft"].jumps[0])[:, 0] == pytest.approx([0.4, 0.5])
+    assert drift_text(asdict(drift["weft"])).count("; the mesh jumps between 400 mN/m / ") == 1
 
 
 @pytest.mark.parametrize(

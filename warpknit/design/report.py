@@ -145,7 +145,8 @@ def write_report(
     model = mesh_of(scene)
     weft, warp = (max(vars(row)[f"strain_{side}"] or 0.0 for row in rows) for side in ("weft", "warp"))
     curves = tension_strain(model, weft, warp, begin(0))
-    optimum, largest = find_optimum(rows, scene.wire.yield_stress), equal_tension(rows, scene.wire.yield_stress)
+    jumps = find_jumps(model, rows)
+    optimum, largest = find_optimum(rows, scene.wire.yield_stress, jumps), equal_tension(rows, scene.wire.yield_stress)
     double = exact_model(scene, scene.solver.residual_tolerance)
     path = load_equally(double, largest, tension, begin(1))
     found_jumps = jumps_under_tension(double, path.rows)
@@ -162,7 +163,7 @@ def write_report(
         model=model,
         rows=rows,
         optimum=optimum,
-        jumps=find_jumps(model, rows),
+        jumps=jumps,
         requested=tension,
         equal_tension=largest,
         path=path,

@@ -44,8 +44,11 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     best.low                          the lower end of this range, in which at most one percentage point of contacts opens along
                                       the load; that of `best` where the range is a single record
     best.high                         the upper end
-    best.low_between                  the records on both sides of the lower end, where a class closes at an unknown tension
-                                      between them; else null
+    best.low_between                  the records on both sides of the lower end, where contacts close or open between them at an
+                                      unknown tension; null where it is known, or the records end there
+    best.low_jump                     true where the mesh jumps to another equilibrium between them
+    best.high_between                 the same of the upper end
+    best.high_jump                    the same of the upper end
     best.jumps                        the states on both sides of each jump to another equilibrium within the range
     best.open_low                     true where the records begin there
     best.open_high                    true where the records end there
@@ -384,21 +387,38 @@ def _best(
     good = [0.0 < one >= most - DRIFT for one in shares]
     ends = np.flatnonzero(np.diff([False, *good, False])).reshape(-1, 2)  # of each range, (range, 2)
     ranges = [states[begin:end] for begin, end in ends.tolist()]
-    within = max(ranges, key=lambda one: float(np.ptp([mean_tension(row) for row in one])))
+    number = max(range(len(ranges)), key=lambda k: float(np.ptp([mean_tension(row) for row in ranges[k]])))
+    within, (begin, end) = ranges[number], ends[number].tolist()
     low, high = min(within, key=mean_tension), max(within, key=mean_tension)
     middle = 0.5 * (mean_tension(low) + mean_tension(high))
-    inside = {id(row) for row in within}
+    inside, recorded_at = {id(row) for row in within}, {id(row) for row in rows}
     grows = high is states[-1] and not any(id(row) in inside for row in rows[:-1])
     best = high if grows else min(within, key=lambda row: abs(mean_tension(row) - middle))
-    around = [
-        [before, after] for before, after in _unknown(closings)
-        if after == _state(low) or mean_tension(Row(**before)) < mean_tension(low) < mean_tension(Row(**after))
-    ]  # fmt: skip
+    known = {mean_tension(Row(**one)) for one in closings.values() if one is not None and one["resolved"]}
+
+    def sides_of(row: Row) -> Jump | None:
+        """The records on both sides of an end of the range, the lower tension first; None where it is known, or the last one."""
+        at_limit = math.isclose(row.stress_max_Pa, limit, rel_tol=ROUND_OFF)
+        if at_limit or any(math.isclose(mean_tension(row), one, rel_tol=ROUND_OFF) for one in known):
+            return None
+        for last, beyond in ((begin, begin - 1), (end - 1, end)):
+            if row is states[last] and 0 <= beyond < len(states):
+                first, second = sorted((last, beyond))
+                before = next(one for one in states[first::-1] if id(one) in recorded_at)
+                after = next(one for one in states[second:] if id(one) in recorded_at)
+                return (before, after) if mean_tension(before) <= mean_tension(after) else (after, before)
+        return None
+
     passed = [sorted(jump, key=mean_tension) for jump in jumps if all(id(row) in inside for row in jump)]
-    return {
+    between: Answer = {}
+    for name, row in (("low", low), ("high", high)):
+        sides = sides_of(row)
+        between[f"{name}_between"] = None if sides is None else [_state(one) for one in sides]
+        between[f"{name}_jump"] = sides is not None and (_is_jump(*sides, jumps) or _is_jump(*sides[::-1], jumps))
+    return between | {
         **_state(best), "active_percent": best.active_percent, "stress_max_Pa": best.stress_max_Pa, "stage": rows[-1].stage,
         "low": _state(low), "high": _state(high), "grows": grows,
         "open_low": any(low is one for one in (states[0], states[-1])),
         "open_high": any(high is one for one in (states[0], states[-1])),
-        "low_between": around[0] if around else None, "jumps": [[_state(row) for row in jump] for jump in passed],
+        "jumps": [[_state(row) for row in jump] for jump in passed],
     }  # fmt: skip

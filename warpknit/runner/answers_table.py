@@ -168,15 +168,20 @@ def _best(best: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
         yield "  may drift", "unknown: only the last record has this share; a larger load would tell"
         return
     of_mean = " of the mean" if " / " in _tension(best) else ""
-    lowest, highest = (
-        f"{_tension(end)} ({percent(_mean(end) / _mean(best) - 1.0, 0, signed=True)}{of_mean})" for end in (low, high)
-    )
-    if best["low_between"] is not None:
-        lowest = f"about {lowest}, between records at {' and '.join(map(_tension, best['low_between']))},"
+    lowest, highest = (_end(best, name, of_mean) for name in ("low", "high"))
     if best["open_low"]:
         lowest = f"at most {lowest}, where the records begin,"
     if best["open_high"]:
         highest = f"at least {highest}, where the records end"
     snaps = "; ".join(" and ".join(map(_tension, jump)) for jump in best["jumps"])
     inside = f"; the mesh jumps between {snaps}" if snaps else ""
-    yield "  may drift", f"from {lowest} to {highest}{inside}"
+    yield "  may drift", f"from {lowest} to {highest.removesuffix(',')}{inside}"
+
+
+def _end(best: Mapping[str, Any], name: str, of_mean: str) -> str:
+    """An end of the range of the best tension, and the records on both sides where it is not known."""
+    text = f"{_tension(best[name])} ({percent(_mean(best[name]) / _mean(best) - 1.0, 0, signed=True)}{of_mean})"
+    if (sides := best.get(f"{name}_between")) is None:
+        return text
+    jump = ", where the mesh jumps" if best.get(f"{name}_jump") else ""
+    return f"about {text}, between records at {' and '.join(map(_tension, sides))}{jump},"

@@ -9,6 +9,7 @@ import csv
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -230,6 +231,7 @@ class Drift:
     high: Pair
     open_low: bool  # the map ends there
     open_high: bool
+    jumps: tuple[tuple[Pair, Pair], ...] = ()  # tensions on both sides of each jump to another equilibrium, within the range
 
 
 def drift_text(drift: Mapping[str, Any]) -> str:
@@ -241,7 +243,8 @@ def drift_text(drift: Mapping[str, Any]) -> str:
         load_text(drift[end], by_tension=True) + (", the edge of the map" if drift[f"open_{end}"] else "")
         for end in ("low", "high")
     ]
-    return f"from {ends[0]} to {ends[1]}"
+    snaps = "; ".join(" and ".join(load_text(side, by_tension=True) for side in jump) for jump in drift.get("jumps", ()))
+    return f"from {ends[0]} to {ends[1]}" + (f"; the mesh jumps between {snaps}" if snaps else "")
 
 
 @dataclass(frozen=True)
@@ -280,9 +283,10 @@ def optimum_warnings(optimum: Optimum | None, jumps: Sequence[Jump]) -> Iterator
         )
 
 
-def find_optimum(rows: Sequence[MapRow], yield_stress: float) -> Optimum | None:
+def find_optimum(rows: Sequence[MapRow], yield_stress: float, jumps: Sequence[Jump] = ()) -> Optimum | None:
     """The optimum among converged cells with tension in both directions and no stress above `yield_stress` [Pa], or None.
 
+    jumps: those of `find_jumps`, which are told where the tension may drift over them.
     A mesh of equal loops has few different shares of active contacts, so many cells tie. Ties are resolved by the number of
     equally good neighbours (robustness against strain errors), then by the smallest stress.
     """
@@ -313,10 +317,10 @@ def find_optimum(rows: Sequence[MapRow], yield_stress: float) -> Optimum | None:
             )
             strains = row.strain_weft, row.strain_warp
             best = order, Optimum(*strains, tension_weft, tension_warp, share, stress, margin, edges, row.load)
-    return None if best is None else replace(best[1], drift=tuple(_drifts(rows, best[1], yield_stress)))
+    return None if best is None else replace(best[1], drift=tuple(_drifts(rows, best[1], yield_stress, jumps)))
 
 
-def _drifts(rows: Sequence[MapRow], optimum: Optimum, yield_stress: float) -> Iterator[Drift]:
+def _drifts(rows: Sequence[MapRow], optimum: Optimum, yield_stress: float, jumps: Sequence[Jump]) -> Iterator[Drift]:
     """Ranges about the optimum along weft, along warp, and along both together."""
     weft, warp = axes_of(rows)
     cells = {row.load: row for row in rows}
@@ -333,13 +337,19 @@ def _drifts(rows: Sequence[MapRow], optimum: Optimum, yield_stress: float) -> It
         return bool(enough and row.stress_max_Pa <= yield_stress and min(row.tension) > 0.0)
 
     for along, (i, j) in (("weft", (1, 0)), ("warp", (0, 1)), ("both", (1, 1))):
-        ends, is_open = [], []
+        reach, is_open = [], []
         for sign in (-1, 1):
             count = 1
             while (row := cell(at[0] + sign * count * i, at[1] + sign * count * j)) is not None and is_good(row):
                 count += 1
-            last = cell(at[0] + sign * (count - 1) * i, at[1] + sign * (count - 1) * j)
-            assert last is not None
-            ends.append(last.tension)
+            reach.append(sign * (count - 1))
             is_open.append(row is None)
-        yield Drift(along, ends[0], ends[1], is_open[0], is_open[1])
+        line = [row for k in range(reach[0], reach[1] + 1) if (row := cell(at[0] + k * i, at[1] + k * j)) is not None]
+        passed = tuple((one.tension, other.tension) for one, other in pairwise(line) if _is_jump(one.load, other.load, jumps))
+        yield Drift(along, line[0].tension, line[-1].tension, is_open[0], is_open[1], passed)
+
+
+def _is_jump(low: Pair, high: Pair, jumps: Sequence[Jump]) -> bool:
+    """Whether there is a jump from one cell to the next, along both loads: on each way, first along weft or first along warp."""
+    corners = (high[0], low[1]), (low[0], high[1])
+    return all((low, corner) in jumps or (corner, high) in jumps for corner in corners)

@@ -208,7 +208,8 @@ class _Mapper:
         wall = time.perf_counter() - self._begin
         rows, wire = self.rows, self.scene.wire
         failed = [row for row in rows if row.stop_reason != STEADY]
-        optimum, jumps = find_optimum(rows, wire.yield_stress), find_jumps(self.meshes[0], rows)
+        jumps = find_jumps(self.meshes[0], rows)
+        optimum = find_optimum(rows, wire.yield_stress, jumps)
         warnings = list(self.model_warnings)
         if failed:
             count = f"{len(failed)} of {len(rows)} pairs of {self.sweep.quantity}"
