@@ -66,7 +66,7 @@ def test_an_elastic_wire_above_its_limit_claims_no_set() -> None:
 def test_a_plastic_wire_says_how_much_of_it_has_yielded() -> None:
     """Yield is by bending alone: a stress of bending and tension may be above the limit without it."""
     (said,) = stressed(True, 7e8, plastic_fraction=0.031, plastic_strain_max=0.0021)
-    assert said.endswith("3.1 % of the nodes have yielded in bending, to a plastic strain of up to 0.21 %")
+    assert said.endswith("3.1 % of the wire has yielded in bending, to a plastic strain of up to 0.21 %")
     (said,) = stressed(True, 7e8, plastic_fraction=0.0, plastic_strain_max=0.0)
     assert said.endswith("the model yields in bending alone, which stays below")
 

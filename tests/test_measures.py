@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from warpknit import export, measure
+from warpknit.design.fine_states import states_at
+from warpknit.errors import Diverged
 from warpknit.measure import Observables, table
 from warpknit.measure.contact_classes import class_of_pair, classes_of, median_force
 from warpknit.measure.observables import MeshModel
@@ -22,6 +24,7 @@ from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
 from warpknit.spatial.model import SpatialModel
 from warpknit.spatial.observables import SpatialObservables
+from warpknit.sweep.states import mesh_of
 
 CELL = Path(__file__).parent.parent / "scenes" / "atlas_cell.toml"
 QUICK = ("load.strain_weft=0.01", "load.strain_warp=0.01", "output.frames=1", "output.figures=false", "output.usd=false")
@@ -62,6 +65,31 @@ def test_both_models_offer_the_same_names(offered: type, by: type) -> None:
     names = {name for name in vars(offered) if not name.startswith("_")}
     fields = {name for kind in by.__mro__ for name in getattr(kind, "__annotations__", {})}
     assert names and names <= {*dir(by), *fields}
+
+
+def test_shares_of_the_wire_are_by_length() -> None:
+    """Nine close nodes stand for a tenth of the wire, and carry twice the limit of 1 Pa: a share of 10 %, not of 9 in 10 nodes.
+    1 % of the wire exceeds the stress of the node behind which 1 % of the length is left, 1.9 Pa, and half of it 0.1 Pa."""
+    model = SimpleNamespace(scene=SimpleNamespace(wire=SimpleNamespace(yield_stress=1.0, plastic=True)))
+    stress = np.append(1.1 + 0.1 * np.arange(9), 0.1)
+    of_wire = SimpleNamespace(node=stress, contact=np.zeros(0))
+    reading = SimpleNamespace(
+        model=model, wire_stress=of_wire, node_length=np.append(np.full(9, 0.1 / 9), 0.9), plastic_strain=stress - 1.0
+    )
+    assert measure.stress_extremes(reading) == pytest.approx((1.9, 1.9, 0.1))
+    assert measure.plastic_extremes(reading)[0] == pytest.approx(0.1)
+    reading.node_length = np.append(np.full(9, 0.009 / 9), 0.991)
+    assert measure.stress_extremes(reading)[1] == 0.1
+
+
+@pytest.mark.parametrize("kind", OF_KIND)
+def test_nodes_stand_for_all_of_the_wire(kind: str) -> None:
+    """The lengths of a tile add up to that of its wires as knitted."""
+    model = mesh_of(load_scene(CELL, [*OF_KIND[kind]]))
+    state = states_at(model, [np.eye(2)])[0]
+    assert not isinstance(state, Diverged)
+    assert state.node_length.shape == (model.node_count,)
+    assert float(state.node_length.sum()) == pytest.approx(state.wire_length, rel=1e-9)
 
 
 def test_every_measure_is_named_once_where_it_stands() -> None:

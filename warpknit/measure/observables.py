@@ -224,6 +224,10 @@ class Observables(Protocol):
         """[node] plastic strain of the outermost fibre; empty, or zero, for elastic wires."""
 
     @property
+    def node_length(self) -> np.ndarray:
+        """[node] [m] wire that a node stands for."""
+
+    @property
     def wire_length(self) -> float:
         """[m] of all wires as knitted."""
 

@@ -42,12 +42,12 @@ Names and meanings; docs/reference/summary.md has them too. A unit is the end of
     stress_max_wire         wire where the stress is largest
     stress_max_x_m          place of the largest stress in weft, from the corner of the mesh
     stress_max_y_m          place of the largest stress in warp, from the corner of the mesh
-    stress_p99_Pa           99th percentile of the stress of the nodes
+    stress_p99_Pa           stress that 1 % of the wire exceeds, by length
     shear_stress_max_Pa     in space: largest shear stress of twist, G (d/2) times the change of twist
     yield_stress_Pa         elastic limit of the wire
     yield_stress_assumed    whether the elastic limit is that of the material, which the scene does not give
-    yield_fraction          share of the nodes whose stress is above the yield stress
-    plastic_fraction        with `wire.plastic`: share of the nodes that have yielded in bending and keep a set
+    yield_fraction          share of the wire, by length, whose stress is above the yield stress
+    plastic_fraction        with `wire.plastic`: share of the wire, by length, that has yielded in bending and keeps a set
     plastic_strain_max      with `wire.plastic`: largest plastic strain of a fibre
     axial_strain_max        largest T/EA of a segment
     slid_max_m              largest difference between the mean displacements of two wires of a periodic tile

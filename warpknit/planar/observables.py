@@ -230,6 +230,11 @@ class PlanarObservables(HostState):
         return np.abs(self.plastic_turn) / self.hinge_length * self.model.scene.wire.radius
 
     @property
+    def node_length(self) -> np.ndarray:
+        """[node] [m] wire that a node stands for."""
+        return self.model.table.node_length[self.entry]
+
+    @property
     def wire_length(self) -> float:
         """[m] of all wires as knitted."""
         return float(np.sum(self.model.panel.wire_length))

@@ -58,10 +58,10 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
     if (peak := value("wire", "stress_max_so_far_Pa")) is not None and stress is not None and peak > 1.001 * stress:
         yield "  largest so far", engineering(peak, "Pa")
     if (above := value("wire", "yield_fraction")) and value("wire", "plastic_fraction") is None:
-        yield "  above the elastic limit", f"{100 * above:.2g} % of the nodes; elastic, without a permanent set"
+        yield "  above the elastic limit", f"{100 * above:.2g} % of the wire; elastic, without a permanent set"
     if plastic := value("wire", "plastic_fraction"):
         strain = value("wire", "plastic_strain_max") or 0.0
-        yield "yielded", f"{100 * plastic:.2g} % of the nodes, plastic strain up to {100 * strain:.2g} %"
+        yield "yielded", f"{100 * plastic:.2g} % of the wire, plastic strain up to {100 * strain:.2g} %"
     if (answers := value("answers")) is not None:
         yield from answer_rows(answers, value("wire", "yield_stress_Pa"))
     if (error := value("quality", "estimated_error")) is not None:

@@ -204,6 +204,11 @@ class SpatialObservables(Boundary):
         return self.model.scene.wire.radius * np.linalg.norm(self.plastic_curvature, axis=1)
 
     @property
+    def node_length(self) -> np.ndarray:
+        """[node] [m] wire that a node stands for."""
+        return self.model.rods.node_length
+
+    @property
     def wire_length(self) -> float:
         """[m] total length of the wires as knitted."""
         return float(self.model.rods.wire_length.sum())
