@@ -22,6 +22,7 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
                                       `between`
     contacts[].closes.resolved        false where the forces give no place between two records: the state is halfway
     contacts[].closes.jump            true where the mesh jumps to another equilibrium between them
+    contacts[].closes.slack           true where the mesh strains freely for most of the way between them
     contacts[].closes.as_knitted      true where the class is closed in the first record
     contacts[].closes.closed_percent  share of its pairs that are closed in the second record of `between`
     contacts[].closes.first_touch     the record in which a class was closed before, and opened again; null without one
@@ -158,14 +159,14 @@ def closing(
     touch = next((row for row, one in zip(rows[:k], closed, strict=False) if one), None)
     found = {
         "stage": after.stage, "as_knitted": k == 0, "resolved": True, "between": [_state(before), _state(after)],
-        "jump": _is_jump(before, after, jumps),
+        "jump": _is_jump(before, after, jumps), "slack": k > 0 and _takes_up_slack(before, after),
         "closed_percent": vars(after)[f"active_{name}_percent"],
         "first_touch": None if touch is None else _state(touch),
         "opens": next((_state(row) for row, one in zip(rows[k:], closed[k:], strict=True) if not one), None),
     }  # fmt: skip
     if k == 0:
         return _state(after) | found
-    if found["jump"] or _takes_up_slack(before, after):
+    if found["jump"] or found["slack"]:
         return _between(before, after, 0.5) | found | {"resolved": False}
     if force[k - 1] > least:  # closed already, with less than the threshold
         return _between(before, after, (threshold - force[k - 1]) / (force[k] - force[k - 1])) | found
@@ -280,7 +281,8 @@ def _at_tension(rows: Sequence[Row], tension: float, classes: Sequence[ContactCl
 def _interpolated(before: Row, after: Row, tension: float, classes: Sequence[ContactClass], closings: Answer) -> Row:
     """The state between two records with the mean tension `tension` [N/m], with its contacts and stress.
 
-    A class that closes between them counts as closed from its own tension on.
+    A class that closes between them, at a tension that is known, counts as closed from there on. Of a class of so few pairs that
+    one of them is more than DRIFT, as many count as are active in both records: others close or open somewhere between.
     """
 
     def share_of(tension: float) -> float:
@@ -290,8 +292,10 @@ def _interpolated(before: Row, after: Row, tension: float, classes: Sequence[Con
     for one in classes:
         ends = [vars(row)[f"active_{one.name}_percent"] for row in (before, after)]
         closes = closings[one.name]
-        if closes is not None and closes["between"][1] == _state(after):
+        if closes is not None and closes["resolved"] and closes["between"][1] == _state(after):
             active += one.pairs * ends[int(share >= share_of(mean_tension(Row(**closes))))]
+        elif one.pairs * DRIFT < 100.0:
+            active += one.pairs * (min(ends) if share < 1.0 else ends[1])
         else:
             active += one.pairs * ((1.0 - share) * ends[0] + share * ends[1])
     stress = (1.0 - share) * before.stress_max_Pa + share * after.stress_max_Pa
@@ -312,7 +316,7 @@ def _service(
     why = {}
     if there is not None and min(there.tension_weft_N_per_m, there.tension_warp_N_per_m) < -SCATTER * tension:
         there, why = None, {"why": COMPRESSED}
-    near = [low for low, high in _unknown(closings) if mean_tension(Row(**low)) <= tension <= mean_tension(Row(**high))]
+    near = around is not None and [_state(row) for row in around] in _unknown(closings) and tension < mean_tension(around[1])
     pairs = max(1, sum(one.pairs for one in classes))
     active, state = (None, None) if there is None else (100.0 * round(0.01 * pairs * there.active_percent) / pairs, _state(there))
     return {"tension_N_per_m": tension, "active_percent": active, "state": state, "resolved": not near, "jump": None} | why
@@ -370,7 +374,7 @@ def _best(
     """The tension in the middle of the widest range with the most active contacts, and no stress above `limit` [Pa]; or None.
 
     rows: up to the first one above the limit. A range is a part of the path of one stage. Contacts that are active in one record,
-    and in neither of those beside it, do not count.
+    and in neither of those beside it without a jump, do not count.
     """
 
     def share(row: Row) -> float:
@@ -379,11 +383,23 @@ def _best(
 
     rows = max(stages_of(rows), key=lambda part: max(map(share, part)), default=list(rows))
     states = _path(rows, limit, classes, closings, jumps)
-    shares, recorded = [share(row) for row in states], [row.active_percent for row in rows]
+    shares = [share(row) for row in states]
     if max(shares) == 0.0:
         return None
-    inner = [min(here, max(around)) for here, *around in zip(recorded[1:-1], recorded, recorded[2:], strict=False)]
-    most = min(max(shares), max([recorded[0], *inner, recorded[-1]])) or max(shares)
+
+    def shown(k: int) -> float:
+        """The share of a record that one beside it has on the same branch; all of the first one, and of the last one."""
+        beside = [
+            rows[j].active_percent
+            for j, pair in ((k - 1, rows[max(k - 1, 0) : k + 1]), (k + 1, rows[k : k + 2]))
+            if len(pair) == 2 and not _is_jump(*pair, jumps)
+        ]
+        own = rows[k].active_percent
+        if k in (0, len(rows) - 1) and (beside or share(rows[k]) > 0.0):
+            return float(own)
+        return float(min(own, max(beside, default=0.0)))
+
+    most = min(max(shares), max(map(shown, range(len(rows))))) or max(shares)
     good = [0.0 < one >= most - DRIFT for one in shares]
     ends = np.flatnonzero(np.diff([False, *good, False])).reshape(-1, 2)  # of each range, (range, 2)
     ranges = [states[begin:end] for begin, end in ends.tolist()]
