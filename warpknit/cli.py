@@ -272,6 +272,7 @@ def report(
 
     lines = [("mesh", note) for note in done.notes]
     lines += map_lines(done.result.summary)
+    lines.append(("map", done.page.sweep_text))
     if done.result.exit_code == FINISHED:
         lines.append(("material card", done.page.card_state))
     lines += [("warning", warning) for warning in done.page.warnings]

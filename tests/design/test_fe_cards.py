@@ -348,3 +348,13 @@ def test_codes_can_be_chosen_and_files_are_those_of_a_report(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == [CODES["ansys"][0]]
     assert set(FILES) <= set(OUTPUT_NAMES)
     assert json.dumps(list(CODES)) == '["nastran", "abaqus", "calculix", "ansys", "lsdyna", "radioss"]'
+
+
+def test_every_file_says_that_the_wire_would_break(tmp_path):
+    """As a comment, in each code: a stress of 9 GPa is above any strength."""
+    files = write_fe_cards(replace(CARD, stress_max=9e9), PATH, SCENE, "", tmp_path)
+    for code, file in files.items():
+        lines = (tmp_path / file).read_text(encoding="ascii").splitlines()
+        mark = next(line for line in lines if "Warning: at the tension of the card" in line).split()[0]
+        comment = " ".join(line.removeprefix(mark).strip() for line in lines if line.startswith(mark))
+        assert "largest wire stress is 9 GPa, above the strength" in comment and "the wire would break" in comment, code

@@ -1,6 +1,7 @@
 """`warpknit report` as a user makes it: the page, its files, what cannot be given, refusals."""
 
 import csv
+import html
 import json
 import re
 from dataclasses import replace
@@ -19,7 +20,9 @@ from warpknit.design.card_files import card_values, card_warnings, strength_valu
 from warpknit.design.equal_tension import EqualTensionPath, load_equally, service_points, unreached_text
 from warpknit.design.fe import CODES
 from warpknit.design.fine_states import exact_model
-from warpknit.design.service import REFINED, EqualTension, equal_tension
+from warpknit.design.report import DEFAULT_STRAINS, Findings, _another, report_scene
+from warpknit.design.sections import outside_text
+from warpknit.design.service import REFINED, EqualTension, ServicePoint, equal_tension
 from warpknit.errors import Diverged
 from warpknit.export import map_figure
 from warpknit.scene import load_scene
@@ -111,6 +114,57 @@ def test_a_tension_that_is_not_found_is_said_and_is_no_success(tmp_path, monkeyp
     assert len(done.stderr.splitlines()) == 1
     page = (tmp_path / "r" / "report.html").read_text(encoding="utf-8")
     assert "No card for 1 N/m" in page and not (tmp_path / "r" / "material_card.json").exists()
+
+
+def test_an_optimum_that_is_not_found_again_is_marked_so(tmp_path, monkeypatch):
+    """Page, table and picture say it, and what to ask for."""
+    monkeypatch.setattr(curves, "POINTS", 2)
+
+    def no_card(*_, **__):
+        raise Diverged("a wire is lost")
+
+    monkeypatch.setattr("warpknit.design.report.find_card", no_card)
+    done = make_report(tmp_path / "r")
+    assert done.exit_code == 0
+    page = html.unescape((tmp_path / "r" / "report.html").read_text(encoding="utf-8"))
+    for text in (done.stdout, page):
+        assert "o card for the optimum of the map, which was not found again: a wire is lost; ask for a card at a tension" in text
+    assert re.search(r"<th>optimum strain, weft / warp</th><td>[^<]*, not found again</td>", page)
+    assert "The map has 9 pairs of strains, 8 % to 16 % in weft and 8 % to 16 % in warp: of [sweep] in the scene." in page
+    assert re.search(r"^map +9 pairs of strains, 8 % to 16 %", done.stdout, re.MULTILINE)
+
+
+def test_the_tension_to_ask_for_is_one_that_the_mesh_carries():
+    """Of 2, 3.4 and 4.9 N/m the first with the wire below its limit."""
+    scene = load_scene(SCENES / "contact_map.toml", ["wire.yield_stress=600 MPa"])
+    carried = {tension: SimpleNamespace(stress_max_Pa=stress) for tension, stress in ((1.0, 1e8), (2.0, 7e8), (3.4, 5e8))}
+    assert _another(scene, EqualTensionPath(at=carried)).endswith('--tension "3.4 N/m"')
+    assert "that the mesh carries" in _another(scene, EqualTensionPath())
+
+
+def test_the_loads_of_the_default_map_are_said_to_be_so():
+    rows = [row(x, y, (1.0, 1.0)) for x in DEFAULT_STRAINS for y in DEFAULT_STRAINS]
+    scene = report_scene(load_scene(SCENES / "atlas_cell.toml"))
+    text = Findings.sweep_text.fget(SimpleNamespace(rows=rows, by_tension=False, scene=scene))
+    assert text.startswith("121 pairs of strains, 0 % to 20 % in weft and 0 % to 20 % in warp: the default")
+
+
+def test_a_service_tension_outside_the_map_names_the_sweep_that_holds_it():
+    """Whole steps of 2 % away from zero: 15.3 % / -0.5 % is within 0 to 16 % and -2 to 0 %."""
+    points = [ServicePoint(2.0, (0.153, -0.005), 100.0, 3e8)]
+    assert outside_text(points, by_tension=False) == (
+        "Outside the map, so without a marker: 2 N/m (15.3 % / -0.5 %). A [sweep] with strain_weft from 0 to 0.16 and strain_warp"
+        " from -0.02 to 0 would hold this."
+    )
+    assert 'tension_weft and tension_warp up to "2 N/m"' in outside_text(points, by_tension=True)
+
+
+def test_a_card_of_a_wire_that_would_break_says_so_where_it_is_named():
+    scene = load_scene(SCENES / "contact_map.toml")
+    state = Findings.card_state.fget(SimpleNamespace(card=replace(CARD, stress_max=5e9), scene=scene, where="2 N/m"))
+    assert state.startswith("2 N/m, at 20 degC, with a wire stress of 5 GPa, above the strength of 4.5 GPa")
+    elastic = Findings.card_state.fget(SimpleNamespace(card=CARD, scene=scene, where="2 N/m"))
+    assert elastic == "2 N/m, at 20 degC"
 
 
 def test_a_report_without_its_card_keeps_an_earlier_one(tmp_path, monkeypatch):

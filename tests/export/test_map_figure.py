@@ -112,3 +112,18 @@ def test_names_of_lines_are_read_at_a_glance(tmp_path, monkeypatch, cells: int, 
     assert all(axes.bbox.contains(*corner) for name in names for corner in name.corners())
     assert not any(one.overlaps(other) for one, other in combinations(names, 2))
     assert not any(name.overlaps(mark) for name in names for mark in marked)
+
+
+def test_the_legend_names_what_is_outside_the_map_and_what_limits_the_optimum(tmp_path, monkeypatch):
+    """One service tension has a marker, the other a line of text without one."""
+    drawn = []
+    monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
+    marks = Marks(
+        stress=RISING * 1e6, yield_stress=1e9, optimum=(0.05, 0.05), optimum_note=", beside a jump",
+        places=(("2 N/m", None, 50.0), ("1 N/m", (0.05, 0.1), 50.0)),
+    )  # fmt: skip
+    map_figure(tmp_path / "a.png", STRAINS, STRAINS, RISING, title="", label="share", unit="% of pairs", marks=marks)
+    legend = drawn[0].axes[0].get_legend()
+    shown = dict(zip([text.get_text() for text in legend.get_texts()], legend.legend_handles, strict=True))
+    assert shown["2 N/m, outside the map"].get_marker() in ("", "None") and shown["1 N/m"].get_marker() == "o"
+    assert "optimum, 5.0 % / 5.0 %, beside a jump" in shown

@@ -25,16 +25,37 @@ from ..runner.branches import Jump as RowJump
 from ..runner.branches import jumps_of, jumps_under_tension
 from ..runner.history import Row, mean_tension, row_of
 from ..runner.progress_display import Progress
+from ..runner.strength import exceeded_text
 from ..scene import Scene, Stage, Sweep
 from ..scene.capabilities import refuse
 from ..scene.presets import tight_knits
-from ..sweep.contact_map import Jump, MapRow, Optimum, axes_of, find_jumps, find_optimum, grid, jump_warning, model_warnings
+from ..sweep.contact_map import (
+    Jump,
+    MapRow,
+    Optimum,
+    axes_of,
+    find_jumps,
+    find_optimum,
+    grid,
+    jump_warning,
+    load_text,
+    model_warnings,
+    optimum_note,
+)
 from ..sweep.states import Mesh, mesh_of
-from ..text import celsius, exact
+from ..text import celsius, engineering, exact
 from .card import MaterialCard, find_card
 from .card_files import CARD, card_warnings, write_card
 from .curves import CurvePoint, tension_strain
-from .equal_tension import EqualTensionPath, jump_text, load_equally, service_points, unreached_text, with_service
+from .equal_tension import (
+    EqualTensionPath,
+    jump_text,
+    load_equally,
+    service_points,
+    service_tensions,
+    unreached_text,
+    with_service,
+)
 from .fe import CODES, FILES, write_fe_cards
 from .fine_states import ROUGH_TOLERANCE, exact_model, states_at
 from .heat import HeatedMesh, heat
@@ -57,7 +78,8 @@ from .service import EqualTension, ServicePoint, equal_tension
 STAGES = ("tension-strain curves", "equal tensions", "material card", "heat", "openings and page")  # of the progress
 WAY = 0.6  # of the time of a card: the way to the optimum
 BEYOND = 13.0 / 12.0  # of the load of the card: last point of its loading curves
-DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))  # of the map where the scene has no [sweep]
+DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))
+DEFAULT_SWEEP = Sweep(strain_weft=DEFAULT_STRAINS, strain_warp=DEFAULT_STRAINS)  # of the map where the scene has no [sweep]
 
 
 @dataclass(frozen=True)
@@ -89,6 +111,11 @@ class Findings:
     earlier_kept: bool  # nothing was written: there is no card, and the directory has an earlier report with one
 
     @property
+    def found_again(self) -> bool:
+        """False where a card for the optimum of the map was looked for, and its state not found."""
+        return self.requested is not None or self.card is not None
+
+    @property
     def by_tension(self) -> bool:
         """Whether the map prescribes tensions."""
         return any(row.by_tension for row in self.rows)
@@ -101,10 +128,23 @@ class Findings:
         return load if within else None
 
     @property
+    def sweep_text(self) -> str:
+        """The loads of the map, and where they are from."""
+        axes = zip(("weft", "warp"), axes_of(self.rows), strict=True)
+        ends = " and ".join(
+            f"{load_text((axis[0], axis[-1]), self.by_tension).replace(' / ', ' to ')} in {side}" for side, axis in axes
+        )
+        default = self.scene.sweep == DEFAULT_SWEEP
+        source = "the default of a report; a table [sweep] in the scene changes them" if default else "of [sweep] in the scene"
+        return f"{len(self.rows)} pairs of {'tensions' if self.by_tension else 'strains'}, {ends}: {source}"
+
+    @property
     def card_state(self) -> str:
         """State and temperature of the card; or why there is none."""
         if self.card is not None:
-            return f"{self.where}, at {celsius(self.card.temperature)}"
+            beyond = exceeded_text(self.scene, self.card.stress_max)
+            stress = f", with a wire stress of {engineering(self.card.stress_max, 'Pa')}, {beyond}" if beyond else ""
+            return f"{self.where}, at {celsius(self.card.temperature)}{stress}"
         return self.where + ("; the earlier report in the directory, with its card, is kept" if self.earlier_kept else "")
 
     @property
@@ -115,7 +155,7 @@ class Findings:
 
 def report_scene(scene: Scene) -> Scene:
     """`scene`, with the default sweep if it has none. Raises `SceneError` for a scene without a report."""
-    scene = replace(scene, sweep=scene.sweep or Sweep(strain_weft=DEFAULT_STRAINS, strain_warp=DEFAULT_STRAINS))
+    scene = replace(scene, sweep=scene.sweep or DEFAULT_SWEEP)
     refuse(scene, "report")
     return scene
 
@@ -210,7 +250,7 @@ def _card(
         text, strains = "the optimum of the map", np.array([optimum.strain_weft, optimum.strain_warp])
         load, beyond = (under_strain(scene, np.diag(1.0 + factor * strains)) for factor in (1.0, BEYOND))
     else:
-        return None, None, "no card: the map has no optimum; ask for a tension, or widen [sweep]", ()
+        return None, None, f"no card: the map has no optimum; {_another(scene, path)}, or widen [sweep]", ()
     try:
         if tension is not None:
             begin, rows = path.states.get(tension), list(path.rows)
@@ -223,10 +263,20 @@ def _card(
             raise Diverged(unreached_text(scene, path, tension or 0.0))
         card, mesh = _card_from(scene, begin, load, lambda share: watch(WAY + (1.0 - WAY) * share))
     except Diverged as error:
+        if tension is None:
+            return None, None, f"no card for {text}, which was not found again: {error}; {_another(scene, path)}", ()
         return None, None, f"no card for {text}: {error}", ()
     with suppress(Diverged):
         rows.append(row_of(LoadPath(model, begin).to(beyond)))
     return replace(card, jumps=jump_text(passed) or ""), mesh, text, rows
+
+
+def _another(scene: Scene, path: EqualTensionPath) -> str:
+    """What to ask for in place of the optimum: the first service tension that the mesh carries elastically."""
+    for tension in service_tensions(scene, None):
+        if (row := path.at.get(tension)) is not None and row.stress_max_Pa <= scene.wire.yield_stress:
+            return f'ask for a card at a tension, as --tension "{exact(tension, "N/m")}"'
+    return "ask for a card at a tension that the mesh carries, with --tension"
 
 
 def _card_from(scene: Scene, begin: PathState, load: Stage, watch: Callable[[float], None]) -> tuple[MaterialCard, Observables]:
@@ -280,8 +330,9 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     load = found.scene.stages[0]
     page.text(f"The optimum, the curves and the card are at {celsius(load.temperature)}, the temperature of [load].")
     mesh_section(page, found.scene, found.model.cloth, found.knitted, found.card, found.notes, figures)
-    outside = [point.name for point in found.service if point.strains and found.place_in_map(point) is None]
-    map_section(page, found.scene, found.optimum, found.jumps, found.service, outside, figures["map"])
+    outside = [point for point in found.service if point.strains and found.place_in_map(point) is None]
+    map_section(page, found.scene, found.optimum, found.jumps, found.service, outside, found.found_again, figures["map"])
+    page.text(f"The map has {found.sweep_text}.")
     if (jumped := jump_warning(found.jumps, found.by_tension)) is not None:
         page.warning(f"{jumped[0].upper()}{jumped[1:]}.")
     curve_section(page, found.curves, figures["curves"])
@@ -301,15 +352,17 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
 
     weft, warp = axes_of(found.rows)
     optimum, limit = found.optimum, found.scene.wire.yield_stress
+    load = None if optimum is None else optimum.load
     marks = Marks(
         stress=grid(found.rows, "stress_max_Pa", weft, warp),
         yield_stress=limit,
-        optimum=None if optimum is None else optimum.load,
+        optimum=load,
         jumps=found.jumps,
+        optimum_note=optimum_note(load, found.jumps, found_again=found.found_again),
         places=tuple(
-            (f"{p.name}: {p.strain}, {p.active} active", load, p.active_percent)
+            (f"{p.name}: {p.strain}, {p.active} active", found.place_in_map(p), p.active_percent)
             for p in found.service
-            if (load := found.place_in_map(p)) is not None
+            if p.strains is not None
         ),
     )
     curves = {load: _arrays([p for p in found.curves if p.load == load]) for load in dict.fromkeys(p.load for p in found.curves)}

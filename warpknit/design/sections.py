@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -17,8 +18,8 @@ from ..runner.answers_table import answer_rows
 from ..runner.history import mean_tension
 from ..runner.strength import limit_text
 from ..scene import Scene, Wire
-from ..sweep.contact_map import Jump, Optimum, drift_text, optimum_warnings
-from ..text import celsius, engineering, percent
+from ..sweep.contact_map import Jump, Optimum, drift_text, optimum_note, optimum_warnings
+from ..text import celsius, engineering, exact, percent
 from .card import AGREEMENT, MaterialCard
 from .card_files import DEFINITION, card_values, card_warnings, strength_values
 from .curves import CurvePoint
@@ -29,6 +30,7 @@ from .opening_size import BANDS, FINE_ENOUGH, Opening
 from .page import Page
 from .service import EqualTension, ServicePoint
 
+SWEEP_STEP = 0.02  # strain of a map that a page proposes
 FOR_PEOPLE = {"Pa": (1e-6, "MPa"), "kg/m^2": (1e3, "g/m2"), "1/K": (1e6, "1e-6/K")}  # factor from SI, and unit
 
 
@@ -139,10 +141,14 @@ def map_section(
     optimum: Optimum | None,
     jumps: Sequence[Jump],
     service: Sequence[ServicePoint],
-    outside: Sequence[str],
+    outside: Sequence[ServicePoint],
+    found_again: bool,
     figure: Path,
 ) -> None:
-    """The contact map, the optimum and the service tensions. outside: names of those beyond the map."""
+    """The contact map, the optimum and the service tensions.
+
+    outside: those beyond the map. found_again: whether the optimum did not fail to be found again for a card.
+    """
     page.heading("Active contacts and the optimum", new_page=True)
     page.figure(
         figure,
@@ -152,16 +158,17 @@ def map_section(
     if optimum is None:
         page.warning("No tensile load of the map has active contacts with the wire below its elastic limit.")
     else:
+        note = optimum_note(optimum.load, jumps, found_again=found_again)
         margin = f"margin {percent(optimum.stress_margin, 0)} of the {limit_text(scene)}"
         page.table([
-            ("optimum strain, weft / warp", f"{percent(optimum.strain_weft)} / {percent(optimum.strain_warp)}"),
+            ("optimum strain, weft / warp", f"{percent(optimum.strain_weft)} / {percent(optimum.strain_warp)}{note}"),
             ("tension, weft / warp", _pair(optimum.tension_weft_N_per_m, optimum.tension_warp_N_per_m, "N/m")),
             ("active contacts", f"{percent(0.01 * optimum.active_percent)} of pairs"),
             ("largest wire stress", f"{engineering(optimum.stress_max_Pa, 'Pa')}, {margin}"),
             *((f"tension, where {drift.along} may drift", drift_text(asdict(drift))) for drift in optimum.drift),
         ])  # fmt: skip
     if outside:
-        page.text(f"Outside the map, so without a marker: {', '.join(outside)}.")
+        page.warning(outside_text(outside, by_tension=scene.sweep is not None and scene.sweep.by_tension))
     page.text(
         "The optimum is the pair of loads of the map, equal or not, with the most active contacts among those that keep the wire"
         " below its elastic limit. For a mesh that carries the same tension in weft and warp, take the best tension above."
@@ -177,6 +184,24 @@ def map_section(
             "The map is the mean over meshes with scattered loops; the service tensions and all results below are for the first"
             " of them."
         )
+
+
+def outside_text(points: Sequence[ServicePoint], *, by_tension: bool) -> str:
+    """Service points outside the map, and the sweep that would hold them."""
+    if by_tension:
+        largest = exact(max(point.tension for point in points), "N/m")
+        wider = f'tension_weft and tension_warp up to "{largest}"'
+    else:
+        loads = zip(("weft", "warp"), zip(*(point.strains for point in points if point.strains), strict=True), strict=True)
+        ends = ((side, _whole_steps(min(0.0, *strains)), _whole_steps(max(0.0, *strains))) for side, strains in loads)
+        wider = " and ".join(f"strain_{side} from {low:.2g} to {high:.2g}" for side, low, high in ends)
+    shown = ", ".join(f"{point.name} ({point.strain}{f', {point.why}' if point.why else ''})" for point in points)
+    return f"Outside the map, so without a marker: {shown}. A [sweep] with {wider} would hold this."
+
+
+def _whole_steps(strain: float) -> float:
+    """A strain, up or down to a whole number of SWEEP_STEP away from zero."""
+    return math.copysign(math.ceil(abs(strain) / SWEEP_STEP - 1e-9) * SWEEP_STEP, strain)
 
 
 def curve_section(page: Page, curves: Sequence[CurvePoint], figure: Path) -> None:

@@ -51,8 +51,10 @@ class Marks:
     stress: NDArray[Any]  # (warp, weft) [Pa] largest wire stress, nan where unknown
     yield_stress: float  # [Pa]
     optimum: tuple[float, float] | None  # load, weft and warp
-    places: tuple[tuple[str, tuple[float, float], float], ...] = ()  # others: label, load, and the value there
+    # others: label, load, and the value there; without a load they are outside the map, and in the legend alone
+    places: tuple[tuple[str, tuple[float, float] | None, float], ...] = ()
     jumps: Sequence[tuple[tuple[float, float], tuple[float, float]]] = ()  # loads of neighbouring cells with a jump between
+    optimum_note: str = ""  # in the legend, after its load
 
 
 def map_figure(
@@ -238,13 +240,15 @@ def _draw_marks(
         place = of_load[0] * marks.optimum[0], of_load[0] * marks.optimum[1]
         text = " / ".join(f"{value:.1f} {of_load[1]}" for value in place)
         axes.plot(*place, color=OPTIMUM_COLOUR, zorder=5, clip_on=False, **style)
-        handles.append(Line2D([], [], color=OPTIMUM_COLOUR, label=f"optimum, {text}", **style))
-    for (label, load, value), marker in zip(marks.places, cycle(PLACE_MARKERS), strict=False):
+        handles.append(Line2D([], [], color=OPTIMUM_COLOUR, label=f"optimum, {text}{marks.optimum_note}", **style))
+    inside = [(label, load, value) for label, load, value in marks.places if load is not None]
+    for (label, load, value), marker in zip(inside, cycle(PLACE_MARKERS), strict=False):
         style = {"marker": marker, "markersize": 9, "markeredgecolor": "black", "markeredgewidth": 1.6, "linestyle": "none"}
         style["color"] = tuple(colour_of(value))
         axes.plot(of_load[0] * load[0], of_load[0] * load[1], zorder=5, **style)
         handles.append(Line2D([], [], label=label, **style))
-    return handles
+    outside = [f"{label}, outside the map" for label, load, _ in marks.places if load is None]
+    return handles + [Line2D([], [], linestyle="none", label=label) for label in outside]
 
 
 def _edges(middle: NDArray[Any]) -> NDArray[Any]:

@@ -276,11 +276,20 @@ def optimum_warnings(optimum: Optimum | None, jumps: Sequence[Jump]) -> Iterator
         return
     if optimum.edge_warning is not None:
         yield optimum.edge_warning
-    if any(optimum.load in jump for jump in jumps):
+    if _is_beside_jump(optimum.load, jumps):
         yield (
             "the optimum is beside a jump to another equilibrium: a mesh with little other strains, or loaded otherwise, may have"
             " fewer active contacts"
         )
+
+
+def _is_beside_jump(load: Pair | None, jumps: Sequence[Jump]) -> bool:
+    return any(load == tuple(cell) for jump in jumps for cell in jump)
+
+
+def optimum_note(load: Pair | None, jumps: Sequence[Jump], *, found_again: bool = True) -> str:
+    """What limits the optimum at a load, in the few words of a label; empty where nothing does."""
+    return (", beside a jump" if _is_beside_jump(load, jumps) else "") + ("" if found_again else ", not found again")
 
 
 def find_optimum(rows: Sequence[MapRow], yield_stress: float, jumps: Sequence[Jump] = ()) -> Optimum | None:

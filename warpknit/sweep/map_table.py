@@ -8,7 +8,7 @@ from typing import Any
 from ..runner.strength import assumed_note
 from ..runner.summary_table import model_rows
 from ..text import duration, engineering, percent
-from .contact_map import drift_text
+from .contact_map import drift_text, optimum_note
 
 
 def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
@@ -28,7 +28,9 @@ def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         below = f"below {engineering(limit, 'Pa')}{note}"
         yield "optimum", f"none: no tensile load with an active contact has a wire stress {below}"
     else:
-        yield "optimum strain, weft / warp", f"{percent(optimum['strain_weft'])} / {percent(optimum['strain_warp'])}"
+        note_of_optimum = optimum_note(tuple(optimum["load"]), summary["jumps"])
+        strains = f"{percent(optimum['strain_weft'])} / {percent(optimum['strain_warp'])}"
+        yield "optimum strain, weft / warp", strains + note_of_optimum
         tensions = (engineering(optimum[f"tension_{side}_N_per_m"], "N/m") for side in ("weft", "warp"))
         yield "  tension, weft / warp", " / ".join(tensions)
         yield "  active contacts", percent(0.01 * optimum["active_percent"])

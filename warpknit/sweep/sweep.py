@@ -38,6 +38,7 @@ from .contact_map import (
     map_row,
     mean_map,
     model_warnings,
+    optimum_note,
     optimum_warnings,
     read_map,
     write_map,
@@ -267,6 +268,7 @@ class _Mapper:
             yield_stress=self.scene.wire.yield_stress,
             optimum=None if optimum is None else optimum["load"],
             jumps=summary["jumps"],
+            optimum_note="" if optimum is None else optimum_note(optimum["load"], summary["jumps"]),
         )
         wire, seeds, warnings = self.scene.wire, self.sweep.seeds, self.model_warnings
         scatter = f", mean of {seeds} seeds, loops scattered by {percent(self.scene.knit.scatter, 0)}" if seeds > 1 else ""
