@@ -503,3 +503,6 @@ def test_a_tension_within_the_tolerance_is_zero(monkeypatch: pytest.MonkeyPatch)
     assert dict(answer_rows(answers, LIMIT))["contacts A close at"].startswith(
         "by 200 mN/m, once the slack is taken up, strain 0.0 % / 0.0 % to 4.0 % / 2.0 %"
     )
+    rows[1].tension_weft_N_per_m = rows[1].tension_warp_N_per_m = 5e-6
+    text = dict(answer_rows(found(rows[:2], monkeypatch), LIMIT))["contacts A close at"]
+    assert text == "without tension, once the slack is taken up, strain 0.0 % / 0.0 % to 4.0 % / 2.0 % (10 pairs)"

@@ -98,9 +98,10 @@ def _records(one: Mapping[str, Any]) -> str:
     """The records on both sides of what happens at an unknown tension."""
     low, high = one["between"]
     jump = ", where the mesh jumps" if one["jump"] else ""
-    if one.get("slack") and not jump:
+    unloaded = _mean(low) == _mean(high) == 0.0
+    if (one.get("slack") or unloaded) and not jump:
         strains = f"{_strain(low)} to {_strain(high).removeprefix('strain ')}"
-        return f"by {_tension(high)}, once the slack is taken up, {strains}"
+        return f"{'without tension' if unloaded else f'by {_tension(high)}'}, once the slack is taken up, {strains}"
     return f"between {_tension(low)} and {_tension(high)}, {_strain(low)} and {_strain(high).removeprefix('strain ')}{jump}"
 
 
