@@ -35,7 +35,7 @@ BEYOND_LIMIT = 1.25  # of the largest force below the elastic limit: last colour
 LEAST_LEVEL = 0.02  # of the largest value: lines of less are left out
 LIMIT_COLOUR, OPTIMUM_COLOUR = "#D55E00", "white"
 PLACE_MARKERS = "osD^v"
-LEGEND_COLUMNS, WIDE_LABEL = 3, 28  # columns, one less where a label has more characters
+LEGEND_COLUMNS, WIDE_LABEL, WIDEST_LABEL = 3, 28, 44  # columns, one less where a label has more characters, and one more
 NAME_ROOM = 3.0  # [pt] about the name of a line
 PLACES_APART = 2.0  # [pt] along a line, where its name may stand
 STEP = 1e-5  # of the map, on either side of the edge of a cell
@@ -102,7 +102,7 @@ def map_figure(
     if handles:
         legend = {"facecolor": "#B0B0B0", "edgecolor": "none", "framealpha": 1.0, "fontsize": "small"}
         widest = max(len(str(handle.get_label())) for handle in handles)
-        columns = min(len(handles), LEGEND_COLUMNS - (widest > WIDE_LABEL))
+        columns = min(len(handles), LEGEND_COLUMNS - (widest > WIDE_LABEL) - (widest > WIDEST_LABEL))
         axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=columns, **legend)
     for limits, ticks in ((axes.set_xlim, x), (axes.set_ylim, y)):
         if len(ticks) > 1:  # cells at the edge are shown by half: strains that were not run are not in the picture
