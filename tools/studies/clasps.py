@@ -112,13 +112,14 @@ def clasp_states(
     friction: float = 0.0,
     twist: float = 1.0,
     shear: float = 0.0,
+    tolerance: float = TOLERANCE,
 ) -> Iterator[Pressure]:
     """States of a clasp whose arms are pulled; then a shear moves the clamps of the first rod oppositely along x."""
     begin = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         scene = pulled(
             Path(folder), clasp(ARM, BEND), spacing=spacing, friction=friction, strains=strains, levels=levels,
-            tolerance=TOLERANCE, diameter=1.0 / FINE, shear=shear, penalty=PENALTY,
+            tolerance=tolerance, diameter=1.0 / FINE, shear=shear, penalty=PENALTY,
         )  # fmt: skip
         model = build_model(scene)
     given = model.rods.section

@@ -21,7 +21,7 @@ from .model import SpatialModel
 from .rod_relaxation import RodRelaxation
 from .wire_contact import WireContact
 
-DISTURBANCE, SEED = 0.3, 1  # of the thickness times the residual tolerance: standard deviation of the displacements
+DISTURBANCE, SEED = 0.03, 1  # of the thickness times the residual tolerance: standard deviation of the displacements
 DAMPING = 0.02  # over a step, of the motion that follows
 LEAST_CHECKS, MOST_CHECKS = 8, 80  # convergence checks of that motion
 GROWN = 4.0  # kinetic energy over the least so far, by which the disturbance has grown
