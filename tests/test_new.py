@@ -258,3 +258,15 @@ def test_the_end_of_input_writes_nothing(terminal: None, answers: str) -> None:
     done = new(answers=answers)
     assert done.exit_code == 130 and done.stderr == "warpknit: interrupted\n"
     assert not list(Path().iterdir())
+
+
+@pytest.mark.parametrize("file", ["/proc/mesh.toml", "nowhere/mesh.toml"])
+def test_a_place_that_takes_no_file_is_refused(file: str) -> None:
+    done = new(file)
+    assert done.exit_code == 2 and done.stderr.count("\n") == 1 and file in done.stderr
+    assert not Path("nowhere").exists()
+
+
+def test_the_table_has_quantities_not_the_text_as_typed() -> None:
+    done = new("--knit", "tricot", "--diameter", "30um", "--plating", "gold,0.2um")
+    assert "30 um molybdenum, plated with 200 nm of gold\n" in done.stdout

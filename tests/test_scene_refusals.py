@@ -6,6 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from warpknit.knit import KnitError
+from warpknit.mesh.layout import knit_scene
 from warpknit.scene import SceneError, load_scene, make_scene
 from warpknit.scene.messages import known_keys
 
@@ -239,3 +241,20 @@ def test_any_value_of_any_key_is_taken_or_refused_in_one_line(key, value):
         assert str(error).isprintable()
     else:
         assert len(scene.hash) == 64
+
+
+@pytest.mark.parametrize(("wales", "courses", "key"), [("260", "25", "wales"), ("26", "300", "courses")])
+def test_the_denser_of_wales_and_courses_is_named(wales, courses, key):
+    knit = {"bars": [{"chain": "1-0/1-2"}], "wales": f"{wales} /inch", "courses": f"{courses} /inch"}
+    with pytest.raises(SceneError, match=rf"knit\.{key}: given .*differ by a factor of at most 10; here wales are") as refused:
+        load_scene({"wire": {"material": "gold", "diameter": "10 um"}, "knit": knit})
+    assert "bare" not in str(refused.value)
+
+
+def test_a_wire_too_thick_for_its_wales_is_named():
+    bars = [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}]
+    knit = {"bars": bars, "wales": "26 /inch", "courses": "30 /inch"}
+    scene = load_scene({"wire": {"material": "gold", "diameter": "300 um"}, "knit": knit, "model": {"kind": "spatial"}})
+    with pytest.raises(KnitError) as refused:
+        knit_scene(scene)
+    assert refused.value.key == "wire.diameter" and "a thickness of at most" in refused.value.allowed

@@ -52,3 +52,11 @@ def test_what_is_no_length_is_refused_with_an_example(value):
 @given(st.floats(min_value=1e-9, max_value=1e9))
 def test_a_quantity_written_in_si_comes_back_to_the_same_bits(value):
     assert si(f"{value!r} m", "length") == value
+
+
+def test_the_case_of_a_unit_is_named_as_the_fault():
+    with pytest.raises(QuantityError, match=r"upper and lower case of a unit count: GPa, not Gpa"):
+        si("320 Gpa", "stress")
+    with pytest.raises(QuantityError) as refused:
+        si("320 kg", "stress")
+    assert refused.value.hint == ""

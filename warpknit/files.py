@@ -75,8 +75,14 @@ def write_aside(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[An
     if mode not in ("w", "wb"):
         raise ValueError(f"mode {mode!r}: 'w' and 'wb' are possible")
     encoding, newline = ("utf-8", "") if mode == "w" else (None, None)
-    with path_aside(path) as aside, open(aside, mode, encoding=encoding, newline=newline) as file:
-        yield file  # it is closed before it is renamed
+    with path_aside(path) as aside:
+        try:
+            file = open(aside, mode, encoding=encoding, newline=newline)  # noqa: SIM115  it is closed before it is renamed
+        except OSError as error:  # a place that takes no files, such as /proc, has no such file: the path cannot be used
+            number = errno.EACCES if error.errno == errno.ENOENT else error.errno
+            raise OSError(number, error.strerror, str(path)) from error
+        with file:
+            yield file
 
 
 def write_arrays(path: str | os.PathLike[str], arrays: Mapping[str, np.ndarray]) -> None:

@@ -88,7 +88,7 @@ class Plan:
         else:
             mesh = [
                 ("knit", self.knit) if self.knit else ("hook", "two wires, hooked once"),
-                ("mesh", f"{about}{self.nodes:,} nodes on {self.wires:,} wires"),
+                ("mesh", f"{about}{self.nodes:,} nodes on {self.wires:,} wire{'s' if self.wires != 1 else ''}"),
                 ("contact", f"{about}{self.bodies:,} {self.hooked_by}"),
             ]
         rows = [
@@ -182,7 +182,8 @@ def _repeat(scene: Scene, cloth: Cloth) -> str:
     """One repeat in words, with the number of links of each bar."""
     links = [len(parse_chain(bar.chain)) for bar in scene.knit.bars]
     text = f"a repeat of {cloth.wales} x {cloth.courses} stitches (wales x courses)"
-    text += f", {engineering(cloth.stitch_length, 'm')} of wire a loop"
+    plan_view = engineering(cloth.stitch_length, "m")
+    text += f", {engineering(cloth.wire_length, 'm')} of wire a loop ({plan_view} in plan view)"
     if len(set(links)) > 1:
         text += f"; chains of {' and '.join(map(str, links))} links, each over and over"
     return text

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+import warpknit
 from reference.knits import BARS, COARSE, FINE, PAPER, Knit, cloth
 from warpknit.knit import KnitError, LoopProportions, knit_cloth
 from warpknit.knit.loops import RANGES
+from warpknit.mesh.layout import knit_scene
 
 
 def closed_line(thread, height):
@@ -182,3 +184,14 @@ def test_proportions_have_ranges(field):
         with pytest.raises(KnitError) as caught:
             LoopProportions(**{field: value})
         assert caught.value.key == f"knit.loop.{field}"
+
+
+def test_the_wire_of_a_loop_is_as_long_as_the_rods_of_the_model_in_space() -> None:
+    """Sum of the natural lengths of the rods, over the loops; samples of the knit and nodes of the model differ by a thousandth."""
+    knit = {"bars": [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], "wales": "26 /inch", "courses": "30 /inch"}
+    wire = {"material": "molybdenum", "diameter": "30 um"}
+    model = {"kind": "spatial", "boundary": "periodic"}
+    scene = warpknit.load_scene({"wire": wire, "knit": {**knit, "repeats": [1, 1]}, "model": model})
+    knitted, rods = knit_scene(scene), warpknit.build_model(scene).rods
+    assert knitted.wire_length == pytest.approx(float(rods.node_length.sum()) / len(knitted.stitches), rel=1e-3)
+    assert knitted.wire_length > 1.05 * knitted.stitch_length

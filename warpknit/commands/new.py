@@ -14,6 +14,8 @@ from ..knit.named import NAMED_KNITS
 from ..plan import Plan, make_plan
 from ..scene import Scene, make_scene
 from ..scene.new_scene import Refused, SceneRequest, check_file_name, check_value, scene_text
+from ..scene.wire import Wire
+from ..text import exact
 from .carried_out import naming_the_file
 
 if sys.version_info >= (3, 11):
@@ -47,6 +49,8 @@ def _refuse_existing(path: Path, force: bool) -> None:
     """Refuse to overwrite a file without `force`, and a directory. Raises `InputError`."""
     if path.is_dir():
         raise InputError(f"{path}: given a directory, allowed: a file to write")
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: given a directory that does not exist ({path.parent}), allowed: an existing one")
     if not force and path.exists():
         raise InputError(f"{path}: given a file that exists, allowed: another name, or --force to replace it")
 
@@ -80,7 +84,7 @@ def new_command(request: SceneRequest, path: Path, *, force: bool) -> list[tuple
         ("scene", str(path)),
         ("knit", f"{knit.name}, {knit.title}: {' and '.join(str(bar) for bar in knit.bars)}"),
         ("", plan.knit),
-        ("wire", f"{f'{wire.ends} x ' if wire.ends > 1 else ''}{request.diameter} {wire.material}{_plated(request)}"),
+        ("wire", f"{f'{wire.ends} x ' if wire.ends > 1 else ''}{exact(wire.diameter, 'm')} {wire.material}{_plated(wire)}"),
         ("model", f"{plan.kind}, {plan.kind_reason}"),
         ("mesh", f"{plan.nodes:,} nodes, {plan.bodies:,} {plan.hooked_by}"),
         ("next", f"warpknit plan {shlex.quote(str(path))}"),
@@ -88,9 +92,9 @@ def new_command(request: SceneRequest, path: Path, *, force: bool) -> list[tuple
     ]
 
 
-def _plated(request: SceneRequest) -> str:
+def _plated(wire: Wire) -> str:
     """The coating of the wire, in words."""
-    return f", plated with {request.plating}" if request.plating else ""
+    return "" if wire.plating is None else f", plated with {exact(wire.plating.thickness, 'm')} of {wire.plating.material}"
 
 
 def knit_list() -> list[str]:

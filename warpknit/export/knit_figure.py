@@ -78,7 +78,8 @@ def knit_figure(
         rings.set_label(f"the {len(clasps)} contacts of one rhombus")
         handles += [rings, Patch(facecolor=RHOMBUS_COLOUR, alpha=0.12, label="its opening")]
 
-    note = f"{len(cloth.clasps)} contacts per repeat\n{cloth.stitch_length * MM:.2f} mm of wire per loop"
+    note = f"{len(cloth.clasps)} contacts per repeat\n{cloth.wire_length * MM:.3g} mm of wire per loop"
+    note += f"\n({cloth.stitch_length * MM:.3g} mm in plan view)"
     handles.append(Patch(facecolor="none", edgecolor="none", label=note))
     figure.legend(handles=handles, loc="outside right upper", frameon=False)
     points_per_mm = plan_scale(figure, axes)

@@ -49,6 +49,13 @@ class Cloth:
         return sum(thread.length for thread in self.threads) / len(self.stitches)
 
     @property
+    def wire_length(self) -> float:
+        """Mean wire length of a stitch in space [m], its rises and falls included: the run-in of a loop."""
+        height = float(self.size[1])
+        steps = [np.diff(thread.stretch(0.0, thread.length, height), axis=0) for thread in self.threads]
+        return float(np.linalg.norm(np.concatenate(steps), axis=1).sum()) / len(self.stitches)
+
+    @property
     def wire_per_area(self) -> float:
         """Plan wire length in an area [1/m]: of all bars, however many of them lay a loop on each needle and course."""
         return sum(thread.length for thread in self.threads) / float(np.prod(self.size))

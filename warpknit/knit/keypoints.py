@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..text import at_most
+from ..text import at_most, engineering
 from .chain import KnitError
 from .lapping import Stitch
-from .loops import LoopProportions, Shape
+from .loops import RANGES, LoopProportions, Shape
 
 EXIT_ARC = np.radians([200.0, 245.0, 290.0, 325.0])  # angles of the points that round an exit foot
 UPRIGHT_EXIT_ARC = np.radians([195.0, 245.0, 295.0, 345.0])  # where the underlap then leaves straight up
@@ -97,15 +97,20 @@ class LoopFrame:
         loops = self.loops or (self.proportions,)
         if self.shape == "circular-oval":
             key, given = "knit.loop.closed_radius", max(loop.closed_radius for loop in loops)
-            room = (0.5 - max(abs(loop.lateral_shift) for loop in loops)) * self.wale - 0.5 * self.diameter
-            largest, unit = room / self.course, "course spacings"
+            half, share = (0.5 - max(abs(loop.lateral_shift) for loop in loops)) * self.wale, 0.5
+            spacing, unit = self.course, "course spacings"
         else:
             key, given = "knit.loop.leg_half_width", max(loop.leg_half_width for loop in loops)
-            room = 0.5 * self.wale - (0.5 + NEST_STEP * (self.layers - 1)) * self.diameter
-            largest, unit = room / self.wale, "wale spacings"
+            half, share = 0.5 * self.wale, 0.5 + NEST_STEP * (self.layers - 1)
+            spacing, unit = self.wale, "wale spacings"
+        largest, why = (half - share * self.diameter) / spacing, "or loops of neighbouring wales run into each other"
         if given > largest:
-            allowed = f"at most {at_most(largest, unit)}, or loops of neighbouring wales run into each other"
-            raise KnitError(key, given, allowed)
+            least = RANGES[key.rpartition(".")[2]][0]
+            if largest < least < half / spacing:  # no loop of any shape has room for a wire so thick
+                thinnest = at_most((half - least * spacing) / share, "m")
+                allowed = f"a thickness of at most {thinnest} with these wales and courses, {why}"
+                raise KnitError("wire.diameter", f"a wire {engineering(self.diameter, 'm')} thick", allowed)
+            raise KnitError(key, given, f"at most {at_most(largest, unit)}, {why}")
 
 
 class LoopKeys(NamedTuple):

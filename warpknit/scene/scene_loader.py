@@ -205,13 +205,13 @@ def _one_knit(source: Source, table: KnitTable, wire: Wire) -> Knit:
             raise source.refusal(("knit", key if count is None else count_key), spacing[key], allowed)
     ratio = spacing["wale_spacing"] / spacing["course_spacing"]
     if not 1 / SPACING_RATIO <= ratio <= SPACING_RATIO:
-        key = "wales" if table.wales is not None else "wale_spacing"
+        kind, count = ("course", table.courses) if ratio > 1.0 else ("wale", table.wales)  # the denser of both
+        key = f"{kind}_spacing" if count is None else f"{kind}s"
         allowed = (
-            f"between 1/{SPACING_RATIO:g} and {SPACING_RATIO:g} course spacings; this gives a wale spacing of"
-            f" {spacing['wale_spacing'] * 1e3:.4g} mm and a course spacing of {spacing['course_spacing'] * 1e3:.4g} mm"
-            " (bare numbers are SI)"
+            f"wales and courses whose spacings differ by a factor of at most {SPACING_RATIO:g}; here wales are"
+            f" {spacing['wale_spacing'] * 1e3:.4g} mm and courses {spacing['course_spacing'] * 1e3:.4g} mm apart"
         )
-        raise source.refusal(("knit", key), spacing["wale_spacing"], allowed)
+        raise source.refusal(("knit", key), spacing[f"{kind}_spacing"], allowed)
     return as_object(Knit, table, **spacing)
 
 

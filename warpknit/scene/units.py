@@ -10,11 +10,11 @@ from typing import Any
 
 
 class QuantityError(ValueError):
-    """A value that is not a finite quantity of the wanted dimension; `allowed` says what would be."""
+    """A value that is not a finite quantity of the wanted dimension; `allowed` says what would be, `hint` what is near."""
 
-    def __init__(self, given: object, allowed: str) -> None:
-        super().__init__(f"given {shown(given)}, expected {allowed}")
-        self.allowed = allowed
+    def __init__(self, given: object, allowed: str, hint: str = "") -> None:
+        super().__init__(f"given {shown(given)}, expected {allowed}{hint}")
+        self.allowed, self.hint = allowed, hint
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def si(value: object, dimension: str) -> float:
     else:
         number = None
     if number is None:
-        raise QuantityError(value, str(wanted))
+        raise QuantityError(value, str(wanted), _case_hint(value, wanted) if isinstance(value, str) else "")
     return number + 0.0  # no negative zero: equal scenes have equal hashes
 
 
@@ -130,6 +130,18 @@ def _converted(text: str, wanted: Dimension) -> float | None:
     if converted != number:  # 15 um and 0.015 mm are the same 1.5e-05 m: drop the rounding of the conversion itself
         converted = tidy(converted)
     return _finite(converted)
+
+
+def _case_hint(text: str, wanted: Dimension) -> str:
+    """That upper and lower case of a unit are its fault, with the unit meant; empty where they are not."""
+    match = _QUANTITY.fullmatch(text)
+    try:
+        unit = _registry().parse_units(match[2], case_sensitive=False) if match and _UNIT.fullmatch(match[2]) else None
+    except Exception:  # as in `_unit`
+        return ""
+    if unit is None or not unit.is_compatible_with(wanted.unit or "dimensionless") or f"{unit:~}" == match[2]:
+        return ""
+    return f" (upper and lower case of a unit count: {unit:~}, not {match[2]})"
 
 
 @lru_cache(maxsize=1)

@@ -65,7 +65,7 @@ class Quantity(Check):
         try:
             number = si(value, self.dimension)
         except QuantityError as error:
-            raise refused(self.allowed) from error
+            raise refused(self.allowed + error.hint) from error
         is_bare = not isinstance(value, str) or not has_unit(value)
         if (
             (self.above is not None and number <= self.above)
