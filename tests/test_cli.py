@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from warpknit import errors
 from warpknit.cli import main
 from warpknit.knit.chain import KnitError
+from warpknit.runner import progress_display
 from warpknit.runner.progress_display import Bar, NotebookBar, Progress, StageLines, progress_for
 
 ROOT = Path(__file__).parent.parent
@@ -226,3 +227,14 @@ def test_a_notebook_shows_a_bar_that_goes(monkeypatch):
     bar = '&lt;load&gt; (1/2) <progress value="{}" max="1"></progress> load 50 %'
     smaller = bar.format("0.251") + ", smaller mesh of 2 x 2 repeats 30 % done"
     assert shown == [bar.format("0.250"), smaller, bar.format("0.251"), ""]
+
+
+def test_the_time_left_is_told_when_a_tenth_is_done(monkeypatch, caplog):
+    clock = iter([0.0, 0.0, 100.0, 200.0, 300.0])
+    monkeypatch.setattr(progress_display.time, "monotonic", lambda: next(clock))
+    lines = StageLines()
+    with caplog.at_level("INFO", logger="warpknit.runner.progress_display"):
+        lines.stage("load", number=1, of=1)
+        for done in (0.0, 0.02, 0.5):
+            lines.update(done=done, load_factor=0.05)
+    assert [("left" in line) for line in caplog.messages[1:]] == [False, False, True]

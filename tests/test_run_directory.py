@@ -1,6 +1,7 @@
 """Directories that hold something already: what is refused, and that the line says what to type."""
 
 import json
+import time
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +9,12 @@ import pytest
 
 from warpknit.commands.carried_out import naming_arguments
 from warpknit.errors import RunDirectoryError
+from warpknit.files import held_directory
 from warpknit.ranks.ranks import One
+from warpknit.runner import run as run_module
 from warpknit.runner.checkpoint import FILE, Checkpoint
 from warpknit.runner.run_directory import check_directory, clear, make_directory
+from warpknit.scene import load_scene
 
 SUMMARY = {"run": "summary.json", "map": "map.json", "trade": "trade.json"}
 BEGUN = {"run": "checkpoint/checkpoint.npz", "map": "map.csv", "trade": "trade.csv"}
@@ -95,3 +99,15 @@ def test_files_of_others_are_kept_whatever_their_names(names, force, tmp_path):
             check_directory(tmp_path, "run", resume=False, force=False)
     clear(tmp_path)
     assert all((tmp_path / name).read_text() == "{}" for name in names)
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_a_directory_that_another_run_writes_is_refused_at_once_before_the_model_is_built(force, tmp_path, monkeypatch):
+    """A new run does not wait; --force waits for one that was killed, to write its last frame."""
+    monkeypatch.setattr(run_module, "LOCK_TIMEOUT", 0.3)
+    monkeypatch.setattr(run_module, "build_model", lambda *_: pytest.fail("built"))
+    scene = load_scene(Path(__file__).parent.parent / "scenes" / "atlas_cell.toml")
+    begin = time.monotonic()
+    with held_directory(tmp_path, 0.0), pytest.raises(RunDirectoryError, match="another run is writing there"):
+        run_module.run_scene(scene, out=tmp_path, force=force)
+    assert (time.monotonic() - begin >= 0.3) == force

@@ -20,6 +20,7 @@ from ..text import duration, percent
 _log = logging.getLogger(__name__)
 
 LINE_INTERVAL = 30.0  # [s] between lines where there is no terminal
+LEAST_GAINED = 0.1  # of the work: before, the time left is not told
 NOTEBOOK_STEP = 0.01  # of the work, between updates of a notebook
 
 
@@ -59,9 +60,9 @@ class StageLines(Progress):
             self._last_line = clock
             rate = "" if node_steps_per_s is None else f", {node_steps_per_s:.2g} node-steps/s"
             gained = done - self._done_before
-            left = f", {duration((clock - self._begin) * (1.0 - done) / gained)} left" if gained > 0.0 else ""
+            left = f", {duration((clock - self._begin) * (1.0 - done) / gained)} left" if gained >= LEAST_GAINED else ""
             part = f", {now}" if now else ""
-            _log.info("  %.0f %% done, load %.0f %%%s%s%s", 100 * done, 100 * load_factor, rate, left, part)
+            _log.info("  %.0f %% done, now at load %.0f %%%s%s%s", 100 * done, 100 * load_factor, rate, left, part)
 
 
 class Bar(Progress):

@@ -58,9 +58,7 @@ def run_scene(
     if finished is not None:
         return finished
     name = find_device(device, ranks.place, lambda: node_count(scene))
-    if device is None:
-        _log.info("running on %s", name if ranks.count == 1 else f"{ranks.count} ranks, this one on {name}")
-    elif ranks.count > 1 and name != "cpu":
+    if ranks.count > 1 and name != "cpu":
         _log.warning("warning: --device %s puts all %d ranks on one GPU; without --device they take those of the machine in turn",
                      name, ranks.count)  # fmt: skip
     checkpoint = None
@@ -72,7 +70,9 @@ def run_scene(
     simulation = Simulation(model, progress=checkpoint.progress if checkpoint else None)
     compile_time = _compile_and_restore(simulation, checkpoint)
     with contextlib.ExitStack() as stack:
-        hold = ranks.from_first(lambda: stack.enter_context(_locked(out)))
+        hold = ranks.from_first(lambda: stack.enter_context(_locked(out, 0.0)))
+        if device is None:
+            _log.info("running on %s", name if ranks.count == 1 else f"{ranks.count} ranks, this one on {name}")
         if checkpoint is None:
             ranks.from_first(lambda: clear(out))
         if not ranks.is_first:
@@ -83,7 +83,13 @@ def run_scene(
 
 
 def _finished_run(scene: Scene, out: Path, resume: bool, force: bool, probes: list[str]) -> CommandResult | None:
-    """The finished run in `out` on --resume, else None. Raises `RunDirectoryError` where `out` cannot be used."""
+    """The finished run in `out` on --resume, else None. Raises `RunDirectoryError` where `out` cannot be used.
+
+    A run that was killed may still write its last frame: --resume and --force wait for it, a new run does not.
+    """
+    if out.is_dir():
+        with _locked(out, LOCK_TIMEOUT if resume or force else 0.0):
+            pass
     if resume and (finished := finished_result(out, "summary.json", scene.hash)) is not None:
         if missing := set(probes) - set(history_columns(out / "history.csv") if probes else ()):
             raise RunDirectoryError(f"{out}: holds the finished run without the probe {min(missing)}; --force runs it again")
@@ -93,12 +99,12 @@ def _finished_run(scene: Scene, out: Path, resume: bool, force: bool, probes: li
 
 
 @contextlib.contextmanager
-def _locked(out: Path) -> Iterator[int | None]:
-    """Make the directory and lock it against other runs."""
+def _locked(out: Path, patience: float) -> Iterator[int | None]:
+    """Make the directory and lock it against other runs, `patience` [s] after them at most."""
     make_directory(out)
     with contextlib.ExitStack() as stack:
         try:
-            hold = stack.enter_context(held_directory(out, LOCK_TIMEOUT))
+            hold = stack.enter_context(held_directory(out, patience))
         except BlockingIOError as error:
             raise RunDirectoryError(f"{out}: another run is writing there; --out names another directory") from error
         yield hold

@@ -84,10 +84,11 @@ def run_map(
     meshes = [mesh_of(one) for one in seeds]
     _refuse_beyond_memory(meshes[0], sweep)
     estimates = estimates_of(scene)
-    seconds = estimates.map_time(scene, estimates.size_of(scene, meshes[0].cloth)[0])
-    if seconds is not None:
-        _log.info("estimated time of the map: %s", duration(seconds))
+    size = estimates.size_of(scene, meshes[0].cloth)[0]
+    seconds, notes = estimates.map_time(scene, size), estimates.notes(scene, size)
     open_directory(out, resolved, keep=keep)
+    if seconds is not None:
+        _log.info("estimated time of the map: %s on idle cores, within a factor of %g", duration(seconds), notes.factor)
     return _Mapper(meshes, sweep, out, progress or Display()).run()
 
 
