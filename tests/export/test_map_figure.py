@@ -127,3 +127,10 @@ def test_the_legend_names_what_is_outside_the_map_and_what_limits_the_optimum(tm
     shown = dict(zip([text.get_text() for text in legend.get_texts()], legend.legend_handles, strict=True))
     assert shown["2 N/m, outside the map"].get_marker() in ("", "None") and shown["1 N/m"].get_marker() == "o"
     assert "optimum, 5.0 % / 5.0 %, beside a jump" in shown
+
+
+def test_no_line_of_equal_value_runs_through_a_cell_with_a_jump() -> None:
+    x = y = np.array([0.0, 2.0, 4.0])
+    marks = Marks(stress=np.zeros((3, 3)), yield_stress=1.0, optimum=None, jumps=[((0.02, 0.04), (0.04, 0.04))])
+    shown = module._smooth(np.arange(9.0).reshape(3, 3), x, y, marks, 100.0)
+    assert np.argwhere(np.ma.getmaskarray(shown)).tolist() == [[2, 1], [2, 2]]

@@ -9,11 +9,12 @@ from pathlib import Path
 import matplotlib.image
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from reference.histories import history
 from warpknit.export import curves_figure, design_figures, mesh_figure
 from warpknit.export.plots import scale_of
-from warpknit.export.stage_curves import columns_of, stage_slices
+from warpknit.export.stage_curves import columns_of, draw_curves, stage_slices
 from warpknit.frame import Frame, WireLayout
 
 
@@ -155,3 +156,30 @@ def test_curves_of_a_strain_that_goes_back_run_along_the_load() -> None:
     ):
         columns = {"strain_weft": np.array(strain), "strain_warp": np.array(strain), "load_factor": factor}
         assert curves_figure._abscissa(columns, stages, 5)[1] == label
+
+
+def test_the_colours_of_stress_end_at_the_elastic_limit() -> None:
+    """Equal stresses have equal colours in the pictures of two runs."""
+    scales = [mesh_figure.stress_colours(np.array([highest]), 6e8)[1] for highest in (50.0, 300.0, 900.0)]
+    assert [scale.vmax for scale in scales] == [600.0] * 3
+
+
+def test_a_line_over_a_jump_is_dotted_and_no_other() -> None:
+    axes = Figure().subplots()
+    x, jumped = np.arange(6.0), np.array([False, False, False, True, False, False])
+    draw_curves(axes, x, [("load", slice(0, 6))], [("", "black", x**2)], False, jumped)
+    drawn = [(line.get_linestyle(), np.asarray(line.get_xdata()).tolist()) for line in axes.lines]
+    assert drawn == [("-", [0.0, 1.0, 2.0]), ("-", [3.0, 4.0, 5.0]), (":", [2.0, 3.0])]
+
+
+def test_the_axis_of_tension_begins_where_contacts_change(tmp_path, monkeypatch) -> None:
+    """Half the tension of the last record before the first change of the active share."""
+    shown = []
+    monkeypatch.setattr(design_figures, "save_figure", lambda figure, path: shown.append(figure.axes[0].get_xlim()) or path)
+    rows = [
+        {"tension_weft_N_per_m": t, "tension_warp_N_per_m": t, "active_percent": 10.0 * (t > 1.0), "stress_max_Pa": 1e8 * t}
+        for t in (1e-3, 1e-2, 1e-1, 1.0, 2.0, 4.0)
+    ]
+    answers = {"contacts": [], "best": None}
+    design_figures.tension_figure(rows, answers, tmp_path / "tension.png", yield_stress=6e8)
+    assert shown[0][0] == pytest.approx(0.5) and shown[0][1] > 4.0

@@ -187,7 +187,7 @@ def test_proportions_have_ranges(field):
 
 
 def test_the_wire_of_a_loop_is_as_long_as_the_rods_of_the_model_in_space() -> None:
-    """Sum of the natural lengths of the rods, over the loops; samples of the knit and nodes of the model differ by a thousandth."""
+    """Sum of the natural lengths of the rods, over the loops; samples and nodes differ by a thousandth."""
     knit = {"bars": [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], "wales": "26 /inch", "courses": "30 /inch"}
     wire = {"material": "molybdenum", "diameter": "30 um"}
     model = {"kind": "spatial", "boundary": "periodic"}

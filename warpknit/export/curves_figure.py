@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, figure_of, save_figure, scale_of
-from warpknit.export.stage_curves import History, columns_of, draw_curves, history_rows, stage_legend, stage_slices
+from warpknit.export.stage_curves import JUMP_STYLE, History, columns_of, draw_curves, history_rows, stage_legend, stage_slices
 from warpknit.text import ZERO_CELSIUS
 
 __all__ = ["curves_figure"]
@@ -24,11 +25,18 @@ HELD_STRAIN = 2e-3  # a frame expands by less over 200 K
 IMPOSED_STRAIN, IMPOSED_TENSION = 1e-6, 0.02  # of its range in a stage: departure from a straight line over the load factor
 
 
-def curves_figure(history: History, path: str | os.PathLike[str], *, yield_stress: float | None = None) -> Path:
+def curves_figure(
+    history: History,
+    path: str | os.PathLike[str],
+    *,
+    yield_stress: float | None = None,
+    jumps: Sequence[Sequence[int]] = (),
+) -> Path:
     """Draw contacts, tension, stress, energies and residual of a run, from history.csv or its rows.
 
     Under given tensions these are the abscissa, and strains are drawn in their place. Stages that change the temperature alone
-    are left out beside others: they are in heat_figure.py. yield_stress: [Pa] elastic limit of the wire.
+    are left out beside others: they are in heat_figure.py. yield_stress: [Pa] elastic limit of the wire. jumps: indices
+    of neighbouring records of different branches; lines between them are dotted.
     """
     rows = history_rows(history)
     columns = columns_of(rows)
@@ -59,11 +67,15 @@ def curves_figure(history: History, path: str | os.PathLike[str], *, yield_stres
         (f"energy [{energy_unit}]", energies),
         ("residual over mean boundary force", (("", GREY, column("residual")),)),
     )
+    jumped = np.isin(column("index"), [after for _, after in jumps])
     figure = figure_of(10.5, 10.4)
     panels = figure.subplots(3, 2, sharex=True).ravel()
     for number, (axes, (label, curves)) in enumerate(zip(panels, panel_curves, strict=True)):
-        draw_curves(axes, abscissa, stages, curves, is_logarithmic=number >= LOGARITHMIC)
+        draw_curves(axes, abscissa, stages, curves, is_logarithmic=number >= LOGARITHMIC, jumped=jumped)
         axes.set_ylabel(label)
+    if jumped.any():
+        mark = Line2D([], [], color=GREEN, label="jump to another equilibrium", **JUMP_STYLE)
+        panels[0].legend(handles=[mark], loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, borderaxespad=0.2)
     panels[0].set_ylim(-3.0, 103.0)
     for axes, (_, curves) in zip(panels[1:LOGARITHMIC], panel_curves[1:], strict=False):
         if not any(np.any(values < 0.0) for *_, values in curves):

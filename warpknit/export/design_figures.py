@@ -26,6 +26,8 @@ BEYOND_LIMIT = 1.5  # of the largest tension below the elastic limit: upper end 
 ROOM = 0.04  # of the axis, at both ends
 LEAST_TENSION = 1e-4  # of the largest: less is not drawn, on a logarithmic axis
 CLASS_DASHES = ("-", "--", ":")
+CLASS_WIDTHS = 5.0, 1.4  # [pt] of the curve of all contacts, and of the last class
+LEAST_DRIFT = 0.01  # of the axis of tension: a narrower one is said with the best tension
 LEAST_DECADES = 0.6  # of a resistance axis: a constant resistance is a level line
 
 SIDES: dict[str, dict[str, Any]] = {
@@ -59,21 +61,29 @@ def tension_figure(
     figure = figure_of(10.5, 4.4)
     contacts, stress = figure.subplots(1, 2)
     classes = [one["name"] for one in answers["contacts"]]
-    contacts.plot(scale * tension[shown], column("active_percent"), color=GREEN, linewidth=WIDTHS[0], label="all contacts")
+    widths = np.linspace(*CLASS_WIDTHS, 1 + len(classes)).tolist()  # each is narrower than those that it may lie on
+    active = column("active_percent")
+    contacts.plot(scale * tension[shown], active, color=GREEN, linewidth=widths[0], label="all contacts")
     if len(classes) > 1:
         for number, name in enumerate(classes):
             look = {"color": (BLUE, ORANGE, PURPLE, GREY)[number % 4], "linestyle": CLASS_DASHES[number % len(CLASS_DASHES)]}
             values = column(f"active_{name}_percent")
-            contacts.plot(scale * tension[shown], values, linewidth=WIDTHS[1], label=f"class {name}", **look)
+            contacts.plot(scale * tension[shown], values, linewidth=widths[1 + number], label=f"class {name}", **look)
     contacts.set_ylim(-3.0, 103.0)
     contacts.set_ylabel("active contacts [% of pairs]")
     stress.plot(scale * tension[shown], to_stress * column("stress_max_Pa"), color=BLUE, linewidth=WIDTHS[1], marker=".")
     stress.axhline(to_stress * yield_stress, color=ORANGE, linestyle="--", label="elastic limit")
     stress.set_ylim(0.0, to_stress * 1.15 * min(max(column("stress_max_Pa").max(initial=0.0), yield_stress), 2.0 * yield_stress))
     stress.set_ylabel(f"largest wire stress [{stress_unit}]")
+    changes = np.flatnonzero(np.diff(active))  # below the first, nothing of interest happens
+    begin = max(0.5 * tension[shown][changes[0]] if len(changes) else 0.0, tension[shown].min())
+    decades = np.log10(tension.max() / begin)
     for axes in (contacts, stress):
         axes.set_xscale("log")
+        axes.set_xlim(scale * begin, scale * tension.max() * 10.0 ** (ROOM * decades))
         axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+        axes.xaxis.set_minor_formatter("{x:g}")
         axes.set_xlabel(f"tension, weft and warp [{unit}]")
         for low, high in jumps:
             axes.axvspan(scale * low, scale * high, color="#BBBBBB", linewidth=0.0, zorder=0.5, label="jump")
@@ -82,9 +92,11 @@ def tension_figure(
                 0.5 * scale * (one["tension_weft_N_per_m"] + one["tension_warp_N_per_m"])
                 for one in (best, best["low"], best["high"])
             )
-            if high > low:
+            is_wide = np.log10(high / max(low, scale * begin)) > LEAST_DRIFT * decades
+            if is_wide:
                 axes.axvspan(low, high, color="#CDE9DC", linewidth=0.0, zorder=0, label="its drift")
-            axes.axvline(here, color=GREEN, linestyle=":", linewidth=1.4, zorder=0.8, label="best tension")
+            label = "best tension" if is_wide else "best tension, its drift within the line"
+            axes.axvline(here, color=GREEN, linestyle=":", linewidth=1.4, zorder=0.8, label=label)
         axes.grid(color="#DDDDDD", linewidth=0.6)
         axes.spines[["top", "right"]].set_visible(False)
     handles = {str(one.get_label()): one for axes in figure.axes for one in axes.get_legend_handles_labels()[0]}

@@ -37,7 +37,8 @@ def export_figures(record: RunRecord) -> list[Path]:
             (f"mesh_{number:02d}_{re.sub(r'[^A-Za-z0-9-]+', '_', frame.stage)}.png", frame)
             for number, frame in enumerate(stage_ends)
         ]
-    paths = [curves_figure(history, folder / "curves.png", yield_stress=yield_stress)]
+    jumps = record.summary.get("jumps") or ()
+    paths = [curves_figure(history, folder / "curves.png", yield_stress=yield_stress, jumps=jumps)]
     if (heat := heat_figure([history], folder / "heat.png")) is not None:
         paths.append(heat)
     for name, frame in wanted:

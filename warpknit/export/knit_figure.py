@@ -26,7 +26,7 @@ THINNEST = 1.2  # [pt] line that is still legible
 # Okabe and Ito's colours, distinct without red-green vision.
 BAR_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#606060", "#56B4E9")
 CLASS_MARKERS = "os^Dv<>pPX*h"
-MARK_SIZE, MARK_SPACING = 6.0, 6.5  # [pt] of a contact, and between those at one place
+MARK_SIZE, MARK_SPACING = 6.0, 8.0  # [pt] of a contact, and between those at one place
 BODY_COLOUR, RHOMBUS_COLOUR = "#111111", "#B00058"
 
 
@@ -85,7 +85,9 @@ def knit_figure(
     points_per_mm = plan_scale(figure, axes)
     for places, style in zip(_places(MM * bodies, classes, MARK_SPACING / points_per_mm), styles, strict=True):
         everywhere = (places[:, None] + tile_copies(places, period, low - margin, high + margin)).reshape(-1, 2)
-        axes.plot(everywhere[:, 0], everywhere[:, 1], markersize=MARK_SIZE, zorder=3, **style)
+        left_bottom, right_top = np.transpose([axes.get_xlim(), axes.get_ylim()])
+        within = np.all((everywhere > left_bottom) & (everywhere < right_top), axis=1)
+        axes.plot(*everywhere[within].T, markersize=MARK_SIZE, zorder=3, clip_on=False, **style)
     line_width = max(THINNEST, diameter * MM * points_per_mm)
     axes.add_collection(over_under(*_wires(cloth, period, low - margin, high + margin), line_width, points_per_mm))
     return save_figure(figure, path)

@@ -94,7 +94,7 @@ def map_figure(
         axes.text(0.5, 0.5, "no converged state", transform=axes.transAxes, ha="center", va="center")
     names = {}
     if known.count() and min(values.shape) > 1:
-        names = _draw_levels(axes, bar, x, y, known, top, percent)
+        names = _draw_levels(axes, bar, x, y, known if percent else _smooth(known, x, y, marks, of_load[0]), top, percent)
     handles = _draw_marks(axes, x, y, marks, tiles.to_rgba, of_load)
     if known.mask.any():
         axes.set_facecolor("#E8E8E8")
@@ -219,7 +219,7 @@ def _draw_marks(
     """
     handles: list[Any] = []
     style: dict[str, Any]
-    stress = np.ma.masked_invalid(marks.stress)
+    stress = _smooth(np.ma.masked_invalid(marks.stress), x, y, marks, of_load[0])
     scale, unit = scale_of("Pa", np.array([marks.yield_stress]))
     limit = f"{scale * marks.yield_stress:.3g} {unit}"
     if min(stress.shape) > 1 and stress.count() and float(stress.min()) < marks.yield_stress < float(stress.max()):
@@ -249,6 +249,14 @@ def _draw_marks(
         handles.append(Line2D([], [], label=label, **style))
     outside = [f"{label}, outside the map" for label, load, _ in marks.places if load is None]
     return handles + [Line2D([], [], linestyle="none", label=label) for label in outside]
+
+
+def _smooth(values: Any, x: NDArray[Any], y: NDArray[Any], marks: Marks, factor: float) -> Any:
+    """Values (warp, weft) without those of cells with a jump to a neighbour: no line of equal value is drawn through them."""
+    shown = np.ma.array(values, copy=True)
+    for cell in {tuple(cell) for pair in marks.jumps for cell in pair}:
+        shown[np.argmin(np.abs(y - factor * cell[1])), np.argmin(np.abs(x - factor * cell[0]))] = np.ma.masked
+    return shown
 
 
 def _edges(middle: NDArray[Any]) -> NDArray[Any]:

@@ -14,6 +14,7 @@ from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize, Powe
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
+from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from warpknit.export.over_under import copied, over_under, tile_copies
@@ -30,7 +31,7 @@ PARTS_DRAWN = 4  # of the curve of a wire between two nodes
 COPIED, COPIES = 2_000, 2  # segments of a periodic tile up to which this many copies are drawn each way
 THINNEST = 0.9  # [pt] line that is still legible
 ROOM = 293.15  # [K]  a temperature other than this is said in the title
-OPEN_SIZE = 1.3  # of the mark of an active contact: that of an open one
+OPEN_SIZE = 1.8  # of the mark of an active contact: that of an open one
 LEGEND_COLUMN = 2.5  # [inch]
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 OUTLINE: dict[str, Any] = {"color": "#404040", "linewidth": 1.2, "linestyle": "--"}
@@ -215,12 +216,14 @@ def _legend(figure: Figure, layout: WireLayout, frame: Frame) -> None:
 def _draw_contacts(
     axes: Axes, layout: WireLayout, frame: Frame, position: NDArray[Any], offsets: NDArray[Any], points_per_mm: float
 ) -> None:
-    """Fill active contacts at `position` (body, 2) [mm], leave open ones hollow, and ring those of the central rhombus."""
+    """Fill active contacts at `position` (body, 2) [mm], circle open ones, and ring those of the central rhombus."""
     if not layout.body_count:
         return
     area = max(float(np.ptp(position[:, 0]) * np.ptp(position[:, 1])), 1e-12)
     size = float(np.clip(0.2 * math.sqrt(area / layout.body_count) * points_per_mm, 2.0, 7.0))  # [pt]
-    for chosen, name, edge, look in reversed(_kinds(frame)):  # an open contact behind an active one shows as its ring
+    for chosen, name, edge, look in reversed(
+        _kinds(frame)
+    ):  # the circle of an open contact shows about an active one at its place
         shown = (position[chosen][:, None] + offsets).reshape(-1, 2)
         mark = size if name == "active" else OPEN_SIZE * size
         axes.plot(*shown.T, **look, markersize=mark, markeredgewidth=edge * size, zorder=3)
@@ -234,9 +237,10 @@ def _draw_contacts(
 def _kinds(frame: Frame) -> tuple[tuple[NDArray[np.bool_], str, float, dict[str, Any]], ...]:
     """Active and open bodies: which, the name, the width of the edge over the size of the mark, and its look."""
     active, mark = frame.body_active, {"linestyle": "none", "marker": "o"}
+    halo = [withStroke(linewidth=3.0, foreground="white")]
     return (
         (active, "active", 0.12, {**mark, "markerfacecolor": BLUE, "markeredgecolor": "white"}),
-        (~active, "open", 0.16, {**mark, "markerfacecolor": "white", "markeredgecolor": BLUE}),
+        (~active, "open", 0.16, {**mark, "markerfacecolor": "none", "markeredgecolor": BLUE, "path_effects": halo}),
     )
 
 
@@ -253,13 +257,12 @@ def _plan_figure(size: NDArray[Any], panels: int, title: str) -> tuple[Figure, N
 def stress_colours(stress: NDArray[Any], yield_stress: float | None) -> tuple[Colormap, Normalize]:
     """A map from light sand to near black, cyan beyond the yield stress; and the scale of the stress [MPa].
 
+    The scale ends at the yield stress, so that pictures of one wire compare, or at the largest stress where it is unknown.
     The scale goes by the square root, so that a peak at a grip does not leave the rest of the mesh in one colour.
     """
     table = matplotlib.colormaps["magma_r"](np.linspace(0.16, 0.95, 256))
     colours = LinearSegmentedColormap.from_list("stress", table, N=256).with_extremes(over="#00CFFF", bad="white")
-    highest = float(np.nanmax(stress, initial=0.0))
-    if yield_stress is not None:
-        highest = min(highest, 1e-6 * yield_stress)
+    highest = float(np.nanmax(stress, initial=0.0)) if yield_stress is None else 1e-6 * yield_stress
     return colours, PowerNorm(0.5, vmin=0.0, vmax=highest if highest > 0.0 else 1.0)
 
 
@@ -270,10 +273,12 @@ def _stress_bar(
     yield_stress: float | None,
     label: str = "wire stress at nodes [MPa]",
 ) -> None:
+    largest = float(np.ma.max(np.ma.masked_invalid(mappable.get_array())))
+    label += f", largest {largest:.3g}"
     if yield_stress is not None:
         label += f", yield at {1e-6 * yield_stress:.4g}"
     label += " (square-root scale)"
-    is_beyond = yield_stress is not None and float(np.ma.max(mappable.get_array())) > mappable.norm.vmax
+    is_beyond = yield_stress is not None and largest > mappable.norm.vmax
     _colour_bar(figure, axes, mappable, label, extend="max" if is_beyond else "neither")
 
 

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from warpknit.export.plots import GREY, WIDTHS
 
-__all__ = ["History", "columns_of", "draw_curves", "history_rows", "stage_legend", "stage_slices"]
+__all__ = ["JUMP_STYLE", "History", "columns_of", "draw_curves", "history_rows", "stage_legend", "stage_slices"]
 
 History = Iterable[Mapping[str, Any]] | str | os.PathLike[str]
 DECADES_DRAWN = 1e-9  # of the largest value of a logarithmic axis: less is not drawn, and does not flatten the others
+JUMP_STYLE: dict[str, Any] = {"linestyle": ":", "linewidth": 1.2}  # no state is interpolated over a jump
 STAGE_STYLES: tuple[tuple[str | tuple[int, tuple[float, ...]], str], ...] = (
     ("-", "o"),
     ((0, (5, 1.5)), "s"),
@@ -66,8 +67,9 @@ def draw_curves(
     stages: Sequence[tuple[str, slice]],
     curves: Sequence[tuple[str, str, NDArray[Any]]],
     is_logarithmic: bool,
+    jumped: NDArray[np.bool_] | None = None,
 ) -> None:
-    """Draw one line per quantity (colour) and stage (dashes and marks)."""
+    """Draw one line per quantity (colour) and stage (dashes and marks), dotted to a row that the mesh has `jumped` to."""
     handles = []
     least = DECADES_DRAWN * max((float(values[np.isfinite(values)].max(initial=0.0)) for *_, values in curves), default=0.0)
     for (label, colour, values), width in zip(curves, WIDTHS if len(curves) > 1 else WIDTHS[1:], strict=False):
@@ -79,7 +81,12 @@ def draw_curves(
             style, marker = STAGE_STYLES[number % len(STAGE_STYLES)]
             look: dict[str, Any] = {"color": colour, "linestyle": style, "marker": marker, "markersize": 2.5 + width}
             face = colour if number % 2 == 0 else "white"
-            axes.plot(abscissa[rows], values[rows], linewidth=width, markerfacecolor=face, **look)
+            at = np.arange(len(values))[rows]
+            jumps = np.zeros(0, dtype=int) if jumped is None else np.flatnonzero(jumped[at[1:]]) + 1
+            for part in np.split(at, jumps):
+                axes.plot(abscissa[part], values[part], linewidth=width, markerfacecolor=face, **look)
+            for row in at[jumps]:
+                axes.plot(abscissa[row - 1 : row + 1], values[row - 1 : row + 1], color=colour, **JUMP_STYLE)
         if label:
             handles.append(Line2D([], [], color=colour, linewidth=width, label=label))
     if not axes.lines:

@@ -44,6 +44,8 @@ Keys beside the measures (measure/table.py), a panel (panel_report.py) and the a
     quality.estimated_errors.stress          estimated relative error of the largest stress
     wire.stress_max_so_far_Pa                largest stress of all records so far
     probes                                   last values of the probes of `run`, by their names
+    jumps                                    pairs of `index`: neighbouring records between which the mesh jumps to another
+                                             branch of equilibria
     answers                                  what a designer asks, see below; null for a `[hook]`
     stages                                   the same groups at the end of each stage, with its `name`
 """
@@ -146,7 +148,7 @@ def run_summary(
 ) -> dict[str, Any]:
     """All of summary.json, with the values of the last stage on top. `notes` come from the drive."""
     estimate = estimate or Estimate(None)
-    scene, panel = model.scene, model.panel
+    scene, panel, jumps = model.scene, model.panel, jumps_of(model, rows)
     last = {key: value for key, value in stages[-1].items() if key != "name"} if stages else {}
     if "quality" in last:
         last["quality"] = {**last["quality"], "estimated_error": estimate.error, "estimated_errors": {
@@ -186,6 +188,7 @@ def run_summary(
             "drive": scene.solver.drive,
         },
         **last,
-        "answers": answers_of(model, rows, jumps_of(model, rows)),
+        "jumps": [[before.index, after.index] for before, after in jumps],
+        "answers": answers_of(model, rows, jumps),
         "stages": stages,
     }
