@@ -110,7 +110,7 @@ def test_the_file_holds_what_was_asked_for() -> None:
 def test_a_plating_stands_in_the_file() -> None:
     done = new("mesh", "--plating", "gold, 0.3 um")
     assert done.exit_code == 0, done.stderr
-    assert "30 um molybdenum, plated with gold, 0.3 um" in done.stdout
+    assert "30 um molybdenum, plated with 300 nm of gold" in done.stdout
     plating = load_scene("mesh.toml").wire.plating
     assert plating is not None and plating.material == "gold"
     assert plating.thickness == pytest.approx(0.3e-6, rel=ROUND_OFF, abs=0.0)

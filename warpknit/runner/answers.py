@@ -389,11 +389,8 @@ def _best(
 
     def shown(k: int) -> float:
         """The share of a record that one beside it has on the same branch; all of the first one, and of the last one."""
-        beside = [
-            rows[j].active_percent
-            for j, pair in ((k - 1, rows[max(k - 1, 0) : k + 1]), (k + 1, rows[k : k + 2]))
-            if len(pair) == 2 and not _is_jump(*pair, jumps)
-        ]
+        near = [j for j in (k - 1, k + 1) if 0 <= j < len(rows) and not _is_jump(rows[min(j, k)], rows[max(j, k)], jumps)]
+        beside = [rows[j].active_percent for j in near]
         own = rows[k].active_percent
         if k in (0, len(rows) - 1) and (beside or share(rows[k]) > 0.0):
             return float(own)

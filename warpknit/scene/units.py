@@ -135,11 +135,13 @@ def _converted(text: str, wanted: Dimension) -> float | None:
 def _case_hint(text: str, wanted: Dimension) -> str:
     """That upper and lower case of a unit are its fault, with the unit meant; empty where they are not."""
     match = _QUANTITY.fullmatch(text)
+    if match is None or not _UNIT.fullmatch(match[2]):
+        return ""
     try:
-        unit = _registry().parse_units(match[2], case_sensitive=False) if match and _UNIT.fullmatch(match[2]) else None
+        unit = _registry().parse_units(match[2], case_sensitive=False)
     except Exception:  # as in `_unit`
         return ""
-    if unit is None or not unit.is_compatible_with(wanted.unit or "dimensionless") or f"{unit:~}" == match[2]:
+    if not unit.is_compatible_with(wanted.unit or "dimensionless") or f"{unit:~}" == match[2]:
         return ""
     return f" (upper and lower case of a unit count: {unit:~}, not {match[2]})"
 
