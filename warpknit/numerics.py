@@ -19,6 +19,7 @@ LOOK_AHEAD = 0.12  # steps; stable up to 4/(1 + 2 LOOK_AHEAD) of the unit-step m
 MASS_MARGIN = 1.5  # fictitious masses over the smallest ones stable at unit step without look-ahead
 FIRST_DAMPING = 0.02  # [1/s]
 FASTEST_DAMPING = 0.2  # [1/s]
+FOLLOWED_INCREMENT = 0.015  # of the strain in space, in which a tricot follows its path that leaves it in increments of 2.7 %
 SLOWEST_WAVE = 3.0  # loops of wire: longer bending waves stay overdamped, as they carry almost no force
 TURN_ALLOWANCE = 0.3  # [rad] allowance for turns sharpened by the load, in fictitious masses
 SPEED_SHARE = 0.05  # of a node spacing: largest displacement a step

@@ -11,6 +11,7 @@ import numpy as np
 from ..knit.cloth import Cloth
 from ..measure import MeshModel
 from ..mesh.smaller import smaller_scene
+from ..numerics import FOLLOWED_INCREMENT
 from ..scene import Scene
 from ..scene.materials import MATERIALS
 from ..scene.model_choice import PLANE_IS_GOOD, first_touch
@@ -23,7 +24,6 @@ CONSTANTS_HOLD = (70.0, 600.0)  # [K] range in which moduli are within a few per
 QUASI_STATIC = 0.1  # largest kinetic over stored energy of a quasi-static ramp
 FEWEST_NODES = 12  # a loop: the tension error of the double atlas cell is 9 % at 8 nodes, 1 % at 12
 SMALL_FRICTION = 0.1  # coefficient up to which results hardly depend on the load increment
-FOLLOWED_INCREMENT = 0.015  # of the strain, in which a tricot follows its path that leaves it in increments of 2.7 %
 CONVERGED_INCREMENT = 0.0003125  # strain increment at which they no longer depend on it
 
 

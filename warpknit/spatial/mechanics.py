@@ -16,7 +16,7 @@ from ..mechanics import Check, Drift, strength_exceeded
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
 from ..mesh.smaller import smaller_scene
-from ..numerics import SLOWEST_WAVE
+from ..numerics import FOLLOWED_INCREMENT, SLOWEST_WAVE
 from ..transfer.repeat_mesh import RepeatArrays, upload_repeats
 from .clamps import MovingClamps
 from .contact_checks import ContactSums
@@ -53,7 +53,7 @@ class SpatialMechanics:
     can_overlap = True
     may_overlap = False
     drift = DRIFT
-    path_increment = 0.015
+    path_increment = FOLLOWED_INCREMENT
 
     def __init__(self, model: SpatialModel, state: RodState) -> None:
         self.model, scene = model, model.scene
@@ -75,6 +75,8 @@ class SpatialMechanics:
         self.residual = Residual(model, self.relaxation, self.multipliers)
         self.edge = Edge(model) if scene.has_moving_edge else None
         self.stability = Stability(model, self.relaxation, self.contact, self.notes)
+        # a large gripped mesh starts from a smaller one that was tested
+        self._is_tested = not scene.depends_on_path and (scene.model.boundary == "periodic" or smaller_scene(scene) is None)
         self._last: tuple[np.ndarray, np.ndarray] | None = None  # gradient and displacement of the previous level
         if model.ramp is not None:
             self._take_real_masses(model.ramp.node_mass, model.ramp.spin_inertia, model.ramp.damping)
@@ -207,8 +209,7 @@ class SpatialMechanics:
 
     def begin_level(self) -> None:
         self.contact.pop_max_penetration()
-        scene = self.model.scene
-        if not scene.depends_on_path and (scene.model.boundary == "periodic" or smaller_scene(scene) is None):
+        if self._is_tested:
             self.stability.begin_level()
 
     def check(self, checks: int, *, loading: bool) -> Check:
