@@ -127,6 +127,7 @@ def mark_near_pairs(
 def find_closest_places(
     # in: the pairs that may touch, and all pairs
     touch_pair: wp.array(dtype=wp.int32),
+    touch_followed: wp.array(dtype=wp.int32),
     touch_count: wp.array(dtype=wp.int32),
     part: int,
     parts: int,
@@ -158,16 +159,20 @@ def find_closest_places(
     pair_found: wp.array(dtype=wp.int32),
     pair_place: wp.array(dtype=wp.vec2d),
 ):
-    """The threads of a part share its pairs. A step evaluates pairs whose curves may touch; an evaluation without a step
-    those whose gap may be below EVALUATED_GAP."""
+    """The threads of a part share its pairs, but for those that a step has done (wire_contact_by_batch.py).
+
+    A step evaluates pairs whose curves may touch; an evaluation without a step those whose gap may be below EVALUATED_GAP.
+    """
     if is_halted(control):
         return
     for touch in range(first_of_part(touch_count, part, parts) + wp.tid(), first_of_part(touch_count, part + 1, parts), threads):
         prefetch_pair(touch, threads, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
                       previous, following, node_radius, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
                       contact_offset, position, length, tangent, director)  # fmt: skip
-        pair = touch_pair[touch]
         is_running = control[STATUS] == STATUS_RUNNING
+        if is_running and touch_followed[touch] != 0:
+            continue
+        pair = touch_pair[touch]
         travel = control[TRAVEL]
         evaluated_gap = wp.where(is_running, wp.float64(0.0), control[EVALUATED_GAP])
         found = pair_found[pair]

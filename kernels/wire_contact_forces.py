@@ -80,6 +80,7 @@ def push_wire(
 def find_contact_forces(
     # in: the pairs that may touch, and all pairs
     touch_pair: wp.array(dtype=wp.int32),
+    touch_followed: wp.array(dtype=wp.int32),
     touch_count: wp.array(dtype=wp.int32),
     part: int,
     parts: int,
@@ -133,14 +134,19 @@ def find_contact_forces(
     touch_couple: wp.array(dtype=wp.vec3d),
     max_penetration: wp.array(dtype=wp.float64),
 ):
-    """The threads of a part share its pairs, at the places found. `stick_share` is k_t
-    over the penalty in `control`. A contact without weight has the overlap -NO_COMMON_WIRE."""
+    """The threads of a part share its pairs, at the places found, but for those that a step has done (wire_contact_by_batch.py).
+
+    `stick_share` is k_t over the penalty in `control`. A contact without weight has the overlap -NO_COMMON_WIRE.
+    """
     if is_halted(control):
         return
     for touch in range(first_of_part(touch_count, part, parts) + wp.tid(), first_of_part(touch_count, part + 1, parts), threads):
         prefetch_pair(touch, threads, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
                       previous, following, node_radius, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
                       contact_offset, position, length, tangent, director)  # fmt: skip
+        is_running = control[STATUS] == STATUS_RUNNING
+        if is_running and touch_followed[touch] != 0:
+            continue
         touch_loaded[touch] = 0
         pair = touch_pair[touch]
         found = pair_found[pair]
@@ -167,7 +173,6 @@ def find_contact_forces(
         curve_q = curve_through(q, shape_q, slope_weight[rest_row[j]])
         separation = pair_arc_separation[pair]
         is_same = separation != NO_COMMON_WIRE
-        is_running = control[STATUS] == STATUS_RUNNING
         step = int(control[STEP])
         has_more_p = following[following[i]] >= 0
         has_more_q = following[following[j]] >= 0

@@ -10,7 +10,9 @@ from .wire_curve import Bump
 
 AHEAD = 4  # pairs
 
-_PREFETCH = r"""
+PREFETCH = (
+    constants(AHEAD=AHEAD)
+    + r"""
 #if !defined(__CUDA_ARCH__)
     const int count = touch_count.data[0], later = touch + 2 * AHEAD * stride, soon = touch + AHEAD * stride;
     if (later < count) {
@@ -44,9 +46,10 @@ _PREFETCH = r"""
     }
 #endif
 """
+)
 
 
-@wp.func_native(constants(AHEAD=AHEAD) + _PREFETCH)
+@wp.func_native(PREFETCH)
 def prefetch_pair(
     # in: the number of the pair in the list, the numbers between pairs of this thread, and the list
     touch: int,

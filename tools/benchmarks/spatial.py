@@ -43,6 +43,7 @@ PARTS = {
     "update_frames": "rods",
     "find_rod_forces": "rods",
     "move_rods": "rods",
+    "find_followed_contacts": "followed_contacts",
     "find_closest_places": "narrow_phase",
     "find_contact_forces": "contact_forces",
     "update_control": "rods",

@@ -11,6 +11,7 @@ from ..errors import OutOfResources
 from ..host import fetch, shared, store, store_at
 from ..kernels import control as c
 from ..kernels.wire_closest import NOT_NEAR, ONE_PLACE, PLACES, find_closest_places, mark_near_pairs
+from ..kernels.wire_contact_by_batch import find_followed_contacts
 from ..kernels.wire_contact_forces import find_contact_forces
 from ..kernels.wire_curve import CLOSING_RATE, Bump
 from ..kernels.wire_friction import transfer_elastic_slip
@@ -139,12 +140,22 @@ class WireContact:
         own = pairs.named("start", "arc_separation") | {"pair_count_of": pairs.count}
         own |= {name: getattr(pairs, name) for name in SLIP_ARRAYS}
         largest = self.max_penetration[part * CACHE_LINE : part * CACHE_LINE + 1]
+        follows = self.stepper.device == "cpu" and self.friction == 0.0
+        arc = wp.float64(MIN_ARC_SEPARATION)
         work = []
         for turn in range(part * turns, (part + 1) * turns):
+            if follows:
+                work.append(
+                    bind(
+                        find_followed_contacts, 1, *sources, part=turn, parts=parts * turns, min_arc_separation=arc,
+                        max_penetration=largest, pair_arc_separation=pairs.arc_separation,
+                        **pairs.named("first", "second", "shift", "found", "place"), **travels,
+                    )
+                )  # fmt: skip
             work += [
                 bind(find_closest_places, threads, *sources, part=turn, **named, **travels),
                 bind(
-                    find_contact_forces, threads, *sources, part=turn, min_arc_separation=wp.float64(MIN_ARC_SEPARATION),
+                    find_contact_forces, threads, *sources, part=turn, min_arc_separation=arc,
                     friction=wp.float64(self.friction), stick_share=wp.float64(STICK_SHARE), max_penetration=largest,
                     **named, **own,
                 ),
