@@ -53,6 +53,11 @@ NOT_NEAR = wp.constant(0)  # minima of a pair; negative where the wires do not t
 ONE_PLACE = wp.constant(1)
 TWO_PLACES = wp.constant(2)
 
+FOLLOWED_PLACE = wp.constant(
+    1
+)  # what of a pair that goes on from the step before is found (wire_contact_by_batch.py); 0: nothing
+FOLLOWED_FORCE = wp.constant(2)
+
 
 @wp.func
 def least_distance(
@@ -159,7 +164,7 @@ def find_closest_places(
     pair_found: wp.array(dtype=wp.int32),
     pair_place: wp.array(dtype=wp.vec2d),
 ):
-    """The threads of a part share its pairs, but for those that a step has done (wire_contact_by_batch.py).
+    """The threads of a part share its pairs, but for those that go on from the step before.
 
     A step evaluates pairs whose curves may touch; an evaluation without a step those whose gap may be below EVALUATED_GAP.
     """
@@ -169,10 +174,10 @@ def find_closest_places(
         prefetch_pair(touch, threads, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
                       previous, following, node_radius, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
                       contact_offset, position, length, tangent, director)  # fmt: skip
-        is_running = control[STATUS] == STATUS_RUNNING
-        if is_running and touch_followed[touch] != 0:
+        if touch_followed[touch] != 0:
             continue
         pair = touch_pair[touch]
+        is_running = control[STATUS] == STATUS_RUNNING
         travel = control[TRAVEL]
         evaluated_gap = wp.where(is_running, wp.float64(0.0), control[EVALUATED_GAP])
         found = pair_found[pair]

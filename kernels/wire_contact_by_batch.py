@@ -10,9 +10,19 @@ A Warp kernel has no such vectors, so it is C++. The result of a pair does not d
 
 import warp as wp
 
-from .control import STATUS, STATUS_RUNNING
+from .control import EVALUATED_GAP, STATUS, STATUS_RUNNING, is_halted
 from .native import STEERING, constants
-from .wire_closest import MIN_BARRIER, ONE_PLACE, PLACES, RUNNING_TRAVEL, SPLIT, SPLIT_PAIR, TWO_PLACES
+from .wire_closest import (
+    FOLLOWED_FORCE,
+    FOLLOWED_PLACE,
+    MIN_BARRIER,
+    ONE_PLACE,
+    PLACES,
+    RUNNING_TRAVEL,
+    SPLIT,
+    SPLIT_PAIR,
+    TWO_PLACES,
+)
 from .wire_curve import CLOSING_RATE, Bump
 from .wire_minima import (
     END_CURVATURE,
@@ -43,6 +53,11 @@ _LANES = (
     + constants(
         LANES=LANES,
         STEPS=FOLLOWING_STEPS,
+        STATUS=STATUS,
+        STATUS_RUNNING=STATUS_RUNNING,
+        EVALUATED_GAP=EVALUATED_GAP,
+        PLACE=FOLLOWED_PLACE,
+        FORCE=FOLLOWED_FORCE,
         ONE_PLACE=ONE_PLACE,
         TWO_PLACES=TWO_PLACES,
         PLACES=PLACES,
@@ -89,6 +104,8 @@ _LANES = (
     const mask nowhere = one < zero;
     const double* steer = control.data;
     const double travel = steer[TRAVEL], factor = steer[LENGTH_FACTOR];
+    const bool is_running = steer[STATUS] == STATUS_RUNNING, finds_forces = friction == 0;
+    const double gap = is_running ? 0.0 : steer[EVALUATED_GAP], more_travel = is_running ? RUNNING : 0.0;
     const double fxx = steer[GRADIENT], fxy = steer[GRADIENT + 1], fyx = steer[GRADIENT + 2], fyy = steer[GRADIENT + 3];
     const double* nodes = (const double*)position.data;
     const double* tangents = (const double*)tangent.data;
@@ -153,12 +170,12 @@ _LANES = (
             }
             const int now = touch++;
             touch_followed.data[now] = 0;
-            if (CLOSING_RATE * (pair_wake_travel.data[pair] - travel) > reach) {  // it cannot touch yet
+            if (CLOSING_RATE * (pair_wake_travel.data[pair] - travel) > reach + gap) {  // it cannot touch yet
                 pair_found.data[pair] = found > 0 ? -found : found;
                 touch_loaded.data[now] = 0;
-                touch_followed.data[now] = 1;
+                touch_followed.data[now] = FORCE;
             } else if (found != 0 && pair_renewal_travel.data[pair] != SPLIT_PAIR
-                       && travel <= pair_renewal_travel.data[pair] + RUNNING * (radii + reach)) {
+                       && travel <= pair_renewal_travel.data[pair] + more_travel * (radii + reach)) {
                 const int places = found == ONE_PLACE || found == -ONE_PLACE ? 1 : PLACES;
                 batch& own_batch = batches[places > 1];
                 const int l = own_batch.filled++;
@@ -337,7 +354,7 @@ _LANES = (
             failed |= distance[2] <= farther + MIN_BARRIER * contact_distance;
             is_alone = farther >= contact_distance;
         }
-        const mask touches = nearest < contact_distance;
+        const mask touches = nearest < contact_distance, is_near = nearest < contact_distance + gap;
         // a nearer place beyond a saddle, unless it is the other one known: of either segment, the end nearer to this one
         for (int side = 0; side < 2 && any(touches & is_alone & ~failed); ++side) {
             const powers& p = curve[side];
@@ -376,7 +393,7 @@ _LANES = (
         for (int k = 0; k < 8; ++k) force[k] = nothing;
         for (int k = 0; k < 6; ++k) couple[k] = nothing;
         mask loaded = nowhere;
-        for (int a = 0; a < places && any(touches & ~failed); ++a) {
+        for (int a = 0; a < places && finds_forces && any(is_near & ~failed); ++a) {
             const vec r = apart[a];
             const real x = s[a], y = t[a], gs = dot(r, along_p[a]), gt = -dot(r, along_q[a]);
             const mask x_goes_on = ((x <= zero) & (gs > zero) & back_p) | ((x >= one) & (gs < zero) & on_p);
@@ -436,10 +453,10 @@ _LANES = (
         for (int l = 0; l < filled; ++l) {
             if (failed[l]) continue;
             const int now = here.touch[l], pair = touch_pair.data[now], minima = kind ? TWO_PLACES : ONE_PLACE;
-            touch_followed.data[now] = 1;
+            touch_followed.data[now] = finds_forces || !is_near[l] ? FORCE : PLACE;
             touch_loaded.data[now] = loaded[l] ? 1 : 0;
             pair_wake_travel.data[pair] = wake[l] < here.renewal[l] ? wake[l] : here.renewal[l];
-            pair_found.data[pair] = touches[l] ? minima : -minima;
+            pair_found.data[pair] = is_near[l] ? minima : -minima;
             double* place = (double*)(pair_place.data + 3 * pair);
             for (int a = 0; a < places; ++a) {
                 place[2 * a] = s[a][l];
@@ -449,7 +466,7 @@ _LANES = (
                 place[2] = s[0][l];
                 place[3] = t[0][l];
             }
-            if (!touches[l]) continue;
+            if (!is_near[l] || !finds_forces) continue;
             for (int a = 0; a < PLACES; ++a) {
                 const int k = 3 * now + a;
                 const bool counts = a < places && weight[a][l] != 0;
@@ -510,6 +527,7 @@ def follow_contacts(
     # in: what steers the step
     control: wp.array(dtype=wp.float64),
     min_arc_separation: wp.float64,
+    friction: wp.float64,
     # state in
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
@@ -519,7 +537,7 @@ def follow_contacts(
     pair_wake_travel: wp.array(dtype=wp.float64),
     pair_found: wp.array(dtype=wp.int32),
     pair_place: wp.array(dtype=wp.vec2d),
-    # out: whether a pair is done; the rest as in find_contact_forces
+    # out: what is done of a pair; the rest as in find_contact_forces
     touch_followed: wp.array(dtype=wp.int32),
     touch_overlap: wp.array(dtype=wp.float64),
     touch_normal_force: wp.array(dtype=wp.float64),
@@ -558,6 +576,7 @@ def find_followed_contacts(
     # in: what steers the step
     control: wp.array(dtype=wp.float64),
     min_arc_separation: wp.float64,
+    friction: wp.float64,
     # state in
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
@@ -567,7 +586,7 @@ def find_followed_contacts(
     pair_wake_travel: wp.array(dtype=wp.float64),
     pair_found: wp.array(dtype=wp.int32),
     pair_place: wp.array(dtype=wp.vec2d),
-    # out: whether a pair is done; the rest as in find_contact_forces
+    # out: what is done of a pair; the rest as in find_contact_forces
     touch_followed: wp.array(dtype=wp.int32),
     touch_overlap: wp.array(dtype=wp.float64),
     touch_normal_force: wp.array(dtype=wp.float64),
@@ -578,8 +597,8 @@ def find_followed_contacts(
     # in and out: [m] largest overlap of a thread
     max_penetration: wp.array(dtype=wp.float64),
 ):
-    """One thread: the pairs of a part, of a frictionless contact. Other kernels skip those with `touch_followed`, in a step."""
-    if control[STATUS] == STATUS_RUNNING:
+    """One thread: the pairs of a part. Other kernels skip what `touch_followed` says is found, with friction the places."""
+    if not is_halted(control):
         follow_contacts(
             first_of_part(touch_count, part, parts),
             first_of_part(touch_count, part + 1, parts),
@@ -602,6 +621,7 @@ def find_followed_contacts(
             contact_offset,
             control,
             min_arc_separation,
+            friction,
             position,
             length,
             tangent,

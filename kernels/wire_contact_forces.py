@@ -21,7 +21,7 @@ import warp as wp
 
 from .control import CONTACT_STIFFNESS, LENGTH_FACTOR, STATUS, STATUS_RUNNING, STEP, TIME_STEP, is_halted
 from .rod_frames import affine_map
-from .wire_closest import NOT_NEAR, ONE_PLACE
+from .wire_closest import FOLLOWED_FORCE, NOT_NEAR, ONE_PLACE
 from .wire_curve import Bump, curve_through, derivative_at, node_weights, point_at, rest_shape, row, section_offsets, stencil
 from .wire_friction import previous_slip
 from .wire_minima import is_bounded
@@ -134,7 +134,7 @@ def find_contact_forces(
     touch_couple: wp.array(dtype=wp.vec3d),
     max_penetration: wp.array(dtype=wp.float64),
 ):
-    """The threads of a part share its pairs, at the places found, but for those that a step has done (wire_contact_by_batch.py).
+    """The threads of a part share its pairs, at the places found, but for those that have their force.
 
     `stick_share` is k_t over the penalty in `control`. A contact without weight has the overlap -NO_COMMON_WIRE.
     """
@@ -144,8 +144,7 @@ def find_contact_forces(
         prefetch_pair(touch, threads, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
                       previous, following, node_radius, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
                       contact_offset, position, length, tangent, director)  # fmt: skip
-        is_running = control[STATUS] == STATUS_RUNNING
-        if is_running and touch_followed[touch] != 0:
+        if touch_followed[touch] == FOLLOWED_FORCE:
             continue
         touch_loaded[touch] = 0
         pair = touch_pair[touch]
@@ -173,6 +172,7 @@ def find_contact_forces(
         curve_q = curve_through(q, shape_q, slope_weight[rest_row[j]])
         separation = pair_arc_separation[pair]
         is_same = separation != NO_COMMON_WIRE
+        is_running = control[STATUS] == STATUS_RUNNING
         step = int(control[STEP])
         has_more_p = following[following[i]] >= 0
         has_more_q = following[following[j]] >= 0

@@ -7,24 +7,24 @@ import pytest
 
 from warpknit import Simulation, build_model, load_scene
 from warpknit.host import fetch, store
+from warpknit.kernels import control as c
 from warpknit.kernels.wire_closest import ONE_PLACE, PLACES, TWO_PLACES
-from warpknit.kernels.wire_minima import SINGLE_STEP, WELL_CURVED
+from warpknit.kernels.wire_minima import NEWTON_ACCURACY
 from warpknit.scene.new_scene import SceneRequest, scene_text
 from warpknit.spatial.wire_contact import WireContact
 
 ATLAS = Path(__file__).parents[2] / "scenes" / "atlas_cell_spatial.toml"
 STEPS = 40
 PUSHED = 1e-3  # of the thickness: random motion before the steps, so that contacts come, go and slide
-NEWTON_ERROR = float(SINGLE_STEP) ** 2 / float(WELL_CURVED)  # of a segment, after the last step of Newton's method
 PAIR = ("found", "place", "wake_travel")
 TOUCH = ("touch_loaded", "touch_force", "touch_couple", "touch_overlap", "touch_normal_force", "touch_normal")
 
 
-def at_load(knit: str) -> WireContact:
+def at_load(knit: str, friction: float) -> WireContact:
     """Contact of a knit under its load, moving."""
     given = SceneRequest(knit=knit, wales="26 /inch", courses="30 /inch", load="6 %", model="spatial")
     scene = load_scene(ATLAS) if knit == "double-atlas" else load_scene(scene_text(given, "x.toml"))
-    scene = scene.changed({"output.frames": 4, "solver.residual_tolerance": 0.05}, preset="draft")
+    scene = scene.changed({"output.frames": 4, "solver.residual_tolerance": 0.05, "contact.friction": friction}, preset="draft")
     simulation = Simulation(build_model(scene, "cpu"))
     list(simulation.run())
     contact = simulation.drive.mechanics.contact
@@ -34,9 +34,10 @@ def at_load(knit: str) -> WireContact:
     return contact
 
 
-def found(contact: WireContact, *, follows: bool) -> dict[str, np.ndarray]:
+def found(contact: WireContact, status: float, *, follows: bool) -> dict[str, np.ndarray]:
     """What the launches of contact find in the state of now, of each pair that is near; all pairs stay as they are."""
     pairs, touch, near = contact._list, contact.touch, contact._near_pairs()
+    contact.stepper.state.write_control({c.STATUS: status, c.EVALUATED_GAP: 0.3 * contact.stepper.rods.section.thickness})
     kept = {name: fetch(getattr(pairs, name)).copy() for name in (*PAIR, "renewal_travel")}
     store(touch.touch_followed, 0)
     store(touch.touch_loaded, 0)
@@ -46,40 +47,47 @@ def found(contact: WireContact, *, follows: bool) -> dict[str, np.ndarray]:
     values = {name: fetch(getattr(pairs, name)).copy() for name in PAIR}
     for name, before in kept.items():
         store(getattr(pairs, name), before)
+    contact.stepper.state.write_control({c.STATUS: float(c.STATUS_RUNNING)})
     one = {name: values[name].reshape(pairs.capacity, -1)[near] for name in PAIR}
     one |= {name: fetch(getattr(touch, name)).copy().reshape(touch.capacity, -1)[: len(near)] for name in TOUCH}
     return one | {"followed": fetch(touch.touch_followed)[: len(near)].copy()}
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.2])
 @pytest.mark.parametrize("knit", ["double-atlas", "tricot", "single-atlas", "reverse-locknit"])
-def test_followed_contacts_are_those_that_a_search_finds(knit: str) -> None:
-    """Same places, forces and couples, whether a pair touches in one place or two, inside its segments or at a node."""
-    contact = at_load(knit)
+def test_followed_contacts_are_those_that_a_search_finds(knit: str, friction: float) -> None:
+    """Same places, forces and couples, in a step and in an evaluation, whether a pair touches in one place or two, inside its
+    segments or at a node."""
+    contact = at_load(knit, friction)
     stepper, thickness = contact.stepper, contact.stepper.rods.section.thickness
     near, followed, kinds = 0, 0, dict.fromkeys(("one", "two", "at a node", "apart"), 0)
-    for _step in range(STEPS):
+    for step in range(STEPS):
         contact.advance(1)
         stepper.update_frames()
-        all_of, own = found(contact, follows=False), found(contact, follows=True)
+        evaluates = step % 2 == 1
+        status = float(c.STATUS_EVALUATING if evaluates else c.STATUS_RUNNING)
+        all_of, own = found(contact, status, follows=False), found(contact, status, follows=True)
         is_followed = own["followed"] != 0
         assert np.array_equal(own["touch_loaded"], all_of["touch_loaded"])
         of_all, of_own = all_of["found"][:, 0], own["found"][:, 0]
-        touches = is_followed & (of_all > 0)
+        touches = is_followed & (of_own > 0)
         assert np.array_equal(of_own[touches], of_all[touches])
-        assert np.all(of_own[is_followed & ~touches] <= 0)
-        places = np.where(of_own == TWO_PLACES, PLACES, 1)[:, None] > np.arange(PLACES)
-        counts = touches[:, None] & places
+        assert evaluates or np.all(of_all[is_followed & ~touches] <= 0)
+        places = touches[:, None] & (np.where(of_own == TWO_PLACES, PLACES, 1)[:, None] > np.arange(PLACES))
         error = np.abs(own["place"] - all_of["place"]).reshape(-1, PLACES, 2)
-        assert error[counts].max(initial=0.0) < NEWTON_ERROR
+        assert error[places].max(initial=0.0) < float(NEWTON_ACCURACY)
         largest = np.abs(all_of["touch_force"]).max()
+        loaded = is_followed & (all_of["touch_loaded"][:, 0] != 0)
         for name, scale in (("touch_force", largest), ("touch_normal_force", largest), ("touch_couple", largest * thickness)):
-            loaded = is_followed & (all_of["touch_loaded"][:, 0] != 0)
-            assert np.abs(own[name] - all_of[name])[loaded].max(initial=0.0) < NEWTON_ERROR * scale, name
-        weighs = touches[:, None] & places & (all_of["touch_overlap"] > -1.0)
-        assert np.array_equal(weighs, touches[:, None] & places & (own["touch_overlap"] > -1.0))
-        assert np.abs(own["touch_overlap"] - all_of["touch_overlap"])[weighs].max(initial=0.0) < NEWTON_ERROR * thickness
+            assert np.abs(own[name] - all_of[name])[loaded].max(initial=0.0) < float(NEWTON_ACCURACY) * scale, name
+        weighs = places & (all_of["touch_overlap"] > -1.0)
+        assert np.array_equal(weighs, places & (own["touch_overlap"] > -1.0))
+        assert (
+            np.abs(own["touch_overlap"] - all_of["touch_overlap"])[weighs].max(initial=0.0) < float(NEWTON_ACCURACY) * thickness
+        )
         at_node = np.any((own["place"] <= 0.0) | (own["place"] >= 1.0), axis=1)
-        near, followed = near + len(is_followed), followed + int(is_followed.sum())
+        if not evaluates:  # an evaluation searches sooner anew
+            near, followed = near + len(is_followed), followed + int(is_followed.sum())
         kinds["one"] += int(np.sum(touches & (of_own == ONE_PLACE)))
         kinds["two"] += int(np.sum(touches & (of_own == TWO_PLACES)))
         kinds["at a node"] += int(np.sum(touches & at_node))

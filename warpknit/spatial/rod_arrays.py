@@ -251,7 +251,9 @@ class TouchArrays:
     touch_first_start: wp.array  # [node + 1] int
     touch_second_start: wp.array  # [node + 1]
     touch_of_second: wp.array  # [touch] int
-    touch_followed: wp.array  # [touch] int, whether a step has found its force (kernels/wire_contact_by_batch.py)
+    touch_followed: (
+        wp.array
+    )  # [touch] int, what of it is found that goes on from the step before (kernels/wire_contact_by_batch.py)
     touch_loaded: wp.array  # [touch] int, 0 where there is no force
     touch_force: wp.array  # [8 touch] vec3d [N] on the four nodes of either segment
     touch_couple: wp.array  # [6 touch] vec3d [N m] on three sections of either segment

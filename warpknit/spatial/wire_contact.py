@@ -140,15 +140,14 @@ class WireContact:
         own = pairs.named("start", "arc_separation") | {"pair_count_of": pairs.count}
         own |= {name: getattr(pairs, name) for name in SLIP_ARRAYS}
         largest = self.max_penetration[part * CACHE_LINE : part * CACHE_LINE + 1]
-        follows = self.stepper.device == "cpu" and self.friction == 0.0
-        arc = wp.float64(MIN_ARC_SEPARATION)
+        arc, friction = wp.float64(MIN_ARC_SEPARATION), wp.float64(self.friction)
         work = []
         for turn in range(part * turns, (part + 1) * turns):
-            if follows:
+            if self.stepper.device == "cpu":
                 work.append(
                     bind(
                         find_followed_contacts, 1, *sources, part=turn, parts=parts * turns, min_arc_separation=arc,
-                        max_penetration=largest, pair_arc_separation=pairs.arc_separation,
+                        friction=friction, max_penetration=largest, pair_arc_separation=pairs.arc_separation,
                         **pairs.named("first", "second", "shift", "found", "place"), **travels,
                     )
                 )  # fmt: skip
@@ -156,7 +155,7 @@ class WireContact:
                 bind(find_closest_places, threads, *sources, part=turn, **named, **travels),
                 bind(
                     find_contact_forces, threads, *sources, part=turn, min_arc_separation=arc,
-                    friction=wp.float64(self.friction), stick_share=wp.float64(STICK_SHARE), max_penetration=largest,
+                    friction=friction, stick_share=wp.float64(STICK_SHARE), max_penetration=largest,
                     **named, **own,
                 ),
             ]  # fmt: skip
