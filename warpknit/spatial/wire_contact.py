@@ -33,7 +33,6 @@ MIN_ARC_SEPARATION = (
 # memory of one pair, its elastic slips, and of a pair that may touch
 PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2 + 1) + 4 * 4, 2 * 2 * (8 * (3 + 2) + 4)
 TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (2 + 2 * 3)) + 4 * 3
-AT_A_TIME = 1024  # pairs whose closest points and forces are found one after the other, so that their data stay in the cache
 CACHE_LINE = 8  # numbers
 LEAST_CAPACITY = 64  # of a list
 NEXT_TRAVEL = 0.1  # of the thickness, most travel before near pairs are listed again
@@ -131,35 +130,25 @@ class WireContact:
         return int(fetch(self._list.total)[0])
 
     def launches(self, part: int = 0, parts: int = 1) -> list[Launch]:
-        """Launches that find a part of the contact forces, on a CPU some pairs at a time."""
+        """Launches that find a part of the contact forces; on a CPU, first of the pairs that go on from the step before."""
         pairs, touch = self._list, self.touch
         sources = (self._wires, self.stepper.arrays, self.stepper.state, touch)
-        threads, turns = (1, 1 + touch.capacity // (parts * AT_A_TIME)) if self.stepper.device == "cpu" else (touch.capacity, 1)
-        named = pairs.named("first", "second", "shift", "found", "place") | {"parts": parts * turns, "threads": threads}
+        named = pairs.named("first", "second", "shift", "found", "place") | {"part": part, "parts": parts}
         travels = pairs.named("wake_travel", "renewal_travel")
-        own = pairs.named("start", "arc_separation") | {"pair_count_of": pairs.count}
+        forces = pairs.named("arc_separation") | {
+            "min_arc_separation": wp.float64(MIN_ARC_SEPARATION),
+            "friction": wp.float64(self.friction),
+            "max_penetration": self.max_penetration[part * CACHE_LINE : part * CACHE_LINE + 1],
+        }
+        own = pairs.named("start") | {"pair_count_of": pairs.count, "stick_share": wp.float64(STICK_SHARE)}
         own |= {name: getattr(pairs, name) for name in SLIP_ARRAYS}
-        largest = self.max_penetration[part * CACHE_LINE : part * CACHE_LINE + 1]
-        arc, friction = wp.float64(MIN_ARC_SEPARATION), wp.float64(self.friction)
-        work = []
-        for turn in range(part * turns, (part + 1) * turns):
-            if self.stepper.device == "cpu":
-                work.append(
-                    bind(
-                        find_followed_contacts, 1, *sources, part=turn, parts=parts * turns, min_arc_separation=arc,
-                        friction=friction, max_penetration=largest, pair_arc_separation=pairs.arc_separation,
-                        **pairs.named("first", "second", "shift", "found", "place"), **travels,
-                    )
-                )  # fmt: skip
-            work += [
-                bind(find_closest_places, threads, *sources, part=turn, **named, **travels),
-                bind(
-                    find_contact_forces, threads, *sources, part=turn, min_arc_separation=arc,
-                    friction=friction, stick_share=wp.float64(STICK_SHARE), max_penetration=largest,
-                    **named, **own,
-                ),
-            ]  # fmt: skip
-        return work
+        on_cpu = self.stepper.device == "cpu"
+        threads = 1 if on_cpu else touch.capacity
+        return [
+            *([bind(find_followed_contacts, 1, *sources, **named, **travels, **forces)] if on_cpu else []),
+            bind(find_closest_places, threads, *sources, threads=threads, **named, **travels),
+            bind(find_contact_forces, threads, *sources, threads=threads, **named, **forces, **own),
+        ]
 
     def _new_list(self, capacity: int, number: int) -> PairList:
         stepper = self.stepper
