@@ -140,7 +140,7 @@ def test_the_axis_of_tension_ends_little_above_the_elastic_limit(tmp_path, monke
     for load, curve in (("equal", beyond), ("weft_alone", below)):
         strains = {f"strain_{side}": np.linspace(0.0, 0.1, 4) for side in ("weft", "warp")}
         columns = {name: np.array(values) for name, values in curve.items()} | strains
-        curves[load] = columns | {"tension_warp_N_per_m": np.zeros(4)}
+        curves[load] = columns | {"tension_warp_N_per_m": np.zeros(4), "jump": np.zeros(4)}
     design_figures.tension_strain_figure(curves, tmp_path / "a.png", yield_stress=6e8)
     top = design_figures.BEYOND_LIMIT * 2.0
     assert drawn[0].axes[0].get_ylim() == pytest.approx((-design_figures.ROOM * top, (1.0 + design_figures.ROOM) * top))
@@ -170,6 +170,23 @@ def test_a_line_over_a_jump_is_dotted_and_no_other() -> None:
     draw_curves(axes, x, [("load", slice(0, 6))], [("", "black", x**2)], False, jumped)
     drawn = [(line.get_linestyle(), np.asarray(line.get_xdata()).tolist()) for line in axes.lines]
     assert drawn == [("-", [0.0, 1.0, 2.0]), ("-", [3.0, 4.0, 5.0]), (":", [2.0, 3.0])]
+
+
+def test_curves_of_a_report_are_dotted_over_jumps_as_those_of_a_run(tmp_path, monkeypatch) -> None:
+    """The mesh jumps between 1 and 2 % strain; the legend names the dots only then."""
+    drawn = []
+    monkeypatch.setattr(design_figures, "save_figure", lambda figure, path: drawn.append(figure) or path)
+    names = ("tension_weft_N_per_m", "tension_warp_N_per_m", "stress_max_Pa", "active_percent")
+    names += ("sheet_resistance_weft_ohm", "sheet_resistance_warp_ohm", "strain_weft", "strain_warp")
+    for jump, dotted in (([0, 0, 1, 0], 2), ([0, 0, 0, 0], 0)):
+        curve = {name: 0.01 * np.arange(1.0, 5.0) for name in names} | {"jump": np.array(jump, dtype=float)}
+        design_figures.tension_strain_figure({"equal": curve}, tmp_path / "curves.png", yield_stress=6e8)
+        design_figures.resistance_figure(curve, tmp_path / "resistance.png")
+        for figure in drawn[-2:]:
+            lines = [line for line in figure.axes[0].lines if line.get_linestyle() == ":"]
+            assert [np.asarray(line.get_xdata()).tolist() for line in lines] == [pytest.approx([2.0, 3.0])] * dotted
+            texts = [text.get_text() for text in figure.legends[0].get_texts()]
+            assert texts.count("jump to another equilibrium") == bool(dotted) and len(set(texts)) == len(texts)
 
 
 def test_the_axis_of_tension_begins_where_contacts_change(tmp_path, monkeypatch) -> None:
