@@ -85,8 +85,8 @@ def test_no_state_within_a_jump_is_best(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_what_is_loaded_beyond_first_yield_does_not_change_the_best_tension(monkeypatch: pytest.MonkeyPatch) -> None:
-    """First yield is at 0.7 N/m. The mesh jumps back from 0.8 to 0.45 N/m and is loaded on, below the limit and with B open."""
-    rows = [row(0.1 * k) for k in range(9)]
+    """First yield is at 0.7 N/m. The mesh jumps back from 0.9 to 0.45 N/m and is loaded on, below the limit and with B open."""
+    rows = [row(0.1 * k) for k in range(10)]
     behind = [row(0.45 + 0.1 * k) for k in range(10)]
     for one in behind:
         one.stress_max_Pa, one.force_B_N, one.active_B_percent, one.active_percent = 0.5 * LIMIT, 0.0, 0.0, 25.0
@@ -124,12 +124,12 @@ def test_one_record_between_jumps_is_not_the_best_tension(monkeypatch: pytest.Mo
     """All contacts are active in one elastic record, which the mesh reaches by a jump and leaves by one for a state beyond the
     limit: best is the range of A before, of 25 %, in which this record lies too."""
     monkeypatch.setitem(CLOSES, "A", 0.15)
-    rows = [row(0.1 * k) for k in range(6)]
-    rows[5].stress_max_Pa = 2.0 * LIMIT
-    for one in rows[4:]:
+    rows = [row(0.1 * k) for k in range(7)]
+    rows[6].stress_max_Pa = 2.0 * LIMIT
+    for one in rows[5:]:
         one.active_percent = one.active_A_percent = one.active_B_percent = 100.0
-    best = found(rows, monkeypatch, jumps=[(rows[3], rows[4]), (rows[4], rows[5])])["best"]
-    assert [best[end]["tension_weft_N_per_m"] for end in ("low", "high")] == pytest.approx([0.15, 0.4])
+    best = found(rows, monkeypatch, jumps=[(rows[4], rows[5]), (rows[5], rows[6])])["best"]
+    assert [best[end]["tension_weft_N_per_m"] for end in ("low", "high")] == pytest.approx([0.15, 0.5])
     assert best["active_percent"] == 25.0 and len(best["jumps"]) == 1 and best["high_jump"]
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from reference.two_classes import CLOSES, LIMIT, SLOPE, STRAIN, found, row
 from warpknit.runner.answers_table import answer_rows
-from warpknit.runner.closings import closing
+from warpknit.runner.closings import CURVED, closing
 
 
 @pytest.mark.parametrize("bend", [-0.6, 0.6])
@@ -17,6 +17,24 @@ def test_a_force_that_bends_closes_where_it_begins(bend: float, monkeypatch: pyt
         one.force_A_N = SLOPE * (x + bend * x * x)
     closes = found(rows, monkeypatch)["contacts"][0]["closes"]
     assert closes["resolved"] and closes["tension_weft_N_per_m"] == pytest.approx(CLOSES["A"], rel=1e-6)
+
+
+@pytest.mark.parametrize(("apart", "resolved"), [(0.2, False), (0.02, True)])
+def test_two_records_do_not_tell_how_a_force_bends(apart: float, resolved: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """F = SLOPE x^2 with x = T - T0, and the stage ends with the second closed record: a line through x = 0.08 and 0.28 N/m
+    would give T0 + 0.06 N/m, a quarter too much. Records 0.02 N/m apart, 9 % of T0, bound the error by themselves."""
+    rows = [
+        row(one) for one in (0.0, CLOSES["A"] + 0.4 * apart - apart, *(CLOSES["A"] + 0.4 * apart + apart * k for k in (0, 1)))
+    ]
+    for one in rows:
+        one.force_A_N = SLOPE * max(0.0, one.tension_weft_N_per_m - CLOSES["A"]) ** 2
+    answers = found(rows, monkeypatch)
+    closes = answers["contacts"][0]["closes"]
+    low, high = (one["tension_weft_N_per_m"] for one in closes["between"])
+    assert closes["resolved"] == resolved and low < CLOSES["A"] < high
+    text = dict(answer_rows(answers, LIMIT))["contacts A close at"]
+    assert text.startswith("between 110 mN/m and 310 mN/m") != resolved
+    assert not resolved or closes["tension_weft_N_per_m"] == pytest.approx(CLOSES["A"], rel=CURVED)
 
 
 def test_a_force_that_bends_too_much_has_no_place(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -34,7 +52,7 @@ def test_a_class_counts_at_service_tension_from_its_closing_on(
     tension: float, share: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Between two records the share is that of the classes closed by then, not a mean: 10 of 40 pairs, then all."""
-    (point,) = found([row(0.2 * k) for k in range(6)], monkeypatch, service=tension)["service"]
+    (point,) = found([row(0.2 * k) for k in range(7)], monkeypatch, service=tension)["service"]
     assert point["active_percent"] == pytest.approx(share)
     assert point["state"]["strain_weft"] == pytest.approx(STRAIN * tension)
 
@@ -86,8 +104,8 @@ def test_a_graze_is_not_the_closing(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_closing_stays_that_of_the_loading() -> None:
     """Unloaded to 0 and loaded again, A opens and closes once more; the closing is that of the first stage."""
-    rows = [row(0.1 * k) for k in range(5)]
-    rows += [row(0.4 - 0.1 * k, stage="unload") for k in range(1, 5)] + [row(0.1 * k, stage="again") for k in range(1, 6)]
+    rows = [row(0.1 * k) for k in range(6)]
+    rows += [row(0.5 - 0.1 * k, stage="unload") for k in range(1, 6)] + [row(0.1 * k, stage="again") for k in range(1, 6)]
     closes = closing(rows, "A", 1e-12, 1e-12)
     assert closes is not None and closes["stage"] == "load" and closes["first_touch"] is None
     assert closes["tension_weft_N_per_m"] == pytest.approx(CLOSES["A"], rel=1e-6)
@@ -126,6 +144,6 @@ def test_a_closing_elsewhere_on_the_path_leaves_a_service_tension_known(monkeypa
 def test_a_tension_has_the_digits_that_its_records_need(monkeypatch: pytest.MonkeyPatch) -> None:
     """A closes at 231.4 mN/m, just above a record at 230.6 mN/m and far from the next: 230 mN/m would lie below it."""
     monkeypatch.setitem(CLOSES, "A", 0.2314)
-    rows = [row(one) for one in (0.0, 0.1, 0.2306, 0.5, 0.6)]
+    rows = [row(one) for one in (0.0, 0.1, 0.2306, 0.5, 0.6, 0.7)]
     text = dict(answer_rows(found(rows, monkeypatch), LIMIT))["contacts A close at"]
     assert text.startswith("about 231 mN/m, between records at 231 mN/m and 500 mN/m")

@@ -1,12 +1,13 @@
 """At which tension classes of contact close, and what is active at a service tension.
 
 A class of contact closes where half of its pairs carry more than the threshold. The force F that half of them reach is zero
-while it is open, and grows with the load once it is closed. So the mean tension T at closing follows from the records behind it.
-Through two of them, where a jump or the end of the stage is next, goes a line,
+while it is open, and grows with the load once it is closed. So the mean tension T at closing follows from the records behind it:
+through three of them goes a parabola, as F bends where other contacts close, and through the first two a line,
 
-    T = T1 - (F1 - threshold) (T2 - T1) / (F2 - F1),
+    T = T1 - (F1 - threshold) (T2 - T1) / (F2 - F1).
 
-through three a parabola, as F bends where other contacts close. Where the two differ by more than CURVED no place is given.
+Where the two differ by more than CURVED no place is given. Where a jump or the end of the stage is behind the second record, the
+line alone is left, and nothing tells how F bends: it counts where the closing lies between records less than CURVED apart.
 
 The closing is the one that lasts up to the largest tension of a stage: wires in space may graze each other, and part again, long
 before they carry load there. Values between neighbouring records are linear otherwise.
@@ -29,7 +30,7 @@ STATE = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_p
 COMPRESSED = "compressed in weft or warp where the mean tension is this"
 SCATTER = 1e-3  # of a mean tension: a smaller one in one direction is about zero
 DRIFT = 1.0  # percentage points of contacts that may open while the tension drifts
-CURVED = 0.1  # of a mean tension: difference of a parabola from a line through forces, up to which the parabola counts
+CURVED = 0.1  # of a mean tension: error of a line through forces up to which a place is given
 SLACK = 1e-6  # of the distance of two records: round-off of a state found between them
 SLACK_STRAIN, SLACK_TENSION = 0.02, 0.1  # strain between two records, and tension over that of the next, as slack is taken up
 
@@ -72,7 +73,8 @@ def closing(
         if row.stage != after.stage or is_jump(behind[-1], row, jumps):
             break
         behind.append(row)
-    back = _steps_back([mean_tension(row) for row in behind], [one - threshold for one in force[k : k + len(behind)]])
+    tensions = [mean_tension(row) for row in (before, *behind)]
+    back = _steps_back(tensions, [one - threshold for one in force[k : k + len(behind)]])
     if back is not None:
         there, low, here = (np.array([vars(row)[name] for name in STATE]) for row in (behind[1], before, after))
         values = here - back * (there - here)
@@ -86,14 +88,15 @@ def closing(
 def _steps_back(tension: Sequence[float], force: Sequence[float]) -> float | None:
     """How far before the first of some records their growing force was zero, in steps to the second; None where they do not tell.
 
-    tension [N/m] and force [N] of one to three records.
+    force [N] of one to three records; tension [N/m] of the one before them, in which it is zero, and theirs.
     """
     growth = np.diff(force)
     if len(force) < 2 or growth[0] <= 0.0:
         return None
+    before, *tension = tension
     back, steps = float(force[0] / growth[0]), np.diff(tension)
     if len(force) < 3 or steps.min() <= 0.0:
-        return back
+        return back if abs(tension[0] - before) <= CURVED * tension[0] else None
     third = steps[1] / steps[0]  # steps from the second record
     bend = (growth[1] / third - growth[0]) / (1.0 + third)
     slope = growth[0] - bend
