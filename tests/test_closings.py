@@ -23,9 +23,8 @@ def test_a_force_that_bends_closes_where_it_begins(bend: float, monkeypatch: pyt
 def test_two_records_do_not_tell_how_a_force_bends(apart: float, resolved: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """F = SLOPE x^2 with x = T - T0, and the stage ends with the second closed record: a line through x = 0.08 and 0.28 N/m
     would give T0 + 0.06 N/m, a quarter too much. Records 0.02 N/m apart, 9 % of T0, bound the error by themselves."""
-    rows = [
-        row(one) for one in (0.0, CLOSES["A"] + 0.4 * apart - apart, *(CLOSES["A"] + 0.4 * apart + apart * k for k in (0, 1)))
-    ]
+    first = CLOSES["A"] + 0.4 * apart
+    rows = [row(one) for one in (0.0, first - apart, first, first + apart)]
     for one in rows:
         one.force_A_N = SLOPE * max(0.0, one.tension_weft_N_per_m - CLOSES["A"]) ** 2
     answers = found(rows, monkeypatch)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
@@ -26,6 +26,7 @@ TITLES = {
 }
 FREQUENCIES = (1e9, 1e11)  # [Hz]
 BEYOND_LIMIT = 1.5  # of the largest tension below the elastic limit: upper end of the axis
+LABELLED_DECADES = 3.0  # of the axis of tension: on a longer one only powers of ten have labels
 ROOM = 0.04  # of the axis, at both ends
 LEAST_TENSION = 1e-4  # of the largest: less is not drawn, on a logarithmic axis
 CLASS_DASHES = ("-", "--", ":")
@@ -86,7 +87,7 @@ def tension_figure(
         axes.set_xlim(scale * begin, scale * tension.max() * 10.0 ** (ROOM * decades))
         axes.xaxis.set_major_formatter("{x:g}")
         axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
-        axes.xaxis.set_minor_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter("{x:g}" if decades < LABELLED_DECADES else NullFormatter())
         axes.set_xlabel(f"tension, weft and warp [{unit}]")
         for low, high in jumps:
             axes.axvspan(scale * low, scale * high, color="#BBBBBB", linewidth=0.0, zorder=0.5, label="jump")
@@ -96,10 +97,10 @@ def tension_figure(
                 for one in (best, best["low"], best["high"])
             )
             is_wide = np.log10(high / max(low, scale * begin)) > LEAST_DRIFT * decades
-            if is_wide:
-                axes.axvspan(low, high, color="#CDE9DC", linewidth=0.0, zorder=0, label="its drift")
             label = "best tension" if is_wide else "best tension, its drift within the line"
             axes.axvline(here, color=GREEN, linestyle=":", linewidth=1.4, zorder=0.8, label=label)
+            if is_wide:
+                axes.axvspan(low, high, color="#CDE9DC", linewidth=0.0, zorder=0, label="its drift")
         axes.grid(color="#DDDDDD", linewidth=0.6)
         axes.spines[["top", "right"]].set_visible(False)
     figure.legend(handles=_handles(figure), loc="outside upper center", ncols=6, frameon=False, fontsize="small")
