@@ -202,20 +202,20 @@ def test_the_axis_of_tension_begins_where_contacts_change(tmp_path, monkeypatch)
     assert shown[0][0] == pytest.approx(0.5) and shown[0][1] > 4.0
 
 
-@pytest.mark.parametrize("decades", [1, 2, 3, 4, 6])
-def test_labels_of_the_axis_of_tension_do_not_overlap(decades: int, tmp_path, monkeypatch) -> None:
+@pytest.mark.parametrize("least", [1.0, 0.1, 0.01, 7.5e-4])
+def test_labels_of_the_axis_of_tension_do_not_overlap(least: float, tmp_path, monkeypatch) -> None:
     drawn = []
     monkeypatch.setattr(design_figures, "save_figure", lambda figure, path: drawn.append(figure) or path)
     rows = [
         {"tension_weft_N_per_m": t, "tension_warp_N_per_m": t, "active_percent": 10.0 * k, "stress_max_Pa": 1e8 * t}
-        for k, t in enumerate(np.geomspace(7.4 * 10.0**-decades, 7.4, 9).tolist())
+        for k, t in enumerate(np.geomspace(least, 7.4, 9).tolist())
     ]
     design_figures.tension_figure(rows, {"contacts": [], "best": None}, tmp_path / "tension.png", yield_stress=6e8)
     drawn[0].draw_without_rendering()
     axes = drawn[0].axes[0]
     low, high = axes.get_xlim()
-    ticks = [*axes.xaxis.get_major_ticks(), *axes.xaxis.get_minor_ticks()]
-    labels = [tick.label1 for tick in ticks if tick.label1.get_text() and low <= tick.get_loc() <= high]
+    labels = [*axes.get_xticklabels(), *axes.get_xticklabels(minor=True)]
+    labels = [label for label in labels if label.get_text() and low <= label.get_position()[0] <= high]
     boxes = sorted((label.get_window_extent() for label in labels), key=lambda box: box.x0)
     assert len(boxes) > 1
     assert all(one.x1 < other.x0 for one, other in zip(boxes, boxes[1:], strict=False))
