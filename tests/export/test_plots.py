@@ -164,6 +164,14 @@ def test_the_colours_of_stress_end_at_the_elastic_limit() -> None:
     assert [scale.vmax for scale in scales] == [600.0] * 3
 
 
+def test_the_largest_stress_is_written_without_an_exponent() -> None:
+    figure = Figure()
+    axes = figure.subplots()
+    drawn = axes.scatter([0.0, 1.0], [0.0, 1.0], c=[12.0, 1273.4], norm=mesh_figure.stress_colours(np.zeros(1), 2e9)[1])
+    mesh_figure._stress_bar(figure, axes, drawn, 2e9)
+    assert "largest 1270, yield at 2000" in figure.axes[1].get_ylabel()
+
+
 def test_a_line_over_a_jump_is_dotted_and_no_other() -> None:
     axes = Figure().subplots()
     x, jumped = np.arange(6.0), np.array([False, False, False, True, False, False])
