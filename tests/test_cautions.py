@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from warpknit.model import build_model
+from warpknit.plan import make_plan
 from warpknit.runner.cautions import cautions, scene_cautions
 from warpknit.runner.history import Row
 from warpknit.runner.run import run_scene
@@ -99,3 +100,22 @@ def test_a_tight_knit_asks_for_small_increments(changes: list[str], frames: int,
     """1.5 % or less: 10 % in seven."""
     scene = load_scene(SCENE.with_name("atlas_cell_spatial.toml"), [*changes, f"output.frames={frames}"])
     assert any("increments of" in line for line in cautions(build_model(scene), [])) == says
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ([*TIGHT, "solver.preset=standard"], True),
+        ([*TIGHT, "solver.preset=draft"], True),
+        ([*TIGHT, "solver.preset=reference"], False),
+        ([*TIGHT, "solver.preset=standard", "model.kind=planar"], False),
+        (["solver.preset=standard"], False),
+    ],
+    ids=["standard", "draft", "reference", "planar", "open"],
+)
+def test_a_run_of_a_tight_knit_says_what_plan_says_of_its_preset(changes: list[str], says: bool) -> None:
+    scene = load_scene(SCENE.with_name("atlas_cell_spatial.toml"), changes)
+    said = [line for line in cautions(build_model(scene), []) if "of the reference preset" in line]
+    assert len(said) == says
+    for line in said:
+        assert line.removeprefix(f"preset {scene.solver.preset}: ") in make_plan(scene, "cpu").accuracy

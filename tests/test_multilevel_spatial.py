@@ -12,6 +12,8 @@ from warpknit.kernels.banded_mass import HELD_NODE
 from warpknit.measure.table import values
 from warpknit.model import build_model, initial_state, mechanics_of
 from warpknit.plan import make_plan
+from warpknit.runner.history import add_work, row_of
+from warpknit.runner.summary import run_summary
 from warpknit.scene import load_scene
 from warpknit.solve.aitken import Aitken
 from warpknit.solve.multilevel import MultilevelRelaxation
@@ -204,16 +206,22 @@ def test_a_gripped_mesh_takes_the_place_of_the_smaller_one() -> None:
 
 
 def test_wires_that_would_overlap_leave_the_large_mesh_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A large mesh that cannot take the state of the smaller one has its own state at the new load, and is not corrected as a
-    membrane; its level ends in the same equilibrium."""
+    """A large mesh that cannot take the state of the smaller one has its own state at the new load, says so, and is not corrected
+    as a membrane; its level ends in the same equilibrium."""
     monkeypatch.setattr(prolongation, "MAX_OVERLAP", -1.0)  # any state overlaps
     changes = (STRIP, "model.boundary=gripped", "load.strain_weft=0.03", "load.strain_warp=0.03")
     simulation = Simulation(mesh(*changes))
     drive = simulation.drive
     assert isinstance(drive, MultilevelRelaxation) and isinstance(drive.mechanics, SpatialMechanics)
-    for _record in simulation.run():
-        pass
+    *_, last = simulation.run()
     assert not drive.progress.is_prolonged and drive.progress.gave_up
+    (note,) = simulation.notes
+    assert note.startswith("at strains of 3.0 % in weft and 3.0 % in warp the mesh did not start from a smaller one")
+    row = row_of(last)
+    add_work([row], simulation.model)
+    took = {"wall": 1.0, "compile_time": 0.0, "steps": 1}
+    summary = run_summary(simulation.model, [row], [], stop_reason="steady", notes=simulation.notes, **took)
+    assert summary["warnings"][0] == note
     kept = drive.mechanics.fields.read()
     assert drive.smaller is not None and drive.prolongation is not None and isinstance(drive.smaller.mechanics, SpatialMechanics)
     nodes = drive.smaller.model.panel.node_count

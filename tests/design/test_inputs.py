@@ -1,7 +1,7 @@
 """What a user knows of a mesh is put into its scene."""
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,10 +24,10 @@ from warpknit.design.inputs import (
     with_openings,
     write_fit,
 )
-from warpknit.design.loop_fit import run_in
 from warpknit.design.page import Page
 from warpknit.design.sections import mesh_section
 from warpknit.errors import InputError
+from warpknit.knit.named import named_knit
 from warpknit.mesh.layout import knit_scene
 from warpknit.model import build_model
 from warpknit.planar.observables import read
@@ -79,7 +79,7 @@ def test_loops_of_any_shape_take_numbers_of_numpy():
 def test_loops_are_fitted_to_their_wire_length(scene):
     """The knitted loop has the length that was asked for, within what the tolerance of the factor makes of it."""
     found = fit_loop_length(scene, 5.7e-3)
-    assert knit_scene(found.scene).stitch_length == pytest.approx(5.7e-3, rel=1e-3)
+    assert knit_scene(found.scene).wire_length == pytest.approx(5.7e-3, rel=1e-3)
     assert found.scene.knit.loop.closed_radius > scene.knit.loop.closed_radius
     with pytest.raises(InputError, match=r"--fit-loop-length: given 9 mm, allowed: 5\.\d+ mm to 6\.\d+ mm"):
         fit_loop_length(scene, 9e-3)
@@ -92,16 +92,45 @@ def test_loops_of_each_bar_are_fitted_to_its_run_in():
     scene = make_scene({"knit": {"bars": bars, "wales": "26 /inch", "courses": "28 /inch"}, "model": {"boundary": "periodic"}})
     wanted = 2.500 / 480, 2.220 / 480
     fitted = with_known(scene, Known(loop_length=wanted))
-    found = [run_in(fitted.scene, bar) for bar in range(2)]
+    found = [knit_scene(fitted.scene).run_in(bar) for bar in range(2)]
     assert found == pytest.approx(wanted, rel=inputs.FIT_TOLERANCE)
     assert fitted.loops.factor is None and fitted.loops.bar_factors == tuple(bar.loop_scale for bar in fitted.scene.knit.bars)
     again = load_scene(scene, fitted_overrides(fitted.scene.knit))
-    assert [run_in(again, bar) for bar in range(2)] == found
+    assert [knit_scene(again).run_in(bar) for bar in range(2)] == found
     assert fitted.scene.knit.loop == scene.knit.loop
-    with pytest.raises(InputError, match=r"given 9 mm for bar 2, allowed: 3\.\d+ mm to 4\.\d+ mm"):
+    with pytest.raises(InputError, match=r"given 9 mm for bar 2, allowed: 4\.\d+ mm to 4\.\d+ mm"):
         fit_run_in(scene, (wanted[0], 9e-3))
     with pytest.raises(InputError, match="given 5 mm, 4 mm, 4 mm, allowed: one length, or 2"):
         fit_run_in(scene, (5e-3, 4e-3, 4e-3))
+
+
+@pytest.mark.parametrize("name", ["full-double-atlas", "tricot", "atlas", "reverse-locknit"])
+def test_rods_in_space_have_the_lengths_that_loops_were_fitted_to(name):
+    """Natural lengths of the rods of each bar, over the courses. Tolerance: that of the factor, and a thousandth between samples
+    and nodes. In plan view these knits have 2 to 8 % less wire."""
+    bars = [asdict(bar) for bar in named_knit(name).bars]
+    scene = make_scene({
+        "wire": {"material": "molybdenum", "diameter": "30 um"},
+        "knit": {"bars": bars, "wales": "26 /inch", "courses": "30 /inch", "repeats": [1, 1]},
+        "model": {"kind": "spatial", "boundary": "periodic"},
+    })  # fmt: skip
+
+    def rods(fitted):
+        model = build_model(fitted)
+        bar_of = np.array([model.cloth.threads[thread].bar for thread in model.panel.wire_thread])
+        return [model.rods.wire_length[bar_of == bar].mean() / model.cloth.courses for bar in range(len(bars))]
+
+    tolerance = inputs.FIT_TOLERANCE + 1e-3
+    cloth = knit_scene(scene)
+    assert cloth.wire_length > 1.01 * cloth.stitch_length
+    wanted = tuple(1.005 * cloth.run_in(bar) for bar in range(len(bars)))
+    each = with_known(scene, Known(loop_length=wanted))
+    assert rods(each.scene) == pytest.approx(wanted, rel=tolerance)
+    alike = with_known(scene, Known(loop_length=(1.005 * cloth.wire_length,)))
+    assert np.mean(rods(alike.scene)) == pytest.approx(1.005 * cloth.wire_length, rel=tolerance)
+    mass = 1.25 * measure.areal_mass(states_at(build_model(scene), [np.eye(2)])[0])
+    (note,) = with_known(scene, Known(areal_mass=mass)).notes
+    assert note.endswith(f"which requires {1.25e3 * np.mean(rods(scene)):.3g} mm of wire per loop")
 
 
 def test_lengths_are_read_with_their_units():
@@ -116,7 +145,7 @@ def test_lengths_are_read_with_their_units():
 
 
 def test_an_areal_mass_is_compared(scene):
-    """8 loops of length l a repeat of 8 W C: l rho A / (W C)."""
+    """8 loops of length l a repeat of 8 W C: l rho A / (W C), in the planar model l in plan view."""
     knit = scene.knit
     mass = knit_scene(scene).stitch_length * scene.wire.linear_density / (knit.wale_spacing * knit.course_spacing)
     (note,) = with_known(scene, Known(areal_mass=mass / 1.25)).notes
@@ -190,7 +219,7 @@ def test_what_was_fitted_is_left_as_numbers(scene, tmp_path):
     assert (fit["fitted_to"], fit["rms_error"], fit["notes"]) == ("loop length", None, list(fitted.notes))
     assert fit["loop"]["closed_radius"] == pytest.approx(fit["factor"] * scene.knit.loop.closed_radius, rel=1e-12)
     assert fit["wale_spacing_m"] == scene.knit.wale_spacing
-    assert knit_scene(fitted.scene).stitch_length == pytest.approx(5.6e-3, rel=inputs.FIT_TOLERANCE)
+    assert knit_scene(fitted.scene).wire_length == pytest.approx(5.6e-3, rel=inputs.FIT_TOLERANCE)
     write_fit(with_known(scene, Known()), tmp_path)
     assert load_run(tmp_path).fit is None
 

@@ -59,6 +59,17 @@ def test_a_path_that_does_not_converge_stays_where_it_was():
     assert all(point.tension_weft_N_per_m is None for point in tension_strain(model, 0.1, 0.1) if point.strain_weft > 0.0)
 
 
+@pytest.mark.parametrize("levels", [1, 2])
+def test_a_curve_marks_the_point_behind_a_jump(levels, monkeypatch):
+    """One of three points at 2, 4 and 6 % strain; between points lie as many levels as a run would have."""
+    monkeypatch.setattr("warpknit.design.curves.POINTS", 3)
+    monkeypatch.setattr("warpknit.design.curves.jumps_of", lambda model, rows: [(rows[2 * levels - 1], rows[2 * levels])])
+    model = build_model(load_scene(SCENES / "contact_map.toml", [f"output.frames={3 * levels}"], "draft"))
+    points = tension_strain(model, 0.06, 0.06)
+    assert [point.jump for point in points] == 3 * [0, 0, 1, 0]
+    assert all(point.tension_weft_N_per_m is not None for point in points)
+
+
 def test_strains_of_a_path_are_those_asked_for_whatever_the_frame_expands():
     """under_strain prescribes the deformation gradient; a frame that grows with heat adds its own strain to those of a scene."""
     settings = ["model.frame_expansion=1e-5", 'load.temperature="120 degC"', "output.frames=1"]

@@ -140,7 +140,7 @@ def test_the_axis_of_tension_ends_little_above_the_elastic_limit(tmp_path, monke
     for load, curve in (("equal", beyond), ("weft_alone", below)):
         strains = {f"strain_{side}": np.linspace(0.0, 0.1, 4) for side in ("weft", "warp")}
         columns = {name: np.array(values) for name, values in curve.items()} | strains
-        curves[load] = columns | {"tension_warp_N_per_m": np.zeros(4)}
+        curves[load] = columns | {"tension_warp_N_per_m": np.zeros(4), "jump": np.zeros(4)}
     design_figures.tension_strain_figure(curves, tmp_path / "a.png", yield_stress=6e8)
     top = design_figures.BEYOND_LIMIT * 2.0
     assert drawn[0].axes[0].get_ylim() == pytest.approx((-design_figures.ROOM * top, (1.0 + design_figures.ROOM) * top))
@@ -164,12 +164,37 @@ def test_the_colours_of_stress_end_at_the_elastic_limit() -> None:
     assert [scale.vmax for scale in scales] == [600.0] * 3
 
 
+def test_the_largest_stress_is_written_without_an_exponent() -> None:
+    figure = Figure()
+    axes = figure.subplots()
+    drawn = axes.scatter([0.0, 1.0], [0.0, 1.0], c=[12.0, 1273.4], norm=mesh_figure.stress_colours(np.zeros(1), 2e9)[1])
+    mesh_figure._stress_bar(figure, axes, drawn, 2e9)
+    assert "largest 1270, yield at 2000" in figure.axes[1].get_ylabel()
+
+
 def test_a_line_over_a_jump_is_dotted_and_no_other() -> None:
     axes = Figure().subplots()
     x, jumped = np.arange(6.0), np.array([False, False, False, True, False, False])
     draw_curves(axes, x, [("load", slice(0, 6))], [("", "black", x**2)], False, jumped)
     drawn = [(line.get_linestyle(), np.asarray(line.get_xdata()).tolist()) for line in axes.lines]
     assert drawn == [("-", [0.0, 1.0, 2.0]), ("-", [3.0, 4.0, 5.0]), (":", [2.0, 3.0])]
+
+
+def test_curves_of_a_report_are_dotted_over_jumps_as_those_of_a_run(tmp_path, monkeypatch) -> None:
+    """The mesh jumps between 1 and 2 % strain; the legend names the dots only then."""
+    drawn = []
+    monkeypatch.setattr(design_figures, "save_figure", lambda figure, path: drawn.append(figure) or path)
+    names = ("tension_weft_N_per_m", "tension_warp_N_per_m", "stress_max_Pa", "active_percent")
+    names += ("sheet_resistance_weft_ohm", "sheet_resistance_warp_ohm", "strain_weft", "strain_warp")
+    for jump, dotted in (([0, 0, 1, 0], 2), ([0, 0, 0, 0], 0)):
+        curve = {name: 0.01 * np.arange(1.0, 5.0) for name in names} | {"jump": np.array(jump, dtype=float)}
+        design_figures.tension_strain_figure({"equal": curve}, tmp_path / "curves.png", yield_stress=6e8)
+        design_figures.resistance_figure(curve, tmp_path / "resistance.png")
+        for figure in drawn[-2:]:
+            lines = [line for line in figure.axes[0].lines if line.get_linestyle() == ":"]
+            assert [np.asarray(line.get_xdata()).tolist() for line in lines] == [pytest.approx([2.0, 3.0])] * dotted
+            texts = [text.get_text() for text in figure.legends[0].get_texts()]
+            assert texts.count("jump to another equilibrium") == bool(dotted) and len(set(texts)) == len(texts)
 
 
 def test_the_axis_of_tension_begins_where_contacts_change(tmp_path, monkeypatch) -> None:
@@ -183,3 +208,22 @@ def test_the_axis_of_tension_begins_where_contacts_change(tmp_path, monkeypatch)
     answers = {"contacts": [], "best": None}
     design_figures.tension_figure(rows, answers, tmp_path / "tension.png", yield_stress=6e8)
     assert shown[0][0] == pytest.approx(0.5) and shown[0][1] > 4.0
+
+
+@pytest.mark.parametrize("least", [1.0, 0.1, 0.01, 7.5e-4])
+def test_labels_of_the_axis_of_tension_do_not_overlap(least: float, tmp_path, monkeypatch) -> None:
+    drawn = []
+    monkeypatch.setattr(design_figures, "save_figure", lambda figure, path: drawn.append(figure) or path)
+    rows = [
+        {"tension_weft_N_per_m": t, "tension_warp_N_per_m": t, "active_percent": 10.0 * k, "stress_max_Pa": 1e8 * t}
+        for k, t in enumerate(np.geomspace(least, 7.4, 9).tolist())
+    ]
+    design_figures.tension_figure(rows, {"contacts": [], "best": None}, tmp_path / "tension.png", yield_stress=6e8)
+    drawn[0].draw_without_rendering()
+    axes = drawn[0].axes[0]
+    low, high = axes.get_xlim()
+    labels = [*axes.get_xticklabels(), *axes.get_xticklabels(minor=True)]
+    labels = [label for label in labels if label.get_text() and low <= label.get_position()[0] <= high]
+    boxes = sorted((label.get_window_extent() for label in labels), key=lambda box: box.x0)
+    assert len(boxes) > 1
+    assert all(one.x1 < other.x0 for one, other in zip(boxes, boxes[1:], strict=False))

@@ -18,13 +18,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from pulled_data import CASES, MESHES, RACK, Case, Mesh
+from pulled_data import CASES, MESHES, Case, Mesh, sized
 from pulled_pictures import draw
 from strip_bounds import straight_strain, strongest
 from strip_pull import WARP, WEFT, Pull, pull
 from study import add_directory, new_parser, picture_path, read_rows, show_rows, table_path, write_rows
 
-from warpknit.design.inputs import fit_run_in, fitted_overrides
 from warpknit.device import start_warp
 from warpknit.scene import Scene, make_scene
 
@@ -81,23 +80,20 @@ T = TypeVar("T", Row, LevelRow)
 
 
 def scene_of(mesh: Mesh, spacing: tuple[float, float], case: Case) -> Scene:
-    """One repeat, with the loops of each bar fitted to its run-in where that was published."""
+    """One repeat, with the loops of each bar sized by its run-in where that was published."""
     table = {
         "wire": {
             **mesh.wire, "yield_stress": YIELD * mesh.middle, "tensile_strength": mesh.middle, "plastic": True, "hardening": 0.01,
         },
         "knit": {
-            "bars": list(case.bars or mesh.bars), "wale_spacing": INCH / spacing[0], "course_spacing": INCH / spacing[1],
+            "bars": sized(case.bars or mesh.bars, mesh.loops.get(spacing)),
+            "wale_spacing": INCH / spacing[0], "course_spacing": INCH / spacing[1],
         },
         "model": {"kind": "spatial", "boundary": "periodic"},
         "contact": {"friction": 0.2},
         "solver": {"preset": "draft", "max_steps": 8000},
     }  # fmt: skip
-    scene = make_scene(table, list(case.changes.items()))
-    if mesh.run_in is not None:
-        fitted = fit_run_in(scene, tuple(length / RACK for length in mesh.run_in)).scene
-        scene = scene.changed(fitted_overrides(fitted.knit))
-    return scene
+    return make_scene(table, list(case.changes.items()))
 
 
 def cases_of(mesh: Mesh) -> Iterator[tuple[Case, tuple[float, float]]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from strip_pull import WARP, section_area
 
-from warpknit.design.loop_fit import run_in
 from warpknit.knit.lapping import lapping_table
 from warpknit.mesh.layout import knit_scene
 from warpknit.scene import Scene
@@ -34,9 +33,9 @@ def straight_strain(scene: Scene, axis: int) -> float:
     """Strain at which a bar of thin wire is straight: its wire of a course is then all along the pull.
 
     Along the wales a loop is two legs a course long, and the underlap a third: L = 3 C'. Along the courses it is the underlap,
-    as long as the needles between two loops: L = k W'. The bar that is straight first counts.
+    as long as the needles between two loops: L = k W'. The bar that is straight first counts. L is the length in plan view.
     """
-    knit, lapping = scene.knit, lapping_table(scene.knit.bars)
+    knit, cloth, lapping = scene.knit, knit_scene(scene), lapping_table(scene.knit.bars)
     strains = []
     for bar in range(lapping.bars):
         if axis == WARP:
@@ -45,5 +44,6 @@ def straight_strain(scene: Scene, axis: int) -> float:
             needles = [[s.needle for s in stitches] for stitches in lapping.threads if stitches[0].bar == bar]
             steps = [abs(b - a) for row in needles for a, b in zip(row, row[1:] + row[:1], strict=True)]
             there = knit.wale_spacing * float(np.mean(steps))
-        strains.append(run_in(scene, bar) / there - 1.0)
+        lengths = [thread.length / cloth.courses for thread in cloth.threads if thread.bar == bar]
+        strains.append(float(np.mean(lengths)) / there - 1.0)
     return min(strains)

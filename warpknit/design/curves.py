@@ -12,6 +12,8 @@ import numpy as np
 from .. import measure
 from ..errors import Diverged
 from ..measure import Observables
+from ..runner.branches import jumps_of
+from ..runner.history import Row, row_of
 from ..sweep.states import Mesh
 from .load_path import LoadPath, part_of, under_strain
 from .network import sheet_resistance
@@ -33,6 +35,7 @@ class CurvePoint:
     stress_max_Pa: float | None
     sheet_resistance_weft_ohm: float | None
     sheet_resistance_warp_ohm: float | None
+    jump: int  # 1 where the mesh jumps to another equilibrium between the point before and this one
 
 
 def tension_strain(model: Mesh, weft: float, warp: float, watch: Callable[[float], None] = lambda _: None) -> list[CurvePoint]:
@@ -47,17 +50,21 @@ def tension_strain(model: Mesh, weft: float, warp: float, watch: Callable[[float
         path = LoadPath(model)
         stage = under_strain(model.scene, np.diag([1.0 + along_weft * end, 1.0 + along_warp * end]))
         found: dict[int, Observables] = {}
+        rows: list[Row] = []
         with suppress(Diverged):
             for k, record in enumerate(path.load(stage, levels * POINTS, part_of(watch, number, len(LOADS)))):
+                rows.append(row_of(record))
                 if k % levels == 0:
                     found[k // levels] = record.observables
+        behind = {math.ceil(after.index / levels) for _, after in jumps_of(model, rows)}
         for k, share in enumerate(np.linspace(0.0, 1.0, POINTS + 1).tolist()):
-            points.append(_point(name, along_weft * end * share, along_warp * end * share, found.get(k)))
+            points.append(_point(name, along_weft * end * share, along_warp * end * share, found.get(k), k in behind))
     return points
 
 
-def _point(load: str, weft: float, warp: float, state: Observables | None) -> CurvePoint:
+def _point(load: str, weft: float, warp: float, state: Observables | None, is_behind_jump: bool) -> CurvePoint:
+    jump = int(is_behind_jump)
     if state is None:
-        return CurvePoint(load, weft, warp, None, None, None, None, None, None)
+        return CurvePoint(load, weft, warp, None, None, None, None, None, None, jump)
     active, stress = measure.contacts(state).active_percent, measure.stress_extremes(state)[0]
-    return CurvePoint(load, weft, warp, *measure.mesh_tension(state), active, stress, *sheet_resistance(state))
+    return CurvePoint(load, weft, warp, *measure.mesh_tension(state), active, stress, *sheet_resistance(state), jump)

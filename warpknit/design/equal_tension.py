@@ -10,8 +10,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ..errors import Diverged
-from ..runner.answers import SERVICE_TENSIONS, Answer
+from ..runner.answers import SERVICE_TENSIONS
 from ..runner.branches import Jump, tensions_text
+from ..runner.closings import Answer
 from ..runner.history import Row, mean_tension, row_of
 from ..runner.strength import exceeded_text, limit_text
 from ..scene import Scene

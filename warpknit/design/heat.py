@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import Diverged
-from ..runner.answers import Answer, heat_of
+from ..runner.answers import heat_of
+from ..runner.closings import Answer
 from ..runner.history import Row, row_of
 from ..scene import Scene, Stage
 from ..text import celsius

@@ -60,11 +60,11 @@ def with_known(scene: Scene, known: Known) -> Fitted:
         if isinstance(knitted, Diverged):
             raise InputError(f"{scene.path}: --areal-mass: the mesh as knitted did not converge: {knitted}")
         found = measure.areal_mass(knitted)
-        needed = cloth.stitch_length * known.areal_mass / found
+        needed = knitted.wire_length / len(cloth.stitches) * known.areal_mass / found
         note = (
             f"the areal mass as knitted is {1e3 * found:.3g} g/m2, {percent(found / known.areal_mass - 1.0, 0, signed=True)} from"
             " the given"
-            f" {1e3 * known.areal_mass:.3g} g/m2, which requires {1e3 * needed:.3g} mm of wire per loop in plan view"
+            f" {1e3 * known.areal_mass:.3g} g/m2, which requires {1e3 * needed:.3g} mm of wire per loop"
         )
         fitted = fitted.then(Fitted(fitted.scene, (note,)))
     return fitted

@@ -1,4 +1,7 @@
-"""Loops of a given length of wire: one factor on the proportions that make them large (SIZES), for all loops or for each bar."""
+"""Loops of a given length of wire: one factor on the proportions that make them large (SIZES), for all loops or for each bar.
+
+Lengths are those of the wire in space, as they are measured, in both models.
+"""
 
 from __future__ import annotations
 
@@ -46,18 +49,18 @@ class Fitted:
 
 
 def fit_loop_length(scene: Scene, wanted: float) -> Fitted:
-    """Loops with a wire length of `wanted` [m] each, in plan view. Raises `InputError` if it cannot be reached."""
+    """Loops with a wire length of `wanted` [m] each. Raises `InputError` if it cannot be reached."""
     low, high = factors(scene)
 
     def missing(factor: float) -> float:
-        return knit_scene(scaled(scene, factor)).stitch_length - wanted
+        return knit_scene(scaled(scene, factor)).wire_length - wanted
 
     factor = _factor(scene, missing, low, high, wanted)
     return fitted_by(scene, factor, "the wire length per loop", "loop length")
 
 
 def fit_run_in(scene: Scene, wanted: tuple[float, ...]) -> Fitted:
-    """Loops of each bar with the wire length [m] that it takes a course, in plan view: `wanted`, in the order of `knit.bars`.
+    """Loops of each bar with the wire length [m] that it takes a course: `wanted`, in the order of `knit.bars`.
 
     Raises `InputError` if a length cannot be reached.
     """
@@ -78,18 +81,11 @@ def fit_run_in(scene: Scene, wanted: tuple[float, ...]) -> Fitted:
     return Fitted(fit, (note,), LoopFit("run-in", None, {}, bar_factors=tuple(found)))
 
 
-def run_in(scene: Scene, bar: int) -> float:
-    """[m] wire that a bar takes a course, in plan view."""
-    cloth = knit_scene(scene)
-    lengths = [thread.length / cloth.courses for thread in cloth.threads if thread.bar == bar]
-    return sum(lengths) / len(lengths)
-
-
 def _bar_factor(scene: Scene, bar: int, wanted: float) -> float:
     """Factor on the loops of a bar at which it takes `wanted` [m] a course."""
 
     def missing(factor: float) -> float:
-        return run_in(_with_bar(scene, bar, factor), bar) - wanted
+        return knit_scene(_with_bar(scene, bar, factor)).run_in(bar) - wanted
 
     low, high = _bounded(scene, scene.knit.bars[bar : bar + 1], lambda factor: _with_bar(scene, bar, factor))
     return _factor(scene, missing, low, high, wanted, of=f" for bar {bar + 1}")

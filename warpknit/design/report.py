@@ -28,7 +28,6 @@ from ..runner.progress_display import Progress
 from ..runner.strength import exceeded_text
 from ..scene import Scene, Stage, Sweep
 from ..scene.capabilities import refuse
-from ..scene.presets import tight_knits
 from ..sweep.contact_map import (
     Jump,
     MapRow,
@@ -323,7 +322,7 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     )
     preset = found.scene.preset_in_force
     nodes = f"{found.scene.model.nodes_per_loop} nodes per loop" + (f" (preset {preset})" if preset else "")
-    known = tight_knits(preset) if preset and found.scene.model.kind == "spatial" else ""
+    known = found.scene.preset_caveat
     page.text(f"Model: {found.scene.model.kind}, {found.scene.kind_reason}; {nodes}." + (f" At it {known}." if known else ""))
     if found.card is None:
         page.warning(f"{found.where[0].upper()}{found.where[1:]}.")

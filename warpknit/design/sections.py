@@ -112,10 +112,8 @@ def mesh_section(
         bars = enumerate(knit.bars, 1)
         rows += [(f"guide bar {n}", f"chain {bar.chain}, threading {bar.threading}, shift {bar.shift}") for n, bar in bars]
         loops = len(cloth.stitches) / (cloth.wales * cloth.courses)
-        lengths = [f"{1e3 * cloth.stitch_length:.3g} mm in plan view", f"{loops:g} per needle and course"]
-        if knitted is not None:
-            lengths.insert(0, f"{1e3 * knitted.wire_length / len(cloth.stitches):.3g} mm")
-        rows.append(("wire length per loop", ", ".join(lengths)))
+        lengths = f"{1e3 * cloth.wire_length:.3g} mm, {1e3 * cloth.stitch_length:.3g} mm in plan view"
+        rows.append(("wire length per loop", f"{lengths}, {loops:g} per needle and course"))
         if knitted is not None:
             rows.append(("areal mass as knitted", f"{1e3 * measure.areal_mass(knitted):.3g} g/m2"))
         if (count := openings_per_length(scene)) is not None:
@@ -208,7 +206,9 @@ def curve_section(page: Page, curves: Sequence[CurvePoint], figure: Path) -> Non
     """Tension-strain curves."""
     page.heading("Tension against strain")
     page.figure(
-        figure, "Tension in weft and warp. Shaded: wire beyond its elastic limit, where the curves may leave the picture."
+        figure,
+        "Tension in weft and warp. Shaded: wire beyond its elastic limit, where the curves may leave the picture. Dotted: jump to"
+        " another equilibrium.",
     )
     missing = sum(point.tension_weft_N_per_m is None for point in curves)
     if missing:

@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, figure_of, save_figure, scale_of
-from warpknit.export.stage_curves import JUMP_STYLE, History, columns_of, draw_curves, history_rows, stage_legend, stage_slices
+from warpknit.export.stage_curves import History, columns_of, draw_curves, history_rows, jump_handle, stage_legend, stage_slices
 from warpknit.text import ZERO_CELSIUS
 
 __all__ = ["curves_figure"]
@@ -74,8 +73,9 @@ def curves_figure(
         draw_curves(axes, abscissa, stages, curves, is_logarithmic=number >= LOGARITHMIC, jumped=jumped)
         axes.set_ylabel(label)
     if jumped.any():
-        mark = Line2D([], [], color=GREEN, label="jump to another equilibrium", **JUMP_STYLE)
-        panels[0].legend(handles=[mark], loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, borderaxespad=0.2)
+        panels[0].legend(
+            handles=[jump_handle(GREEN)], loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, borderaxespad=0.2
+        )
     panels[0].set_ylim(-3.0, 103.0)
     for axes, (_, curves) in zip(panels[1:LOGARITHMIC], panel_curves[1:], strict=False):
         if not any(np.any(values < 0.0) for *_, values in curves):

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.ticker import LogLocator
+from matplotlib.artist import Artist
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
 from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, WIDTHS, figure_of, save_figure, scale_of
+from warpknit.export.stage_curves import draw_line, jump_handle
 
 __all__ = ["openings_figure", "resistance_figure", "tension_figure", "tension_strain_figure"]
 
@@ -23,6 +26,7 @@ TITLES = {
 }
 FREQUENCIES = (1e9, 1e11)  # [Hz]
 BEYOND_LIMIT = 1.5  # of the largest tension below the elastic limit: upper end of the axis
+LABELLED_DECADES = 3.0  # of the axis of tension: on a longer one only powers of ten have labels
 ROOM = 0.04  # of the axis, at both ends
 LEAST_TENSION = 1e-4  # of the largest: less is not drawn, on a logarithmic axis
 CLASS_DASHES = ("-", "--", ":")
@@ -83,7 +87,7 @@ def tension_figure(
         axes.set_xlim(scale * begin, scale * tension.max() * 10.0 ** (ROOM * decades))
         axes.xaxis.set_major_formatter("{x:g}")
         axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
-        axes.xaxis.set_minor_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter("{x:g}" if decades < LABELLED_DECADES else NullFormatter())
         axes.set_xlabel(f"tension, weft and warp [{unit}]")
         for low, high in jumps:
             axes.axvspan(scale * low, scale * high, color="#BBBBBB", linewidth=0.0, zorder=0.5, label="jump")
@@ -93,19 +97,21 @@ def tension_figure(
                 for one in (best, best["low"], best["high"])
             )
             is_wide = np.log10(high / max(low, scale * begin)) > LEAST_DRIFT * decades
-            if is_wide:
-                axes.axvspan(low, high, color="#CDE9DC", linewidth=0.0, zorder=0, label="its drift")
             label = "best tension" if is_wide else "best tension, its drift within the line"
             axes.axvline(here, color=GREEN, linestyle=":", linewidth=1.4, zorder=0.8, label=label)
+            if is_wide:
+                axes.axvspan(low, high, color="#CDE9DC", linewidth=0.0, zorder=0, label="its drift")
         axes.grid(color="#DDDDDD", linewidth=0.6)
         axes.spines[["top", "right"]].set_visible(False)
-    handles = {str(one.get_label()): one for axes in figure.axes for one in axes.get_legend_handles_labels()[0]}
-    figure.legend(handles=list(handles.values()), loc="outside upper center", ncols=6, frameon=False, fontsize="small")
+    figure.legend(handles=_handles(figure), loc="outside upper center", ncols=6, frameon=False, fontsize="small")
     return save_figure(figure, path)
 
 
 def tension_strain_figure(curves: Mapping[str, Curve], path: str | os.PathLike[str], *, yield_stress: float) -> Path:
-    """Tension in weft and warp against strain. `curves`: by load, with the columns of tension_strain.csv as arrays."""
+    """Tension in weft and warp against strain. `curves`: by load, with the columns of tension_strain.csv as arrays.
+
+    Lines over jumps are dotted.
+    """
     figure = figure_of(10.5, 3.9)
     panels = figure.subplots(1, len(curves), sharey=True)
     top = _top_tension(list(curves.values()), yield_stress)
@@ -115,7 +121,8 @@ def tension_strain_figure(curves: Mapping[str, Curve], path: str | os.PathLike[s
     for axes, (load, curve) in zip(np.atleast_1d(panels), curves.items(), strict=True):
         strain = 100.0 * np.maximum(curve["strain_weft"], curve["strain_warp"])
         for side, look in SIDES.items():
-            axes.plot(strain, scale * curve[f"tension_{side}_N_per_m"], label=f"tension in {side}", **look)
+            values = scale * curve[f"tension_{side}_N_per_m"]
+            draw_line(axes, strain, values, curve["jump"] > 0.0, label=f"tension in {side}", **look)
         beyond = np.nonzero(curve["stress_max_Pa"] > yield_stress)[0]
         if len(beyond):
             first = max(beyond[0] - 1, 0)
@@ -130,8 +137,8 @@ def tension_strain_figure(curves: Mapping[str, Curve], path: str | os.PathLike[s
     first.set_ylabel(f"tension [{unit}]")
     room = ROOM * scale * (top - bottom)
     first.set_ylim(scale * bottom - room, scale * top + room)
-    handles = {str(line.get_label()): line for axes in figure.axes for line in axes.get_legend_handles_labels()[0]}
-    figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=3, frameon=False, fontsize="small")
+    handles = [*_handles(figure), *_jump_handles(curves.values())]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
     return save_figure(figure, path)
 
 
@@ -158,7 +165,7 @@ def resistance_figure(curve: Curve, path: str | os.PathLike[str]) -> Path:
     for side, look in SIDES.items():
         resistance = curve[f"sheet_resistance_{side}_ohm"]
         label = f"along {side}" if np.isfinite(resistance).any() else f"along {side}: does not conduct"
-        axes.plot(strain, resistance, label=label, **look)
+        draw_line(axes, strain, resistance, curve["jump"] > 0.0, label=label, **look)
     known = np.concatenate([curve[f"sheet_resistance_{side}_ohm"] for side in ("weft", "warp")])
     known = known[np.isfinite(known)]
     if len(known):
@@ -173,12 +180,23 @@ def resistance_figure(curve: Curve, path: str | os.PathLike[str]) -> Path:
     axes.set_ylabel("sheet resistance [ohm/sq]")
     axes.grid(color="#DDDDDD", linewidth=0.6, which="both")
     share = axes.twinx()
-    share.plot(strain, curve["active_percent"], color=GREEN, linestyle=":", label="active contacts (right)")
+    look = {"color": GREEN, "linestyle": "-.", "label": "active contacts (right)"}
+    draw_line(share, strain, curve["active_percent"], curve["jump"] > 0.0, **look)
     share.set_ylim(-3.0, 103.0)
     share.set_ylabel("active contacts [% of pairs]")
-    handles = [*axes.get_lines(), *share.get_lines()]  # above both axes: `best` looks at the curves of one only
-    figure.legend(handles=handles, loc="outside upper center", ncols=3, frameon=False, fontsize="small")
+    handles = [*_handles(figure), *_jump_handles([curve])]  # above both axes: `best` looks at the curves of one only
+    figure.legend(handles=handles, loc="outside upper center", ncols=4, frameon=False, fontsize="small")
     return save_figure(figure, path)
+
+
+def _handles(figure: Figure) -> list[Artist]:
+    """What is drawn in any of the axes, once for each label."""
+    return list({str(one.get_label()): one for axes in figure.axes for one in axes.get_legend_handles_labels()[0]}.values())
+
+
+def _jump_handles(curves: Iterable[Curve]) -> list[Artist]:
+    """The dots over jumps, where a curve has one."""
+    return [jump_handle(GREY)] if any(np.any(curve["jump"] > 0.0) for curve in curves) else []
 
 
 def openings_figure(

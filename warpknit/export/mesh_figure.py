@@ -274,7 +274,7 @@ def _stress_bar(
     label: str = "wire stress at nodes [MPa]",
 ) -> None:
     largest = float(np.ma.max(np.ma.masked_invalid(mappable.get_array())))
-    label += f", largest {largest:.3g}"
+    label += f", largest {float(f'{largest:.3g}'):g}"  # no exponent
     if yield_stress is not None:
         label += f", yield at {1e-6 * yield_stress:.4g}"
     label += " (square-root scale)"

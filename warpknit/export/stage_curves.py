@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from warpknit.export.plots import GREY, WIDTHS
 
-__all__ = ["JUMP_STYLE", "History", "columns_of", "draw_curves", "history_rows", "stage_legend", "stage_slices"]
+__all__ = [
+    "History", "columns_of", "draw_curves", "draw_line", "history_rows", "jump_handle", "stage_legend", "stage_slices",
+]  # fmt: skip
 
 History = Iterable[Mapping[str, Any]] | str | os.PathLike[str]
 DECADES_DRAWN = 1e-9  # of the largest value of a logarithmic axis: less is not drawn, and does not flatten the others
@@ -81,12 +83,8 @@ def draw_curves(
             style, marker = STAGE_STYLES[number % len(STAGE_STYLES)]
             look: dict[str, Any] = {"color": colour, "linestyle": style, "marker": marker, "markersize": 2.5 + width}
             face = colour if number % 2 == 0 else "white"
-            at = np.arange(len(values))[rows]
-            jumps = np.zeros(0, dtype=int) if jumped is None else np.flatnonzero(jumped[at[1:]]) + 1
-            for part in np.split(at, jumps):
-                axes.plot(abscissa[part], values[part], linewidth=width, markerfacecolor=face, **look)
-            for row in at[jumps]:
-                axes.plot(abscissa[row - 1 : row + 1], values[row - 1 : row + 1], color=colour, **JUMP_STYLE)
+            behind = np.zeros(len(values), dtype=bool) if jumped is None else jumped
+            draw_line(axes, abscissa[rows], values[rows], behind[rows], linewidth=width, markerfacecolor=face, **look)
         if label:
             handles.append(Line2D([], [], color=colour, linewidth=width, label=label))
     if not axes.lines:
@@ -102,6 +100,20 @@ def draw_curves(
         )
     axes.grid(color="#DDDDDD", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
+
+
+def draw_line(axes: Axes, abscissa: NDArray[Any], values: NDArray[Any], jumped: NDArray[np.bool_], **look: Any) -> None:
+    """Draw a line through points, dotted to each one that the mesh has `jumped` to."""
+    jumps = np.flatnonzero(jumped[1:]) + 1
+    for part in np.split(np.arange(len(values)), jumps):
+        axes.plot(abscissa[part], values[part], **look)
+    for point in jumps:
+        axes.plot(abscissa[point - 1 : point + 1], values[point - 1 : point + 1], color=look["color"], **JUMP_STYLE)
+
+
+def jump_handle(colour: str) -> Line2D:
+    """The dots over a jump, for a legend."""
+    return Line2D([], [], color=colour, label="jump to another equilibrium", **JUMP_STYLE)
 
 
 def stage_legend(figure: Figure, names: Sequence[str]) -> None:

@@ -51,9 +51,17 @@ class Cloth:
     @property
     def wire_length(self) -> float:
         """Mean wire length of a stitch in space [m], its rises and falls included: the run-in of a loop."""
-        height = float(self.size[1])
-        steps = [np.diff(thread.stretch(0.0, thread.length, height), axis=0) for thread in self.threads]
-        return float(np.linalg.norm(np.concatenate(steps), axis=1).sum()) / len(self.stitches)
+        return sum(map(self._length_in_space, self.threads)) / len(self.stitches)
+
+    def run_in(self, bar: int) -> float:
+        """[m] wire in space that a guide bar takes a course."""
+        lengths = [self._length_in_space(thread) for thread in self.threads if thread.bar == bar]
+        return sum(lengths) / len(lengths) / self.courses
+
+    def _length_in_space(self, thread: Thread) -> float:
+        """[m] of a period."""
+        steps = np.diff(thread.stretch(0.0, thread.length, float(self.size[1])), axis=0)
+        return float(np.linalg.norm(steps, axis=1).sum())
 
     @property
     def wire_per_area(self) -> float:

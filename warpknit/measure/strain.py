@@ -10,6 +10,8 @@ import math
 
 import numpy as np
 
+from ..text import percent
+
 
 def rotation(angle: float) -> np.ndarray:
     """(2, 2) counter-clockwise by an angle [rad]; exactly the unit matrix at 0."""
@@ -25,6 +27,16 @@ def stretch(gradient: np.ndarray) -> np.ndarray:
     """U (2, 2) of F = R^T U, up to rounding."""
     angle = clamp_rotation(gradient)
     return np.round(rotation(angle) @ gradient, 14) + 0.0 if angle else gradient.copy()
+
+
+def strain_text(gradient: np.ndarray) -> str:
+    """Strains of a deformation gradient (2, 2) in words.
+
+    >>> strain_text(np.diag([1.02, 1.03]))
+    '2.0 % in weft and 3.0 % in warp'
+    """
+    weft, warp = (percent(strain) for strain in np.diag(stretch(gradient)) - 1.0)
+    return f"{weft} in weft and {warp} in warp"
 
 
 def true_stress(nominal: np.ndarray, gradient: np.ndarray) -> np.ndarray:

@@ -30,6 +30,7 @@ CONVERGED_INCREMENT = 0.0003125  # strain increment at which they no longer depe
 def cautions(model: MeshModel, rows: list[Row]) -> Iterator[str]:
     """Warnings, one line each."""
     yield from scene_cautions(model.scene, model.cloth)
+    yield from _about_preset(model.scene)
     if model.scene.solver.drive == "ramp" and rows:
         yield from _about_ramp(rows)
 
@@ -46,6 +47,12 @@ def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
             yield from _about_increments(scene)
     if scene.solver.drive == "relax" and scene.contact.friction > SMALL_FRICTION:
         yield from _about_friction(scene)
+
+
+def _about_preset(scene: Scene) -> Iterator[str]:
+    """What `plan` says of the accuracy of tight knits, beside a result of one."""
+    if scene.preset_caveat and first_touch(scene) < PLANE_IS_GOOD:
+        yield f"preset {scene.preset_in_force}: {scene.preset_caveat}"
 
 
 def _about_tension(scene: Scene, cloth: Cloth) -> Iterator[str]:

@@ -21,7 +21,7 @@ from warpknit.scene.digest import digest
 from warpknit.scene.hook import Hook
 from warpknit.scene.keys import Table, key
 from warpknit.scene.panel_options import PanelOptions
-from warpknit.scene.presets import DEFAULT_PRESET, PRESETS, preset_like
+from warpknit.scene.presets import DEFAULT_PRESET, PRESETS, preset_like, tight_knits
 from warpknit.scene.units import shown
 from warpknit.scene.values import (
     TREATMENTS,
@@ -555,6 +555,12 @@ class Scene:
         """[%] measured error of the preset in force; None without one."""
         name = self.preset_in_force
         return None if name is None else PRESETS[name].of(self.model.kind, self.solver.drive).error_percent
+
+    @property
+    def preset_caveat(self) -> str:
+        """What is known of tight knits at the preset in force, as a sentence without its point; empty if nothing is."""
+        name = self.preset_in_force
+        return "" if name is None else tight_knits(name, self.model.kind)
 
     @property
     def depends_on_path(self) -> bool:

@@ -39,7 +39,7 @@ class Preset:
         }[drive]
         softening = SPATIAL_SOFTENING if drive == "relax" else numerics.axial_softening
         return {
-            "planar": numerics,
+            "planar": replace(numerics, tight_error_percent=None),
             "spatial": replace(
                 numerics,
                 nodes_per_loop=self.spatial_nodes_per_loop if drive == "relax" else self.spatial_ramp_nodes_per_loop,
@@ -110,9 +110,9 @@ PRESETS = {
 DEFAULT_PRESET = "standard"
 
 
-def tight_knits(name: str) -> str:
-    """What is known of tight knits in space at a preset, as a sentence without its point; empty of the reference."""
-    error = PRESETS[name].tight_error_percent
+def tight_knits(name: str, kind: str) -> str:
+    """What is known of tight knits at a preset in this kind of model, as a sentence without its point; empty if nothing is."""
+    error = PRESETS[name].of(kind, "relax").tight_error_percent
     if error is None:
         return ""
     return f"tensions of tight knits are within {error:g} % of the reference preset at nine of ten loads, else far from it"

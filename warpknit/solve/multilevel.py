@@ -15,7 +15,7 @@ import numpy as np
 from ..kernels import control as c
 from ..measure import tension_scale
 from ..measure.edge_work import EdgeWork
-from ..measure.strain import stretch
+from ..measure.strain import strain_text, stretch
 from ..mechanics import EdgeMechanics, MultilevelMechanics, advance
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim, build_rim
@@ -170,6 +170,10 @@ class MultilevelRelaxation(Relaxation):
             self.mechanics.stop()
             self.mechanics.search()
             if not self.progress.is_prolonged:
+                self.mechanics.notes.append(
+                    f"at strains of {strain_text(target.gradient)} the mesh did not start from a smaller one, in whose state its"
+                    " wires would overlap too deeply: it was loaded from its own state"
+                )
                 self.mechanics.set_load(begin, 0)
                 self.mechanics.set_load(target, self.mechanics.load_steps(target, predicted=False))
         self._move_edge(target)

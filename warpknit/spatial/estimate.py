@@ -28,7 +28,7 @@ from ..mesh.load_point import PATH_STRAIN
 from ..mesh.smaller import smaller_scene
 from ..numerics import thread_count
 from ..scene import Scene, Stage
-from ..scene.presets import PRESETS, tight_knits
+from ..scene.presets import PRESETS
 from ..text import engineering
 from .model import SpatialModel, build_model
 from .nearby import pair_gaps
@@ -169,7 +169,7 @@ def spatial_accuracy(scene: Scene) -> str:
         return "not measured on wires like these: run it again with other nodes to see what they are worth"
     if (name := scene.preset_in_force) is not None:
         preset = PRESETS[name].of("spatial", scene.solver.drive)
-        more = f"; {tight_knits(name)}" if tight_knits(name) else ""
+        more = f"; {scene.preset_caveat}" if scene.preset_caveat else ""
         return (
             f"{name}: within {preset.error_percent:g} % on a repeat of the double atlas mesh, for {preset.node_steps:.2g}"
             f" node-steps a load level{more}; `run --error` measures it on this scene"

@@ -14,9 +14,8 @@ import numpy as np
 
 from ..host import fetch, store
 from ..kernels import control as c
-from ..measure.strain import stretch
+from ..measure.strain import strain_text
 from ..numerics import FASTEST_DAMPING
-from ..text import percent
 from .model import SpatialModel
 from .rod_relaxation import RodRelaxation
 from .wire_contact import WireContact
@@ -72,10 +71,8 @@ class Stability:
             self.relaxation.stepper.state.write_control({c.DAMPING: DAMPING})
 
     def _note(self) -> None:
-        weft, warp = (percent(strain, 1) for strain in np.diag(stretch(self.relaxation.stepper.state.gradient)) - 1.0)
-        self.notes.append(
-            f"at strains of {weft} in weft and {warp} in warp an equilibrium was not stable: the mesh left it for another"
-        )
+        strains = strain_text(self.relaxation.stepper.state.gradient)
+        self.notes.append(f"at strains of {strains} an equilibrium was not stable: the mesh left it for another")
 
     def _disturb(self) -> None:
         rods, state = self.model.rods, self.relaxation.stepper.state

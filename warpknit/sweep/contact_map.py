@@ -21,7 +21,7 @@ from ..measure import Observables, energy_scale, table
 from ..measure.jumps import STORED_FLOOR, jumps
 from ..measure.table import Measure
 from ..mechanics import Model
-from ..runner.answers import DRIFT
+from ..runner.closings import DRIFT
 from ..text import engineering
 
 STEADY = "steady"

@@ -1,0 +1,148 @@
+"""Where classes of contact close, and what is active at a service tension."""
+
+import pytest
+
+from reference.two_classes import CLOSES, LIMIT, SLOPE, STRAIN, found, row
+from warpknit.runner.answers_table import answer_rows
+from warpknit.runner.closings import CURVED, closing
+
+
+@pytest.mark.parametrize("bend", [-0.6, 0.6])
+def test_a_force_that_bends_closes_where_it_begins(bend: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """F = SLOPE (x + bend x^2) with x = T - T0 is a parabola, so that T0 follows from three records exactly; a line through two
+    is off by about bend x1 x2 = 0.01 N/m."""
+    rows = [row(0.2 * k + 0.1) for k in range(5)]
+    for one in rows:
+        x = max(0.0, one.tension_weft_N_per_m - CLOSES["A"])
+        one.force_A_N = SLOPE * (x + bend * x * x)
+    closes = found(rows, monkeypatch)["contacts"][0]["closes"]
+    assert closes["resolved"] and closes["tension_weft_N_per_m"] == pytest.approx(CLOSES["A"], rel=1e-6)
+
+
+@pytest.mark.parametrize(("apart", "resolved"), [(0.2, False), (0.02, True)])
+def test_two_records_do_not_tell_how_a_force_bends(apart: float, resolved: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """F = SLOPE x^2 with x = T - T0, and the stage ends with the second closed record: a line through x = 0.08 and 0.28 N/m
+    would give T0 + 0.06 N/m, a quarter too much. Records 0.02 N/m apart, 9 % of T0, bound the error by themselves."""
+    first = CLOSES["A"] + 0.4 * apart
+    rows = [row(one) for one in (0.0, first - apart, first, first + apart)]
+    for one in rows:
+        one.force_A_N = SLOPE * max(0.0, one.tension_weft_N_per_m - CLOSES["A"]) ** 2
+    answers = found(rows, monkeypatch)
+    closes = answers["contacts"][0]["closes"]
+    low, high = (one["tension_weft_N_per_m"] for one in closes["between"])
+    assert closes["resolved"] == resolved and low < CLOSES["A"] < high
+    text = dict(answer_rows(answers, LIMIT))["contacts A close at"]
+    assert text.startswith("between 110 mN/m and 310 mN/m") != resolved
+    assert not resolved or closes["tension_weft_N_per_m"] == pytest.approx(CLOSES["A"], rel=CURVED)
+
+
+def test_a_force_that_bends_too_much_has_no_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """F = SLOPE x^3 with x = T - T0: the line through two records ends at 0.47 N/m, and no parabola through three at zero."""
+    rows = [row(0.4 * k + 0.1) for k in range(6)]
+    for one in rows:
+        one.force_A_N = SLOPE * max(0.0, one.tension_weft_N_per_m - CLOSES["A"]) ** 3
+    closes = found(rows, monkeypatch)["contacts"][0]["closes"]
+    assert not closes["resolved"]
+    assert [one["tension_weft_N_per_m"] for one in closes["between"]] == pytest.approx([0.1, 0.5])
+
+
+@pytest.mark.parametrize(("tension", "share"), [(0.22, 0.0), (0.24, 25.0), (0.60, 25.0), (0.62, 100.0)])
+def test_a_class_counts_at_service_tension_from_its_closing_on(
+    tension: float, share: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between two records the share is that of the classes closed by then, not a mean: 10 of 40 pairs, then all."""
+    (point,) = found([row(0.2 * k) for k in range(7)], monkeypatch, service=tension)["service"]
+    assert point["active_percent"] == pytest.approx(share)
+    assert point["state"]["strain_weft"] == pytest.approx(STRAIN * tension)
+
+
+def test_a_compressed_mesh_has_no_service_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mean tension of 0.3 N/m of 0.7 and -0.1 N/m is not a mesh in tension."""
+    rows = [row(0.1 * k) for k in range(6)]
+    for one in rows:
+        one.tension_weft_N_per_m, one.tension_warp_N_per_m = one.tension_weft_N_per_m + 0.4, one.tension_warp_N_per_m - 0.4
+    answers = found(rows, monkeypatch, service=0.3)
+    assert answers["service"][0]["state"] is None
+    assert dict(answer_rows(answers, LIMIT))["active at 300 mN/m"].startswith("compressed in weft or warp")
+
+
+def test_a_class_that_opens_again_is_said_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A carries force from 0.23 to 0.3 N/m alone: its closing is there, and the record in which it is open again is given."""
+    rows = [row(0.1 * k) for k in range(6)]
+    for one in rows[4:]:
+        one.force_A_N, one.active_A_percent = 0.0, 0.0
+    answers = found(rows, monkeypatch)
+    assert answers["contacts"][0]["closes"]["opens"]["tension_weft_N_per_m"] == pytest.approx(0.4)
+    assert "open again at 400 mN/m" in dict(answer_rows(answers, LIMIT))["contacts A close at"]
+
+
+def test_a_last_record_gives_a_range(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One record behind a closing cannot give its place: the records on both sides are given."""
+    rows = [row(0.1 * k) for k in range(4)]  # A closes at 0.23 between the last two
+    closes = closing(rows, "A", 1e-12, 1e-12)
+    assert closes is not None and not closes["resolved"]
+    assert [state["tension_weft_N_per_m"] for state in closes["between"]] == pytest.approx([0.2, 0.3])
+    text = dict(answer_rows(found(rows, monkeypatch, service=0.25), LIMIT))
+    assert text["contacts A close at"].startswith("between 200 mN/m and 300 mN/m")
+    assert text["active at 250 mN/m"].endswith("more output.frames tell which")
+
+
+def test_a_graze_is_not_the_closing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A carries 1 nN at 0.1 N/m and opens again: it closes at 0.23 N/m all the same, and the graze is told."""
+    rows = [row(0.05 * k) for k in range(11)]
+    rows[2].force_A_N, rows[2].active_A_percent = 1e-9, 50.0
+    answers = found(rows, monkeypatch)
+    closes = answers["contacts"][0]["closes"]
+    assert closes["tension_weft_N_per_m"] == pytest.approx(CLOSES["A"], rel=1e-6)
+    assert closes["first_touch"]["tension_weft_N_per_m"] == pytest.approx(0.1)
+    text = dict(answer_rows(answers, LIMIT))["contacts A close at"]
+    assert text == "230 mN/m, strain 4.6 % / 2.3 %, after a touch at 100 mN/m that opens again (10 pairs)"
+    rows[5].active_A_percent = 70.0
+    assert "(70 % of 10 pairs)" in dict(answer_rows(found(rows, monkeypatch), LIMIT))["contacts A close at"]
+
+
+def test_a_closing_stays_that_of_the_loading() -> None:
+    """Unloaded to 0 and loaded again, A opens and closes once more; the closing is that of the first stage."""
+    rows = [row(0.1 * k) for k in range(6)]
+    rows += [row(0.5 - 0.1 * k, stage="unload") for k in range(1, 6)] + [row(0.1 * k, stage="again") for k in range(1, 6)]
+    closes = closing(rows, "A", 1e-12, 1e-12)
+    assert closes is not None and closes["stage"] == "load" and closes["first_touch"] is None
+    assert closes["tension_weft_N_per_m"] == pytest.approx(CLOSES["A"], rel=1e-6)
+
+
+def test_a_place_outside_its_records_is_not_given() -> None:
+    """Forces that grow slower than from zero point to a closing before the last open record: only the records are known."""
+    rows = [row(0.1 * k) for k in range(6)]
+    rows[3].force_A_N, rows[4].force_A_N = 2.0e-6, 2.5e-6  # 0.3 - 4 * 0.1 N/m
+    closes = closing(rows, "A", 1e-12, 1e-12)
+    assert closes is not None and not closes["resolved"]
+    assert closes["tension_weft_N_per_m"] == pytest.approx(0.25)
+
+
+def test_a_service_tension_of_the_first_record_is_reached(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mesh that carries 0.3 N/m as knitted, asked for 0.2 N/m: its state is the first record, with class A."""
+    (point,) = found([row(0.3 + 0.1 * k) for k in range(4)], monkeypatch, service=0.2)["service"]
+    assert point["state"]["tension_weft_N_per_m"] == 0.3
+    assert point["active_percent"] == pytest.approx(25.0)
+
+
+def test_a_closing_elsewhere_on_the_path_leaves_a_service_tension_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The mesh jumps back from 0.5 to 0.15 N/m; behind, B closes somewhere between 0.25 and 0.35 N/m. 0.29 N/m is reached
+    first on the way to 0.5 N/m, where nothing closes."""
+    rows = [row(0.1 * k) for k in range(6)] + [row(0.15 + 0.1 * k) for k in range(4)]
+    for k, one in enumerate(rows):
+        one.force_B_N, one.active_B_percent = (SLOPE, 100.0) if k > 7 else (0.0, 0.0)
+    answers = found(rows, monkeypatch, service=0.29, jumps=[(rows[5], rows[6])])
+    closes = answers["contacts"][1]["closes"]
+    assert not closes["resolved"]
+    assert [one["tension_weft_N_per_m"] for one in closes["between"]] == pytest.approx([0.25, 0.35])
+    assert answers["service"][0]["resolved"]
+    assert not found(rows[6:], monkeypatch, service=0.29)["service"][0]["resolved"]
+
+
+def test_a_tension_has_the_digits_that_its_records_need(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A closes at 231.4 mN/m, just above a record at 230.6 mN/m and far from the next: 230 mN/m would lie below it."""
+    monkeypatch.setitem(CLOSES, "A", 0.2314)
+    rows = [row(one) for one in (0.0, 0.1, 0.2306, 0.5, 0.6, 0.7)]
+    text = dict(answer_rows(found(rows, monkeypatch), LIMIT))["contacts A close at"]
+    assert text.startswith("about 231 mN/m, between records at 231 mN/m and 500 mN/m")
