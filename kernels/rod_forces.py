@@ -76,7 +76,12 @@ _FORCES = (
         + constants(STATUS=STATUS, STATUS_RUNNING=0)
         + r"""
     typedef double real;
-    const bool yields = yield_curvature > 0 && hardening < 1, steps = steer[STATUS] == STATUS_RUNNING;
+    const bool steps = steer[STATUS] == STATUS_RUNNING;
+    // compiled for elastic wires and for those that yield
+    struct elastic { enum { YIELDS = 0 }; };
+    struct plastic { enum { YIELDS = 1 }; };
+    auto find = [&](auto kind) {
+    const bool yields = decltype(kind)::YIELDS;
     const double factor = steer[LENGTH_FACTOR], bow_moment = steer[BOW_MOMENT];
     double tx[SPAN], ty[SPAN], tz[SPAN], dx[SPAN], dy[SPAN], dz[SPAN], il[SPAN], pull[SPAN], natural[SPAN], spread[SPAN];
     double own_x[SPAN], own_y[SPAN], own_m[SPAN], flow_x[SPAN], flow_y[SPAN], sixth[SPAN], cos_r[SPAN], sin_r[SPAN];
@@ -318,6 +323,9 @@ _FORCES = (
         const double again = s11[k] * by_x * by_x + 2 * s12[k] * by_x * by_y + s22[k] * by_y * by_y;
         bend_energy.data[first - HALO + k] = 0.5 * (at_node + along + again);
     }
+    };
+    if (yield_curvature > 0 && hardening < 1) find(plastic());
+    else find(elastic());
 """
     )
     .replace("ARCTANGENT", ARCTANGENT)
