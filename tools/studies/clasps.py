@@ -27,6 +27,7 @@ from warpknit.errors import Diverged
 from warpknit.model import build_model
 from warpknit.solve.simulate import Record, Simulation
 from warpknit.spatial.contacts import Contacts
+from warpknit.spatial.mechanics import SpatialMechanics
 from warpknit.spatial.model import SpatialModel
 
 FINE = 3.0  # distance d over the diameter of the wire of the scene, so that nodes may be closer than half of d
@@ -55,6 +56,7 @@ class ClaspRow:
     asymmetry: float  # first moment of the contact force along the first rod, over that of its absolute value
     contacts: int
     overlap: float
+    opposing_share: float  # of the friction at its limit, that against the sliding (warpknit/spatial/sliding.py)
     steps: int
     wall_s: float
 
@@ -81,7 +83,7 @@ def places(model: SpatialModel, t: Contacts) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pressure_of(
-    model: SpatialModel, record: Record, friction: float, twist: float, spacing: float, shear: float, wall: float
+    model: SpatialModel, record: Record, friction: float, twist: float, spacing: float, shear: float, opposing: float, wall: float
 ) -> Pressure:
     o, t, rods = record.observables, record.observables.touching, model.rods
     unit = rods.section.bending_stiffness / DIAMETER**2
@@ -99,7 +101,8 @@ def pressure_of(
         k, float(np.linalg.norm(tips[0] - tips[1])) / DIAMETER + bulge, float(far.min()),
         float(np.abs(np.concatenate([first, second])).max()), float(np.sum(far * force) / force.sum()),
         float(abs(np.sum((t.force[:, None] * t.normal + t.friction)[:, 0]))) / unit / (0.5 * np.abs(pull).sum()),
-        float(abs(np.sum(first * force) / np.sum(np.abs(first) * force))), len(force), o.penetration / FINE, record.steps, wall,
+        float(abs(np.sum(first * force) / np.sum(np.abs(first) * force))), len(force),
+        o.penetration / FINE, opposing, record.steps, wall,
     )  # fmt: skip
     return Pressure(row, first, second, force)
 
@@ -126,12 +129,15 @@ def clasp_states(
     section = replace(given, axial_stiffness=STIFF * given.axial_stiffness, twist_stiffness=twist * given.twist_stiffness)
     rods = replace(model.rods, section=section, thicker=np.full(2, 0.5 * DIAMETER))
     model = replace(model, rods=rods, softening=STIFF * model.softening)
+    simulation = Simulation(model)
+    assert isinstance(simulation.mechanics, SpatialMechanics)
     try:
-        for record in Simulation(model).run():
+        for record in simulation.run():
             if not len(record.observables.touching.force):
                 continue
             now = shear * record.load_factor if record.stage_index == len(strains) else 0.0
-            found = pressure_of(model, record, friction, twist, spacing, now, time.perf_counter() - begin)
+            opposing = simulation.mechanics.sliding.share
+            found = pressure_of(model, record, friction, twist, spacing, now, opposing, time.perf_counter() - begin)
             r = found.row
             print(
                 f"friction {friction:g} shear {now:.2f} T {r.tension:.3f}: k d {r.tip_curvature:.3f}, tips {r.tip_distance:.4f} d"
@@ -144,6 +150,7 @@ def clasp_states(
 
 
 PULLED, TIGHT = (0.016, 0.0265, 0.03), 0.025  # strains
+FINE_SPACING, SPACING = 1.0 / 6.0, 0.25  # [d] of nodes: without and with friction
 FRICTIONS = ((0.2, 1.0), (0.2, 100.0), (0.4, 100.0))  # friction coefficient, and GJ over that of the rod
 SHEAR = 0.6
 SHOWN = (0.4, 0.75, 2.5, 13.0)  # T of the states in the picture
@@ -152,10 +159,10 @@ SHOWN = (0.4, 0.75, 2.5, 13.0)  # T of the states in the picture
 def clasp_rows(*, quick: bool = False) -> list[Pressure]:
     """Without friction by tension; with friction also by the sliding of one rod."""
     if quick:
-        return list(clasp_states((TIGHT,), 3, 0.25))
-    found = [*clasp_states(PULLED, 6, 0.25), *clasp_states((TIGHT,), 3, 0.167)]
+        return list(clasp_states((TIGHT,), 3, SPACING))
+    found = [*clasp_states(PULLED, 6, FINE_SPACING), *clasp_states((TIGHT,), 3, SPACING)]
     for friction, twist in FRICTIONS:
-        found += clasp_states((TIGHT,), 3, 0.25, friction=friction, twist=twist, shear=SHEAR)
+        found += clasp_states((TIGHT,), 3, SPACING, friction=friction, twist=twist, shear=SHEAR)
     return found
 
 
@@ -169,7 +176,7 @@ def profile(p: Pressure, width: float = 0.25) -> tuple[np.ndarray, np.ndarray]:
 def draw_clasp(path: Path, found: list[Pressure]) -> None:
     """Where the rods touch by tension, the places of contact, and the pressure along a rod without and with friction."""
     figure, ((shape, ridge), (along, slid)) = new_figure(11.0, 8.0, 2, 2)
-    free = [p for p in found if p.row.friction == 0.0 and p.row.spacing == 0.25]
+    free = [p for p in found if p.row.friction == 0.0 and p.row.spacing == found[0].row.spacing]
     tension = [p.row.tension for p in free]
     shape.plot(tension, [p.row.gap for p in free], color=COLOURS[0], marker="o", label="innermost contact")
     shape.plot(tension, [p.row.reach for p in free], color=COLOURS[2], marker="o", label="outermost contact")

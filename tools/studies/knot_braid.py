@@ -19,6 +19,9 @@ The end-to-end shortening is S = 2 pi R, so without friction F = -dE/dS. As S ch
 to first order in e and mu. Of a long braid of slope w, P = (w^3 + 1/w) N pi/2 and Q = w^3 N pi with w = 3^(-1/4): one more turn
 adds 0.975 to sigma and 1.241 to c.
 
+Source: Audoly, Clauvelin and Neukirch (PRL 99, 164301) give F h^2/B = e^4/2 + mu sigma e^3 with sigma = 0.492 of one turn, as
+quoted by others (knot_long.py). The braid, c and more turns were derived here.
+
 Each step replaces |u| >= 1 by the half-planes that touch the circle at the present directions. They lie in the permitted region,
 so the energy falls in every step and strands cannot pass through each other.
 """

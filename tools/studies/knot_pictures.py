@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from knot_braid import braid
+from knot_long import sliding_contact_force
 from study import COLOURS, new_figure, tidy
 
 
@@ -61,11 +62,15 @@ def draw_knots(path: Path, rows: Sequence[State]) -> None:
                 balance = [r.energy_force + friction * r.contact_force / r.e**4 for r in own]
                 axes.plot(e, braid(n).force(e, friction) / e**4, "_-", **style)
                 axes.plot(e, balance, "_:", **style)
+                axes.plot(e, friction * sliding_contact_force(n, e) / e**4, "--", **style)
                 added.plot(e, [r.friction_share for r in own], marker, **style)
     for friction, marker in MARKERS.items():
         for axes in (one, added):
             axes.plot([], [], marker, color="grey", markersize=4, label=f"friction {friction:g}")
     one.plot([], [], color="grey", linestyle=":", label="energy force + friction x contact force")
+    for axes in (one, more):
+        axes.plot([], [], color="grey", label="first order in e")
+        axes.plot([], [], color="grey", linestyle="--", label="long knot that slides (Jawed and others)")
     for n in list(colours)[1:]:
         more.plot([], [], color=colours[n], label=turns_of(n))
     free.axhline(0.5, color="#999999", linestyle=":")

@@ -1,7 +1,8 @@
 """Knots and clasps of elastic rods in space, against theory and measurements that others published.
 
-    python tools/studies/knots.py knots [DIR] [--jobs N]   # 17 min, --quick 2: overhand knots of one to four turns, with friction
-    python tools/studies/knots.py clasp [DIR]              # 6 min: two hooked rods pulled apart: where they press
+    python tools/studies/knots.py knots [DIR] [--jobs N]   # 30 min, --quick 2: overhand knots of one to four turns, with friction
+    python tools/studies/knots.py friction [DIR]           # 2 min: friction that is lost as a mesh relaxes, on two turns
+    python tools/studies/knots.py clasp [DIR]              # 4 min: two hooked rods pulled apart: where they press
     python tools/studies/knots.py trefoil [DIR]            # 4 min: a closed trefoil that grows thicker
 
 *knots* leaves knots.csv and goes on with the knots that are missing there; a new DIR runs all. --jobs computes several at once.
@@ -9,7 +10,7 @@
 A knot is tied in a straight rod whose ends are clamped along x and moved apart. All lengths are over the radius h of the rod and
 forces over B/h^2, so that material and diameter do not count, but for the stretch of the rod and the ratio of GJ to EI (Poisson's
 ratio 0.3). The loop radius is R = S/(2 pi) with the end-to-end shortening S, the length of the rod less the distance of its ends,
-and e^2 = h/R. Theory: knot_braid.py.
+and e^2 = h/R. Theory: knot_braid.py (loose knots), knot_long.py (long ones that slide).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import argparse
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
@@ -26,8 +27,9 @@ from pathlib import Path
 
 import numpy as np
 from clasps import clasp_rows, draw_clasp
-from knot_braid import Braid, braid
+from knot_braid import braid
 from knot_curves import DIAMETER, overhand, pulled
+from knot_long import sliding_contact_force
 from knot_pictures import draw_knots, draw_trefoil
 from study import add_directory, picture_path, read_rows, run_one_of, show_rows, table_path, write_rows
 from trefoil import tightened_trefoil
@@ -36,6 +38,8 @@ from warpknit.device import start_warp
 from warpknit.errors import Diverged
 from warpknit.model import build_model
 from warpknit.solve.simulate import Record, Simulation
+from warpknit.spatial import mechanics
+from warpknit.spatial.contacts import Contacts
 from warpknit.spatial.model import SpatialModel
 
 RADIUS = 0.5 * DIAMETER
@@ -61,25 +65,27 @@ class Case:
 
 
 FRICTIONS = (0.1, 0.2, 0.3)
+SPACINGS = (1.5, 2.0, 3.0)  # [d]
+LOAD_STEPS = (200, 1600)  # the usual number, and eight times as many
 CASES = (
-    *(Case(3, 60.0, 0.025, 1.5, friction, 1, tolerance=2e-2) for friction in FRICTIONS),
-    *(Case(4, 80.0, 0.025, 1.5, friction, 1, tolerance=2e-2) for friction in FRICTIONS),
-    *(Case(2, 20.0, 0.30, 1.0, friction, 6, tolerance=1e-2) for friction in FRICTIONS),
-    *(Case(1, 20.0, 0.58, 1.0, friction, 3) for friction in FRICTIONS),
-    Case(1, 12.0, 0.50, 1.0, 0.1, 2, 0.38),
+    *(Case(4, 80.0, 0.05, 1.5, friction, 2, tolerance=2e-2) for friction in FRICTIONS),
+    *(Case(3, 60.0, 0.075, 1.5, friction, 3, tolerance=2e-2) for friction in FRICTIONS),
+    *(Case(2, 20.0, 0.20, 1.0, friction, 4, tolerance=1e-2) for friction in FRICTIONS),
+    Case(2, 40.0, 0.50, 1.0, levels=4, tolerance=1e-2),
     Case(4, 80.0, 0.42, 2.0, levels=3, tolerance=1e-2),
     Case(3, 60.0, 0.45, 1.5, levels=3, tolerance=1e-2),
+    Case(1, 40.0, 0.25, 1.0, levels=3),
     Case(2, 400.0, 0.01, 4.0, levels=1, tolerance=1e-2),
+    Case(1, 12.0, 0.50, 0.5, levels=4, loosened=0.38),
+    Case(2, 20.0, 0.30, 1.0, levels=3, tolerance=1e-2),
     Case(2, 150.0, 0.01, 2.0, levels=1, tolerance=1e-2),
-    Case(2, 40.0, 0.50, 1.0, levels=4, tolerance=1e-2),
-    Case(2, 20.0, 0.30, 1.0, tolerance=1e-2),
+    Case(1, 20.0, 0.58, 1.0, levels=8),
+    Case(1, 12.0, 0.50, 1.0, levels=4, loosened=0.38),
     Case(1, 400.0, 0.01, 4.0, levels=1),
     Case(1, 150.0, 0.01, 2.0, levels=1),
-    Case(1, 40.0, 0.25, 1.0),
-    Case(1, 20.0, 0.58, 1.0, levels=8),
-    Case(1, 12.0, 0.50, 0.5, levels=4, loosened=0.38),
-    Case(1, 12.0, 0.50, 1.0, levels=4, loosened=0.38),
-)  # long ones first
+    Case(1, 12.0, 0.50, 1.0, 0.1, 2, 0.38),
+    *(Case(1, 20.0, 0.58, 1.0, friction, 3) for friction in FRICTIONS),
+)
 LENGTHS = (24.0, 21.0, 19.0, 18.0, 17.5, 17.0, 16.8, 16.6, 16.5, 16.4, 16.3)  # L/d of the closed trefoil
 QUICK = (Case(1, 12.0, 0.4, 1.0, 0.0, 3), Case(1, 12.0, 0.4, 1.0, 0.2, 3))
 
@@ -100,9 +106,11 @@ class Row:
     force_radius: float  # F R^2/B
     energy_force: float  # F R^2/B without friction at this e, -dE/dS by the energies of all states of so many turns
     theory: float  # F h^2/B to first order in e and friction
+    long_knot: float  # F h^2/B of a long knot that slides, knot_long.py; 0 without friction
     contact_force: float  # of all contacts
     friction_share: float  # what friction adds to the energy force, over friction times contact force
     energy: float  # of bending and twist, h/B
+    line_share: float  # of the contact force, at contacts along a line
     contacts: int
     overlap_d: float
     steps: int
@@ -127,13 +135,16 @@ def row_of(model: SpatialModel, record: Record, case: Case, way: str, cpu: float
     force, signed = end_force(record) * RADIUS**2 / b, case.friction if way == "tighten" else -case.friction
     return Row(
         case.turns, case.friction, way, case.radius, case.spacing, case.tolerance, e, e**-2, force, force / e**4, np.nan,
-        float(theory(case.turns).force(e, signed)), float(o.touching.force.sum()) * RADIUS**2 / b, np.nan,
-        o.energies.stored * RADIUS / b, len(o.touching.force), o.penetration, record.steps, cpu,
+        float(braid(case.turns).force(e, signed)), signed * float(sliding_contact_force(case.turns, e)),
+        float(o.touching.force.sum()) * RADIUS**2 / b, np.nan, o.energies.stored * RADIUS / b, line_share(o.touching),
+        len(o.touching.force), o.penetration, record.steps, cpu,
     )  # fmt: skip
 
 
-def theory(turns: int) -> Braid:
-    return braid(turns)
+def line_share(t: Contacts) -> float:
+    """Share of the contact force at contacts along a line, which a node of either wire bounds."""
+    along = np.any((t.place <= 0.0) | (t.place >= 1.0), axis=1)
+    return float(t.force[along].sum() / t.force.sum())
 
 
 def pulled_knot(case: Case, points: np.ndarray) -> SpatialModel:
@@ -212,6 +223,57 @@ def study_knots(given: argparse.Namespace) -> None:
     draw_knots(picture_path(given, "knots.png"), with_energy_force(rows))
 
 
+@dataclass(frozen=True)
+class FrictionRow:
+    """A knot of two turns with friction 0.2 and with none, after one level of 2.5 % strain. Forces are over B/h^2."""
+
+    spacing_d: float
+    load_steps: int  # in which an increment of load is applied
+    e: float
+    force: float
+    force_without: float  # friction
+    contact_force: float
+    friction_share: float  # what friction adds to the force, over friction times contact force
+    opposing_share: float  # of the friction at its limit, that against the sliding (warpknit/spatial/sliding.py)
+    line_share: float  # of the contact force, at contacts along a line
+    steps: int
+
+
+def last_state(case: Case, points: np.ndarray) -> tuple[Row, float]:
+    """The last state of a knot drawn through points [d], and its opposing share."""
+    model = pulled_knot(case, points)
+    simulation = Simulation(model)
+    *_, record = simulation.run()
+    assert isinstance(simulation.mechanics, mechanics.SpatialMechanics)
+    return row_of(model, record, case, "tighten", np.nan), simulation.mechanics.sliding.share
+
+
+def friction_rows(spacings: Sequence[float], load_steps: Sequence[int]) -> Iterator[FrictionRow]:
+    """A row for each node spacing and number of steps."""
+    usual = mechanics.LOAD_STEPS
+    for spacing in spacings:
+        free = Case(2, 40.0, 0.025, spacing, 0.0, 1, tolerance=2e-2)
+        drawn = overhand(free.turns, free.radius, TAIL * free.radius)
+        relaxed = next(iter(Simulation(pulled_knot(free, drawn)).run())).observables.position / DIAMETER
+        without, _ = last_state(free, drawn)
+        for steps in load_steps:
+            mechanics.LOAD_STEPS = steps
+            try:
+                row, opposing = last_state(replace(free, friction=0.2), relaxed)
+            finally:
+                mechanics.LOAD_STEPS = usual
+            share = (row.force - without.force) / (row.friction * row.contact_force)
+            yield FrictionRow(
+                spacing, steps, row.e, row.force, without.force, row.contact_force, share, opposing, row.line_share, row.steps
+            )
+
+
+def study_friction(given: argparse.Namespace) -> None:
+    rows = list(friction_rows((2.0,) if given.quick else SPACINGS, LOAD_STEPS))
+    write_rows(table_path(given, "knots_friction.csv"), rows)
+    show_rows(rows)
+
+
 def study_clasp(given: argparse.Namespace) -> None:
     found = clasp_rows(quick=given.quick)
     rows = [p.row for p in found]
@@ -234,4 +296,5 @@ def add_options(name: str, parser: argparse.ArgumentParser) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(run_one_of(__doc__, {"knots": study_knots, "clasp": study_clasp, "trefoil": study_trefoil}, add_options))
+    studies = {"knots": study_knots, "friction": study_friction, "clasp": study_clasp, "trefoil": study_trefoil}
+    sys.exit(run_one_of(__doc__, studies, add_options))
