@@ -100,6 +100,14 @@ def test_a_run_says_which_smaller_mesh_it_solves() -> None:
     assert said[-1] == ""
 
 
+def test_notes_of_smaller_meshes_are_the_users_too() -> None:
+    """A smaller mesh is tested for stability where the large one is not: what it tells is not lost."""
+    simulation = Simulation(mesh(STRIP, "model.boundary=gripped"))
+    assert isinstance(simulation.drive, MultilevelRelaxation) and simulation.drive.smaller is not None
+    simulation.drive.smaller.mechanics.notes.append("an equilibrium was not stable")
+    assert simulation.notes == ["smaller mesh of 8 x 3 repeats: an equilibrium was not stable"]
+
+
 @pytest.mark.parametrize("stop_at", [pytest.param(20, marks=pytest.mark.slow), 50])
 def test_interrupted_start_continues_to_the_same_bits(stop_at: int) -> None:
     """A checkpoint in the smaller mesh or in the large one holds all that the rest of the run depends on."""

@@ -44,6 +44,11 @@ class Drive(ABC):
         return self.mechanics.state
 
     @property
+    def notes(self) -> list[str]:
+        """Notes about the mesh, for the user."""
+        return self.mechanics.notes
+
+    @property
     def rim(self) -> Rim | None:
         """The edge, where it moves relative to the load, else None."""
         return self.mechanics.rim

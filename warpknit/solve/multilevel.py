@@ -80,6 +80,13 @@ class MultilevelRelaxation(Relaxation):
     def stations(self) -> np.ndarray:
         return self._stations
 
+    @property
+    def notes(self) -> list[str]:
+        if self.smaller is None:
+            return super().notes
+        columns, rows = self.smaller.scene.knit.repeats
+        return [*super().notes, *(f"smaller mesh of {columns} x {rows} repeats: {note}" for note in self.smaller.notes)]
+
     def compile(self) -> None:
         if self.smaller is None or self.prolongation is None:
             super().compile()

@@ -82,8 +82,8 @@ class Simulation:
 
     @property
     def notes(self) -> list[str]:
-        """Notes about the knitted mesh, for the user."""
-        return self.drive.mechanics.notes
+        """Notes about the mesh and the smaller ones that it starts from, for the user."""
+        return self.drive.notes
 
     def set_force(self, force: np.ndarray) -> None:
         """Put dead loads on the nodes, (node, 3) [N], from the next load level on; none to begin with. In space only.
