@@ -1,9 +1,9 @@
 """Contacts that go on from the step before, on a CPU: LANES pairs at a time.
 
-In most steps most pairs that may touch have one closest point, near the one of the step before. Newton's method follows it, and
-its force is found (wire_closest.py, wire_contact_forces.py, for the equations) with numbers of LANES pairs in a vector of the
-processor. What needs more than that is left to these kernels: a pair without a known place or with two of them, one whose search
-is due, whose place is ill-conditioned, moves far or may have a nearer one beyond a saddle, or touches along a line at a node.
+In most steps most pairs that may touch have one closest point, or two with a saddle between them, near those of the step before.
+Newton's method follows them, and their forces are found (wire_closest.py, wire_contact_forces.py, for the equations) with numbers
+of LANES pairs in a vector of the processor. What needs more is left to these kernels: friction, a pair without a known place, one
+whose search is due, whose place is ill-conditioned or moves far, or that may have another place beyond a saddle.
 
 A Warp kernel has no such vectors, so it is C++. The result of a pair does not depend on the others of its batch.
 """
@@ -48,39 +48,8 @@ _ROWS = """
            NEXT_PENALTY, GOES_BACK, GOES_ON, ROWS };
 """
 
-_LANES = (
-    STEERING
-    + constants(
-        LANES=LANES,
-        STEPS=FOLLOWING_STEPS,
-        STATUS=STATUS,
-        STATUS_RUNNING=STATUS_RUNNING,
-        EVALUATED_GAP=EVALUATED_GAP,
-        PLACE=FOLLOWED_PLACE,
-        FORCE=FOLLOWED_FORCE,
-        ONE_PLACE=ONE_PLACE,
-        TWO_PLACES=TWO_PLACES,
-        PLACES=PLACES,
-        MIN_BARRIER=MIN_BARRIER,
-        LINE_FRACTION=LINE_FRACTION,
-        POINT_FRACTION=POINT_FRACTION,
-        SADDLE_RANGE=SADDLE_RANGE,
-        SAME_PLACE=SAME_PLACE,
-        RUNNING=RUNNING_TRAVEL,
-        SPLIT=SPLIT,
-        SPLIT_PAIR=SPLIT_PAIR,
-        CLOSING_RATE=CLOSING_RATE,
-        END_CURVATURE=END_CURVATURE,
-        END_STEPS=END_STEPS,
-        MAX_STEP=MAX_STEP,
-        MIN_CURVATURE=MIN_CURVATURE,
-        ACCURACY=NEWTON_ACCURACY,
-        SINGLE_STEP=SINGLE_STEP,
-        WELL_CURVED=WELL_CURVED,
-    )
-    + f"    const double NO_COMMON_WIRE = {float(NO_COMMON_WIRE)!r};\n"
-    + _ROWS
-    + r"""
+# numbers of LANES pairs, vectors of such numbers, and the curves of segments
+_NUMBERS = r"""
     {
     #pragma clang fp reassociate(on) contract(fast)
     typedef double real __attribute__((ext_vector_type(LANES)));
@@ -147,6 +116,10 @@ _LANES = (
         const real fraction = sine * most(most(spacing[0], spacing[1]) / contact_distance, one);
         return least(most((POINT_FRACTION - fraction) / (POINT_FRACTION - LINE_FRACTION), zero), one);
     };
+"""
+
+# the numbers of pairs, until a batch is full
+_GATHER = r"""
     // pairs with one place, and those with two and the saddle between them
     struct batch {
         real number[2][ROWS], separation, renewal, offset, s[PLACES], t[PLACES];
@@ -234,271 +207,334 @@ _LANES = (
                 own_batch.offset[l] = reach;
             }
         }
+"""
+
+# the curves of a batch
+_CURVES = r"""
         for (int kind = 0; kind < 2; ++kind) {
-        const int places = kind ? PLACES : 1, filled = batches[kind].filled;
-        if (filled == 0 || (filled < LANES && touch < end)) continue;
-        batches[kind].filled = 0;
-        // lanes that are not filled repeat the first
-        double* numbers = (double*)(batches + kind);
-        for (int l = filled; l < LANES; ++l)
-            for (int k = 0; k < 2 * ROWS + 3 + 2 * PLACES; ++k) numbers[k * LANES + l] = numbers[k * LANES];
-        const batch& here = batches[kind];
-        const real* of_p = here.number[0];
-        const real* of_q = here.number[1];
-        powers curve[2];
-        vec shape_before[2], shape_one[2], shape_two[2], shape_after[2], bumps[2][4];
-        for (int side = 0; side < 2; ++side) {
-            const real* v = here.number[side];
-            auto vector = [&](int row) { return vec{v[row], v[row + 1], v[row + 2]}; };
-            const vec own = vector(D), across = cross(vector(T), own);
-            auto turned = [&](int row) { return plus(times(v[row], own), times(v[row + 1], across)); };
-            const vec d_before = vector(D_BEFORE), across_before = cross(vector(T_BEFORE), d_before);
-            const vec d_after = vector(D_AFTER), across_after = cross(vector(T_AFTER), d_after);
-            const real f = factor;
-            shape_before[side] = times(f * v[SLOPE_BEFORE], plus(times(v[A], d_before), times(v[A + 1], across_before)));
-            shape_one[side] = times(f * v[M + 1] * v[LENGTH], turned(A));
-            shape_two[side] = times(f * v[M + 2] * v[LENGTH], turned(NEXT_A));
-            shape_after[side] = times(f * v[SLOPE_AFTER], plus(times(v[NEXT_A], d_after), times(v[NEXT_A + 1], across_after)));
-            for (int k = 0; k < 4; ++k) bumps[side][k] = times(f, turned(B + 2 * k));
-            const vec edge = vector(EDGE);
-            const vec m1 = plus(plus(times(v[M], vector(BEFORE)), times(v[M + 1], edge)),
-                                plus(shape_before[side], shape_one[side]));
-            const vec m2 = plus(plus(times(v[M + 2], edge), times(v[M + 3], vector(AFTER))),
-                                plus(shape_two[side], shape_after[side]));
-            const vec* b = bumps[side];
-            vec* c = curve[side].c;
-            c[0] = vector(X);
-            c[1] = m1;
-            c[2] = plus(minus(times(real(3.0), edge), plus(times(real(2.0), m1), m2)), b[0]);
-            c[3] = plus(minus(plus(m1, m2), times(real(2.0), plus(edge, b[0]))), b[1]);
-            c[4] = plus(minus(b[0], times(real(2.0), b[1])), b[2]);
-            c[5] = plus(minus(b[1], times(real(2.0), b[2])), b[3]);
-            c[6] = minus(b[2], times(real(2.0), b[3]));
-            c[7] = b[3];
-        }
-        const real cold_distance = real(factor) * (of_p[RADIUS] + of_q[RADIUS]), contact_distance = cold_distance + here.offset;
-        real s[PLACES], t[PLACES], distance[PLACES];
-        vec apart[PLACES], along_p[PLACES], along_q[PLACES];
-        mask failed = nowhere;
-        // Newton's method from the places of the step before: minima, then the saddle between two
-        for (int a = 0; a < places; ++a) {
-            const bool is_saddle = a == 2;
-            real x = here.s[a], y = here.t[a], nearest = 1e300, step_size = zero;
-            mask searching = ~failed;
-            for (int step = 0; step < STEPS && any(searching & ~failed); ++step) {
-                const vec r = minus(at(curve[0], x), at(curve[1], y));
-                const vec dp = slope(curve[0], x), dq = slope(curve[1], y);
-                const real square = dot(r, r);
-                if (!is_saddle) failed |= searching & (square > nearest) & (step_size > ACCURACY);
-                nearest = square;
-                const real gs = dot(r, dp), gt = -dot(r, dq), pp = dot(dp, dp), qq = dot(dq, dq), st = -dot(dp, dq);
-                const real ss = pp + dot(r, bend(curve[0], x)), tt = qq - dot(r, bend(curve[1], y));
-                const real determinant = ss * tt - st * st;
-                const mask curved = is_saddle ? determinant < zero
-                    : (determinant > WELL_CURVED * (ss + tt) * (ss + tt)) & (ss + tt > zero);
-                const real inverse = one / (curved ? determinant : one);
-                real ds = (gt * st - gs * tt) * inverse, dt = (gs * st - gt * ss) * inverse;
-                mask last;
-                if (is_saddle) {
-                    x += searching ? ds : zero;
-                    y += searching ? dt : zero;
-                    failed |= searching & (~curved | (least(x, y) <= zero) | (most(x, y) >= one));
-                    last = most(ds, -ds) + most(dt, -dt) < ACCURACY;
-                } else {
-                    mask x_stays = ((x <= zero) & (gs > zero)) | ((x >= one) & (gs < zero));
-                    mask y_stays = ((y <= zero) & (gt > zero)) | ((y >= one) & (gt < zero));
-                    searching &= ~(x_stays & y_stays);
-                    const mask inside = ~x_stays & ~y_stays;
-                    failed |= searching & inside & ~curved;
-                    const mask x_leaves = inside & (((x <= zero) & (ds < zero)) | ((x >= one) & (ds > zero)));
-                    x_stays |= x_leaves;
-                    y_stays |= inside & ~x_leaves & (((y <= zero) & (dt < zero)) | ((y >= one) & (dt > zero)));
-                    failed |= searching & ((x_stays & (tt <= MIN_CURVATURE * pp)) | (y_stays & (ss <= MIN_CURVATURE * qq)));
-                    ds = x_stays ? zero : (y_stays ? -gs / (y_stays ? ss : one) : ds);
-                    dt = x_stays ? -gt / (x_stays ? tt : one) : (y_stays ? zero : dt);
-                    failed |= searching & ((most(ds, -ds) > MAX_STEP) | (most(dt, -dt) > MAX_STEP));
-                    // within the segments
-                    real room = one;
-                    room = x + ds > one ? least(room, (one - x) / ds) : (x + ds < zero ? least(room, -x / ds) : room);
-                    room = y + dt > one ? least(room, (one - y) / dt) : (y + dt < zero ? least(room, -y / dt) : room);
-                    const real next_x = least(most(x + room * ds, zero), one), next_y = least(most(y + room * dt, zero), one);
-                    step_size = most(next_x - x, x - next_x) + most(next_y - y, y - next_y);
-                    x = searching ? next_x : x;
-                    y = searching ? next_y : y;
-                    last = (room >= one) & ((step_size < ACCURACY) | ((step_size < SINGLE_STEP) & curved));
-                }
-                searching &= ~last;
-            }
-            failed |= searching;
-            s[a] = x;
-            t[a] = y;
-            apart[a] = minus(at(curve[0], x), at(curve[1], y));
-            along_p[a] = slope(curve[0], x);
-            along_q[a] = slope(curve[1], y);
-            distance[a] = size(dot(apart[a], apart[a]));
-        }
-        real nearest = distance[0], farther = nearest, nearest_s = s[0], nearest_t = t[0], other_s = s[0], other_t = t[0];
-        mask is_alone = ~nowhere;
-        if (places == 1) {
-            // it has not gone over into another
-            failed |= most(s[0] - here.s[0], here.s[0] - s[0]) + most(t[0] - here.t[0], here.t[0] - t[0]) > SPLIT;
-        } else {
-            failed |= most(s[0] - s[1], s[1] - s[0]) + most(t[0] - t[1], t[1] - t[0]) < SAME_PLACE;
-            const mask second = distance[1] < nearest;
-            nearest_s = second ? s[1] : nearest_s;
-            nearest_t = second ? t[1] : nearest_t;
-            other_s = second ? other_s : s[1];
-            other_t = second ? other_t : t[1];
-            nearest = least(distance[0], distance[1]);
-            farther = most(distance[0], distance[1]);
-            failed |= distance[2] <= farther + MIN_BARRIER * contact_distance;
-            is_alone = farther >= contact_distance;
-        }
-        const mask touches = nearest < contact_distance, is_near = nearest < contact_distance + gap;
-        // a nearer place beyond a saddle, unless it is the other one known: of either segment, the end nearer to this one
-        for (int side = 0; side < 2 && any(touches & is_alone & ~failed); ++side) {
-            const powers& p = curve[side];
-            const powers& q = curve[1 - side];
-            const real own = side ? nearest_t : nearest_s;
-            const mask at_end = (own <= zero) | (own >= one);
-            const real near = own >= real(0.5) ? one : zero, to = at_end ? one - own : near;
-            const vec there = at(p, to), along = slope(p, to);
-            const real outwards = real(2.0) * to - one, rise_of = size(dot(along, along));
-            real place = side ? nearest_s : nearest_t;
-            mask open = touches & is_alone & ~failed & (to != (side ? other_t : other_s));
-            for (int step = 0; step < END_STEPS && any(open); ++step) {
-                const vec gap = minus(there, at(q, place));
-                const vec d = slope(q, place);
-                const real square = dot(d, d);
-                const real curvature = most(square - dot(gap, bend(q, place)), END_CURVATURE * square);
-                const real next = least(most(place + dot(gap, d) / curvature, zero), one);
-                const real moved = most(next - place, place - next);
-                const real rise = outwards * dot(gap, along);
-                open &= ~(rise > real(2.0) * moved * rise_of * size(square));
-                place = open ? next : place;
-                const mask ends = open & (moved < ACCURACY);
-                if (any(ends)) {
-                    failed |= ends & (outwards * dot(minus(there, at(q, place)), along) < zero);
-                    open &= ~ends;
-                }
-            }
-            failed |= open;
-        }
-        // weights of the contacts (wire_weights.py), forces and couples
-        const mask back_p = of_p[GOES_BACK] > zero, back_q = of_q[GOES_BACK] > zero;
-        const mask on_p = of_p[GOES_ON] > zero, on_q = of_q[GOES_ON] > zero;
-        real overlap[PLACES], normal_force[PLACES], weight[PLACES], without_saddle = one;
-        vec normal[PLACES], force[8], couple[6];
-        const vec nothing = {zero, zero, zero};
-        for (int k = 0; k < 8; ++k) force[k] = nothing;
-        for (int k = 0; k < 6; ++k) couple[k] = nothing;
-        mask loaded = nowhere;
-        for (int a = 0; a < places && finds_forces && any(is_near & ~failed); ++a) {
-            const vec r = apart[a];
-            const real x = s[a], y = t[a], gs = dot(r, along_p[a]), gt = -dot(r, along_q[a]);
-            const mask x_goes_on = ((x <= zero) & (gs > zero) & back_p) | ((x >= one) & (gs < zero) & on_p);
-            const mask y_goes_on = ((y <= zero) & (gt > zero) & back_q) | ((y >= one) & (gt < zero) & on_q);
-            const real arc = here.separation + y * of_q[LENGTH] - x * of_p[LENGTH];
-            const mask is_own = (here.separation != NO_COMMON_WIRE) & (most(arc, -arc) < min_arc_separation * of_p[RADIUS]);
-            const mask none = is_own | (x_goes_on & y_goes_on)
-                | ((x >= one) & on_p & ~x_goes_on) | ((y >= one) & on_q & ~y_goes_on);
-            weight[a] = none ? zero : one;
-            if (any(~none & (x_goes_on | y_goes_on))) {
-                const real along = line_weight(of_p, of_q, x, y, r, along_p[a], along_q[a], cold_distance);
-                weight[a] = ~none & (x_goes_on | y_goes_on) ? along : weight[a];
-            }
-            if (places > 1 && a < 2) {
-                const real off = most(most(x - s[2], s[2] - x), most(y - t[2], t[2] - y)) / SADDLE_RANGE;
-                const real near = most(one - off * off * off * off, zero);
-                without_saddle *= is_own ? one : one - near * near;
-            }
-            if (a == 2) weight[a] *= without_saddle - one;
-            const real offset_p = of_p[OFFSET] + x * (of_p[NEXT_OFFSET] - of_p[OFFSET]);
-            const real offset_q = of_q[OFFSET] + y * (of_q[NEXT_OFFSET] - of_q[OFFSET]);
-            overlap[a] = cold_distance - distance[a];
-            const real pushed = overlap[a] + offset_p + offset_q;
-            const mask pushes = touches & (weight[a] != zero) & (pushed > zero);
-            const real penalty_p = of_p[PENALTY] + x * (of_p[NEXT_PENALTY] - of_p[PENALTY]);
-            const real penalty_q = of_q[PENALTY] + y * (of_q[NEXT_PENALTY] - of_q[PENALTY]);
-            normal_force[a] = pushes ? weight[a] * (real(0.5) * (penalty_p + penalty_q)) * pushed : zero;
-            normal[a] = times(one / distance[a], r);
-            loaded |= pushes;
-            for (int side = 0; side < 2 && any(pushes & ~failed); ++side) {
+            const int places = kind ? PLACES : 1, filled = batches[kind].filled;
+            if (filled == 0 || (filled < LANES && touch < end)) continue;
+            batches[kind].filled = 0;
+            // lanes that are not filled repeat the first
+            double* numbers = (double*)(batches + kind);
+            for (int l = filled; l < LANES; ++l)
+                for (int k = 0; k < 2 * ROWS + 3 + 2 * PLACES; ++k) numbers[k * LANES + l] = numbers[k * LANES];
+            const batch& here = batches[kind];
+            const real* of_p = here.number[0];
+            const real* of_q = here.number[1];
+            powers curve[2];
+            vec shape_before[2], shape_one[2], shape_two[2], shape_after[2], bumps[2][4];
+            for (int side = 0; side < 2; ++side) {
                 const real* v = here.number[side];
-                const real z = side ? y : x, h10 = z * (one - z) * (one - z), h11 = z * z * (z - one);
-                const real h01 = z * z * (real(3.0) - real(2.0) * z), both = z * (one - z);
-                const mask back = v[GOES_BACK] > zero, on = v[GOES_ON] > zero;
-                const real w0 = -v[M] * h10, w3 = v[M + 3] * h11;
-                real w1 = one - h01 + (v[M] - v[M + 1]) * h10 - v[M + 2] * h11;
-                real w2 = h01 + v[M + 1] * h10 + (v[M + 2] - v[M + 3]) * h11;
-                // beyond its end a wire is straight
-                w1 += (back ? zero : real(2.0) * w0) - (on ? zero : w3);
-                w2 += (on ? zero : real(2.0) * w3) - (back ? zero : w0);
-                const vec push = times(side ? -normal_force[a] : normal_force[a], normal[a]);
-                vec* f = force + 4 * side;
-                vec* c = couple + 3 * side;
-                f[0] = plus(f[0], times(back ? w0 : zero, push));
-                f[1] = plus(f[1], times(w1, push));
-                f[2] = plus(f[2], times(w2, push));
-                f[3] = plus(f[3], times(on ? w3 : zero, push));
+                auto vector = [&](int row) { return vec{v[row], v[row + 1], v[row + 2]}; };
+                const vec own = vector(D), across = cross(vector(T), own);
+                auto turned = [&](int row) { return plus(times(v[row], own), times(v[row + 1], across)); };
+                const vec d_before = vector(D_BEFORE), across_before = cross(vector(T_BEFORE), d_before);
+                const vec d_after = vector(D_AFTER), across_after = cross(vector(T_AFTER), d_after);
+                const real f = factor;
+                shape_before[side] = times(f * v[SLOPE_BEFORE], plus(times(v[A], d_before), times(v[A + 1], across_before)));
+                shape_one[side] = times(f * v[M + 1] * v[LENGTH], turned(A));
+                shape_two[side] = times(f * v[M + 2] * v[LENGTH], turned(NEXT_A));
+                const vec turned_after = plus(times(v[NEXT_A], d_after), times(v[NEXT_A + 1], across_after));
+                shape_after[side] = times(f * v[SLOPE_AFTER], turned_after);
+                for (int k = 0; k < 4; ++k) bumps[side][k] = times(f, turned(B + 2 * k));
+                const vec edge = vector(EDGE);
+                const vec m1 = plus(plus(times(v[M], vector(BEFORE)), times(v[M + 1], edge)),
+                                    plus(shape_before[side], shape_one[side]));
+                const vec m2 = plus(plus(times(v[M + 2], edge), times(v[M + 3], vector(AFTER))),
+                                    plus(shape_two[side], shape_after[side]));
                 const vec* b = bumps[side];
-                const vec bump = plus(b[0], times(z, plus(b[1], times(z, plus(b[2], times(z, b[3]))))));
-                const vec lever = plus(plus(times(h10, shape_one[side]), times(h11, shape_two[side])), times(both * both, bump));
-                c[0] = plus(c[0], cross(times(back ? h10 : zero, shape_before[side]), push));
-                c[1] = plus(c[1], cross(lever, push));
-                c[2] = plus(c[2], cross(times(on ? h11 : zero, shape_after[side]), push));
+                vec* c = curve[side].c;
+                c[0] = vector(X);
+                c[1] = m1;
+                c[2] = plus(minus(times(real(3.0), edge), plus(times(real(2.0), m1), m2)), b[0]);
+                c[3] = plus(minus(plus(m1, m2), times(real(2.0), plus(edge, b[0]))), b[1]);
+                c[4] = plus(minus(b[0], times(real(2.0), b[1])), b[2]);
+                c[5] = plus(minus(b[1], times(real(2.0), b[2])), b[3]);
+                c[6] = minus(b[2], times(real(2.0), b[3]));
+                c[7] = b[3];
             }
-        }
-        const real wake = real(travel) + (nearest - contact_distance + here.offset) * real(1.0 / CLOSING_RATE);
-        for (int l = 0; l < filled; ++l) {
-            if (failed[l]) continue;
-            const int now = here.touch[l], pair = touch_pair.data[now], minima = kind ? TWO_PLACES : ONE_PLACE;
-            touch_followed.data[now] = finds_forces || !is_near[l] ? FORCE : PLACE;
-            touch_loaded.data[now] = loaded[l] ? 1 : 0;
-            pair_wake_travel.data[pair] = wake[l] < here.renewal[l] ? wake[l] : here.renewal[l];
-            pair_found.data[pair] = is_near[l] ? minima : -minima;
-            double* place = (double*)(pair_place.data + 3 * pair);
+"""
+
+# Newton's method from the places of the step before
+_FOLLOW = r"""
+            const real cold_distance = real(factor) * (of_p[RADIUS] + of_q[RADIUS]);
+            const real contact_distance = cold_distance + here.offset;
+            real s[PLACES], t[PLACES], distance[PLACES];
+            vec apart[PLACES], along_p[PLACES], along_q[PLACES];
+            mask failed = nowhere;
+            // Newton's method from the places of the step before: minima, then the saddle between two
             for (int a = 0; a < places; ++a) {
-                place[2 * a] = s[a][l];
-                place[2 * a + 1] = t[a][l];
+                const bool is_saddle = a == 2;
+                real x = here.s[a], y = here.t[a], nearest = 1e300, step_size = zero;
+                mask searching = ~failed;
+                for (int step = 0; step < STEPS && any(searching & ~failed); ++step) {
+                    const vec r = minus(at(curve[0], x), at(curve[1], y));
+                    const vec dp = slope(curve[0], x), dq = slope(curve[1], y);
+                    const real square = dot(r, r);
+                    if (!is_saddle) failed |= searching & (square > nearest) & (step_size > ACCURACY);
+                    nearest = square;
+                    const real gs = dot(r, dp), gt = -dot(r, dq), pp = dot(dp, dp), qq = dot(dq, dq), st = -dot(dp, dq);
+                    const real ss = pp + dot(r, bend(curve[0], x)), tt = qq - dot(r, bend(curve[1], y));
+                    const real determinant = ss * tt - st * st;
+                    const mask curved = is_saddle ? determinant < zero
+                        : (determinant > WELL_CURVED * (ss + tt) * (ss + tt)) & (ss + tt > zero);
+                    const real inverse = one / (curved ? determinant : one);
+                    real ds = (gt * st - gs * tt) * inverse, dt = (gs * st - gt * ss) * inverse;
+                    mask last;
+                    if (is_saddle) {
+                        x += searching ? ds : zero;
+                        y += searching ? dt : zero;
+                        failed |= searching & (~curved | (least(x, y) <= zero) | (most(x, y) >= one));
+                        last = most(ds, -ds) + most(dt, -dt) < ACCURACY;
+                    } else {
+                        mask x_stays = ((x <= zero) & (gs > zero)) | ((x >= one) & (gs < zero));
+                        mask y_stays = ((y <= zero) & (gt > zero)) | ((y >= one) & (gt < zero));
+                        searching &= ~(x_stays & y_stays);
+                        const mask inside = ~x_stays & ~y_stays;
+                        failed |= searching & inside & ~curved;
+                        const mask x_leaves = inside & (((x <= zero) & (ds < zero)) | ((x >= one) & (ds > zero)));
+                        x_stays |= x_leaves;
+                        y_stays |= inside & ~x_leaves & (((y <= zero) & (dt < zero)) | ((y >= one) & (dt > zero)));
+                        failed |= searching & ((x_stays & (tt <= MIN_CURVATURE * pp)) | (y_stays & (ss <= MIN_CURVATURE * qq)));
+                        ds = x_stays ? zero : (y_stays ? -gs / (y_stays ? ss : one) : ds);
+                        dt = x_stays ? -gt / (x_stays ? tt : one) : (y_stays ? zero : dt);
+                        failed |= searching & ((most(ds, -ds) > MAX_STEP) | (most(dt, -dt) > MAX_STEP));
+                        // within the segments
+                        real room = one;
+                        room = x + ds > one ? least(room, (one - x) / ds) : (x + ds < zero ? least(room, -x / ds) : room);
+                        room = y + dt > one ? least(room, (one - y) / dt) : (y + dt < zero ? least(room, -y / dt) : room);
+                        const real next_x = least(most(x + room * ds, zero), one), next_y = least(most(y + room * dt, zero), one);
+                        step_size = most(next_x - x, x - next_x) + most(next_y - y, y - next_y);
+                        x = searching ? next_x : x;
+                        y = searching ? next_y : y;
+                        last = (room >= one) & ((step_size < ACCURACY) | ((step_size < SINGLE_STEP) & curved));
+                    }
+                    searching &= ~last;
+                }
+                failed |= searching;
+                s[a] = x;
+                t[a] = y;
+                apart[a] = minus(at(curve[0], x), at(curve[1], y));
+                along_p[a] = slope(curve[0], x);
+                along_q[a] = slope(curve[1], y);
+                distance[a] = size(dot(apart[a], apart[a]));
             }
-            if (!kind) {
-                place[2] = s[0][l];
-                place[3] = t[0][l];
+            real nearest = distance[0], farther = nearest, nearest_s = s[0], nearest_t = t[0], other_s = s[0], other_t = t[0];
+            mask is_alone = ~nowhere;
+            if (places == 1) {
+                // it has not gone over into another
+                failed |= most(s[0] - here.s[0], here.s[0] - s[0]) + most(t[0] - here.t[0], here.t[0] - t[0]) > SPLIT;
+            } else {
+                failed |= most(s[0] - s[1], s[1] - s[0]) + most(t[0] - t[1], t[1] - t[0]) < SAME_PLACE;
+                const mask second = distance[1] < nearest;
+                nearest_s = second ? s[1] : nearest_s;
+                nearest_t = second ? t[1] : nearest_t;
+                other_s = second ? other_s : s[1];
+                other_t = second ? other_t : t[1];
+                nearest = least(distance[0], distance[1]);
+                farther = most(distance[0], distance[1]);
+                failed |= distance[2] <= farther + MIN_BARRIER * contact_distance;
+                is_alone = farther >= contact_distance;
             }
-            if (!is_near[l] || !finds_forces) continue;
-            for (int a = 0; a < PLACES; ++a) {
-                const int k = 3 * now + a;
-                const bool counts = a < places && weight[a][l] != 0;
-                touch_normal_force.data[k] = counts ? normal_force[a][l] : 0.0;
-                touch_overlap.data[k] = counts ? overlap[a][l] : -NO_COMMON_WIRE;
-                if (!counts) continue;
-                double* n = (double*)(touch_normal.data + k);
-                n[0] = normal[a].x[l];
-                n[1] = normal[a].y[l];
-                n[2] = normal[a].z[l];
-                if (a < 2 && normal_force[a][l] != 0 && overlap[a][l] > max_penetration.data[0])
-                    max_penetration.data[0] = overlap[a][l];
+            const mask touches = nearest < contact_distance, is_near = nearest < contact_distance + gap;
+"""
+
+# what a step may have missed
+_BEYOND = r"""
+            // a nearer place beyond a saddle, unless it is the other one known: of either segment, the end nearer to this one
+            for (int side = 0; side < 2 && any(touches & is_alone & ~failed); ++side) {
+                const powers& p = curve[side];
+                const powers& q = curve[1 - side];
+                const real own = side ? nearest_t : nearest_s;
+                const mask at_end = (own <= zero) | (own >= one);
+                const real near = own >= real(0.5) ? one : zero, to = at_end ? one - own : near;
+                const vec there = at(p, to), along = slope(p, to);
+                const real outwards = real(2.0) * to - one, rise_of = size(dot(along, along));
+                real place = side ? nearest_s : nearest_t;
+                mask open = touches & is_alone & ~failed & (to != (side ? other_t : other_s));
+                for (int step = 0; step < END_STEPS && any(open); ++step) {
+                    const vec gap = minus(there, at(q, place));
+                    const vec d = slope(q, place);
+                    const real square = dot(d, d);
+                    const real curvature = most(square - dot(gap, bend(q, place)), END_CURVATURE * square);
+                    const real next = least(most(place + dot(gap, d) / curvature, zero), one);
+                    const real moved = most(next - place, place - next);
+                    const real rise = outwards * dot(gap, along);
+                    open &= ~(rise > real(2.0) * moved * rise_of * size(square));
+                    place = open ? next : place;
+                    const mask ends = open & (moved < ACCURACY);
+                    if (any(ends)) {
+                        failed |= ends & (outwards * dot(minus(there, at(q, place)), along) < zero);
+                        open &= ~ends;
+                    }
+                }
+                failed |= open;
             }
-            if (!loaded[l]) continue;
-            double* f = (double*)(touch_force.data + 8 * now);
-            for (int k = 0; k < 8; ++k) {
-                f[3 * k] = force[k].x[l];
-                f[3 * k + 1] = force[k].y[l];
-                f[3 * k + 2] = force[k].z[l];
+"""
+
+# forces and couples
+_FORCES = r"""
+            // weights of the contacts (wire_weights.py), forces and couples
+            const mask back_p = of_p[GOES_BACK] > zero, back_q = of_q[GOES_BACK] > zero;
+            const mask on_p = of_p[GOES_ON] > zero, on_q = of_q[GOES_ON] > zero;
+            real overlap[PLACES], normal_force[PLACES], weight[PLACES], without_saddle = one;
+            vec normal[PLACES], force[8], couple[6];
+            const vec nothing = {zero, zero, zero};
+            for (int k = 0; k < 8; ++k) force[k] = nothing;
+            for (int k = 0; k < 6; ++k) couple[k] = nothing;
+            mask loaded = nowhere;
+            for (int a = 0; a < places && finds_forces && any(is_near & ~failed); ++a) {
+                const vec r = apart[a];
+                const real x = s[a], y = t[a], gs = dot(r, along_p[a]), gt = -dot(r, along_q[a]);
+                const mask x_goes_on = ((x <= zero) & (gs > zero) & back_p) | ((x >= one) & (gs < zero) & on_p);
+                const mask y_goes_on = ((y <= zero) & (gt > zero) & back_q) | ((y >= one) & (gt < zero) & on_q);
+                const real arc = here.separation + y * of_q[LENGTH] - x * of_p[LENGTH];
+                const mask is_own = (here.separation != NO_COMMON_WIRE) & (most(arc, -arc) < min_arc_separation * of_p[RADIUS]);
+                const mask none = is_own | (x_goes_on & y_goes_on)
+                    | ((x >= one) & on_p & ~x_goes_on) | ((y >= one) & on_q & ~y_goes_on);
+                weight[a] = none ? zero : one;
+                if (any(~none & (x_goes_on | y_goes_on))) {
+                    const real along = line_weight(of_p, of_q, x, y, r, along_p[a], along_q[a], cold_distance);
+                    weight[a] = ~none & (x_goes_on | y_goes_on) ? along : weight[a];
+                }
+                if (places > 1 && a < 2) {
+                    const real off = most(most(x - s[2], s[2] - x), most(y - t[2], t[2] - y)) / SADDLE_RANGE;
+                    const real near = most(one - off * off * off * off, zero);
+                    without_saddle *= is_own ? one : one - near * near;
+                }
+                if (a == 2) weight[a] *= without_saddle - one;
+                const real offset_p = of_p[OFFSET] + x * (of_p[NEXT_OFFSET] - of_p[OFFSET]);
+                const real offset_q = of_q[OFFSET] + y * (of_q[NEXT_OFFSET] - of_q[OFFSET]);
+                overlap[a] = cold_distance - distance[a];
+                const real pushed = overlap[a] + offset_p + offset_q;
+                const mask pushes = touches & (weight[a] != zero) & (pushed > zero);
+                const real penalty_p = of_p[PENALTY] + x * (of_p[NEXT_PENALTY] - of_p[PENALTY]);
+                const real penalty_q = of_q[PENALTY] + y * (of_q[NEXT_PENALTY] - of_q[PENALTY]);
+                normal_force[a] = pushes ? weight[a] * (real(0.5) * (penalty_p + penalty_q)) * pushed : zero;
+                normal[a] = times(one / distance[a], r);
+                loaded |= pushes;
+                for (int side = 0; side < 2 && any(pushes & ~failed); ++side) {
+                    const real* v = here.number[side];
+                    const real z = side ? y : x, h10 = z * (one - z) * (one - z), h11 = z * z * (z - one);
+                    const real h01 = z * z * (real(3.0) - real(2.0) * z), both = z * (one - z);
+                    const mask back = v[GOES_BACK] > zero, on = v[GOES_ON] > zero;
+                    const real w0 = -v[M] * h10, w3 = v[M + 3] * h11;
+                    real w1 = one - h01 + (v[M] - v[M + 1]) * h10 - v[M + 2] * h11;
+                    real w2 = h01 + v[M + 1] * h10 + (v[M + 2] - v[M + 3]) * h11;
+                    // beyond its end a wire is straight
+                    w1 += (back ? zero : real(2.0) * w0) - (on ? zero : w3);
+                    w2 += (on ? zero : real(2.0) * w3) - (back ? zero : w0);
+                    const vec push = times(side ? -normal_force[a] : normal_force[a], normal[a]);
+                    vec* f = force + 4 * side;
+                    vec* c = couple + 3 * side;
+                    f[0] = plus(f[0], times(back ? w0 : zero, push));
+                    f[1] = plus(f[1], times(w1, push));
+                    f[2] = plus(f[2], times(w2, push));
+                    f[3] = plus(f[3], times(on ? w3 : zero, push));
+                    const vec* b = bumps[side];
+                    const vec bump = plus(b[0], times(z, plus(b[1], times(z, plus(b[2], times(z, b[3]))))));
+                    const vec ends = plus(times(h10, shape_one[side]), times(h11, shape_two[side]));
+                    const vec lever = plus(ends, times(both * both, bump));
+                    c[0] = plus(c[0], cross(times(back ? h10 : zero, shape_before[side]), push));
+                    c[1] = plus(c[1], cross(lever, push));
+                    c[2] = plus(c[2], cross(times(on ? h11 : zero, shape_after[side]), push));
+                }
             }
-            double* c = (double*)(touch_couple.data + 6 * now);
-            for (int k = 0; k < 6; ++k) {
-                c[3 * k] = couple[k].x[l];
-                c[3 * k + 1] = couple[k].y[l];
-                c[3 * k + 2] = couple[k].z[l];
+"""
+
+# what the other kernels need of a batch
+_KEEP = r"""
+            const real wake = real(travel) + (nearest - contact_distance + here.offset) * real(1.0 / CLOSING_RATE);
+            for (int l = 0; l < filled; ++l) {
+                if (failed[l]) continue;
+                const int now = here.touch[l], pair = touch_pair.data[now], minima = kind ? TWO_PLACES : ONE_PLACE;
+                touch_followed.data[now] = finds_forces || !is_near[l] ? FORCE : PLACE;
+                touch_loaded.data[now] = loaded[l] ? 1 : 0;
+                pair_wake_travel.data[pair] = wake[l] < here.renewal[l] ? wake[l] : here.renewal[l];
+                pair_found.data[pair] = is_near[l] ? minima : -minima;
+                double* place = (double*)(pair_place.data + 3 * pair);
+                for (int a = 0; a < places; ++a) {
+                    place[2 * a] = s[a][l];
+                    place[2 * a + 1] = t[a][l];
+                }
+                if (!kind) {
+                    place[2] = s[0][l];
+                    place[3] = t[0][l];
+                }
+                if (!is_near[l] || !finds_forces) continue;
+                for (int a = 0; a < PLACES; ++a) {
+                    const int k = 3 * now + a;
+                    const bool counts = a < places && weight[a][l] != 0;
+                    touch_normal_force.data[k] = counts ? normal_force[a][l] : 0.0;
+                    touch_overlap.data[k] = counts ? overlap[a][l] : -NO_COMMON_WIRE;
+                    if (!counts) continue;
+                    double* n = (double*)(touch_normal.data + k);
+                    n[0] = normal[a].x[l];
+                    n[1] = normal[a].y[l];
+                    n[2] = normal[a].z[l];
+                    if (a < 2 && normal_force[a][l] != 0 && overlap[a][l] > max_penetration.data[0])
+                        max_penetration.data[0] = overlap[a][l];
+                }
+                if (!loaded[l]) continue;
+                double* f = (double*)(touch_force.data + 8 * now);
+                for (int k = 0; k < 8; ++k) {
+                    f[3 * k] = force[k].x[l];
+                    f[3 * k + 1] = force[k].y[l];
+                    f[3 * k + 2] = force[k].z[l];
+                }
+                double* c = (double*)(touch_couple.data + 6 * now);
+                for (int k = 0; k < 6; ++k) {
+                    c[3 * k] = couple[k].x[l];
+                    c[3 * k + 1] = couple[k].y[l];
+                    c[3 * k + 2] = couple[k].z[l];
+                }
             }
-        }
         }
     }
     }
 """
-).replace("PREFETCH_A_PAIR", PREFETCH)
+
+_LANES = (
+    STEERING
+    + constants(
+        LANES=LANES,
+        STEPS=FOLLOWING_STEPS,
+        STATUS=STATUS,
+        STATUS_RUNNING=STATUS_RUNNING,
+        EVALUATED_GAP=EVALUATED_GAP,
+        PLACE=FOLLOWED_PLACE,
+        FORCE=FOLLOWED_FORCE,
+        ONE_PLACE=ONE_PLACE,
+        TWO_PLACES=TWO_PLACES,
+        PLACES=PLACES,
+        MIN_BARRIER=MIN_BARRIER,
+        LINE_FRACTION=LINE_FRACTION,
+        POINT_FRACTION=POINT_FRACTION,
+        SADDLE_RANGE=SADDLE_RANGE,
+        SAME_PLACE=SAME_PLACE,
+        RUNNING=RUNNING_TRAVEL,
+        SPLIT=SPLIT,
+        SPLIT_PAIR=SPLIT_PAIR,
+        CLOSING_RATE=CLOSING_RATE,
+        END_CURVATURE=END_CURVATURE,
+        END_STEPS=END_STEPS,
+        MAX_STEP=MAX_STEP,
+        MIN_CURVATURE=MIN_CURVATURE,
+        ACCURACY=NEWTON_ACCURACY,
+        SINGLE_STEP=SINGLE_STEP,
+        WELL_CURVED=WELL_CURVED,
+    )
+    + f"    const double NO_COMMON_WIRE = {float(NO_COMMON_WIRE)!r};\n"
+    + _ROWS
+    + _NUMBERS
+    + _GATHER.replace("PREFETCH_A_PAIR", PREFETCH)
+    + _CURVES
+    + _FOLLOW
+    + _BEYOND
+    + _FORCES
+    + _KEEP
+)
 
 
 @wp.func_native(_LANES)

@@ -113,7 +113,7 @@ def _about_friction(scene: Scene) -> Iterator[str]:
         frames = math.ceil(largest / CONVERGED_INCREMENT - 1e-6)
         yield (
             f"with a friction of {scene.contact.friction:g} the tension depends on the load increment, by up to about 5 %"
-            f" where contacts close: set output.frames = {frames}"
+            f" where contacts close, more where wires slide far: set output.frames = {frames}"
         )
 
 
