@@ -5,12 +5,13 @@ Newton's method follows them, and their forces are found (wire_closest.py, wire_
 of LANES pairs in a vector of the processor. What needs more is left to these kernels: friction, a pair without a known place, one
 whose search is due, whose place is ill-conditioned or moves far, or that may have another place beyond a saddle.
 
-A Warp kernel has no such vectors, so it is C++. The result of a pair does not depend on the others of its batch.
+The result of a pair does not depend on the others of its batch.
 """
 
 import warp as wp
 
 from .control import EVALUATED_GAP, STATUS, STATUS_RUNNING, is_halted
+from .lanes import LANES, NUMBERS
 from .native import STEERING, constants
 from .wire_closest import (
     FOLLOWED_FORCE,
@@ -24,6 +25,7 @@ from .wire_closest import (
     TWO_PLACES,
 )
 from .wire_curve import CLOSING_RATE, Bump
+from .wire_curve_by_batch import CURVES, POLYNOMIALS, ROWS
 from .wire_minima import (
     END_CURVATURE,
     END_STEPS,
@@ -38,39 +40,10 @@ from .wire_pairs import NO_COMMON_WIRE
 from .wire_prefetch import PREFETCH, first_of_part
 from .wire_weights import LINE_FRACTION, POINT_FRACTION, SADDLE_RANGE
 
-LANES = 4  # pairs
 FOLLOWING_STEPS = 4  # of Newton's method, before a pair is left to the other kernels
 
-# rows of the numbers of a segment: nodes and sections of a segment and of those beside it, and its rest data
-_ROWS = """
-    enum { X = 0, EDGE = 3, BEFORE = 6, AFTER = 9, T = 12, D = 15, T_BEFORE = 18, D_BEFORE = 21, T_AFTER = 24, D_AFTER = 27,
-           M = 30, A = 34, NEXT_A = 36, B = 38, LENGTH = 46, SLOPE_BEFORE, SLOPE_AFTER, RADIUS, OFFSET, NEXT_OFFSET, PENALTY,
-           NEXT_PENALTY, GOES_BACK, GOES_ON, ROWS };
-"""
-
-# numbers of LANES pairs, vectors of such numbers, and the curves of segments
-_NUMBERS = r"""
-    {
-    #pragma clang fp reassociate(on) contract(fast)
-    typedef double real __attribute__((ext_vector_type(LANES)));
-    typedef decltype(real() < real()) mask;
-    struct vec { real x, y, z; };
-    struct powers { vec c[8]; };
-    auto plus = [](vec a, vec b) { return vec{a.x + b.x, a.y + b.y, a.z + b.z}; };
-    auto minus = [](vec a, vec b) { return vec{a.x - b.x, a.y - b.y, a.z - b.z}; };
-    auto times = [](real k, vec a) { return vec{k * a.x, k * a.y, k * a.z}; };
-    auto dot = [](vec a, vec b) { return a.x * b.x + a.y * b.y + a.z * b.z; };
-    auto cross = [](vec a, vec b) { return vec{a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; };
-    auto any = [](mask m) {
-        long long found = 0;
-        for (int l = 0; l < LANES; ++l) found |= m[l];
-        return found != 0;
-    };
-    auto size = [](real square) { return __builtin_elementwise_sqrt(square); };
-    auto least = [](real a, real b) { return a < b ? a : b; };
-    auto most = [](real a, real b) { return a > b ? a : b; };
-    const real zero = 0.0, one = 1.0;
-    const mask nowhere = one < zero;
+# what steers a step
+_STEP = r"""
     const double* steer = control.data;
     const double travel = steer[TRAVEL], factor = steer[LENGTH_FACTOR];
     const bool is_running = steer[STATUS] == STATUS_RUNNING, finds_forces = friction == 0;
@@ -79,23 +52,10 @@ _NUMBERS = r"""
     const double* nodes = (const double*)position.data;
     const double* tangents = (const double*)tangent.data;
     const double* directors = (const double*)director.data;
-    // place and derivatives of a curve, as polynomials
-    auto at = [&](const powers& p, real s) {
-        vec sum = p.c[7];
-        for (int k = 6; k >= 0; --k) sum = plus(p.c[k], times(s, sum));
-        return sum;
-    };
-    auto slope = [&](const powers& p, real s) {
-        vec sum = times(real(7.0), p.c[7]);
-        for (int k = 6; k >= 1; --k) sum = plus(times(real(double(k)), p.c[k]), times(s, sum));
-        return sum;
-    };
-    auto bend = [&](const powers& p, real s) {
-        vec sum = times(real(42.0), p.c[7]);
-        for (int k = 6; k >= 2; --k) sum = plus(times(real(double(k * (k - 1))), p.c[k]), times(s, sum));
-        return sum;
-    };
-    // of a contact bounded by the end of a segment, see line_weight
+"""
+
+# the weight of a contact that is bounded by the end of a segment (line_weight of wire_weights.py)
+_LINE_WEIGHT = r"""
     auto line_weight = [&](const real* p, const real* q, real x, real y, vec r, vec dp, vec dq, real contact_distance) {
         real curved[2], spacing[2];
         for (int side = 0; side < 2; ++side) {
@@ -209,8 +169,8 @@ _GATHER = r"""
         }
 """
 
-# the curves of a batch
-_CURVES = r"""
+# the batches that are full, and at the end the others
+_BATCHES = r"""
         for (int kind = 0; kind < 2; ++kind) {
             const int places = kind ? PLACES : 1, filled = batches[kind].filled;
             if (filled == 0 || (filled < LANES && touch < end)) continue;
@@ -222,48 +182,15 @@ _CURVES = r"""
             const batch& here = batches[kind];
             const real* of_p = here.number[0];
             const real* of_q = here.number[1];
-            powers curve[2];
-            vec shape_before[2], shape_one[2], shape_two[2], shape_after[2], bumps[2][4];
-            for (int side = 0; side < 2; ++side) {
-                const real* v = here.number[side];
-                auto vector = [&](int row) { return vec{v[row], v[row + 1], v[row + 2]}; };
-                const vec own = vector(D), across = cross(vector(T), own);
-                auto turned = [&](int row) { return plus(times(v[row], own), times(v[row + 1], across)); };
-                const vec d_before = vector(D_BEFORE), across_before = cross(vector(T_BEFORE), d_before);
-                const vec d_after = vector(D_AFTER), across_after = cross(vector(T_AFTER), d_after);
-                const real f = factor;
-                shape_before[side] = times(f * v[SLOPE_BEFORE], plus(times(v[A], d_before), times(v[A + 1], across_before)));
-                shape_one[side] = times(f * v[M + 1] * v[LENGTH], turned(A));
-                shape_two[side] = times(f * v[M + 2] * v[LENGTH], turned(NEXT_A));
-                const vec turned_after = plus(times(v[NEXT_A], d_after), times(v[NEXT_A + 1], across_after));
-                shape_after[side] = times(f * v[SLOPE_AFTER], turned_after);
-                for (int k = 0; k < 4; ++k) bumps[side][k] = times(f, turned(B + 2 * k));
-                const vec edge = vector(EDGE);
-                const vec m1 = plus(plus(times(v[M], vector(BEFORE)), times(v[M + 1], edge)),
-                                    plus(shape_before[side], shape_one[side]));
-                const vec m2 = plus(plus(times(v[M + 2], edge), times(v[M + 3], vector(AFTER))),
-                                    plus(shape_two[side], shape_after[side]));
-                const vec* b = bumps[side];
-                vec* c = curve[side].c;
-                c[0] = vector(X);
-                c[1] = m1;
-                c[2] = plus(minus(times(real(3.0), edge), plus(times(real(2.0), m1), m2)), b[0]);
-                c[3] = plus(minus(plus(m1, m2), times(real(2.0), plus(edge, b[0]))), b[1]);
-                c[4] = plus(minus(b[0], times(real(2.0), b[1])), b[2]);
-                c[5] = plus(minus(b[1], times(real(2.0), b[2])), b[3]);
-                c[6] = minus(b[2], times(real(2.0), b[3]));
-                c[7] = b[3];
-            }
 """
 
-# Newton's method from the places of the step before
+# Newton's method from the places of the step before: minima, then the saddle between two
 _FOLLOW = r"""
             const real cold_distance = real(factor) * (of_p[RADIUS] + of_q[RADIUS]);
             const real contact_distance = cold_distance + here.offset;
             real s[PLACES], t[PLACES], distance[PLACES];
             vec apart[PLACES], along_p[PLACES], along_q[PLACES];
             mask failed = nowhere;
-            // Newton's method from the places of the step before: minima, then the saddle between two
             for (int a = 0; a < places; ++a) {
                 const bool is_saddle = a == 2;
                 real x = here.s[a], y = here.t[a], nearest = 1e300, step_size = zero;
@@ -340,9 +267,8 @@ _FOLLOW = r"""
             const mask touches = nearest < contact_distance, is_near = nearest < contact_distance + gap;
 """
 
-# what a step may have missed
+# a nearer place beyond a saddle, unless it is the other one known: of either segment, the end nearer to this one
 _BEYOND = r"""
-            // a nearer place beyond a saddle, unless it is the other one known: of either segment, the end nearer to this one
             for (int side = 0; side < 2 && any(touches & is_alone & ~failed); ++side) {
                 const powers& p = curve[side];
                 const powers& q = curve[1 - side];
@@ -373,9 +299,8 @@ _BEYOND = r"""
             }
 """
 
-# forces and couples
+# weights of the contacts (wire_weights.py), forces and couples
 _FORCES = r"""
-            // weights of the contacts (wire_weights.py), forces and couples
             const mask back_p = of_p[GOES_BACK] > zero, back_q = of_q[GOES_BACK] > zero;
             const mask on_p = of_p[GOES_ON] > zero, on_q = of_q[GOES_ON] > zero;
             real overlap[PLACES], normal_force[PLACES], weight[PLACES], without_saddle = one;
@@ -526,10 +451,14 @@ _LANES = (
         WELL_CURVED=WELL_CURVED,
     )
     + f"    const double NO_COMMON_WIRE = {float(NO_COMMON_WIRE)!r};\n"
-    + _ROWS
-    + _NUMBERS
+    + ROWS
+    + NUMBERS
+    + _STEP
+    + POLYNOMIALS
+    + _LINE_WEIGHT
     + _GATHER.replace("PREFETCH_A_PAIR", PREFETCH)
-    + _CURVES
+    + _BATCHES
+    + CURVES
     + _FOLLOW
     + _BEYOND
     + _FORCES

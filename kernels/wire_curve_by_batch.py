@@ -1,0 +1,64 @@
+"""The smooth curves of wires (wire_curve.py, for the equations), LANES segments at a time (lanes.py)."""
+
+# rows of the numbers of a segment: nodes and sections of a segment and of those beside it, and its rest data
+ROWS = """
+    enum { X = 0, EDGE = 3, BEFORE = 6, AFTER = 9, T = 12, D = 15, T_BEFORE = 18, D_BEFORE = 21, T_AFTER = 24, D_AFTER = 27,
+           M = 30, A = 34, NEXT_A = 36, B = 38, LENGTH = 46, SLOPE_BEFORE, SLOPE_AFTER, RADIUS, OFFSET, NEXT_OFFSET, PENALTY,
+           NEXT_PENALTY, GOES_BACK, GOES_ON, ROWS };
+"""
+
+# place, slope and second derivative of a curve, as polynomials
+POLYNOMIALS = r"""
+    struct powers { vec c[8]; };
+    auto at = [&](const powers& p, real s) {
+        vec sum = p.c[7];
+        for (int k = 6; k >= 0; --k) sum = plus(p.c[k], times(s, sum));
+        return sum;
+    };
+    auto slope = [&](const powers& p, real s) {
+        vec sum = times(real(7.0), p.c[7]);
+        for (int k = 6; k >= 1; --k) sum = plus(times(real(double(k)), p.c[k]), times(s, sum));
+        return sum;
+    };
+    auto bend = [&](const powers& p, real s) {
+        vec sum = times(real(42.0), p.c[7]);
+        for (int k = 6; k >= 2; --k) sum = plus(times(real(double(k * (k - 1))), p.c[k]), times(s, sum));
+        return sum;
+    };
+"""
+
+# `curve` of either side of a batch `here`, and the parts of it that rotate with the sections
+CURVES = r"""
+            powers curve[2];
+            vec shape_before[2], shape_one[2], shape_two[2], shape_after[2], bumps[2][4];
+            for (int side = 0; side < 2; ++side) {
+                const real* v = here.number[side];
+                auto vector = [&](int row) { return vec{v[row], v[row + 1], v[row + 2]}; };
+                const vec own = vector(D), across = cross(vector(T), own);
+                auto turned = [&](int row) { return plus(times(v[row], own), times(v[row + 1], across)); };
+                const vec d_before = vector(D_BEFORE), across_before = cross(vector(T_BEFORE), d_before);
+                const vec d_after = vector(D_AFTER), across_after = cross(vector(T_AFTER), d_after);
+                const real f = factor;
+                shape_before[side] = times(f * v[SLOPE_BEFORE], plus(times(v[A], d_before), times(v[A + 1], across_before)));
+                shape_one[side] = times(f * v[M + 1] * v[LENGTH], turned(A));
+                shape_two[side] = times(f * v[M + 2] * v[LENGTH], turned(NEXT_A));
+                const vec turned_after = plus(times(v[NEXT_A], d_after), times(v[NEXT_A + 1], across_after));
+                shape_after[side] = times(f * v[SLOPE_AFTER], turned_after);
+                for (int k = 0; k < 4; ++k) bumps[side][k] = times(f, turned(B + 2 * k));
+                const vec edge = vector(EDGE);
+                const vec m1 = plus(plus(times(v[M], vector(BEFORE)), times(v[M + 1], edge)),
+                                    plus(shape_before[side], shape_one[side]));
+                const vec m2 = plus(plus(times(v[M + 2], edge), times(v[M + 3], vector(AFTER))),
+                                    plus(shape_two[side], shape_after[side]));
+                const vec* b = bumps[side];
+                vec* c = curve[side].c;
+                c[0] = vector(X);
+                c[1] = m1;
+                c[2] = plus(minus(times(real(3.0), edge), plus(times(real(2.0), m1), m2)), b[0]);
+                c[3] = plus(minus(plus(m1, m2), times(real(2.0), plus(edge, b[0]))), b[1]);
+                c[4] = plus(minus(b[0], times(real(2.0), b[1])), b[2]);
+                c[5] = plus(minus(b[1], times(real(2.0), b[2])), b[3]);
+                c[6] = minus(b[2], times(real(2.0), b[3]));
+                c[7] = b[3];
+            }
+"""
