@@ -53,9 +53,8 @@ NOT_NEAR = wp.constant(0)  # minima of a pair; negative where the wires do not t
 ONE_PLACE = wp.constant(1)
 TWO_PLACES = wp.constant(2)
 
-FOLLOWED_PLACE = wp.constant(
-    1
-)  # what of a pair that goes on from the step before is found (wire_contact_by_batch.py); 0: nothing
+# what of a pair that goes on from the step before is found (wire_contact_by_batch.py); 0: nothing
+FOLLOWED_PLACE = wp.constant(1)
 FOLLOWED_FORCE = wp.constant(2)
 
 
@@ -171,11 +170,11 @@ def find_closest_places(
     if is_halted(control):
         return
     for touch in range(first_of_part(touch_count, part, parts) + wp.tid(), first_of_part(touch_count, part + 1, parts), threads):
+        if touch_followed[touch] != 0:
+            continue
         prefetch_pair(touch, threads, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
                       previous, following, node_radius, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
                       contact_offset, position, length, tangent, director)  # fmt: skip
-        if touch_followed[touch] != 0:
-            continue
         pair = touch_pair[touch]
         is_running = control[STATUS] == STATUS_RUNNING
         travel = control[TRAVEL]

@@ -141,11 +141,11 @@ def find_contact_forces(
     if is_halted(control):
         return
     for touch in range(first_of_part(touch_count, part, parts) + wp.tid(), first_of_part(touch_count, part + 1, parts), threads):
+        if touch_followed[touch] == FOLLOWED_FORCE:
+            continue
         prefetch_pair(touch, threads, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
                       previous, following, node_radius, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
                       contact_offset, position, length, tangent, director)  # fmt: skip
-        if touch_followed[touch] == FOLLOWED_FORCE:
-            continue
         touch_loaded[touch] = 0
         pair = touch_pair[touch]
         found = pair_found[pair]
