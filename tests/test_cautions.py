@@ -28,6 +28,14 @@ def test_friction_that_holds_asks_for_states_near_each_other(friction: float, fr
     assert all("output.frames = 512" in line for line in found)
 
 
+@pytest.mark.parametrize(
+    ("load", "says"), [("strain_warp=0", True), ("strain_warp=0.1", False), ("tension_warp=0", False), ("temperature=200", False)]
+)
+def test_a_scene_without_load_is_named(load: str, says: bool) -> None:
+    scene = load_scene(SCENE.with_name("wires") / "plain_knit_patch.toml", (f"load.{load}",))
+    assert any(line.startswith("no load is given") for line in scene_cautions(scene, None)) == says
+
+
 @pytest.mark.parametrize(("nodes", "says"), [(8, True), (12, False)])
 def test_few_nodes_are_named(nodes: int, says: bool) -> None:
     model = build_model(load_scene(SCENE, (f"model.nodes_per_loop={nodes}",)))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from warpknit.export.map_figure import Marks, map_figure
-from warpknit.measure.jumps import energy_gap, stands_out
+from warpknit.measure.jumps import energy_gap, jumps, stands_out
 from warpknit.runner import warnings_of as warnings
 from warpknit.runner.history import Row
 from warpknit.scene import make_scene
@@ -111,6 +111,14 @@ def test_a_run_warns_of_the_jump_that_a_map_marks():
         "the mesh jumps to another equilibrium between 40 % and 60 % of the load of stage 'load' (mean of weft and warp 10 N/m"
         " and 7.5 N/m): several equilibria exist there, and the result depends on the load history"
     ]
+
+
+@pytest.mark.parametrize(("stored", "found"), [(1.0, [False, False, True, False, False]), (1e-9, [False] * 5)])
+def test_values_of_a_mesh_without_load_do_not_jump(stored, found):
+    """Below the floor of the stored energy they are rounding errors, which change unevenly."""
+    force, value = np.zeros((6, 1)), np.array([[0.0], [1.0], [2.0], [9.0], [10.0], [11.0]])
+    energies = {"stored": np.full(6, stored), "dissipated": np.zeros(6)}
+    assert jumps(np.arange(6.0), force, force, **energies, values=value, floor=1e-5).tolist() == found
 
 
 def test_a_picture_marks_the_cells_of_a_jump(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -95,6 +95,14 @@ def test_interrupt_and_resume_give_the_same_bits(tmp_path: Path, drive: str, mon
         assert all(np.array_equal(a[key], b[key]) for key in a)
 
 
+@pytest.mark.parametrize("compiled", [0, 2])
+def test_kernels_are_compiled_where_their_cache_grows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compiled: int) -> None:
+    files = iter([5, 5 + compiled])
+    monkeypatch.setattr("warpknit.runner.run._cached_files", lambda: next(files))
+    solver = run_scene(cell(), out=tmp_path / "r", device="cpu").summary["solver"]
+    assert (solver["compile_s"] > 0.0) == bool(compiled)
+
+
 def test_finished_run_is_never_lost(tmp_path: Path) -> None:
     """A finished directory is refused without --force, and --resume of it runs nothing."""
     run_scene(cell(), out=tmp_path / "r", device="cpu")

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 
 import bpy  # type: ignore[import-not-found]
 
@@ -49,7 +50,7 @@ def main() -> int:
     parser.add_argument("--size", type=int, nargs=2, default=(960, 720), metavar=("W", "H"), help="pixels  [default: 960 720]")
     given = parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else None)
     import_scene(given.stage)
-    render(given.picture, frame=given.frame, size=tuple(given.size))
+    render(str(Path(given.picture).resolve()), frame=given.frame, size=tuple(given.size))
     return 0
 
 

@@ -172,6 +172,18 @@ def test_the_largest_stress_is_written_without_an_exponent() -> None:
     assert "largest 1270, yield at 2000" in figure.axes[1].get_ylabel()
 
 
+def test_the_largest_stress_of_a_picture_is_that_of_a_node(
+    tmp_path: Path, layout: WireLayout, make_frame: Callable[..., Frame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Pieces of wire between two nodes are drawn in the stress at their middle."""
+    kept: list[Figure] = []
+    monkeypatch.setattr(mesh_figure, "save_figure", lambda figure, path: kept.append(figure) or path)
+    peak = np.zeros(layout.node_count)
+    peak[7] = 4e8
+    mesh_figure.mesh_figure(layout, replace(make_frame(4), node_stress=peak), tmp_path / "mesh.png", "a mesh")
+    assert "largest 400 " in kept[0].axes[1].get_ylabel()
+
+
 def test_a_line_over_a_jump_is_dotted_and_no_other() -> None:
     axes = Figure().subplots()
     x, jumped = np.arange(6.0), np.array([False, False, False, True, False, False])

@@ -112,8 +112,8 @@ def strength_values(card: MaterialCard, scene: Scene) -> Iterator[tuple[str, flo
         ("tensile_strength", wire.tensile_strength, "tensile strength"),
     ):
         yield name, limit, "Pa", f"{what} of the wire{assumed_text(scene, f'wire.{name}')}"
-    yield "stress_over_yield", card.stress_max / wire.yield_stress, "1", "largest stress over the elastic limit: yields above 1"
-    yield "stress_over_strength", card.stress_max / wire.tensile_strength, "1", "largest stress over the strength: breaks above 1"
+    yield "stress_over_yield", card.stress_max / wire.yield_stress, "1", "largest stress over the elastic limit"
+    yield "stress_over_strength", card.stress_max / wire.tensile_strength, "1", "largest stress over the tensile strength"
 
 
 def validity(scene: Scene, model_warnings: Sequence[str]) -> tuple[str, float, str, str]:

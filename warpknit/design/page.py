@@ -14,10 +14,12 @@ h1 { font-size: 1.6em; margin-bottom: 0.2em; } h2 { font-size: 1.2em; margin-top
 table { border-collapse: collapse; margin: 0.8em 0; }
 td, th { padding: 0.2em 0.9em 0.2em 0; text-align: left; vertical-align: top; }
 th { font-weight: normal; color: #505050; } thead th { border-bottom: 1px solid #909090; }
-figure { margin: 1em 0; } img { max-width: 100%; } figcaption { color: #505050; font-size: 0.92em; }
+tbody th { white-space: nowrap; }
+figure { margin: 1em 0; } img { max-width: 100%; max-height: 100vh; } figcaption { color: #505050; font-size: 0.92em; }
 .warning { border-left: 4px solid #D55E00; padding-left: 0.8em; }
 @media (max-width: 40em) {
   body { margin: 0.5em auto; } table { display: block; overflow-x: auto; } td, th { padding-right: 0.5em; }
+  tbody th { white-space: normal; }
 }
 @media print {
   @page { size: A4; margin: 18mm; }

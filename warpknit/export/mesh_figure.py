@@ -70,7 +70,7 @@ def mesh_figure(
     colours, scale = stress_colours(stress, yield_stress)
     frame_plan_axes(axes, low, high)
     wires = ScalarMappable(scale, colours)
-    wires.set_array(stress)
+    wires.set_array(1e-6 * np.asarray(frame.node_stress))
     _stress_bar(figure, axes, wires, yield_stress)
     _legend(figure, layout, frame)
     if tile is not None:

@@ -12,7 +12,7 @@ from ..knit.cloth import Cloth
 from ..measure import MeshModel
 from ..mesh.smaller import smaller_scene
 from ..numerics import FOLLOWED_INCREMENT
-from ..scene import Scene
+from ..scene import Scene, Stage
 from ..scene.materials import MATERIALS
 from ..scene.model_choice import PLANE_IS_GOOD, first_touch
 from ..text import celsius, engineering, exact, percent
@@ -38,6 +38,8 @@ def cautions(model: MeshModel, rows: list[Row]) -> Iterator[str]:
 def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
     """Warnings that need no result, one line each. cloth: of the scene, None of a hook or of wires from a file."""
     yield from _about_constants(scene)
+    if scene.hook is None and scene.sweep is None and not any(_is_loaded(scene, stage) for stage in scene.stages):
+        yield "no load is given: [load] has neither strain nor tension nor temperature"
     nodes = scene.model.nodes_per_loop
     if scene.hook is None and nodes < FEWEST_NODES:
         yield f"{nodes} nodes a loop are few: errors of tension and contact force may exceed 10 %"
@@ -47,6 +49,13 @@ def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
             yield from _about_increments(scene)
     if scene.solver.drive == "relax" and scene.contact.friction > SMALL_FRICTION:
         yield from _about_friction(scene)
+
+
+def _is_loaded(scene: Scene, stage: Stage) -> bool:
+    strained = any((stage.strain_weft, stage.strain_warp, stage.shear, stage.clamp_rotation, stage.pull))
+    pulled = stage.tension_weft is not None or stage.tension_warp is not None
+    heated = stage.temperature != scene.wire.reference_temperature or any(stage.temperature_gradient)
+    return strained or pulled or heated
 
 
 def _about_preset(scene: Scene) -> Iterator[str]:

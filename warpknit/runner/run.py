@@ -8,13 +8,17 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import os
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+import warp as wp
+
 from ..device import find_device
 from ..errors import RunDirectoryError
 from ..files import held_directory
+from ..mechanics import Model
 from ..model import build_model, node_count
 from ..ranks.ranks import One, Ranks
 from ..scene import Scene
@@ -31,7 +35,6 @@ from .watch import Watch
 _log = logging.getLogger(__name__)
 
 LOCK_TIMEOUT = 30.0  # [s] for a killed run to finish its last frame
-COMPILING_S = 1.0  # a longer start means that kernels were compiled, not loaded
 
 
 def run_scene(
@@ -67,8 +70,7 @@ def run_scene(
     elif resume:
         _log.info("%s has no checkpoint: starting from the beginning", out)
     model = build_model(scene, name, ranks)
-    simulation = Simulation(model, progress=checkpoint.progress if checkpoint else None)
-    compile_time = _compile_and_restore(simulation, checkpoint)
+    simulation, compile_time = _compiled_simulation(model, checkpoint)
     with contextlib.ExitStack() as stack:
         hold = ranks.from_first(lambda: stack.enter_context(_locked(out, 0.0)))
         if device is None:
@@ -110,13 +112,20 @@ def _locked(out: Path, patience: float) -> Iterator[int | None]:
         yield hold
 
 
-def _compile_and_restore(simulation: Simulation, checkpoint: Checkpoint | None) -> float:
-    """Compile or load the kernels, and restore the checkpoint; return the time taken [s]."""
-    begin = time.perf_counter()
+def _compiled_simulation(model: Model, checkpoint: Checkpoint | None) -> tuple[Simulation, float]:
+    """The simulation, from the checkpoint on, and the time [s] of compiling its kernels; 0 if they were compiled before."""
+    begin, cached = time.perf_counter(), _cached_files()
+    simulation = Simulation(model, progress=checkpoint.progress if checkpoint else None)
     simulation.compile()
     if checkpoint is not None:
         checkpoint.restore(simulation)
+    if _cached_files() == cached:
+        return simulation, 0.0
     took = time.perf_counter() - begin
-    if took > COMPILING_S:
-        _log.info("compiled the kernels in %.0f s; they are kept for the next run", took)
-    return took
+    _log.info("compiled the kernels in %.0f s; they are kept for the next run", took)
+    return simulation, took
+
+
+def _cached_files() -> int:
+    """Number of files in the cache of compiled kernels."""
+    return sum(len(files) for *_, files in os.walk(wp.config.kernel_cache_dir or ""))

@@ -23,7 +23,7 @@ Keys beside the measures (measure/table.py), a panel (panel_report.py) and the a
     solver.time_step_s                       step of the unloaded mesh; 1 for a relaxation, which has fictitious masses
     solver.steps                             time steps of the run
     solver.wall_s                            wall time without compilation
-    solver.compile_s                         time of compilation
+    solver.compile_s                         time of compilation; 0 if the kernels were compiled before
     solver.ranks                             processes under `mpirun`
     solver.node_steps_per_s                  steps times nodes over the wall time
     solver.mass_scaling                      mass of a ramp over the real mass

@@ -143,7 +143,8 @@ def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
     """The first jump between neighbouring levels, by the rule that also marks the cells of a map, and the number of others."""
     if found := jumps_of(model, rows):
         a, b = found[0]
-        others = f", and at {len(found) - 1} other places" if len(found) > 1 else ""
+        more = len(found) - 1
+        others = f", and {more} more time{'s' * (more > 1)}" if more else ""
         yield (
             f"the mesh jumps to another equilibrium between {_between(a, b)}"
             f" (mean of weft and warp {tensions_text(a, b)}){others}: several"

@@ -214,11 +214,12 @@ def jump_warning(found: Sequence[Jump], by_tension: bool = False) -> str | None:
     """What the jumps of a map mean, in a line; None without any."""
     if not found:
         return None
-    first = " and ".join(load_text(load, by_tension) for load in found[0])
-    count = f"neighbouring pair{'s' if len(found) > 1 else ''} of {'tensions' if by_tension else 'strains'}"
+    loads = " and ".join(load_text(load, by_tension) for load in found[0])
+    kind = "tensions" if by_tension else "strains"
+    where = f"{len(found)} neighbouring pairs of {kind}, first {loads}" if len(found) > 1 else f"the {kind} {loads}"
     return (
-        f"the results jump between {len(found)} {count}, first {first} (weft / warp): several equilibria exist there, and the"
-        " values on either side belong to different ones"
+        f"the results jump between {where} (weft / warp): several equilibria exist there, and the values on either side belong"
+        " to different ones"
     )
 
 

@@ -26,7 +26,7 @@ def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     note = assumed_note("wire.yield_stress", summary["wire"].get("yield_stress_assumed", False))
     if optimum is None:
         below = f"below {engineering(limit, 'Pa')}{note}"
-        yield "optimum", f"none: no tensile load with an active contact has a wire stress {below}"
+        yield "optimum", f"none: no tensile load of the map has an active contact and a stress {below}; another [sweep] may"
     else:
         note_of_optimum = optimum_note(tuple(optimum["load"]), summary["jumps"])
         strains = f"{percent(optimum['strain_weft'])} / {percent(optimum['strain_warp'])}"
