@@ -210,6 +210,10 @@ class MembraneGrid(Protocol):
     def max_strain(self) -> float:
         """Largest strain of one correction."""
 
+    @property
+    def least_lift(self) -> float:
+        """[m] smallest displacement out of the plane that is worth a correction; in a planar model of no use."""
+
     def gather(self) -> np.ndarray:
         """(grid node, 2) [N] out-of-balance forces, as the last convergence check found them."""
 

@@ -18,6 +18,7 @@ class MembraneGrid:
     """A grid of `cells` (2,) from `low` (2,) [m] on, each of size `cell` (2,) [m], over a mesh."""
 
     max_strain = 0.02
+    least_lift = 0.0
 
     def __init__(
         self, model: Model, state: State, probe: ForceProbe, low: np.ndarray, cell: np.ndarray, cells: np.ndarray

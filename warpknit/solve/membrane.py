@@ -198,7 +198,8 @@ class Membrane:
         return np.stack([0.5 * (along_x[:, 1:] + along_x[:, :-1]), 0.5 * (along_y[1:] + along_y[:-1])], axis=-1)
 
     def solve_across(self, gradient: np.ndarray, stress: np.ndarray) -> Correction | None:
-        """The correction (grid node, 1) out of the plane of a mesh in space that is under tension; None without tension.
+        """The correction (grid node, 1) out of the plane of a mesh in space that is under tension; None without tension, and
+        where it is so small that it would disturb the contacts more than it balances.
 
         `gradient` (2, 2) of the edge, `stress` (2, 2) [N/m] nominal. The tension S = F^-1 P resists: div(S grad w) + R = 0.
         """
@@ -215,6 +216,8 @@ class Membrane:
         matrix = pulled + self._bending_stiffness / area * (laplacian @ laplacian)
         displacement = np.zeros(len(force))
         displacement[self._inside] = splu(matrix.tocsc()).solve(force[free])
+        if np.abs(displacement).max() < self._grid.least_lift:
+            return None
         slope = self._gradient(np.repeat(displacement, 2))
         share = min(1.0, self._grid.max_strain / max(float(np.abs(slope).max()), 1e-30))
         return Correction(displacement[:, None], np.zeros((0, 2)), share)

@@ -18,6 +18,7 @@ from ..transfer.response import Response
 from .fields import OF_SEGMENTS, Fields
 
 MAX_SHIFT = 0.25  # of the thickness: by which a correction moves a loop against its neighbour, so that no wire passes another
+LEAST_LIFT = 1.0  # thicknesses: over a panel, changes strains and contacts by far less than any tolerance
 
 
 class MembraneGrid:
@@ -25,6 +26,7 @@ class MembraneGrid:
 
     def __init__(self, fields: Fields, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> None:
         self.fields, self.model = fields, fields.model
+        self.least_lift = LEAST_LIFT * self.model.rods.section.thickness
         self.max_strain = MAX_SHIFT * self.model.rods.section.thickness / self.model.scene.knit.wale_spacing
         self._grid = Grid()
         self._grid.low, self._grid.cell, self._grid.cells = wp.vec2d(*low), wp.vec2d(*cell), wp.vec2i(*map(int, cells))
