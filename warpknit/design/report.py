@@ -6,7 +6,7 @@ The page states what is missing: a tension that the mesh does not reach, a state
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields, replace
 from datetime import date
@@ -21,6 +21,7 @@ from ..files import write_aside, write_table
 from ..measure import Observables
 from ..mesh.layout import contact_classes
 from ..runner.answers import answers_of
+from ..runner.answers_table import answer_rows
 from ..runner.branches import Jump as RowJump
 from ..runner.branches import jumps_of, jumps_under_tension
 from ..runner.history import Row, mean_tension, row_of
@@ -146,6 +147,13 @@ class Findings:
             stress = f", with a wire stress of {engineering(self.card.stress_max, 'Pa')}, {beyond}" if beyond else ""
             return f"{self.where}, at {celsius(self.card.temperature)}{stress}"
         return self.where + ("; the earlier report in the directory, with its card, is kept" if self.earlier_kept else "")
+
+    @property
+    def answer_lines(self) -> Iterator[tuple[str, str]]:
+        """Headings and texts of the answers under equal tensions, for a terminal."""
+        if self.answers is not None:
+            yield from answer_rows(self.answers, self.scene.wire.yield_stress, gave_up=self.path.gave_up)
+            yield "equal tensions", f"followed {self.path.end_text}"
 
     @property
     def warnings(self) -> list[str]:

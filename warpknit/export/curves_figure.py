@@ -30,6 +30,7 @@ def curves_figure(
     *,
     yield_stress: float | None = None,
     jumps: Sequence[Sequence[int]] = (),
+    title: str = "",
 ) -> Path:
     """Draw contacts, tension, stress, energies and residual of a run, from history.csv or its rows.
 
@@ -88,6 +89,8 @@ def curves_figure(
             panels[2].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, borderaxespad=0.2)
     for axes in panels[-2:]:
         axes.set_xlabel(abscissa_label)
+    if title:
+        figure.suptitle(title, fontsize=12)
     if len(stages) > 1:
         stage_legend(figure, [name for name, _ in stages])
     return save_figure(figure, path)
@@ -165,7 +168,7 @@ def _is_by_tension(columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[s
         for _, rows in stages:
             load, part = columns["load_factor"][rows].copy(), values[:, rows]
             load[0] = 0.0
-            line = part[:, :1] + (part[:, -1:] - part[:, :1]) * load
+            line = part[:, :1] + (part[:, -1:] - part[:, :1]) * load / (load[-1] or 1.0)  # a run that diverged ends before 1
             span = np.ptp(part, axis=1, keepdims=True)
             if part.shape[1] < 3 or not np.all(np.abs(part - line) <= share * span) or not np.any(span > 0.0):
                 return False
