@@ -222,8 +222,8 @@ class Relaxation(Drive):
         """The error of a level that makes no progress."""
         steps = self.equilibrium.convergence.patience * self.mechanics.check_steps
         return Diverged(
-            f"{self._level_text()} did not converge: no progress in {steps:,} steps ({self._residual_text()}); another"
-            " model.nodes_per_loop or output.frames, or a larger solver.residual_tolerance, may converge"
+            f"{self._level_text()} did not converge: no progress in {steps:,} steps ({self._residual_text()}); a larger"
+            " model.nodes_per_loop or solver.residual_tolerance, or other output.frames, may converge"
         )
 
     def exceeded_steps(self) -> Diverged:
