@@ -36,7 +36,7 @@ def curves_figure(
 
     Under given tensions these are the abscissa, and strains are drawn in their place. Stages that change the temperature alone
     are left out beside others: they are in heat_figure.py. yield_stress: [Pa] elastic limit of the wire. jumps: indices
-    of neighbouring records of different branches; lines between them are dotted.
+    of neighbouring records of different branches; lines between them are dotted. title: over the stages.
     """
     rows = history_rows(history)
     columns = columns_of(rows)
@@ -89,10 +89,8 @@ def curves_figure(
             panels[2].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, borderaxespad=0.2)
     for axes in panels[-2:]:
         axes.set_xlabel(abscissa_label)
-    if title:
-        figure.suptitle(title, fontsize=12)
-    if len(stages) > 1:
-        stage_legend(figure, [name for name, _ in stages])
+    if len(stages) > 1 or title:
+        stage_legend(figure, [name for name, _ in stages], title or "stage")
     return save_figure(figure, path)
 
 
