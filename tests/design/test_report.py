@@ -17,7 +17,7 @@ from warpknit.cli import main
 from warpknit.design import curves
 from warpknit.design.card import MaterialCard
 from warpknit.design.card_files import card_values, card_warnings, strength_values
-from warpknit.design.equal_tension import EqualTensionPath, load_equally, service_points, unreached_text
+from warpknit.design.equal_tension import YIELDED, EqualTensionPath, load_equally, service_points, unreached_text
 from warpknit.design.fe import CODES
 from warpknit.design.fine_states import exact_model
 from warpknit.design.report import DEFAULT_STRAINS, Findings, _another, report_scene
@@ -196,6 +196,23 @@ def test_an_end_of_the_path_is_told_by_the_wire_first():
     assert "level 0.5 did not converge" in told[5e8] and "level" not in told[7e8] + told[9e8]
     assert "above the elastic limit of 600 MPa: the wire would yield" in told[7e8]
     assert "above the strength of 800 MPa: the wire would break" in told[9e8] and "assumed" not in told[9e8]
+
+
+@pytest.mark.parametrize(
+    ("tensions", "ended", "why"),
+    [
+        ((1.0, 3.4), "level 0.5 did not converge", "the relaxation did not converge beyond 3.4 N/m"),
+        ((1.0, 8.0), "", "the relaxation did not converge there"),  # its stage was missed, the next one was not
+        ((), "level 0 did not converge", "the mesh as knitted did not converge"),
+        ((), "", "no strains of equal tension in the map"),
+        ((1.0, 3.4), YIELDED, YIELDED),
+    ],
+)
+def test_a_service_tension_without_a_state_says_why(tensions, ended, why):
+    rows = [SimpleNamespace(tension_weft_N_per_m=one, tension_warp_N_per_m=one) for one in tensions]
+    scene = load_scene(SCENES / "contact_map.toml")
+    points = service_points(scene, EqualTensionPath(rows=rows, ended=ended), None, None)
+    assert {point.tension: point.why for point in points}[4.9] == why
 
 
 def test_a_card_says_how_near_the_wire_is_to_its_limits():

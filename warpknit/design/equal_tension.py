@@ -156,8 +156,10 @@ def service_points(
 
 def _unreached(path: EqualTensionPath, tension: float) -> str:
     """Why a path has no state at a `tension` [N/m], in a few words."""
-    if path.ended == YIELDED or not path.rows:
-        return path.ended if path.ended == YIELDED else NO_PATH
+    if path.ended == YIELDED:
+        return YIELDED
+    if not path.rows:
+        return "the mesh as knitted did not converge" if path.ended else NO_PATH
     top = max(map(mean_tension, path.rows))
     return "the relaxation did not converge " + (f"beyond {engineering(top, 'N/m')}" if top < tension else "there")
 
