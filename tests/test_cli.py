@@ -133,6 +133,16 @@ def test_a_run_that_ends_early_gives_its_status_and_message(behind, status):
     assert result.stdout == ""
 
 
+def test_a_run_that_diverged_prints_the_table_of_its_records(behind):
+    """The table and where the results are stand on stdout; the reason stays the one line of stderr."""
+    summary = SUMMARY | {"stop_reason": "diverged", "stages": [{"name": "load"}, {"name": "four"}]}
+    behind.outcome = SimpleNamespace(exit_code=3, summary=summary, message="why it ended")
+    result = invoke("run", CELL, "--out", "somewhere")
+    assert result.exit_code == 3 and result.stderr == "warpknit: why it ended\n"
+    assert "last record in stage" in result.stdout and "four (2 stages" in result.stdout
+    assert "148 MPa" in result.stdout and "the wire is beyond its yield stress" in result.stdout and "somewhere" in result.stdout
+
+
 def test_a_finished_run_prints_a_short_table(behind):
     result = invoke("run", CELL, "--out", "somewhere")
     assert result.exit_code == 0

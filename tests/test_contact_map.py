@@ -6,7 +6,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from warpknit.sweep.contact_map import MapRow, drift_text, find_optimum, grid, mean_map, read_map, write_map
+from warpknit.sweep.contact_map import MapRow, drift_text, find_optimum, grid, mean_map, read_map, unconverged_warning, write_map
 
 
 def row(weft, warp, active=50.0, stress=1e8, tension=(0.1, 0.2), reason="steady", above=0.0) -> MapRow:
@@ -102,6 +102,24 @@ def test_a_drift_of_the_optimum_tells_the_jumps_within_it():
     assert [len(drift[along].jumps) for along in ("weft", "warp", "both")] == [1, 0, 1]
     assert np.array(drift["weft"].jumps[0])[:, 0] == pytest.approx([0.4, 0.5])
     assert drift_text(asdict(drift["weft"])).count("; the mesh jumps between 400 mN/m / ") == 1
+
+
+def test_a_drift_beside_a_pair_that_did_not_converge_is_at_least_that_far():
+    """The optimum is in the middle of a plateau of three cells in weft, beside cells that diverged."""
+    rows = square(lambda i, j: 60 * (1 <= j <= 3), lambda i, j: 1e8)
+    for one in rows:
+        one.tension_weft_N_per_m, one.tension_warp_N_per_m = one.strain_weft + 0.1, one.strain_warp + 0.1
+        if one.strain_weft in (0.0, 0.4):
+            one.stop_reason, one.active_percent = "diverged", None
+    best = find_optimum(rows, yield_stress=2e9)
+    assert best is not None
+    weft, warp, _ = best.drift
+    text = drift_text(asdict(weft))
+    assert text.startswith("from at most 200 mN/m / 300 mN/m, where the next pair did not converge, to at least 400 mN/m / ")
+    assert "converge" not in drift_text(asdict(warp))
+    assert unconverged_warning(rows, by_tension=False) == (
+        "10 of 25 pairs of strains did not converge; map_details.csv has the reasons"
+    )
 
 
 @pytest.mark.parametrize(

@@ -142,12 +142,11 @@ def run(
         )
     if not ranks.is_first:
         return int(result.exit_code)
-    if result.exit_code != FINISHED:
-        return unfinished(result)
     from warpknit.runner.summary_table import print_summary
 
-    print_summary(result.summary, directory)
-    return FINISHED
+    if result.exit_code == FINISHED or (result.exit_code == Diverged.exit_code and result.summary.get("stages")):
+        print_summary(result.summary, directory)
+    return FINISHED if result.exit_code == FINISHED else unfinished(result)
 
 
 @main.command("map")
@@ -270,7 +269,7 @@ def report(
     from warpknit.runner.summary_table import print_table
     from warpknit.sweep.map_table import map_lines
 
-    lines = [("mesh", note) for note in done.notes]
+    lines = [("mesh", note) for note in done.notes] + list(done.page.answer_lines)
     lines += map_lines(done.result.summary)
     lines.append(("map", done.page.sweep_text))
     if done.result.exit_code == FINISHED:

@@ -343,6 +343,24 @@ def test_a_code_that_cannot_hold_the_card_gets_none(tmp_path):
     assert "NAME=FABRIC" not in (tmp_path / found["abaqus"]).read_text(encoding="ascii")
 
 
+@pytest.mark.parametrize(
+    ("card", "path", "why"),
+    [
+        (replace(CARD, jumps="the mesh jumps"), PATH, "the mesh jumps to another equilibrium on the way to the card"),
+        (
+            CARD,  # a slack weft contracts while the tension rises
+            [Row(strain_weft=0.12, strain_warp=0.02, tension_weft_N_per_m=0.01, tension_warp_N_per_m=0.01), PATH[-1]],
+            "the tension in weft does not rise with the strain in weft on the way to the card",
+        ),
+    ],
+)
+def test_curves_cross_no_jump_and_drop_no_state_that_matters(tmp_path, card, path, why):
+    found = write_fe_cards(card, path, SCENE, "", tmp_path)
+    assert found["radioss"] == f"none: {why}"
+    text = (tmp_path / found["abaqus"]).read_text(encoding="ascii")
+    assert f"FABRIC: none, {why}." in text.replace("\n** ", " ") and "NAME=FABRIC" not in text
+
+
 def test_codes_can_be_chosen_and_files_are_those_of_a_report(tmp_path):
     assert list(write_fe_cards(CARD, PATH, SCENE, "", tmp_path, codes=["ansys"])) == ["ansys"]
     assert [path.name for path in tmp_path.iterdir()] == [CODES["ansys"][0]]

@@ -124,6 +124,8 @@ def test_the_abscissa_is_the_tension_where_it_is_given() -> None:
     columns = columns_of(rows)
     values, label = curves_figure._abscissa(columns, [("load", slice(0, 6))], 6)
     assert label == "tension, weft and warp [N/m]" and values == pytest.approx(0.4 * np.arange(6))
+    cut = {name: values[:5] for name, values in columns.items()}  # it diverged behind 80 % of its load
+    assert curves_figure._abscissa(cut, [("load", slice(0, 5))], 5)[1] == "tension, weft and warp [N/m]"
     columns["tension_warp_N_per_m"] *= 0.5
     assert curves_figure._abscissa(columns, [("load", slice(0, 6))], 6)[1] == "mean tension of weft and warp [N/m]"
     columns["strain_weft"] = 0.02 * np.arange(6.0)

@@ -42,6 +42,19 @@ class EqualTensionPath:
     at: Mapping[float, Row] = field(default_factory=dict)  # the rows of these states
     ended: str = ""  # why, where it did not go to its largest tension
 
+    @property
+    def gave_up(self) -> bool:
+        """Whether it ends where the relaxation did not converge."""
+        return bool(self.ended) and self.ended != YIELDED
+
+    @property
+    def end_text(self) -> str:
+        """Its largest tension, and why it ends there."""
+        top = engineering(mean_tension(self.rows[-1]), "N/m")
+        if self.ended == YIELDED:
+            return f"to {top}, beyond first yield"
+        return f"to {top}" + (f", above which the relaxation did not converge ({self.ended})" if self.ended else "")
+
 
 def load_equally(
     model: Mesh, largest: EqualTension, requested: float | None, watch: Callable[[float], None] = lambda _: None
@@ -132,14 +145,23 @@ def service_points(
     points = []
     for tension in service_tensions(scene, requested):
         if (row := path.at.get(tension)) is None:
-            why = path.ended if path.ended == YIELDED else "no equilibrium found" if path.ended else NO_PATH
-            points.append(ServicePoint(tension, why=why))
+            points.append(ServicePoint(tension, why=_unreached(path, tension)))
             continue
         strains, active, stress = (row.strain_weft, row.strain_warp), row.active_percent, row.stress_max_Pa
         if tension == requested and card is not None:
             strains, active, stress = (card.strain_weft, card.strain_warp), card.active_percent, card.stress_max
         points.append(ServicePoint(tension, strains, active, stress, YIELDED if stress > scene.wire.yield_stress else ""))
     return points
+
+
+def _unreached(path: EqualTensionPath, tension: float) -> str:
+    """Why a path has no state at a `tension` [N/m], in a few words."""
+    if path.ended == YIELDED:
+        return YIELDED
+    if not path.rows:
+        return "the mesh as knitted did not converge" if path.ended else NO_PATH
+    top = max(map(mean_tension, path.rows))
+    return "the relaxation did not converge " + (f"beyond {engineering(top, 'N/m')}" if top < tension else "there")
 
 
 def with_service(answers: Answer, service: Sequence[ServicePoint]) -> Answer:

@@ -6,7 +6,7 @@ The page states what is missing: a tension that the mesh does not reach, a state
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields, replace
 from datetime import date
@@ -21,6 +21,7 @@ from ..files import write_aside, write_table
 from ..measure import Observables
 from ..mesh.layout import contact_classes
 from ..runner.answers import answers_of
+from ..runner.answers_table import answer_rows
 from ..runner.branches import Jump as RowJump
 from ..runner.branches import jumps_of, jumps_under_tension
 from ..runner.history import Row, mean_tension, row_of
@@ -40,6 +41,7 @@ from ..sweep.contact_map import (
     load_text,
     model_warnings,
     optimum_note,
+    unconverged_warning,
 )
 from ..sweep.states import Mesh, mesh_of
 from ..text import celsius, engineering, exact
@@ -55,7 +57,7 @@ from .equal_tension import (
     unreached_text,
     with_service,
 )
-from .fe import CODES, FILES, write_fe_cards
+from .fe import CODES, FILES, why_no_curves, write_fe_cards
 from .fine_states import ROUGH_TOLERANCE, exact_model, states_at
 from .heat import HeatedMesh, heat
 from .load_path import LoadPath, PathState, under_strain, under_tension
@@ -101,7 +103,7 @@ class Findings:
     curves: Sequence[CurvePoint]
     where: str  # state of the card, in words; or why there is none
     card: MaterialCard | None
-    loading: Sequence[Row]  # states from the mesh as knitted to the card and beyond
+    loading: Sequence[Row]  # states from the mesh as knitted to the card and beyond, up to the first jump
     tensioned: Observables | None  # the mesh of the card
     knitted: Observables | None  # the mesh as knitted
     knitted_openings: Sequence[Opening]
@@ -145,6 +147,13 @@ class Findings:
             stress = f", with a wire stress of {engineering(self.card.stress_max, 'Pa')}, {beyond}" if beyond else ""
             return f"{self.where}, at {celsius(self.card.temperature)}{stress}"
         return self.where + ("; the earlier report in the directory, with its card, is kept" if self.earlier_kept else "")
+
+    @property
+    def answer_lines(self) -> Iterator[tuple[str, str]]:
+        """Headings and texts of the answers under equal tensions, for a terminal."""
+        if self.answers is not None:
+            yield from answer_rows(self.answers, self.scene.wire.yield_stress, gave_up=self.path.gave_up)
+            yield "equal tensions", f"followed {self.path.end_text}"
 
     @property
     def warnings(self) -> list[str]:
@@ -238,8 +247,8 @@ def _card(
 ) -> tuple[MaterialCard | None, Observables | None, str, Sequence[Row]]:
     """The card, its mesh, its state in words, and states on the way to it and beyond; or None and the reason.
 
-    path: of the model under equal tensions, with its jumps, for a card at a `tension` [N/m]. `watch` is called with the
-    share that is done.
+    The states end before the first jump. path: of the model under equal tensions, with its jumps, for a card at a `tension`
+    [N/m]. `watch` is called with the share that is done.
     """
     scene = model.scene
     if tension is not None:
@@ -253,11 +262,13 @@ def _card(
     try:
         if tension is not None:
             begin, rows = path.states.get(tension), list(path.rows)
-            passed = [jump for jump in path_jumps if mean_tension(jump[0]) < tension]
+            jumps = path_jumps
+            passed = [jump for jump in jumps if mean_tension(jump[0]) < tension]
         else:
             way = LoadPath(model)
             rows = [row_of(record) for record in way.load(load, scene.output.frames, lambda share: watch(WAY * share))]
-            begin, passed = way.state, jumps_of(model, rows)
+            begin, jumps = way.state, jumps_of(model, rows)
+            passed = jumps
         if begin is None:
             raise Diverged(unreached_text(scene, path, tension or 0.0))
         card, mesh = _card_from(scene, begin, load, lambda share: watch(WAY + (1.0 - WAY) * share))
@@ -265,8 +276,11 @@ def _card(
         if tension is None:
             return None, None, f"no card for {text}, which was not found again: {error}; {_another(scene, path)}", ()
         return None, None, f"no card for {text}: {error}", ()
-    with suppress(Diverged):
-        rows.append(row_of(LoadPath(model, begin).to(beyond)))
+    if jumps:
+        rows = rows[: next(k for k, row in enumerate(rows, 1) if row is jumps[0][0])]
+    else:
+        with suppress(Diverged):
+            rows.append(row_of(LoadPath(model, begin).to(beyond)))
     return replace(card, jumps=jump_text(passed) or ""), mesh, text, rows
 
 
@@ -332,10 +346,13 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     outside = [point for point in found.service if point.strains and found.place_in_map(point) is None]
     map_section(page, found.scene, found.optimum, found.jumps, found.service, outside, found.found_again, figures["map"])
     page.text(f"The map has {found.sweep_text}.")
-    if (jumped := jump_warning(found.jumps, found.by_tension)) is not None:
-        page.warning(f"{jumped[0].upper()}{jumped[1:]}.")
+    for limit in (unconverged_warning(found.rows, found.by_tension), jump_warning(found.jumps, found.by_tension)):
+        if limit is not None:
+            page.warning(f"{limit[0].upper()}{limit[1:]}.")
     curve_section(page, found.curves, figures["curves"])
     card_section(page, found.scene, found.card, found.where)
+    if found.card is not None and (why := why_no_curves(found.card, found.loading)):
+        page.warning(f"The cards for Abaqus, LS-DYNA and Radioss have no tension-strain curves (FABRIC): {why}.")
     openings_section(page, found.knitted_openings, found.tensioned_openings, figures["openings"])
     electric = None if found.tensioned is None else (contact_resistances(found.tensioned), sheet_resistance(found.tensioned))
     electric_section(page, found.scene, electric, figures["resistance"])

@@ -15,7 +15,6 @@ from .. import measure
 from ..knit.cloth import Cloth
 from ..measure import Observables
 from ..runner.answers_table import answer_rows
-from ..runner.history import mean_tension
 from ..runner.strength import limit_text
 from ..scene import Scene, Wire
 from ..sweep.contact_map import Jump, Optimum, drift_text, optimum_note, optimum_warnings
@@ -23,7 +22,7 @@ from ..text import celsius, engineering, exact, percent
 from .card import AGREEMENT, MaterialCard
 from .card_files import DEFINITION, card_values, card_warnings, strength_values
 from .curves import CurvePoint
-from .equal_tension import YIELDED, EqualTensionPath
+from .equal_tension import EqualTensionPath
 from .inputs import INCH, openings_per_length
 from .network import surface, wire_resistance
 from .opening_size import BANDS, FINE_ENOUGH, Opening
@@ -50,9 +49,9 @@ def answers_section(
     if answers is None:
         page.warning(largest.text())
         return
-    page.table(answer_rows(answers, scene.wire.yield_stress))
+    page.table(answer_rows(answers, scene.wire.yield_stress, gave_up=path.gave_up))
     page.text(
-        f"Equal tensions in weft and warp, from the mesh as knitted in {len(path.rows) - 1} levels, {_end_of(path)}. A mesh that"
+        f"Equal tensions in weft and warp, from the mesh as knitted in {len(path.rows) - 1} levels, {path.end_text}. A mesh that"
         " is pulled otherwise on the way, as in a run or the map, may differ. Contacts A, B, ... are the classes of places of one"
         " shape, from the tightest lens on; a place where two wires touch counts as two pairs, one for each wire. The shares at"
         " service tensions are those of the table below. The wire is elastic and free of stress as knitted: stress is that of the"
@@ -81,14 +80,6 @@ def wire_text(wire: Wire) -> str:
     """Diameter of the wire, and the wires of a yarn."""
     diameter = f"{1e6 * wire.diameter:g} um"
     return f"{diameter} wire" if wire.ends == 1 else f"yarn of {wire.ends} x {diameter} wire"
-
-
-def _end_of(path: EqualTensionPath) -> str:
-    """Where a path ends, and why."""
-    top = engineering(mean_tension(path.rows[-1]), "N/m")
-    if path.ended == YIELDED:
-        return f"to {top}, beyond first yield"
-    return f"to {top}" + (f", above which the mesh did not converge ({path.ended})" if path.ended else "")
 
 
 def mesh_section(

@@ -30,12 +30,13 @@ def curves_figure(
     *,
     yield_stress: float | None = None,
     jumps: Sequence[Sequence[int]] = (),
+    title: str = "",
 ) -> Path:
     """Draw contacts, tension, stress, energies and residual of a run, from history.csv or its rows.
 
     Under given tensions these are the abscissa, and strains are drawn in their place. Stages that change the temperature alone
     are left out beside others: they are in heat_figure.py. yield_stress: [Pa] elastic limit of the wire. jumps: indices
-    of neighbouring records of different branches; lines between them are dotted.
+    of neighbouring records of different branches; lines between them are dotted. title: over the stages.
     """
     rows = history_rows(history)
     columns = columns_of(rows)
@@ -88,8 +89,8 @@ def curves_figure(
             panels[2].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, borderaxespad=0.2)
     for axes in panels[-2:]:
         axes.set_xlabel(abscissa_label)
-    if len(stages) > 1:
-        stage_legend(figure, [name for name, _ in stages])
+    if len(stages) > 1 or title:
+        stage_legend(figure, [name for name, _ in stages], title or "stage")
     return save_figure(figure, path)
 
 
@@ -165,7 +166,7 @@ def _is_by_tension(columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[s
         for _, rows in stages:
             load, part = columns["load_factor"][rows].copy(), values[:, rows]
             load[0] = 0.0
-            line = part[:, :1] + (part[:, -1:] - part[:, :1]) * load
+            line = part[:, :1] + (part[:, -1:] - part[:, :1]) * load / (load[-1] or 1.0)  # a run that diverged ends before 1
             span = np.ptp(part, axis=1, keepdims=True)
             if part.shape[1] < 3 or not np.all(np.abs(part - line) <= share * span) or not np.any(span > 0.0):
                 return False

@@ -12,6 +12,8 @@ from warpknit.export.panel_figure import panel_figure
 from warpknit.export.run_record import RunRecord
 from warpknit.frame import Frame
 
+UNFINISHED = ("diverged", "interrupted")  # stop reasons
+
 __all__ = ["export_figures", "tension_of"]
 
 
@@ -38,12 +40,15 @@ def export_figures(record: RunRecord) -> list[Path]:
             for number, frame in enumerate(stage_ends)
         ]
     jumps = record.summary.get("jumps") or ()
-    paths = [curves_figure(history, folder / "curves.png", yield_stress=yield_stress, jumps=jumps)]
+    unfinished = f"the run did not finish: {reason}" if (reason := record.summary.get("stop_reason")) in UNFINISHED else ""
+    paths = [curves_figure(history, folder / "curves.png", yield_stress=yield_stress, jumps=jumps, title=unfinished)]
     if (heat := heat_figure([history], folder / "heat.png")) is not None:
         paths.append(heat)
     for name, frame in wanted:
         tables = {kind: record.directory / "panel" / f"{kind}_{frame.index:06d}.csv" for kind in ("map", "edge", "surface")}
         title = state_title(frame, tension_of(rows.get(str(frame.index))), names_stage=bool(stage_ends))
+        if unfinished and frame is last:
+            title = f"{title}\n{unfinished}"
         if tables["map"].is_file():
             paths.append(panel_figure(tables, folder / name.replace("mesh", "panel"), title))
         paths.append(mesh_figure(record.layout, frame, folder / name, title, yield_stress=yield_stress))

@@ -116,7 +116,7 @@ def jump_handle(colour: str) -> Line2D:
     return Line2D([], [], color=colour, label="jump to another equilibrium", **JUMP_STYLE)
 
 
-def stage_legend(figure: Figure, names: Sequence[str]) -> None:
+def stage_legend(figure: Figure, names: Sequence[str], title: str = "stage") -> None:
     """Legend of the dashes and marks of the stages."""
     handles = []
     for number, name in enumerate(names):
@@ -124,4 +124,4 @@ def stage_legend(figure: Figure, names: Sequence[str]) -> None:
         face = GREY if number % 2 == 0 else "white"
         look: dict[str, Any] = {"linestyle": style, "marker": marker, "markersize": 4.5, "markerfacecolor": face}
         handles.append(Line2D([], [], color=GREY, label=name, **look))
-    figure.legend(handles=handles, title="stage", loc="outside upper center", ncols=min(len(handles), 6), frameon=False)
+    figure.legend(handles=handles, title=title, loc="outside upper center", ncols=min(len(handles), 6), frameon=False)

@@ -1,4 +1,7 @@
-"""Contacts by class: places of one shape (knit/clasp_classes.py), which close together in a mesh of equal loops."""
+"""Contacts by class: places of one shape (knit/clasp_classes.py), which close together in a mesh of equal loops.
+
+Where an equilibrium breaks the symmetry of the mesh, a part of a class is closed.
+"""
 
 from __future__ import annotations
 

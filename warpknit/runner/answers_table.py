@@ -13,10 +13,15 @@ LEAST_CHANGE = 1e-7  # of a strain
 WIDE = 0.5  # of a tension: distance of two records that is given with the tension between them
 
 
-def answer_rows(answers: Mapping[str, Any], yield_stress: float) -> Iterator[tuple[str, str]]:
-    """Pairs of a heading and a text. yield_stress [Pa]: elastic limit of the wire."""
+def answer_rows(answers: Mapping[str, Any], yield_stress: float, *, gave_up: bool = False) -> Iterator[tuple[str, str]]:
+    """Pairs of a heading and a text.
+
+    yield_stress [Pa]: elastic limit of the wire. gave_up: the relaxation did not converge beyond the largest tension.
+    """
     answers = _without_scatter(answers, answers["tension_tolerance_N_per_m"])
     reached = f"up to {_tension(answers['largest_tension'])}"
+    if gave_up:
+        reached += ", beyond which the relaxation did not converge"
     for one in answers["contacts"]:
         name = f"contacts {one['name']}" if len(answers["contacts"]) > 1 else "contacts"
         closes = one["closes"]
@@ -162,7 +167,9 @@ def _best(best: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
         yield "best tension", "none: no tensile state with an active contact is below the elastic limit"
         return
     low, high = best["low"], best["high"]
-    middle = "" if best["grows"] or low == high else ", the middle of its range"
+    cut = " and ".join(text for name, text in (("low", "begins"), ("high", "ends")) if best[f"open_{name}"])
+    incomplete = f", incomplete: it {cut} with the load" if cut else ""
+    middle = "" if best["grows"] or low == high else f", the middle of its range{incomplete}"
     stress = engineering(best["stress_max_Pa"], "Pa")
     yield "best tension", f"{_tension(best)}{middle}: {percent(0.01 * best['active_percent'])} active, {stress}"
     if low == high and not best["grows"]:

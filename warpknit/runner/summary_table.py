@@ -24,8 +24,10 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
 
     yield from model_rows(value("model"))
     stages = value("stages") or []
+    diverged = value("stop_reason") == "diverged"
     if len(stages) > 1:
-        yield "at the end of stage", f"{stages[-1].get('name')} ({len(stages)} stages; summary.json has all)"
+        place = "last record in stage" if diverged else "at the end of stage"
+        yield place, f"{stages[-1].get('name')} ({len(stages)} stages; summary.json has all)"
     hook = value("hook")
     if hook is not None:
         yield from _hook_rows(hook)
@@ -63,7 +65,8 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
         strain = value("wire", "plastic_strain_max") or 0.0
         yield "yielded", f"{100 * plastic:.2g} % of the wire, plastic strain up to {100 * strain:.2g} %"
     if (answers := value("answers")) is not None:
-        yield from answer_rows(answers, value("wire", "yield_stress_Pa"))
+        ends_at_top = diverged and value("mesh", "tension_warp_N_per_m") == answers["largest_tension"]["tension_warp_N_per_m"]
+        yield from answer_rows(answers, value("wire", "yield_stress_Pa"), gave_up=ends_at_top)
     if (error := value("quality", "estimated_error")) is not None:
         yield "estimated error", f"{100 * error:.2g} %"
     if (steps := value("solver", "steps")) is not None:

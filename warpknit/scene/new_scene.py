@@ -29,7 +29,7 @@ LOAD = "a strain such as '6 %', a tension such as '2 N/m', or both, '6 %, 2 N/m'
 PLATING = "a metal and the thickness of its coating, such as 'gold, 0.2 um'"
 SPACING = "a count per length such as '26 /inch', a count an inch such as 26, or a distance such as '0.98 mm'"
 COMMENT_COLUMN = 30  # of the comments behind keys
-SWEPT = (0.25, 0.5, 1.0, 1.5, 2.0)  # tensions of a map over that of the scene
+SWEPT = (0.25, 0.5, 1.0, 1.75, 2.5)  # tensions of a map over that of the scene: from 2 N/m to those in orbit
 
 
 class Refused(ValueError):

@@ -18,7 +18,7 @@ from ..measure.strain import clamp_rotation, rotation, stretch
 from ..mechanics import Mechanics, SingleMesh
 from ..mesh.load_point import LoadPoint
 from ..scene import Stage
-from ..text import engineering
+from ..text import engineering, percent
 from .drive import Drive
 from .equilibrium import Equilibrium
 from .progress import Progress, Record
@@ -72,6 +72,7 @@ class Relaxation(Drive):
         self.equilibrium = equilibrium or Equilibrium(SingleMesh(mechanics), [self])
         self.row = row
         self._last_gradient: np.ndarray | None = None  # of the previous level
+        self._wanted: WantedTension | None = None  # of this level
 
     @property
     def dissipated(self) -> float:
@@ -128,7 +129,7 @@ class Relaxation(Drive):
 
     def reach(self, load: LoadPoint, wanted: WantedTension | None) -> Iterator[Unsolved]:
         """Find the equilibrium at a load, or continue an unfinished one."""
-        progress = self.progress
+        progress, self._wanted = self.progress, wanted
         as_knitted = progress.stage_index == 0 and progress.level == 0 and progress.load_factor == 0.0
         if progress.steps == 0 and wanted is None and self.mechanics.is_in_equilibrium(load):
             return
@@ -221,16 +222,24 @@ class Relaxation(Drive):
         """The error of a level that makes no progress."""
         steps = self.equilibrium.convergence.patience * self.mechanics.check_steps
         return Diverged(
-            f"level {self.progress.load_factor:.3g} of stage {self.progress.stage!r} did not converge: no progress in"
-            f" {steps:,} steps ({self._residual_text()}); raise output.frames or solver.residual_tolerance"
+            f"{self._level_text()} did not converge: no progress in {steps:,} steps ({self._residual_text()}); a larger"
+            " model.nodes_per_loop or solver.residual_tolerance, or other output.frames, may converge"
         )
 
     def exceeded_steps(self) -> Diverged:
         """The error of a level that exceeds its step limit."""
         return Diverged(
-            f"level {self.progress.load_factor:.3g} of stage {self.progress.stage!r} did not converge in"
-            f" {self.step_limit:,} steps ({self._residual_text()}): raise solver.max_steps or solver.residual_tolerance"
+            f"{self._level_text()} did not converge in {self.step_limit:,} steps ({self._residual_text()}): raise"
+            " solver.max_steps or solver.residual_tolerance"
         )
+
+    def _level_text(self) -> str:
+        """The level and its load: the wanted tension, or the strain, in weft and warp."""
+        load = [percent(strain) for strain in np.diag(stretch(self.state.gradient)) - 1.0]
+        if self._wanted is not None:
+            for side in np.nonzero(self._wanted.driven)[0]:
+                load[side] = engineering(float(self._wanted.tension[side]), "N/m")
+        return f"level {self.progress.load_factor:.3g} of stage {self.progress.stage!r} ({' / '.join(load)} in weft / warp)"
 
     def _unmet_text(self) -> str:
         """The criterion that keeps a mesh from convergence whose forces balance."""

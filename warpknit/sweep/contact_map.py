@@ -223,6 +223,13 @@ def jump_warning(found: Sequence[Jump], by_tension: bool = False) -> str | None:
     )
 
 
+def unconverged_warning(rows: Sequence[MapRow], by_tension: bool) -> str | None:
+    """How many pairs of loads did not converge, or None."""
+    failed = sum(row.stop_reason != STEADY for row in rows)
+    quantity = "tensions" if by_tension else "strains"
+    return f"{failed} of {len(rows)} pairs of {quantity} did not converge; map_details.csv has the reasons" if failed else None
+
+
 @dataclass(frozen=True)
 class Drift:
     """How far the tension may drift from the optimum, cell by cell: tensions [N/m] in weft and warp of the last good cells."""
@@ -232,20 +239,30 @@ class Drift:
     high: Pair
     open_low: bool  # the map ends there
     open_high: bool
+    diverged_low: bool  # the next pair did not converge
+    diverged_high: bool
     jumps: tuple[tuple[Pair, Pair], ...] = ()  # tensions on both sides of each jump to another equilibrium, within the range
 
 
 def drift_text(drift: Mapping[str, Any]) -> str:
     """A `Drift`, as a table of its fields, in words."""
     if drift["low"] == drift["high"]:
-        edges = " and ".join(side for side, end in (("below", "low"), ("above", "high")) if drift[f"open_{end}"])
-        return "by less than one step of the map" + (f"; nothing is known {edges}, beyond the edge of the map" if edges else "")
-    ends = [
-        load_text(drift[end], by_tension=True) + (", the edge of the map" if drift[f"open_{end}"] else "")
-        for end in ("low", "high")
-    ]
+        reasons = {"open": "beyond the edge of the map", "diverged": "where the next pair did not converge"}
+        unknown = " and ".join(
+            f"{' and '.join(sides)}, {why}"
+            for name, why in reasons.items()
+            if (sides := [side for side, end in (("below", "low"), ("above", "high")) if drift.get(f"{name}_{end}")])
+        )
+        return "by less than one step of the map" + (f"; nothing is known {unknown}" if unknown else "")
+    ends = []
+    for end, at in (("low", "at most "), ("high", "at least ")):
+        text = load_text(drift[end], by_tension=True)
+        if drift.get(f"diverged_{end}"):
+            text = f"{at}{text}, where the next pair did not converge"
+        ends.append(text + (", the edge of the map" if drift[f"open_{end}"] else ""))
     snaps = "; ".join(" and ".join(load_text(side, by_tension=True) for side in jump) for jump in drift.get("jumps", ()))
-    return f"from {ends[0]} to {ends[1]}" + (f"; the mesh jumps between {snaps}" if snaps else "")
+    comma = "," if drift.get("diverged_low") else ""
+    return f"from {ends[0]}{comma} to {ends[1]}" + (f"; the mesh jumps between {snaps}" if snaps else "")
 
 
 @dataclass(frozen=True)
@@ -347,16 +364,19 @@ def _drifts(rows: Sequence[MapRow], optimum: Optimum, yield_stress: float, jumps
         return bool(enough and row.stress_max_Pa <= yield_stress and min(row.tension) > 0.0)
 
     for along, (i, j) in (("weft", (1, 0)), ("warp", (0, 1)), ("both", (1, 1))):
-        reach, is_open = [], []
+        reach, beyond = [], []
         for sign in (-1, 1):
             count = 1
             while (row := cell(at[0] + sign * count * i, at[1] + sign * count * j)) is not None and is_good(row):
                 count += 1
             reach.append(sign * (count - 1))
-            is_open.append(row is None)
+            beyond.append(row)
         line = [row for k in range(reach[0], reach[1] + 1) if (row := cell(at[0] + k * i, at[1] + k * j)) is not None]
         passed = tuple((one.tension, other.tension) for one, other in pairwise(line) if _is_jump(one.load, other.load, jumps))
-        yield Drift(along, line[0].tension, line[-1].tension, is_open[0], is_open[1], passed)
+        open_low, open_high = (row is None for row in beyond)
+        diverged_low, diverged_high = (row is not None and row.stop_reason != STEADY for row in beyond)
+        ends = line[0].tension, line[-1].tension
+        yield Drift(along, *ends, open_low, open_high, diverged_low, diverged_high, passed)
 
 
 def _is_jump(low: Pair, high: Pair, jumps: Sequence[Jump]) -> bool:

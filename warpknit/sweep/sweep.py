@@ -41,6 +41,7 @@ from .contact_map import (
     optimum_note,
     optimum_warnings,
     read_map,
+    unconverged_warning,
     write_map,
 )
 from .states import States, mesh_of, states_of
@@ -209,15 +210,11 @@ class _Mapper:
 
         wall = time.perf_counter() - self._begin
         rows, wire = self.rows, self.scene.wire
-        failed = [row for row in rows if row.stop_reason != STEADY]
         jumps = find_jumps(self.meshes[0], rows)
         optimum = find_optimum(rows, wire.yield_stress, jumps)
         warnings = list(self.model_warnings)
-        if failed:
-            count = f"{len(failed)} of {len(rows)} pairs of {self.sweep.quantity}"
-            warnings.append(f"{count} did not converge; map_details.csv has the reasons")
-        if (jumped := jump_warning(jumps, self.sweep.by_tension)) is not None:
-            warnings.append(jumped)
+        limits = unconverged_warning(rows, self.sweep.by_tension), jump_warning(jumps, self.sweep.by_tension)
+        warnings += [limit for limit in limits if limit is not None]
         if len(self.scene.stages) > 1:
             warnings.append(f"the map is at {celsius(self.scene.stages[0].temperature)}: it does not run the stages of [[path]]")
         if len(rows) == len(self.pairs):
@@ -230,7 +227,7 @@ class _Mapper:
             "path": f"each pair of {self.sweep.quantity} separately, proportionally from the knitted mesh,"
             f" {self.scene.output.frames} levels to the largest {self.sweep.quantity.removesuffix('s')}",
             "loads": self.sweep.quantity,
-            "cells": {"wanted": len(self.pairs), "done": len(rows), "steady": len(rows) - len(failed)},
+            "cells": {"wanted": len(self.pairs), "done": len(rows), "steady": sum(row.stop_reason == STEADY for row in rows)},
             "seeds": self.sweep.seeds,
             "model": {
                 "kind": self.scene.model.kind,

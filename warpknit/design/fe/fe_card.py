@@ -70,9 +70,9 @@ def fabric_note(fe: FeCard, measure: str, reference: str) -> str:
     if fe.curves is None:
         return f"{FABRIC}: none, {fe.no_curves}."
     return (
-        f"{FABRIC}: {measure} from the mesh as knitted, on one path, that of the card. It takes no"
-        f" initial stress: give the nodes as knitted by {reference}. Weft and warp are independent in it and it has no expansion,"
-        " so that its tangent is not that of the card."
+        f"{FABRIC}: {measure} from the mesh as knitted, on one path, that of the card, up to the first jump to another"
+        f" equilibrium. It takes no initial stress: give the nodes as knitted by {reference}. Weft and warp are independent in it"
+        " and it has no expansion, so that its tangent is not that of the card."
     )
 
 

@@ -26,6 +26,15 @@ CODES: dict[str, tuple[str, Callable[[FeCard], str]]] = {
 FILES = tuple(file for file, _ in CODES.values())
 
 
+def why_no_curves(card: MaterialCard, path: Sequence[Row]) -> str:
+    """Why the files have no curves; empty where they have. path: as for `write_fe_cards`."""
+    try:
+        yarn_curves(card, path)
+    except NoConstants as error:
+        return str(error)
+    return ""
+
+
 def write_fe_cards(
     card: MaterialCard,
     path: Sequence[Row],
@@ -38,13 +47,11 @@ def write_fe_cards(
 ) -> dict[str, str]:
     """Write the file of each of `codes` into `out`; return its name, or why there is none.
 
-    path: states on the way to the card, and beyond. where: state of the card, in words. warnings: of the model.
+    path: states on the way to the card, and beyond, up to the first jump. where: state of the card, in words.
+    warnings: of the model.
     """
-    curves, no_curves = None, ""
-    try:
-        curves = yarn_curves(card, path)
-    except NoConstants as error:
-        no_curves = str(error)
+    no_curves = why_no_curves(card, path)
+    curves = None if no_curves else yarn_curves(card, path)
     fe = FeCard(scene.name, where, card, curves, no_curves, [*warnings, *card_warnings(card, scene)])
     written = {}
     for code in codes:

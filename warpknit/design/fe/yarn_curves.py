@@ -16,6 +16,7 @@ from ..card import MaterialCard
 from .tangent import NoConstants
 
 APART = 0.02  # of a tension: nearer states are that of the card, less exact
+MISFIT = 0.1  # of the tension of the card: largest difference of a curve from a state on the way to the card
 
 
 @dataclass(frozen=True)
@@ -32,14 +33,17 @@ class YarnCurve:
 
 
 def yarn_curves(card: MaterialCard, path: Sequence[Row]) -> tuple[YarnCurve, YarnCurve]:
-    """Curves along weft and warp. path: states on the way to the card, and beyond.
+    """Curves along weft and warp. path: states on the way to the card, and beyond, up to the first jump to another equilibrium.
 
-    Raises `NoConstants` where a direction is not stretched or carries no tension, or the mesh resists no shear.
+    Raises `NoConstants` where a direction is not stretched or carries no tension, where the mesh resists no shear or jumps on the
+    way to the card, and where a tension is no rising function of the strain along it.
     """
     if min(card.strain_weft, card.strain_warp, card.tension_weft, card.tension_warp) <= 0.0:
         raise NoConstants("the mesh is not stretched and tensioned both ways")
     if card.stiffness[2, 2] <= 0.0:
         raise NoConstants("its shear stiffness is not positive")
+    if card.jumps:
+        raise NoConstants("the mesh jumps to another equilibrium on the way to the card")
     kept = (card.strain_weft, card.strain_warp, card.tension_weft, card.tension_warp)
     rows = [kept]
     for row in path:
@@ -47,11 +51,15 @@ def yarn_curves(card: MaterialCard, path: Sequence[Row]) -> tuple[YarnCurve, Yar
         if max(abs(one / other - 1.0) for one, other in zip(tension, kept[2:], strict=True)) > APART:
             rows.append((row.strain_weft, row.strain_warp, *tension))
     strain_weft, strain_warp, weft, warp = np.array(rows).T
-    return _rising(1.0 + strain_weft, weft * (1.0 + strain_warp)), _rising(1.0 + strain_warp, warp * (1.0 + strain_weft))
+    along_weft, along_warp = 1.0 + strain_weft, 1.0 + strain_warp
+    return _rising("weft", along_weft, weft * along_warp), _rising("warp", along_warp, warp * along_weft)
 
 
-def _rising(stretch: np.ndarray, nominal: np.ndarray) -> YarnCurve:
-    """The curve by stretch, from the mesh as knitted and through the first of these points, without others that make it fall."""
+def _rising(side: str, stretch: np.ndarray, nominal: np.ndarray) -> YarnCurve:
+    """The curve by stretch, from the mesh as knitted and through the first of these points, without others that make it fall.
+
+    Raises `NoConstants` where the others of less tension than the first are far off the curve.
+    """
     points = [(stretch[0], nominal[0])]
     order = np.argsort(stretch)
     for i in order[::-1]:
@@ -60,4 +68,9 @@ def _rising(stretch: np.ndarray, nominal: np.ndarray) -> YarnCurve:
     for i in order:
         if stretch[i] > points[-1][0] and nominal[i] > points[-1][1]:
             points.append((stretch[i], nominal[i]))
-    return YarnCurve(*np.array([(1.0, 0.0), *points]).T)
+    curve = YarnCurve(*np.array([(1.0, 0.0), *points]).T)
+    before = nominal < nominal[0]
+    off = np.abs(np.interp(stretch[before], curve.stretch, curve.nominal) - nominal[before])
+    if off.max(initial=0.0) > MISFIT * nominal[0]:
+        raise NoConstants(f"the tension in {side} does not rise with the strain in {side} on the way to the card")
+    return curve
