@@ -133,8 +133,9 @@ def sum_states(
         after = following[i]
         if after >= 0:
             strain = chord_strain(i, natural_length, control, length)
-            rest = natural_length[i] * control[LENGTH_FACTOR]
-            stretched += rest * strain * (tension_offset[i] + half * stretch_stiffness[i] * strain)
+            tension = tension_offset[i] + stretch_stiffness[i] * strain
+            stored = wp.where(keeps_arc_length != 0, axial_stiffness, stretch_stiffness[i])
+            stretched += half * natural_length[i] * control[LENGTH_FACTOR] * tension * tension / stored
             if is_free(i, held) or is_free(after, held):
                 excess = excess_strain(
                     i, following, natural_length, bow_weight, bow_at_rest, thermal_strain, axial_stiffness, keeps_arc_length,

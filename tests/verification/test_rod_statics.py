@@ -53,3 +53,19 @@ def test_a_round_rod_bends_alike_in_every_plane(angle: float) -> None:
     assert moved[0] == pytest.approx(other[0], rel=0, abs=allowed)
     assert moved @ across == pytest.approx(np.linalg.norm(other[1:]), rel=0, abs=allowed)
     assert abs(moved @ [0.0, -across[2], across[1]]) < allowed
+
+
+def test_the_energy_of_an_equilibrium_does_not_depend_on_its_softening() -> None:
+    """Arcs are longer than their chords, which the multipliers carry: what is stored is T^2 L/2EA and that of bending."""
+    stored = []
+    for softening in (1e2, 1e4):
+        points = LENGTH / 10 * np.arange(11)[:, None] * [1.0, 0.0, 0.0]
+        stepper = RodStepper(rods_of(SECTION, [points]).holding([0], [0]))
+        force = 5.0 * SECTION.bending_stiffness / LENGTH**2
+        forces = np.zeros_like(points)
+        forces[-1] = force * np.array([2.0, 1.0, 0.0])
+        stepper.state.load_force.assign(forces)
+        relaxation = RodRelaxation(stepper, softening=softening)
+        relaxed(relaxation, BALANCE * force, strain_tolerance=1e-9)
+        stored.append(relaxation.sums(of_mean=False).energy)
+    assert stored[0] == pytest.approx(stored[1], rel=100 * BALANCE, abs=0)
