@@ -6,6 +6,9 @@ o = r_p + r_q - |p - q|, where the radii r grow with temperature as the wires do
     N = k (o + a) where o + a > 0                   normal force, along n on p and along -n on q
     z' = z + dt v_t    T = - k_t z    |T| <= mu N   friction; the elastic slip z is scaled back at the Coulomb limit
 
+In real time z is scaled back at every step. In a relaxation it is scaled back as an increment of load begins, and within is the
+whole slip since the equilibrium before (backward Euler): slip to and fro of the transient cancels, and friction opposes the rest.
+
 The penalty k and the offset a, an augmented Lagrangian multiplier over the penalty, are given at the nodes: k is the mean and a
 the sum of both wires, each interpolated along its segment. k_t is the same everywhere.
 
@@ -19,7 +22,7 @@ Weights of contacts at the end of a segment, and of two contacts of one pair: wi
 
 import warp as wp
 
-from .control import CONTACT_STIFFNESS, LENGTH_FACTOR, STATUS, STATUS_RUNNING, STEP, TIME_STEP, is_halted
+from .control import CONTACT_STIFFNESS, DRIVE, LENGTH_FACTOR, RAMP_STEP, STATUS, STATUS_RUNNING, STEP, TIME_STEP, is_halted
 from .rod_frames import affine_map
 from .wire_closest import FOLLOWED_FORCE, NOT_NEAR, ONE_PLACE
 from .wire_curve import Bump, curve_through, derivative_at, node_weights, point_at, rest_shape, row, section_offsets, stencil
@@ -174,6 +177,7 @@ def find_contact_forces(
         is_same = separation != NO_COMMON_WIRE
         is_running = control[STATUS] == STATUS_RUNNING
         step = int(control[STEP])
+        is_increment = control[DRIVE] == zero and control[RAMP_STEP] > zero
         has_more_p = following[following[i]] >= 0
         has_more_q = following[following[j]] >= 0
         last = wp.where(found == ONE_PLACE, 1, 3)
@@ -268,8 +272,9 @@ def find_contact_forces(
                 limit = friction * own * normal_force / weight
                 size = wp.length(friction_force)
                 if size > limit:
-                    slip = slip * (limit / size)
                     friction_force = friction_force * (limit / size)
+                    if not is_increment:
+                        slip = slip * (limit / size)
                 couple_p = wp.cross(lever_p, friction_force)
                 couple_q = wp.cross(lever_q, -friction_force)
                 if is_running:

@@ -138,13 +138,11 @@ def test_friction_adds_its_coefficient_times_the_contact_force() -> None:
 
 @pytest.mark.slow
 def test_friction_that_a_run_finds_lost_is_what_the_end_force_lacks() -> None:
-    """With nodes 2 d apart contacts slip back while the knot relaxes. The share of friction that opposes sliding is what friction
-    adds to the end force, over mu q: 0.617 and 0.612 measured. A load that is applied more slowly keeps more of it."""
-    fast, slow = friction_rows((2.0,), (200, 1600))
-    assert fast.friction_share < LEAST_SHARE
-    assert fast.opposing_share == pytest.approx(fast.friction_share, abs=0.05)
-    assert slow.opposing_share == pytest.approx(slow.friction_share, abs=0.05)
-    assert slow.friction_share > fast.friction_share + 0.1
+    """With nodes 2 d apart contacts open while the knot relaxes. The share of friction that opposes sliding is what friction adds
+    to the end force, over mu q: 0.83 and 0.83 measured."""
+    (row,) = friction_rows((2.0,), (200,))
+    assert LEAST_SHARE < row.friction_share < 1.02
+    assert row.opposing_share == pytest.approx(row.friction_share, abs=0.05)
 
 
 @pytest.mark.slow

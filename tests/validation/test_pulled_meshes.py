@@ -23,7 +23,7 @@ ELASTIC = Case("elastic and smooth", {"wire.plastic": False, "contact.friction":
 
 @cache
 def smooth() -> Scene:
-    return scene_of(HF_1, (26, 28), ELASTIC)
+    return scene_of(HF_1, (26, 33), ELASTIC)
 
 
 def test_wires_across_a_line_are_counted() -> None:
@@ -31,16 +31,16 @@ def test_wires_across_a_line_are_counted() -> None:
     courses, the underlaps of one and of two needles. All of them at their strength carry n A sigma over the spacing."""
     scene = smooth()
     assert yarns_across(scene, WARP) == pytest.approx(6 * 26 / INCH)
-    assert yarns_across(scene, WEFT) == pytest.approx(3 * 28 / INCH)
+    assert yarns_across(scene, WEFT) == pytest.approx(3 * 33 / INCH)
     area = 4 * math.pi * (8.5e-6) ** 2
-    assert strongest(scene, WEFT, 1e9) == pytest.approx(3 * 28 / INCH * area * 1e9)
+    assert strongest(scene, WEFT, 1e9) == pytest.approx(3 * 33 / INCH * area * 1e9)
 
 
 def test_wire_is_straight_when_its_course_is_spent() -> None:
     """2220 mm a rack of 480 courses: along the wales L = 3 C'. 2370 mm of the bar that goes two needles: along the courses
     L = 2 W'."""
     scene = smooth()
-    assert straight_strain(scene, WARP) == pytest.approx(2.220 / 480 / (3 * INCH / 28) - 1.0, rel=2e-3)
+    assert straight_strain(scene, WARP) == pytest.approx(2.220 / 480 / (3 * INCH / 33) - 1.0, rel=2e-3)
     assert straight_strain(scene, WEFT) == pytest.approx(2.370 / 480 / (2 * INCH / 26) - 1.0, rel=2e-3)
 
 
@@ -85,7 +85,7 @@ def test_every_case_is_a_scene() -> None:
             scene = scene_of(mesh, spacing, Case(""))
             assert scene.changed({"model.kind": "auto"}).model.kind == "spatial"
     for case in CASES:
-        scene_of(LF_2 if case.bars else HF_1, (26, 30) if case.bars else (26, 28), case)
+        scene_of(LF_2 if case.bars else HF_1, (26, 30) if case.bars else (26, 33), case)
 
 
 @pytest.mark.slow

@@ -85,6 +85,38 @@ def test_friction_is_steady_from_segment_to_segment() -> None:
     assert np.abs(steady - expected).max() < 1e-6 * np.linalg.norm(expected)
 
 
+@pytest.mark.parametrize("is_relaxation", [True, False])
+def test_slip_to_and_fro_within_an_increment_cancels(is_relaxation: bool) -> None:
+    """A heavy wire is drawn across another by s = 1, and back by s/2, thirty elastic slips mu N/k_t.
+
+    Within an increment of a relaxation friction stays mu N against the whole slip since its beginning, s - s/2; in real time it
+    turns. It turns in the next increment: back by s/4 is sixteen elastic slips.
+    """
+    friction, overlap, step, speed = 0.4, 0.02, 0.01, np.array([1.0, 0.0, 0.0])
+    stepper, contact = touching(
+        [line([0, 0, 0], [2, 0, 0], 8), line([3.3, -5.2, 1 - overlap], [0, 1.7, 0], 8)], friction=friction
+    )
+    state, upper = stepper.state, np.arange(16)[:, None] >= 8
+    set_masses(stepper, 1e12, 1e12)
+    stepper.set_time_step(step)
+    unchanged = {begin + k: 1.0 for begin in (c.FROM, c.TO) for k in (0, 3, 4)}
+    state.write_control(unchanged | {c.DRIVE: float(not is_relaxation)})
+    assert friction * overlap / STICK_SHARE < 1.0 / 60
+
+    def pull_after(way: float) -> np.ndarray:
+        """Friction on the wire below, over mu N, after so much way."""
+        state.velocity.assign(np.where(upper, np.sign(way) * speed, 0.0))
+        contact.advance(round(abs(way) / step))
+        stepper.evaluate()
+        return contact.read_contacts().friction.sum(axis=0) / (friction * STIFFNESS * overlap)
+
+    state.write_control({c.RAMP_STEP: 0.0, c.RAMP_STEPS: 500.0})
+    assert pull_after(1.0) == pytest.approx(speed, abs=1e-6)
+    assert pull_after(-0.5) == pytest.approx(speed if is_relaxation else -speed, abs=1e-6)
+    state.write_control({c.RAMP_STEP: 0.0})
+    assert pull_after(-0.25) == pytest.approx(-speed, abs=1e-6)
+
+
 def test_wires_that_the_load_carries_over_each_other_stick_and_slip() -> None:
     """A wire has slid along another by a; then the load strains both by e along it, and nothing moves beside that. What the two
     have at one place are carried from places a/F apart, so they slip by a log(1 + e), to the square of the strain a step."""

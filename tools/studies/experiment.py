@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from experiment_picture import MODELS, SIDES, draw
 from loop_set import releases
-from pulled_data import MESHES, sized
+from pulled_data import MESHES, with_run_in
 from pulled_meshes import INCH
 from study import add_directory, new_parser, picture_path, show_rows, table_path, write_rows
 
@@ -47,7 +47,7 @@ class Sample:
     bars: tuple[dict[str, Any], ...]
     wire: dict[str, Any]
     spacings: dict[str, tuple[float, float]]
-    loops: dict[tuple[float, float], tuple[float, float]] = field(default_factory=dict)  # loop_scale of the bars, by spacing
+    run_in: tuple[float, float] | None = None  # [m] a rack, in the order of the bars
 
 
 _ATLAS, _LOCKNIT = named_knit("double-atlas"), MESHES[0]
@@ -60,7 +60,7 @@ SAMPLES = (
     ),
     Sample(
         "tight", "tight: reverse locknit, 4 x 17 um", _LOCKNIT.bars, {**_LOCKNIT.wire, **GOLD},
-        _LOCKNIT.spacings, _LOCKNIT.loops,
+        _LOCKNIT.spacings, _LOCKNIT.run_in,
     ),
 )  # fmt: skip
 CASES: dict[str, dict[str, Any]] = {
@@ -100,17 +100,16 @@ def scene_of(
     for tension in tensions:
         for raised in ((1.0, 1.0), (RAISE, 1.0), (1.0, 1.0), (1.0, RAISE)):
             stages.append({f"tension_{side}": tension * share for side, share in zip(SIDES, raised, strict=True)})
-    bars = sized(sample.bars, sample.loops.get(spacing))
     table = {
         "wire": sample.wire,
-        "knit": {"bars": bars, "wale_spacing": INCH / spacing[0], "course_spacing": INCH / spacing[1]},
+        "knit": {"bars": list(sample.bars), "wale_spacing": INCH / spacing[0], "course_spacing": INCH / spacing[1]},
         "model": {"kind": model, "boundary": "periodic"},
         "load": stages[0],
         "path": stages[1:],
         "solver": {"preset": "draft", "residual_tolerance": 2e-3, "precision": "double"},
         "output": {"frames": 1},
     }
-    return make_scene(table, list(changes.items()))
+    return with_run_in(make_scene(table, list(changes.items())), sample.run_in)
 
 
 @dataclass

@@ -7,9 +7,11 @@ free sides the width, force and elongation at break.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
+
+from warpknit.design.loop_fit import fit_run_in
+from warpknit.scene import Scene
 
 RACK = 480  # courses
 
@@ -40,8 +42,6 @@ class Mesh:
     spacings: dict[str, tuple[float, float]]  # wales and courses an inch: base, and other cases
     measured: dict[str, Measured]
     run_in: tuple[float, float] | None = None  # [m] a rack, in the order of the bars
-    # by wales and courses, loop_scale of the bars: their length in plan view is the run-in, that in space 5 to 8 % more
-    loops: dict[tuple[float, float], tuple[float, float]] = field(default_factory=dict)
 
     @property
     def middle(self) -> float:
@@ -52,17 +52,14 @@ class Mesh:
 MOLYBDENUM = {"material": "molybdenum", "youngs_modulus": "320 GPa"}
 STEEL = {"material": "molybdenum", "youngs_modulus": "193 GPa", "poissons_ratio": 0.29, "density": "7900 kg/m^3"}
 OF_MOLYBDENUM, OF_STEEL = (0.8e9, 1.2e9), (0.6e9, 1.1e9)
-# of HF-1 and HF-2, for 24, 26 and 28 wales, courses at which the loops of both bars can take their run-in in plan view
+# HF-1 and HF-2: the loops of both bars take their run-in with 30 to 37 and 26 to 33 courses from 24 to 28 wales; with 32 wales,
+# of cloth that has shrunk in width off the machine, with 27 to 30 and 25
 MESHES = (
     Mesh(
         "HF-1", REVERSE_LOCKNIT, MOLYBDENUM | {"diameter": "17 um", "ends": 4}, OF_MOLYBDENUM,
-        {"base": (26, 28), "24 wales": (24, 31), "28 wales": (28, 26)},
+        {"base": (26, 33), "24 wales": (24, 37), "28 wales": (28, 30), "32 wales": (32, 28)},
         {"warp": Measured(25e-3, 36.16, 0.07, 0.452, 0.03), "weft": Measured(15e-3, 29.01, 0.08, 1.068, 0.02)},
         (2.370, 2.220),
-        {
-            (26, 28): (0.7772356150299443, 1.3007116963793168), (24, 31): (0.846828598781958, 1.4442688117468183),
-            (28, 26): (0.7296447585765393, 1.1749339361179858),
-        },
     ),
     Mesh(
         "LF-2", ATLAS, MOLYBDENUM | {"diameter": "27 um", "ends": 3}, OF_MOLYBDENUM,
@@ -71,13 +68,9 @@ MESHES = (
     ),
     Mesh(
         "HF-2", REVERSE_LOCKNIT, MOLYBDENUM | {"diameter": "16 um", "ends": 4}, OF_MOLYBDENUM,
-        {"base": (26, 25), "24 wales": (24, 28), "28 wales": (28, 24)},
+        {"base": (26, 28), "24 wales": (24, 33), "28 wales": (28, 26), "32 wales": (32, 25)},
         {"warp": Measured(25e-3, 30.40, 0.11, 0.444, 0.02), "weft": Measured(20e-3, 25.93, 0.02, 1.261, 0.03)},
         (2.690, 2.220),
-        {
-            (26, 25): (1.1775741476287906, 0.9323565586582829), (24, 28): (1.3027395658646554, 1.1701652056781973),
-            (28, 24): (1.2347692583151075, 0.8893567521067125),
-        },
     ),
     Mesh(
         "LF-1", ATLAS, STEEL | {"diameter": "30 um", "ends": 3}, OF_STEEL,
@@ -87,9 +80,12 @@ MESHES = (
 )  # fmt: skip
 
 
-def sized(bars: Sequence[dict[str, Any]], sizes: Sequence[float] | None) -> list[dict[str, Any]]:
-    """Bars with loops of these sizes, or of one size."""
-    return [{**bar, "loop_scale": size} for bar, size in zip(bars, sizes or [1.0] * len(bars), strict=True)]
+def with_run_in(scene: Scene, run_in: tuple[float, ...] | None) -> Scene:
+    """The scene with loops of each bar that take its run-in [m] a rack, or as it is."""
+    if run_in is None:
+        return scene
+    bars = fit_run_in(scene, tuple(length / RACK for length in run_in)).scene.knit.bars
+    return scene.changed({"knit.bars": [{"chain": bar.chain, "loop_scale": bar.loop_scale} for bar in bars]})
 
 
 @dataclass(frozen=True)

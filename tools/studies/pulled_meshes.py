@@ -18,7 +18,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from pulled_data import CASES, MESHES, Case, Mesh, sized
+from pulled_data import CASES, MESHES, Case, Mesh, with_run_in
 from pulled_pictures import draw
 from strip_bounds import straight_strain, strongest
 from strip_pull import WARP, WEFT, Pull, pull
@@ -86,14 +86,14 @@ def scene_of(mesh: Mesh, spacing: tuple[float, float], case: Case) -> Scene:
             **mesh.wire, "yield_stress": YIELD * mesh.middle, "tensile_strength": mesh.middle, "plastic": True, "hardening": 0.01,
         },
         "knit": {
-            "bars": sized(case.bars or mesh.bars, mesh.loops.get(spacing)),
+            "bars": list(case.bars or mesh.bars),
             "wale_spacing": INCH / spacing[0], "course_spacing": INCH / spacing[1],
         },
         "model": {"kind": "spatial", "boundary": "periodic"},
         "contact": {"friction": 0.2},
         "solver": {"preset": "draft", "max_steps": 8000},
     }  # fmt: skip
-    return make_scene(table, list(case.changes.items()))
+    return with_run_in(make_scene(table, list(case.changes.items())), mesh.run_in)
 
 
 def cases_of(mesh: Mesh) -> Iterator[tuple[Case, tuple[float, float]]]:

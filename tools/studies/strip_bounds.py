@@ -33,7 +33,7 @@ def straight_strain(scene: Scene, axis: int) -> float:
     """Strain at which a bar of thin wire is straight: its wire of a course is then all along the pull.
 
     Along the wales a loop is two legs a course long, and the underlap a third: L = 3 C'. Along the courses it is the underlap,
-    as long as the needles between two loops: L = k W'. The bar that is straight first counts. L is the length in plan view.
+    as long as the needles between two loops: L = k W'. The bar that is straight first counts. L is the length in space.
     """
     knit, cloth, lapping = scene.knit, knit_scene(scene), lapping_table(scene.knit.bars)
     strains = []
@@ -44,6 +44,5 @@ def straight_strain(scene: Scene, axis: int) -> float:
             needles = [[s.needle for s in stitches] for stitches in lapping.threads if stitches[0].bar == bar]
             steps = [abs(b - a) for row in needles for a, b in zip(row, row[1:] + row[:1], strict=True)]
             there = knit.wale_spacing * float(np.mean(steps))
-        lengths = [thread.length / cloth.courses for thread in cloth.threads if thread.bar == bar]
-        strains.append(float(np.mean(lengths)) / there - 1.0)
+        strains.append(cloth.run_in(bar) / there - 1.0)
     return min(strains)
