@@ -1,7 +1,7 @@
 """Whether friction opposes what the contacts slid from one equilibrium to the next.
 
-Friction is that of the slip since the equilibrium before (kernels/wire_contact_forces.py), which a contact loses that opens for a
-while as the mesh relaxes. Where a contact slid by s, friction should be mu N against s. With the forces T and N of the contacts
+Friction is that of the slip since the equilibrium before (kernels/wire_contact_forces.py). It may be lost as a mesh relaxes, as
+by a contact that opens for a while. Where a contact slid by s, friction should be mu N against s. With the forces T and N of the contacts
 that slid far,
 
     share = - sum T s/|s| / (mu sum N)        1 where all friction opposes the sliding, 0 where none does
@@ -109,8 +109,7 @@ class Sliding:
         weft, warp = (percent(strain, 1) for strain in np.diag(stretch(self.stepper.state.gradient)) - 1.0)
         self.notes.append(
             f"at strains of {weft} in weft and {warp} in warp friction against the sliding of the wires is"
-            f" {percent(max(self.share, 0.0), 0)} of its limit: contacts opened while the mesh relaxed, and friction is"
-            " underestimated; raise output.frames until it does not change"
+            f" {percent(max(self.share, 0.0), 0)} of its limit, and underestimated; raise output.frames until it does not change"
         )
 
     def state_dict(self) -> dict[str, np.ndarray]:
