@@ -36,8 +36,9 @@ MAX_RATE, MIN_RATE, RATE_TO_DAMPING = 0.5, 0.05, 0.5
 PROGRESS = 0.9  # of the least residual ratio: counts as progress
 # checks without progress before the rate is lowered, and to which share of it; factor by which it is raised with progress
 RATE_PATIENCE, LOWERED_RATE, RAISED_RATE = 12, 0.6, 1.5
-SOFT_FACTOR = 4.0  # by which all wires are made stiffer where the axial strain makes no progress
-SOFT_SHARE = 0.99  # of the axial strain in the residual ratio, from which on it is what makes none
+# checks without progress at the least rate after which all wires are made stiffer, by which factor, and share of the axial strain
+# in the residual ratio from which on
+SOFT_PATIENCE, SOFT_FACTOR, SOFT_SHARE = 24, 4.0, 0.99
 APPROACH = 2.4  # of two wires, over the largest displacement
 # thicknesses: largest displacement a step of wires that may touch, and the least limit; up to FASTER times the speed
 CONTACT_SPEED, LEAST_SPEED, FASTER = 0.1, 0.001, 1.5
@@ -278,20 +279,18 @@ class RodRelaxation:
         excess: the part of the ratio that errors of axial strains have.
 
         Multipliers converge where the softened stiffness exceeds the negative stiffness with which a mesh snaps (Nocedal and
-        Wright 2006, Numerical Optimization, 17.3: the penalty of an augmented Lagrangian). Where it is the axial strain that
-        makes no progress, all wires are made stiffer instead.
+        Wright 2006, Numerical Optimization, 17.3: the penalty of an augmented Lagrangian). Where the axial strain makes no
+        progress at the least rate, all wires are made stiffer.
         """
         if ratio < PROGRESS * self._best_ratio:
             self._best_ratio, self._stalled = ratio, 0
             self._rate = min(MAX_RATE, RAISED_RATE * self._rate)
             return
         self._stalled += 1
-        if self._stalled < RATE_PATIENCE:
-            return
-        if self._rate < MAX_RATE and excess >= SOFT_SHARE * ratio:
-            self._is_too_soft = True
-        else:
+        if self._rate > MIN_RATE and self._stalled >= RATE_PATIENCE:
             self._rate, self._stalled = max(MIN_RATE, LOWERED_RATE * self._rate), 0
+        elif self._stalled >= SOFT_PATIENCE:
+            self._is_too_soft = excess >= SOFT_SHARE * ratio
 
     def _reset_rate(self) -> None:
         """Start with the full rate of the multipliers."""
