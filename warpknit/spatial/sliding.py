@@ -1,8 +1,8 @@
 """Whether friction opposes what the contacts slid from one equilibrium to the next.
 
 Friction is that of the slip since the equilibrium before (kernels/wire_contact_forces.py). It may be lost as a mesh relaxes, as
-by a contact that opens for a while. Where a contact slid by s, friction should be mu N against s. With the forces T and N of the contacts
-that slid far,
+by a contact that opens for a while. Where a contact slid by s, friction should be mu N against s. With the forces T and N of the
+contacts that slid far,
 
     share = - sum T s/|s| / (mu sum N)        1 where all friction opposes the sliding, 0 where none does
 
