@@ -31,8 +31,9 @@ EDGE_TOLERANCE = 0.05  # out-of-balance force on the stations of a cord over the
 CORRECTION_CHECKS = 5  # convergence checks between membrane corrections, at least
 SLOW_DECAY = 0.8  # share of the residual that is left after a check: once more is left, short waves have decayed
 MIN_IMBALANCE = 0.3  # over the tolerance, corrected while the mesh is not converged: it would decay slowly
+FIRST_IMBALANCE = 4.0  # the same at the first check of a mesh that starts from a smaller one, while short waves disturb it too
 CORRECTION_GAIN = 0.7  # a correction has failed if the imbalance exceeds this share of the smallest so far
-MAX_PARTS = 6  # of a correction that is too large to be applied at once: one at a convergence check
+MAX_PARTS, PART_STEPS = 6, 10  # of a correction that is too large to be applied at once, and time steps between them
 MAX_FAILED_CORRECTIONS = 8  # before membrane corrections are abandoned for the level
 MAX_SMALL_FAILURES = 4  # the same while the imbalance is within its tolerance
 MEMBRANE_TOLERANCE = 0.02  # rms stress out of balance over the tension
@@ -70,7 +71,6 @@ class MultilevelRelaxation(Relaxation):
             if self.scene.has_moving_edge:
                 self._rim, self.edge_work = rim, EdgeWork()
         self._correction, self._lift = Aitken(), Aitken()
-        self._rest: Correction | None = None  # of a correction that is applied in parts
 
     @property
     def rim(self) -> Rim | None:
@@ -105,8 +105,6 @@ class MultilevelRelaxation(Relaxation):
             kept |= self.prolongation.state_dict()
         if self.cell is not None:
             kept["stations"] = self.stations
-            if self._rest is not None:
-                kept |= {f"rest_{name}": np.array(value) for name, value in vars(self._rest).items()}
             kept |= {f"cell_{name}": value for name, value in self.cell.snapshot().items()}
             kept |= self._response.state_dict()
         return kept
@@ -120,9 +118,6 @@ class MultilevelRelaxation(Relaxation):
             self.prolongation.load_state_dict(kept)
         if self.cell is not None and self.membrane is not None:
             self._stations = kept["stations"]
-            self._rest = None
-            if "rest_grid" in kept:
-                self._rest = Correction(kept["rest_grid"], kept["rest_stations"], float(kept["rest_max_factor"]))
             self.cell.restore(_under("cell_", kept))
             self._response = load_response(kept, self.cell.model)
             self.membrane.renew(self._response)
@@ -208,6 +203,7 @@ class MultilevelRelaxation(Relaxation):
             remaining = remaining * (1.0 - share) if share < 1.0 else 0.0
             if remaining > 0.0:
                 self._step_on(MOVE_STEPS)
+                cast(EdgeMechanics, self.mechanics).renew_damping()
 
     def _begin_solving(self) -> None:
         super()._begin_solving()
@@ -216,8 +212,8 @@ class MultilevelRelaxation(Relaxation):
         # a mesh that cannot take what the cloth answers to a strain is not moved as cloth either
         progress.gave_up = not progress.is_prolonged
         progress.imbalance = self._unknown_imbalance if progress.gave_up else 1e30
-        progress.ratio, progress.next_correction = 1e30, CORRECTION_CHECKS
-        self._rest = None
+        # the long waves of a smaller mesh are others: where they are far from balance, they are corrected at once
+        progress.ratio, progress.next_correction = 0.0, 1 if self.smaller is not None else CORRECTION_CHECKS
         self._correction.begin()
         self._lift.begin()
 
@@ -230,11 +226,6 @@ class MultilevelRelaxation(Relaxation):
         progress, membrane = self.progress, self.membrane
         if membrane is None:
             return ratio
-        if self._rest is not None:
-            progress.next_correction = progress.checks + CORRECTION_CHECKS
-            self._move_in_parts(membrane, self._rest)
-            self.mechanics.search()
-            return max(ratio, progress.imbalance)
         is_slow = ratio > SLOW_DECAY * progress.ratio or ratio < 1.0
         progress.ratio = ratio
         is_due = progress.checks >= progress.next_correction and is_slow
@@ -244,12 +235,11 @@ class MultilevelRelaxation(Relaxation):
         return max(ratio, progress.imbalance)
 
     def _step_on(self, steps: int) -> None:
-        """Take time steps between increments of the edge. Raises `Diverged`."""
+        """Take time steps between two parts of a displacement. Raises `Diverged`."""
         taken, diverged = advance(self.mechanics, steps)
         self.progress.steps += taken
         if diverged:
             raise self.divergence()
-        cast(EdgeMechanics, self.mechanics).renew_damping()
 
     @property
     def least_tension(self) -> float:
@@ -259,8 +249,8 @@ class MultilevelRelaxation(Relaxation):
     def _correct_as_membrane(self, membrane: Membrane, ratio: float) -> None:
         """Apply a membrane correction unless the mesh is balanced, well where its residual `ratio` exceeds 1; then also one out
         of the plane."""
-        least = MIN_IMBALANCE if ratio > 1.0 else 1.0
         progress, rim = self.progress, membrane.rim
+        least = 1.0 if ratio <= 1.0 else FIRST_IMBALANCE if progress.checks == 1 else MIN_IMBALANCE
         pulled = cast(EdgeMechanics, self.mechanics).clamp_forces() if rim.is_free else np.zeros((0, 2))
         solve = membrane.solve_rim if progress.gave_up else membrane.solve
         correction, stress = solve(self.state.gradient, self.stations, pulled)
@@ -269,7 +259,9 @@ class MultilevelRelaxation(Relaxation):
         if rim.is_free:
             edge = membrane.edge_imbalance(self.state.gradient, self.stations, pulled, self.least_tension)
             progress.imbalance = max(progress.imbalance, edge / EDGE_TOLERANCE)
-        if progress.imbalance > least and not (progress.imbalance <= 1.0 and progress.failed_corrections > MAX_SMALL_FAILURES):
+        is_small = progress.imbalance <= 1.0
+        is_in_vain = is_small and (correction.max_factor < 1.0 or progress.failed_corrections > MAX_SMALL_FAILURES)
+        if progress.imbalance > least and not is_in_vain:
             self._move_as_membrane(membrane, correction)
         lift = membrane.solve_across(self.state.gradient, self.mechanics.checked_stress) if ratio > 1.0 else None
         if lift is not None:
@@ -289,16 +281,23 @@ class MultilevelRelaxation(Relaxation):
             self.membrane_residual = max(self.membrane_residual, MEMBRANE_TOLERANCE * progress.imbalance)
             progress.gave_up, progress.imbalance = True, self._unknown_imbalance
         else:
-            most = min(1.0, MAX_PARTS * correction.max_factor)
+            # what moves far for a small imbalance is a soft mode, in which the mesh answers by other than its tangent
+            most = min(1.0, min(MAX_PARTS, progress.imbalance) * correction.max_factor)
             self._move_in_parts(membrane, correction.scaled(self._correction.next_factor(correction.vector, most)))
 
     def _move_in_parts(self, membrane: Membrane, correction: Correction) -> None:
-        """Move the mesh by as much of a correction as it may take at once; the rest follows at the next checks."""
-        share = correction.max_factor
-        self._rest = correction.scaled(1.0 - share) if share < 1.0 else None
-        part = correction.scaled(share)
-        membrane.move(part)
-        self._move_clamps(part)
+        """Move the mesh by a correction, in parts that it may take at once."""
+        while correction.max_factor < 1.0:
+            self._move(membrane, correction.scaled(correction.max_factor))
+            self.mechanics.search()
+            self._step_on(PART_STEPS)
+            correction = correction.scaled(1.0 - correction.max_factor)
+        self._move(membrane, correction)
+
+    def _move(self, membrane: Membrane, correction: Correction) -> None:
+        """Move the mesh by a correction that it may take at once."""
+        membrane.move(correction)
+        self._move_clamps(correction)
         self.mechanics.begin_level()
 
     def _move_clamps(self, correction: Correction) -> None:
