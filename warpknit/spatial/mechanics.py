@@ -115,9 +115,13 @@ class SpatialMechanics:
     def compile(self) -> None:
         """Compile all kernels. Raises `ModelError` where centre lines intersect."""
         self.contact.search()
-        self.step(0)
         self.stepper.evaluate()
         self._refuse_intersecting_centre_lines()
+        self.step(2)
+        if self.model.ramp is None:
+            self.check(1, loading=False)
+        else:
+            self.residual_now()
 
     def _refuse_intersecting_centre_lines(self) -> None:
         """Intersecting centre lines do not tell which wire lies above the other."""
