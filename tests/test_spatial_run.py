@@ -67,8 +67,10 @@ def test_loops_set_in_part_spring_open_step_by_step(tmp_path: Path, monkeypatch:
     assert_parts_are_the_whole(scene, tmp_path, monkeypatch, every=23)
 
 
-@pytest.mark.parametrize(("fraction", "factor", "cause"), [(0.5, 0.0, "raise wire.set_fraction"), (0.5, 0.1, "raise output.frames"),
-                                                          (1.0, 0.0, "raise output.frames")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("fraction", "factor", "cause"),
+    [(0.5, 0.0, "raise wire.set_fraction"), (0.5, 0.1, "raise output.frames"), (1.0, 0.0, "raise output.frames")],
+)
 def test_a_divergence_names_its_cause(fraction: float, factor: float, cause: str) -> None:
     """Before any load that is the natural curvature, where it is not that as knitted."""
     simulation = Simulation(build_model(load_scene(CELL, [*QUICK, f"wire.set_fraction={fraction}"])))
