@@ -49,6 +49,36 @@ def test_both_ends_of_a_range_of_drift_are_told_where_they_are_unknown(monkeypat
     assert text.endswith(", between records at 500 mN/m and 600 mN/m, where the mesh jumps")
 
 
+def test_a_range_goes_on_in_the_next_stage_that_loads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All contacts are active from 0.61 N/m to first yield at 0.7 N/m, and a second stage begins at 0.65 N/m: both together have
+    the range, as one stage has."""
+    tensions = [0.01 * k + 0.005 for k in range(80)]
+    one, two = ([row(t, stage="more" if split and t > 0.651 else "load") for t in tensions] for split in (False, True))
+    whole, staged = (found(rows, monkeypatch)["best"] for rows in (one, two))
+    assert whole["low"]["tension_weft_N_per_m"] == pytest.approx(CLOSES["B"]) and whole["stages"] == 1
+    assert staged | {"stage": "load", "stages": 1} == whole
+    assert (staged["stage"], staged["stages"]) == ("more", 2)
+    text = dict(answer_rows(found(two, monkeypatch), LIMIT))["best tension"]
+    assert " in stage 'more', the middle of its range: " in text
+
+
+def test_the_widest_range_of_all_stages_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Loaded up to 0.65 N/m, all contacts are active from 0.61 N/m on; unloaded, they are so down to 0.3 N/m. A stage that cools
+    keeps them over a wider range yet, but at no one temperature."""
+    rows = [row(0.05 * k) for k in range(14)]
+    for k in range(12, -1, -1):
+        rows.append(row(0.05 * k, stage="unload"))
+        rows[-1].force_A_N = rows[-1].force_B_N = SLOPE * (k > 5)
+        rows[-1].active_percent = rows[-1].active_A_percent = rows[-1].active_B_percent = 100.0 * (k > 5)
+    for k in range(14):
+        rows.append(row(0.05 * k, stage="cold", temperature=293.15 - 10.0 * k))
+        rows[-1].active_percent = rows[-1].active_A_percent = rows[-1].active_B_percent = 100.0
+        rows[-1].force_A_N = rows[-1].force_B_N = SLOPE
+    best = found(rows, monkeypatch)["best"]
+    assert (best["stage"], best["stages"], best["active_percent"]) == ("unload", 3, 100.0)
+    assert 0.25 < best["low"]["tension_weft_N_per_m"] < 0.31 and best["high"]["tension_weft_N_per_m"] == pytest.approx(0.65)
+
+
 @pytest.mark.parametrize("levels", [4, 10])
 def test_the_drift_does_not_depend_on_the_records(levels: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """100 % T/(1 N/m) of many contacts are active, and the wire yields at 0.7 N/m: best are 69 to 70 %, at 0.69 to 0.7 N/m."""

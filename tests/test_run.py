@@ -13,7 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import warp as wp
 
+from warpknit.device import compile_times
 from warpknit.errors import RunDirectoryError
 from warpknit.runner.run import run_scene
 from warpknit.runner.watch import Watch
@@ -95,12 +97,42 @@ def test_interrupt_and_resume_give_the_same_bits(tmp_path: Path, drive: str, mon
         assert all(np.array_equal(a[key], b[key]) for key in a)
 
 
-@pytest.mark.parametrize("compiled", [0, 2])
-def test_kernels_are_compiled_where_their_cache_grows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compiled: int) -> None:
-    files = iter([5, 5 + compiled])
-    monkeypatch.setattr("warpknit.runner.run._cached_files", lambda: next(files))
-    solver = run_scene(cell(), out=tmp_path / "r", device="cpu").summary["solver"]
-    assert (solver["compile_s"] > 0.0) == bool(compiled)
+@wp.kernel(module="unique")
+def do_nothing() -> None:
+    pass
+
+
+def test_only_what_this_process_compiles_counts_as_compilation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a module in an empty cache, and of the same one read from it, while others write there."""
+    monkeypatch.setattr(wp.config, "kernel_cache_dir", str(tmp_path))
+    counts = []
+    for _ in range(2):
+        with compile_times() as times:
+            do_nothing.module.unload()
+            (tmp_path / f"of_another_process_{len(counts)}").write_text("")
+            wp.launch(do_nothing, dim=1, device="cpu")
+        counts.append(len(times))
+    assert counts == [1, 0]
+
+
+@pytest.mark.parametrize("kind", ["planar", "spatial"])
+def test_a_run_loads_its_kernels_before_it_starts(kind: str) -> None:
+    """Else their compilation would count as time of the run. In a new process, which has loaded nothing."""
+    script = f"""
+from types import SimpleNamespace
+import warp as wp
+from warpknit import Simulation, build_model, load_scene
+
+scene = load_scene({str(SCENES / "atlas_cell.toml")!r}, {{"model.kind": {kind!r}, "output.frames": 20}})
+simulation = Simulation(build_model(scene))
+simulation.compile()
+said = []
+wp.set_logger(SimpleNamespace(debug=print, info=said.append, warning=print, error=print))
+wp.config.log_level = wp.LOG_INFO
+records = [record for record, _ in zip(simulation.run(), range(2))]
+assert records[-1].steps > 0 and not said, said
+"""
+    subprocess.run([sys.executable, "-c", script], check=True)
 
 
 def test_finished_run_is_never_lost(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from warpknit.runner.history import Row, row_of
 from warpknit.runner.run import run_scene
 from warpknit.runner.warnings_of import warnings_of
 from warpknit.scene import load_scene
+from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Simulation
 from warpknit.solve.tension import TOLERANCE
 
@@ -44,6 +45,37 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("spatial") / "run"
     assert run_scene(load_scene(CELL, QUICK), out=out, device="cpu").exit_code == 0
     return out
+
+
+def test_loops_set_in_part_spring_open_step_by_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """To 0.9 of their curvature in five equilibria before the first record, which at once diverge. The first record has the
+    natural curvature of the whole step, and an interruption on the way changes nothing."""
+    scene = load_scene(CELL, [*QUICK, "wire.set_fraction=0.9", "model.nodes_per_loop=20"])
+    simulation = Simulation(build_model(scene))
+    natural = simulation.mechanics.stepper.arrays.natural_curvature
+    whole, found, solve = natural.numpy().copy(), [], Relaxation.reach
+
+    def noted(self, *arguments):
+        found.append(float(np.linalg.norm(natural.numpy()) / np.linalg.norm(whole)))
+        return solve(self, *arguments)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Relaxation, "reach", noted)
+        first = next(simulation.run())
+    assert found == pytest.approx([share / 0.9 for share in (0.98, 0.96, 0.94, 0.92, 0.9)])
+    assert natural.numpy() == pytest.approx(whole, rel=1e-12) and first.observables.energies.stored > 0.0
+    assert_parts_are_the_whole(scene, tmp_path, monkeypatch, every=23)
+
+
+@pytest.mark.parametrize(
+    ("fraction", "factor", "cause"),
+    [(0.5, 0.0, "raise wire.set_fraction"), (0.5, 0.1, "raise output.frames"), (1.0, 0.0, "raise output.frames")],
+)
+def test_a_divergence_names_its_cause(fraction: float, factor: float, cause: str) -> None:
+    """Before any load that is the natural curvature, where it is not that as knitted."""
+    simulation = Simulation(build_model(load_scene(CELL, [*QUICK, f"wire.set_fraction={fraction}"])))
+    simulation.progress.load_factor = factor
+    assert str(simulation.drive.divergence()).endswith(cause)
 
 
 def keys_of(tree: dict, under: str = "") -> set[str]:

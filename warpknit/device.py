@@ -1,14 +1,17 @@
-"""The device of a run, and a quiet start of Warp."""
+"""The device of a run, a quiet start of Warp, and what it compiles."""
 
 from __future__ import annotations
 
 import logging
 import math
 import os
+import re
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
+from types import SimpleNamespace
 
 import warp as wp
 
@@ -18,6 +21,8 @@ _log = logging.getLogger(__name__)
 
 LEAST_NODES = 100_000  # below, the launches of a step take a GPU longer than the whole step takes the CPU; not measured
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"  # what Warp's library prints on a machine without a GPU
+
+COMPILED = r" took ([\d.]+) ms +\(compiled\)"  # in Warp's report of a module; that of one from its cache ends with (cached)
 
 
 @cache
@@ -36,6 +41,28 @@ def start_warp() -> None:
         for line in said.read().decode(errors="replace").splitlines():
             if line.strip() and NO_DRIVER not in line:
                 _log.warning("%s", line)
+
+
+@contextmanager
+def compile_times() -> Iterator[list[float]]:
+    """Times [s] of the kernel modules that this process compiles meanwhile, as Warp reports them; modules that it reads from its
+    cache do not count."""
+    logger, level = wp.get_logger(), wp.config.log_level
+    times: list[float] = []
+
+    def note(message: str) -> None:
+        if found := re.search(COMPILED, message):
+            times.append(1e-3 * float(found[1]))
+        if level <= wp.LOG_INFO:
+            logger.info(message)
+
+    wp.set_logger(SimpleNamespace(debug=logger.debug, info=note, warning=logger.warning, error=logger.error))
+    wp.config.log_level = min(level, wp.LOG_INFO)
+    try:
+        yield times
+    finally:
+        wp.config.log_level = level
+        wp.set_logger(logger)
 
 
 def devices() -> list[str]:

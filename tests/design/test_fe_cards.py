@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from warpknit.design.card import MaterialCard
-from warpknit.design.fe import CODES, FILES, write_fe_cards
+from warpknit.design.fe import CODES, FILES, limit_of_curves, write_fe_cards
 from warpknit.design.fe.tangent import ENGINEERING, GREEN, LOGARITHMIC, TRUE, tangent
 from warpknit.runner.history import Row
 from warpknit.runner.run_directory import OUTPUT_NAMES
@@ -359,6 +359,19 @@ def test_curves_cross_no_jump_and_drop_no_state_that_matters(tmp_path, card, pat
     assert found["radioss"] == f"none: {why}"
     text = (tmp_path / found["abaqus"]).read_text(encoding="ascii")
     assert f"FABRIC: none, {why}." in text.replace("\n** ", " ") and "NAME=FABRIC" not in text
+
+
+def test_curves_that_end_say_where_and_why():
+    """PATH goes on to 110 mN/m, the card is at 75 mN/m. Nastran has no curves, so nothing is said of them."""
+    assert limit_of_curves(CARD, PATH, ["nastran", "abaqus"], at_jump=False) is None
+    beyond = limit_of_curves(CARD, PATH, ["abaqus", "radioss"], at_jump=True)
+    assert beyond == (
+        "the tension-strain curves (FABRIC) of the files for Abaqus and Radioss end at 110 mN/m, mean of weft and warp: the mesh"
+        " jumps to another equilibrium beyond"
+    )
+    at_card = limit_of_curves(CARD, PATH[:-1], list(CODES), at_jump=False)
+    assert "Abaqus, LS-DYNA and Radioss end at 75 mN/m" in at_card and at_card.endswith("did not converge beyond the card")
+    assert limit_of_curves(CARD, PATH, ["nastran"], at_jump=True) is None
 
 
 def test_codes_can_be_chosen_and_files_are_those_of_a_report(tmp_path):

@@ -17,6 +17,7 @@ from warpknit.cli import main
 from warpknit.design import curves
 from warpknit.design.card import MaterialCard
 from warpknit.design.card_files import card_values, card_warnings, strength_values
+from warpknit.design.curves import CurvePoint
 from warpknit.design.equal_tension import YIELDED, EqualTensionPath, load_equally, service_points, unreached_text
 from warpknit.design.fe import CODES
 from warpknit.design.fine_states import exact_model
@@ -47,7 +48,7 @@ def make_report(out: Path, *arguments: str, scene: str = "contact_map.toml"):
 def reports(tmp_path_factory):
     """(page, card, map.csv) for the optimum and for a tension that the mesh carries, made one after the other."""
     out = tmp_path_factory.mktemp("report") / "r"
-    found, drawn = {}, map_figure.map_figure
+    found, said, drawn = {}, {}, map_figure.map_figure
 
     def kept(*arguments, **more):
         MARKERS[:] = more["marks"].places
@@ -59,15 +60,16 @@ def reports(tmp_path_factory):
         for tension in ("", "0.06 N/m"):
             done = make_report(out, *(["--tension", tension, "--cards", "nastran, radioss"] if tension else []))
             assert done.exit_code == 0, done.output
+            said[tension] = " ".join(done.output.split())
             page = (out / "report.html").read_text(encoding="utf-8")
             card = json.loads((out / "material_card.json").read_text(encoding="utf-8"))
             found[tension] = page, card, (out / "map.csv").stat().st_mtime_ns
-    return out, found
+    return out, found, said
 
 
 def test_the_page_holds_all_it_shows(reports):
     """Every picture is inside, as are the words; nothing is looked for elsewhere."""
-    out, found = reports
+    out, found, _ = reports
     page, _, _ = found[""]
     sources = re.findall(r'(?:src|href)="([^"]*)"', page)
     assert len(sources) == 7 and all(source.startswith("data:image/png;base64,") for source in sources)
@@ -85,7 +87,7 @@ def test_the_page_holds_all_it_shows(reports):
 
 def test_the_answers_come_first(reports):
     """Where contacts close and wires yield under equal tensions, before anything else; the same in answers.json."""
-    out, found = reports
+    out, found, _ = reports
     page, _, _ = found["0.06 N/m"]
     assert page.index("<h2>In short</h2>") < page.index("Computed by warpknit") < page.index("<h2>The mesh</h2>")
     answers = json.loads((out / "answers.json").read_text(encoding="utf-8"))
@@ -100,7 +102,7 @@ def test_the_answers_come_first(reports):
 
 
 def test_without_a_tension_the_card_is_for_the_optimum(reports):
-    _, found = reports
+    _, found, _ = reports
     page, card, _ = found[""]
     assert page.count("<td>beyond first yield</td>") == 6  # in short, and beside the map
     assert "optimum" in card["state"]
@@ -167,6 +169,14 @@ def test_a_card_of_a_wire_that_would_break_says_so_where_it_is_named():
     assert elastic == "2 N/m, at 20 degC"
 
 
+def test_curves_with_missing_states_are_told_on_the_terminal():
+    point = CurvePoint("equal", 0.1, 0.1, 0.01, 0.01, 50.0, 1e8, 1.0, 1.0, 0)
+    curves = [point, replace(point, tension_weft_N_per_m=None)]
+    (text,) = Findings.warnings.fget(SimpleNamespace(card=None, limit_of_curves=None, curves=curves))
+    assert text.startswith("1 of 2 states of the curves of tension against strain did not converge")
+    assert Findings.warnings.fget(SimpleNamespace(card=None, limit_of_curves=None, curves=curves[:1])) == []
+
+
 def test_a_report_without_its_card_keeps_an_earlier_one(tmp_path, monkeypatch):
     """All files of the report with the card at 30 mN/m are the same, byte for byte, after one that finds no card; the reason is
     told once."""
@@ -228,7 +238,7 @@ def test_a_card_says_how_near_the_wire_is_to_its_limits():
 
 
 def test_a_tension_within_reach_is_the_prestress_of_the_card(reports):
-    out, found = reports
+    out, found, _ = reports
     page, card, _ = found["0.06 N/m"]
     assert card["values"]["prestress1"] == pytest.approx(0.06, rel=5e-3)
     assert card["values"]["prestress2"] == pytest.approx(0.06, rel=5e-3)
@@ -242,13 +252,14 @@ def test_a_tension_within_reach_is_the_prestress_of_the_card(reports):
 def test_the_fe_codes_that_were_asked_for_get_a_card(reports):
     """All of them for the optimum; of those only that of the second report is left, with its prestress. Radioss has curves alone,
     and the weft contracts while its tension rises to 60 mN/m, as the page says."""
-    out, found = reports
+    out, found, said = reports
     files = {code: file for code, (file, _) in CODES.items()}
     assert found[""][1]["fe_cards"] == files
     page, card, _ = found["0.06 N/m"]
     why = "the tension in weft does not rise with the strain in weft on the way to the card"
     assert card["fe_cards"] == {"nastran": files["nastran"], "radioss": f"none: {why}"}
-    assert f"no tension-strain curves (FABRIC): {why}." in page and "(FABRIC)" not in found[""][0]
+    limit = f"he files for Radioss have no tension-strain curves (FABRIC): {why}"
+    assert f"T{limit}." in page and f"t{limit}" in said["0.06 N/m"] and "(FABRIC)" not in found[""][0] + said[""]
     assert {path.name for path in out.iterdir()} & set(files.values()) == {files["nastran"]}
     bulk = (out / files["nastran"]).read_text(encoding="ascii").replace("\n$ ", " ")
     assert f"Prestress: {1e-3 * card['values']['prestress1']:.9g} MPa in weft" in bulk
@@ -256,7 +267,7 @@ def test_the_fe_codes_that_were_asked_for_get_a_card(reports):
 
 def test_card_service_table_and_marker_have_one_source(reports):
     """The strains and the share of the card, rounded alike, in its text, its table, the service table and the legend."""
-    _, found = reports
+    _, found, _ = reports
     page, card, _ = found["0.06 N/m"]
     values = card["values"]
     strains, share = f"{100 * values['prestrain1']:.1f} % / {100 * values['prestrain2']:.1f} %", f"{100 * values['active']:.1f} %"
@@ -272,7 +283,7 @@ def test_card_service_table_and_marker_have_one_source(reports):
 def test_service_points_are_equilibria_and_not_interpolated(reports):
     """The service tension of the scene, 0.06 N/m, is where the card of that tension is, within the tolerance of the run; the
     bilinear map of three strains a side is a quarter of a percent of strain away."""
-    out, found = reports
+    out, found, _ = reports
     values = found["0.06 N/m"][1]["values"]
     scene = load_scene(out / "scene.toml")
     scene = replace(scene, output=replace(scene.output, service_tension=0.06))
@@ -285,12 +296,12 @@ def test_service_points_are_equilibria_and_not_interpolated(reports):
 
 
 def test_the_map_that_is_there_is_used_again(reports):
-    _, found = reports
+    _, found, _ = reports
     assert found[""][2] == found["0.06 N/m"][2]
 
 
 def test_the_curves_are_a_table(reports):
-    out, _ = reports
+    out, *_ = reports
     with open(out / "tension_strain.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [row["load"] for row in rows] == ["equal"] * 3 + ["weft_alone"] * 3 + ["warp_alone"] * 3
@@ -315,7 +326,7 @@ def test_what_cannot_be_reported_is_refused(tmp_path, arguments, said):
 
 
 def test_another_mesh_in_the_directory_is_refused(reports):
-    out, _ = reports
+    out, *_ = reports
     done = make_report(out, "--set", "wire.diameter=20 um")
     assert done.exit_code == 2 and "--force" in done.stderr and len(done.stderr.splitlines()) == 1
 

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from warpknit.errors import ModelError, SceneError
-from warpknit.model import build_model
+from warpknit.measure.measures import positions
+from warpknit.model import build_model, initial_state, mechanics_of
 from warpknit.numerics import AXIAL_ERROR
 from warpknit.scene import Scene, load_scene
 from warpknit.scene.scene_loader import make_scene
 from warpknit.solve.simulate import Simulation
 
-KNIT = Path(__file__).parents[2] / "scenes" / "wires" / "plain_knit_spatial.toml"
+SCENES = Path(__file__).parents[2] / "scenes" / "wires"
+KNIT = SCENES / "plain_knit_spatial.toml"
 DIAMETER, PERIOD = 1e-4, 2e-3  # [m]
 
 
@@ -56,6 +58,14 @@ def test_open_wires_are_clamped_in_the_middle_of_their_end_segments(tmp_path):
     stress = np.diag(records[-1].observables.nominal_stress)
     assert stress == pytest.approx(stiffness * np.array([0.01, 0.02]), rel=0, abs=stiffness * AXIAL_ERROR)
     assert len(relaxation.model.wires.held_node) == 8
+
+
+def test_places_of_open_wires_count_from_the_corner_of_their_box():
+    """Wires whose loops reach beyond their ends: the middle of pictures is the middle of all nodes."""
+    model = build_model(load_scene(SCENES / "plain_knit_patch.toml"))
+    node, _ = positions(mechanics_of(model, initial_state(model)).observe())
+    low, high = node[:, :2].min(axis=0), node[:, :2].max(axis=0)
+    assert low == pytest.approx(0.0, abs=1e-12) and 0.5 * (low + high) == pytest.approx(model.layout().origin, rel=1e-9)
 
 
 def test_wires_that_nothing_holds_are_refused(tmp_path):

@@ -17,7 +17,6 @@ import numpy as np
 from warpknit import measure
 from warpknit.device import start_warp
 from warpknit.model import build_model
-from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 
@@ -30,7 +29,7 @@ def cases(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """One dictionary."""
     start_warp()
     model = build_model(load_scene(options.scene or SCENE, ["output.frames=4", *options.overrides]), options.device)
-    simulation = Simulation(model, initial_state(model))
+    simulation = Simulation(model)
     simulation.compile()
     for record in simulation.run():
         last = record

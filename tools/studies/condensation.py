@@ -79,7 +79,7 @@ class Row:
 def planar_rows(name: str, scene: str, overrides: list[str]) -> Iterator[Row]:
     model = build_model(load_scene(scene, [*overrides, "model.kind=planar"]))
     begin = time.perf_counter()
-    for record in Simulation(model, initial_state(model)).run():
+    for record in Simulation(model).run():
         r = record.observables
         force = r.pair_force.reshape(-1, 2).min(axis=1)
         yield Row(

@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 from experiment_picture import MODELS, SIDES, draw
-from loop_set import releases
 from pulled_data import MESHES, with_run_in
 from pulled_meshes import INCH
 from study import add_directory, new_parser, picture_path, show_rows, table_path, write_rows
@@ -28,7 +27,6 @@ from warpknit.design.network import contact_resistances, sheet_resistance
 from warpknit.device import start_warp
 from warpknit.errors import Diverged
 from warpknit.knit.named import named_knit
-from warpknit.mesh.load_point import LoadPoint
 from warpknit.model import build_model
 from warpknit.scene import Scene, make_scene
 from warpknit.solve.simulate import Simulation
@@ -124,25 +122,12 @@ def ends_of(scene: Scene) -> _Ends:
     """The states at the ends of the stages."""
     ends = _Ends()
     try:
-        for record in _simulation(scene).run():
+        for record in Simulation(build_model(scene)).run():
             if record.load_factor == 1.0:
                 ends.observed.append(record.observables)
     except Diverged as error:
         ends.said = str(error)
     return ends
-
-
-def _simulation(scene: Scene) -> Simulation:
-    """A simulation; in space with loops that are set in part from the start."""
-    if scene.model.kind == "planar" or scene.wire.set_fraction == 1.0:
-        return Simulation(build_model(scene))
-    simulation = Simulation(build_model(scene.changed({"wire.set_fraction": 1.0})))
-    simulation.mechanics.search()
-    for _ in releases(simulation, scene.wire.set_fraction):
-        simulation.progress.level = 1  # not as knitted: wires may not overlap
-        simulation.drive.solve(LoadPoint(np.eye(2), scene.wire.reference_temperature))
-    simulation.progress.level = 0
-    return simulation
 
 
 def rows_of(sample: Sample, model: str, case: str, scene: Scene, tensions: tuple[float, ...]) -> Iterator[Row]:

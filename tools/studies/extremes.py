@@ -28,7 +28,6 @@ from warpknit.errors import WarpknitError
 from warpknit.knit.chain import KnitError
 from warpknit.model import build_model
 from warpknit.planar.observables import read
-from warpknit.planar.state import initial_state
 from warpknit.runner.run import run_scene
 from warpknit.scene import Scene, make_scene
 from warpknit.solve.relax import Relaxation
@@ -134,7 +133,7 @@ def rotated(angle: float) -> tuple[Outcome, Outcome]:
     for rotation in (turn, np.eye(2)):
         start = time.perf_counter()
         model = build_model(made)
-        simulation = Simulation(model, initial_state(model))
+        simulation = Simulation(model)
         for _ in simulation.run():
             pass
         assert isinstance(simulation.drive, Relaxation)

@@ -19,7 +19,6 @@ from warpknit.errors import Diverged
 from warpknit.model import build_model
 from warpknit.planar.hook_contact import HookContact, hook_contact
 from warpknit.planar.model import Model
-from warpknit.planar.state import initial_state
 from warpknit.scene import Scene, load_scene
 from warpknit.solve.simulate import Simulation
 
@@ -79,7 +78,7 @@ def run(treatment: str, parameter: str, value: float, *overrides: str) -> Finish
     """Run one scene and compare it, state by state."""
     scene = load_scene(SCENES / f"hook_{treatment}.toml", overrides)
     model = build_model(scene)
-    simulation = Simulation(model, initial_state(model))
+    simulation = Simulation(model)
     simulation.compile()
     begin = time.perf_counter()
     states, note = [], ""

@@ -17,7 +17,6 @@ from study import COLOURS, CROSSES, SCENES, new_figure, picture_path, table_path
 
 from warpknit.model import build_model
 from warpknit.planar.hook_contact import HookContact, hook_contact
-from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.hook_contact import hook_contact as spatial_hook_contact
@@ -84,7 +83,7 @@ def free_body(overrides: Sequence[str], friction: float) -> list[Row]:
     given = [o for o in overrides if not o.startswith("model.")]
     model = build_model(load_scene(SCENES / "hook_free_body.toml", [*given, f"contact.friction={friction}"]))
     begin, rows = time.perf_counter(), []
-    for record in Simulation(model, initial_state(model)).run():
+    for record in Simulation(model).run():
         c: HookContact = hook_contact(record.observables)
         rows.append(Row("free body", friction, 1.0, 1.0, c.displacement, 0.5 * (c.force_left + c.force_right), c.drive_force,
                         c.arc_left, c.arc_right, steps=record.steps, wall_s=time.perf_counter() - begin))  # fmt: skip

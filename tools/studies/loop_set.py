@@ -1,7 +1,7 @@
 """Loops that are set in part: the natural curvature of the wire, taken step by step from that as knitted to a share of it.
 
-`wire.set_fraction` takes the whole step at once. In space wires then spring into each other, and the first level diverges or
-wires overlap; in steps of 2 % it converges.
+At once, wires in space would spring into each other. A run with `wire.set_fraction` takes the same steps before its first record;
+this is for meshes whose loads a study finds itself.
 """
 
 from __future__ import annotations

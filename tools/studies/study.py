@@ -18,9 +18,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from warpknit.device import start_warp
+from warpknit.mechanics import Model
 from warpknit.model import build_model
-from warpknit.planar.model import Model
-from warpknit.planar.state import initial_state
 from warpknit.scene import Scene, make_scene
 from warpknit.solve.simulate import Record, Simulation
 
@@ -94,7 +93,7 @@ def run(scene: Scene) -> Iterator[Record]:
 
 def run_model(model: Model) -> Iterator[Record]:
     """The same of a model."""
-    yield from Simulation(model, initial_state(model)).run()
+    yield from Simulation(model).run()
 
 
 def write_rows(path: Path, rows: Sequence[Any]) -> None:

@@ -57,7 +57,7 @@ from .equal_tension import (
     unreached_text,
     with_service,
 )
-from .fe import CODES, FILES, why_no_curves, write_fe_cards
+from .fe import CODES, FILES, limit_of_curves, write_fe_cards
 from .fine_states import ROUGH_TOLERANCE, exact_model, states_at
 from .heat import HeatedMesh, heat
 from .load_path import LoadPath, PathState, under_strain, under_tension
@@ -71,6 +71,7 @@ from .sections import (
     electric_section,
     map_section,
     mesh_section,
+    missing_text,
     openings_section,
     wire_text,
 )
@@ -110,6 +111,7 @@ class Findings:
     tensioned_openings: Sequence[Opening]
     model_warnings: Sequence[str]  # where the states are outside the validity of their model
     earlier_kept: bool  # nothing was written: there is no card, and the directory has an earlier report with one
+    codes: Sequence[str]  # FE codes that get the card
 
     @property
     def found_again(self) -> bool:
@@ -156,9 +158,16 @@ class Findings:
             yield "equal tensions", f"followed {self.path.end_text}"
 
     @property
+    def limit_of_curves(self) -> str | None:
+        """What the curves of the FE cards lack; None where they go on beyond the card, and without a card."""
+        at_jump = bool(self.path_jumps and self.loading and self.loading[-1] is self.path_jumps[0][0])
+        return None if self.card is None else limit_of_curves(self.card, self.loading, self.codes, at_jump=at_jump)
+
+    @property
     def warnings(self) -> list[str]:
-        """Limits to the use of the card."""
-        return [] if self.card is None else list(card_warnings(self.card, self.scene))
+        """Limits to the use of the card and of the curves, for a terminal."""
+        of_card = [] if self.card is None else list(card_warnings(self.card, self.scene))
+        return [*of_card, *(limit for limit in (self.limit_of_curves, missing_text(self.curves)) if limit is not None)]
 
 
 def report_scene(scene: Scene) -> Scene:
@@ -231,9 +240,10 @@ def write_report(
         tensioned_openings=[] if tensioned is None else openings(tensioned),
         model_warnings=model_warnings(model, rows),
         earlier_kept=card is None and (out / CARD).exists(),
+        codes=codes,
     )
     if not found.earlier_kept:
-        _write(found, out, codes)
+        _write(found, out)
     return found
 
 
@@ -300,13 +310,13 @@ def _card_from(scene: Scene, begin: PathState, load: Stage, watch: Callable[[flo
         return find_card(exact_model(scene, ROUGH_TOLERANCE), begin, load, watch)
 
 
-def _write(found: Findings, out: Path, codes: Sequence[str]) -> None:
+def _write(found: Findings, out: Path) -> None:
     names = [field.name for field in fields(CurvePoint)]
     table = {name: np.array([asdict(p)[name] for p in found.curves], dtype=object) for name in names}
     write_table(out / "tension_strain.csv", table)
     if found.card is not None:
         fe_cards = write_fe_cards(
-            found.card, found.loading, found.scene, found.where, out, codes=codes, warnings=found.model_warnings
+            found.card, found.loading, found.scene, found.where, out, codes=found.codes, warnings=found.model_warnings
         )
         write_card(found.card, found.scene, found.where, out, found.model_warnings, fe_cards)
         for name in set(FILES) - set(fe_cards.values()):
@@ -346,13 +356,13 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     outside = [point for point in found.service if point.strains and found.place_in_map(point) is None]
     map_section(page, found.scene, found.optimum, found.jumps, found.service, outside, found.found_again, figures["map"])
     page.text(f"The map has {found.sweep_text}.")
-    for limit in (unconverged_warning(found.rows, found.by_tension), jump_warning(found.jumps, found.by_tension)):
-        if limit is not None:
-            page.warning(f"{limit[0].upper()}{limit[1:]}.")
+    for of_map in (unconverged_warning(found.rows, found.by_tension), jump_warning(found.jumps, found.by_tension)):
+        if of_map is not None:
+            page.warning(f"{of_map[0].upper()}{of_map[1:]}.")
     curve_section(page, found.curves, figures["curves"])
     card_section(page, found.scene, found.card, found.where)
-    if found.card is not None and (why := why_no_curves(found.card, found.loading)):
-        page.warning(f"The cards for Abaqus, LS-DYNA and Radioss have no tension-strain curves (FABRIC): {why}.")
+    if (limit := found.limit_of_curves) is not None:
+        page.warning(f"{limit[0].upper()}{limit[1:]}.")
     openings_section(page, found.knitted_openings, found.tensioned_openings, figures["openings"])
     electric = None if found.tensioned is None else (contact_resistances(found.tensioned), sheet_resistance(found.tensioned))
     electric_section(page, found.scene, electric, figures["resistance"])

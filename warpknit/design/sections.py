@@ -201,10 +201,16 @@ def curve_section(page: Page, curves: Sequence[CurvePoint], figure: Path) -> Non
         "Tension in weft and warp. Shaded: wire beyond its elastic limit, where the curves may leave the picture. Dotted: jump to"
         " another equilibrium.",
     )
-    missing = sum(point.tension_weft_N_per_m is None for point in curves)
-    if missing:
-        page.warning(f"{missing} of {len(curves)} states did not converge and are left out.")
+    if (missing := missing_text(curves)) is not None:
+        page.warning(f"{missing}.")
     page.text("The values are in tension_strain.csv.")
+
+
+def missing_text(curves: Sequence[CurvePoint]) -> str | None:
+    """How many states of the curves are missing; None if none."""
+    missing = sum(point.tension_weft_N_per_m is None for point in curves)
+    where = "of the curves of tension against strain"
+    return f"{missing} of {len(curves)} states {where} did not converge and are left out" if missing else None
 
 
 def _shown(name: str, value: float, unit: str) -> tuple[str, str]:

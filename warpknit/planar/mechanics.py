@@ -51,6 +51,7 @@ class PlanarMechanics:
 
     check_steps = CHECK_STEPS
     can_overlap = may_overlap = False
+    release_parts = 1
     path_increment = 0.005
     rim: Rim | None = None  # the drive moves the edge with the membrane (solve/multilevel.py)
     stations = np.zeros((0, 2))
@@ -119,6 +120,9 @@ class PlanarMechanics:
             state.wire_thermal_strain.assign(wire_thermal_strain(self.model, load.temperature, load.temperature_gradient))
         # bound on the relative affine motion of a body and a wire within the search radius
         self.neighbours.expect(2.0 * float(np.abs(np.subtract(then[:4], now[:4])).max()) * self.neighbours.radius)
+
+    def release(self, share: float) -> None:
+        """Nothing: the natural curvature is that of `wire.set_fraction` from the start."""
 
     def load_steps(self, load: LoadPoint, predicted: bool) -> int:
         return 0 if predicted else LOAD_STEPS

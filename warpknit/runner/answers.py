@@ -30,7 +30,10 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     heat                              each stage that changes the temperature alone: values at its begin and end
     heat[].held                       what it holds in weft and warp, `tension` or `strain` each
     best                              the state in the middle of the widest range of tension with the most active contacts, up to
-                                      first yield; what a single record alone shows does not count
+                                      first yield; what a single record alone shows does not count. Stages that go on loading at
+                                      one temperature count as one
+    best.stage                        the stage of this state
+    best.stages                       number of stages among the records up to first yield, all of which are searched
     best.low                          the lower end of this range, in which at most one percentage point of contacts opens along
                                       the load; that of `best` where the range is a single record
     best.high                         the upper end

@@ -171,7 +171,8 @@ def _best(best: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
     incomplete = f", incomplete: it {cut} with the load" if cut else ""
     middle = "" if best["grows"] or low == high else f", the middle of its range{incomplete}"
     stress = engineering(best["stress_max_Pa"], "Pa")
-    yield "best tension", f"{_tension(best)}{middle}: {percent(0.01 * best['active_percent'])} active, {stress}"
+    stage = f" in stage '{best['stage']}'" if best["stages"] > 1 else ""
+    yield "best tension", f"{_tension(best)}{stage}{middle}: {percent(0.01 * best['active_percent'])} active, {stress}"
     if low == high and not best["grows"]:
         yield "  may drift", "unknown: a single record has this share; more output.frames tell"
         return

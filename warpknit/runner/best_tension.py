@@ -22,15 +22,35 @@ def best_tension(
 ) -> Answer | None:
     """The tension in the middle of the widest range with the most active contacts, and no stress above `limit` [Pa]; or None.
 
-    rows: up to the first one above the limit. A range is a part of the path of one stage. Contacts that are active in one record,
-    and in neither of those beside it without a jump, do not count.
+    rows: up to the first one above the limit. A range is a part of the path of one stage, or of stages that go on loading at one
+    temperature; where several have the most contacts, one at one temperature comes first, and then the widest.
+    """
+    parts = _loadings(rows) or [list(rows)]
+    every = [(found, part) for part in parts if (found := _best_of(part, limit, classes, closings, jumps)) is not None]
+    if not every:
+        return None
+
+    def width(found: Answer) -> float:
+        return mean_tension(Row(**found["high"])) - mean_tension(Row(**found["low"]))
+
+    most = max(found["active_percent"] for found, _ in every)
+    good = [(found, part) for found, part in every if found["active_percent"] >= most - DRIFT]
+    best, _ = max(good, key=lambda one: (_temperatures(one[1]) == 1, width(one[0])))
+    return best | {"stages": len({row.stage for row in rows[1:]})}
+
+
+def _best_of(
+    rows: Sequence[Row], limit: float, classes: Sequence[ContactClass], closings: Answer, jumps: Sequence[Jump]
+) -> Answer | None:
+    """The same of one part of the path.
+
+    Contacts that are active in one record, and in neither of those beside it without a jump, do not count.
     """
 
     def share(row: Row) -> float:
         tensile = row.tension_weft_N_per_m > 0.0 and row.tension_warp_N_per_m > 0.0
         return float(row.active_percent) if tensile and row.stress_max_Pa <= limit * (1.0 + ROUND_OFF) else 0.0
 
-    rows = max(stages_of(rows), key=lambda part: max(map(share, part)), default=list(rows))
     states = _path(rows, limit, classes, closings, jumps)
     shares = [share(row) for row in states]
     if max(shares) == 0.0:
@@ -78,12 +98,33 @@ def best_tension(
         between[f"{name}_between"] = None if sides is None else [state_of(one) for one in sides]
         between[f"{name}_jump"] = sides is not None and (is_jump(*sides, jumps) or is_jump(*sides[::-1], jumps))
     return between | {
-        **state_of(best), "active_percent": best.active_percent, "stress_max_Pa": best.stress_max_Pa, "stage": rows[-1].stage,
+        **state_of(best), "active_percent": best.active_percent, "stress_max_Pa": best.stress_max_Pa, "stage": best.stage,
         "low": state_of(low), "high": state_of(high), "grows": grows,
         "open_low": any(low is one for one in (states[0], states[-1])),
         "open_high": any(high is one for one in (states[0], states[-1])),
         "jumps": [[state_of(row) for row in jump] for jump in passed],
     }  # fmt: skip
+
+
+def _loadings(rows: Sequence[Row]) -> list[list[Row]]:
+    """The rows of each stage, or of stages together that go on loading at one temperature."""
+    parts: list[list[Row]] = []
+    for part in stages_of(rows):
+        if parts and _loads(parts[-1]) and _loads(part):
+            parts[-1] += part[1:]
+        else:
+            parts.append(part)
+    return parts
+
+
+def _loads(part: Sequence[Row]) -> bool:
+    """Whether a stage raises the tension at one temperature."""
+    return mean_tension(part[-1]) > mean_tension(part[0]) and _temperatures(part) == 1
+
+
+def _temperatures(part: Sequence[Row]) -> int:
+    """Number of temperatures on a part of the path."""
+    return len({row.temperature_K for row in part})
 
 
 def _path(

@@ -188,7 +188,8 @@ def interpolated(before: Row, after: Row, tension: float, classes: Sequence[Cont
             active += one.pairs * ((1.0 - share) * ends[0] + share * ends[1])
     stress = (1.0 - share) * before.stress_max_Pa + share * after.stress_max_Pa
     pairs = max(1, sum(one.pairs for one in classes))
-    return Row(**state_between(before, after, share), active_percent=active / pairs, stress_max_Pa=stress)
+    state = state_between(before, after, share)
+    return Row(**state, stage=after.stage, active_percent=active / pairs, stress_max_Pa=stress)
 
 
 def _unknown(closings: Answer) -> list[list[Answer]]:

@@ -8,14 +8,11 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import os
-import time
+import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import warp as wp
-
-from ..device import find_device
+from ..device import compile_times, find_device
 from ..errors import RunDirectoryError
 from ..files import held_directory
 from ..mechanics import Model
@@ -114,18 +111,11 @@ def _locked(out: Path, patience: float) -> Iterator[int | None]:
 
 def _compiled_simulation(model: Model, checkpoint: Checkpoint | None) -> tuple[Simulation, float]:
     """The simulation, from the checkpoint on, and the time [s] of compiling its kernels; 0 if they were compiled before."""
-    begin, cached = time.perf_counter(), _cached_files()
-    simulation = Simulation(model, progress=checkpoint.progress if checkpoint else None)
-    simulation.compile()
-    if checkpoint is not None:
-        checkpoint.restore(simulation)
-    if _cached_files() == cached:
-        return simulation, 0.0
-    took = time.perf_counter() - begin
-    _log.info("compiled the kernels in %.0f s; they are kept for the next run", took)
-    return simulation, took
-
-
-def _cached_files() -> int:
-    """Number of files in the cache of compiled kernels."""
-    return sum(len(files) for *_, files in os.walk(wp.config.kernel_cache_dir or ""))
+    with compile_times() as times:
+        simulation = Simulation(model, progress=checkpoint.progress if checkpoint else None)
+        simulation.compile()
+        if checkpoint is not None:
+            checkpoint.restore(simulation)
+    if times:
+        _log.info("compiled the kernels in %d s; they are kept for the next run", math.ceil(sum(times)))
+    return simulation, sum(times)

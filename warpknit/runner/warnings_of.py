@@ -33,7 +33,7 @@ def warnings_of(model: MeshModel, rows: Sequence[Row], stages: Stages) -> list[s
         *model.warnings(stages),
         *_unevenly_pulled(model, stages),
         *_out_of_range(stages),
-        *_contacts_as_knitted(rows),
+        *_contacts_as_knitted(model, rows),
         *_lost_contact([row for row in rows if row.is_hook]),
         *_jumped(model, rows),
         *_snapped(model, stages),
@@ -106,11 +106,13 @@ def _out_of_range(stages: Stages) -> Iterator[str]:
         yield f"{ends} active contacts are at the end of their sliding range: their forces are not valid"
 
 
-def _contacts_as_knitted(rows: Sequence[Row]) -> Iterator[str]:
+def _contacts_as_knitted(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
     if rows and rows[0].active_pairs:
+        released = model.scene.wire.set_fraction < 1.0
+        cause = "wire.set_fraction lets the loops spring open" if released else "the yarn is too thick for the loops"
         yield (
             f"{rows[0].active_pairs} pairs are active as knitted, with {engineering(rows[0].tension_weft_N_per_m, 'N/m')} in weft"
-            f" and {engineering(rows[0].tension_warp_N_per_m, 'N/m')} in warp at zero strain: the yarn is too thick for the loops"
+            f" and {engineering(rows[0].tension_warp_N_per_m, 'N/m')} in warp at zero strain: {cause}"
         )
 
 

@@ -122,6 +122,12 @@ class MultilevelRelaxation(Relaxation):
             self._response = load_response(kept, self.cell.model)
             self.membrane.renew(self._response)
 
+    def release(self, share: float) -> None:
+        super().release(share)
+        for smaller in (self.smaller, self.cell):
+            if smaller is not None:
+                smaller.release(share)
+
     def _prepare(self, load: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
         if self.smaller is not None:
             load = self._solve_smaller(self.smaller, load, wanted)

@@ -109,8 +109,10 @@ class Relaxation(Drive):
             factor = (progress.level + (not unloaded)) / levels
             parts = self._parts_of_level(stage, factor, levels)
             while progress.part < parts:
-                there = factor - (parts - progress.part - 1) / (parts * levels)
+                there = max(0.0, factor - (parts - progress.part - 1) / (parts * levels))
                 progress.load_factor = there
+                if factor == 0.0:
+                    self.release((progress.part + 1) / parts)
                 wanted = None
                 if driven.any() and there > 0.0:
                     wanted = WantedTension(driven, tension_start + there * (tension_end - tension_start))
@@ -122,10 +124,16 @@ class Relaxation(Drive):
             yield factor
 
     def _parts_of_level(self, stage: Stage, factor: float, levels: int) -> int:
-        """Number of increments to a level."""
-        if not self.scene.depends_on_path or factor <= 0.0:
+        """Number of increments to a level; of the unloaded mesh, those of its natural curvature."""
+        if factor <= 0.0:
+            return self.mechanics.release_parts
+        if not self.scene.depends_on_path:
             return 1
         return history_steps(self.target(stage, factor - 1.0 / levels), self.target(stage, factor), self.rim)
+
+    def release(self, share: float) -> None:
+        """Apply this share of `wire.set_fraction`."""
+        self.mechanics.release(share)
 
     def reach(self, load: LoadPoint, wanted: WantedTension | None) -> Iterator[Unsolved]:
         """Find the equilibrium at a load, or continue an unfinished one."""
@@ -133,7 +141,7 @@ class Relaxation(Drive):
         as_knitted = progress.stage_index == 0 and progress.level == 0 and progress.load_factor == 0.0
         if progress.steps == 0 and wanted is None and self.mechanics.is_in_equilibrium(load):
             return
-        self.mechanics.may_overlap = as_knitted
+        self.mechanics.may_overlap = as_knitted and progress.part == 0
         if not progress.solving:
             load = self._prepare(load, wanted)
             self.begin_level(load)

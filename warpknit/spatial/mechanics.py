@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from functools import cached_property
 from typing import Any
 
@@ -29,7 +30,7 @@ from .model import SpatialModel
 from .observables import SpatialObservables, nominal_stress, read
 from .prolongation import Prolongation
 from .residual import Residual
-from .rod_arrays import RodState
+from .rod_arrays import RodState, set_natural_shape
 from .rod_checks import StateSums
 from .rod_relaxation import CHECK_STEPS, VIBRATION, RodRelaxation
 from .rod_step import RodStepper
@@ -44,6 +45,7 @@ LOAD_STEPS, LOAD_STRAIN = 200, 0.03  # steps over which the load of a level is a
 EDGE_CHECKS = 4  # convergence checks between steps of the free stations
 EDGE_RATIO = 20.0  # residual ratio below which the free stations move
 MAX_PREDICTION = 0.2  # of the thickness: largest displacement of the prediction
+RELEASE = 0.02  # of the curvature as knitted, by which `wire.set_fraction` is applied from one equilibrium to the next
 DRIFT = Drift(checks=2, max_decay_ratio=0.95)
 
 
@@ -115,9 +117,13 @@ class SpatialMechanics:
     def compile(self) -> None:
         """Compile all kernels. Raises `ModelError` where centre lines intersect."""
         self.contact.search()
-        self.step(0)
         self.stepper.evaluate()
         self._refuse_intersecting_centre_lines()
+        self.step(2)
+        if self.model.ramp is None:
+            self.check(1, loading=False)
+        else:
+            self.residual_now()
 
     def _refuse_intersecting_centre_lines(self) -> None:
         """Intersecting centre lines do not tell which wire lies above the other."""
@@ -165,6 +171,17 @@ class SpatialMechanics:
             self.edge.set_target(load.stations)
             displacement[held, :2] += self.edge.mesh_displacement(self.edge.station_displacement)[held]
         store(self.state.displacement, displacement)
+
+    @property
+    def release_parts(self) -> int:
+        if self.model.cloth is None:  # wires from a file, whose shape may be that of a drawing, and hooks
+            return 1
+        return max(1, math.ceil((1.0 - self.model.scene.wire.set_fraction) / RELEASE - 1e-9))
+
+    def release(self, share: float) -> None:
+        if self.release_parts > 1:
+            fraction = 1.0 + share * (self.model.scene.wire.set_fraction - 1.0)
+            set_natural_shape(self.stepper.arrays, self.model.rods, self.model.device, fraction)
 
     def load_steps(self, load: LoadPoint, predicted: bool) -> int:
         strain = float(np.abs(load.gradient - self.state.gradient).max())

@@ -241,8 +241,8 @@ class SpatialObservables(Boundary):
     def corner(self) -> np.ndarray:
         """(3,) [m] lower corner of the mesh."""
         panel = self.model.panel
-        rest = self.model.rods.position[:, :2] if panel.boundary == "periodic" else panel.clamp_position
-        return np.append(self.stretch @ rest.min(axis=0), 0.0)
+        low = self.model.rods.position[:, :2].min(axis=0) if panel.boundary == "periodic" else panel.low
+        return np.append(self.stretch @ low, 0.0)
 
     @cached_property
     def curve(self) -> WireCurve:

@@ -145,17 +145,23 @@ def upload_rods(rods: Rods, device: str) -> RodArrays:
         slope_length=shared(rods.slope_length, wp.float64, device),
         moment_turn=zeros(nodes, wp.vec2d, device),
     )
+    twist = set_natural_shape(arrays, rods, device, rods.set_fraction)
+    between = 0.5 * (twist + twist[rods.following])
+    store(arrays.moment_turn, np.stack([np.cos(between), np.sin(between)], axis=1))
+    return arrays
+
+
+def set_natural_shape(arrays: RodArrays, rods: Rods, device: str, fraction: float) -> np.ndarray:
+    """Make natural curvature and twist this fraction of those at rest, unless the rods have their own; return [node] the twist
+    at rest."""
     at_rest = rest_state(rods, device)
     at_rest.write_control({c.STATUS: float(c.STATUS_EVALUATING)})
     frames_launch(arrays, at_rest).run(device)
     force_launch(rods, arrays, at_rest, no_contact(rods, device)).run(device)
-    twist = fetch(at_rest.twist)
-    between = 0.5 * (twist + twist[rods.following])
-    store(arrays.moment_turn, np.stack([np.cos(between), np.sin(between)], axis=1))
-    curvature, twist = rods.set_fraction * fetch(at_rest.curvature), rods.set_fraction * twist
-    store(arrays.natural_curvature, curvature if rods.natural_curvature is None else rods.natural_curvature)
-    store(arrays.natural_twist, twist if rods.natural_twist is None else rods.natural_twist)
-    return arrays
+    curvature, twist = fetch(at_rest.curvature), fetch(at_rest.twist)
+    store(arrays.natural_curvature, fraction * curvature if rods.natural_curvature is None else rods.natural_curvature)
+    store(arrays.natural_twist, fraction * twist if rods.natural_twist is None else rods.natural_twist)
+    return np.array(twist)
 
 
 def _blocks(rods: Rods) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -46,6 +46,9 @@ CONTACT_SPEED, LEAST_SPEED, FASTER = 0.1, 0.001, 1.5
 TAUT_ERROR, TAUT_PROGRESS = 20.0, (0.5, 8)
 TAUT_FACTOR = 4.0  # by which a taut wire is made stiffer: its mean excess strain has stalled
 VIBRATION = 3.0  # speed of the whole motion over that of the mean one, from which on it counts
+# largest speed by diagonal masses that counts, over that by banded ones: that of smooth motion grows with the nodes a loop, from
+# 10 to 13 with 20 over 20 to 25 with 28 to 57 to 63 with 64
+SMOOTH = 24.0
 LEAST_DAMPING = 0.01  # [1/s] banded masses leave few modes slower than half of it
 LAST = ("last_place", "last_force", "last_angle", "last_torque")  # arrays of the state at the last check
 
@@ -257,9 +260,11 @@ class RodRelaxation:
     def kinetic_energy(self) -> float:
         """[J] of the mean motion since the last check; of all motion after the state was moved from outside.
 
-        Where a contact comes and goes, its nodes vibrate about an equilibrium. Vibrations count `vibration` times less.
+        Where a contact comes and goes, its nodes vibrate about an equilibrium. Vibrations count `vibration` times less, with
+        diagonal masses, which overestimate smooth motion (SMOOTH).
         """
-        whole = 0.5 * float(self.stepper.state.read_control()[int(c.KINETIC_TWICE)])
+        diagonal = 0.5 * float(self.stepper.state.read_control()[int(c.KINETIC_TWICE)])
+        whole = min(diagonal, 0.5 * SMOOTH**2 * self._twice_energy())
         return whole if self._mean_energy is None else max(self._mean_energy, whole / self.vibration**2)
 
     @property

@@ -6,14 +6,15 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ...files import write_aside
-from ...runner.history import Row
+from ...runner.history import Row, mean_tension
 from ...scene import Scene
+from ...text import engineering
 from ..card import MaterialCard
 from ..card_files import card_warnings
 from . import abaqus, ansys, calculix, lsdyna, nastran, radioss
 from .fe_card import FeCard
 from .tangent import NoConstants
-from .yarn_curves import yarn_curves
+from .yarn_curves import APART, yarn_curves
 
 CODES: dict[str, tuple[str, Callable[[FeCard], str]]] = {
     "nastran": ("material_card_nastran.bdf", nastran.text),
@@ -24,6 +25,7 @@ CODES: dict[str, tuple[str, Callable[[FeCard], str]]] = {
     "radioss": ("material_card_radioss.inc", radioss.text),
 }
 FILES = tuple(file for file, _ in CODES.values())
+WITH_CURVES = {"abaqus": "Abaqus", "lsdyna": "LS-DYNA", "radioss": "Radioss"}  # codes with FABRIC, and their names
 
 
 def why_no_curves(card: MaterialCard, path: Sequence[Row]) -> str:
@@ -33,6 +35,26 @@ def why_no_curves(card: MaterialCard, path: Sequence[Row]) -> str:
     except NoConstants as error:
         return str(error)
     return ""
+
+
+def limit_of_curves(card: MaterialCard, path: Sequence[Row], codes: Sequence[str], *, at_jump: bool) -> str | None:
+    """That the files for these codes have no curves, or where their curves end; None where they go on beyond the card.
+
+    path: as for `write_fe_cards`. at_jump: whether it ends at a jump.
+    """
+    names = [name for code, name in WITH_CURVES.items() if code in codes]
+    if not names:
+        return None
+    files = f"the files for {' and '.join([', '.join(names[:-1]), names[-1]] if names[1:] else names)}"
+    if why := why_no_curves(card, path):
+        return f"{files} have no tension-strain curves (FABRIC): {why}"
+    at_card = 0.5 * (card.tension_weft + card.tension_warp)
+    end = max(at_card, mean_tension(path[-1]))
+    if end > (1.0 + APART) * at_card and not at_jump:
+        return None
+    reason = "the mesh jumps to another equilibrium beyond" if at_jump else "the relaxation did not converge beyond the card"
+    tension = f"{engineering(end, 'N/m')}, mean of weft and warp"
+    return f"the tension-strain curves (FABRIC) of {files} end at {tension}: {reason}"
 
 
 def write_fe_cards(
