@@ -184,6 +184,7 @@ class SpatialMechanics:
 
     def advance_history(self) -> None:
         self.stepper.yielding.advance()
+        self.contact.advance_history()
         self.sliding.end_level()
 
     @property
