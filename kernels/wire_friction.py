@@ -1,4 +1,7 @@
-"""Slip of an increment of load, and elastic slip, passed on from step to step, between neighbouring segments and pair lists.
+"""Elastic slip of friction, and places at the equilibrium before.
+
+Elastic slip is passed on from step to step, between neighbouring segments, and from one pair list to the next. In a relaxation it
+is that left at the equilibrium before, and no step changes it.
 
 A contact of step n writes n + 1, its place and its elastic slip into the half of the arrays that step n + 1 reads. There a
 contact takes the slip of the nearest contact of the step before, in its own pair or in a neighbouring one. The two halves
