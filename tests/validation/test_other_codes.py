@@ -110,9 +110,9 @@ def test_yade_has_the_load_of_a_buckled_rod(tmp_path: Path) -> None:
 
 
 def test_pyelastica_agrees_on_a_coarse_hook() -> None:
-    """12 segments a wire: the page gives 3 % for warpknit, and both err by the square of the spacing. With damping of 2 and levels
-    of 0.1 periods vibrations at the contact are chaotic: a change of damping by 1e-12 changes the force by a quarter, here by 1 %.
-    """
+    """12 segments a wire: the page gives 3 % for warpknit, and both err by the square of the spacing. With damping of 2 and
+    levels of 0.1 periods vibrations at the contact are chaotic: a change of damping by 1e-12 changes the force by a quarter,
+    here by 1 %."""
     pytest.importorskip("elastica", reason="pyelastica is not installed: pip install -e '.[other-codes]'")
     found = by_other("PyElastica", "hook", HOOK)
     wanted = by_warpknit("hook", Numerics(12, tolerance=1e-3, softening=64.0))
