@@ -74,6 +74,7 @@ STATUS_RUNNING = wp.constant(wp.float64(0.0))
 STATUS_STALE = wp.constant(wp.float64(1.0))
 STATUS_DIVERGED = wp.constant(wp.float64(2.0))
 STATUS_EVALUATING = wp.constant(wp.float64(3.0))  # of rods: a step finds the forces of the state and moves nothing
+STATUS_ACCEPTING = wp.constant(wp.float64(4.0))  # the same, and an increment of load ends (wire_contact_forces.py)
 
 # columns of the partial sums, a row for every block of nodes and of bodies
 KINETIC_PART = wp.constant(0)  # [J] sum m v^2

@@ -6,8 +6,9 @@ o = r_p + r_q - |p - q|, where the radii r grow with temperature as the wires do
     N = k (o + a) where o + a > 0                   normal force, along n on p and along -n on q
     z' = z + dt v_t    T = - k_t z    |T| <= mu N   friction; the elastic slip z is scaled back at the Coulomb limit
 
-In real time z is scaled back at every step. In a relaxation it is scaled back as an increment of load begins, and within is the
-whole slip since the equilibrium before (backward Euler): slip to and fro of the transient cancels, and friction opposes the rest.
+In real time z is scaled back at every step. A relaxation is a step of backward Euler from one equilibrium to the next: z is what
+was left at the one before and the way since of one surface over the other, of the points that touch now. So it is a function of
+the state, and scaled back at the equilibrium that ends the increment.
 
 The penalty k and the offset a, an augmented Lagrangian multiplier over the penalty, are given at the nodes: k is the mean and a
 the sum of both wires, each interpolated along its segment. k_t is the same everywhere.
@@ -22,11 +23,21 @@ Weights of contacts at the end of a segment, and of two contacts of one pair: wi
 
 import warp as wp
 
-from .control import CONTACT_STIFFNESS, DRIVE, LENGTH_FACTOR, RAMP_STEP, STATUS, STATUS_RUNNING, STEP, TIME_STEP, is_halted
+from .control import (
+    CONTACT_STIFFNESS,
+    DRIVE,
+    LENGTH_FACTOR,
+    STATUS,
+    STATUS_ACCEPTING,
+    STATUS_RUNNING,
+    STEP,
+    TIME_STEP,
+    is_halted,
+)
 from .rod_frames import affine_map
 from .wire_closest import FOLLOWED_FORCE, NOT_NEAR, ONE_PLACE
 from .wire_curve import Bump, curve_through, derivative_at, node_weights, point_at, rest_shape, row, section_offsets, stencil
-from .wire_friction import previous_slip
+from .wire_friction import previous_slip, surface_before
 from .wire_minima import is_bounded
 from .wire_motion import node_velocities, point_velocity, section_rate
 from .wire_pairs import NO_COMMON_WIRE
@@ -122,6 +133,12 @@ def find_contact_forces(
     displacement: wp.array(dtype=wp.vec3d),
     velocity: wp.array(dtype=wp.vec3d),
     spin: wp.array(dtype=wp.float64),
+    # in: the equilibrium before, of a relaxation with friction
+    before_position: wp.array(dtype=wp.vec3d),
+    before_length: wp.array(dtype=wp.float64),
+    before_tangent: wp.array(dtype=wp.vec3d),
+    before_director: wp.array(dtype=wp.vec3d),
+    before_control: wp.array(dtype=wp.float64),
     # in and out: elastic slip, double-buffered by the parity of the step
     slip_step: wp.array2d(dtype=wp.int32),
     slip_place: wp.array2d(dtype=wp.vec2d),
@@ -177,7 +194,8 @@ def find_contact_forces(
         is_same = separation != NO_COMMON_WIRE
         is_running = control[STATUS] == STATUS_RUNNING
         step = int(control[STEP])
-        is_increment = control[DRIVE] == zero and control[RAMP_STEP] > zero
+        is_accepting = control[STATUS] == STATUS_ACCEPTING
+        is_increment = control[DRIVE] == zero
         has_more_p = following[following[i]] >= 0
         has_more_q = following[following[j]] >= 0
         last = wp.where(found == ONE_PLACE, 1, 3)
@@ -249,22 +267,30 @@ def find_contact_forces(
             couple_p = wp.vec3d()
             couple_q = wp.vec3d()
             if friction > zero and a < 2:
-                velocity_p = node_velocities(i, p, previous, following, control, displacement, velocity)
-                velocity_q = node_velocities(j, q, previous, following, control, displacement, velocity)
-                relative_velocity = point_velocity(i, w, velocity_p, levers_p, previous, following, length, tangent, spin)
-                relative_velocity -= point_velocity(j, v, velocity_q, levers_q, previous, following, length, tangent, spin)
                 lever_p = -(length_factor * node_radius[i] / contact_distance) * r
                 lever_q = (length_factor * node_radius[j] / contact_distance) * r
-                rate_p = section_rate(i, row(velocity_p, 2) - row(velocity_p, 1), length, tangent, spin)
-                rate_q = section_rate(j, row(velocity_q, 2) - row(velocity_q, 1), length, tangent, spin)
-                slip_velocity = relative_velocity + wp.cross(rate_p, lever_p) - wp.cross(rate_q, lever_q)
-                slip_velocity = slip_velocity - wp.dot(slip_velocity, n) * n
-                slip = previous_slip(pair, i, j, place, step, previous, following, node_wire, node_radius, wire_period,
-                                  pair_start, pair_count_of, pair_second, pair_shift,
-                                  slip_step, slip_place, elastic_slip)  # fmt: skip
+                way = wp.vec3d()
+                if is_increment:
+                    way = affine_map(pair_shift[pair], before_control)
+                    way += surface_before(j, t, lever_q, previous, following, natural_length, rest_row, rest_slope, rest_bump,
+                                          slope_weight, tangent, director, before_position, before_length,
+                                          before_tangent, before_director, before_control)  # fmt: skip
+                    way -= surface_before(i, s, lever_p, previous, following, natural_length, rest_row, rest_slope, rest_bump,
+                                          slope_weight, tangent, director, before_position, before_length,
+                                          before_tangent, before_director, before_control)  # fmt: skip
+                elif is_running:
+                    velocity_p = node_velocities(i, p, previous, following, control, displacement, velocity)
+                    velocity_q = node_velocities(j, q, previous, following, control, displacement, velocity)
+                    slip_velocity = point_velocity(i, w, velocity_p, levers_p, previous, following, length, tangent, spin)
+                    slip_velocity -= point_velocity(j, v, velocity_q, levers_q, previous, following, length, tangent, spin)
+                    rate_p = section_rate(i, row(velocity_p, 2) - row(velocity_p, 1), length, tangent, spin)
+                    rate_q = section_rate(j, row(velocity_q, 2) - row(velocity_q, 1), length, tangent, spin)
+                    way = control[TIME_STEP] * (slip_velocity + wp.cross(rate_p, lever_p) - wp.cross(rate_q, lever_q))
+                elastic = previous_slip(pair, i, j, place, step, previous, following, node_wire, node_radius, wire_period,
+                                     pair_start, pair_count_of, pair_second, pair_shift,
+                                     slip_step, slip_place, elastic_slip)  # fmt: skip
+                slip = elastic + way
                 slip = slip - wp.dot(slip, n) * n
-                if is_running:
-                    slip = slip + control[TIME_STEP] * slip_velocity
                 own = weight
                 if found != ONE_PLACE:
                     own = weight * friction_weight(overlap, overlaps[1 - a], weights[1 - a], -weights[2] * overlaps[2])
@@ -273,15 +299,14 @@ def find_contact_forces(
                 size = wp.length(friction_force)
                 if size > limit:
                     friction_force = friction_force * (limit / size)
-                    if not is_increment:
-                        slip = slip * (limit / size)
+                    slip = slip * (limit / size)
                 couple_p = wp.cross(lever_p, friction_force)
                 couple_q = wp.cross(lever_q, -friction_force)
-                if is_running:
+                if is_running or is_accepting:
                     after = (step + 1) % 2
                     slip_step[after, 2 * pair + a] = step + 1
                     slip_place[after, 2 * pair + a] = place
-                    elastic_slip[after, 2 * pair + a] = slip
+                    elastic_slip[after, 2 * pair + a] = wp.where(is_increment and is_running, elastic, slip)
             if a < 2:
                 wp.atomic_max(max_penetration, 0, contact_distance - distance)
             touch_normal_force[k] = normal_force

@@ -1,4 +1,7 @@
-"""Elastic slip of friction, passed on from step to step, between neighbouring segments, and from one pair list to the next.
+"""Elastic slip of friction, and places at the equilibrium before.
+
+Elastic slip is passed on from step to step, between neighbouring segments, and from one pair list to the next. In a relaxation it
+is that left at the equilibrium before, and no step changes it.
 
 A contact of step n writes n + 1, its place and its elastic slip into the half of the arrays that step n + 1 reads. There a
 contact takes the slip of the nearest contact of the step before, in its own pair or in a neighbouring one. The two halves
@@ -7,6 +10,9 @@ wire continues at its first node, the shift of a neighbouring pair differs by it
 """
 
 import warp as wp
+
+from .control import LENGTH_FACTOR
+from .wire_curve import Bump, curve_through, point_at, rest_shape, stencil
 
 MAX_HANDOVER = wp.constant(wp.float64(0.5))  # segments, largest motion of a contact in one step
 
@@ -120,6 +126,38 @@ def previous_slip(
                             nearest = distance
                             slip = slip_there
     return slip
+
+
+@wp.func
+def surface_before(
+    i: int,
+    place: wp.float64,
+    lever: wp.vec3d,
+    previous: wp.array(dtype=wp.int32),
+    following: wp.array(dtype=wp.int32),
+    natural_length: wp.array(dtype=wp.float64),
+    rest_row: wp.array(dtype=wp.int32),
+    rest_slope: wp.array(dtype=wp.vec2d),
+    rest_bump: wp.array(dtype=Bump),
+    slope_weight: wp.array(dtype=wp.vec4d),
+    tangent: wp.array(dtype=wp.vec3d),
+    director: wp.array(dtype=wp.vec3d),
+    before_position: wp.array(dtype=wp.vec3d),
+    before_length: wp.array(dtype=wp.float64),
+    before_tangent: wp.array(dtype=wp.vec3d),
+    before_director: wp.array(dtype=wp.vec3d),
+    before_control: wp.array(dtype=wp.float64),
+) -> wp.vec3d:
+    """[m] where a point of the surface was at the equilibrium before; now it is `lever` away from a place on segment i."""
+    nodes = stencil(i, previous, following, before_position, before_length, before_tangent)
+    shape = rest_shape(i, previous, following, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
+                       before_tangent, before_director)  # fmt: skip
+    curve = curve_through(nodes, before_control[LENGTH_FACTOR] * shape, slope_weight[rest_row[i]])
+    across = wp.cross(tangent[i], director[i])
+    along = wp.dot(lever, tangent[i]) * before_tangent[i]
+    turned = wp.dot(lever, director[i]) * before_director[i] + along
+    turned += wp.dot(lever, across) * wp.cross(before_tangent[i], before_director[i])
+    return point_at(curve, place) + turned
 
 
 @wp.kernel

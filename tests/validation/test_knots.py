@@ -16,8 +16,6 @@ from scipy.optimize import brentq
 from trefoil import TOLERANCE as TREFOIL_TOLERANCE
 from trefoil import tightened_trefoil
 
-from warpknit.spatial.sliding import LEAST_SHARE
-
 LOOSE = Case(1, 12.0, 0.2, 1.0, levels=2)
 IDEAL_TREFOIL = 32.743 / 2.0  # length over diameter
 
@@ -137,12 +135,11 @@ def test_friction_adds_its_coefficient_times_the_contact_force() -> None:
 
 
 @pytest.mark.slow
-def test_friction_that_a_run_finds_lost_is_what_the_end_force_lacks() -> None:
-    """With nodes 2 d apart contacts open while the knot relaxes. The share of friction that opposes sliding is what friction adds
-    to the end force, over mu q: 0.83 and 0.83 measured."""
+def test_contacts_that_open_as_a_knot_relaxes_keep_their_friction() -> None:
+    """With nodes 2 d apart contacts come and go on the way to equilibrium. What friction adds to the end force is mu q of what
+    touches then, within the residual tolerance of 2 %; where slip was summed over the steps it was 0.83 of that."""
     (row,) = friction_rows((2.0,), (200,))
-    assert LEAST_SHARE < row.friction_share < 1.02
-    assert row.opposing_share == pytest.approx(row.friction_share, abs=0.05)
+    assert row.friction_share == pytest.approx(1.0, abs=0.02)
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from rod_problem import Problem, frames, load
 from study import RESULTS, read_rows
 
 PAGE = Path(__file__).parents[2] / "docs" / "studies" / "other_codes.md"
-HOOK = Numerics(12, periods=0.1, step=0.05, damping=2.0, stiffness=1.0)
+HOOK = Numerics(12, periods=0.25, step=0.05, damping=8.0, stiffness=1.0)
 NO_YADE = pytest.mark.skipif(shutil.which("yade") is None, reason="yade is not installed: apt-get install yade")
 
 
@@ -110,11 +110,13 @@ def test_yade_has_the_load_of_a_buckled_rod(tmp_path: Path) -> None:
 
 
 def test_pyelastica_agrees_on_a_coarse_hook() -> None:
-    """12 segments a wire, loaded within 0.1 periods: the page gives 4 % for PyElastica and 3 % for warpknit."""
+    """12 segments a wire: the page gives 3 % for warpknit, and both err by the square of the spacing. With damping of 2 and
+    levels of 0.1 periods vibrations at the contact are chaotic: a change of damping by 1e-12 changes the force by a quarter,
+    here by 1 %."""
     pytest.importorskip("elastica", reason="pyelastica is not installed: pip install -e '.[other-codes]'")
     found = by_other("PyElastica", "hook", HOOK)
     wanted = by_warpknit("hook", Numerics(12, tolerance=1e-3, softening=64.0))
-    assert found.force[-1] == pytest.approx(wanted.force[-1], rel=0.07)
+    assert found.force[-1] == pytest.approx(wanted.force[-1], rel=0.03 + 0.01)
 
 
 @NO_YADE

@@ -148,8 +148,8 @@ def of_trefoil(r: TrefoilRow) -> list[list[float]]:
     return [[r.length_d], [r.energy], [r.contact_force], [r.curvature]]
 
 
-def of_lost(r: FrictionRow) -> list[list[float]]:
-    return [[r.spacing_d], [r.load_steps], [r.friction_share], [r.opposing_share], [r.steps]]
+def of_friction(r: FrictionRow) -> list[list[float]]:
+    return [[r.spacing_d], [r.load_steps], [r.friction_share], [r.steps]]
 
 
 @pytest.mark.parametrize(
@@ -158,7 +158,7 @@ def of_lost(r: FrictionRow) -> list[list[float]]:
         ("turns, without", "knots.csv", Knot, of_free_knot),
         ("T d^2/B", "clasp.csv", ClaspRow, of_clasp),
         ("L/d", "trefoil.csv", TrefoilRow, of_trefoil),
-        ("node spacing", "knots_friction.csv", FrictionRow, of_lost),
+        ("node spacing", "knots_friction.csv", FrictionRow, of_friction),
     ],
 )
 def test_rows_of_the_page_of_knots_are_in_the_results(

@@ -27,7 +27,6 @@ from warpknit.errors import Diverged
 from warpknit.model import build_model
 from warpknit.solve.simulate import Record, Simulation
 from warpknit.spatial.contacts import Contacts
-from warpknit.spatial.mechanics import SpatialMechanics
 from warpknit.spatial.model import SpatialModel
 
 FINE = 3.0  # distance d over the diameter of the wire of the scene, so that nodes may be closer than half of d
@@ -56,7 +55,6 @@ class ClaspRow:
     asymmetry: float  # first moment of the contact force along the first rod, over that of its absolute value
     contacts: int
     overlap: float
-    opposing_share: float  # of the friction at its limit, that against the sliding (warpknit/spatial/sliding.py)
     steps: int
     wall_s: float
 
@@ -83,7 +81,7 @@ def places(model: SpatialModel, t: Contacts) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pressure_of(
-    model: SpatialModel, record: Record, friction: float, twist: float, spacing: float, shear: float, opposing: float, wall: float
+    model: SpatialModel, record: Record, friction: float, twist: float, spacing: float, shear: float, wall: float
 ) -> Pressure:
     o, t, rods = record.observables, record.observables.touching, model.rods
     unit = rods.section.bending_stiffness / DIAMETER**2
@@ -102,7 +100,7 @@ def pressure_of(
         float(np.abs(np.concatenate([first, second])).max()), float(np.sum(far * force) / force.sum()),
         float(abs(np.sum((t.force[:, None] * t.normal + t.friction)[:, 0]))) / unit / (0.5 * np.abs(pull).sum()),
         float(abs(np.sum(first * force) / np.sum(np.abs(first) * force))), len(force),
-        o.penetration / FINE, opposing, record.steps, wall,
+        o.penetration / FINE, record.steps, wall,
     )  # fmt: skip
     return Pressure(row, first, second, force)
 
@@ -130,14 +128,12 @@ def clasp_states(
     rods = replace(model.rods, section=section, thicker=np.full(2, 0.5 * DIAMETER))
     model = replace(model, rods=rods, softening=STIFF * model.softening)
     simulation = Simulation(model)
-    assert isinstance(simulation.mechanics, SpatialMechanics)
     try:
         for record in simulation.run():
             if not len(record.observables.touching.force):
                 continue
             now = shear * record.load_factor if record.stage_index == len(strains) else 0.0
-            opposing = simulation.mechanics.sliding.share
-            found = pressure_of(model, record, friction, twist, spacing, now, opposing, time.perf_counter() - begin)
+            found = pressure_of(model, record, friction, twist, spacing, now, time.perf_counter() - begin)
             r = found.row
             print(
                 f"friction {friction:g} shear {now:.2f} T {r.tension:.3f}: k d {r.tip_curvature:.3f}, tips {r.tip_distance:.4f} d"

@@ -1,7 +1,7 @@
 """Knots and clasps of elastic rods in space, against theory and measurements that others published.
 
     python tools/studies/knots.py knots [DIR] [--jobs N]   # 30 min, --quick 2: overhand knots of one to four turns, with friction
-    python tools/studies/knots.py friction [DIR]           # 2 min: friction that is lost as a mesh relaxes, on two turns
+    python tools/studies/knots.py friction [DIR]           # 2 min: friction by the spacing of nodes and the steps of an increment
     python tools/studies/knots.py clasp [DIR]              # 4 min: two hooked rods pulled apart: where they press
     python tools/studies/knots.py trefoil [DIR]            # 4 min: a closed trefoil that grows thicker
 
@@ -234,18 +234,15 @@ class FrictionRow:
     force_without: float  # friction
     contact_force: float
     friction_share: float  # what friction adds to the force, over friction times contact force
-    opposing_share: float  # of the friction at its limit, that against the sliding (warpknit/spatial/sliding.py)
     line_share: float  # of the contact force, at contacts along a line
     steps: int
 
 
-def last_state(case: Case, points: np.ndarray) -> tuple[Row, float]:
-    """The last state of a knot drawn through points [d], and its opposing share."""
+def last_state(case: Case, points: np.ndarray) -> Row:
+    """The last state of a knot drawn through points [d]."""
     model = pulled_knot(case, points)
-    simulation = Simulation(model)
-    *_, record = simulation.run()
-    assert isinstance(simulation.mechanics, mechanics.SpatialMechanics)
-    return row_of(model, record, case, "tighten", np.nan), simulation.mechanics.sliding.share
+    *_, record = Simulation(model).run()
+    return row_of(model, record, case, "tighten", np.nan)
 
 
 def friction_rows(spacings: Sequence[float], load_steps: Sequence[int]) -> Iterator[FrictionRow]:
@@ -255,16 +252,16 @@ def friction_rows(spacings: Sequence[float], load_steps: Sequence[int]) -> Itera
         free = Case(2, 40.0, 0.025, spacing, 0.0, 1, tolerance=2e-2)
         drawn = overhand(free.turns, free.radius, TAIL * free.radius)
         relaxed = next(iter(Simulation(pulled_knot(free, drawn)).run())).observables.position / DIAMETER
-        without, _ = last_state(free, drawn)
+        without = last_state(free, drawn)
         for steps in load_steps:
             mechanics.LOAD_STEPS = steps
             try:
-                row, opposing = last_state(replace(free, friction=0.2), relaxed)
+                row = last_state(replace(free, friction=0.2), relaxed)
             finally:
                 mechanics.LOAD_STEPS = usual
             share = (row.force - without.force) / (row.friction * row.contact_force)
             yield FrictionRow(
-                spacing, steps, row.e, row.force, without.force, row.contact_force, share, opposing, row.line_share, row.steps
+                spacing, steps, row.e, row.force, without.force, row.contact_force, share, row.line_share, row.steps
             )
 
 

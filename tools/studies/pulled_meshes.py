@@ -25,6 +25,7 @@ from strip_pull import WARP, WEFT, Pull, pull
 from study import add_directory, new_parser, picture_path, read_rows, show_rows, table_path, write_rows
 
 from warpknit.device import start_warp
+from warpknit.errors import Diverged
 from warpknit.scene import Scene, make_scene
 
 INCH = 25.4e-3  # [m]
@@ -128,7 +129,11 @@ def pulls_of(mesh: Mesh, *, case: str | None = None, quick: bool = False) -> Ite
         for direction, axis in DIRECTIONS.items():
             begin = time.process_time()
             end = straight_strain(scene, axis) + 0.05
-            pulled = pull(scene, axis, end, step=0.04, strength=mesh.strength[1], steps=50_000 if quick else 70_000)
+            try:
+                pulled = pull(scene, axis, end, step=0.04, strength=mesh.strength[1], steps=50_000 if quick else 70_000)
+            except Diverged as error:
+                print(f"{mesh.name} {direction} {each.name}: {error}", flush=True)
+                continue
             row = row_of(mesh, direction, each.name, scene, pulled, time.process_time() - begin)
             yield row, [LevelRow(mesh.name, direction, each.name, **asdict(level)) for level in pulled.levels]
 

@@ -122,6 +122,7 @@ class _Strip:
         self.area = section_area(self.scene.wire)
         simulation.mechanics.search()
         self.relaxation.solve(LoadPoint(np.eye(2), self.scene.wire.reference_temperature))  # wires that overlap as knitted
+        self.accept()
         self.progress.stage, self.progress.stage_index, self.progress.level = "pull", 1, 1  # not as knitted
 
     def first_level(self, fraction: float) -> Level:

@@ -35,7 +35,6 @@ from .rod_checks import StateSums
 from .rod_relaxation import CHECK_STEPS, VIBRATION, RodRelaxation
 from .rod_step import RodStepper
 from .sites import Sites
-from .sliding import Sliding
 from .stability import Stability
 from .thermal import segment_thermal_strain
 from .wire_contact import WireContact
@@ -78,7 +77,6 @@ class SpatialMechanics:
         self.residual = Residual(model, self.relaxation, self.multipliers)
         self.edge = Edge(model) if scene.has_moving_edge else None
         self.stability = Stability(model, self.relaxation, self.contact, self.notes)
-        self.sliding = Sliding(model, self.stepper, self.contact, self.notes)
         # a large gripped mesh starts from a smaller one that was tested
         self._is_tested = not scene.depends_on_path and (scene.model.boundary == "periodic" or smaller_scene(scene) is None)
         self._last: tuple[np.ndarray, np.ndarray] | None = None  # gradient and displacement of the previous level
@@ -201,7 +199,7 @@ class SpatialMechanics:
 
     def advance_history(self) -> None:
         self.stepper.yielding.advance()
-        self.sliding.end_level()
+        self.contact.advance_history()
 
     @property
     def dissipated(self) -> float:
@@ -350,7 +348,6 @@ class SpatialMechanics:
     # --- observation
 
     def observe(self) -> SpatialObservables:
-        self.sliding.note()
         return read(self.model, self.sites, self.relaxation, self.contact)
 
     def edge_work_terms(self, observed: SpatialObservables) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -362,7 +359,7 @@ class SpatialMechanics:
     def state_dict(self) -> dict[str, np.ndarray]:
         kept: dict[str, Any] = {"notes": np.array(json.dumps(self.notes))}
         kept |= self.contact.state_dict() | self.relaxation.state_dict() | self.stepper.yielding.state_dict()
-        kept |= self.stability.state_dict() | self.sliding.state_dict()
+        kept |= self.stability.state_dict()
         for part in (self.edge, self.multipliers):
             kept |= part.state_dict() if part is not None else {}
         if self._last is not None:
@@ -375,7 +372,6 @@ class SpatialMechanics:
         self.relaxation.load_state_dict(kept)
         self.stepper.yielding.load_state_dict(kept)
         self.stability.load_state_dict(kept)
-        self.sliding.load_state_dict(kept)
         for part in (self.edge, self.multipliers):
             if part is not None:
                 part.load_state_dict(kept)

@@ -126,14 +126,15 @@ class RodStepper:
                 self._replay(size, count // size)
             count %= size
 
-    def evaluate(self, gap: float | None = None) -> None:
+    def evaluate(self, gap: float | None = None, *, accepting: bool = False) -> None:
         """Compute positions, frames and forces of the current state, without a step.
 
-        gap [m]: up to which closest points of wires are found; default: EVALUATED thicknesses.
+        gap [m]: up to which closest points of wires are found; default: EVALUATED thicknesses; accepting: see `WireContact`.
         """
         kept = float(self.state.read_control()[int(c.STATUS)])
         gap = EVALUATED * self.rods.section.thickness if gap is None else gap
-        self.state.write_control({c.STATUS: float(c.STATUS_EVALUATING), c.EVALUATED_GAP: gap})
+        status = c.STATUS_ACCEPTING if accepting else c.STATUS_EVALUATING
+        self.state.write_control({c.STATUS: float(status), c.EVALUATED_GAP: gap})
         self._replay(0, 1)
         self.state.write_control({c.STATUS: kept})
 

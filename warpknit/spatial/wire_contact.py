@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import warp as wp
@@ -77,6 +77,17 @@ def _upload_wires(rods: Rods, curve: RestCurve, device: str) -> _WireArrays:
     )
 
 
+@dataclass(frozen=True)
+class _Before:
+    """The equilibrium before, which friction needs (kernels/wire_friction.py); [node], but for `before_control`."""
+
+    before_position: wp.array  # vec3d [m]
+    before_length: wp.array  # [m]
+    before_tangent: wp.array  # vec3d
+    before_director: wp.array  # vec3d
+    before_control: wp.array
+
+
 class WireContact:
     """Contact of all wires of a stepper with each other and themselves. Sets itself as the stepper's contact."""
 
@@ -115,6 +126,8 @@ class WireContact:
         self.touch = self._new_touch(LEAST_CAPACITY)
         self._list = self._new_list(LEAST_CAPACITY, 0)
         self._other = self._new_list(LEAST_CAPACITY, 1) if friction else self._list  # the list before, for its elastic slips
+        now = (getattr(stepper.state, field.name.removeprefix("before_")) for field in fields(_Before))
+        self._before = _Before(*(wp.clone(array) if friction else array for array in now))
         stepper.state.write_control({c.CONTACT_STIFFNESS: stiffness})
         store(stepper.state.contact_penalty, stiffness)
         stepper.contact = self
@@ -147,7 +160,7 @@ class WireContact:
         return [
             *([bind(find_followed_contacts, 1, *sources, **named, **travels, **forces)] if on_cpu else []),
             bind(find_closest_places, threads, *sources, threads=threads, **named, **travels),
-            bind(find_contact_forces, threads, *sources, threads=threads, **named, **forces, **own),
+            bind(find_contact_forces, threads, *sources, self._before, threads=threads, **named, **forces, **own),
         ]
 
     def _new_list(self, capacity: int, number: int) -> PairList:
@@ -256,6 +269,8 @@ class WireContact:
         """Arrays for a checkpoint: the pair list with its elastic slips."""
         kept = self._list.state_dict()
         kept["pairs_near"] = self._near_pairs()
+        if self.friction > 0.0:
+            kept |= {name: fetch(array).copy() for name, array in vars(self._before).items()}
         numbers = [self.searches, fetch(self.max_penetration).max(), self._travel, self._search_travel]
         return kept | {"contact": np.array(numbers)}
 
@@ -267,6 +282,9 @@ class WireContact:
         self._list = pairs
         if self.friction == 0.0:
             self._other = pairs
+        else:
+            for name, array in vars(self._before).items():
+                store(array, kept[name])
         searches, penetration, self._travel, self._search_travel = kept["contact"].tolist()
         self.searches = int(searches)
         store(self.max_penetration, penetration)
@@ -334,6 +352,19 @@ class WireContact:
             elif control[int(c.STATUS)] != 0.0:
                 break
         return taken
+
+    def advance_history(self) -> None:
+        """Accept the equilibrium: scale elastic slip back at the Coulomb limit, and begin the next increment.
+
+        It counts as a step, as the slips pass from one half of their arrays to the other.
+        """
+        if self.friction == 0.0:
+            return
+        self.stepper.evaluate(0.0, accepting=True)
+        state = self.stepper.state
+        for name, array in vars(self._before).items():
+            store(array, fetch(getattr(state, name.removeprefix("before_"))))
+        state.write_control({c.STEP: float(state.read_control()[int(c.STEP)]) + 1.0})
 
     def pop_max_penetration(self) -> float:
         """[m] largest penetration since the last call; resets it."""
