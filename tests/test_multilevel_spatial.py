@@ -16,7 +16,8 @@ from warpknit.runner.history import add_work, row_of
 from warpknit.runner.summary import run_summary
 from warpknit.scene import load_scene
 from warpknit.solve.aitken import Aitken
-from warpknit.solve.multilevel import MultilevelRelaxation
+from warpknit.solve.membrane import Correction
+from warpknit.solve.multilevel import MEMBRANE_TOLERANCE, MultilevelRelaxation
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Progress, Simulation
 from warpknit.spatial import prolongation
@@ -337,3 +338,23 @@ def test_plan_says_from_which_mesh_a_run_starts() -> None:
     assert "8 x 3 repeats" in starts(STRIP, "model.boundary=gripped")[0]
     assert "1 x 1 repeats" in starts("knit.repeats=[3, 2]")[0]
     assert not starts(STRIP, "model.boundary=gripped", *cords) and not starts("knit.repeats=[1, 1]")
+
+
+def test_corrections_move_no_further_than_their_imbalance_is_worth(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A correction that moves far for an imbalance within its tolerance is a soft mode and is left alone (it pushed wires
+    of a gripped tricot into each other); one of three tolerances is applied in three parts, three times as far as the mesh may
+    move at once."""
+    drive = Simulation(mesh(STRIP, "model.boundary=gripped")).drive
+    assert isinstance(drive, MultilevelRelaxation) and drive.membrane is not None
+    membrane, share, moved = drive.membrane, 0.1, []
+    drive._begin_solving()
+    grid = np.ones((int(np.prod(membrane._cells + 1)), 2))
+    monkeypatch.setattr(membrane, "move", lambda correction: moved.append(correction.grid[0, 0]))
+    monkeypatch.setattr(drive, "_step_on", lambda steps: None)
+    for tolerances, parts in ((0.5, 0), (3.0, 3)):
+        stress = tolerances * MEMBRANE_TOLERANCE * drive.least_tension
+        correction = Correction(grid, np.zeros((0, 2)), share), stress
+        monkeypatch.setattr(membrane, "solve", lambda *_, correction=correction: correction)
+        drive._correct_as_membrane(membrane, 10.0)
+        assert drive.progress.imbalance == pytest.approx(tolerances)
+        assert moved == pytest.approx(parts * [share])

@@ -293,7 +293,7 @@ class MultilevelRelaxation(Relaxation):
 
     def _move_in_parts(self, membrane: Membrane, correction: Correction) -> None:
         """Move the mesh by a correction, in parts that it may take at once."""
-        while correction.max_factor < 1.0:
+        while correction.max_factor < 1.0 - 1e-9:
             self._move(membrane, correction.scaled(correction.max_factor))
             self.mechanics.search()
             self._step_on(PART_STEPS)
