@@ -399,7 +399,7 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
         apart = [(mean_tension(one), mean_tension(other)) for one, other in found.path_jumps]
         draw["tension"] = lambda file: tension_figure(path, answers, file, yield_stress=limit, jumps=apart)
     if (cloth := found.model.cloth) is not None:
-        draw["knit"] = lambda path: knit_figure(cloth, found.scene.wire.diameter, path, classes=contact_classes(found.scene))
+        draw["knit"] = lambda path: knit_figure(cloth, found.scene.wire.thickness, path, classes=contact_classes(found.scene))
     if (mesh := found.tensioned) is not None:
         frame = measure.frame(mesh, index=0, stage="card", load_factor=1.0, temperature=found.scene.stages[0].temperature)
         title = state_title(frame, measure.mesh_tension(mesh))
