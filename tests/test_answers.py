@@ -190,6 +190,18 @@ def test_no_state_within_a_jump_is_interpolated(monkeypatch: pytest.MonkeyPatch)
     assert behind["active_percent"] == 100.0
 
 
+def test_a_yield_while_slack_is_taken_up_is_that_of_the_record_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the stress passes the limit between neighbouring records, its state has that stress; not from 0 to 0.6 N/m."""
+    rows = [row(0.1 * k) for k in range(10)]
+    for k, one in enumerate(rows):
+        one.stress_max_Pa = LIMIT * 0.2 * k
+    fine, coarse = (found(some, monkeypatch)["first_yield"] for some in (rows, [rows[0], *rows[6:]]))
+    assert fine["resolved"] and fine["stress_max_Pa"] == LIMIT
+    assert fine["tension_weft_N_per_m"] == pytest.approx(rows[5].tension_weft_N_per_m)
+    assert coarse["slack"] and not coarse["resolved"] and coarse["stress_max_Pa"] == rows[6].stress_max_Pa
+    assert coarse["tension_weft_N_per_m"] == rows[6].tension_weft_N_per_m
+
+
 def test_unequal_tensions_are_given_with_their_mean(monkeypatch: pytest.MonkeyPatch) -> None:
     """Warp carries three times the tension of weft: 0.4 N/m is the mean of 0.2 and 0.6 N/m."""
     rows = [row(0.1 * k) for k in range(7)]

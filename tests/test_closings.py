@@ -84,7 +84,11 @@ def test_a_last_record_gives_a_range(monkeypatch: pytest.MonkeyPatch) -> None:
     assert [state["tension_weft_N_per_m"] for state in closes["between"]] == pytest.approx([0.2, 0.3])
     text = dict(answer_rows(found(rows, monkeypatch, service=0.25), LIMIT))
     assert text["contacts A close at"].startswith("between 200 mN/m and 300 mN/m")
-    assert text["active at 250 mN/m"].endswith("more output.frames tell which")
+    shares = [f"{one.active_percent:.1f} %" for one in rows[2:]]
+    assert shares[0] != shares[1]
+    assert text["active at 250 mN/m"] == (
+        f"not resolved: between {' and '.join(shares)}, of the records at 200 mN/m and 300 mN/m; more output.frames tell"
+    )
 
 
 def test_a_graze_is_not_the_closing(monkeypatch: pytest.MonkeyPatch) -> None:

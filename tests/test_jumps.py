@@ -118,7 +118,15 @@ def test_values_of_a_mesh_without_load_do_not_jump(stored, found):
     """Below the floor of the stored energy they are rounding errors, which change unevenly."""
     force, value = np.zeros((6, 1)), np.array([[0.0], [1.0], [2.0], [9.0], [10.0], [11.0]])
     energies = {"stored": np.full(6, stored), "dissipated": np.zeros(6)}
-    assert jumps(np.arange(6.0), force, force, **energies, values=value, floor=1e-5).tolist() == found
+    assert jumps(np.arange(6.0), force, force, **energies, values=[value], floor=1e-5).tolist() == found
+
+
+@pytest.mark.parametrize(("warp", "found"), [(1e-2, [2]), (1e4, [])])
+def test_scatter_of_a_slack_direction_is_no_jump(warp, found):
+    """Weft values of 11 jump by 7: not where the mesh carries 1000 times as much in warp."""
+    force, values = np.zeros((6, 1)), np.array([[0.0, 1.0, 2.0, 9.0, 10.0, 11.0], np.linspace(0.5, 1.0, 6) * warp]).T
+    seen = jumps(np.arange(6.0), force, force, stored=np.ones(6), dissipated=np.zeros(6), values=[values], floor=1e-5)
+    assert np.flatnonzero(seen).tolist() == found
 
 
 def test_a_picture_marks_the_cells_of_a_jump(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -176,7 +176,7 @@ def contact_map(
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         result = map_command(loaded, directory, resume=resume, force=force, progress=progress, device=device, ranks=ranks.count)
     if result.exit_code != FINISHED:
-        return unfinished(result, "; continue with --resume")
+        return unfinished(result, f"; continue with --resume --out {directory}")
     return finished(map_lines(result.summary), directory)
 
 
@@ -274,6 +274,7 @@ def report(
     lines.append(("map", done.page.sweep_text))
     if done.result.exit_code == FINISHED:
         lines.append(("material card", done.page.card_state))
+        lines += [("", note) for note in done.page.file_notes]
     lines += [("warning", warning) for warning in done.page.warnings]
     if not done.page.earlier_kept:
         lines.append(("page", str(directory / "report.html")))
@@ -296,7 +297,7 @@ def positive_quantity(option: str, given: str | None, dimension: str) -> float |
     from warpknit.scene.units import DIMENSIONS, has_unit, shown
 
     if given is not None and not has_unit(given):
-        raise click.UsageError(f"{option}: given {shown(given)}, expected {DIMENSIONS[dimension]}, with its unit.")
+        raise click.UsageError(f"{option}: given {shown(given)}, allowed: {DIMENSIONS[dimension]}, with its unit.")
     return positive(option, given, dimension)
 
 

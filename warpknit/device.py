@@ -34,6 +34,11 @@ def start_warp() -> None:
         os.dup2(said.fileno(), 2)
         try:
             wp.init()
+        except OSError as error:
+            where = f"the kernel cache {wp.config.kernel_cache_dir}"
+            raise DeviceError(
+                f"{where}: given {(error.strerror or '').lower()}, allowed: a directory to write to, as WARP_CACHE_PATH"
+            ) from error
         finally:
             os.dup2(kept, 2)
             os.close(kept)

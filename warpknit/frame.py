@@ -40,7 +40,7 @@ class WireLayout:
     wire_start: Integers  # [wire + 1]  nodes of wire w are wire_start[w]:wire_start[w + 1]
     wire_closed: NDArray[np.bool_]  # [wire]  a closed wire continues at its first node, shifted by wire_closing
     period: Floats  # [2] [m]  width and height of the tile at rest
-    diameter: float  # [m]
+    diameter: float  # [m]  of the yarn: `Wire.thickness`, plating and parallel ends included; wires are drawn as thick as this
     body_radius: float  # [m]
     body_wires: Integers  # [body, 2]  the wires of pairs 2b and 2b + 1
     rhombus_bodies: Integers  # [k]  bodies around the central opening; may be empty

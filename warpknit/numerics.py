@@ -7,6 +7,7 @@ import os
 
 import numpy as np
 
+from .errors import InputError
 from .scene import Scene
 
 # --- steps
@@ -79,5 +80,7 @@ def error_ratio(square_sum: float, count: int, largest: float, tolerance: float)
 def thread_count(work: int) -> int:
     """Number of threads or processes: WARPKNIT_THREADS or one a core, at most one a piece of work."""
     given = os.environ.get("WARPKNIT_THREADS", "")
-    wanted = int(given) if given.isdecimal() else len(CORES)
+    if given and not given.isdecimal():
+        raise InputError(f"WARPKNIT_THREADS: given {given!r}, allowed: a whole number of threads")
+    wanted = int(given) if given else len(CORES)
     return max(1, min(wanted, len(CORES), work))

@@ -62,6 +62,15 @@ def percent(share: float, digits: int = 1, *, signed: bool = False) -> str:
     return f"{value:+.{digits}f} %" if signed and value else f"{value:.{digits}f} %"
 
 
+def short_percent(share: float) -> str:
+    """A share in percent with two digits and no exponent.
+
+    >>> short_percent(0.996), short_percent(0.00123)
+    ('100 %', '0.12 %')
+    """
+    return f"{float(f'{100.0 * share:.2g}'):g} %"
+
+
 def memory(count: int) -> str:
     """Bytes with a binary prefix."""
     return f"{count / 2**30:.3g} GiB" if count >= 2**30 else f"{count / 2**20:.0f} MiB"

@@ -139,5 +139,5 @@ def positive(name: str, given: str | float | None, dimension: str) -> float | No
     except QuantityError as error:
         raise InputError(f"{name}: {error}") from error
     if value <= 0.0:
-        raise InputError(f"{name}: given {shown(given)}, expected {DIMENSIONS[dimension]}, above zero")
+        raise InputError(f"{name}: given {shown(given)}, allowed: {DIMENSIONS[dimension]}, above zero")
     return value

@@ -112,6 +112,7 @@ class Findings:
     model_warnings: Sequence[str]  # where the states are outside the validity of their model
     earlier_kept: bool  # nothing was written: there is no card, and the directory has an earlier report with one
     codes: Sequence[str]  # FE codes that get the card
+    file_notes: tuple[str, ...] = ()  # FE codes without a card and why, and files that were removed
 
     @property
     def found_again(self) -> bool:
@@ -137,7 +138,7 @@ class Findings:
         ends = " and ".join(
             f"{load_text((axis[0], axis[-1]), self.by_tension).replace(' / ', ' to ')} in {side}" for side, axis in axes
         )
-        default = self.scene.sweep == DEFAULT_SWEEP
+        default = self.scene.sweep is DEFAULT_SWEEP
         source = "the default of a report; a table [sweep] in the scene changes them" if default else "of [sweep] in the scene"
         return f"{len(self.rows)} pairs of {'tensions' if self.by_tension else 'strains'}, {ends}: {source}"
 
@@ -242,9 +243,7 @@ def write_report(
         earlier_kept=card is None and (out / CARD).exists(),
         codes=codes,
     )
-    if not found.earlier_kept:
-        _write(found, out)
-    return found
+    return found if found.earlier_kept else replace(found, file_notes=_write(found, out))
 
 
 def _card(
@@ -310,7 +309,9 @@ def _card_from(scene: Scene, begin: PathState, load: Stage, watch: Callable[[flo
         return find_card(exact_model(scene, ROUGH_TOLERANCE), begin, load, watch)
 
 
-def _write(found: Findings, out: Path) -> None:
+def _write(found: Findings, out: Path) -> tuple[str, ...]:
+    """Write the report; return what is to be told of the files of its card."""
+    notes = []
     names = [field.name for field in fields(CurvePoint)]
     table = {name: np.array([asdict(p)[name] for p in found.curves], dtype=object) for name in names}
     write_table(out / "tension_strain.csv", table)
@@ -319,12 +320,17 @@ def _write(found: Findings, out: Path) -> None:
             found.card, found.loading, found.scene, found.where, out, codes=found.codes, warnings=found.model_warnings
         )
         write_card(found.card, found.scene, found.where, out, found.model_warnings, fe_cards)
-        for name in set(FILES) - set(fe_cards.values()):
-            (out / name).unlink(missing_ok=True)  # of an earlier report
+        notes = [f"no card for {code}: {result}" for code, result in fe_cards.items() if result not in FILES]
+        earlier = [name for name in FILES if name not in fe_cards.values() and (out / name).exists()]
+        for name in earlier:
+            (out / name).unlink()
+        if earlier:
+            notes.append(f"removed, as of an earlier report: {', '.join(earlier)}")
     with write_aside(out / "answers.json") as file:
         json.dump(found.answers, file, indent=2, allow_nan=False)
     with write_aside(out / "report.html") as file:
         file.write(_page(found, _figures(found, out / "figures")).html())
+    return tuple(notes)
 
 
 def _page(found: Findings, figures: dict[str, Path]) -> Page:
@@ -409,7 +415,7 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
         apart = [(mean_tension(one), mean_tension(other)) for one, other in found.path_jumps]
         draw["tension"] = lambda file: tension_figure(path, answers, file, yield_stress=limit, jumps=apart)
     if (cloth := found.model.cloth) is not None:
-        draw["knit"] = lambda path: knit_figure(cloth, found.scene.wire.diameter, path, classes=contact_classes(found.scene))
+        draw["knit"] = lambda path: knit_figure(cloth, found.scene.wire.thickness, path, classes=contact_classes(found.scene))
     if (mesh := found.tensioned) is not None:
         frame = measure.frame(mesh, index=0, stage="card", load_factor=1.0, temperature=found.scene.stages[0].temperature)
         title = state_title(frame, measure.mesh_tension(mesh))

@@ -32,7 +32,7 @@ BODY_COLOUR, RHOMBUS_COLOUR = "#111111", "#B00058"
 
 def knit_figure(
     cloth: Cloth,
-    diameter: float,
+    thickness: float,
     path: str | os.PathLike[str],
     columns: int = 2,
     rows: int = 2,
@@ -41,8 +41,8 @@ def knit_figure(
 ) -> Path:
     """Draw `columns` x `rows` repeats of a cloth to a PNG file.
 
-    diameter: of the wire [m]. classes: [clasp] number of its class of contact; default: one for all. Lines are never thinner than
-    legible, so a thin wire looks thicker than it is.
+    thickness: of the yarn [m]. classes: [clasp] number of its class of contact; default: one for all. Lines are never thinner
+    than legible, so a thin wire looks thicker than it is.
     """
     size = np.array([columns, rows]) * cloth.size * MM
     low, high, period = np.zeros(2), size, MM * np.diag(cloth.size)
@@ -88,7 +88,7 @@ def knit_figure(
         left_bottom, right_top = np.transpose([axes.get_xlim(), axes.get_ylim()])
         within = np.all((everywhere > left_bottom) & (everywhere < right_top), axis=1)
         axes.plot(*everywhere[within].T, markersize=MARK_SIZE, zorder=3, clip_on=False, **style)
-    line_width = max(THINNEST, diameter * MM * points_per_mm)
+    line_width = max(THINNEST, thickness * MM * points_per_mm)
     axes.add_collection(over_under(*_wires(cloth, period, low - margin, high + margin), line_width, points_per_mm))
     return save_figure(figure, path)
 

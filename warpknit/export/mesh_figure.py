@@ -17,7 +17,7 @@ from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from warpknit.export.over_under import copied, over_under, tile_copies
+from warpknit.export.over_under import EDGE, copied, over_under, tile_copies
 from warpknit.export.plots import BLUE, GREEN, figure_of, frame_plan_axes, plan_scale, save_figure, scale_of
 from warpknit.frame import Frame, WireLayout, curve_position
 from warpknit.hermite import hermite
@@ -32,6 +32,8 @@ COPIED, COPIES = 2_000, 2  # segments of a periodic tile up to which this many c
 THINNEST = 0.9  # [pt] line that is still legible
 ROOM = 293.15  # [K]  a temperature other than this is said in the title
 OPEN_SIZE = 1.8  # of the mark of an active contact: that of an open one
+SMALLEST_MARK = 2.0  # [pt]
+LEAST_ROOM, ENOUGH_ROOM = 15.0, 22.0  # [pt] between contacts: no white edges and open contacts below; all of the edge above
 LEGEND_COLUMN = 2.5  # [inch]
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 OUTLINE: dict[str, Any] = {"color": "#404040", "linewidth": 1.2, "linestyle": "--"}
@@ -82,7 +84,9 @@ def mesh_figure(
     else:
         pieces, colour = np.stack([lines[:, :-1], lines[:, 1:]], axis=2).reshape(-1, 2, 3), wires.to_rgba(stress.ravel())
         pieces, number = copied(pieces, offsets, *_with_margin(low, high))
-        axes.add_collection(over_under(pieces, colour[number], width, points_per_mm))
+        spacing = _spacing(bodies, layout.body_count) * points_per_mm
+        edge = EDGE * float(np.clip((spacing - LEAST_ROOM) / (ENOUGH_ROOM - LEAST_ROOM), 0.0, 1.0))
+        axes.add_collection(over_under(pieces, colour[number], width, points_per_mm, edge))
     _draw_contacts(axes, layout, frame, bodies, offsets, points_per_mm)
     return save_figure(figure, path)
 
@@ -219,11 +223,13 @@ def _draw_contacts(
     """Fill active contacts at `position` (body, 2) [mm], circle open ones, and ring those of the central rhombus."""
     if not layout.body_count:
         return
-    area = max(float(np.ptp(position[:, 0]) * np.ptp(position[:, 1])), 1e-12)
-    size = float(np.clip(0.2 * math.sqrt(area / layout.body_count) * points_per_mm, 2.0, 7.0))  # [pt]
+    spacing = _spacing(position, layout.body_count) * points_per_mm
+    size = float(np.clip(0.2 * spacing, SMALLEST_MARK, 7.0))  # [pt]
     for chosen, name, edge, look in reversed(
         _kinds(frame)
     ):  # the circle of an open contact shows about an active one at its place
+        if name == "open" and spacing < LEAST_ROOM:
+            continue  # they would hide the loops
         shown = (position[chosen][:, None] + offsets).reshape(-1, 2)
         mark = size if name == "active" else OPEN_SIZE * size
         axes.plot(*shown.T, **look, markersize=mark, markeredgewidth=edge * size, zorder=3)
@@ -232,6 +238,11 @@ def _draw_contacts(
         axes.plot(*mine.T, **RING, markersize=2.1 * size, markeredgewidth=0.3 * size, zorder=4)
         spoke = mine - mine.mean(axis=0)
         axes.fill(*mine[np.argsort(np.arctan2(spoke[:, 1], spoke[:, 0]))].T, color=GREEN, alpha=0.15, linewidth=0.0, zorder=0)
+
+
+def _spacing(position: NDArray[Any], count: int) -> float:
+    """Mean distance [mm] of contacts at `position` (body, 2) [mm]; without bound where there are none."""
+    return math.sqrt(max(float(np.prod(np.ptp(position, axis=0))), 1e-12) / count) if count else math.inf
 
 
 def _kinds(frame: Frame) -> tuple[tuple[NDArray[np.bool_], str, float, dict[str, Any]], ...]:

@@ -13,10 +13,10 @@ OVERLAP = 0.3  # of its width, by which a piece of wire reaches over its neighbo
 EDGE_OVERLAP = 0.25  # [pt] the same of its white edge: less, for the wire to cover what it hides of its neighbours
 
 
-def over_under(pieces: NDArray[Any], colours: Any, width: float, points_per_mm: float) -> LineCollection:
+def over_under(pieces: NDArray[Any], colours: Any, width: float, points_per_mm: float, edge: float = EDGE) -> LineCollection:
     """Straight pieces (piece, 2, 3) [mm] of wires in `colours` (piece, 4), the lowest first, each on a wider white one.
 
-    width: of the wires [pt].
+    width: of the wires [pt]; edge: of the white on either side [pt].
     """
     order = np.argsort(pieces[:, :, 2].sum(axis=1), kind="stable")
     plan = pieces[order, :, :2]
@@ -26,7 +26,7 @@ def over_under(pieces: NDArray[Any], colours: Any, width: float, points_per_mm: 
     lines = np.stack([plan + EDGE_OVERLAP * ends, plan + OVERLAP * width * ends], axis=1).reshape(-1, 2, 2)
     white = np.ones((len(plan), 4))
     drawn = np.stack([white, np.asarray(colours)[order]], axis=1).reshape(-1, 4)
-    widths = np.tile([width + 2.0 * EDGE, width], len(plan))
+    widths = np.tile([width + 2.0 * edge, width], len(plan))
     return LineCollection(list(lines), colors=drawn, linewidths=widths, capstyle="butt", zorder=1)
 
 

@@ -1,6 +1,6 @@
 """A run as a time series for ParaView and PyVista.
 
-    wires.pvd       -> wires_######.vtu       line cells; point data `stress` [Pa] and `radius` [m], for tubes; cell
+    wires.pvd       -> wires_######.vtu       line cells; point data `stress` [Pa] and `radius` [m] of the yarn, for tubes; cell
                                               data `wire`
     contacts.pvd    -> contacts_######.vtu    one vertex a contact body; `force`, `force_a`, `force_b` [N], `active`
                                               (both pairs closed), `active_pairs` (0, 1 or 2), `wire_a`, `wire_b`,

@@ -11,6 +11,8 @@ The share of active contacts is no sign of it: contacts of a repeat close togeth
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 STRAIN_JUMP = 0.06  # strain between two recorded equilibria under given tensions
@@ -18,6 +20,7 @@ UNBALANCED = 0.05  # energy without work, over the stored energy
 STORED_FLOOR = 1e-5  # of EI/W a loop: below it the stored energy counts as zero
 STEEPER = 3.0  # change of a value over its changes on both sides
 NOTABLE = 0.05  # of the largest value: smaller changes are not counted
+SCATTER = 1e-3  # of the larger of weft and warp: smaller changes are the scatter of equilibria
 
 
 def is_unbalanced(energy: float, stored: float, floor: float) -> bool:
@@ -36,8 +39,8 @@ def energy_gap(force: np.ndarray, place: np.ndarray, energy: np.ndarray) -> np.n
     return np.maximum.reduce([ends.min(axis=0).sum(axis=1) - change, change - ends.max(axis=0).sum(axis=1), 0.0 * change])
 
 
-def stands_out(path: np.ndarray, value: np.ndarray) -> np.ndarray:
-    """(state - 1,) whether a value changes much faster between a state and the next than on both sides.
+def stands_out(path: np.ndarray, value: np.ndarray, least: np.ndarray | float = 0.0) -> np.ndarray:
+    """(state - 1,) whether a value changes much faster between a state and the next than on both sides, and by more than `least`.
 
     An adjacent change of opposite sign belongs to the same jump, there and back: the change beyond it is compared. path: (state,)
     increasing. At the ends, and beside unknown values (nan), nothing stands out.
@@ -47,7 +50,7 @@ def stands_out(path: np.ndarray, value: np.ndarray) -> np.ndarray:
     slope[2:-2] = change / np.diff(path)
     here = slope[2:-2]
     beside = [np.where(near * here < 0.0, far, near) for near, far in ((slope[1:-3], slope[:-4]), (slope[3:-1], slope[4:]))]
-    notable = NOTABLE * np.nanmax(np.abs(value), initial=0.0)
+    notable = np.maximum(NOTABLE * np.nanmax(np.abs(value), initial=0.0), least)
     return np.asarray((np.abs(here) > STEEPER * np.abs(beside).max(axis=0)) & (np.abs(change) > notable))
 
 
@@ -58,18 +61,22 @@ def jumps(
     *,
     stored: np.ndarray,
     dissipated: np.ndarray,
-    values: np.ndarray,
+    values: Sequence[np.ndarray],
     floor: float,
 ) -> np.ndarray:
     """(state - 1,) whether each state and the next, along a line of loads, belong to different branches of equilibria.
 
     path: (state,) increasing parameter of the load. force, place: see `energy_gap`. stored, dissipated: (state,) [J]. values:
-    (state, value) that change evenly along a branch, such as tensions. floor [J]: stored energies below it count as zero.
+    of one kind each, such as tensions, (state, side), that change evenly along a branch. floor [J]: stored energies below it
+    count as zero.
     """
     found = np.zeros(len(path) - 1, dtype=bool)
     for k, gap in enumerate(energy_gap(force, place, stored + dissipated)):
         found[k] = is_unbalanced(float(gap), float(max(stored[k], stored[k + 1])), floor)
     loaded = np.maximum(stored[:-1], stored[1:]) > floor  # values of an unloaded mesh are rounding errors
-    for value in values.T:
-        found |= loaded & stands_out(path, value)
+    for sides in values:
+        larger = np.abs(sides).max(axis=1)
+        least = SCATTER * np.fmax(larger[:-1], larger[1:])
+        for value in sides.T:
+            found |= loaded & stands_out(path, value, least)
     return found

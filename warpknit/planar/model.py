@@ -153,7 +153,7 @@ class Model:
             wire_start=np.concatenate([p.wire_first, [p.node_count]]),
             wire_closed=p.wire_closed,
             period=np.array(p.size),
-            diameter=self.scene.wire.diameter,
+            diameter=self.scene.wire.thickness,
             body_radius=self.scene.model.body_radius,
             body_wires=p.pair_wire.reshape(-1, 2),
             rhombus_bodies=p.rhombus_bodies,

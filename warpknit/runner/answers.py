@@ -9,7 +9,8 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
                                       they stay open
     contacts[].closes                 the state where half of the pairs carry more than the threshold, its `stage`, the records
                                       `between`
-    contacts[].closes.resolved        false where the forces give no place between two records: the state is halfway
+    contacts[].closes.resolved        false where the forces give no place between two records: the state is
+                                      halfway, or the record behind where the mesh jumps or takes up slack
     contacts[].closes.jump            true where the mesh jumps to another equilibrium between them
     contacts[].closes.slack           true where the mesh strains freely for most of the way between them
     contacts[].closes.as_knitted      true where the class is closed in the first record
@@ -18,12 +19,18 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     contacts[].closes.opens           the record behind in which less than half of its pairs are closed; null without one
     service                           `tension_N_per_m` with `active_percent` and the `state` where the mean of weft and warp
                                       first reaches it; `why` there is none, or what limits it
-    service[].resolved                false where a class closes at an unknown tension between the same two records
+    service[].resolved                false where a class closes at an unknown tension between the same two records, so that the
+                                      share is unknown
+    service[].between                 then these two records, each with `active_percent`; null otherwise
     service[].jump                    the records on both sides where the mesh jumps to another equilibrium at this tension,
                                       each with `active_percent`, in place of a state; null without one
-    first_yield                       the state where the largest stress reaches the yield stress, the records `between`, the
-                                      place; null if not
-    first_yield.jump                  true where the mesh jumps to another equilibrium between them: the state is the one behind
+    first_yield                       the state where the largest stress `stress_max_Pa` reaches the yield stress, the records
+                                      `between`, and the place in the second of them; null if not
+    first_yield.resolved              false where the mesh jumps, or takes up slack, between them: the state and its stress are
+                                      those of the record behind
+    first_yield.jump                  true where the mesh jumps to another equilibrium between them
+    first_yield.slack                 true where the mesh strains freely for most of the way between them
+    first_yield.as_knitted            true where the stress of the first record is above the yield stress
     largest_stress                    the largest stress of the run, and its place
     largest_tension                   the state of the largest tension
     tension_tolerance_N_per_m         smaller tensions are zero within the tolerance of the equilibria
@@ -59,7 +66,7 @@ from ..measure.contact_classes import classes_of
 from ..scene import Stage
 from .best_tension import best_tension
 from .branches import Jump
-from .closings import STATE, Answer, closing, is_jump, service_share, state_between, state_of
+from .closings import STATE, Answer, closing, is_jump, service_share, state_between, state_of, takes_up_slack
 from .history import Row, mean_tension, stages_of
 
 SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf. Ser. 402, 66)
@@ -125,11 +132,15 @@ def _first_yield(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump]) -
     if k is None:
         return None
     before, after = rows[max(k - 1, 0)], rows[k]
-    state, jump = state_of(after), is_jump(before, after, jumps)
-    if k and not jump:
-        state = state_between(before, after, (limit - before.stress_max_Pa) / (after.stress_max_Pa - before.stress_max_Pa))
-    between = [state_of(before), state_of(after)]
-    return state | {"stage": after.stage, "as_knitted": k == 0, "jump": jump, "between": between} | _peak(after)
+    found = {
+        "stage": after.stage, "as_knitted": k == 0, "jump": is_jump(before, after, jumps),
+        "slack": k > 0 and takes_up_slack(before, after), "between": [state_of(before), state_of(after)],
+    }  # fmt: skip
+    found |= _peak(after) | {"resolved": not found["jump"] and not found["slack"]}
+    if k == 0 or not found["resolved"]:
+        return state_of(after) | found
+    share = (limit - before.stress_max_Pa) / (after.stress_max_Pa - before.stress_max_Pa)
+    return state_between(before, after, share) | found | {"stress_max_Pa": limit}
 
 
 def heat_of(rows: Sequence[Row], stages: Sequence[Stage]) -> list[Answer]:

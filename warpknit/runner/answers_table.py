@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from ..text import celsius, engineering, exact, percent
@@ -32,13 +32,13 @@ def answer_rows(answers: Mapping[str, Any], yield_stress: float, *, gave_up: boo
         why = point.get("why", "")
         if there is None:
             text = why or f"not reached; {reached}"
+        elif point.get("between"):
+            text = f"not resolved: {_shares(point['between'])}; more output.frames tell"
         else:
             text = f"{percent(0.01 * point['active_percent'])}, {_pair_of(there)}" + (f", {why}" if why else "")
         if point.get("jump"):
             sides = (f"{percent(0.01 * one['active_percent'])} at {_tension(one)}" for one in point["jump"])
             text = f"unknown: the mesh jumps there, from {' to '.join(sides)}"
-        elif not point["resolved"]:
-            text += "; contacts close between the records there: more output.frames tell which"
         yield f"active at {exact(point['tension_N_per_m'], 'N/m')}", text
     yield "first yield at", _yield(answers, yield_stress, reached)
     for stage in answers["heat"]:
@@ -110,6 +110,12 @@ def _records(one: Mapping[str, Any]) -> str:
     return f"between {_tension(low)} and {_tension(high)}, {_strain(low)} and {_strain(high).removeprefix('strain ')}{jump}"
 
 
+def _shares(between: Sequence[State]) -> str:
+    """Shares of active contacts of two records, and their tensions."""
+    shares = [percent(0.01 * one["active_percent"]) for one in between]
+    return f"between {' and '.join(shares)}, of the records at {' and '.join(map(_tension, between))}"
+
+
 def _found(one: Mapping[str, Any]) -> str:
     """A state between two records, and the records where they are far apart."""
     low, high = one["between"]
@@ -136,7 +142,7 @@ def _yield(answers: Mapping[str, Any], limit: float, reached: str) -> str:
         return f"not {reached}: {stress}, {percent(peak['stress_max_Pa'] / limit, 0)} of the limit, {_place(peak)}"
     if found["as_knitted"]:
         return f"as knitted, {_place(found)}"
-    if found["jump"]:
+    if not found["resolved"]:
         return f"{_records(found)}, {_place(found)}"
     return f"{_found(found)}, {_place(found)}"
 

@@ -11,6 +11,7 @@ from ..measure.jumps import STORED_FLOOR, jumps
 from ..text import engineering
 from .history import Row, mean_tension, stages_of, work_terms
 
+FOLLOWING = (("strain_weft", "strain_warp"), ("tension_weft_N_per_m", "tension_warp_N_per_m"))
 Jump = tuple[Row, Row]  # neighbouring states of different branches
 
 
@@ -40,7 +41,7 @@ def jumps_along(model: MeshModel, rows: Sequence[Row], path: np.ndarray) -> list
         place,
         stored=np.array([row.stored for row in rows]),
         dissipated=np.array([row.dissipated_J - row.edge_work_J for row in rows]),
-        values=np.array([[row.strain_weft, row.strain_warp, row.tension_weft_N_per_m, row.tension_warp_N_per_m] for row in rows]),
+        values=[np.array([[vars(row)[name] for name in names] for row in rows]) for names in FOLLOWING],
         floor=STORED_FLOOR * energy_scale(model),
     )
     return [(rows[k], rows[k + 1]) for k in np.flatnonzero(found).tolist()]

@@ -44,9 +44,9 @@ def closing(
 
     threshold [N]: of an active pair; least [N]: force below which a pair counts as open; end: number of the rows that are asked,
     where not all; those behind tell only how the force grows. `between`: the records on both sides.
-    `resolved`: whether the forces give a place between them; if not, as within a `jump` or where slack is taken up, the state is
-    halfway. `first_touch`: the record in which the class was closed before, and opened again; None without one. `closed_percent`:
-    share of its pairs in the record behind.
+    `resolved`: whether the forces give a place between them; if not, the state is halfway, or that of the record behind within a
+    `jump` and where slack is taken up. `first_touch`: the record in which the class was closed before, and opened again; None
+    without one. `closed_percent`: share of its pairs in the record behind.
     """
     force = [vars(row)[f"force_{name}_N"] for row in rows]
     closed = [one > threshold for one in force]
@@ -57,7 +57,7 @@ def closing(
     touch = next((row for row, one in zip(rows[:k], closed, strict=False) if one), None)
     found = {
         "stage": after.stage, "as_knitted": k == 0, "resolved": True, "between": [state_of(before), state_of(after)],
-        "jump": is_jump(before, after, jumps), "slack": k > 0 and _takes_up_slack(before, after),
+        "jump": is_jump(before, after, jumps), "slack": k > 0 and takes_up_slack(before, after),
         "closed_percent": vars(after)[f"active_{name}_percent"],
         "first_touch": None if touch is None else state_of(touch),
         "opens": next((state_of(row) for row, one in zip(rows[k:], closed[k:], strict=True) if not one), None),
@@ -65,7 +65,7 @@ def closing(
     if k == 0:
         return state_of(after) | found
     if found["jump"] or found["slack"]:
-        return state_between(before, after, 0.5) | found | {"resolved": False}
+        return state_of(after) | found | {"resolved": False}
     if force[k - 1] > least:  # closed already, with less than the threshold
         return state_between(before, after, (threshold - force[k - 1]) / (force[k] - force[k - 1])) | found
     behind = list(rows[k : k + 1])
@@ -107,7 +107,7 @@ def _steps_back(tension: Sequence[float], force: Sequence[float]) -> float | Non
     return curved if abs(curved - back) * steps[0] <= CURVED * (tension[0] - curved * steps[0]) else None
 
 
-def _takes_up_slack(before: Row, after: Row) -> bool:
+def takes_up_slack(before: Row, after: Row) -> bool:
     """Whether the mesh strains freely for most of the way from one record to the next: no state between them is interpolated."""
     step = max(abs(vars(after)[name] - vars(before)[name]) for name in ("strain_weft", "strain_warp"))
     return step > SLACK_STRAIN and mean_tension(before) < SLACK_TENSION * mean_tension(after)
@@ -139,7 +139,8 @@ def service_share(
     around = _around(rows, tension)
     if around is not None and is_jump(*around, jumps) and tension < mean_tension(around[1]):
         sides = [state_of(row) | {"active_percent": row.active_percent} for row in around]
-        return {"tension_N_per_m": tension, "active_percent": None, "state": None, "resolved": False, "jump": sides}
+        unknown = {"tension_N_per_m": tension, "active_percent": None, "state": None, "resolved": False}
+        return unknown | {"jump": sides, "between": None}
     there = _at_tension(rows, tension, classes, closings)
     why = {}
     if there is not None and min(there.tension_weft_N_per_m, there.tension_warp_N_per_m) < -SCATTER * tension:
@@ -149,7 +150,9 @@ def service_share(
     active, state = (
         (None, None) if there is None else (100.0 * round(0.01 * pairs * there.active_percent) / pairs, state_of(there))
     )
-    return {"tension_N_per_m": tension, "active_percent": active, "state": state, "resolved": not near, "jump": None} | why
+    ends = [state_of(row) | {"active_percent": row.active_percent} for row in around] if around is not None and near else None
+    point = {"tension_N_per_m": tension, "active_percent": None if near else active, "state": state, "resolved": not near}
+    return point | {"jump": None, "between": ends} | why
 
 
 def _around(rows: Sequence[Row], tension: float) -> Jump | None:

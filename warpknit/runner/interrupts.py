@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+
+STOPPING = b"\nstopping after this check; press Ctrl-C again to stop at once\n"
 
 
 class Interrupted(Exception):
@@ -34,6 +37,8 @@ class Interrupts:
 
         def take(number: int, _frame: object) -> None:
             self.request()
+            if number == signal.SIGINT:
+                os.write(2, STOPPING)  # no lock: the handler may have interrupted a write to stderr
 
         before = {}
         for number in (signal.SIGINT, signal.SIGTERM):

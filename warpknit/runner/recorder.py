@@ -247,7 +247,7 @@ class Recorder:
             from ..export.knit_figure import knit_figure
 
             classes = contact_classes(self.scene)
-            knit_figure(self.model.cloth, self.scene.wire.diameter, self.out / "figures" / "knit.png", classes=classes)
+            knit_figure(self.model.cloth, self.scene.wire.thickness, self.out / "figures" / "knit.png", classes=classes)
 
 
 def _finite(tree: Any) -> Any:

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ..text import duration, engineering, percent
+from ..text import duration, engineering, percent, short_percent
 from .answers_table import answer_rows
 from .strength import assumed_note
 
@@ -47,7 +47,8 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
         if None not in medians:
             yield "  median of the panel", " / ".join(engineering(median, "N/m") for median in medians)
     if hook is None and (force := value("contacts", "force_max_N")) is not None:
-        yield "largest contact force", engineering(force, "N")
+        at_knit = ", of the contacts of the knit" if (value("contacts", "elsewhere_force_max_N") or 0.0) > force else ""
+        yield "largest contact force", engineering(force, "N") + at_knit
     if (stress := value("wire", "stress_max_Pa")) is not None:
         limit = value("wire", "yield_stress_Pa")
         of_limit = f", {percent(stress / limit, 0)} of the elastic limit" if limit else ""
@@ -60,15 +61,15 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
     if (peak := value("wire", "stress_max_so_far_Pa")) is not None and stress is not None and peak > 1.001 * stress:
         yield "  largest so far", engineering(peak, "Pa")
     if (above := value("wire", "yield_fraction")) and value("wire", "plastic_fraction") is None:
-        yield "  above the elastic limit", f"{100 * above:.2g} % of the wire; elastic, without a permanent set"
+        yield "  above the elastic limit", f"{short_percent(above)} of the wire; elastic, without a permanent set"
     if plastic := value("wire", "plastic_fraction"):
         strain = value("wire", "plastic_strain_max") or 0.0
-        yield "yielded", f"{100 * plastic:.2g} % of the wire, plastic strain up to {100 * strain:.2g} %"
+        yield "yielded", f"{short_percent(plastic)} of the wire, plastic strain up to {short_percent(strain)}"
     if (answers := value("answers")) is not None:
         ends_at_top = diverged and value("mesh", "tension_warp_N_per_m") == answers["largest_tension"]["tension_warp_N_per_m"]
         yield from answer_rows(answers, value("wire", "yield_stress_Pa"), gave_up=ends_at_top)
     if (error := value("quality", "estimated_error")) is not None:
-        yield "estimated error", f"{100 * error:.2g} %"
+        yield "estimated error", short_percent(error)
     if (steps := value("solver", "steps")) is not None:
         yield "time steps", f"{steps:,} of {value('model', 'nodes') or 0:,} nodes"
     if (wall := value("solver", "wall_s")) is not None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..measure import MeshModel
 from ..measure.jumps import STRAIN_JUMP, UNBALANCED
-from ..text import engineering, percent
+from ..text import engineering, percent, short_percent
 from .branches import jumps_of, tensions_text
 from .cautions import cautions
 from .history import Row
@@ -64,7 +64,7 @@ def _yielding(model: MeshModel, stages: Stages) -> str:
     if share == 0.0:
         return "a real wire would yield under tension and bending together; the model yields in bending alone, which stays below"
     strain = max(stage["wire"]["plastic_strain_max"] for stage in stages)
-    return f"{100 * share:.2g} % of the wire has yielded in bending, to a plastic strain of up to {100 * strain:.2g} %"
+    return f"{short_percent(share)} of the wire has yielded in bending, to a plastic strain of up to {short_percent(strain)}"
 
 
 def _compressed(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:

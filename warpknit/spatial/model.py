@@ -144,7 +144,7 @@ class SpatialModel:
             wire_start=np.concatenate([rods.wire_first, [rods.node_count]]),
             wire_closed=rods.wire_closed,
             period=np.array(p.size),
-            diameter=self.scene.wire.diameter,
+            diameter=self.scene.wire.thickness,
             body_radius=0.0,
             body_wires=p.pair_wire.reshape(-1, 2),
             rhombus_bodies=p.rhombus_bodies,

@@ -196,7 +196,7 @@ def find_jumps(mesh: Model, rows: Sequence[MapRow]) -> list[Jump]:
                 np.take(strain, line, 1 - axis),
                 stored=energy,
                 dissipated=np.zeros_like(energy),
-                values=np.take(follows, line, 1 - axis),
+                values=[np.take(follows, line, 1 - axis)],
                 floor=floor,
             )
             for k in np.flatnonzero(jumped):
