@@ -1,5 +1,6 @@
 """Whatever ends a run, what was finished is kept: killed at any moment, on a full disk, out of memory."""
 
+import errno
 import json
 import os
 import random
@@ -13,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from warpknit.files import path_aside
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
 
@@ -118,3 +120,11 @@ def test_too_little_memory_is_one_line(tmp_path: Path, gibibytes: float) -> None
     assert done.returncode in (2, 4), done.stderr
     assert "Traceback" not in done.stderr
     assert "memory" in done.stderr or "available" in done.stderr
+
+
+def test_an_error_names_the_file_that_was_asked_for(tmp_path: Path) -> None:
+    """Not the hidden one beside it, of which the user knows nothing: a disk that takes no changes refuses that one."""
+    asked = tmp_path / "scene.toml"
+    with pytest.raises(OSError, match="Read-only") as raised, path_aside(asked) as aside:
+        raise OSError(errno.EROFS, "Read-only file system", str(aside))
+    assert raised.value.filename == str(asked)

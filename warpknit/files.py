@@ -10,7 +10,7 @@ import os
 import time
 import zipfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
@@ -23,18 +23,21 @@ __all__ = ["held_directory", "path_aside", "write_arrays", "write_aside", "write
 def path_aside(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a hidden path with the same suffix, for libraries that open files themselves, and rename it at the end.
 
-    If the block raises, `path` is left as it was.
+    If the block raises, `path` is left as it was; an OSError about the hidden path names `path`.
     """
     target = Path(path)
     aside = target.with_name(f".{target.stem}.partial{target.suffix}")
     target.parent.mkdir(parents=True, exist_ok=True)
-    aside.unlink(missing_ok=True)
     try:
+        aside.unlink(missing_ok=True)
         yield aside
         _flush(aside)
         os.replace(aside, target)
-    except BaseException:
-        aside.unlink(missing_ok=True)
+    except BaseException as error:
+        with suppress(OSError):  # of a disk that takes no changes
+            aside.unlink(missing_ok=True)
+        if isinstance(error, OSError) and str(error.filename) == str(aside):
+            error.filename = str(path)
         raise
     _flush(target.parent)
 
