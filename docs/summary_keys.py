@@ -117,7 +117,7 @@ def history_table() -> str:
     """The columns of history.csv, and the tables of a map that have the same."""
     of_measures, rows = meanings_of_measures(), {}
     for line in table.MEASURES:
-        if (line.history or line.map) and not re.search(r"_[B-Z]_", line.name):
+        if (line.history or line.map) and not re.search(r"_[B-Z]_(percent|N)$", line.name):
             history, maps = rows.get(line.name, (False, ""))
             rows[line.name] = history or line.history, MAPS.get(line.map, maps)
     cells = [(f"`{name}`", of_measures[name], "x" if history else "", maps) for name, (history, maps) in rows.items()]

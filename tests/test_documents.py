@@ -116,6 +116,9 @@ def test_every_key_of_a_result_stands_once_with_a_meaning() -> None:
     measures = {line.name for line in table.MEASURES}
     assert set(summary_keys.meanings_of_measures()) == measures
     assert max(Counter(name for name, _ in summary_keys.summary_rows()).values()) == 1
+    columns = {line.name for line in table.MEASURES if line.history}
+    left_out = {name for name in columns if f"| `{name}` |" not in summary_keys.history_table()}
+    assert left_out == {name for name in columns if re.match(r"(active|force)_[B-Z]_", name)}
     assert summary_keys.PAGE.read_text(encoding="utf-8") == summary_keys.page(), "python docs/summary_keys.py"
 
 
