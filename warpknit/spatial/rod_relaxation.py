@@ -263,8 +263,10 @@ class RodRelaxation:
         Where a contact comes and goes, its nodes vibrate about an equilibrium. Vibrations count `vibration` times less, with
         diagonal masses, which overestimate smooth motion (SMOOTH).
         """
-        diagonal = 0.5 * float(self.stepper.state.read_control()[int(c.KINETIC_TWICE)])
-        whole = min(diagonal, 0.5 * SMOOTH**2 * self._twice_energy())
+        whole = 0.5 * float(self.stepper.state.read_control()[int(c.KINETIC_TWICE)])
+        if self._mean_energy is not None and whole / self.vibration**2 <= self._mean_energy:
+            return self._mean_energy
+        whole = min(whole, 0.5 * SMOOTH**2 * self._twice_energy())
         return whole if self._mean_energy is None else max(self._mean_energy, whole / self.vibration**2)
 
     @property
