@@ -1,13 +1,16 @@
-/* The step of kernels/rod_frames.py, rod_forces.py and rod_motion.py for free rods with diagonal masses, as a plain C loop: the
+/* The step of kernels/rod_frames.py, rod_forces.py and rod_motion.py for rods with diagonal masses, as a plain C loop: the
    reference that tools/benchmarks/spatial.py measures beside.
 
    Structure of arrays, chunks of 128 nodes. Stretch, bending and twist of discrete elastic rods, directors transported from step
    to step, central differences with damping. One closed wire of n nodes; arrays of vectors hold x, y and z one after the other.
+   Contact is that of straight segments on which round sections press: closest points of each pair of segments in a list of
+   neighbours, which a grid of square cells in the plane finds once a call, and a force proportional to the overlap.
 
    gcc -O3 -march=native -ffast-math -fopenmp -shared -fPIC -DREAL=double rod_loop.c
 */
 #include <math.h>
 #include <stdint.h>
+#include <stdlib.h>
 
 #ifndef REAL
 #define REAL double
@@ -43,14 +46,115 @@ static inline REAL arctangent(REAL over, REAL under) {
     return over < 0 ? -folded : folded;
 }
 
+static REAL image(REAL x, REAL size) { return x - size * (REAL)rint(x / size); }
+static REAL within(REAL s) { return s < 0 ? 0 : (s > 1 ? 1 : s); }
+
+/* Vector from segment j to the nearest image of segment i at their closest points; *s is the place on segment i, from 0 to 1.
+   x: (3, n) nodes, edge: (3, n), size: periods of the tile along x and y. */
+static inline void find_gap(int i, int j, int n, const REAL *x, const REAL *edge, const REAL *size, REAL *s, REAL *gap) {
+    const REAL ax = edge[i], ay = edge[n + i], az = edge[2 * n + i], aa = ax * ax + ay * ay + az * az;
+    const REAL bx = edge[j], by = edge[n + j], bz = edge[2 * n + j], bb = bx * bx + by * by + bz * bz;
+    const REAL midx = (ax - bx) / 2, midy = (ay - by) / 2;
+    const REAL rx = image(x[i] - x[j] + midx, size[0]) - midx, ry = image(x[n + i] - x[n + j] + midy, size[1]) - midy;
+    const REAL rz = x[2 * n + i] - x[2 * n + j];
+    const REAL ab = ax * bx + ay * by + az * bz, ar = ax * rx + ay * ry + az * rz, br = bx * rx + by * ry + bz * rz;
+    const REAL under = aa * bb - ab * ab;
+    const REAL first = under > (REAL)1e-8 * aa * bb ? within((ab * br - ar * bb) / under) : (REAL)0.5;
+    const REAL t = within((ab * first + br) / bb);
+    *s = within((ab * t - ar) / aa);
+    gap[0] = rx + *s * ax - t * bx, gap[1] = ry + *s * ay - t * by, gap[2] = rz + *s * az - t * bz;
+}
+
+/* Neighbours of segments: those of segment i are other[start[i]] to other[start[i + 1] - 1], each pair twice. longest: segment,
+   reach: gap of closest points up to which segments are neighbours, own: segments along the wire that are none. */
+typedef struct { int *start, *other, room; } List;
+
+static void find_neighbours(List *list, int n, const REAL *x, const REAL *edge, const REAL *size, REAL longest, REAL reach, int own) {
+    const REAL wide = longest + reach;
+    const int columns = size[0] > 3 * wide ? (int)(size[0] / wide) : 1, rows = size[1] > 3 * wide ? (int)(size[1] / wide) : 1;
+    int *first = calloc(columns * rows + 2, sizeof(int)), *sorted = malloc(n * sizeof(int)), *cell = malloc(n * sizeof(int));
+    for (int i = 0; i < n; ++i) {
+        const REAL a = (x[i] + edge[i] / 2) / size[0], b = (x[n + i] + edge[n + i] / 2) / size[1];
+        cell[i] = (int)((a - floor(a)) * columns) % columns + columns * ((int)((b - floor(b)) * rows) % rows);
+        ++first[cell[i] + 2];
+    }
+    for (int q = 1; q <= columns * rows; ++q) first[q + 1] += first[q];
+    for (int i = 0; i < n; ++i) sorted[first[cell[i] + 1]++] = i; /* cell q is now sorted[first[q]] to sorted[first[q + 1] - 1] */
+    int count = 0;
+    for (int i = 0; i < n; ++i) {
+        list->start[i] = count;
+        const int column = cell[i] % columns, row = cell[i] / columns, left = -(columns > 1), down = -(rows > 1);
+        for (int across = left; across <= -left; ++across) {
+            for (int up = down; up <= -down; ++up) {
+                const int q = (column + across + columns) % columns + columns * ((row + up + rows) % rows);
+                for (int p = first[q]; p < first[q + 1]; ++p) {
+                    const int j = sorted[p], apart = j > i ? j - i : i - j;
+                    if (apart < own || n - apart < own) continue;
+                    REAL s, gap[3];
+                    find_gap(i, j, n, x, edge, size, &s, gap);
+                    if (gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2] >= reach * reach) continue;
+                    if (count == list->room) list->other = realloc(list->other, (list->room *= 2) * sizeof(int));
+                    list->other[count++] = j;
+                }
+            }
+        }
+    }
+    list->start[n] = count;
+    free(first), free(sorted), free(cell);
+}
+
+/* push[0..2], push[3..5]: (n) forces on the first and the second node of each segment, by all its neighbours */
+static void find_contact(const List *list, int n, int threads, const REAL *x, const REAL *edge, const REAL *size, REAL thickness,
+                         REAL stiffness, REAL *push) {
+#pragma omp parallel for num_threads(threads) schedule(static)
+    for (int i = 0; i < n; ++i) {
+        REAL sum[6] = {0, 0, 0, 0, 0, 0};
+        for (int q = list->start[i]; q < list->start[i + 1]; ++q) {
+            REAL s, gap[3];
+            find_gap(i, list->other[q], n, x, edge, size, &s, gap);
+            const REAL square = gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2];
+            if (square >= thickness * thickness) continue;
+            const REAL apart = (REAL)sqrt(square), f = stiffness * (thickness - apart) / apart;
+            for (int c = 0; c < 3; ++c) sum[c] += (1 - s) * f * gap[c], sum[3 + c] += s * f * gap[c];
+        }
+        for (int c = 0; c < 6; ++c) push[c * n + i] = sum[c];
+    }
+}
+
 /* u displacements, v velocities, t tangents, d directors, edge at rest, f forces: (3, n); w spins, c torques, length, rest:
-   natural length, bent: (2, n) natural turns, twisted: natural twists, mass, inertia: [n]. */
-void take_steps(int64_t n, int steps, int threads, REAL *u, REAL *v, REAL *t, REAL *d, const REAL *edge, REAL *f, REAL *w, REAL *c,
-                REAL *length, const REAL *rest, const REAL *bent, const REAL *twisted, const REAL *mass, const REAL *inertia,
-                const REAL *gradient, REAL axial, REAL bending, REAL twisting, REAL a, REAL b, REAL dt) {
+   natural length, bent: (2, n) natural turns, twisted: natural twists, mass, inertia: [n]. For contact, where thickness > 0:
+   place: (3, n) nodes at rest, size: periods of the tile, own: segments along the wire that never touch. Returns the contacts of
+   the last step. */
+int64_t take_steps(int64_t n, int steps, int threads, REAL *u, REAL *v, REAL *t, REAL *d, const REAL *edge, REAL *f, REAL *w, REAL *c,
+                   REAL *length, const REAL *rest, const REAL *bent, const REAL *twisted, const REAL *mass, const REAL *inertia,
+                   const REAL *gradient, const REAL *place, const REAL *size, int own, REAL thickness, REAL stiffness, REAL axial,
+                   REAL bending, REAL twisting, REAL a, REAL b, REAL dt) {
     const REAL xx = gradient[0], xy = gradient[1], yx = gradient[2], yy = gradient[3];
     const int64_t chunks = (n + CHUNK - 1) / CHUNK;
+    const int touching = thickness > 0;
+    REAL *x = NULL, *now = NULL, *push = NULL, longest = 0;
+    List list = {NULL, NULL, 1};
+    if (touching) {
+        x = malloc(3 * n * sizeof(REAL)), now = malloc(3 * n * sizeof(REAL)), push = malloc(6 * n * sizeof(REAL));
+        list.start = malloc((n + 1) * sizeof(int)), list.other = malloc(sizeof(int));
+        for (int64_t i = 0; i < n; ++i) longest = rest[i] > longest ? rest[i] : longest;
+    }
     for (int s = 0; s < steps; ++s) {
+        if (touching) {
+#pragma omp parallel for simd num_threads(threads) schedule(static)
+            for (int64_t i = 0; i < n; ++i) {
+                const int64_t j = i + 1 < n ? i + 1 : 0;
+                x[i] = xx * place[i] + xy * place[n + i] + u[i];
+                x[n + i] = yx * place[i] + yy * place[n + i] + u[n + i];
+                x[2 * n + i] = place[2 * n + i] + u[2 * n + i];
+                now[i] = xx * edge[i] + xy * edge[n + i] + u[j] - u[i];
+                now[n + i] = yx * edge[i] + yy * edge[n + i] + u[n + j] - u[n + i];
+                now[2 * n + i] = edge[2 * n + i] + u[2 * n + j] - u[2 * n + i];
+            }
+            /* what lies within 0.2 thicknesses of a contact is a neighbour */
+            if (s == 0) find_neighbours(&list, (int)n, x, now, size, longest, (REAL)1.2 * thickness, own);
+            find_contact(&list, (int)n, threads, x, now, size, thickness, stiffness, push);
+        }
 #pragma omp parallel for num_threads(threads) schedule(static)
         for (int64_t q = 0; q < chunks; ++q) {
             const int64_t first = q * CHUNK, last = first + CHUNK < n ? first + CHUNK : n;
@@ -149,6 +253,9 @@ void take_steps(int64_t n, int steps, int threads, REAL *u, REAL *v, REAL *t, RE
                 f[i] = nx[k] - nx[k - 1], f[n + i] = ny[k] - ny[k - 1], f[2 * n + i] = nz[k] - nz[k - 1];
                 c[i] = -about_after[k] - about_before[k + 1];
             }
+            for (int64_t i = first; touching && i < first + count; ++i) {
+                for (int k = 0; k < 3; ++k) f[k * n + i] += push[k * n + i] + push[(k + 3) * n + (i > 0 ? i : n) - 1];
+            }
         }
 #pragma omp parallel for simd num_threads(threads) schedule(static)
         for (int64_t i = 0; i < n; ++i) {
@@ -160,4 +267,8 @@ void take_steps(int64_t n, int steps, int threads, REAL *u, REAL *v, REAL *t, RE
             w[i] = a * w[i] + b * c[i] / inertia[i];
         }
     }
+    int64_t contacts = 0;
+    for (int64_t i = 0; touching && i < n; ++i) contacts += push[i] != 0 || push[3 * n + i] != 0;
+    free(x), free(now), free(push), free(list.start), free(list.other);
+    return contacts;
 }

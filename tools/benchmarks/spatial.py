@@ -1,9 +1,9 @@
-"""A step in space beside a C loop of free rods, where its time goes kernel by kernel, and the search of pairs.
+"""A step in space beside a C loop of rods, where its time goes kernel by kernel, and the search of pairs.
 
 Runs the double atlas of the spatial cell to 10 % and a tight tricot to 6 %, both roughly, then times their steps in the state
-reached: free, without contact, and with it. The C loop (rod_loop.c, needs gcc) steps free rods of as many nodes, turn about with
-warpknit. Kernels alone are timed with a time step of zero, which leaves the state where it is. Times are in us, that of the
-search spread over all steps.
+reached: free, without contact, and with it. The C loop (rod_loop.c, needs gcc) steps rods of as many nodes, turn about with
+warpknit: free ones, and with plain contact of the same wires in the same state. Kernels alone are timed with a time step of zero,
+which leaves the state where it is. Times are in us, that of the search spread over all steps.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ HERE = Path(__file__).parent
 SCENE = HERE.parents[1] / "scenes" / "atlas_cell_spatial.toml"
 STEPS = 200
 NODES_PER_LOOP = 64
+OWN_REACH = 4.0  # thicknesses along a wire within which the C loop looks for no contact
 TRICOT = [
     'wire.material="molybdenum"', 'wire.diameter="30 um"', 'knit.bars=[{chain = "1-0/1-2"}, {chain = "1-2/1-0"}]',
     'knit.wale_spacing="0.98 mm"', 'knit.course_spacing="0.85 mm"', "load.strain_weft=0.06", "load.strain_warp=0.06",
@@ -93,9 +94,10 @@ def kernels_alone(relaxation: Simulation, rounds: int) -> dict[str, float]:
 
 
 class CLoop:
-    """rod_loop.c on one closed wire with the rest data of so many nodes of a stepper, repeated where it has fewer."""
+    """rod_loop.c on the nodes of a stepper in its present state, as one closed wire."""
 
-    def __init__(self, stepper: RodStepper, folder: Path) -> None:
+    def __init__(self, stepper: RodStepper, folder: Path, own: int = 0) -> None:
+        """own: segments along the wire that never touch; 0: without contact."""
         library = folder / "rod_loop.so"
         if not library.exists():
             command = ["gcc", "-O3", "-march=native", "-ffast-math", "-fopenmp", "-shared", "-fPIC", "-DREAL=double"]
@@ -113,16 +115,23 @@ class CLoop:
         bend, spacing = rods.section.bending_stiffness, rods.natural_length
         mass, inertia = 64.0 * bend / spacing**3, 64.0 * bend / spacing
         self.arrays = [
-            zeros(3), zeros(3), rows(state.tangent.numpy()), rows(state.director.numpy()), rows(rods.rest_edge), zeros(3),
+            zeros(3), zeros(3), rows(state.tangent.numpy()), rows(state.director.numpy()),
+            rows(state.tangent.numpy() * state.length.numpy()[:, None]), zeros(3),
             zeros(), zeros(), zeros(), spacing.copy(), rows(arrays.natural_curvature.numpy()), arrays.natural_twist.numpy(),
-            mass, inertia, np.array([1.0, 0.0, 0.0, 1.0]),
+            mass, inertia, np.array([1.0, 0.0, 0.0, 1.0]), rows(state.position.numpy()),
+            rods.tile[:2] * np.diag(state.gradient),
         ]  # fmt: skip
-        section = rods.section
-        self.numbers = [1e-3 * section.axial_stiffness, section.bending_stiffness, section.twist_stiffness, 0.99, 1.0, 1.0]
+        section, self.own = rods.section, own
+        # wires that touch would be driven apart: they are not moved
+        numbers = [section.thickness if own else 0.0, 1.0, 1e-3 * section.axial_stiffness, section.bending_stiffness]
+        self.numbers = [*numbers, section.twist_stiffness, 0.99, 1.0, 0.0 if own else 1.0]
+        self.library.take_steps.restype = ctypes.c_int64
 
-    def step(self, steps: int, threads: int) -> None:
+    def step(self, steps: int, threads: int) -> int:
+        """Take steps; returns the number of segments in contact."""
         addresses = [values.ctypes.data_as(ctypes.c_void_p) for values in self.arrays]
-        self.library.take_steps(ctypes.c_int64(self.nodes), steps, threads, *addresses, *map(ctypes.c_double, self.numbers))
+        numbers = map(ctypes.c_double, self.numbers)
+        return self.library.take_steps(ctypes.c_int64(self.nodes), steps, threads, *addresses, self.own, *numbers)
 
 
 def measure(knit: str, repeats: int, options: argparse.Namespace, folder: Path) -> Iterator[dict[str, Any]]:
@@ -132,9 +141,13 @@ def measure(knit: str, repeats: int, options: argparse.Namespace, folder: Path) 
     rounds, threads, nodes, searches = options.rounds, stepper.threads, relaxation.model.rods.node_count, contact.searches
     contact.search()
     stepper.state.write_control({c.TRAVEL_LIMIT: np.inf})
-    works = {"step": partial(stepper.step, STEPS)}
+    works, c_contacts = {"step": partial(stepper.step, STEPS)}, 0
     if options.device == "cpu":
+        thickness, spacing = relaxation.model.rods.section.thickness, relaxation.model.rods.natural_length.mean()
+        touching = CLoop(stepper, folder, own=1 + math.ceil(OWN_REACH * thickness / spacing))
         works["c"] = partial(CLoop(stepper, folder).step, STEPS, threads)
+        works["c_contact"] = partial(touching.step, STEPS, threads)
+        c_contacts = touching.step(1, threads)
     best(works, 1, device=options.device)
     whole = best(works, rounds, device=options.device)
     parts = kernels_alone(relaxation, rounds)
@@ -147,17 +160,17 @@ def measure(knit: str, repeats: int, options: argparse.Namespace, folder: Path) 
 
     def speeds(taken: dict[str, float]) -> dict[str, Any]:
         one = {name: nodes * STEPS / seconds for name, seconds in taken.items()}
-        if "c" not in one:
-            return {"node_steps_per_s": one["step"]}
+        loops = {"c_loop": "c", "c_loop_with_contact": "c_contact"}
         return {
             "node_steps_per_s": one["step"],
-            "c_loop_node_steps_per_s": one["c"],
-            "to_c_loop": round(one["step"] / one["c"], 3),
+            **{f"{name}_node_steps_per_s": one[key] for name, key in loops.items() if key in one},
+            **{f"to_{name}": round(one["step"] / one[key], 3) for name, key in loops.items() if key in one},
         }
 
     contacts = {
         "pairs": pairs,
         "contacts": int((near.force > 0.0).sum()),
+        "c_loop_segments_in_contact": c_contacts,
         "searches": searches,
         "steps": steps,
         "step_us": 1e6 * whole["step"] / STEPS,
@@ -165,6 +178,7 @@ def measure(knit: str, repeats: int, options: argparse.Namespace, folder: Path) 
         "kernels_us": {name: 1e6 * seconds for name, seconds in parts.items()},
     }
     stepper.contact = None
+    works.pop("c_contact", None)
     stepper.state.write_control({c.TIME_STEP: 0.0})  # wires that touch would be driven apart
     best(works, 1, device=options.device)
     yield {"case": f"{knit}, free", **common, **speeds(best(works, rounds, device=options.device))}
