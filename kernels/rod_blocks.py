@@ -19,6 +19,7 @@ BLOCK = (
     const int wire = block_wire.data[block];
     const int wire_begin = wire_first.data[wire], wire_nodes = wire_count.data[wire], closed = wire_closed.data[wire];
     const int wire_end = wire_begin + wire_nodes;
+    const int to_row = rest_row.data[wire_begin] - wire_begin; // rest data of node i of the wire are in row i + to_row
     const double* steer = control.data;
 """
 )

@@ -100,19 +100,20 @@ _FORCES = (
         dx[k] = d[3 * i];
         dy[k] = d[3 * i + 1];
         dz[k] = d[3 * i + 2];
+        const int row = i + to_row;
         const double l = length.data[i], rest = natural_length.data[i] * factor;
         natural[k] = rest;
         il[k] = 1 / l;
         pull[k] = has[k] * (tension_offset.data[i] + stretch_stiffness.data[i] * (l - rest) / rest);
-        spread[k] = inner[k] / (node_length.data[i] * factor);
-        own_x[k] = bent[2 * i];
-        own_y[k] = bent[2 * i + 1];
-        own_m[k] = natural_twist.data[i];
+        spread[k] = inner[k] / (node_length.data[row] * factor);
+        own_x[k] = bent[2 * row];
+        own_y[k] = bent[2 * row + 1];
+        own_m[k] = natural_twist.data[row];
         flow_x[k] = yields ? flow[2 * i] : 0.0;
         flow_y[k] = yields ? flow[2 * i + 1] : 0.0;
-        sixth[k] = has[k] * slope_length.data[i] * factor / 6;
+        sixth[k] = has[k] * slope_length.data[row] * factor / 6;
         arc_pull[k] = 36 * sixth[k] * sixth[k] * rest * pull[k];
-        const double* __restrict stiff = node_stiffness.data + 6 * i;
+        const double* __restrict stiff = node_stiffness.data + 6 * row;
         const double share = inner[k] / factor;
         s11[k] = share * stiff[0];
         s12[k] = share * stiff[1];
@@ -120,8 +121,8 @@ _FORCES = (
         s13[k] = share * stiff[3];
         s23[k] = share * stiff[4];
         s33[k] = share * stiff[5];
-        cos_r[k] = turned_by[2 * i];
-        sin_r[k] = turned_by[2 * i + 1];
+        cos_r[k] = turned_by[2 * row];
+        sin_r[k] = turned_by[2 * row + 1];
     }
     }
     // turning vector and twist at a node, and the moment of the turn
@@ -346,6 +347,7 @@ def forces_of_block(
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
     wire_closed: wp.array(dtype=wp.int32),
+    rest_row: wp.array(dtype=wp.int32),
     # in: rest data
     natural_length: wp.array(dtype=wp.float64),
     node_length: wp.array(dtype=wp.float64),
@@ -396,6 +398,7 @@ def find_rod_forces(
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
     wire_closed: wp.array(dtype=wp.int32),
+    rest_row: wp.array(dtype=wp.int32),
     first_block: int,
     threads_a_block: Any,
     # in: rest data
@@ -452,6 +455,7 @@ def find_rod_forces(
             wire_first,
             wire_count,
             wire_closed,
+            rest_row,
             natural_length,
             node_length,
             natural_curvature,

@@ -27,7 +27,7 @@ _FRAMES = (
     const double HALF = 0.5;
     const int segments = !closed && first + count == wire_end ? count - 1 : count;
     const double* __restrict rest = (const double*)(rest_position.data + first);
-    const double* __restrict span = (const double*)(rest_edge.data + first);
+    const double* __restrict span = (const double*)(rest_edge.data + first + to_row);
     const double* __restrict moved = (const double*)displacement.data;
     double* __restrict place = (double*)(position.data + first);
     double* __restrict t = (double*)(tangent.data + first);
@@ -124,6 +124,7 @@ def frames_of_block(
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
     wire_closed: wp.array(dtype=wp.int32),
+    rest_row: wp.array(dtype=wp.int32),
     rest_position: wp.array(dtype=wp.vec3d),
     rest_edge: wp.array(dtype=wp.vec3d),
     # in: what steers the step
@@ -149,6 +150,7 @@ def update_frames(
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
     wire_closed: wp.array(dtype=wp.int32),
+    rest_row: wp.array(dtype=wp.int32),
     first_block: int,
     threads_a_block: Any,
     rest_position: wp.array(dtype=wp.vec3d),
@@ -181,6 +183,7 @@ def update_frames(
             wire_first,
             wire_count,
             wire_closed,
+            rest_row,
             rest_position,
             rest_edge,
             control,

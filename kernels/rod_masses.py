@@ -47,12 +47,12 @@ _MASSES = (
     double bend[SPAN], turned[SPAN], twist[SPAN], twisted[SPAN];
     bend[0] = turned[0] = twist[0] = twisted[0] = 0;
     for (int k = 1; k < whole; ++k) {
-        const int i = at[k];
+        const int i = at[k], row = i + to_row;
         bend[k] = turned[k] = twist[k] = twisted[k] = 0;
         if (inner[k] == 0) continue;
-        const double share = 1 / node_length.data[i];
-        const double trial_x = bent[2 * i] - own[2 * i] - (yields ? flow[2 * i] : 0.0);
-        const double trial_y = bent[2 * i + 1] - own[2 * i + 1] - (yields ? flow[2 * i + 1] : 0.0);
+        const double share = 1 / node_length.data[row];
+        const double trial_x = bent[2 * i] - own[2 * row] - (yields ? flow[2 * i] : 0.0);
+        const double trial_y = bent[2 * i + 1] - own[2 * row + 1] - (yields ? flow[2 * i + 1] : 0.0);
         double elastic_x = trial_x, elastic_y = trial_y;
         if (yields) {
             const double beyond_x = trial_x - back * flow[2 * i], beyond_y = trial_y - back * flow[2 * i + 1];
@@ -114,6 +114,7 @@ def masses_of_block(
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
     wire_closed: wp.array(dtype=wp.int32),
+    rest_row: wp.array(dtype=wp.int32),
     # in: rest data; whether a clamp moves the node
     held: wp.array(dtype=wp.int32),
     is_sliding: wp.array(dtype=wp.int32),
@@ -161,6 +162,7 @@ def find_masses(
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
     wire_closed: wp.array(dtype=wp.int32),
+    rest_row: wp.array(dtype=wp.int32),
     first_block: int,
     threads_a_block: Any,
     # in: rest data; whether a clamp moves the node
@@ -214,6 +216,7 @@ def find_masses(
             wire_first,
             wire_count,
             wire_closed,
+            rest_row,
             held,
             is_sliding,
             natural_length,

@@ -117,7 +117,8 @@ class CLoop:
         self.arrays = [
             zeros(3), zeros(3), rows(state.tangent.numpy()), rows(state.director.numpy()),
             rows(state.tangent.numpy() * state.length.numpy()[:, None]), zeros(3),
-            zeros(), zeros(), zeros(), spacing.copy(), rows(arrays.natural_curvature.numpy()), arrays.natural_twist.numpy(),
+            zeros(), zeros(), zeros(), spacing.copy(), rows(arrays.natural_curvature.numpy()[rods.row]),
+            arrays.natural_twist.numpy()[rods.row],
             mass, inertia, np.array([1.0, 0.0, 0.0, 1.0]), rows(state.position.numpy()),
             rods.tile[:2] * np.diag(state.gradient),
         ]  # fmt: skip

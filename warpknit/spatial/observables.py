@@ -294,7 +294,7 @@ def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: 
     inside = (rods.following >= 0) & (rods.previous >= 0)
     share = np.divide(1.0, rods.node_length * factor, out=np.zeros(rods.node_count), where=inside)
     yielding = stepper.yielding
-    twisted = share * (fetch(state.twist) - fetch(stepper.arrays.natural_twist))
+    twisted = share * (fetch(state.twist) - fetch(stepper.arrays.natural_twist)[rods.row])
     segment_tension, tangent = relaxation.tension(), fetch(state.tangent)
     tension = np.where(relaxation.can_stretch, segment_tension, 0.0)
     length = np.where(rods.following >= 0, rods.natural_length * factor, 0.0)

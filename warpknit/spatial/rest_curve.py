@@ -48,7 +48,7 @@ def along_centre_line(rods: Rods, line: CentreLine) -> Rods:
 class RestCurve:
     """Arrays [row], those of segments too: wires of one shape share their rows."""
 
-    row: np.ndarray  # [node] int32, row of a node and of the segment behind it
+    row: np.ndarray  # [node] int32, row of a node and of the segment behind it: that of the rods
     slope: np.ndarray  # (row, 2) correction of the direction at a node, along the directors of the sections there
     slope_weight: np.ndarray  # (row, 4) weights of the edges in the slopes at both ends of a segment
     length: np.ndarray  # [m] of the segments, by which slopes are multiplied
@@ -65,14 +65,14 @@ class RestCurve:
 
 def catmull_rom(rods: Rods) -> RestCurve:
     """The Catmull-Rom curve: no correction."""
-    none = np.zeros(rods.node_count)
+    rows = len(rods.row_node)
     return RestCurve(
-        row=np.arange(rods.node_count, dtype=np.int32),
-        slope=np.zeros((rods.node_count, 2)),
-        slope_weight=np.full((rods.node_count, 4), 0.5),
-        length=rods.natural_length,
-        bump=np.zeros((rods.node_count, 2 * BUMPS)),
-        bulge=none,
+        row=rods.row,
+        slope=np.zeros((rows, 2)),
+        slope_weight=np.full((rows, 4), 0.5),
+        length=rods.natural_length[rods.row_node],
+        bump=np.zeros((rows, 2 * BUMPS)),
+        bulge=np.zeros(rows),
         fit_error=0.0,
     )
 
@@ -148,7 +148,7 @@ def section_offsets(
 
 
 def fit_rest_curve(rods: Rods, line: CentreLine) -> RestCurve:
-    """The curve fitted to the centre line at rest."""
+    """The curve fitted to the centre line at rest; each node of the rods has a row of its own."""
     before, after, edge = rods.previous, rods.following, rods.rest_edge
     has_segment, is_inside = after >= 0, (after >= 0) & (before >= 0)
     length = np.linalg.norm(edge, axis=1)
@@ -189,7 +189,7 @@ def fit_rest_curve(rods: Rods, line: CentreLine) -> RestCurve:
         bounds = _weight_bounds(slope, weight, own, length, node, before[node], end)
         weight_square, lever = max(weight_square, bounds[0]), max(lever, bounds[1])
     return RestCurve(
-        row=np.arange(rods.node_count, dtype=np.int32),
+        row=rods.row,
         slope=slope,
         slope_weight=weight,
         length=length,

@@ -26,7 +26,7 @@ OPEN_BORDER = 4  # last nodes of an open wire that have a row in the borders of 
 
 @dataclass(frozen=True)
 class RodArrays:
-    """Rest data; all arrays [node] unless noted, segment data included."""
+    """Rest data; all arrays [node] unless noted, segment data included. Wires of one shape share the arrays [row]."""
 
     wire_first: wp.array  # [wire] int
     wire_count: wp.array  # [wire]
@@ -40,14 +40,15 @@ class RodArrays:
     following: wp.array
     held: wp.array
     rest_position: wp.array  # vec3d [m]
-    rest_edge: wp.array  # vec3d [m]
     natural_length: wp.array  # [m]
-    node_length: wp.array  # [m]
-    natural_curvature: wp.array  # vec2d [rad]
-    natural_twist: wp.array  # [rad]
-    node_stiffness: wp.array  # (node, 6) [N m], see node_stiffness.py
-    slope_length: wp.array  # [m] of the segment, where the slope of the moment stores energy; else 0
-    moment_turn: wp.array  # vec2d cosine and sine of the twist from node to node at rest, by which moments turn
+    rest_row: wp.array  # int, see Rods.row
+    rest_edge: wp.array  # [row] vec3d [m]
+    node_length: wp.array  # [row] [m]
+    natural_curvature: wp.array  # [row] vec2d [rad]
+    natural_twist: wp.array  # [row] [rad]
+    node_stiffness: wp.array  # (row, 6) [N m], see node_stiffness.py
+    slope_length: wp.array  # [row] [m] of the segment, where the slope of the moment stores energy; else 0
+    moment_turn: wp.array  # [row] vec2d cosine and sine of the twist from node to node at rest, by which moments turn
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,7 @@ class RodState:
 
 def upload_rods(rods: Rods, device: str) -> RodArrays:
     """Rest data on the device; natural curvature and twist default to the rest values times the set fraction."""
-    nodes = rods.node_count
+    of_row = rods.row_node
     blocks = _blocks(rods)
     stiffness = node_stiffness(rods) if rods.node_stiffness is None else rods.node_stiffness
     arrays = RodArrays(
@@ -136,17 +137,18 @@ def upload_rods(rods: Rods, device: str) -> RodArrays:
         following=shared(rods.following, wp.int32, device),
         held=shared(rods.held, wp.int32, device),
         rest_position=shared(rods.position, wp.vec3d, device),
-        rest_edge=shared(rods.rest_edge, wp.vec3d, device),
         natural_length=shared(rods.natural_length, wp.float64, device),
-        node_length=shared(rods.node_length, wp.float64, device),
-        natural_curvature=zeros(nodes, wp.vec2d, device),
-        natural_twist=zeros(nodes, wp.float64, device),
-        node_stiffness=shared(stiffness, wp.float64, device),
-        slope_length=shared(rods.slope_length, wp.float64, device),
-        moment_turn=zeros(nodes, wp.vec2d, device),
+        rest_row=shared(rods.row, wp.int32, device),
+        rest_edge=shared(rods.rest_edge[of_row], wp.vec3d, device),
+        node_length=shared(rods.node_length[of_row], wp.float64, device),
+        natural_curvature=zeros(len(of_row), wp.vec2d, device),
+        natural_twist=zeros(len(of_row), wp.float64, device),
+        node_stiffness=shared(stiffness[of_row], wp.float64, device),
+        slope_length=shared(rods.slope_length[of_row], wp.float64, device),
+        moment_turn=zeros(len(of_row), wp.vec2d, device),
     )
     twist = set_natural_shape(arrays, rods, device, rods.set_fraction)
-    between = 0.5 * (twist + twist[rods.following])
+    between = 0.5 * (twist + twist[rods.following])[of_row]
     store(arrays.moment_turn, np.stack([np.cos(between), np.sin(between)], axis=1))
     return arrays
 
@@ -159,8 +161,10 @@ def set_natural_shape(arrays: RodArrays, rods: Rods, device: str, fraction: floa
     frames_launch(arrays, at_rest).run(device)
     force_launch(rods, arrays, at_rest, no_contact(rods, device)).run(device)
     curvature, twist = fetch(at_rest.curvature), fetch(at_rest.twist)
-    store(arrays.natural_curvature, fraction * curvature if rods.natural_curvature is None else rods.natural_curvature)
-    store(arrays.natural_twist, fraction * twist if rods.natural_twist is None else rods.natural_twist)
+    natural = fraction * curvature if rods.natural_curvature is None else rods.natural_curvature
+    store(arrays.natural_curvature, natural[rods.row_node])
+    natural = fraction * twist if rods.natural_twist is None else rods.natural_twist
+    store(arrays.natural_twist, natural[rods.row_node])
     return np.array(twist)
 
 

@@ -52,6 +52,7 @@ class Rods:
     held: np.ndarray  # [node] int, HELD_NODE | HELD_TURN of kernels/banded_mass.py
     natural_length: np.ndarray  # [node] [m] of the segment, a chord
     natural_arc: np.ndarray  # [node] [m] of the wire along the segment
+    row: np.ndarray  # [node] int32, consecutive along each wire: nodes at which wires of one shape are alike have the same row
     natural_curvature: np.ndarray | None = None  # (node, 2) [rad] along the section directors; None: as at rest
     natural_twist: np.ndarray | None = None  # [node] [rad]; None: as at rest
     set_fraction: float = 1.0  # natural over rest curvature and twist, where these are None
@@ -139,6 +140,13 @@ class Rods:
         return total - np.repeat(total[self.wire_first], self.wire_count)
 
     @cached_property
+    def row_node(self) -> np.ndarray:
+        """[row] the last node of each row; 0 where there is none."""
+        node = np.zeros(int(self.row.max()) + 1, dtype=np.int64)
+        node[self.row] = np.arange(self.node_count)
+        return node
+
+    @cached_property
     def wire_length(self) -> np.ndarray:
         """[wire] [m] natural length; of a closed wire, once around."""
         return np.add.reduceat(np.where(self.following >= 0, self.natural_arc, 0.0), self.wire_first)
@@ -166,6 +174,7 @@ class Rods:
             held=self.held[node],
             natural_length=self.natural_length[node],
             natural_arc=self.natural_arc[node],
+            row=self.row[node],
             natural_curvature=part(self.natural_curvature, node),
             natural_twist=part(self.natural_twist, node),
             node_stiffness=part(self.node_stiffness, node),
@@ -206,6 +215,7 @@ def rods_of(
         held=np.zeros(len(position), dtype=np.int32),
         natural_length=np.ones(len(position)),
         natural_arc=np.ones(len(position)),
+        row=np.arange(len(position), dtype=np.int32),
         tile=np.zeros(3) if tile is None else np.asarray(tile, dtype=float),
     )
     edge = rods.rest_edge

@@ -54,7 +54,6 @@ class _WireArrays:
 
     node_arc: wp.array  # [m]
     node_radius: wp.array  # [m]
-    rest_row: wp.array  # int, row of the rest curve of the segment in the next four, which are [row]
     rest_slope: wp.array
     rest_bump: wp.array
     rest_bulge: wp.array
@@ -67,7 +66,6 @@ def _upload_wires(rods: Rods, curve: RestCurve, device: str) -> _WireArrays:
     return _WireArrays(
         node_arc=shared(rods.arc, wp.float64, device),
         node_radius=shared(rods.wire_radius[rods.wire_of], wp.float64, device),
-        rest_row=shared(curve.row, wp.int32, device),
         rest_slope=shared(curve.slope, wp.vec2d, device),
         rest_bump=shared(curve.bump, Bump, device),
         rest_bulge=shared(curve.bulge, wp.float64, device),

@@ -43,7 +43,7 @@ class Yielding:
         return self._kept / (1.0 - self._kept) * self.plastic if self.yields else np.zeros_like(self.plastic)
 
     def _trial(self) -> np.ndarray:
-        turn = fetch(self.state.curvature) - fetch(self.arrays.natural_curvature) - self.plastic
+        turn = fetch(self.state.curvature) - fetch(self.arrays.natural_curvature)[self.rods.row] - self.plastic
         return np.where(self._inside[:, None], turn, 0.0)
 
     def _beyond(self) -> tuple[np.ndarray, np.ndarray]:
