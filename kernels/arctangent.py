@@ -1,11 +1,8 @@
 """The arctangent of a quotient, for native functions: vectorises, and needs one division.
 
-ARCTANGENT is C++ that sets `folded` to atan(|over|/under) for under > 0, from `over` and `under` of the type `real`. The quotient
-is folded into [-tan(pi/8), tan(pi/8)] before the division. UNFOLDED and UNFOLDED_SLOPE are atan(x)/x and its derivative by x^2
-in double precision, from `z` = x^2 up to UNFOLDED_LIMIT.
+C++ that sets `folded` to atan(|over|/under) for under > 0, from `over` and `under` of the type `real`. The quotient is folded
+into [-tan(pi/8), tan(pi/8)] before the division.
 """
-
-import math
 
 
 def _polynomial(coefficients: tuple[float, ...], variable: str) -> str:
@@ -56,7 +53,3 @@ ARCTANGENT = r"""
         }
         const real folded = x * series + middle * real(0.7853981633974483) + steep * real(1.5707963267948966);
 """.replace("SINGLE_SERIES", _polynomial(ATAN_SINGLE, "z")).replace("DOUBLE_SERIES", _polynomial(ATAN_DOUBLE, "z"))
-
-UNFOLDED_LIMIT = math.tan(math.pi / 8.0) ** 2
-UNFOLDED = _polynomial(ATAN_DOUBLE, "z")
-UNFOLDED_SLOPE = _polynomial(tuple(k * c for k, c in enumerate(ATAN_DOUBLE))[1:], "z")

@@ -3,9 +3,9 @@
 M couples a node with the next and the next but one of its wire, each component by itself. The spin inertia couples a segment
 with the next. All four, x, y, z and spin, are factored as L D L^T along each wire, the four entries of a node side by side.
 Around a closed wire the last two nodes couple with the first ones: their rows of L are full, all other rows have two entries.
-rod_motion.py solves with the factors, rounded to float32: those of masses that differ by its round-off and are positive too.
-Held nodes and sections have no couplings, and a zero instead of 1/D, so that they have no acceleration. Olovsson, Simonsson and
-Unosson, "Selective mass scaling for explicit finite element analyses", Int. J. Numer. Methods Eng. 63 (2005).
+rod_motion.py solves with the factors. Held nodes and sections have no couplings, and a zero instead of 1/D, so that they have no
+acceleration. Olovsson, Simonsson and Unosson, "Selective mass scaling for explicit finite element analyses", Int. J. Numer.
+Methods Eng. 63 (2005).
 """
 
 import warp as wp
@@ -33,12 +33,6 @@ def without_tiny(value: wp.vec4d) -> wp.vec4d:
         if wp.abs(value[k]) < NEGLIGIBLE:
             value[k] = wp.float64(0.0)
     return value
-
-
-@wp.func
-def single(value: wp.vec4d) -> wp.vec4f:
-    """The components in single precision."""
-    return wp.vec4f(wp.float32(value[0]), wp.float32(value[1]), wp.float32(value[2]), wp.float32(value[3]))
 
 
 @wp.func
@@ -104,7 +98,7 @@ def factor_masses(
     next_inertia: wp.array(dtype=wp.float64),
     # out: (node, FACTORS), and (row, BORDERS): a row for each node of a closed wire and the last four of an open one, that of
     # node j is wire_border + j; first node of each wire from which full rows are zero, up to the last four nodes
-    mass_factor: wp.array2d(dtype=wp.vec4f),
+    mass_factor: wp.array2d(dtype=wp.vec4d),
     mass_border: wp.array2d(dtype=wp.vec4d),
     wire_quiet: wp.array(dtype=wp.int32),
 ):
@@ -150,9 +144,9 @@ def factor_masses(
         of_last = without_tiny(wp.cw_div(of_last, d))
         if j < count - 4 and wp.length_sq(of_other) + wp.length_sq(of_last) > zero:
             quiet = j + 1
-        mass_factor[i, PIVOT] = single(inverse_pivot(i, d, following, held))
-        mass_factor[i, NEXT] = single(lower)
-        mass_factor[i, SECOND] = single(lower_second)
+        mass_factor[i, PIVOT] = inverse_pivot(i, d, following, held)
+        mass_factor[i, NEXT] = lower
+        mass_factor[i, SECOND] = lower_second
         if wire_closed[wire] != 0 or j >= count - 4:
             mass_border[wire_border[wire] + j, OTHER] = of_other
             mass_border[wire_border[wire] + j, LAST] = of_last
@@ -170,10 +164,10 @@ def factor_masses(
     lower = wp.cw_div(cross, other)
     for k in range(count - 2, count):
         for factor in range(FACTORS):
-            mass_factor[first + k, factor] = wp.vec4f()
+            mass_factor[first + k, factor] = wp.vec4d()
         for border in range(BORDERS):
             mass_border[wire_border[wire] + k, border] = wp.vec4d()
     i = first + count - 2
-    mass_factor[i, PIVOT] = single(inverse_pivot(i, other, following, held))
-    mass_factor[i + 1, PIVOT] = single(inverse_pivot(i + 1, last - wp.cw_mul(lower, cross), following, held))
-    mass_factor[i + 1, NEXT] = single(lower)
+    mass_factor[i, PIVOT] = inverse_pivot(i, other, following, held)
+    mass_factor[i + 1, PIVOT] = inverse_pivot(i + 1, last - wp.cw_mul(lower, cross), following, held)
+    mass_factor[i + 1, NEXT] = lower

@@ -56,7 +56,7 @@ from typing import Any
 
 import warp as wp
 
-from .arctangent import ARCTANGENT, UNFOLDED, UNFOLDED_LIMIT, UNFOLDED_SLOPE
+from .arctangent import ARCTANGENT
 from .control import STATUS, is_halted
 from .native import constants
 from .rod_blocks import AROUND, BLOCK
@@ -73,7 +73,7 @@ _FORCES = (
     (
         BLOCK
         + AROUND
-        + constants(STATUS=STATUS, STATUS_RUNNING=0, UNFOLDED_LIMIT=UNFOLDED_LIMIT)
+        + constants(STATUS=STATUS, STATUS_RUNNING=0)
         + r"""
     typedef double real;
     const bool steps = steer[STATUS] == STATUS_RUNNING;
@@ -131,11 +131,6 @@ _FORCES = (
     double turn_x[SPAN], turn_y[SPAN], turned[SPAN];
     const double back = yields ? hardening / (1 - hardening) : 0.0, softness = 1 / bending_stiffness;
     mx[0] = my[0] = mx[whole] = my[whole] = 0;
-    // arctangents of quotients up to tan(pi/8), which turns hardly ever exceed, need no folding: tried first
-    struct small { enum { FOLDS = 0 }; };
-    struct large { enum { FOLDS = 1 }; };
-    auto find_turns = [&](auto turns) {
-    double exceeding = 0;
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
@@ -156,31 +151,21 @@ _FORCES = (
         const double pz = dot * az + vx * ay - vy * ax + vz * lean_on;
         const double sine = (py * cz - pz * cy) * fx + (pz * cx - px * cz) * fy + (px * cy - py * cx) * fz;
         const double cosine = px * cx + py * cy + pz * cz;
-        double m, part, slope;
-        const double square = k1 * k1 + k2 * k2;
-        if (decltype(turns)::FOLDS) {
+        double m;
+        {
             const real over = sine, under = 1 + cosine;
             ARCTANGENT
             m = 2 * (over < 0 ? -folded : folded);
-        } else {
-            const double x = sine / (1 + cosine), z = x * x;
-            m = 2 * x * UNFOLDED_SERIES;
-            exceeding += z < UNFOLDED_LIMIT ? 0.0 : 1.0;
         }
         // share of the turning vector and its slope: 2 atan(x/2)/x
-        if (decltype(turns)::FOLDS) {
-            const double size = sqrt(square), half = 0.5 * size;
+        const double square = k1 * k1 + k2 * k2, size = sqrt(square), half = 0.5 * size;
+        double part;
+        {
             const real over = half, under = 1;
             ARCTANGENT
             part = half > 1e-8 ? folded / (half > 1e-8 ? half : 1.0) : 1.0;
-            const double steep_slope = (1 / (1 + 0.25 * square) - part) / (size > SMALL ? square : 1.0);
-            slope = size > SMALL ? steep_slope : -1.0 / 6;
-        } else {
-            const double z = 0.25 * square;
-            part = UNFOLDED_SERIES;
-            slope = 0.5 * UNFOLDED_SLOPE_SERIES;
-            exceeding += z < UNFOLDED_LIMIT ? 0.0 : 1.0;
         }
+        const double steep_slope = (1 / (1 + 0.25 * square) - part) / (size > SMALL ? square : 1.0);
         const double angle_x = part * k1, angle_y = part * k2;
         const double trial_x = angle_x - own_x[k] - flow_x[k], trial_y = angle_y - own_y[k] - flow_y[k];
         const double beyond_x = trial_x - back * flow_x[k], beyond_y = trial_y - back * flow_y[k];
@@ -194,7 +179,7 @@ _FORCES = (
         kx[k] = k1;
         ky[k] = k2;
         size_part[k] = part;
-        size_slope[k] = slope;
+        size_slope[k] = size > SMALL ? steep_slope : -1.0 / 6;
         nbx[k] = nx;
         nby[k] = ny;
         nbz[k] = nz;
@@ -214,9 +199,6 @@ _FORCES = (
         turned[k] = inner[k] * m;
     }
     }
-    return exceeding > 0;
-    };
-    if (find_turns(small())) find_turns(large());
     // moments with the first correction by their slopes along both segments
     double ux[SPAN], uy[SPAN];
     ux[0] = uy[0] = ux[whole] = uy[whole] = 0;
@@ -348,8 +330,6 @@ _FORCES = (
 """
     )
     .replace("ARCTANGENT", ARCTANGENT)
-    .replace("UNFOLDED_SERIES", UNFOLDED)
-    .replace("UNFOLDED_SLOPE_SERIES", UNFOLDED_SLOPE)
     .replace("SLOPES_OF_M", _SLOPES.replace("VALUE", "m"))
     .replace("SLOPES_OF_U", _SLOPES.replace("VALUE", "u"))
     .replace("SMALL", "1e-4")

@@ -17,16 +17,14 @@ _MOVE = (
     + constants(PIVOT=m.PIVOT, NEXT=m.NEXT, SECOND=m.SECOND, OTHER=m.OTHER, LAST=m.LAST, FACTORS=m.FACTORS, BORDERS=m.BORDERS)
     + r"""
     const int first = wire_first.data[wire], count = wire_count.data[wire], quiet = wire_quiet.data[wire];
-    const float* __restrict factors = (const float*)(mass_factor.data + FACTORS * first);
+    const double* __restrict factors = (const double*)(mass_factor.data + FACTORS * first);
     const double* __restrict borders = (const double*)(mass_border.data + BORDERS * wire_border.data[wire]);
     const double* __restrict push = (const double*)(force.data + first);
     const double* __restrict couple = torque.data + first;
     double* __restrict swept = (double*)(sweep.data + first);
-    double* __restrict total = (double*)(force_sum.data + first);
-    double kinetic = 0, fastest = 0, strongest = 0, squares = 0;
     double z1[4] = {0, 0, 0, 0}, z2[4] = {0, 0, 0, 0}, other[4] = {0, 0, 0, 0}, last[4] = {0, 0, 0, 0};
     for (int j = 0; j < count; ++j) {
-        const float* __restrict l = factors + 4 * FACTORS * j;
+        const double* __restrict l = factors + 4 * FACTORS * j;
         double z[4] = {push[3 * j], push[3 * j + 1], push[3 * j + 2], couple[j]};
         if (j == count - 2) {
             for (int c = 0; c < 4; ++c) z[c] -= other[c];
@@ -40,15 +38,6 @@ _MOVE = (
                 for (int c = 0; c < 4; ++c) last[c] += (borders + 4 * BORDERS * j)[4 * LAST + c] * z[c];
             }
         }
-        double f2 = 0;
-        for (int c = 0; c < 3; ++c) {
-            total[3 * j + c] += push[3 * j + c];
-            f2 += push[3 * j + c] * push[3 * j + c];
-        }
-        if (l[4 * PIVOT] != 0) {
-            squares += f2;
-            strongest = f2 > strongest ? f2 : strongest;
-        }
         for (int c = 0; c < 4; ++c) swept[4 * j + c] = z[c];
         for (int c = 0; c < 4; ++c) z2[c] = z1[c];
         for (int c = 0; c < 4; ++c) z1[c] = z[c];
@@ -60,11 +49,13 @@ _MOVE = (
     double* __restrict rate = spin.data + first;
     double* __restrict turned = angle.data + first;
     double* __restrict turn = pending_turn.data + first;
+    double* __restrict total = (double*)(force_sum.data + first);
     const double* __restrict mass = (const double*)(node_mass.data + first);
     const double* __restrict inertia = spin_inertia.data + first;
+    double kinetic = 0, fastest = 0, strongest = 0, squares = 0;
     for (int c = 0; c < 4; ++c) z1[c] = z2[c] = 0;
     for (int j = count - 1; j >= 0; --j) {
-        const float* __restrict l = factors + 4 * FACTORS * j;
+        const double* __restrict l = factors + 4 * FACTORS * j;
         double z[4];
         for (int c = 0; c < 4; ++c) z[c] = l[4 * PIVOT + c] * swept[4 * j + c];
         if (j == count - 1) {
@@ -83,13 +74,15 @@ _MOVE = (
             for (int c = 0; c < 4; ++c) z2[c] = z1[c];
             for (int c = 0; c < 4; ++c) z1[c] = z[c];
         }
-        double q2 = 0, e = 0;
+        double q2 = 0, f2 = 0, e = 0;
         for (int c = 0; c < 3; ++c) {
             const double before = speed[3 * j + c], after = a * before + b * z[c];
             speed[3 * j + c] = after;
             moved[3 * j + c] += dt * (after + ahead * (after - before));
+            total[3 * j + c] += push[3 * j + c];
             q2 += after * after;
             e += mass[3 * j + c] * after * after;
+            f2 += push[3 * j + c] * push[3 * j + c];
         }
         const double before = rate[j], after = a * before + b * z[3], move = dt * (after + ahead * (after - before));
         rate[j] = after;
@@ -97,6 +90,10 @@ _MOVE = (
         turned[j] += move;
         kinetic += e + inertia[j] * after * after;
         fastest = q2 > fastest ? q2 : fastest;
+        if (l[4 * PIVOT] != 0) {
+            squares += f2;
+            strongest = f2 > strongest ? f2 : strongest;
+        }
     }
     double* row = partial.data + PARTIAL_COUNT * wire;
     row[KINETIC_PART] = kinetic;
@@ -115,7 +112,7 @@ def move_wire(
     wire_count: wp.array(dtype=wp.int32),
     wire_border: wp.array(dtype=wp.int32),
     # in: masses and their factors
-    mass_factor: wp.array2d(dtype=wp.vec4f),
+    mass_factor: wp.array2d(dtype=wp.vec4d),
     mass_border: wp.array2d(dtype=wp.vec4d),
     wire_quiet: wp.array(dtype=wp.int32),
     node_mass: wp.array(dtype=wp.vec3d),
@@ -145,7 +142,7 @@ def move_rods(
     wire_border: wp.array(dtype=wp.int32),
     first_wire: int,
     # in: masses and their factors
-    mass_factor: wp.array2d(dtype=wp.vec4f),
+    mass_factor: wp.array2d(dtype=wp.vec4d),
     mass_border: wp.array2d(dtype=wp.vec4d),
     wire_quiet: wp.array(dtype=wp.int32),
     node_mass: wp.array(dtype=wp.vec3d),

@@ -72,7 +72,7 @@ class RodState:
     second_mass: wp.array  # [kg] coupling with the next but one
     spin_inertia: wp.array  # [kg m2] of a segment
     next_inertia: wp.array  # [kg m2] coupling with the next segment
-    mass_factor: wp.array  # (node, FACTORS) vec4f, factors of both
+    mass_factor: wp.array  # (node, FACTORS) vec4d, factors of both
     mass_border: wp.array  # (row, BORDERS) vec4d
     wire_quiet: wp.array  # [wire] int, see kernels/banded_mass.py
     load_force: wp.array  # vec3d [N] dead load
@@ -211,7 +211,7 @@ def rest_state(rods: Rods, device: str) -> RodState:
         second_mass=reals(),
         spin_inertia=reals(section.rotary_inertia * rods.natural_length),
         next_inertia=reals(),
-        mass_factor=zeros((nodes, FACTORS), wp.vec4f, device),
+        mass_factor=zeros((nodes, FACTORS), wp.vec4d, device),
         mass_border=zeros((_borders(rods)[1], BORDERS), wp.vec4d, device),
         wire_quiet=zeros(len(rods.wire_first), wp.int32, device),
         load_force=vectors(),
