@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..design.fe import CODES
+from ..design.findings import Findings
 from ..design.inputs import Fitted, Known, fitted_overrides, with_known, write_fit
-from ..design.report import Findings, report_scene, write_report
+from ..design.report import report_scene, write_report
 from ..errors import Diverged, InputError
 from ..results import Run
 from ..runner.progress_display import Progress
