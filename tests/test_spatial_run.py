@@ -155,3 +155,21 @@ def test_interrupt_and_resume_give_the_same_bits(
 def test_a_finished_run_is_not_replaced_unasked(finished: Path) -> None:
     with pytest.raises(Exception, match="holds a finished run"):
         run_scene(load_scene(CELL, QUICK), out=finished, device="cpu")
+
+
+def test_contacts_store_no_negative_energy() -> None:
+    """A contact of force N = k (g + o), overlap g and offset o stores k g^2/2 >= 0, at most N |g|/2 where it overlaps. N g/2, of
+    a contact that pushes over a gap g < 0, is negative."""
+    bars = [{"chain": "2-3/1-0"}, {"chain": "1-0/1-2"}]
+    locknit = {
+        "wire": {"material": "molybdenum", "diameter": "30 um"},
+        "knit": {"bars": bars, "wales": "26 /inch", "courses": "30 /inch"},
+        "model": {"kind": "spatial", "boundary": "periodic"},
+        "load": {"strain_weft": 0.045, "strain_warp": 0.045},
+        "solver": {"preset": "draft"},
+        "output": {"frames": 9},
+    }
+    last = [record.observables for record in Simulation(build_model(load_scene(locknit))).run()][-1]
+    pressed = last.touching.force * last.touching.overlap
+    assert last.touching.force.size and pressed.sum() < 0.0
+    assert 0.0 <= last.energies.contact <= 0.5 * np.abs(pressed).sum()
