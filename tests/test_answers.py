@@ -73,7 +73,7 @@ def test_heat_is_told_stage_by_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     by_tension = [SimpleNamespace(name="cold", by_tension=(True, True))]
     text = dict(answer_rows(answers | {"heat": heat_of([row(0.3), *cold], by_tension)}, LIMIT))
     assert text["heat, 20 to -190 degC"].startswith("tension held: active")
-    assert "tension 300 mN/m, strain 6.0 % / 3.0 %, changed by +0.04 / +0 %" in text["heat, 20 to -190 degC"]
+    assert "tension 300 mN/m, strain 6.0 % / 3.0 %, changed by +0.04 / +0.00 %" in text["heat, 20 to -190 degC"]
 
 
 def closing_of_cell(out: Path, levels: int, *more: str) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ..text import duration, engineering, percent, short_percent
+from ..text import alike, duration, engineering, percent, short_percent
 from .answers_table import answer_rows
 from .strength import assumed_note
 
@@ -42,10 +42,10 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
         yield "contacts elsewhere", f"{elsewhere} pairs of segments, up to {most}"
     if hook is None and (tension := value("mesh", "tension_weft_N_per_m")) is not None:
         warp = value("mesh", "tension_warp_N_per_m") or 0.0
-        yield "tension, weft / warp", f"{engineering(tension, 'N/m')} / {engineering(warp, 'N/m')}"
+        yield "tension, weft / warp", " / ".join(alike([tension, warp], "N/m"))
         medians = [value("panel", f"tension_median_{side}_N_per_m") for side in ("weft", "warp")]
         if None not in medians:
-            yield "  median of the panel", " / ".join(engineering(median, "N/m") for median in medians)
+            yield "  median of the panel", " / ".join(alike(medians, "N/m"))
     if hook is None and (force := value("contacts", "force_max_N")) is not None:
         at_knit = ", of the contacts of the knit" if (value("contacts", "elsewhere_force_max_N") or 0.0) > force else ""
         yield "largest contact force", engineering(force, "N") + at_knit
@@ -100,8 +100,8 @@ def _hook_rows(hook: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         return
     places = [f"{engineering(hook[f'arc_{side}_m'], 'm')} on the {side} wire" for side in ("left", "right")]
     yield "contact at", f"{places[0]}, {places[1]} from the lower clamp"
-    slides = [engineering(hook[f"slide_{side}_m"], "m") for side in ("left", "right")]
-    yield "slid since it closed", f"{slides[0]} / {slides[1]}"
+    slides = alike([hook[f"slide_{side}_m"] for side in ("left", "right")], "m")
+    yield "slid since it closed", " / ".join(slides)
     if hook["ground_force_N"] > 0.0:
         yield "force from the ground", engineering(hook["ground_force_N"], "N")
 

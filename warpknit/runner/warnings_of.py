@@ -9,7 +9,7 @@ import numpy as np
 
 from ..measure import MeshModel
 from ..measure.jumps import STRAIN_JUMP, UNBALANCED
-from ..text import engineering, percent, short_percent
+from ..text import alike, engineering, percent, short_percent
 from .branches import jumps_of, tensions_text
 from .cautions import cautions
 from .history import Row
@@ -89,7 +89,7 @@ def _unevenly_pulled(model: MeshModel, stages: Stages) -> Iterator[str]:
         mean = [stage["mesh"][f"tension_{side}_N_per_m"] for side in ("weft", "warp")]
         uneven = [m is not None and abs(m - t) > UNEVEN * abs(t) for m, t in zip(median, mean, strict=True)]
         if np.any(driven & np.array(uneven)):
-            shown = " / ".join(engineering(m, "N/m") for m in median)
+            shown = " / ".join(alike(median, "N/m"))
             yield (
                 f"the edges carry the given tension, but half of the panel carries less than {shown} in weft / warp: short wires"
                 " between grips carry more than their share; use a larger mesh or model.boundary = 'periodic'"
