@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from .device import find_device, free_memory
-from .estimate import Size
+from .estimate import Size, levels_of_pairs
 from .knit.chain import parse_chain
 from .knit.cloth import Cloth
 from .memory import available_memory, required_memory
@@ -171,8 +171,9 @@ def _sweep(scene: Scene, size: Size) -> str:
         return ""
     pairs = len(scene.sweep.pairs)
     meshes = f" of {scene.sweep.seeds} meshes" if scene.sweep.seeds > 1 else ""
-    seconds = estimates_of(scene).map_time(scene, size)
-    took = "" if seconds is None else f" in about {duration(seconds)}"
+    levels = levels_of_pairs(scene.sweep.pairs, scene.output.frames)
+    seconds = estimates_of(scene).map_time(scene, size, levels)
+    took = "" if seconds is None else f" in about {duration(scene.sweep.seeds * seconds)}"
     return (
         f"warpknit map solves {pairs:,} pairs of {scene.sweep.quantity}{meshes}{took}; all other values are for one run of [load]"
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from ..estimate import HOOK_ENDS, HOOKED, Cost, Notes, Size, boundary_physics, endless_counts, multilevel_start, ramp_steps
 from ..knit.cloth import Cloth
@@ -132,7 +132,7 @@ def cost_of(scene: Scene, size: Size) -> Cost:
     return Cost(steps, wall_time(scene, steps, size.nodes))
 
 
-def map_time(scene: Scene, size: Size) -> float | None:
+def map_time(scene: Scene, size: Size, levels: Sequence[int]) -> float | None:
     """None: not estimated, as loads are solved side by side."""
     return None
 

@@ -12,6 +12,8 @@ from ..text import alike, duration, engineering, percent, short_percent
 from .answers_table import answer_rows
 from .strength import assumed_note
 
+TIMED = "for steps, checks and files"  # what the wall time of a run or map includes: neither the model nor compilation
+
 
 def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[str, str]]:
     """Rows of the table: pairs of a heading and a text, for the keys that `summary.json` has."""
@@ -74,10 +76,8 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
         yield "time steps", f"{steps:,} of {value('model', 'nodes') or 0:,} nodes"
     if (wall := value("solver", "wall_s")) is not None:
         compiling = value("solver", "compile_s")
-        yield (
-            "wall time",
-            duration(wall, 3) + (f", and {duration(compiling, 3)} to compile" if compiling and compiling > 1.0 else ""),
-        )
+        before = f"; before it {duration(compiling, 3)} to compile the kernels" if compiling and compiling > 1.0 else ""
+        yield "wall time", f"{duration(wall, 3)} {TIMED}{before}"
     yield "stopped", str(value("stop_reason"))
     for warning in value("warnings") or []:
         yield "warning", str(warning)

@@ -6,7 +6,7 @@ Measured by tools/benchmarks/plan.py on the scenes that it lists, with and witho
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +18,6 @@ from ..estimate import (
     Size,
     boundary_physics,
     endless_counts,
-    levels_of_pairs,
     multilevel_start,
     ramp_steps,
 )
@@ -114,13 +113,13 @@ def _smaller(scene: Scene) -> Scene | None:
     return smaller_scene(scene) if is_knit and scene.solver.drive == "relax" and not scene.has_moving_edge else None
 
 
-def map_time(scene: Scene, size: Size) -> float | None:
-    """[s] of the map of a scene with a sweep: its loads, one after the other in `thread_count` processes."""
+def map_time(scene: Scene, size: Size, levels: Sequence[int]) -> float | None:
+    """[s] of loads of a sweep with so many levels each, one after the other in `thread_count` processes."""
     assert scene.sweep is not None
-    pairs = scene.sweep.pairs
-    levels = sum(levels_of_pairs(pairs, scene.output.frames)) / scene.output.frames
-    one = replace(scene, stages=(scene.sweep.stage(scene.stages[0], pairs[-1]),))
-    return scene.sweep.seeds * levels / thread_count(len(pairs)) * cost_of(one, size).seconds
+    if not levels:
+        return 0.0
+    one = replace(scene, stages=(scene.sweep.stage(scene.stages[0], scene.sweep.pairs[-1]),))
+    return sum(levels) / scene.output.frames / thread_count(len(levels)) * cost_of(one, size).seconds
 
 
 def notes(scene: Scene, size: Size) -> Notes:
