@@ -179,6 +179,9 @@ class PlanarMechanics:
     def step(self, count: int) -> None:
         self.stepper.step(count)
 
+    def deepest_overlap(self) -> str:
+        return ""
+
     def overlap(self) -> float:
         return 0.0
 
