@@ -70,6 +70,9 @@ class Estimates(Protocol):
     def physics(self, scene: Scene, size: Size) -> Iterator[str]:
         """Physics that the scene switches on and why, one sentence each."""
 
+    def overlaps_as_knitted(self, scene: Scene, repeat: Cloth) -> Iterator[str]:
+        """Warning where wires of a repeat overlap as knitted, so that a run begins with forces in the contacts."""
+
     def limitations(self, scene: Scene, cloth: Cloth | None) -> Iterator[str]:
         """Limitations of the model for this scene, one sentence each."""
 

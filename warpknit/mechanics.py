@@ -324,6 +324,9 @@ def advance(mechanics: Mechanics, steps: int) -> tuple[int, bool]:
     return taken, False
 
 
+TOO_THICK = "the yarn is too thick for the loops"  # cause of contacts that carry force as knitted
+
+
 def strength_exceeded(stress: float, strength: float) -> str:
     """Cause of non-convergence, after a comma: stress [Pa] above the strength; else empty."""
     return f", wire stress {engineering(stress, 'Pa')} exceeds the strength" if stress > strength else ""

@@ -16,7 +16,7 @@ from typing import Any
 from .device import find_device, free_memory
 from .estimate import Size, levels_of_pairs
 from .knit.chain import parse_chain
-from .knit.cloth import Cloth
+from .knit.cloth import Cloth, same_cloth
 from .memory import available_memory, required_memory
 from .mesh.layout import knit_scene
 from .mesh.rim import net_nodes
@@ -154,8 +154,16 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         kind=scene.model.kind,
         kind_reason=scene.kind_reason,
         file=file,
-        warnings=tuple(scene_cautions(scene, cloth)),
+        warnings=(
+            *scene_cautions(scene, cloth),
+            *(() if cloth is None else estimates.overlaps_as_knitted(scene, _one_repeat(scene))),
+        ),
     )
+
+
+def _one_repeat(scene: Scene) -> Cloth:
+    """One repeat of the cloth of a scene, with loops of the mean size."""
+    return same_cloth(scene.knit.even, scene.wire.thickness, scene.model.merge_lenses)
 
 
 def _refuse_intersecting_wires(scene: Scene, file: WireReport | None) -> None:

@@ -22,13 +22,17 @@ from ..estimate import (
     ramp_steps,
 )
 from ..knit.cloth import Cloth
+from ..mechanics import TOO_THICK
 from ..mesh.layout import estimated_nodes
 from ..mesh.load_point import PATH_STRAIN
 from ..mesh.smaller import smaller_scene
 from ..numerics import thread_count
 from ..scene import Scene, Stage
 from ..scene.presets import PRESETS
-from ..text import engineering
+from ..text import engineering, short_percent
+from ..wires.centre_lines import Wires
+from ..wires.overlaps import find_overlaps
+from .mechanics import CLOSEST
 from .model import SpatialModel, build_model
 from .nearby import pair_gaps
 from .search_cells import search_cells
@@ -198,6 +202,17 @@ def physics(scene: Scene, size: Size) -> Iterator[str]:
     yield softer
     yield from boundary_physics(scene)
     yield from multilevel_start(_smaller(scene))
+
+
+def overlaps_as_knitted(scene: Scene, repeat: Cloth) -> Iterator[str]:
+    """Warning where wires of a repeat overlap as knitted."""
+    threads = tuple(thread.points for thread in repeat.threads)
+    kinds, along_warp = ("periodic",) * len(threads), np.tile([0, 1], (len(threads), 1))
+    found = find_overlaps(Wires(threads, kinds, along_warp, repeat.size, None, None), scene.wire.thickness)
+    if found.closest is not None and found.closest < (1.0 - CLOSEST) * scene.wire.thickness:
+        places = f"{found.places} place{'s' if found.places > 1 else ''}"
+        depth = short_percent(1.0 - found.closest / scene.wire.thickness)
+        yield f"as knitted, wires overlap in {places} of a repeat, by up to {depth} of their thickness: {TOO_THICK}"
 
 
 def limitations(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
