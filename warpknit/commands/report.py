@@ -101,7 +101,7 @@ def report_command(
         loaded = report_scene(load_scene(scene, fitted_overrides(fitted.scene.knit), command="report"))
     fitted = fitted.then(with_known(loaded, Known(curve=known.curve, areal_mass=known.areal_mass)))
     notes = fitted.notes
-    result = sweep_scene(fitted.scene, out=out, device=device, resume=not force, force=force, progress=progress)
+    result = sweep_scene(fitted.scene, out=out, device=device, resume=not force, force=force, progress=progress, command="report")
     if result.exit_code != 0:
         return Report(result, notes, None)
     rows = read_map(out / "map.csv", out / "map_details.csv")

@@ -70,17 +70,18 @@ def run_map(
     resume: bool = False,
     force: bool = False,
     progress: Display | None = None,
+    command: str = "map",
 ) -> CommandResult:
-    """Run the sweep of `scene` into the directory `out`.
+    """Run the sweep of `scene` into the directory `out`, for a command that messages name.
 
     Raises `SceneError`, `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. Strains at
     which the mesh does not converge have no values; an interrupt ends with exit_code 130 and keeps the finished cells.
     """
     sweep = _checked(scene, device)
-    if resume and (finished := finished_result(out, "map.json", scene.hash)) is not None:
+    if resume and (finished := finished_result(out, "map.json", scene.hash, command)) is not None:
         return finished
     resolved = resolved_toml(scene)
-    keep = continues_earlier(out, "map.csv", "map", resolved, resume=resume, force=force)
+    keep = continues_earlier(out, "map.csv", "map", resolved, resume=resume, force=force, command=command)
     # errors of the model are raised before anything is removed
     seeds = [replace(scene, knit=replace(scene.knit, seed=scene.knit.seed + number)) for number in range(sweep.seeds)]
     meshes = [mesh_of(one) for one in seeds]
