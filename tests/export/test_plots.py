@@ -150,6 +150,17 @@ def test_the_abscissa_is_the_tension_where_it_is_given() -> None:
     assert "strain" in curves_figure._abscissa(columns, [("load", slice(0, 6))], 6)[1]
 
 
+def test_stages_at_different_temperatures_are_named_with_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    figures: list[Figure] = []
+    monkeypatch.setattr(curves_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
+    more = [{**row, "stage": "more", "temperature_K": 83.15, "strain_weft": 0.2 + 0.01 * k} for k, row in enumerate(history(4))]
+    rows = history(4) + more
+    for shown in (rows, [{**row, "temperature_K": 293.15} for row in rows]):
+        curves_figure.curves_figure(shown, tmp_path / "curves.png")
+    told, plain = ([text.get_text() for text in figure.legends[0].get_texts()] for figure in figures)
+    assert told == ["load, 20 °C", "more, -190 °C"] and plain == ["load", "more"]
+
+
 def test_the_axis_of_tension_ends_little_above_the_elastic_limit(tmp_path, monkeypatch):
     """Tension 2 N/m where the stress passes the limit, 1000 N/m behind it; the curves that stay below it carry less."""
     drawn = []

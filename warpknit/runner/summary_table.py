@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ..text import alike, duration, engineering, percent, short_percent
+from ..text import alike, celsius, duration, engineering, percent, short_percent
 from .answers_table import answer_rows
 from .strength import assumed_note
 
@@ -29,7 +29,9 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
     diverged = value("stop_reason") == "diverged"
     if len(stages) > 1:
         place = "last record in stage" if diverged else "at the end of stage"
-        yield place, f"{stages[-1].get('name')} ({len(stages)} stages; summary.json has all)"
+        temperature = value("mesh", "temperature_K")
+        at = "" if temperature is None else f", at {celsius(temperature)}"
+        yield place, f"{stages[-1].get('name')}{at} ({len(stages)} stages; summary.json has all)"
     hook = value("hook")
     if hook is not None:
         yield from _hook_rows(hook)
