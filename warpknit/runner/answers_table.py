@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from ..solve.tension import TOLERANCE
 from ..text import alike, celsius, engineering, exact, percent
 
 State = Mapping[str, Any]
@@ -64,8 +65,10 @@ def _scatter_is_zero(tension: Any, least: float) -> Any:
 
 
 def _tension(state: State, digits: int = 3) -> str:
-    """Tension in weft and warp; once where both are alike."""
+    """Tension in weft and warp; their mean where they differ by no more than a search allows."""
     both = [state[f"tension_{side}_N_per_m"] for side in ("weft", "warp")]
+    if abs(both[0] - both[1]) <= 2.0 * TOLERANCE * max(map(abs, both)):
+        both = 2 * [0.5 * (both[0] + both[1])]
     least = LEAST_SHARE * max(map(abs, both))
     return " / ".join(dict.fromkeys(alike([value if abs(value) > least else 0.0 for value in both], "N/m", digits)))
 
@@ -175,8 +178,8 @@ def _best(best: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
         yield "best tension", "none: no tensile state with an active contact is below the elastic limit"
         return
     low, high = best["low"], best["high"]
-    cut = " and ".join(text for name, text in (("low", "begins"), ("high", "ends")) if best[f"open_{name}"])
-    incomplete = f", incomplete: it {cut} with the load" if cut else ""
+    cut = " and ".join(text for name, text in (("low", "begin"), ("high", "end")) if best[f"open_{name}"])
+    incomplete = f", incomplete: the records {cut} within it" if cut else ""
     middle = "" if best["grows"] or low == high else f", the middle of its range{incomplete}"
     stress = engineering(best["stress_max_Pa"], "Pa")
     stage = f" in stage '{best['stage']}'" if best["stages"] > 1 else ""
