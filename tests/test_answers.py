@@ -40,7 +40,7 @@ def test_what_does_not_happen_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     assert text["contacts B close at"].startswith("not closed up to 500 mN/m")
     assert text["first yield at"].startswith("not up to 500 mN/m: 500 MPa, 71 % of the limit, in the head of a closed loop")
     assert text["active at 2 N/m"] == "not reached; up to 500 mN/m"
-    middle = "the middle of its range, incomplete: it ends with the load"
+    middle = "the middle of its range, incomplete: the records end within it"
     assert text["best tension"] == f"365 mN/m, {middle}: 25.0 % active, 365 MPa"
     assert text["  may drift"] == "from 230 mN/m (-37 %) to at least 500 mN/m (+37 %), where the records end"
 
@@ -73,7 +73,7 @@ def test_heat_is_told_stage_by_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     by_tension = [SimpleNamespace(name="cold", by_tension=(True, True))]
     text = dict(answer_rows(answers | {"heat": heat_of([row(0.3), *cold], by_tension)}, LIMIT))
     assert text["heat, 20 to -190 degC"].startswith("tension held: active")
-    assert "tension 300 mN/m, strain 6.0 % / 3.0 %, changed by +0.04 / +0 %" in text["heat, 20 to -190 degC"]
+    assert "tension 300 mN/m, strain 6.0 % / 3.0 %, changed by +0.04 / +0.00 %" in text["heat, 20 to -190 degC"]
 
 
 def closing_of_cell(out: Path, levels: int, *more: str) -> dict[str, Any]:
@@ -210,6 +210,15 @@ def test_unequal_tensions_are_given_with_their_mean(monkeypatch: pytest.MonkeyPa
     text = dict(answer_rows(found(rows, monkeypatch, service=0.4), LIMIT))
     assert text["active at 400 mN/m"] == "25.0 %, mean of 200 mN/m / 600 mN/m in weft / warp, strain 8.0 % / 4.0 %"
     assert "to at least 300 mN/m / 900 mN/m (+45 % of the mean), where the records end" in text["  may drift"]
+
+
+def test_tensions_that_a_search_leaves_apart_are_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each is within 0.2 % of the same target: 300.9 and 300.0 mN/m are 300 mN/m, 303 mN/m is another."""
+    for more, shown in ((1.003, "300 mN/m"), (1.01, "300 mN/m / 303 mN/m")):
+        rows = [row(0.1 * k) for k in range(4)]
+        for one in rows:
+            one.tension_weft_N_per_m, one.tension_warp_N_per_m = 0.1 * rows.index(one), 0.1 * more * rows.index(one)
+        assert f"up to {shown}" in dict(answer_rows(found(rows, monkeypatch), LIMIT))["first yield at"].partition(":")[0] + ":"
 
 
 def test_a_tension_within_the_tolerance_is_zero(monkeypatch: pytest.MonkeyPatch) -> None:

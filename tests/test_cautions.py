@@ -3,9 +3,13 @@
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from warpknit.knit.straight_wires import ROUNDED, least_length
+from warpknit.mesh.layout import knit_scene
 from warpknit.model import build_model
 from warpknit.plan import make_plan
 from warpknit.runner.cautions import cautions, scene_cautions
@@ -127,3 +131,43 @@ def test_a_run_of_a_tight_knit_says_what_plan_says_of_its_preset(changes: list[s
     assert len(said) == says
     for line in said:
         assert line.removeprefix(f"preset {scene.solver.preset}: ") in make_plan(scene, "cpu").accuracy
+
+
+def test_a_wire_hooked_once_each_way_needs_the_polygon_through_its_hooks() -> None:
+    """One wire that hooks the same wire a repeat W to the right once a height H: W to there and sqrt(W^2 + H^2) back to its next
+    copy, wherever the hook lies. Under F the repeat is F (W, 0), F (0, H). Each of both pieces is rounded by ROUNDED, down."""
+    arms = SimpleNamespace(thread=0, column=0, arc=0.0), SimpleNamespace(thread=0, column=1, arc=0.4)
+    clasp, thread = SimpleNamespace(position=np.array([0.3, 0.1]), arms=arms), SimpleNamespace(length=1.0)
+    cloth = SimpleNamespace(threads=[thread], clasps=[clasp], size=np.array([2.0, 3.0]))
+    for weft, warp in ((1.0, 1.0), (1.5, 1.0), (1.2, 0.8)):
+        expected = 2.0 * weft + math.hypot(2.0 * weft, 3.0 * warp)
+        assert least_length(cloth, np.diag([weft, warp])) == pytest.approx(expected, rel=0.0, abs=2 * ROUNDED * 3.0)
+
+
+GAUGE = {"wales": "26 /inch", "courses": "30 /inch"}
+KNITS = {
+    "double atlas": {},  # that of the paper
+    "tricot": {"bars": [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], **GAUGE},
+    "atlas": {"bars": [{"chain": "1-0/1-2/2-3/3-4/3-2/2-1"}], **GAUGE},
+    "reverse locknit": {"bars": [{"chain": "2-3/1-0"}, {"chain": "1-0/1-2"}], **GAUGE},
+}
+
+
+@pytest.mark.parametrize(
+    ("knit", "reached", "beyond"),
+    [("double atlas", 1.0, 1.3), ("tricot", 0.5, 0.7), ("atlas", 1.0, 1.3), ("reverse locknit", 0.5, 0.7)],
+)
+def test_a_strain_beyond_straight_wires_is_named(knit: str, reached: float, beyond: float) -> None:
+    """The wires of a repeat laid straight from hook to hook reach some strain in both directions, and none beyond."""
+    for strain, says in ((reached, False), (beyond, True)):
+        load = {"strain_weft": strain, "strain_warp": strain}
+        wire = {"material": "molybdenum", "diameter": "30 um"}
+        scene = load_scene({"wire": wire, "knit": KNITS[knit], "model": {"boundary": "periodic"}, "load": load})
+        warnings = [line for line in scene_cautions(scene, knit_scene(scene)) if "beyond that of straight wires" in line]
+        assert len(warnings) == says
+
+
+def test_the_table_of_stages_tells_the_temperature_of_the_last_one(tmp_path: Path) -> None:
+    stages = [{"name": "load"}, {"name": "cold"}]
+    table = dict(summary_rows({"stages": stages, "mesh": {"temperature_K": 83.15}}, tmp_path))
+    assert table["at the end of stage"] == "cold, at -190 degC (2 stages; summary.json has all)"

@@ -48,7 +48,7 @@ LAYERS = (
     {"cli"},
     {"__main__"},
 )
-MAY_IMPORT_EXPORT = {"runner.recorder", "sweep.sweep", "trade.study", "cli", "design.report", "results.run"}
+MAY_IMPORT_EXPORT = {"runner.recorder", "sweep.sweep", "trade.study", "cli", "design.report_files", "results.run"}
 EXPORT_MAY_IMPORT = {"errors", "files", "frame", "hermite", "knit", "processes", "text", "export"}
 KERNELS_MAY_IMPORT = {"typing", "warp", ".kernels"}
 STARTED_BY_THE_COMMAND_LINE = {"runner.run", "sweep.sweep", "trade.study", "design.report", "plan"}

@@ -15,6 +15,7 @@ from warpknit.errors import DeviceError, InputError, MemoryNeeded
 from warpknit.knit.chain import KnitError
 from warpknit.memory import MEMORY_PER_NODE
 from warpknit.mesh import layout
+from warpknit.mesh.load_point import LoadPoint
 from warpknit.model import build_model
 from warpknit.plan import make_plan
 from warpknit.planar import estimate
@@ -82,6 +83,36 @@ def test_estimated_sizes_of_large_meshes(monkeypatch, boundary):
 def test_physics_is_named_where_the_scene_asks_for_it(override, sentence):
     planned = make_plan(load_scene(CELL, ["knit.repeats=[2, 2]", override]), "cpu")
     assert any(text.startswith(f"{sentence}:") for text in planned.physics)
+
+
+TRICOT, ATLAS = [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], [{"chain": "1-0/1-2/2-3/3-4/3-2/2-1"}]
+
+
+@pytest.mark.parametrize(
+    ("bars", "kind", "diameter", "line"),
+    [
+        (TRICOT, "spatial", "90 um", "as knitted, wires overlap in 4 places of a repeat, by up to 71 % of their thickness: "),
+        (ATLAS, "spatial", "70 um", "as knitted, wires overlap in 6 places of a repeat, by up to 23 % of their thickness: "),
+        (ATLAS, "planar", "120 um", "at least 16 of 20 pairs of a repeat are active as knitted: "),
+        (TRICOT, "spatial", "30 um", None),
+        (ATLAS, "spatial", "50 um", None),
+        (ATLAS, "planar", "60 um", None),
+    ],
+)
+def test_wires_too_thick_for_the_loops_are_told_as_by_a_run(bars, kind, diameter, line):
+    """What a run finds when it begins: the same places as deep in space; in the plane all 20 pairs of the atlas of 120 um, of
+    which 16 are those of single lenses, and none of that of 60 um."""
+    knit = {"bars": bars, "wales": "26 /inch", "courses": "30 /inch"}
+    model = {"kind": kind, "boundary": "periodic", "nodes_per_loop": 24}
+    scene = load_scene({"wire": {"diameter": diameter}, "knit": knit, "model": model, "load": {"strain_weft": 0.01}})
+    told = [warning for warning in make_plan(scene).warnings if "too thick" in warning]
+    assert told == ([] if line is None else [f"{line}the yarn is too thick for the loops"])
+    if line is not None and kind == "spatial":
+        mechanics = Simulation(build_model(scene)).mechanics
+        mechanics.contact.search()
+        mechanics.is_in_equilibrium(LoadPoint(np.eye(2), scene.wire.reference_temperature))
+        [note] = mechanics.notes
+        assert note.startswith(line.partition(" of a repeat")[0])
 
 
 def test_physics_that_is_off_is_not_named():

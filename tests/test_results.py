@@ -165,7 +165,7 @@ def test_a_table_has_numbers_truths_and_texts(tmp_path: Path) -> None:
 
 
 def test_faults_are_exceptions_that_name_arguments(finished: Run, tmp_path: Path) -> None:
-    with pytest.raises(RunDirectoryError, match="force=True replaces what is there"):
+    with pytest.raises(RunDirectoryError, match="to keep both, or force=True to replace the finished run"):
         warpknit.run(cell(), finished.directory, quiet=True)
     again = warpknit.run(cell(), finished.directory, resume=True, quiet=True)
     assert again.summary == finished.summary

@@ -36,18 +36,34 @@ def test_what_has_ended_is_kept_and_the_line_names_a_free_directory(kind, wanted
     with pytest.raises(RunDirectoryError) as error:
         check_directory(out, wanted, resume=False, force=False)
     assert str(error.value) == (
-        f"{out}: holds a finished {kind}; --out {out}_{wanted} keeps both, --force replaces what is there"
+        f"{out}: holds a finished {kind}; give --out {out}_{wanted} to keep both, or --force to replace the finished {kind}"
     )
     (tmp_path / f"cell_{wanted}").mkdir()
-    with pytest.raises(RunDirectoryError, match=f"--out {out}_{wanted}_2 keeps both"):
+    with pytest.raises(RunDirectoryError, match=f"--out {out}_{wanted}_2 to keep both"):
         check_directory(out, wanted, resume=False, force=False)
     check_directory(out, wanted, resume=False, force=True)
+
+
+def test_a_report_and_a_run_in_one_directory_are_told_by_their_names(tmp_path):
+    """A report makes a map: where a run lies it asks for a directory of a report, and a run tells that a report lies there."""
+    out = directory(tmp_path / "tile", "run", ended=True)
+    (out / "summary.json").write_text(json.dumps({"stop_reason": "steady", "scene": {"name": "tile"}}))
+    with pytest.raises(RunDirectoryError) as error:
+        check_directory(out, "map", resume=True, force=False, command="report")
+    assert str(error.value) == (
+        f"{out}: holds a finished run of scene 'tile'; give --out {out}_report to keep both,"
+        " or --force to replace the finished run"
+    )
+    other = directory(tmp_path / "other", "map", ended=True)
+    (other / "report.html").touch()
+    with pytest.raises(RunDirectoryError, match="finished map with its report; give .*_run to keep both"):
+        check_directory(other, "run", resume=False, force=False)
 
 
 @pytest.mark.parametrize("resume", [False, True])
 def test_what_was_interrupted_is_not_replaced_by_something_else(resume, tmp_path):
     out = directory(tmp_path / "cell", "map", ended=False)
-    with pytest.raises(RunDirectoryError, match=f"holds an interrupted map; --out {out}_run keeps both"):
+    with pytest.raises(RunDirectoryError, match=f"holds an interrupted map; give --out {out}_run to keep both"):
         check_directory(out, "run", resume=resume, force=False)
     if resume:
         check_directory(out, "map", resume=True, force=False)
@@ -71,7 +87,7 @@ def test_the_current_directory_has_a_name_too(tmp_path, monkeypatch):
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
     Path("notes.txt").touch()
-    with pytest.raises(RunDirectoryError, match=f"notes.txt.; --out {tmp_path}/here_run is another directory"):
+    with pytest.raises(RunDirectoryError, match=f"notes.txt.; give --out {tmp_path}/here_run for another directory"):
         check_directory(Path("."), "run", resume=False, force=False)
 
 

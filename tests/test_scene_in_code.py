@@ -94,5 +94,17 @@ def test_a_scene_is_one_line(tmp_path: Path) -> None:
     assert load_scene(tmp_path / "again.toml") == hook
 
 
-def test_help_of_a_table_has_its_keys() -> None:
-    assert "diameter: Diameter of one wire, without plating." in (load_scene(CELL).wire.__doc__ or "")
+@pytest.mark.parametrize(
+    ("table", "line"),
+    [
+        ("wire", "diameter [m], default 15 um: Diameter of one wire, without plating."),
+        ("wire", "youngs_modulus [Pa], default the material's: Young's modulus."),
+        ("wire", 'material, default "tungsten": Default of Young\'s modulus,'),
+        ("wire", "plastic, default false: The wire yields in bending"),
+        ("knit", "repeats, default [1, 1]: Pattern repeats along weft and warp."),
+        ("contact", "threshold [N], default 0: A pair is active"),
+        ("solver", "loading_time [s], default "),
+    ],
+)
+def test_help_of_a_table_has_its_keys_with_unit_and_default(table: str, line: str) -> None:
+    assert f"    {line}" in (getattr(load_scene(CELL), table).__doc__ or "")

@@ -11,6 +11,7 @@ from warpknit import measure
 from warpknit.cli import main
 from warpknit.errors import SceneError
 from warpknit.frame import Frame, WireLayout
+from warpknit.host import fetch, store
 from warpknit.model import build_model
 from warpknit.runner.history import Row, row_of
 from warpknit.runner.run import run_scene
@@ -76,6 +77,28 @@ def test_a_divergence_names_its_cause(fraction: float, factor: float, cause: str
     simulation = Simulation(build_model(load_scene(CELL, [*QUICK, f"wire.set_fraction={fraction}"])))
     simulation.progress.load_factor = factor
     assert str(simulation.drive.divergence()).endswith(cause)
+
+
+@pytest.mark.parametrize("given", [(), ("contact.stiffness=40 N/m",)])
+def test_wires_in_each_other_are_told_with_place_and_stiffness(given: tuple[str, ...]) -> None:
+    """One wire of the cell lowered by its thickness. In the dynamics it is as stiff as the loops, as is a penalty that is not
+    given."""
+    simulation = Simulation(build_model(load_scene(CELL, [*QUICK, *given])))
+    mechanics, rods = simulation.mechanics, simulation.model.rods
+    lowered = fetch(mechanics.state.displacement).copy()
+    lowered[rods.wire_of == 0, 2] -= rods.section.thickness
+    store(mechanics.state.displacement, lowered)
+    mechanics.contact.search()
+    mechanics.stepper.evaluate()
+    line = str(simulation.drive.overlap_error())
+    x, y = (float(line.partition(f" {axis} = ")[2].partition(" mm")[0]) for axis in "xy")
+    assert "deepest now between wires 0 and 1 near" in line and "\n" not in line
+    for wire in (0, 1):
+        away = 1e3 * rods.position[rods.wire_of == wire, :2] - (x, y)
+        away -= 1e3 * rods.tile[:2] * np.round(away / (1e3 * rods.tile[:2]))
+        assert np.linalg.norm(away, axis=1).min() < 1e3 * rods.node_length.max()
+    assert "axial stiffness 14.2 mN in force in place of 70.7 N" in line
+    assert ("contact penalty 6.03 N/m in force in place of 333 N/m" in line) == (not given)
 
 
 def keys_of(tree: dict, under: str = "") -> set[str]:
@@ -155,3 +178,21 @@ def test_interrupt_and_resume_give_the_same_bits(
 def test_a_finished_run_is_not_replaced_unasked(finished: Path) -> None:
     with pytest.raises(Exception, match="holds a finished run"):
         run_scene(load_scene(CELL, QUICK), out=finished, device="cpu")
+
+
+def test_contacts_store_no_negative_energy() -> None:
+    """A contact of force N = k (g + o), overlap g and offset o stores k g^2/2 >= 0, at most N |g|/2 where it overlaps. N g/2, of
+    a contact that pushes over a gap g < 0, is negative."""
+    bars = [{"chain": "2-3/1-0"}, {"chain": "1-0/1-2"}]
+    locknit = {
+        "wire": {"material": "molybdenum", "diameter": "30 um"},
+        "knit": {"bars": bars, "wales": "26 /inch", "courses": "30 /inch"},
+        "model": {"kind": "spatial", "boundary": "periodic"},
+        "load": {"strain_weft": 0.045, "strain_warp": 0.045},
+        "solver": {"preset": "draft"},
+        "output": {"frames": 9},
+    }
+    last = [record.observables for record in Simulation(build_model(load_scene(locknit))).run()][-1]
+    pressed = last.touching.force * last.touching.overlap
+    assert last.touching.force.size and pressed.sum() < 0.0
+    assert 0.0 <= last.energies.contact <= 0.5 * np.abs(pressed).sum()

@@ -20,6 +20,7 @@ from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 from warpknit.sweep import state_processes
 from warpknit.sweep.state_processes import StateProcesses
+from warpknit.sweep.sweep import run_map
 
 SCENES = Path(__file__).parents[1] / "scenes"
 SMALL = [
@@ -61,8 +62,16 @@ def test_every_state_is_that_of_a_run_whichever_process_has_it():
             assert measure.mesh_tension(outcome.observables) == measure.mesh_tension(last.observables)
 
 
-def test_a_map_in_space_leaves_the_files_of_a_planar_one_and_goes_on_when_interrupted(tmp_path, monkeypatch):
-    """Stopped as the first pair is done, and gone on with: the same rows, to the bit, as in one go."""
+def test_the_share_that_is_done_counts_load_levels():
+    """Of loads with 3 levels and 1, the last one first: 1/4 when it is done."""
+    both = states(1, levels=[3, 1])
+    both._loads.reverse()
+    assert both.done == 0.0 and next(both.run()).index == 1 and both.done == pytest.approx(0.25)
+
+
+def test_a_map_in_space_leaves_the_files_of_a_planar_one_and_goes_on_when_interrupted(tmp_path, monkeypatch, caplog):
+    """Stopped as the first pair is done, and gone on with: the same rows, to the bit, as in one go. The time that is estimated
+    then is that of the second pair alone."""
     monkeypatch.setenv("WARPKNIT_THREADS", "1")
     whole, cut = tmp_path / "whole", tmp_path / "cut"
     plain = "--set", "output.figures=false"
@@ -91,7 +100,9 @@ def test_a_map_in_space_leaves_the_files_of_a_planar_one_and_goes_on_when_interr
     monkeypatch.setenv("WARPKNIT_THREADS", "1")
     assert stopped.exit_code == 130 and "--resume" in stopped.stderr
     assert len(rows(cut / "map.csv")) == 1
-    assert make_map(cut, *plain, "--resume").exit_code == 0
+    with caplog.at_level("INFO", logger="warpknit.sweep.sweep"):
+        assert run_map(load_scene(cut / "scene.toml"), out=cut, resume=True).exit_code == 0
+    assert [line.partition(":")[0] for line in caplog.messages] == ["estimated time of the 1 pair that is missing"]
     assert (cut / "map.csv").read_bytes() == (whole / "map.csv").read_bytes()
 
 

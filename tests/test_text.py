@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from warpknit.text import at_least, at_most, celsius, duration, engineering, exact
+from warpknit.text import alike, at_least, at_most, celsius, duration, engineering, exact
 
 
 @pytest.mark.parametrize(
@@ -26,6 +26,22 @@ from warpknit.text import at_least, at_most, celsius, duration, engineering, exa
 def test_values_have_a_prefix_and_what_was_typed_all_its_digits(value, unit, rounded, typed):
     assert engineering(value, unit) == rounded
     assert exact(value, unit) == typed
+
+
+@pytest.mark.parametrize(
+    ("values", "shown"),
+    [
+        ((5.4, 5.39), ["5.40 N/m", "5.39 N/m"]),
+        ((3.0, 3.0), ["3 N/m", "3 N/m"]),
+        ((0.5, 0.0503), ["500 mN/m", "50.3 mN/m"]),
+        ((9.96, -10.0), ["9.96 N/m", "-10.0 N/m"]),
+        ((100.0, 300.0), ["100 N/m", "300 N/m"]),
+        ((0.0, 1.25), ["0 N/m", "1.25 N/m"]),
+        ((1e-15, math.nan), ["1e-15 N/m", "nan N/m"]),
+    ],
+)
+def test_values_of_a_row_have_the_same_number_of_digits(values, shown):
+    assert alike(values, "N/m") == shown
 
 
 def test_units_without_prefix():

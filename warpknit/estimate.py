@@ -61,14 +61,17 @@ class Estimates(Protocol):
     def cost_of(self, scene: Scene, size: Size) -> Cost:
         """Cost of a run."""
 
-    def map_time(self, scene: Scene, size: Size) -> float | None:
-        """Time [s] of a map whose loads are solved one after another, else None."""
+    def map_time(self, scene: Scene, size: Size, levels: Sequence[int]) -> float | None:
+        """Time [s] of loads of a map with so many levels each, where they are solved one after another, else None."""
 
     def notes(self, scene: Scene, size: Size) -> Notes:
         """Remarks on estimates and accuracy."""
 
     def physics(self, scene: Scene, size: Size) -> Iterator[str]:
         """Physics that the scene switches on and why, one sentence each."""
+
+    def overlaps_as_knitted(self, scene: Scene, repeat: Cloth) -> Iterator[str]:
+        """Warning where wires of a repeat overlap as knitted, so that a run begins with forces in the contacts."""
 
     def limitations(self, scene: Scene, cloth: Cloth | None) -> Iterator[str]:
         """Limitations of the model for this scene, one sentence each."""

@@ -144,6 +144,9 @@ class Mechanics(Protocol):
     def overlap(self) -> float:
         """Largest overlap of wires since the last call, over their thickness."""
 
+    def deepest_overlap(self) -> str:
+        """Wires and place of the deepest overlap now, and the stiffness there if it is not that of the scene, in words."""
+
     def fastest(self) -> tuple[int, int]:
         """Wire and node of the largest speed."""
 
@@ -319,6 +322,9 @@ def advance(mechanics: Mechanics, steps: int) -> tuple[int, bool]:
         if status == float(c.STATUS_STALE):
             mechanics.search()
     return taken, False
+
+
+TOO_THICK = "the yarn is too thick for the loops"  # cause of contacts that carry force as knitted
 
 
 def strength_exceeded(stress: float, strength: float) -> str:

@@ -14,9 +14,9 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from .device import find_device, free_memory
-from .estimate import Size
+from .estimate import Size, levels_of_pairs
 from .knit.chain import parse_chain
-from .knit.cloth import Cloth
+from .knit.cloth import Cloth, same_cloth
 from .memory import available_memory, required_memory
 from .mesh.layout import knit_scene
 from .mesh.rim import net_nodes
@@ -154,8 +154,16 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         kind=scene.model.kind,
         kind_reason=scene.kind_reason,
         file=file,
-        warnings=tuple(scene_cautions(scene, cloth)),
+        warnings=(
+            *scene_cautions(scene, cloth),
+            *(() if cloth is None else estimates.overlaps_as_knitted(scene, _one_repeat(scene))),
+        ),
     )
+
+
+def _one_repeat(scene: Scene) -> Cloth:
+    """One repeat of the cloth of a scene, with loops of the mean size."""
+    return same_cloth(scene.knit.even, scene.wire.thickness, scene.model.merge_lenses)
 
 
 def _refuse_intersecting_wires(scene: Scene, file: WireReport | None) -> None:
@@ -171,8 +179,9 @@ def _sweep(scene: Scene, size: Size) -> str:
         return ""
     pairs = len(scene.sweep.pairs)
     meshes = f" of {scene.sweep.seeds} meshes" if scene.sweep.seeds > 1 else ""
-    seconds = estimates_of(scene).map_time(scene, size)
-    took = "" if seconds is None else f" in about {duration(seconds)}"
+    levels = levels_of_pairs(scene.sweep.pairs, scene.output.frames)
+    seconds = estimates_of(scene).map_time(scene, size, levels)
+    took = "" if seconds is None else f" in about {duration(scene.sweep.seeds * seconds)}"
     return (
         f"warpknit map solves {pairs:,} pairs of {scene.sweep.quantity}{meshes}{took}; all other values are for one run of [load]"
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from typing import Any
@@ -26,6 +27,25 @@ def engineering(value: float, unit: str, digits: int = 3) -> str:
     size, largest = abs(float(f"{value:.{digits}g}")), LARGEST.get(unit, 1e12)  # 999.8 of one prefix is 1 of the next
     scale, prefix = next(((scale, prefix) for scale, prefix in PREFIXES if scale <= largest and size >= scale), (1.0, ""))
     return f"{float(f'{value / scale:.{digits}g}'):.{ALL_DIGITS}g} {prefix}{unit}"
+
+
+def alike(values: Sequence[float], unit: str, digits: int = 3) -> list[str]:
+    """`engineering` of values that stand in one row: zeros fill them up to the same number of digits.
+
+    >>> alike([5.4, 5.39], "N/m"), alike([3.0, 3.0], "N/m")
+    (['5.40 N/m', '5.39 N/m'], ['3 N/m', '3 N/m'])
+    """
+    numbers = [engineering(value, unit, digits).split(maxsplit=1) for value in values]
+    shown = max((len(number.lstrip("-").replace(".", "").strip("0")) for number, _ in numbers if "e" not in number), default=0)
+    return [f"{_filled(number, shown)} {prefixed}" for number, prefixed in numbers]
+
+
+def _filled(number: str, digits: int) -> str:
+    """A number with zeros behind the point, up to so many digits."""
+    if "e" in number or not float(number):
+        return number
+    whole = len(number.lstrip("-0").partition(".")[0])
+    return f"{float(number):.{max(digits - whole, 0)}f}"
 
 
 def exact(value: float, unit: str) -> str:

@@ -20,8 +20,9 @@ from warpknit.design.card_files import card_values, card_warnings, strength_valu
 from warpknit.design.curves import CurvePoint
 from warpknit.design.equal_tension import YIELDED, EqualTensionPath, load_equally, service_points, unreached_text
 from warpknit.design.fe import CODES
+from warpknit.design.findings import DEFAULT_STRAINS, Findings
 from warpknit.design.fine_states import exact_model
-from warpknit.design.report import DEFAULT_STRAINS, Findings, _another, report_scene
+from warpknit.design.report import _another, report_scene
 from warpknit.design.sections import outside_text
 from warpknit.design.service import REFINED, EqualTension, ServicePoint, equal_tension
 from warpknit.errors import Diverged

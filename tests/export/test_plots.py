@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from reference.histories import history
 from warpknit.export import curves_figure, design_figures, mesh_figure
-from warpknit.export.plots import scale_of
+from warpknit.export.plots import BLUE, scale_of
 from warpknit.export.stage_curves import columns_of, draw_curves, stage_slices
 from warpknit.frame import Frame, WireLayout
 
@@ -33,6 +33,24 @@ def test_mesh_figure(tmp_path: Path, layout: WireLayout, make_frame: Callable[..
     image = check_image(path)[..., :3]
     is_cyan = np.all(np.abs(image - (0.0, 0xCF / 255, 1.0)) < 0.02, axis=-1)
     assert is_cyan.any() == (yield_stress == 3e8)  # the largest stress is 400 MPa
+
+
+@pytest.mark.parametrize("room", [0.0, 1e6])
+def test_the_legend_says_which_contacts_are_not_drawn(
+    room: float, tmp_path: Path, layout: WireLayout, make_frame: Callable[..., Frame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Open contacts of small loops, without a mark; all marks of the legend are drawn."""
+    monkeypatch.setattr(mesh_figure, "LEAST_ROOM", room)
+    figures: list[Figure] = []
+    monkeypatch.setattr(mesh_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
+    mesh_figure.mesh_figure(layout, make_frame(2), tmp_path / "mesh.png", "a mesh")
+    [figure] = figures
+    [legend] = figure.legends
+    _, open_label, *_ = [text.get_text() for text in legend.get_texts()]
+    circles = [line for line in figure.axes[0].lines if line.get_marker() == "o" and line.get_markerfacecolor() == "none"]
+    blue = [line for line in circles if line.get_markeredgecolor() == BLUE]
+    assert open_label.startswith("open ") and open_label.endswith(", not drawn") == (room > 0.0) == (not blue)
+    assert (legend.get_lines()[1].get_marker() == "o") == bool(blue)
 
 
 def test_mesh_figure_without_bodies(tmp_path: Path, layout: WireLayout, make_frame: Callable[..., Frame]) -> None:
@@ -130,6 +148,17 @@ def test_the_abscissa_is_the_tension_where_it_is_given() -> None:
     assert curves_figure._abscissa(columns, [("load", slice(0, 6))], 6)[1] == "mean tension of weft and warp [N/m]"
     columns["strain_weft"] = 0.02 * np.arange(6.0)
     assert "strain" in curves_figure._abscissa(columns, [("load", slice(0, 6))], 6)[1]
+
+
+def test_stages_at_different_temperatures_are_named_with_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    figures: list[Figure] = []
+    monkeypatch.setattr(curves_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
+    more = [{**row, "stage": "more", "temperature_K": 83.15, "strain_weft": 0.2 + 0.01 * k} for k, row in enumerate(history(4))]
+    rows = history(4) + more
+    for shown in (rows, [{**row, "temperature_K": 293.15} for row in rows]):
+        curves_figure.curves_figure(shown, tmp_path / "curves.png")
+    told, plain = ([text.get_text() for text in figure.legends[0].get_texts()] for figure in figures)
+    assert told == ["load, 20 °C", "more, -190 °C"] and plain == ["load", "more"]
 
 
 def test_the_axis_of_tension_ends_little_above_the_elastic_limit(tmp_path, monkeypatch):

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.colorbar import Colorbar
 
 import warpknit
 from warpknit.errors import ExportError, InputError
@@ -191,6 +192,20 @@ def test_colours_are_those_of_the_bars(
     beyond = viewer.drawing.stress > 1e-6 * yields
     assert np.all(stress[beyond] == [0, 0xCF, 0xFF]) and np.all(stress[~beyond][:, 2] < 0xFF)
     assert f"{np.count_nonzero(frame.body_active)} of {layout.body_count} contacts active" in viewer.title.content
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(0.0, "nN"), (1e-3, "nN"), (1.0, "µN"), (1e3, "mN")])
+def test_the_bar_of_forces_has_a_fitting_prefix(
+    factor: float, unit: str, layout: WireLayout, make_frame: Callable[..., Frame], tmp_path: Path,
+    open_view: Callable[[Path], Any], monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """That of pictures, by the largest force of the run; forces of the fixture are some uN."""
+    labels: list[str] = []
+    monkeypatch.setattr(Colorbar, "set_label", lambda self, label: labels.append(label))
+    frame = make_frame(2)
+    largest = float(np.max(frame.body_force))
+    open_view(write_run(tmp_path, layout, [replace(frame, pair_force=frame.pair_force * factor * 2e-6 / largest)]))
+    assert labels[-1] == f"force of active contacts [{unit}]; grey: open"
 
 
 def test_a_run_that_goes_on_is_followed(

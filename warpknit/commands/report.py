@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..design.fe import CODES
+from ..design.findings import Findings
 from ..design.inputs import Fitted, Known, fitted_overrides, with_known, write_fit
-from ..design.report import Findings, report_scene, write_report
+from ..design.report import report_scene, write_report
 from ..errors import Diverged, InputError
 from ..results import Run
 from ..runner.progress_display import Progress
@@ -100,7 +101,7 @@ def report_command(
         loaded = report_scene(load_scene(scene, fitted_overrides(fitted.scene.knit), command="report"))
     fitted = fitted.then(with_known(loaded, Known(curve=known.curve, areal_mass=known.areal_mass)))
     notes = fitted.notes
-    result = sweep_scene(fitted.scene, out=out, device=device, resume=not force, force=force, progress=progress)
+    result = sweep_scene(fitted.scene, out=out, device=device, resume=not force, force=force, progress=progress, command="report")
     if result.exit_code != 0:
         return Report(result, notes, None)
     rows = read_map(out / "map.csv", out / "map_details.csv")

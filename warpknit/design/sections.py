@@ -18,7 +18,7 @@ from ..runner.answers_table import answer_rows
 from ..runner.strength import limit_text
 from ..scene import Scene, Wire
 from ..sweep.contact_map import Jump, Optimum, drift_text, optimum_note, optimum_warnings
-from ..text import celsius, engineering, exact, percent
+from ..text import alike, celsius, engineering, exact, percent
 from .card import AGREEMENT, MaterialCard
 from .card_files import DEFINITION, card_values, card_warnings, strength_values
 from .curves import CurvePoint
@@ -317,4 +317,4 @@ def electric_section(
 
 
 def _pair(first: float, second: float, unit: str, between: str = " / ") -> str:
-    return f"{engineering(first, unit)}{between}{engineering(second, unit)}"
+    return between.join(alike([first, second], unit))

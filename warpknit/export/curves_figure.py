@@ -90,8 +90,15 @@ def curves_figure(
     for axes in panels[-2:]:
         axes.set_xlabel(abscissa_label)
     if len(stages) > 1 or title:
-        stage_legend(figure, [name for name, _ in stages], title or "stage")
+        stage_legend(figure, _stage_names(columns, stages), title or "stage")
     return save_figure(figure, path)
+
+
+def _stage_names(columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[str, slice]]) -> list[str]:
+    """Names of the stages, with the temperature at their ends where these differ."""
+    ends = [float(columns["temperature_K"][rows][-1]) if "temperature_K" in columns else 0.0 for _, rows in stages]
+    shows = max(ends) - min(ends) > 1e-6
+    return [name + (f", {end - ZERO_CELSIUS:.4g} °C" if shows else "") for (name, _), end in zip(stages, ends, strict=True)]
 
 
 def _heats_alone(columns: Mapping[str, NDArray[Any]], rows: slice) -> bool:

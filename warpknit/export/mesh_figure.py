@@ -74,7 +74,8 @@ def mesh_figure(
     wires = ScalarMappable(scale, colours)
     wires.set_array(1e-6 * np.asarray(frame.node_stress))
     _stress_bar(figure, axes, wires, yield_stress)
-    _legend(figure, layout, frame)
+    shows_open = _spacing(bodies, layout.body_count) * plan_scale(figure, axes) >= LEAST_ROOM  # else they would hide the loops
+    _legend(figure, layout, frame, shows_open)
     if tile is not None:
         axes.add_patch(Polygon(SQUARE @ tile.T, fill=False, zorder=2, **OUTLINE))
     points_per_mm = plan_scale(figure, axes)
@@ -87,7 +88,7 @@ def mesh_figure(
         spacing = _spacing(bodies, layout.body_count) * points_per_mm
         edge = EDGE * float(np.clip((spacing - LEAST_ROOM) / (ENOUGH_ROOM - LEAST_ROOM), 0.0, 1.0))
         axes.add_collection(over_under(pieces, colour[number], width, points_per_mm, edge))
-    _draw_contacts(axes, layout, frame, bodies, offsets, points_per_mm)
+    _draw_contacts(axes, layout, frame, bodies, offsets, points_per_mm, shows_open)
     return save_figure(figure, path)
 
 
@@ -198,15 +199,16 @@ def _cell_of(position: NDArray[Any], low: NDArray[Any], size: NDArray[Any], shap
     return np.asarray(row * shape[1] + column)
 
 
-def _legend(figure: Figure, layout: WireLayout, frame: Frame) -> None:
+def _legend(figure: Figure, layout: WireLayout, frame: Frame, shows_open: bool) -> None:
     """Say how many contacts are active and open, and how many of the central rhombus."""
     if not layout.body_count:
         return
     kind = "bodies" if layout.body_radius else "places of contact"
     handles = []
     for chosen, name, _, look in _kinds(frame):
-        label = f"{name} {kind}: {np.count_nonzero(chosen)}"
-        handles.append(Line2D([], [], label=label, **look, markersize=6.5, markeredgewidth=1.0))
+        label, is_drawn = f"{name} {kind}: {np.count_nonzero(chosen)}", name == "active" or shows_open
+        shown = {**look, "markersize": 6.5, "markeredgewidth": 1.0} if is_drawn else {"linestyle": "none"}
+        handles.append(Line2D([], [], label=label if is_drawn else f"{label}, not drawn", **shown))
     if layout.wire_closed.any():
         handles.append(Line2D([], [], **OUTLINE, label="the tile that is counted"))
     elif layout.rhombus_bodies.size:
@@ -218,7 +220,13 @@ def _legend(figure: Figure, layout: WireLayout, frame: Frame) -> None:
 
 
 def _draw_contacts(
-    axes: Axes, layout: WireLayout, frame: Frame, position: NDArray[Any], offsets: NDArray[Any], points_per_mm: float
+    axes: Axes,
+    layout: WireLayout,
+    frame: Frame,
+    position: NDArray[Any],
+    offsets: NDArray[Any],
+    points_per_mm: float,
+    shows_open: bool,
 ) -> None:
     """Fill active contacts at `position` (body, 2) [mm], circle open ones, and ring those of the central rhombus."""
     if not layout.body_count:
@@ -228,8 +236,8 @@ def _draw_contacts(
     for chosen, name, edge, look in reversed(
         _kinds(frame)
     ):  # the circle of an open contact shows about an active one at its place
-        if name == "open" and spacing < LEAST_ROOM:
-            continue  # they would hide the loops
+        if name == "open" and not shows_open:
+            continue
         shown = (position[chosen][:, None] + offsets).reshape(-1, 2)
         mark = size if name == "active" else OPEN_SIZE * size
         axes.plot(*shown.T, **look, markersize=mark, markeredgewidth=edge * size, zorder=3)

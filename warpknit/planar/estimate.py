@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from ..estimate import HOOK_ENDS, HOOKED, Cost, Notes, Size, boundary_physics, endless_counts, multilevel_start, ramp_steps
 from ..knit.cloth import Cloth
+from ..mechanics import TOO_THICK
 from ..mesh.layout import SLIDE_ALLOWANCE, estimated_nodes
 from ..mesh.panel import table_lead
 from ..mesh.rest_table import rest_table
@@ -132,7 +133,7 @@ def cost_of(scene: Scene, size: Size) -> Cost:
     return Cost(steps, wall_time(scene, steps, size.nodes))
 
 
-def map_time(scene: Scene, size: Size) -> float | None:
+def map_time(scene: Scene, size: Size, levels: Sequence[int]) -> float | None:
     """None: not estimated, as loads are solved side by side."""
     return None
 
@@ -174,6 +175,15 @@ def physics(scene: Scene, size: Size) -> Iterator[str]:
         yield f"softening: axial stiffness divided by {size.softening:g} in the dynamics, solver.axial_softening"
     if solver.drive == "relax" and solver.multipliers:
         yield "augmented Lagrangian: multipliers correct the errors of softening and contact penalty, solver.multipliers"
+
+
+def overlaps_as_knitted(scene: Scene, repeat: Cloth) -> Iterator[str]:
+    """Warning where bodies of a repeat have no room as knitted. Those of merged lenses do not count: they may move aside."""
+    reach = 0.5 * scene.wire.thickness + scene.model.body_radius
+    narrow = [clasp for clasp in repeat.clasps if clasp.lenses == 1 and sum(arm.clearance for arm in clasp.arms) < 2.0 * reach]
+    if narrow:
+        of_all = f"{2 * len(narrow)} of {2 * len(repeat.clasps)} pairs of a repeat"
+        yield f"at least {of_all} are active as knitted: {TOO_THICK}"
 
 
 def limitations(scene: Scene, cloth: Cloth | None) -> Iterator[str]:

@@ -12,7 +12,7 @@ from ..kernels import control as c
 from ..kernels.multiplier_update import extrapolate, extrapolate_held_bodies
 from ..launch import bind
 from ..measure import force_scale
-from ..mechanics import Check, Drift, strength_exceeded
+from ..mechanics import TOO_THICK, Check, Drift, strength_exceeded
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
 from ..numerics import CHECK_STEPS
@@ -179,6 +179,9 @@ class PlanarMechanics:
     def step(self, count: int) -> None:
         self.stepper.step(count)
 
+    def deepest_overlap(self) -> str:
+        return ""
+
     def overlap(self) -> float:
         return 0.0
 
@@ -227,7 +230,7 @@ class PlanarMechanics:
             name = self.model.precision.name
             causes += f", round-off in {name} precision exceeds the forces: set solver.precision = 'double'"
         if self._active_as_knitted:
-            causes += f", {self._active_as_knitted} pairs are active as knitted: the yarn is too thick for the loops"
+            causes += f", {self._active_as_knitted} pairs are active as knitted: {TOO_THICK}"
         return causes
 
     def is_in_equilibrium(self, load: LoadPoint) -> bool:

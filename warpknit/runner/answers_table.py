@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from ..text import celsius, engineering, exact, percent
+from ..solve.tension import TOLERANCE
+from ..text import alike, celsius, engineering, exact, percent
 
 State = Mapping[str, Any]
 LEAST_SHARE = 1e-4  # of the larger of both: smaller tensions are scatter about zero
@@ -64,10 +65,12 @@ def _scatter_is_zero(tension: Any, least: float) -> Any:
 
 
 def _tension(state: State, digits: int = 3) -> str:
-    """Tension in weft and warp; once where both are alike."""
+    """Tension in weft and warp; their mean where they differ by no more than a search allows."""
     both = [state[f"tension_{side}_N_per_m"] for side in ("weft", "warp")]
+    if abs(both[0] - both[1]) <= 2.0 * TOLERANCE * max(map(abs, both)):
+        both = 2 * [0.5 * (both[0] + both[1])]
     least = LEAST_SHARE * max(map(abs, both))
-    return " / ".join(dict.fromkeys(engineering(value if abs(value) > least else 0.0, "N/m", digits) for value in both))
+    return " / ".join(dict.fromkeys(alike([value if abs(value) > least else 0.0 for value in both], "N/m", digits)))
 
 
 def _pair_of(state: State) -> str:
@@ -162,9 +165,11 @@ def _heat(stage: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     parts = [f"active {percent(0.01 * begin['active_percent'])} to {percent(0.01 * end['active_percent'])}"]
     parts.append(f"tension {_tension(begin)}" + ("" if by_tension == {True} else f" to {_tension(end)}"))
     moves = any(abs(end[name] - begin[name]) > LEAST_CHANGE for name in ("strain_weft", "strain_warp"))
-    change = " / ".join(f"{100.0 * (end[name] - begin[name]):+.2g}" for name in ("strain_weft", "strain_warp"))
+    changes = [100.0 * (end[name] - begin[name]) for name in ("strain_weft", "strain_warp")]
+    digits = max(len(f"{change:.2g}".partition(".")[2]) for change in changes)
+    change = " / ".join(f"{change:+.{digits}f}" for change in changes)
     parts.append(f"{_strain(begin)}" + (f", changed by {change} %" if moves else ""))
-    parts.append(f"stress {engineering(begin['stress_max_Pa'], 'Pa')} to {engineering(end['stress_max_Pa'], 'Pa')}")
+    parts.append(f"stress {' to '.join(alike([one['stress_max_Pa'] for one in (begin, end)], 'Pa'))}")
     yield f"heat, {celsius(begin['temperature_K']).split()[0]} to {celsius(end['temperature_K'])}", held + ", ".join(parts)
 
 
@@ -173,8 +178,8 @@ def _best(best: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
         yield "best tension", "none: no tensile state with an active contact is below the elastic limit"
         return
     low, high = best["low"], best["high"]
-    cut = " and ".join(text for name, text in (("low", "begins"), ("high", "ends")) if best[f"open_{name}"])
-    incomplete = f", incomplete: it {cut} with the load" if cut else ""
+    cut = " and ".join(text for name, text in (("low", "begin"), ("high", "end")) if best[f"open_{name}"])
+    incomplete = f", incomplete: the records {cut} within it" if cut else ""
     middle = "" if best["grows"] or low == high else f", the middle of its range{incomplete}"
     stress = engineering(best["stress_max_Pa"], "Pa")
     stage = f" in stage '{best['stage']}'" if best["stages"] > 1 else ""

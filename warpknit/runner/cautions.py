@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..knit.cloth import Cloth
+from ..knit.straight_wires import least_length, piece_count
 from ..measure import MeshModel
 from ..mesh.smaller import smaller_scene
 from ..numerics import FOLLOWED_INCREMENT
@@ -23,6 +24,7 @@ METAL_DENSITY = (500.0, 23e3)  # [kg/m3] from lithium to osmium
 CONSTANTS_HOLD = (70.0, 600.0)  # [K] range in which moduli are within a few percent of those at 20 degC
 QUASI_STATIC = 0.1  # largest kinetic over stored energy of a quasi-static ramp
 FEWEST_NODES = 12  # a loop: the tension error of the double atlas cell is 9 % at 8 nodes, 1 % at 12
+BEYOND_ERROR = 1.01  # least length of wire over the longest one, beyond the error of its minimum
 SMALL_FRICTION = 0.1  # coefficient up to which results hardly depend on the load increment
 CONVERGED_INCREMENT = 0.0003125  # strain increment at which they no longer depend on it
 
@@ -45,6 +47,7 @@ def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
         yield f"{nodes} nodes a loop are few: errors of tension and contact force may exceed 10 %"
     if cloth is not None:
         yield from _about_tension(scene, cloth)
+        yield from _about_strain(scene, cloth)
         if scene.model.kind == "spatial" and not scene.depends_on_path and smaller_scene(scene) is None:
             yield from _about_increments(scene)
     if scene.solver.drive == "relax" and scene.contact.friction > SMALL_FRICTION:
@@ -78,6 +81,27 @@ def _about_tension(scene: Scene, cloth: Cloth) -> Iterator[str]:
             f"the given tensions of weft and warp add up to {engineering(largest, 'N/m')}; with all wires straight and at"
             f" their elastic limit of {engineering(wire.yield_stress, 'Pa')} the mesh carries {engineering(most, 'N/m')} at most"
         )
+
+
+def _about_strain(scene: Scene, cloth: Cloth) -> Iterator[str]:
+    """Strains that no arrangement of wires below their strength reaches.
+
+    The bound is for points of hooking; between two of them a wire is shorter by its thickness at most.
+    """
+    wire = scene.wire
+    laid = cloth.wire_length * len(cloth.stitches)
+    longest = laid * (1.0 + wire.tensile_strength / wire.youngs_modulus) + piece_count(cloth) * wire.thickness
+    for stage in scene.stages:
+        if stage.strain_weft is None or stage.strain_warp is None:
+            continue
+        gradient = np.array([[1.0 + stage.strain_weft, stage.shear], [0.0, 1.0 + stage.strain_warp]])
+        needed = least_length(cloth, gradient, enough=BEYOND_ERROR * longest)
+        if needed > BEYOND_ERROR * longest:
+            yield (
+                f"the strain of stage {stage.name!r} is beyond that of straight wires: from one place of hooking to the next they"
+                f" would need {needed / longest:.3g} times the length at which they break, however they slide"
+            )
+            return
 
 
 def _about_constants(scene: Scene) -> Iterator[str]:

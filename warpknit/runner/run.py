@@ -89,7 +89,7 @@ def _finished_run(scene: Scene, out: Path, resume: bool, force: bool, probes: li
     if out.is_dir():
         with _locked(out, LOCK_TIMEOUT if resume or force else 0.0):
             pass
-    if resume and (finished := finished_result(out, "summary.json", scene.hash)) is not None:
+    if resume and (finished := finished_result(out, "summary.json", scene.hash, "run")) is not None:
         if missing := set(probes) - set(history_columns(out / "history.csv") if probes else ()):
             raise RunDirectoryError(f"{out}: holds the finished run without the probe {min(missing)}; --force runs it again")
         return finished

@@ -49,8 +49,8 @@ class CommandResult:
     message: str = ""
 
 
-def finished_result(out: Path, name: str, scene_hash: str) -> CommandResult | None:
-    """The finished result in `out` by its summary `name`, or None.
+def finished_result(out: Path, name: str, scene_hash: str, command: str) -> CommandResult | None:
+    """The finished result in `out` by its summary `name`, or None. command: that asks for it.
 
     Raises RunDirectoryError where it is of another scene.
     """
@@ -58,25 +58,29 @@ def finished_result(out: Path, name: str, scene_hash: str) -> CommandResult | No
     if summary is None:
         return None
     if summary.get("scene", {}).get("hash") != scene_hash:
-        kind = SUMMARIES[name]
+        held = _finished(out, name)
         raise RunDirectoryError(
-            f"{out}: holds the finished {kind} of another scene, or of this one with other --set, --preset or --error;"
-            f" {_alternatives(out, kind)}"
+            f"{out}: holds the {held} of another scene, or of this one with other --set, --preset or --error;"
+            f" {_alternatives(out, command, held)}"
         )
     return CommandResult(0, summary)
 
 
-def continues_earlier(out: Path, table: str, kind: str, resolved: str, *, resume: bool, force: bool) -> bool:
+def continues_earlier(
+    out: Path, table: str, kind: str, resolved: str, *, resume: bool, force: bool, command: str | None = None
+) -> bool:
     """Whether to continue the map or trade (`kind`) of the scene `resolved` whose `table` is in `out`.
+
+    command: that asks, where it is not `kind`: a report, which makes a map.
 
     Raises RunDirectoryError where `out` cannot be used.
     """
     is_begun = (out / table).exists()
-    check_directory(out, kind, resume=resume, force=force)
+    check_directory(out, kind, resume=resume, force=force, command=command)
     if not (resume and is_begun):
         return False
     if (out / "scene.toml").read_text(encoding="utf-8") != resolved:
-        raise RunDirectoryError(f"{out}: holds the {kind} of another scene; {_alternatives(out, kind)}")
+        raise RunDirectoryError(f"{out}: holds the {kind} of another scene; {_alternatives(out, command or kind, kind)}")
     return True
 
 
@@ -89,28 +93,33 @@ def open_directory(out: Path, resolved: str, *, keep: bool) -> None:
         file.write(resolved)
 
 
-def check_directory(out: Path, wanted: str, *, resume: bool, force: bool) -> None:
+def check_directory(out: Path, wanted: str, *, resume: bool, force: bool, command: str | None = None) -> None:
     """Refuse a directory with results that a run, map or trade (`wanted`) cannot continue.
 
-    Raises RunDirectoryError with the options to use.
+    command: that asks, where it is not `wanted`. Raises RunDirectoryError with the options to use.
     """
+    command = command or wanted
     if out.exists() and not out.is_dir():
         raise RunDirectoryError(f"--out {out}: given a file, allowed: a directory")
     if force:
         return
-    finished = [kind for name, kind in SUMMARIES.items() if read_summary(out, name) is not None]
-    if finished:
-        raise RunDirectoryError(f"{out}: holds a finished {finished[0]}; {_alternatives(out, wanted)}")
+    if finished := [name for name in SUMMARIES if read_summary(out, name) is not None]:
+        held = _finished(out, finished[0])
+        scene = _read_json(out / finished[0]).get("scene", {}).get("name")
+        of_scene = "" if scene is None else f" of scene {scene!r}"
+        raise RunDirectoryError(f"{out}: holds a {held}{of_scene}; {_alternatives(out, command, held)}")
     unfinished = [kind for name, kind in TABLES.items() if (out / name).exists()]
     for kind in unfinished:
         if kind != wanted:
-            raise RunDirectoryError(f"{out}: holds an interrupted {kind}; {_alternatives(out, wanted)}")
+            raise RunDirectoryError(f"{out}: holds an interrupted {kind}; {_alternatives(out, command, f'interrupted {kind}')}")
         if not resume:
             raise RunDirectoryError(f"{out}: holds an interrupted {kind}; --resume continues it, --force starts over")
     kept = sorted(p.name for p in out.iterdir() if not p.name.startswith(".")) if out.is_dir() else []
     if kept and not _holds_results(out):
         foreign = next((name for name in kept if name not in OUTPUT_NAMES), kept[0])
-        raise RunDirectoryError(f"{out}: holds other files ({foreign}); --out {_free_beside(out, wanted)} is another directory")
+        raise RunDirectoryError(
+            f"{out}: holds other files ({foreign}); give --out {_free_beside(out, command)} for another directory"
+        )
 
 
 def _holds_results(out: Path) -> bool:
@@ -123,9 +132,15 @@ def _holds_results(out: Path) -> bool:
         return False
 
 
-def _alternatives(out: Path, wanted: str) -> str:
-    """The options for a run, map or trade (`wanted`): another directory, or replacing this one."""
-    return f"--out {_free_beside(out, wanted)} keeps both, --force replaces what is there"
+def _finished(out: Path, name: str) -> str:
+    """The finished result in `out` by its summary `name`, in words; that of a map with a report."""
+    kind = SUMMARIES[name]
+    return f"finished {kind}" + (" with its report" if kind == "map" and (out / "report.html").exists() else "")
+
+
+def _alternatives(out: Path, command: str, held: str) -> str:
+    """The options of a command: another directory, or replacing what is `held` in this one."""
+    return f"give --out {_free_beside(out, command)} to keep both, or --force to replace the {held}"
 
 
 def _free_beside(out: Path, wanted: str) -> Path:

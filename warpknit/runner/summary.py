@@ -22,7 +22,8 @@ Keys beside the measures (measure/table.py), a panel (panel_report.py) and the a
     model.rest_curve_error                   largest error of the contact curve in the reference state, over d
     solver.time_step_s                       step of the unloaded mesh; 1 for a relaxation, which has fictitious masses
     solver.steps                             time steps of the run
-    solver.wall_s                            wall time without compilation
+    solver.wall_s                            wall time of steps, convergence checks and files, of all parts of a resumed run;
+                                             without building the model and compilation
     solver.compile_s                         time of compilation; 0 if the kernels were compiled before
     solver.ranks                             processes under `mpirun`
     solver.node_steps_per_s                  steps times nodes over the wall time

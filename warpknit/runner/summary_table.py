@@ -8,9 +8,11 @@ from typing import Any
 
 import click
 
-from ..text import duration, engineering, percent, short_percent
+from ..text import alike, celsius, duration, engineering, percent, short_percent
 from .answers_table import answer_rows
 from .strength import assumed_note
+
+TIMED = "for steps, checks and files"  # what the wall time of a run or map includes: neither the model nor compilation
 
 
 def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[str, str]]:
@@ -27,7 +29,9 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
     diverged = value("stop_reason") == "diverged"
     if len(stages) > 1:
         place = "last record in stage" if diverged else "at the end of stage"
-        yield place, f"{stages[-1].get('name')} ({len(stages)} stages; summary.json has all)"
+        temperature = value("mesh", "temperature_K")
+        at = "" if temperature is None else f", at {celsius(temperature)}"
+        yield place, f"{stages[-1].get('name')}{at} ({len(stages)} stages; summary.json has all)"
     hook = value("hook")
     if hook is not None:
         yield from _hook_rows(hook)
@@ -42,10 +46,10 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
         yield "contacts elsewhere", f"{elsewhere} pairs of segments, up to {most}"
     if hook is None and (tension := value("mesh", "tension_weft_N_per_m")) is not None:
         warp = value("mesh", "tension_warp_N_per_m") or 0.0
-        yield "tension, weft / warp", f"{engineering(tension, 'N/m')} / {engineering(warp, 'N/m')}"
+        yield "tension, weft / warp", " / ".join(alike([tension, warp], "N/m"))
         medians = [value("panel", f"tension_median_{side}_N_per_m") for side in ("weft", "warp")]
         if None not in medians:
-            yield "  median of the panel", " / ".join(engineering(median, "N/m") for median in medians)
+            yield "  median of the panel", " / ".join(alike(medians, "N/m"))
     if hook is None and (force := value("contacts", "force_max_N")) is not None:
         at_knit = ", of the contacts of the knit" if (value("contacts", "elsewhere_force_max_N") or 0.0) > force else ""
         yield "largest contact force", engineering(force, "N") + at_knit
@@ -74,10 +78,8 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
         yield "time steps", f"{steps:,} of {value('model', 'nodes') or 0:,} nodes"
     if (wall := value("solver", "wall_s")) is not None:
         compiling = value("solver", "compile_s")
-        yield (
-            "wall time",
-            duration(wall, 3) + (f", and {duration(compiling, 3)} to compile" if compiling and compiling > 1.0 else ""),
-        )
+        before = f"; before it {duration(compiling, 3)} to compile the kernels" if compiling and compiling > 1.0 else ""
+        yield "wall time", f"{duration(wall, 3)} {TIMED}{before}"
     yield "stopped", str(value("stop_reason"))
     for warning in value("warnings") or []:
         yield "warning", str(warning)
@@ -100,8 +102,8 @@ def _hook_rows(hook: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         return
     places = [f"{engineering(hook[f'arc_{side}_m'], 'm')} on the {side} wire" for side in ("left", "right")]
     yield "contact at", f"{places[0]}, {places[1]} from the lower clamp"
-    slides = [engineering(hook[f"slide_{side}_m"], "m") for side in ("left", "right")]
-    yield "slid since it closed", f"{slides[0]} / {slides[1]}"
+    slides = alike([hook[f"slide_{side}_m"] for side in ("left", "right")], "m")
+    yield "slid since it closed", " / ".join(slides)
     if hook["ground_force_N"] > 0.0:
         yield "force from the ground", engineering(hook["ground_force_N"], "N")
 

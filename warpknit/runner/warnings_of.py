@@ -9,7 +9,8 @@ import numpy as np
 
 from ..measure import MeshModel
 from ..measure.jumps import STRAIN_JUMP, UNBALANCED
-from ..text import engineering, percent, short_percent
+from ..mechanics import TOO_THICK
+from ..text import alike, engineering, percent, short_percent
 from .branches import jumps_of, tensions_text
 from .cautions import cautions
 from .history import Row
@@ -89,7 +90,7 @@ def _unevenly_pulled(model: MeshModel, stages: Stages) -> Iterator[str]:
         mean = [stage["mesh"][f"tension_{side}_N_per_m"] for side in ("weft", "warp")]
         uneven = [m is not None and abs(m - t) > UNEVEN * abs(t) for m, t in zip(median, mean, strict=True)]
         if np.any(driven & np.array(uneven)):
-            shown = " / ".join(engineering(m, "N/m") for m in median)
+            shown = " / ".join(alike(median, "N/m"))
             yield (
                 f"the edges carry the given tension, but half of the panel carries less than {shown} in weft / warp: short wires"
                 " between grips carry more than their share; use a larger mesh or model.boundary = 'periodic'"
@@ -109,7 +110,7 @@ def _out_of_range(stages: Stages) -> Iterator[str]:
 def _contacts_as_knitted(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
     if rows and rows[0].active_pairs:
         released = model.scene.wire.set_fraction < 1.0
-        cause = "wire.set_fraction lets the loops spring open" if released else "the yarn is too thick for the loops"
+        cause = "wire.set_fraction lets the loops spring open" if released else TOO_THICK
         yield (
             f"{rows[0].active_pairs} pairs are active as knitted, with {engineering(rows[0].tension_weft_N_per_m, 'N/m')} in weft"
             f" and {engineering(rows[0].tension_warp_N_per_m, 'N/m')} in warp at zero strain: {cause}"

@@ -11,6 +11,9 @@ scene, where `warpknit.scene.scene_loader` has filled it in; so its annotations 
 
 from __future__ import annotations
 
+import inspect
+import re
+import textwrap
 import typing
 from collections.abc import Iterator
 from dataclasses import MISSING, Field, dataclass, field, fields
@@ -20,24 +23,28 @@ from typing import Any, TypeVar, cast
 from pydantic import ConfigDict
 
 from warpknit.scene.units import DIMENSIONS, shown
-from warpknit.scene.values import Check, Quantity, Unit
+from warpknit.scene.values import Check, Pair, Quantity, Unit
 from warpknit.text import celsius, exact
 
+LINE, INDENT = 120, "    "  # of a docstring
 ABOUT = "about"  # where a field keeps its sentence: a field without one is no key
 
 
 class Table:
     """Base of the frozen dataclasses that tables of a scene file are checked as: unknown keys are errors.
 
-    The meaning of each key stands in the docstring too, for `help(scene.wire)`.
+    Unit, default and meaning of each key stand in the docstring too, for `help(scene.wire)`.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
     def __init_subclass__(cls) -> None:
-        keys = {name: entry.metadata for name, entry in vars(cls).items() if isinstance(entry, Field)}
-        lines = [f"    {name}: {about[ABOUT]}" for name, about in keys.items() if ABOUT in about]
-        cls.__doc__ = "\n".join([cls.__doc__ or "", "", "Keys, in SI units:", *lines])
+        hints = typing.get_type_hints(cls, include_extras=True)
+        own = {name: entry for name, entry in vars(cls).items() if isinstance(entry, Field) and ABOUT in entry.metadata}
+        lines = [_key_of(name, entry, hints[name]).line for name, entry in own.items()]
+        cls.__doc__ = "\n".join(
+            [inspect.cleandoc(cls.__doc__ or ""), "", "Keys, with the unit of their values in the scene:", *lines]
+        )
 
 
 def key(about: str, default: Any = MISSING, *, left_out: str = "", allowed: str = "", compare: bool = True) -> Any:
@@ -80,17 +87,49 @@ class Key:
         return next(found, None)
 
     @property
+    def si_unit(self) -> str:
+        """The SI unit of its value, or of each entry of its pair or list; none for numbers."""
+        check = self.check.each if isinstance(self.check, Pair) else self.check
+        if isinstance(check, Quantity):
+            return DIMENSIONS[check.dimension].unit
+        return DIMENSIONS["length"].unit if isinstance(check, Unit) else ""
+
+    @property
     def unit(self) -> str:
         """The SI unit that its value is written back with, none for numbers, pairs and lists."""
-        if isinstance(self.check, Quantity) and not self.is_list:
-            return DIMENSIONS[self.check.dimension].unit
-        return DIMENSIONS["length"].unit if isinstance(self.check, Unit) else ""
+        return "" if self.is_list or isinstance(self.check, Pair) else self.si_unit
 
     def text(self, value: Any) -> str:
         """A value of it in SI, with its unit where it has one."""
         if not self.unit or not isinstance(value, int | float):
             return shown(value)
         return celsius(value) if self.unit == "K" else exact(value, self.unit)
+
+    @property
+    def default_text(self) -> str:
+        """The default, in words."""
+        value = self.default
+        if self.left_out or value is None:
+            return self.left_out
+        if value is MISSING:
+            return "required"
+        if isinstance(value, bool):
+            return str(value).lower()
+        if isinstance(value, str):
+            return f'`"{value}"`'
+        if isinstance(value, tuple):
+            return str(list(value))
+        return self.text(value) if value and self.unit else f"{value:.6g}"
+
+    @property
+    def line(self) -> str:
+        """Name, unit, default and meaning, for a docstring."""
+        unit = f" [{self.si_unit}]" if self.si_unit else ""
+        default = "" if self.table is not None else self.default_text
+        shown = default if default in ("", "required") else f"default {default.replace('`', '')}"
+        head = f"{self.name}{unit}" + (f", {shown}" if shown else "")
+        about = re.sub(r"\[([^]]+)\]\([^)]*\)", r"\1", self.about)  # a link by its text
+        return textwrap.fill(f"{head}: {about}", LINE, initial_indent=INDENT, subsequent_indent=2 * INDENT)
 
     @property
     def allowed(self) -> str:
@@ -123,18 +162,12 @@ def keys_of(table: type[Table]) -> dict[str, Key]:
 @cache
 def _keys_of(table: Any) -> dict[str, Key]:
     hints = typing.get_type_hints(table, include_extras=True)
-    return {
-        entry.name: Key(
-            entry.name,
-            entry.metadata[ABOUT],
-            entry.default,
-            entry.metadata["left_out"],
-            entry.metadata["allowed"],
-            hints[entry.name],
-        )
-        for entry in fields(table)
-        if ABOUT in entry.metadata
-    }
+    return {entry.name: _key_of(entry.name, entry, hints[entry.name]) for entry in fields(table) if ABOUT in entry.metadata}
+
+
+def _key_of(name: str, entry: Field[Any], annotation: Any) -> Key:
+    about = entry.metadata
+    return Key(name, about[ABOUT], entry.default, about["left_out"], about["allowed"], annotation)
 
 
 def keys_below(table: type[Table], prefix: str = "") -> Iterator[tuple[str, Key]]:

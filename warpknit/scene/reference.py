@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterable, Iterator
-from dataclasses import MISSING
 from pathlib import Path
 
 from warpknit.scene.capabilities import goes_together
@@ -40,7 +39,7 @@ def key_rows(section: str) -> Iterator[str]:
     yield "| key | default | allowed | meaning |"
     yield "|---|---|---|---|"
     for name, entry in _keys(section):
-        cells = (f"`{name}`", default_text(entry), allowed_text(entry), entry.about)
+        cells = (f"`{name}`", entry.default_text, allowed_text(entry), entry.about)
         yield row(cells)
 
 
@@ -58,22 +57,6 @@ def _keys(section: str) -> Iterator[tuple[str, Key]]:
     for name, entry in keys_below(table, "" if section == "load" else f"{section}."):
         if entry.table is None:
             yield name.replace("[0]", "[]"), entry
-
-
-def default_text(entry: Key) -> str:
-    """The default of a key, in words."""
-    value = entry.default
-    if entry.left_out or value is None:
-        return entry.left_out
-    if value is MISSING:
-        return "required"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return f'`"{value}"`'
-    if isinstance(value, tuple):
-        return str(list(value))
-    return entry.text(value) if value and entry.unit else f"{value:.6g}"
 
 
 def allowed_text(entry: Key) -> str:

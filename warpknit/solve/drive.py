@@ -159,8 +159,8 @@ class Drive(ABC):
         if overlap <= MAX_OVERLAP or self.mechanics.may_overlap:
             return None
         return Diverged(
-            f"wires overlap by {overlap:.2g} of their thickness at step {self.progress.steps}, {self._where()}: the contact"
-            f" penalty is too small; raise {self.rate_key} or contact.stiffness"
+            f"wires overlap by {overlap:.2g} of their thickness at step {self.progress.steps}, {self._where()},"
+            f" {self.mechanics.deepest_overlap()}: the contact penalty is too small; raise {self.rate_key} or contact.stiffness"
         )
 
     def _where(self) -> str:

@@ -6,7 +6,7 @@ Measured by tools/benchmarks/plan.py on the scenes that it lists, with and witho
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,18 +18,21 @@ from ..estimate import (
     Size,
     boundary_physics,
     endless_counts,
-    levels_of_pairs,
     multilevel_start,
     ramp_steps,
 )
 from ..knit.cloth import Cloth
+from ..mechanics import TOO_THICK
 from ..mesh.layout import estimated_nodes
 from ..mesh.load_point import PATH_STRAIN
 from ..mesh.smaller import smaller_scene
 from ..numerics import thread_count
 from ..scene import Scene, Stage
 from ..scene.presets import PRESETS
-from ..text import engineering
+from ..text import engineering, short_percent
+from ..wires.centre_lines import Wires
+from ..wires.overlaps import find_overlaps
+from .mechanics import CLOSEST
 from .model import SpatialModel, build_model
 from .nearby import pair_gaps
 from .search_cells import search_cells
@@ -114,13 +117,13 @@ def _smaller(scene: Scene) -> Scene | None:
     return smaller_scene(scene) if is_knit and scene.solver.drive == "relax" and not scene.has_moving_edge else None
 
 
-def map_time(scene: Scene, size: Size) -> float | None:
-    """[s] of the map of a scene with a sweep: its loads, one after the other in `thread_count` processes."""
+def map_time(scene: Scene, size: Size, levels: Sequence[int]) -> float | None:
+    """[s] of loads of a sweep with so many levels each, one after the other in `thread_count` processes."""
     assert scene.sweep is not None
-    pairs = scene.sweep.pairs
-    levels = sum(levels_of_pairs(pairs, scene.output.frames)) / scene.output.frames
-    one = replace(scene, stages=(scene.sweep.stage(scene.stages[0], pairs[-1]),))
-    return scene.sweep.seeds * levels / thread_count(len(pairs)) * cost_of(one, size).seconds
+    if not levels:
+        return 0.0
+    one = replace(scene, stages=(scene.sweep.stage(scene.stages[0], scene.sweep.pairs[-1]),))
+    return sum(levels) / scene.output.frames / thread_count(len(levels)) * cost_of(one, size).seconds
 
 
 def notes(scene: Scene, size: Size) -> Notes:
@@ -199,6 +202,17 @@ def physics(scene: Scene, size: Size) -> Iterator[str]:
     yield softer
     yield from boundary_physics(scene)
     yield from multilevel_start(_smaller(scene))
+
+
+def overlaps_as_knitted(scene: Scene, repeat: Cloth) -> Iterator[str]:
+    """Warning where wires of a repeat overlap as knitted."""
+    threads = tuple(thread.points for thread in repeat.threads)
+    kinds, along_warp = ("periodic",) * len(threads), np.tile([0, 1], (len(threads), 1))
+    found = find_overlaps(Wires(threads, kinds, along_warp, repeat.size, None, None), scene.wire.thickness)
+    if found.closest is not None and found.closest < (1.0 - CLOSEST) * scene.wire.thickness:
+        places = f"{found.places} place{'s' if found.places > 1 else ''}"
+        depth = short_percent(1.0 - found.closest / scene.wire.thickness)
+        yield f"as knitted, wires overlap in {places} of a repeat, by up to {depth} of their thickness: {TOO_THICK}"
 
 
 def limitations(scene: Scene, cloth: Cloth | None) -> Iterator[str]:

@@ -18,6 +18,7 @@ from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
 from ..mesh.smaller import smaller_scene
 from ..numerics import FOLLOWED_INCREMENT, SLOWEST_WAVE
+from ..text import engineering
 from ..transfer.repeat_mesh import RepeatArrays, upload_repeats
 from .clamps import MovingClamps
 from .contact_checks import ContactSums
@@ -45,6 +46,7 @@ EDGE_CHECKS = 4  # convergence checks between steps of the free stations
 EDGE_RATIO = 20.0  # residual ratio below which the free stations move
 MAX_PREDICTION = 0.2  # of the thickness: largest displacement of the prediction
 RELEASE = 0.02  # of the curvature as knitted, by which `wire.set_fraction` is applied from one equilibrium to the next
+LEAST_DIFFERENCE = 0.005  # of a stiffness that differs from that of the scene: three digits
 DRIFT = Drift(checks=2, max_decay_ratio=0.95)
 
 
@@ -215,6 +217,24 @@ class SpatialMechanics:
 
     def overlap(self) -> float:
         return self.contact.pop_max_penetration() / (2.0 * float(self.model.rods.wire_radius.min()))
+
+    def deepest_overlap(self) -> str:
+        observed, rods, state = self.observe(), self.model.rods, self.state
+        contacts = observed.touching
+        if not len(contacts.overlap):
+            return "apart by now"
+        worst = int(np.argmax(contacts.overlap))
+        nodes = contacts.first[worst], contacts.second[worst]
+        first, second = (int(rods.wire_of[node]) for node in nodes)
+        x, y = 1e3 * measure.positions(observed)[0][nodes[0], :2]
+        return f"deepest now between wires {first} and {second} near x = {x:.4g} mm, y = {y:.4g} mm from the corner" + "".join(
+            f", {name} {engineering(now, unit)} in force in place of {engineering(of_scene, unit)}"
+            for name, unit, now, of_scene in (
+                ("contact penalty", "N/m", fetch(state.contact_penalty)[list(nodes)].mean(), self.model.contact_stiffness),
+                ("axial stiffness", "N", fetch(state.stretch_stiffness)[nodes[0]], rods.section.axial_stiffness),
+            )
+            if not math.isclose(now, of_scene, rel_tol=LEAST_DIFFERENCE)
+        )
 
     def fastest(self) -> tuple[int, int]:
         rods = self.model.rods

@@ -28,6 +28,7 @@ from .model import SpatialModel
 from .moments import bending_moments
 from .rest_curve import rest_place, section_offsets, spatial_curve
 from .rod_relaxation import RodRelaxation
+from .rods import Rods
 from .sites import NOWHERE, Sites
 from .wire_contact import WireContact
 
@@ -59,6 +60,7 @@ class SpatialObservables(Boundary):
     bend_energy: float  # [J] bending and twist, elastic
     hardened_energy: float  # [J] stored by hardening
     contact_growth: float  # [J] derivative of the energy of contact by the length factor: wires grow thicker, and what is curved
+    contact_energy: float  # [J] of the penalty
     thermal_strain: np.ndarray  # [node] excess of the length factor of the segments over that of the middle, relative
     touching: Contacts  # contacts with a force
     near: Contacts  # contacts closer than NEAR
@@ -68,8 +70,7 @@ class SpatialObservables(Boundary):
     @cached_property
     def energies(self) -> Energies:
         """Energies [J]; kinetic of the last step, contact of the penalty."""
-        pressed = float(0.5 * np.sum(self.touching.force * self.touching.overlap))
-        return Energies(self.stretch_energy, self.bend_energy + self.hardened_energy, pressed, self.kinetic_energy)
+        return Energies(self.stretch_energy, self.bend_energy + self.hardened_energy, self.contact_energy, self.kinetic_energy)
 
     # --- loads
 
@@ -319,10 +320,23 @@ def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: 
         bend_energy=yielding.elastic_energy,
         hardened_energy=yielding.hardened_energy,
         contact_growth=_contact_growth(model, touching, tangent, fetch(state.director)),
+        contact_energy=_contact_energy(rods, fetch(state.contact_offset), touching),
         thermal_strain=relaxation.thermal_strain.copy(),
         touching=touching,
         near=contact.find_contacts((NEAR - 1.0) * section.thickness),
     )
+
+
+def _contact_energy(rods: Rods, offset: np.ndarray, t: Contacts) -> float:
+    """[J] sum over contacts of k g^2/2 with the overlap g, whose force is N = k (g + o); `offset` [node] [m] gives o.
+
+    Multipliers take overlaps and gaps to zero, and leave none of it.
+    """
+    if not len(t.force):
+        return 0.0
+    ends = [(offset[node], offset[rods.following[node]]) for node in (t.first, t.second)]
+    offsets = sum((1.0 - place) * here + place * there for (here, there), place in zip(ends, t.place.T, strict=True))
+    return float(np.sum(0.5 * t.force * t.overlap**2 / (t.overlap + offsets)))
 
 
 def _contact_growth(model: SpatialModel, t: Contacts, tangent: np.ndarray, director: np.ndarray) -> float:

@@ -22,7 +22,7 @@ from ..measure.jumps import STORED_FLOOR, jumps
 from ..measure.table import Measure
 from ..mechanics import Model
 from ..runner.closings import DRIFT
-from ..text import engineering
+from ..text import alike
 
 STEADY = "steady"
 SIDES = ("weft", "warp")
@@ -207,7 +207,7 @@ def find_jumps(mesh: Model, rows: Sequence[MapRow]) -> list[Jump]:
 
 def load_text(load: Pair, by_tension: bool) -> str:
     """Strains, or tensions [N/m], in weft and warp, as text."""
-    return " / ".join(engineering(value, "N/m") if by_tension else f"{100.0 * value:.3g} %" for value in load)
+    return " / ".join(alike(load, "N/m") if by_tension else (f"{100.0 * value:.3g} %" for value in load))
 
 
 def jump_warning(found: Sequence[Jump], by_tension: bool = False) -> str | None:

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from ..runner.strength import assumed_note
-from ..runner.summary_table import model_rows
-from ..text import duration, engineering, percent
+from ..runner.summary_table import TIMED, model_rows
+from ..text import alike, duration, engineering, percent
 from .contact_map import drift_text, optimum_note
 
 
@@ -21,7 +21,7 @@ def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     yield f"pairs of {summary.get('loads', 'strains')}", f"{cells['steady']} of {cells['wanted']} converged{meshes}"
     steps, nodes = solver["cell_steps"], summary["model"]["nodes"]
     yield "time steps", f"{steps:,} of {nodes:,} nodes, {solver['cell_steps_per_s']:,.0f} a second"
-    yield "wall time", duration(solver["wall_s"], 3)
+    yield "wall time", f"{duration(solver['wall_s'], 3)} {TIMED}"
     limit = summary["wire"]["yield_stress_Pa"]
     note = assumed_note("wire.yield_stress", summary["wire"].get("yield_stress_assumed", False))
     if optimum is None:
@@ -31,8 +31,8 @@ def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         note_of_optimum = optimum_note(tuple(optimum["load"]), summary["jumps"])
         strains = f"{percent(optimum['strain_weft'])} / {percent(optimum['strain_warp'])}"
         yield "optimum strain, weft / warp", strains + note_of_optimum
-        tensions = (engineering(optimum[f"tension_{side}_N_per_m"], "N/m") for side in ("weft", "warp"))
-        yield "  tension, weft / warp", " / ".join(tensions)
+        tensions = [optimum[f"tension_{side}_N_per_m"] for side in ("weft", "warp")]
+        yield "  tension, weft / warp", " / ".join(alike(tensions, "N/m"))
         yield "  active contacts", percent(0.01 * optimum["active_percent"])
         margin = f"margin {percent(optimum['stress_margin'], 0)} of the elastic limit"
         yield "  largest stress", f"{engineering(optimum['stress_max_Pa'], 'Pa')}, {margin}{note}"

@@ -69,12 +69,12 @@ class StateProcesses:
         `watch` is called regularly, and may raise to stop. `processes`: default `thread_count`.
         """
         self.model, self.stages = model, tuple(stages)
-        levels = levels or [model.scene.output.frames] * len(self.stages)
-        self._loads = list(enumerate(zip(self.stages, levels, strict=True)))
+        self._levels = list(levels or [model.scene.output.frames] * len(self.stages))
+        self._loads = list(enumerate(zip(self.stages, self._levels, strict=True)))
         self.processes = processes or thread_count(len(self.stages))
         self._watch = watch or (lambda _states: None)
         self._running: dict[int, LoadProgress] = {}
-        self._finished = self._finished_steps = 0
+        self._finished_levels = self._finished_steps = 0
 
     @property
     def steps(self) -> int:
@@ -83,14 +83,15 @@ class StateProcesses:
 
     @property
     def done(self) -> float:
-        """Share of all loads that is on."""
-        return (self._finished + sum(progress.load_factor for progress in self._running.values())) / max(1, len(self.stages))
+        """Completed share of all load levels."""
+        running = sum(self._levels[index] * progress.load_factor for index, progress in self._running.items())
+        return (self._finished_levels + running) / max(1, sum(self._levels))
 
     def run(self) -> Iterator[Outcome]:
         """Find the equilibrium under every load. Raises `OutOfResources`."""
         for outcome in self._in_processes() if self.processes > 1 else self._here():
             self._running.pop(outcome.index, None)
-            self._finished += 1
+            self._finished_levels += self._levels[outcome.index]
             self._finished_steps += outcome.steps
             yield outcome
 

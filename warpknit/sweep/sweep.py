@@ -16,7 +16,7 @@ from typing import Any
 
 from ..device import find_device
 from ..errors import MemoryNeeded, ModelError
-from ..estimate import levels_of_pairs
+from ..estimate import Size, levels_of_pairs
 from ..files import write_aside
 from ..memory import available_memory, required_memory
 from ..mesh.smaller import smaller_scene
@@ -31,6 +31,7 @@ from ..text import celsius, duration, percent
 from .contact_map import (
     STEADY,
     MapRow,
+    Pair,
     find_jumps,
     find_optimum,
     grid,
@@ -69,28 +70,27 @@ def run_map(
     resume: bool = False,
     force: bool = False,
     progress: Display | None = None,
+    command: str = "map",
 ) -> CommandResult:
-    """Run the sweep of `scene` into the directory `out`.
+    """Run the sweep of `scene` into the directory `out`, for a command that messages name.
 
     Raises `SceneError`, `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. Strains at
     which the mesh does not converge have no values; an interrupt ends with exit_code 130 and keeps the finished cells.
     """
     sweep = _checked(scene, device)
-    if resume and (finished := finished_result(out, "map.json", scene.hash)) is not None:
+    if resume and (finished := finished_result(out, "map.json", scene.hash, command)) is not None:
         return finished
     resolved = resolved_toml(scene)
-    keep = continues_earlier(out, "map.csv", "map", resolved, resume=resume, force=force)
+    keep = continues_earlier(out, "map.csv", "map", resolved, resume=resume, force=force, command=command)
     # errors of the model are raised before anything is removed
     seeds = [replace(scene, knit=replace(scene.knit, seed=scene.knit.seed + number)) for number in range(sweep.seeds)]
     meshes = [mesh_of(one) for one in seeds]
     _refuse_beyond_memory(meshes[0], sweep)
-    estimates = estimates_of(scene)
-    size = estimates.size_of(scene, meshes[0].cloth)[0]
-    seconds, notes = estimates.map_time(scene, size), estimates.notes(scene, size)
+    size = estimates_of(scene).size_of(scene, meshes[0].cloth)[0]
     open_directory(out, resolved, keep=keep)
-    if seconds is not None:
-        _log.info("estimated time of the map: %s on idle cores, within a factor of %g", duration(seconds), notes.factor)
-    return _Mapper(meshes, sweep, out, progress or Display()).run()
+    mapper = _Mapper(meshes, sweep, out, progress or Display())
+    mapper.estimate(size)
+    return mapper.run()
 
 
 def _checked(scene: Scene, device: str | None) -> Sweep:
@@ -154,18 +154,38 @@ class _Mapper:
     def model_warnings(self) -> list[str]:
         return model_warnings(self.meshes[0], self.rows)
 
+    def estimate(self, size: Size) -> None:
+        """Tell the time of the pairs that are missing, where they are solved one after another."""
+        estimates = estimates_of(self.scene)
+        missing = [self._missing(done) for done in self.maps]
+        seconds = [estimates.map_time(self.scene, size, list(levels.values())) for levels in missing]
+        if None in seconds or not any(missing):
+            return
+        count = sum(map(len, missing))
+        left = f"{count} pair{'s that are' if count > 1 else ' that is'} missing"
+        _log.info(
+            "estimated time of the %s: %s on idle cores, within a factor of %g",
+            left if any(self.maps) else "map",
+            duration(sum(one for one in seconds if one is not None)),
+            estimates.notes(self.scene, size).factor,
+        )
+
     # --- cells ---
+
+    def _missing(self, done: list[MapRow]) -> dict[Pair, int]:
+        """Load levels of each pair that is not among the rows of a mesh."""
+        finished = {row.load for row in done}
+        levels = levels_of_pairs(self.pairs, self.scene.output.frames)
+        return {pair: count for pair, count in zip(self.pairs, levels, strict=True) if pair not in finished}
 
     def _run_seed(self, seed: int, done: list[MapRow]) -> None:
         """Solve the missing cells of one mesh; append rows to `done`."""
-        finished = {row.load for row in done}
-        missing = [pair for pair in self.pairs if pair not in finished]
-        if not missing:
+        of_pair = self._missing(done)
+        if not of_pair:
             return
+        missing = list(of_pair)
         self.display.stage(f"{len(missing)} pairs of {self.sweep.quantity}", number=seed + 1, of=len(self.maps))
         stages = [self.sweep.stage(self.scene.stages[0], pair) for pair in missing]
-        of_pair = dict(zip(self.pairs, levels_of_pairs(self.pairs, self.scene.output.frames), strict=True))
-        levels = [of_pair[pair] for pair in missing]
         steps_before = self.steps
 
         def watch(states: States) -> None:
@@ -176,7 +196,7 @@ class _Mapper:
             if time.perf_counter() - self._saved > SAVE_INTERVAL:
                 self._save()
 
-        for outcome in states_of(self.meshes[seed], stages, levels, watch).run():
+        for outcome in states_of(self.meshes[seed], stages, list(of_pair.values()), watch).run():
             message = "" if outcome.error is None else str(outcome.error)
             pair, by_tension = missing[outcome.index], self.sweep.by_tension
             done.append(map_row(pair, outcome.observables, steps=outcome.steps, message=message, by_tension=by_tension))

@@ -62,7 +62,7 @@ def run_trade(
     refuse(scene, "trade")
     of_reference: Overrides = (("model.kind", against),) if against else ()
     load(of_reference, None)  # refused before anything is written
-    if resume and (finished := finished_result(out, "trade.json", scene.hash)) is not None:
+    if resume and (finished := finished_result(out, "trade.json", scene.hash, "trade")) is not None:
         return finished
     resolved = resolved_toml(scene)
     keep = continues_earlier(out, "trade.csv", "trade", resolved, resume=resume, force=force)

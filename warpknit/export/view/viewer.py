@@ -31,6 +31,7 @@ from ...knit.clasp_classes import CLASS_NAMES
 from ...text import engineering, percent
 from ..figures import tension_of
 from ..mesh_figure import state_title, stress_colours
+from ..plots import scale_of
 from ..run_record import read_frame, read_run, state_files
 from .drawing import SPHERES, Drawing, drawing_of
 
@@ -41,6 +42,7 @@ WINDOW = 1.5  # repeats from the middle of the part that is drawn as tubes to it
 UPDATE_EVERY = 2.0  # [s] for new records of a run that goes on
 VIEW = np.array([0.0, -0.45, 0.9])  # direction from which a mesh is seen at first
 FULL, NARROW = 0.58, 0.8  # half the picture's height over that of the mesh; height over width of the part beside the controls
+LEAST_FORCE = 1e-3  # [uN] end of the scale of forces, at least
 STRESS_SHARE = 99.5  # percent of the nodes whose stress is within the scale
 FIELD = np.radians(25.0)  # of view: small, to see lengths side by side at one scale
 THIN_LINE = 1.5  # pixels of a wire, at least
@@ -59,7 +61,7 @@ class Viewer:
         self.run = read_run(directory, also_running=True)
         self.layout = self.run.layout
         self.yield_stress = self.run.quantity("wire", "yield_stress_Pa")
-        self.highest, self.largest_force = 1e-9, 1e-9  # [MPa] stress that few nodes exceed; [uN] force of a contact
+        self.highest, self.largest_force = 1e-9, LEAST_FORCE  # [MPa] stress that few nodes exceed; [uN] force of a contact
         self.peak = 0.0  # [MPa] largest stress
         self._ranged = 0  # records of which these are
         self._widen()
@@ -322,8 +324,9 @@ class Viewer:
         extend = "max" if self.yield_stress is not None and self.peak > 1e-6 * self.yield_stress else "neither"
         stress = figure.colorbar(ScalarMappable(scale, colours), cax=axes[0], orientation="horizontal", extend=extend)
         stress.set_label(f"wire stress at nodes [MPa]: {most}")
-        force = ScalarMappable(Normalize(0.0, self.largest_force), FORCE_COLOURS)
-        figure.colorbar(force, cax=axes[1], orientation="horizontal").set_label("force of active contacts [uN]; grey: open")
+        factor, unit = scale_of("N", np.array([1e-6 * self.largest_force]))
+        force = ScalarMappable(Normalize(0.0, 1e-6 * factor * self.largest_force), FORCE_COLOURS)
+        figure.colorbar(force, cax=axes[1], orientation="horizontal").set_label(f"force of active contacts [{unit}]; grey: open")
         for one in axes:
             one.xaxis.set_major_locator(MaxNLocator(5))
             one.tick_params(labelsize=7)

@@ -1,0 +1,126 @@
+"""The content of a report: what was found, and what of it is told on the page and on a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..measure import Observables
+from ..runner.answers_table import answer_rows
+from ..runner.branches import Jump as RowJump
+from ..runner.history import Row
+from ..runner.strength import exceeded_text
+from ..scene import Scene, Sweep
+from ..sweep.contact_map import (
+    Jump,
+    MapRow,
+    Optimum,
+    axes_of,
+    load_text,
+)
+from ..sweep.states import Mesh
+from ..text import celsius, engineering
+from .card import MaterialCard
+from .card_files import card_warnings
+from .curves import CurvePoint
+from .equal_tension import (
+    EqualTensionPath,
+)
+from .fe import limit_of_curves
+from .heat import HeatedMesh
+from .opening_size import Opening
+from .sections import (
+    missing_text,
+)
+from .service import EqualTension, ServicePoint
+
+DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))
+DEFAULT_SWEEP = Sweep(strain_weft=DEFAULT_STRAINS, strain_warp=DEFAULT_STRAINS)  # of the map where the scene has no [sweep]
+
+
+@dataclass(frozen=True)
+class Findings:
+    """The content of the page."""
+
+    scene: Scene
+    notes: Sequence[str]  # how the scene was fitted
+    model: Mesh
+    rows: Sequence[MapRow]
+    optimum: Optimum | None
+    jumps: Sequence[Jump]  # of the map
+    requested: float | None  # [N/m] tension requested for the card
+    equal_tension: EqualTension  # largest in the map
+    path: EqualTensionPath
+    path_jumps: Sequence[RowJump]
+    answers: dict[str, Any] | None  # that it gives (runner/answers.py)
+    heated: Sequence[HeatedMesh]  # at one tension, while its temperature changes
+    service: Sequence[ServicePoint]
+    curves: Sequence[CurvePoint]
+    where: str  # state of the card, in words; or why there is none
+    card: MaterialCard | None
+    loading: Sequence[Row]  # states from the mesh as knitted to the card and beyond, up to the first jump
+    tensioned: Observables | None  # the mesh of the card
+    knitted: Observables | None  # the mesh as knitted
+    knitted_openings: Sequence[Opening]
+    tensioned_openings: Sequence[Opening]
+    model_warnings: Sequence[str]  # where the states are outside the validity of their model
+    earlier_kept: bool  # nothing was written: there is no card, and the directory has an earlier report with one
+    codes: Sequence[str]  # FE codes that get the card
+    file_notes: tuple[str, ...] = ()  # FE codes without a card and why, and files that were removed
+
+    @property
+    def found_again(self) -> bool:
+        """False where a card for the optimum of the map was looked for, and its state not found."""
+        return self.requested is not None or self.card is not None
+
+    @property
+    def by_tension(self) -> bool:
+        """Whether the map prescribes tensions."""
+        return any(row.by_tension for row in self.rows)
+
+    def place_in_map(self, point: ServicePoint) -> tuple[float, float] | None:
+        """The load of a service point, by the axes of the map; None without one, or outside the map."""
+        load = (point.tension, point.tension) if point.strains and self.by_tension else point.strains
+        weft, warp = axes_of(self.rows)
+        within = load is not None and weft[0] <= load[0] <= weft[-1] and warp[0] <= load[1] <= warp[-1]
+        return load if within else None
+
+    @property
+    def sweep_text(self) -> str:
+        """The loads of the map, and where they are from."""
+        axes = zip(("weft", "warp"), axes_of(self.rows), strict=True)
+        ends = " and ".join(
+            f"{load_text((axis[0], axis[-1]), self.by_tension).replace(' / ', ' to ')} in {side}" for side, axis in axes
+        )
+        default = self.scene.sweep is DEFAULT_SWEEP
+        source = "the default of a report; a table [sweep] in the scene changes them" if default else "of [sweep] in the scene"
+        return f"{len(self.rows)} pairs of {'tensions' if self.by_tension else 'strains'}, {ends}: {source}"
+
+    @property
+    def card_state(self) -> str:
+        """State and temperature of the card; or why there is none."""
+        if self.card is not None:
+            beyond = exceeded_text(self.scene, self.card.stress_max)
+            stress = f", with a wire stress of {engineering(self.card.stress_max, 'Pa')}, {beyond}" if beyond else ""
+            return f"{self.where}, at {celsius(self.card.temperature)}{stress}"
+        return self.where + ("; the earlier report in the directory, with its card, is kept" if self.earlier_kept else "")
+
+    @property
+    def answer_lines(self) -> Iterator[tuple[str, str]]:
+        """Headings and texts of the answers under equal tensions, for a terminal."""
+        if self.answers is not None:
+            yield from answer_rows(self.answers, self.scene.wire.yield_stress, gave_up=self.path.gave_up)
+            yield "equal tensions", f"followed {self.path.end_text}"
+
+    @property
+    def limit_of_curves(self) -> str | None:
+        """What the curves of the FE cards lack; None where they go on beyond the card, and without a card."""
+        at_jump = bool(self.path_jumps and self.loading and self.loading[-1] is self.path_jumps[0][0])
+        return None if self.card is None else limit_of_curves(self.card, self.loading, self.codes, at_jump=at_jump)
+
+    @property
+    def warnings(self) -> list[str]:
+        """Limits to the use of the card and of the curves, for a terminal."""
+        of_card = [] if self.card is None else list(card_warnings(self.card, self.scene))
+        return [*of_card, *(limit for limit in (self.limit_of_curves, missing_text(self.curves)) if limit is not None)]

@@ -1,0 +1,167 @@
+"""The files of a report: report.html with its figures, answers, tension-strain curves and the material card."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, fields
+from datetime import date
+from pathlib import Path
+
+import numpy as np
+
+from .. import __version__, measure
+from ..files import write_aside, write_table
+from ..mesh.layout import contact_classes
+from ..runner.history import mean_tension
+from ..sweep.contact_map import (
+    axes_of,
+    grid,
+    jump_warning,
+    optimum_note,
+    unconverged_warning,
+)
+from ..text import celsius
+from .card_files import write_card
+from .curves import CurvePoint
+from .equal_tension import (
+    jump_text,
+)
+from .fe import FILES, write_fe_cards
+from .findings import Findings
+from .network import contact_resistances, sheet_resistance
+from .opening_size import BANDS
+from .page import Page
+from .sections import (
+    answers_section,
+    card_section,
+    curve_section,
+    electric_section,
+    map_section,
+    mesh_section,
+    openings_section,
+    wire_text,
+)
+
+
+def write_files(found: Findings, out: Path) -> tuple[str, ...]:
+    """Write the report; return what is to be told of the files of its card."""
+    notes = []
+    names = [field.name for field in fields(CurvePoint)]
+    table = {name: np.array([asdict(p)[name] for p in found.curves], dtype=object) for name in names}
+    write_table(out / "tension_strain.csv", table)
+    if found.card is not None:
+        fe_cards = write_fe_cards(
+            found.card, found.loading, found.scene, found.where, out, codes=found.codes, warnings=found.model_warnings
+        )
+        write_card(found.card, found.scene, found.where, out, found.model_warnings, fe_cards)
+        notes = [f"no card for {code}: {result}" for code, result in fe_cards.items() if result not in FILES]
+        earlier = [name for name in FILES if name not in fe_cards.values() and (out / name).exists()]
+        for name in earlier:
+            (out / name).unlink()
+        if earlier:
+            notes.append(f"removed, as of an earlier report: {', '.join(earlier)}")
+    with write_aside(out / "answers.json") as file:
+        json.dump(found.answers, file, indent=2, allow_nan=False)
+    with write_aside(out / "report.html") as file:
+        file.write(_page(found, _figures(found, out / "figures")).html())
+    return tuple(notes)
+
+
+def _page(found: Findings, figures: dict[str, Path]) -> Page:
+    wire = found.scene.wire
+    page = Page(f"{found.scene.name}: {wire.material} mesh, {wire_text(wire)}")
+    for warning in found.model_warnings:
+        page.warning(f"{warning[0].upper()}{warning[1:]}.")
+    page.text(f"warpknit {__version__}, {date.today().isoformat()}, scene {found.scene.hash}")
+    answers_section(page, found.scene, found.answers, found.path, found.equal_tension, figures)
+    for case in found.heated:
+        if case.ended:
+            page.warning(f"{case.ended}.")
+    if (jumped := jump_text(found.path_jumps)) is not None:
+        page.warning(f"Under equal tensions {jumped}.")
+    page.text(
+        "Computed by warpknit for endless cloth, without friction. Pairs of the map and curves are loaded from the mesh as"
+        " knitted in proportion to their strains, answers and service tensions under equal tensions. Weft is across the wales"
+        " (axis 1, x), warp along them (axis 2, y). Tensions are forces per current width."
+    )
+    preset = found.scene.preset_in_force
+    nodes = f"{found.scene.model.nodes_per_loop} nodes per loop" + (f" (preset {preset})" if preset else "")
+    known = found.scene.preset_caveat
+    page.text(f"Model: {found.scene.model.kind}, {found.scene.kind_reason}; {nodes}." + (f" At it {known}." if known else ""))
+    if found.card is None:
+        page.warning(f"{found.where[0].upper()}{found.where[1:]}.")
+    load = found.scene.stages[0]
+    page.text(f"The optimum, the curves and the card are at {celsius(load.temperature)}, the temperature of [load].")
+    mesh_section(page, found.scene, found.model.cloth, found.knitted, found.card, found.notes, figures)
+    outside = [point for point in found.service if point.strains and found.place_in_map(point) is None]
+    map_section(page, found.scene, found.optimum, found.jumps, found.service, outside, found.found_again, figures["map"])
+    page.text(f"The map has {found.sweep_text}.")
+    for of_map in (unconverged_warning(found.rows, found.by_tension), jump_warning(found.jumps, found.by_tension)):
+        if of_map is not None:
+            page.warning(f"{of_map[0].upper()}{of_map[1:]}.")
+    curve_section(page, found.curves, figures["curves"])
+    card_section(page, found.scene, found.card, found.where)
+    if (limit := found.limit_of_curves) is not None:
+        page.warning(f"{limit[0].upper()}{limit[1:]}.")
+    openings_section(page, found.knitted_openings, found.tensioned_openings, figures["openings"])
+    electric = None if found.tensioned is None else (contact_resistances(found.tensioned), sheet_resistance(found.tensioned))
+    electric_section(page, found.scene, electric, figures["resistance"])
+    return page
+
+
+def _figures(found: Findings, folder: Path) -> dict[str, Path]:
+    from ..export.design_figures import openings_figure, resistance_figure, tension_figure, tension_strain_figure
+    from ..export.heat_figure import heat_figure
+    from ..export.knit_figure import knit_figure
+    from ..export.map_figure import Marks, map_figure
+    from ..export.mesh_figure import mesh_figure, state_title
+
+    weft, warp = axes_of(found.rows)
+    optimum, limit = found.optimum, found.scene.wire.yield_stress
+    load = None if optimum is None else optimum.load
+    marks = Marks(
+        stress=grid(found.rows, "stress_max_Pa", weft, warp),
+        yield_stress=limit,
+        optimum=load,
+        jumps=found.jumps,
+        optimum_note=optimum_note(load, found.jumps, found_again=found.found_again),
+        places=tuple(
+            (f"{p.name}: {p.strain}, {p.active} active", found.place_in_map(p), p.active_percent)
+            for p in found.service
+            if p.strains is not None
+        ),
+    )
+    curves = {load: _arrays([p for p in found.curves if p.load == load]) for load in dict.fromkeys(p.load for p in found.curves)}
+    states = (("as knitted", found.knitted_openings), ("at the tension of the card", found.tensioned_openings))
+    circles = [(name, max(o.circle for o in those)) for name, those in states if those]
+    draw: dict[str, Callable[[Path], Path]] = {
+        "map": lambda path: map_figure(
+            path, weft, warp, grid(found.rows, "active_percent", weft, warp),
+            title=f"{found.scene.name}: active contacts", label="active contacts", unit="% of pairs", marks=marks,
+            warnings=found.model_warnings, by_tension=found.by_tension,
+        ),
+        "curves": lambda path: tension_strain_figure(curves, path, yield_stress=limit),
+        "openings": lambda path: openings_figure(circles, BANDS, path),
+        "resistance": lambda path: resistance_figure(curves["equal"], path),
+    }  # fmt: skip
+    if found.answers is not None:
+        answers, path = found.answers, [vars(row) for row in found.path.rows]
+        apart = [(mean_tension(one), mean_tension(other)) for one, other in found.path_jumps]
+        draw["tension"] = lambda file: tension_figure(path, answers, file, yield_stress=limit, jumps=apart)
+    if (cloth := found.model.cloth) is not None:
+        draw["knit"] = lambda path: knit_figure(cloth, found.scene.wire.thickness, path, classes=contact_classes(found.scene))
+    if (mesh := found.tensioned) is not None:
+        frame = measure.frame(mesh, index=0, stage="card", load_factor=1.0, temperature=found.scene.stages[0].temperature)
+        title = state_title(frame, measure.mesh_tension(mesh))
+        draw["mesh"] = lambda path: mesh_figure(mesh.model.layout(), frame, path, title, yield_stress=limit)
+    figures = {name: drawn(folder / f"report_{name}.png") for name, drawn in draw.items()}
+    heated = [[vars(row) for row in case.rows] for case in found.heated]
+    heat = heat_figure(heated, folder / "report_heat.png")
+    return figures if heat is None else figures | {"heat": heat}
+
+
+def _arrays(points: Sequence[CurvePoint]) -> dict[str, np.ndarray]:
+    """Columns of numbers; nan where there is none."""
+    names = [field.name for field in fields(CurvePoint) if field.name != "load"]
+    return {name: np.array([getattr(p, name) for p in points], dtype=float) for name in names}
