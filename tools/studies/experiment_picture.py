@@ -21,6 +21,7 @@ PANELS = (  # title, columns by side, unit of the axis, its factor, logarithmic
     ("contact resistance, median", "contact_ohm", "mOhm", 1e3, True),
     ("sheet resistance", "sheet_{}_ohm", "mOhm", 1e3, True),
 )
+POISSON = (-1.0, 2.5)  # beyond it mesh jumps between two readings
 NO_SIDE = "#444444"  # colour of readings without a direction
 
 
@@ -37,6 +38,9 @@ def draw(path: Path, rows: Sequence[Any], titles: dict[str, str]) -> None:
                     colour = COLOURS[number] if side else NO_SIDE
                     label = f"{side or 'without direction'}, {'space' if model == 'spatial' else 'plane'}"
                     lines[label] = _draw_band(panel, here, column.format(side), factor, colour, model)
+            if title == "Poisson's ratio":
+                bottom, top = panel.get_ylim()
+                panel.set_ylim(max(bottom, POISSON[0]), min(top, POISSON[1]))
             against = column.startswith("strain")
             panel.set_title(title, fontsize=9)
             if logarithmic:
