@@ -123,7 +123,7 @@ def test_inputs_of_hf_1_are_as_pulled() -> None:
     """Strain at the measured force with free sides and with the width held, or the last one where it is not carried."""
     rows = [r for r in read_rows(RESULTS / "pulled_inputs.csv", InputRow) if r.direction == "warp"]
     for name, free, held, straight in table("pulled_meshes.md", "HF-1 along the wales"):
-        wales, courses, *more = (float(v) for v in numbers(name))
+        wales, courses, *more = (float(v) for v in numbers(name.replace(",", "")))
         friction, run_in = more[0] if "friction" in name else 0.2, more[0] if "run-in" in name else 1.0
         for cell, sides in ((free, "free"), (held, "held")):
             own = [
