@@ -156,7 +156,7 @@ def clasp_rows(*, quick: bool = False) -> list[Pressure]:
     """Without friction by tension; with friction also by the sliding of one rod."""
     if quick:
         return list(clasp_states((TIGHT,), 3, SPACING))
-    found = [*clasp_states(PULLED, 6, FINE_SPACING), *clasp_states((TIGHT,), 3, SPACING)]
+    found = [*clasp_states(PULLED, 4, FINE_SPACING), *clasp_states((TIGHT,), 3, SPACING)]
     for friction, twist in FRICTIONS:
         found += clasp_states((TIGHT,), 3, SPACING, friction=friction, twist=twist, shear=SHEAR)
     return found
