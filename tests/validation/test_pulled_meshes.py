@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from typing import Any
 
+import numpy as np
 import pytest
+import strip_pull
 from pulled_data import CASES, MESHES, Case
+from pulled_inputs import QUICK
+from pulled_inputs import rows_of as inputs_of
 from pulled_meshes import pulls_of, scene_of
 from strip_bounds import straight_strain, strongest, yarns_across
 from strip_pull import FREE, WARP, WEFT, Level, Pull, pull
@@ -75,6 +80,61 @@ def test_a_wire_that_yields_is_pulled_by_less() -> None:
     assert yielding.levels[-1].force < 0.8 * elastic.levels[-1].force
     assert yielding.levels[-1].fibre < elastic.levels[-1].fibre
     assert elastic.levels[-1].axial < 0.05 * HF_1.middle
+
+
+def test_a_strip_that_is_held_in_width_is_stiffer() -> None:
+    """At the width as knitted it carries tension across. Of all widths the free one has the least energy, so the work of a pull
+    from the mesh as knitted is less with free sides: the sum of two forces, by trapezoids, and the last one."""
+    free, held = (pull(smooth(), WARP, 0.12, step=0.06, held=held).levels for held in (False, True))
+    assert [v.strain for v in held] == pytest.approx([v.strain for v in free])
+    assert all(v.strain_across == 0.0 for v in held) and abs(free[-1].strain_across) > 0.01
+    assert held[1].force + 0.5 * held[2].force > 1.02 * (free[1].force + 0.5 * free[2].force)
+
+
+class _Fold:
+    """Stands for the relaxation of a mesh whose tension across [N/m] jumps from one branch to another, one width apart, and
+    that starts each trial from the state it was restored to. Branch 0: 1 + 10 (a + 0.05) down to a = -0.05; branch 1:
+    -1 + 100 (a + 0.05) up to a = -0.03. Without tension across there is only a = -0.04 on branch 1."""
+
+    branch, across = 0, 0.0
+
+    def snapshot(self) -> dict[str, Any]:
+        return {"branch": self.branch, "across": self.across}
+
+    def restore(self, kept: dict[str, Any]) -> None:
+        self.branch, self.across = kept["branch"], kept["across"]
+
+    def solve(self, strain: float, across: float) -> None:
+        self.across = across
+        self.branch = 1 if across < -0.05 else 0 if across > -0.03 else self.branch
+
+    def mesh_tension(self, observed: object) -> np.ndarray:
+        side = (1.0 + 10.0 * (self.across + 0.05), -1.0 + 100.0 * (self.across + 0.05))[self.branch]
+        return np.array([side, 2.0])  # weft, warp
+
+
+def test_a_strip_goes_on_behind_a_jump_of_loops(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trials from the state before the jump find tension across of either sign and none between; from the state behind it the
+    strip finds the width without. The tolerance is FREE of the tension along, by the slope of the branch."""
+    fold, strip = _Fold(), object.__new__(strip_pull._Strip)
+    monkeypatch.setattr(strip_pull._Strip, "_solve", lambda self, strain, across: fold.solve(strain, across))
+    monkeypatch.setattr(strip_pull._Strip, "accept", lambda self: None)
+    monkeypatch.setattr(strip_pull._Strip, "level", lambda self, observed: Level(0.0, fold.across, 0.0, 0.0, 0.0, 0.0))
+    strip.relaxation, strip.scene = fold, smooth().changed({"contact.friction": 0.2})  # type: ignore[assignment]
+    strip.axis, strip.held, strip.stiffness, strip.floor = WARP, False, 0.0, 1.0
+    levels = [Level(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)]
+    assert strip.advance(levels, 0.04) is None
+    strip.stiffness, fold.branch = 0.0, 0
+    found = strip.advance(levels, 0.04, jumps=True)
+    assert found is not None and found.strain_across == pytest.approx(-0.04, abs=FREE * 2.0 / 100.0)
+
+
+@pytest.mark.slow
+def test_a_strip_of_hf_1_between_clamps_is_between_held_and_free_sides() -> None:
+    """With 32 wales an inch: the elongation at the measured force is shorter with the width held, and the wires are straight
+    beyond both."""
+    free, held = inputs_of(QUICK)
+    assert held.strain < free.strain < free.straight_strain == held.straight_strain
 
 
 @pytest.mark.slow

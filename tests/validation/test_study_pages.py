@@ -15,6 +15,7 @@ from knot_braid import braid
 from knots import FrictionRow
 from knots import Row as Knot
 from pulled_data import MESHES
+from pulled_inputs import InputRow
 from pulled_meshes import Row as Pulled
 from study import RESULTS, read_rows
 from trefoil import TrefoilRow
@@ -116,6 +117,25 @@ def test_strips_are_as_pulled() -> None:
         loaded = [r for r in pulls if r.last_axial >= LOADED]
         check_with_range(force, [base.force_weak, base.force_strong], [f for r in loaded for f in (r.force_weak, r.force_strong)])
         check(most, base.bound_weak, base.bound_strong)
+
+
+def test_inputs_of_hf_1_are_as_pulled() -> None:
+    """Strain at the measured force with free sides and with the width held, or the last one where it is not carried."""
+    rows = [r for r in read_rows(RESULTS / "pulled_inputs.csv", InputRow) if r.direction == "warp"]
+    for name, free, held, straight in table("pulled_meshes.md", "HF-1 along the wales"):
+        wales, courses, *more = (float(v) for v in numbers(name.replace(",", "")))
+        friction, run_in = more[0] if "friction" in name else 0.2, more[0] if "run-in" in name else 1.0
+        for cell, sides in ((free, "free"), (held, "held")):
+            own = [
+                r
+                for r in rows
+                if (r.wales, r.courses, r.friction, r.run_in, r.sides) == (wales, courses, friction, run_in, sides)
+            ]
+            assert len(own) == len(numbers(cell)), (name, cell)
+            for row in own:
+                check(cell, 100.0 * (row.last_strain if math.isnan(row.strain) else row.strain))
+                assert cell.startswith("not by") == math.isnan(row.strain)
+                check(straight, 100.0 * row.straight_strain)
 
 
 # --- knots and clasps -------------------------------------------------------------------------------------------------

@@ -156,7 +156,7 @@ def clasp_rows(*, quick: bool = False) -> list[Pressure]:
     """Without friction by tension; with friction also by the sliding of one rod."""
     if quick:
         return list(clasp_states((TIGHT,), 3, SPACING))
-    found = [*clasp_states(PULLED, 6, FINE_SPACING), *clasp_states((TIGHT,), 3, SPACING)]
+    found = [*clasp_states(PULLED, 4, FINE_SPACING), *clasp_states((TIGHT,), 3, SPACING)]
     for friction, twist in FRICTIONS:
         found += clasp_states((TIGHT,), 3, SPACING, friction=friction, twist=twist, shear=SHEAR)
     return found
@@ -182,8 +182,8 @@ def draw_clasp(path: Path, found: list[Pressure]) -> None:
     for wanted, colour in zip(SHOWN, COLOURS, strict=False):
         p = min(free, key=lambda p: abs(np.log(p.row.tension / wanted)))
         size = 60.0 * np.clip(p.force / p.row.tension, 0.0, None)
-        ridge.scatter(p.first, p.second, s=size + 2.0, color=colour, alpha=0.6, label=f"T {p.row.tension:.2g}")
-        along.plot(*profile(p), color=colour, label=f"T {p.row.tension:.2g}")
+        ridge.scatter(p.first, p.second, s=size + 2.0, color=colour, alpha=0.6, label=f"T d^2/B = {p.row.tension:.2g}")
+        along.plot(*profile(p), color=colour, label=f"T d^2/B = {p.row.tension:.2g}")
     ridge.set(xlabel="arc from the tip of one rod [d]", ylabel="arc from the tip of the other [d]", aspect="equal")
     along.set(xlabel="arc from the tip [d]", ylabel="pressure, of 2 T/d")
     for (friction, twist), colour in zip(FRICTIONS, COLOURS[1:], strict=False):

@@ -8,57 +8,76 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator, NullFormatter
 from study import COLOURS, new_figure, tidy
 
 MODELS = ("planar", "spatial")
 SIDES = ("weft", "warp")
-PANELS = (  # title, columns by side, unit of the axis, logarithmic
-    ("tension against strain", "strain_{}", "strain from the lowest tension on", False),
-    ("tangent stiffness", "stiffness_{}", "N/m", True),
-    ("Poisson's ratio", "poisson_{}", "", False),
-    ("active contacts", "active_percent", "%", False),
-    ("contact resistance, median", "contact_ohm", "Ohm", True),
-    ("sheet resistance", "sheet_{}_ohm", "Ohm", True),
+PANELS = (  # title, columns by side, unit of the axis, its factor, logarithmic
+    ("tension against strain", "strain_{}", "strain from 0.5 N/m on [%]", 1e2, False),
+    ("tangent stiffness", "stiffness_{}", "N/m", 1.0, True),
+    ("Poisson's ratio", "poisson_{}", "", 1.0, False),
+    ("active contacts", "active_percent", "%", 1.0, False),
+    ("contact resistance, median", "contact_ohm", "mOhm", 1e3, True),
+    ("sheet resistance", "sheet_{}_ohm", "mOhm", 1e3, True),
 )
+POISSON = (-1.0, 2.5)  # beyond it mesh jumps between two readings
+NO_SIDE = "#444444"  # colour of readings without a direction
 
 
 def draw(path: Path, rows: Sequence[Any], titles: dict[str, str]) -> None:
     """Write the picture: a row of panels for each sample, by name, and a column for each reading."""
     shown = [name for name in titles if any(row.sample == name for row in rows)]
-    figure, panels = new_figure(19.0, 3.6 * len(shown), len(shown), len(PANELS))
+    figure, panels = new_figure(19.0, 3.6 * len(shown) + 0.3, len(shown), len(PANELS))
+    lines: dict[str, Any] = {}
     for line, name in enumerate(shown):
-        for panel, (title, column, unit, logarithmic) in zip(panels[line], PANELS, strict=True):
+        for panel, (title, column, unit, factor, logarithmic) in zip(panels[line], PANELS, strict=True):
             for number, side in enumerate(SIDES if "{}" in column else ("",)):
                 for model in MODELS:
                     here = [row for row in rows if (row.sample, row.model) == (name, model)]
-                    _draw_band(panel, here, column.format(side), number, model, side)
+                    colour = COLOURS[number] if side else NO_SIDE
+                    label = f"{side or 'without direction'}, {'space' if model == 'spatial' else 'plane'}"
+                    lines[label] = _draw_band(panel, here, column.format(side), factor, colour, model)
+            if title == "Poisson's ratio":
+                bottom, top = panel.get_ylim()
+                panel.set_ylim(max(bottom, POISSON[0]), min(top, POISSON[1]))
             against = column.startswith("strain")
             panel.set_title(title, fontsize=9)
-            panel.set_yscale("log" if logarithmic else "linear")
+            if logarithmic:
+                panel.set_yscale("log")
+                panel.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+                panel.yaxis.set_major_formatter("{x:g}")
+                panel.yaxis.set_minor_formatter(NullFormatter())
             panel.set_xlabel(unit if against else "tension [N/m]", fontsize=8)
-            panel.set_ylabel("tension [N/m]" if against else unit, fontsize=8)
+            panel.set_ylabel("tension [N/m]" if against else f"{title}{f' [{unit}]' if unit else ''}", fontsize=8)
         panels[line, 0].set_title(f"{titles[name]}\n{PANELS[0][0]}", fontsize=9)
-    tidy(panels)
+    tidy(panels, legend=False)
+    labels = sorted(lines, key=lambda label: ("without" in label, label))
+    figure.legend(
+        [lines[label] for label in labels], labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=9
+    )
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path)
 
 
-def _draw_band(panel: Axes, rows: Sequence[Any], column: str, number: int, model: str, side: str) -> None:
-    """The base case of a model and the band of all cases."""
+def _draw_band(panel: Axes, rows: Sequence[Any], column: str, factor: float, colour: str, model: str) -> Any:
+    """The base case of a model and the band of all cases; returns the line of the base case."""
     tensions = sorted({row.tension for row in rows})
-    curves = {case: readings(rows, case, column) for case in {row.case for row in rows}}
+    curves = {
+        case: {tension: factor * value for tension, value in readings(rows, case, column).items()}
+        for case in {row.case for row in rows}
+    }
     values = [[curve[tension] for curve in curves.values() if tension in curve] for tension in tensions]
     low, high = ([pick(of_all) for of_all in values] for pick in (np.nanmin, np.nanmax))
-    base = list(curves["base"].items())
-    colour, dash = COLOURS[number], "-" if model == "spatial" else "--"
-    label = f"{side} {model}".strip()
+    base, dash = list(curves["base"].items()), "-" if model == "spatial" else "--"
     fill = {"color": colour, "alpha": 0.25 if model == "spatial" else 0.12, "lw": 0}
     if column.startswith("strain"):
         panel.fill_betweenx(tensions, low, high, **fill)
-        panel.plot([v for _, v in base], [t for t, _ in base], color=colour, ls=dash, label=label)
+        (line,) = panel.plot([v for _, v in base], [t for t, _ in base], color=colour, ls=dash)
     else:
         panel.fill_between(tensions, low, high, **fill)
-        panel.plot([t for t, _ in base], [v for _, v in base], color=colour, ls=dash, label=label)
+        (line,) = panel.plot([t for t, _ in base], [v for _, v in base], color=colour, ls=dash)
+    return line
 
 
 def readings(rows: Sequence[Any], case: str, column: str) -> dict[float, float]:

@@ -78,7 +78,7 @@ def draw_knots(path: Path, rows: Sequence[State]) -> None:
     free.set(xlabel="e = (h/R)^(1/2)", ylabel="F R^2/B without friction", xlim=(0.0, None))
     stored.set(xlabel="e", ylabel="energy without friction, of pi B/R", xlim=(0.0, None), ylim=(1.0, None))
     press.set(xlabel="e", ylabel="contact force h^2/(B e^3) without friction", xlim=(-0.005, None), ylim=(0.0, None))
-    one.set(xlabel="e", ylabel="F R^2/B, one turn with friction", ylim=(0.0, None))
+    one.set(xlabel="e", ylabel="F R^2/B, one turn with friction", ylim=(0.0, 8.5))
     more.set(xlabel="e", ylabel="F R^2/B, more turns with friction", ylim=(0.0, None))
     added.set(xlabel="e", ylabel="(F - energy force) over friction x contact force", ylim=(0.5, 1.2))
     tidy(np.array([free, stored, press, one, more, added]))

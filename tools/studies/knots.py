@@ -1,9 +1,9 @@
 """Knots and clasps of elastic rods in space, against theory and measurements that others published.
 
-    python tools/studies/knots.py knots [DIR] [--jobs N]   # 30 min, --quick 2: overhand knots of one to four turns, with friction
+    python tools/studies/knots.py knots [DIR] [--jobs N]   # 40 min, --quick 2: overhand knots of one to four turns, with friction
     python tools/studies/knots.py friction [DIR]           # 2 min: friction by the spacing of nodes and the steps of an increment
-    python tools/studies/knots.py clasp [DIR]              # 4 min: two hooked rods pulled apart: where they press
-    python tools/studies/knots.py trefoil [DIR]            # 4 min: a closed trefoil that grows thicker
+    python tools/studies/knots.py clasp [DIR]              # 5 min: two hooked rods pulled apart: where they press
+    python tools/studies/knots.py trefoil [DIR]            # 5 min: a closed trefoil that grows thicker
 
 *knots* leaves knots.csv and goes on with the knots that are missing there; a new DIR runs all. --jobs computes several at once.
 

@@ -31,7 +31,7 @@ def draw(path: Path, rows: Sequence[Any], levels: Sequence[Any], meshes: Sequenc
             panel.set_yscale("log")
             panel.set_ylim(LEAST, 3e4)
             panel.set_xlim(0.0, None)
-            panel.set_xlabel("strain")
+            panel.set_xlabel("strain [-]")
         panels[0, column].set_ylabel("force over the width as knitted [N/m]")
         panels[1, column].set_ylabel("force over the width as knitted [N/m]")
     tidy(panels, legend=False)

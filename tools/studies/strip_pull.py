@@ -2,7 +2,9 @@
 
 A run under tension is refused with friction or yield, whose states depend on the load history: a search would be part of it. Here
 every trial of a level starts from the accepted level before, so that only the accepted strains are history. A level that does not
-converge, or in which the wires tighten too much, is tried again with another step.
+converge, or in which the wires tighten too much, is tried again with another step. Where the tension across changes its sign by a
+jump of loops, no step has a strain at which there is none: the strip then takes the state behind the jump into its history, and
+goes on from there.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ TRIALS = 12  # strains across, a level
 STEP_ACROSS = 0.02  # strain across between two trials, at most
 STEPS = (1.0, 0.5, 0.25, 0.12, 1.5)  # of the step of the strain, tried one after the other; the last passes over a jump of loops
 SHORTEST = 3  # of STEPS
+NO_STRAIN = "no strain across"  # the ending where none was found without tension across
 TIGHTER, TIGHT = 1.6, 100e6  # largest factor of the axial stress between two levels beyond so much [Pa]
 
 
@@ -52,6 +55,7 @@ class Pull:
     levels: tuple[Level, ...]
     ending: str  # strength | end | steps | the class of the error
     steps: int
+    said: str = ""  # by the last attempt, where none had a result
 
     def strain_at(self, force: float) -> float:
         """Strain from which the strip carries a force [N/m], between two levels; nan if it never does."""
@@ -76,28 +80,40 @@ def section_area(wire: Wire) -> float:
     return wire.ends * math.pi * wire.radius**2
 
 
-def pull(scene: Scene, axis: int, end: float, *, step: float = 0.02, strength: float = math.inf, steps: int = 200_000) -> Pull:
-    """Pull a periodic tile along an axis to the strain `end`, the axial stress `strength` [Pa] or so many time steps."""
+def pull(
+    scene: Scene,
+    axis: int,
+    end: float,
+    *,
+    step: float = 0.02,
+    strength: float = math.inf,
+    steps: int = 200_000,
+    held: bool = False,
+) -> Pull:
+    """Pull a periodic tile along an axis to the strain `end`, the axial stress `strength` [Pa] or so many time steps; `held`: at
+    the width as knitted, in place of sides that are free."""
     fraction = scene.wire.set_fraction
     simulation = Simulation(build_model(scene.changed({"wire.set_fraction": 1.0})))
-    strip = _Strip(simulation, axis)
+    strip = _Strip(simulation, axis, held)
     levels = [strip.first_level(fraction)]
-    tried, ending = 0, "end"
+    tried, ending, said = 0, "end", ""
     while levels[-1].strain < end - 1e-9:
         if strip.progress.steps > steps:
             ending = "steps"
             break
         before = strip.relaxation.snapshot()
         try:
-            found = strip.advance(levels, min(levels[-1].strain + STEPS[tried] * step, end))
+            is_jump = tried == len(STEPS)
+            factor = 1.0 if is_jump else STEPS[tried]
+            found = strip.advance(levels, min(levels[-1].strain + factor * step, end), jumps=is_jump)
         except WarpknitError as error:
-            found, failure = None, type(error).__name__
+            found, failure, said = None, type(error).__name__, str(error)
         else:
-            failure = "no strain across"
+            failure, said = NO_STRAIN, NO_STRAIN
         if found is None or (found.axial > TIGHTER * max(levels[-1].axial, TIGHT) and tried < SHORTEST):
             strip.restore(before)
             tried += 1
-            if tried == len(STEPS):
+            if tried > len(STEPS) or (tried == len(STEPS) and failure != NO_STRAIN):
                 ending = failure
                 break
             continue
@@ -107,14 +123,15 @@ def pull(scene: Scene, axis: int, end: float, *, step: float = 0.02, strength: f
         if found.axial > strength:
             ending = "strength"
             break
-    return Pull(tuple(levels), ending, strip.progress.steps)
+    return Pull(tuple(levels), ending, strip.progress.steps, "" if ending in ("end", "steps", "strength") else said)
 
 
 class _Strip:
     """The levels of a pull, on the relaxation of a simulation."""
 
-    def __init__(self, simulation: Simulation, axis: int) -> None:
+    def __init__(self, simulation: Simulation, axis: int, held: bool) -> None:
         assert isinstance(simulation.drive, Relaxation)
+        self.held = held
         self.simulation, self.relaxation, self.axis = simulation, simulation.drive, axis
         self.scene, self.progress = simulation.model.scene, simulation.progress
         self.floor = FLOOR * tension_scale(simulation.model)
@@ -129,22 +146,41 @@ class _Strip:
         """The mesh at the length as knitted, with its loops set in part."""
         level = self.level(self.relaxation.mechanics.observe())
         for _ in releases(self.simulation, fraction):
+            before = self.relaxation.snapshot()
             found = self.advance([level], 0.0)
+            if found is None:
+                self.restore(before)
+                found = self.advance([level], 0.0, jumps=True)
             if found is None:
                 raise Diverged("no strain across is found as knitted")
             self.accept()
             level = found
         return level
 
-    def advance(self, levels: list[Level], strain: float) -> Level | None:
-        """The level at a strain along the pull; None where no strain across is found."""
+    def advance(self, levels: list[Level], strain: float, *, jumps: bool = False) -> Level | None:
+        """The level at a strain along the pull; None where no strain across is found, with `jumps` on neither side of a jump."""
         last = levels[-1]
         across, slope = last.strain_across, 0.0
+        if self.held:
+            return self.level(self._solve(strain, across))
         if len(levels) > 2:
             slope = (across - levels[-2].strain_across) / (last.strain - levels[-2].strain)
         across = max(across + slope * (strain - last.strain), -0.99)
-        before = self.relaxation.snapshot()
         tried: list[tuple[float, float]] = []  # strain and tension across
+        found = self._search(strain, across, tried)
+        if found is None and jumps:
+            contracts = tried[-1][0] < last.strain_across  # to the jump, where it gives way to the tension across
+            behind = [a for a, t in tried if (t < 0.0 if contracts else t > 0.0)]
+            if behind:
+                across = max(behind) if contracts else min(behind)
+                self._solve(strain, across)
+                self.accept()
+                found = self._search(strain, across, [])
+        return found
+
+    def _search(self, strain: float, across: float, tried: list[tuple[float, float]]) -> Level | None:
+        """The level without tension across, searched from a strain across on; the state before if there is none."""
+        before = self.relaxation.snapshot()
         for trial in range(TRIALS):
             if trial and self.scene.contact.friction > 0.0:
                 self.relaxation.restore(before)
@@ -155,6 +191,7 @@ class _Strip:
                 return self.level(observed)
             tried.append((across, sideways))
             across = self._next(tried)
+        self.relaxation.restore(before)
         return None
 
     def _next(self, tried: list[tuple[float, float]]) -> float:
