@@ -3,7 +3,7 @@
 
    Structure of arrays, chunks of 128 nodes. Stretch, bending and twist of discrete elastic rods, directors transported from step
    to step, central differences with damping. One closed wire of n nodes; arrays of vectors hold x, y and z one after the other.
-   Contact is that of straight segments on which round sections press: closest points of each pair of segments in a list of
+   Contact is that of straight round segments: closest points of each pair of segments in a list of
    neighbours, which a grid of square cells in the plane finds once a call, and a force proportional to the overlap.
 
    gcc -O3 -march=native -ffast-math -fopenmp -shared -fPIC -DREAL=double rod_loop.c
@@ -123,8 +123,8 @@ static void find_contact(const List *list, int n, int threads, const REAL *x, co
 
 /* u displacements, v velocities, t tangents, d directors, edge at rest, f forces: (3, n); w spins, c torques, length, rest:
    natural length, bent: (2, n) natural turns, twisted: natural twists, mass, inertia: [n]. For contact, where thickness > 0:
-   place: (3, n) nodes at rest, size: periods of the tile, own: segments along the wire that never touch. Returns the contacts of
-   the last step. */
+   place: (3, n) nodes at rest, size: periods of the tile, own: segments along the wire that never touch. Returns the number of
+   segments in contact in the last step. */
 int64_t take_steps(int64_t n, int steps, int threads, REAL *u, REAL *v, REAL *t, REAL *d, const REAL *edge, REAL *f, REAL *w, REAL *c,
                    REAL *length, const REAL *rest, const REAL *bent, const REAL *twisted, const REAL *mass, const REAL *inertia,
                    const REAL *gradient, const REAL *place, const REAL *size, int own, REAL thickness, REAL stiffness, REAL axial,

@@ -20,11 +20,10 @@ import numpy as np
 from experiment_picture import MODELS, SIDES, draw
 from pulled_data import MESHES, with_run_in
 from pulled_meshes import INCH
-from study import add_directory, new_parser, picture_path, show_rows, table_path, write_rows
+from study import add_directory, new_parser, picture_path, show_rows, start_study, table_path, write_rows
 
 from warpknit import measure
 from warpknit.design.network import contact_resistances, sheet_resistance
-from warpknit.device import start_warp
 from warpknit.errors import Diverged
 from warpknit.knit.named import named_knit
 from warpknit.model import build_model
@@ -165,10 +164,7 @@ def cases_of(sample: Sample) -> Iterator[tuple[str, tuple[float, float], dict[st
 def main() -> int:
     parser = new_parser(__doc__)
     add_directory(parser, quick="the base cases at two tensions; under a minute")
-    given = parser.parse_args()
-    if given.quick and given.directory is None:
-        parser.error("--quick: give a DIR, as the stored results are those of the whole study")
-    start_warp()
+    given = start_study(parser)
     tensions = (1.0, 2.0) if given.quick else TENSIONS
     rows: list[Row] = []
     for sample in SAMPLES:

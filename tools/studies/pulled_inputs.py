@@ -18,9 +18,7 @@ from pulled_data import MESHES, Case
 from pulled_meshes import DIRECTIONS, STIFF, scene_of
 from strip_bounds import straight_strain
 from strip_pull import pull
-from study import add_directory, new_parser, show_rows, table_path, write_rows
-
-from warpknit.device import start_warp
+from study import add_directory, new_parser, show_rows, start_study, table_path, write_rows
 
 HF_1 = MESHES[0]
 
@@ -89,10 +87,7 @@ def rows_of(inputs: tuple[Input, ...]) -> Iterator[InputRow]:
 def main() -> int:
     parser = new_parser(__doc__)
     add_directory(parser, quick="32 wales an inch; under a minute")
-    given = parser.parse_args()
-    if given.quick and given.directory is None:
-        parser.error("--quick: give a DIR, as the stored results are those of the whole study")
-    start_warp()
+    given = start_study(parser)
     rows: list[InputRow] = []
     for row in rows_of(QUICK if given.quick else INPUTS):
         rows.append(row)

@@ -22,9 +22,8 @@ from pulled_data import CASES, MESHES, Case, Mesh, with_run_in
 from pulled_pictures import draw
 from strip_bounds import straight_strain, strongest
 from strip_pull import WARP, WEFT, Pull, pull
-from study import add_directory, new_parser, picture_path, read_rows, show_rows, table_path, write_rows
+from study import add_directory, new_parser, picture_path, read_rows, show_rows, start_study, table_path, write_rows
 
-from warpknit.device import start_warp
 from warpknit.errors import Diverged
 from warpknit.scene import Scene, make_scene
 
@@ -152,10 +151,7 @@ def main() -> int:
     add_directory(parser, quick="the base case of HF-1; under a minute")
     parser.add_argument("--only", choices=[mesh.name for mesh in MESHES], help="renew the rows of this mesh")
     parser.add_argument("--case", help="renew the rows of this case")
-    given = parser.parse_args()
-    if given.quick and given.directory is None:
-        parser.error("--quick: give a DIR, as the stored results are those of the whole study")
-    start_warp()
+    given = start_study(parser)
     of_pulls, of_levels = table_path(given, "pulled_meshes.csv"), table_path(given, "pulled_meshes_levels.csv")
     rows: list[Row] = []
     levels: list[LevelRow] = []

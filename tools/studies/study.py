@@ -50,6 +50,15 @@ def add_directory(parser: argparse.ArgumentParser, quick: str | None = None) -> 
         parser.add_argument("--quick", action="store_true", help=quick)
 
 
+def start_study(parser: argparse.ArgumentParser) -> argparse.Namespace:
+    """Read the arguments of a study whose stored tables hold all its cases, and start Warp; `--quick` needs a DIR."""
+    given = parser.parse_args()
+    if given.quick and given.directory is None:
+        parser.error("--quick: give a DIR, as the stored results are those of the whole study")
+    start_warp()
+    return given
+
+
 def run_one_of(text: str | None, studies: dict[str, Callable[[argparse.Namespace], None]], add: Options) -> int:
     """Run the study that the command line names, of those of a file; `add` gives each its arguments."""
     parser = new_parser(text)
