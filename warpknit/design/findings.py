@@ -12,27 +12,17 @@ from ..runner.branches import Jump as RowJump
 from ..runner.history import Row
 from ..runner.strength import exceeded_text
 from ..scene import Scene, Sweep
-from ..sweep.contact_map import (
-    Jump,
-    MapRow,
-    Optimum,
-    axes_of,
-    load_text,
-)
+from ..sweep.contact_map import Jump, MapRow, Optimum, axes_of, load_text
 from ..sweep.states import Mesh
 from ..text import celsius, engineering
 from .card import MaterialCard
 from .card_files import card_warnings
 from .curves import CurvePoint
-from .equal_tension import (
-    EqualTensionPath,
-)
+from .equal_tension import EqualTensionPath
 from .fe import limit_of_curves
 from .heat import HeatedMesh
 from .opening_size import Opening
-from .sections import (
-    missing_text,
-)
+from .sections import missing_text
 from .service import EqualTension, ServicePoint
 
 DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))

@@ -21,13 +21,7 @@ from ..runner.history import Row, mean_tension, row_of
 from ..runner.progress_display import Progress
 from ..scene import Scene, Stage
 from ..scene.capabilities import refuse
-from ..sweep.contact_map import (
-    MapRow,
-    Optimum,
-    find_jumps,
-    find_optimum,
-    model_warnings,
-)
+from ..sweep.contact_map import MapRow, Optimum, find_jumps, find_optimum, model_warnings
 from ..sweep.states import Mesh, mesh_of
 from ..text import exact
 from .card import MaterialCard, find_card

@@ -14,19 +14,11 @@ from .. import __version__, measure
 from ..files import write_aside, write_table
 from ..mesh.layout import contact_classes
 from ..runner.history import mean_tension
-from ..sweep.contact_map import (
-    axes_of,
-    grid,
-    jump_warning,
-    optimum_note,
-    unconverged_warning,
-)
+from ..sweep.contact_map import axes_of, grid, jump_warning, optimum_note, unconverged_warning
 from ..text import celsius
 from .card_files import write_card
 from .curves import CurvePoint
-from .equal_tension import (
-    jump_text,
-)
+from .equal_tension import jump_text
 from .fe import FILES, write_fe_cards
 from .findings import Findings
 from .network import contact_resistances, sheet_resistance

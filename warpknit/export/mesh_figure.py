@@ -74,21 +74,21 @@ def mesh_figure(
     wires = ScalarMappable(scale, colours)
     wires.set_array(1e-6 * np.asarray(frame.node_stress))
     _stress_bar(figure, axes, wires, yield_stress)
-    shows_open = _spacing(bodies, layout.body_count) * plan_scale(figure, axes) >= LEAST_ROOM  # else they would hide the loops
+    spacing = _spacing(bodies, layout.body_count)
+    shows_open = spacing * plan_scale(figure, axes) >= LEAST_ROOM  # else they would hide the loops
     _legend(figure, layout, frame, shows_open)
     if tile is not None:
         axes.add_patch(Polygon(SQUARE @ tile.T, fill=False, zorder=2, **OUTLINE))
-    points_per_mm = plan_scale(figure, axes)
+    points_per_mm = plan_scale(figure, axes)  # the legend takes room
     width = max(1e3 * layout.diameter * points_per_mm, THINNEST)
     if lines.size > 3 * OVER_UNDER:
         axes.add_collection(LineCollection(list(lines[:, :, :2]), colors=wires.to_rgba(stress.mean(axis=1)), linewidths=width))
     else:
         pieces, colour = np.stack([lines[:, :-1], lines[:, 1:]], axis=2).reshape(-1, 2, 3), wires.to_rgba(stress.ravel())
         pieces, number = copied(pieces, offsets, *_with_margin(low, high))
-        spacing = _spacing(bodies, layout.body_count) * points_per_mm
-        edge = EDGE * float(np.clip((spacing - LEAST_ROOM) / (ENOUGH_ROOM - LEAST_ROOM), 0.0, 1.0))
+        edge = EDGE * float(np.clip((spacing * points_per_mm - LEAST_ROOM) / (ENOUGH_ROOM - LEAST_ROOM), 0.0, 1.0))
         axes.add_collection(over_under(pieces, colour[number], width, points_per_mm, edge))
-    _draw_contacts(axes, layout, frame, bodies, offsets, points_per_mm, shows_open)
+    _draw_contacts(axes, layout, frame, bodies, offsets, spacing * points_per_mm, shows_open)
     return save_figure(figure, path)
 
 
@@ -225,13 +225,15 @@ def _draw_contacts(
     frame: Frame,
     position: NDArray[Any],
     offsets: NDArray[Any],
-    points_per_mm: float,
+    spacing: float,
     shows_open: bool,
 ) -> None:
-    """Fill active contacts at `position` (body, 2) [mm], circle open ones, and ring those of the central rhombus."""
+    """Fill active contacts at `position` (body, 2) [mm], circle open ones, and ring those of the central rhombus.
+
+    spacing [pt] of the contacts.
+    """
     if not layout.body_count:
         return
-    spacing = _spacing(position, layout.body_count) * points_per_mm
     size = float(np.clip(0.2 * spacing, SMALLEST_MARK, 7.0))  # [pt]
     for chosen, name, edge, look in reversed(
         _kinds(frame)

@@ -266,5 +266,5 @@ def rods_of_wires(section: Section, panel: Panel, wires: SpatialWires) -> tuple[
     assert forms is not None
     period = np.array([0.0, panel.size[1], 0.0]) if panel.boundary == "periodic" else None
     rods = along_centre_line(rods_of(section, forms.points, [period] * len(forms.points), tile=wires.tile), forms.line)
-    curve = fit_rest_curve(rods, forms.line).at_nodes(rods.nodes_of(forms.form))
-    return rods.copied(forms.form, forms.origin).holding(wires.held_node, wires.held_section), curve
+    copies = rods.copied(forms.form, forms.origin).holding(wires.held_node, wires.held_section)
+    return copies, replace(fit_rest_curve(rods, forms.line), row=copies.row)

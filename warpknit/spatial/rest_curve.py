@@ -58,10 +58,6 @@ class RestCurve:
     weight_square: float = 1.0  # largest sum of squared weights of a force on the curve, couples on sections taken as forces
     lever: float = 0.0  # [m] largest part of the curve that rotates with one section
 
-    def at_nodes(self, node: np.ndarray) -> RestCurve:
-        """The curve of wires whose nodes are copies of these."""
-        return replace(self, row=self.row[node])
-
 
 def catmull_rom(rods: Rods) -> RestCurve:
     """The Catmull-Rom curve: no correction."""
