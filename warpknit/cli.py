@@ -49,7 +49,7 @@ def scene_options(command: Any) -> Any:
         click.option(
             "--device",
             metavar="cpu|cuda:N",
-            help=f"Default: the first CUDA device for meshes of {LEAST_NODES:,} nodes or more, else the CPU.",
+            help="Default: the first CUDA device for meshes of 100,000 nodes or more, else the CPU. Maps run on the CPU.",
         ),
         click.option("--preset", metavar="draft|standard|reference", help="Accuracy against time; over solver.preset."),
         click.option(
