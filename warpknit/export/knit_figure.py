@@ -75,7 +75,7 @@ def knit_figure(
         outline = (cloth.rhombus.opening.outline + cell * cloth.size) * MM
         axes.add_patch(Polygon(outline, facecolor=RHOMBUS_COLOUR, alpha=0.12, edgecolor="none", zorder=0.5))
         mine = (bodies[clasps[:, 0]] + (clasps[:, 1:] + cell) * cloth.size) * MM
-        (rings,) = axes.plot(mine[:, 0], mine[:, 1], "o", color=RHOMBUS_COLOUR, fillstyle="none", markersize=8)
+        (rings,) = axes.plot(mine[:, 0], mine[:, 1], "o", color=RHOMBUS_COLOUR, fillstyle="none", markersize=14, zorder=4)
         rings.set_label(f"the {len(clasps)} contacts of one rhombus")
         handles += [rings, Patch(facecolor=RHOMBUS_COLOUR, alpha=0.12, label="its opening")]
 
