@@ -40,6 +40,7 @@ RAMP_STEPS = wp.constant(23)
 # drive
 DRIVE = wp.constant(24)  # 0 relax, 1 ramp
 DAMPING = wp.constant(25)  # [1/s]
+HAS_LOAD = wp.constant(26)  # of wires in space: 1 where dead loads act on the nodes
 SPEED_LIMIT = wp.constant(29)  # [m] largest displacement a step in relax; speeds are scaled down to it
 # watch
 STEP_LIMIT = wp.constant(30)  # [m] a larger displacement in a step is a divergence

@@ -46,7 +46,7 @@ with t' = (e + f)/(1 + e . f) and d' = (d_before + d_after)/(1 + e . f).
 A segment j pulls its nodes and turns by
 
     n_j = T_j t_j + (gradient of bending and twist by edge j) + t_j x c_j/|e_j|       f_i = n_i - n_(i-1) + contact + load
-    torque of segment j = - gradient by its angle + t_j . c_j + load
+    torque of segment j = - gradient by its angle + t_j . c_j
 
 with the tension T and the contact couple c_j on its section. Contact forces are gathered from the contacts of the segments in
 their order (wire_contact_forces.py), so that sums do not depend on the number of threads.
@@ -57,7 +57,7 @@ from typing import Any
 import warp as wp
 
 from .arctangent import ARCTANGENT
-from .control import STATUS, is_halted
+from .control import HAS_LOAD, STATUS, is_halted
 from .native import constants
 from .rod_blocks import AROUND, BLOCK
 
@@ -73,7 +73,7 @@ _FORCES = (
     (
         BLOCK
         + AROUND
-        + constants(STATUS=STATUS, STATUS_RUNNING=0)
+        + constants(HAS_LOAD=HAS_LOAD, STATUS=STATUS, STATUS_RUNNING=0)
         + r"""
     typedef double real;
     const bool steps = steer[STATUS] == STATUS_RUNNING;
@@ -278,6 +278,14 @@ _FORCES = (
             }
         }
     }
+    if (steer[HAS_LOAD] != 0) {
+        const double* given = (const double*)(load_force.data + first - HALO);
+        for (int k = HALO; k < HALO + count; ++k) {
+            cfx[k] += given[3 * k];
+            cfy[k] += given[3 * k + 1];
+            cfz[k] += given[3 * k + 2];
+        }
+    }
     // forces of the segments, and their sums
     double nx[SPAN], ny[SPAN], nz[SPAN];
     {
@@ -291,17 +299,16 @@ _FORCES = (
         nz[k] = has[k] * (pull[k] * tz[k] + gaz[k] + gbz[k + 1] + il[k] * z);
     }
     }
-    const double* given = (const double*)(load_force.data + first - HALO);
-    double* __restrict sum = (double*)(force.data + first - HALO);
+    double* __restrict sum = (double*)(force.data + first - HALO - stored_from);
     double* __restrict edge = (double*)(edge_force.data + first - HALO);
     double* __restrict turning = (double*)(curvature.data + first - HALO);
     double* __restrict acting = (double*)(moment.data + first - HALO);
     for (int k = HALO; k < HALO + count; ++k) {
-        sum[3 * k] = given[3 * k] + cfx[k] + (nx[k] - nx[k - 1]);
-        sum[3 * k + 1] = given[3 * k + 1] + cfy[k] + (ny[k] - ny[k - 1]);
-        sum[3 * k + 2] = given[3 * k + 2] + cfz[k] + (nz[k] - nz[k - 1]);
+        sum[3 * k] = cfx[k] + (nx[k] - nx[k - 1]);
+        sum[3 * k + 1] = cfy[k] + (ny[k] - ny[k - 1]);
+        sum[3 * k + 2] = cfz[k] + (nz[k] - nz[k - 1]);
         const double about = ccx[k] * tx[k] + ccy[k] * ty[k] + ccz[k] * tz[k];
-        torque.data[first - HALO + k] = load_torque.data[first - HALO + k] + has[k] * (about - ga[k] - gb[k + 1]);
+        torque.data[first - HALO + k - stored_from] = has[k] * (about - ga[k] - gb[k + 1]);
     }
     if (steps) return;
     for (int k = HALO; k < HALO + count; ++k) {
@@ -361,7 +368,6 @@ def forces_of_block(
     hardening: wp.float64,
     stretch_stiffness: wp.array(dtype=wp.float64),
     load_force: wp.array(dtype=wp.vec3d),
-    load_torque: wp.array(dtype=wp.float64),
     # in: what steers the step
     control: wp.array(dtype=wp.float64),
     # in: contact
@@ -378,12 +384,14 @@ def forces_of_block(
     director: wp.array(dtype=wp.vec3d),
     plastic_turn: wp.array(dtype=wp.vec2d),
     # out: turning vector [rad], moments of turn and twist [N m], twist [rad], energy of both [J], force of a segment on its
-    # first node, in an evaluation without a step; the sums
+    # first node, in an evaluation without a step
     curvature: wp.array(dtype=wp.vec2d),
     moment: wp.array(dtype=wp.vec3d),
     twist: wp.array(dtype=wp.float64),
     bend_energy: wp.array(dtype=wp.float64),
     edge_force: wp.array(dtype=wp.vec3d),
+    # the sums, from this node on
+    stored_from: wp.int32,
     force: wp.array(dtype=wp.vec3d),
     torque: wp.array(dtype=wp.float64),
 ): ...
@@ -414,7 +422,6 @@ def find_rod_forces(
     hardening: wp.float64,
     stretch_stiffness: wp.array(dtype=wp.float64),
     load_force: wp.array(dtype=wp.vec3d),
-    load_torque: wp.array(dtype=wp.float64),
     # in: what steers the step
     control: wp.array(dtype=wp.float64),
     # in: contact
@@ -431,12 +438,14 @@ def find_rod_forces(
     director: wp.array(dtype=wp.vec3d),
     plastic_turn: wp.array(dtype=wp.vec2d),
     # out: turning vector [rad], moments of turn and twist [N m], twist [rad], energy of both [J], force of a segment on its
-    # first node, in an evaluation without a step; the sums
+    # first node, in an evaluation without a step
     curvature: wp.array(dtype=wp.vec2d),
     moment: wp.array(dtype=wp.vec3d),
     twist: wp.array(dtype=wp.float64),
     bend_energy: wp.array(dtype=wp.float64),
     edge_force: wp.array(dtype=wp.vec3d),
+    # the sums, from this node on
+    stored_from: wp.int32,
     force: wp.array(dtype=wp.vec3d),
     torque: wp.array(dtype=wp.float64),
 ):
@@ -468,7 +477,6 @@ def find_rod_forces(
             hardening,
             stretch_stiffness,
             load_force,
-            load_torque,
             control,
             touch_first_start,
             touch_second_start,
@@ -486,6 +494,7 @@ def find_rod_forces(
             twist,
             bend_energy,
             edge_force,
+            stored_from,
             force,
             torque,
         )

@@ -19,9 +19,9 @@ _MOVE = (
     const int first = wire_first.data[wire], count = wire_count.data[wire], quiet = wire_quiet.data[wire];
     const double* __restrict factors = (const double*)(mass_factor.data + FACTORS * first);
     const double* __restrict borders = (const double*)(mass_border.data + BORDERS * wire_border.data[wire]);
-    const double* __restrict push = (const double*)(force.data + first);
-    const double* __restrict couple = torque.data + first;
-    double* __restrict swept = (double*)(sweep.data + first);
+    const double* __restrict push = (const double*)(force.data + first - stored_from);
+    const double* __restrict couple = torque.data + first - stored_from;
+    double* __restrict swept = (double*)(sweep.data + first - stored_from);
     double z1[4] = {0, 0, 0, 0}, z2[4] = {0, 0, 0, 0}, other[4] = {0, 0, 0, 0}, last[4] = {0, 0, 0, 0};
     for (int j = 0; j < count; ++j) {
         const double* __restrict l = factors + 4 * FACTORS * j;
@@ -117,8 +117,9 @@ def move_wire(
     wire_quiet: wp.array(dtype=wp.int32),
     node_mass: wp.array(dtype=wp.vec3d),
     spin_inertia: wp.array(dtype=wp.float64),
-    # in
+    # in; forces, torques and the sweep from this node on
     control: wp.array(dtype=wp.float64),
+    stored_from: wp.int32,
     force: wp.array(dtype=wp.vec3d),
     torque: wp.array(dtype=wp.float64),
     # state in and out
@@ -147,8 +148,9 @@ def move_rods(
     wire_quiet: wp.array(dtype=wp.int32),
     node_mass: wp.array(dtype=wp.vec3d),
     spin_inertia: wp.array(dtype=wp.float64),
-    # in
+    # in; forces, torques and the sweep from this node on
     control: wp.array(dtype=wp.float64),
+    stored_from: wp.int32,
     force: wp.array(dtype=wp.vec3d),
     torque: wp.array(dtype=wp.float64),
     # state in and out
@@ -177,6 +179,7 @@ def move_rods(
         node_mass,
         spin_inertia,
         control,
+        stored_from,
         force,
         torque,
         displacement,

@@ -53,6 +53,10 @@ class Diverged(WarpknitError):
     exit_code = 3
 
 
+class StepLimitExceeded(Diverged):
+    """A level took more steps than allowed: the line gives its residual and what to raise."""
+
+
 class OutOfResources(WarpknitError):
     """Memory or disk ran out during a run: the line gives what was needed against what was available."""
 

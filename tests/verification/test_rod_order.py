@@ -35,7 +35,7 @@ def ring_error(nodes: int) -> float:
     force = 1e-3 * SECTION.bending_stiffness / RADIUS**2
     load = np.zeros((nodes, 3))
     load[[0, nodes // 2], 0] = force, -force
-    stepper.state.load_force.assign(load)
+    stepper.state.set_load(load)
     relaxed(RodRelaxation(stepper, softening=SOFTENING), BALANCE * force, strain_tolerance=1e-10)
     moved = stepper.state.displacement.numpy()
     exact = (np.pi / 4 - 2 / np.pi) * force * RADIUS**3 / SECTION.bending_stiffness

@@ -28,7 +28,7 @@ def deflection(load: float, segments: int, angle: float) -> np.ndarray:
     force = load * SECTION.bending_stiffness / LENGTH**2
     forces = np.zeros_like(points)
     forces[[0, -1]] = force * np.array([0.0, np.cos(angle), np.sin(angle)])
-    stepper.state.load_force.assign(forces)
+    stepper.state.set_load(forces)
     relaxed(RodRelaxation(stepper, softening=SOFTENING), BALANCE * force, strain_tolerance=1e-9)
     moved = stepper.state.displacement.numpy()
     return (moved[-1] - moved[segments]) / LENGTH
@@ -64,7 +64,7 @@ def test_the_energy_of_an_equilibrium_does_not_depend_on_its_softening() -> None
         force = 5.0 * SECTION.bending_stiffness / LENGTH**2
         forces = np.zeros_like(points)
         forces[-1] = force * np.array([2.0, 1.0, 0.0])
-        stepper.state.load_force.assign(forces)
+        stepper.state.set_load(forces)
         relaxation = RodRelaxation(stepper, softening=softening)
         relaxed(relaxation, BALANCE * force, strain_tolerance=1e-9)
         stored.append(relaxation.sums(of_mean=False).energy)

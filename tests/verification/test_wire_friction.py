@@ -181,7 +181,7 @@ def wire_on_rails(slope: float, friction: float, rolls: bool) -> tuple[RodSteppe
     contact = WireContact(stepper, STIFFNESS, friction=friction)
     load = np.zeros((84, 3))
     load[80:] = weight / 4 * np.array([np.sin(slope), 0.0, -np.cos(slope)])
-    stepper.state.load_force.assign(load)
+    stepper.state.set_load(load)
     state = stepper.state
     rates = largest_rates(rods, state.node_mass.numpy()[:, 0], state.spin_inertia.numpy(), contact_stiffness=STIFFNESS)
     stepper.set_time_step(0.5 * stable_step(rates))
@@ -262,7 +262,7 @@ def test_capstan(increments: int) -> None:
     state, out, tolerance = stepper.state, wire[-1] - wire[-2], 1e-4 * low
     load = np.zeros((rods.node_count, 3))
     load[11] = low * (wire[0] - wire[1])
-    state.load_force.assign(load)
+    state.set_load(load)
     contact.search()
     rest = RodRelaxation(stepper)
 

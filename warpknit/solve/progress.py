@@ -59,6 +59,7 @@ class Progress:
     stage: str = ""
     level: int = 0  # records of this stage so far
     part: int = 0  # increments solved of the next level
+    cuts: int = 0  # how often the increments of that level were halved
     records: int = 0
     steps: int = 0
     solving: bool = False  # inside a level

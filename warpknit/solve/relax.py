@@ -6,13 +6,13 @@ extrapolation of the last two levels. Directions driven by tension are found by 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ..errors import Diverged
+from ..errors import Diverged, StepLimitExceeded
 from ..measure import tension_scale
 from ..measure.strain import clamp_rotation, rotation, stretch
 from ..mechanics import Mechanics, SingleMesh
@@ -26,6 +26,8 @@ from .stage_load import history_steps
 from .tension import MAX_STATES
 
 DEFAULT_STEP_LIMIT = 500_000  # steps of a level, where the scene gives no max_steps
+MAX_CUTS = 4  # how often the increments of a level are halved, before it has failed
+MOST_KEPT = 300_000  # nodes of a mesh whose last equilibrium is kept to return to: some 2 kB each
 
 
 @dataclass(frozen=True)
@@ -69,10 +71,13 @@ class Relaxation(Drive):
     ) -> None:
         """`equilibrium`: the solver of many meshes, of which this is number `row`; default: its own."""
         super().__init__(mechanics, progress or Progress(), watch)
+        # one of many meshes, or a strip of one, does not return to its last equilibrium
+        self._may_cut = equilibrium is None and self.model.ranks.count == 1 and self.model.node_count <= MOST_KEPT
         self.equilibrium = equilibrium or Equilibrium(SingleMesh(mechanics), [self])
         self.row = row
         self._last_gradient: np.ndarray | None = None  # of the previous level
         self._wanted: WantedTension | None = None  # of this level
+        self._before: dict[str, np.ndarray] = {}  # the last equilibrium, to return to where an increment fails
 
     @property
     def dissipated(self) -> float:
@@ -80,25 +85,37 @@ class Relaxation(Drive):
 
     def state_dict(self) -> dict[str, np.ndarray]:
         kept = super().state_dict() | self.equilibrium.convergence.state_dict()
+        kept |= {f"equilibrium_{name}": value for name, value in self._before.items()}
         return kept | {"last_gradient": np.zeros(0) if self._last_gradient is None else self._last_gradient}
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         super().load_state_dict(kept)
         self.equilibrium.convergence.load_state_dict(kept)
         self._last_gradient = kept["last_gradient"].copy() if len(kept["last_gradient"]) else None
+        self._before = {name[12:]: value for name, value in kept.items() if name.startswith("equilibrium_")}
 
     # --- levels
 
     def stage(self, stage: Stage) -> Iterator[Record]:
-        for step in self.levels(stage):
+        levels = self.levels(stage)
+        step = next(levels, None)
+        while step is not None:
             if isinstance(step, Unsolved):
-                self.equilibrium.solve()
+                try:
+                    self.equilibrium.solve()
+                except Diverged as error:
+                    step = levels.throw(error)
+                    continue
             else:
                 yield self.record(stage, step, steady=True)
+            step = next(levels, None)
 
-    def levels(self, stage: Stage, levels: int | None = None) -> Iterator[float | Unsolved]:
+    def levels(self, stage: Stage, levels: int | None = None) -> Generator[float | Unsolved, None, None]:
         """Load factors of the levels of a stage, each as the mesh is in equilibrium there; UNSOLVED wherever it is to be brought
-        to equilibrium first. levels: their number, default `output.frames`."""
+        to equilibrium first. levels: their number, default `output.frames`.
+
+        Where that fails, `Diverged` is thrown in: the increment is halved from the last equilibrium on, MAX_CUTS times at most.
+        """
         progress = self.progress
         levels = levels or self.scene.output.frames
         unloaded = progress.stage_index == 0
@@ -107,8 +124,9 @@ class Relaxation(Drive):
         tension_end = np.array([stage.tension_weft or 0.0, stage.tension_warp or 0.0])
         while progress.level < levels + unloaded:
             factor = (progress.level + (not unloaded)) / levels
-            parts = self._parts_of_level(stage, factor, levels)
-            while progress.part < parts:
+            whole = self._parts_of_level(stage, factor, levels)
+            while progress.part < (parts := whole << progress.cuts):
+                self._keep(may_cut=factor > 0.0 or whole > 1)
                 there = max(0.0, factor - (parts - progress.part - 1) / (parts * levels))
                 progress.load_factor = there
                 if factor == 0.0:
@@ -116,12 +134,34 @@ class Relaxation(Drive):
                 wanted = None
                 if driven.any() and there > 0.0:
                     wanted = WantedTension(driven, tension_start + there * (tension_end - tension_start))
-                yield from self.reach(self.target(stage, there), wanted)
+                try:
+                    yield from self.reach(self.target(stage, there), wanted)
+                except Diverged as error:
+                    self._cut(error)
+                    continue
                 self.mechanics.advance_history()
                 progress.part += 1
-            progress.part = 0
+            if progress.cuts:
+                self.notes.append(f"{self._level_text()} was reached in {parts} increments, as larger ones failed")
+            progress.part = progress.cuts = 0
             progress.level += 1
             yield factor
+
+    def _keep(self, *, may_cut: bool) -> None:
+        """Keep the present equilibrium, unless the mesh is large; a resumed level has what was kept as it began."""
+        if self.progress.solving:
+            return
+        self._before = {}
+        if may_cut and self._may_cut and self.progress.cuts < MAX_CUTS:
+            self._before = self.snapshot()
+
+    def _cut(self, error: Diverged) -> None:
+        """Return to the last equilibrium, with increments half as large; raises the error where that is not to be."""
+        if not self._before or isinstance(error, StepLimitExceeded):
+            raise error
+        progress, steps = self.progress, self.progress.steps
+        self.restore(self._before)
+        progress.steps, progress.cuts, progress.part = steps, progress.cuts + 1, 2 * progress.part
 
     def _parts_of_level(self, stage: Stage, factor: float, levels: int) -> int:
         """Number of increments to a level; of the unloaded mesh, those of its natural curvature."""
@@ -236,7 +276,7 @@ class Relaxation(Drive):
 
     def exceeded_steps(self) -> Diverged:
         """The error of a level that exceeds its step limit."""
-        return Diverged(
+        return StepLimitExceeded(
             f"{self._level_text()} did not converge in {self.step_limit:,} steps ({self._residual_text()}): raise"
             " solver.max_steps or solver.residual_tolerance"
         )

@@ -9,7 +9,6 @@ from typing import Any, cast
 import numpy as np
 
 from ..errors import InputError, ModelError
-from ..host import store
 from ..mechanics import Model, MultilevelMechanics
 from ..mesh.layout import estimated_nodes
 from ..mesh.smaller import one_repeat, smaller_scene
@@ -96,8 +95,8 @@ class Simulation:
         Between two records it may be set anew, for a force that follows the mesh. Its work is in no energy balance.
         Raises ModelError: for the planar model, and for another shape.
         """
-        place = getattr(self.state, "load_force", None)
-        if place is None:
+        set_load = getattr(self.state, "set_load", None)
+        if set_load is None:
             raise ModelError("forces on nodes: given for the planar model, allowed: model.kind = 'spatial'")
         wanted = (self.model.node_count, 3)
         values = np.asarray(force)
@@ -105,7 +104,7 @@ class Simulation:
             raise ModelError(f"forces on nodes: given an array of {values.dtype}, allowed: finite numbers, {wanted}")
         if values.shape != wanted or not np.all(np.isfinite(values)):
             raise ModelError(f"forces on nodes: given an array of {values.shape}, allowed: finite numbers, {wanted}")
-        store(place, values)
+        set_load(values)
 
     # --- drives
 

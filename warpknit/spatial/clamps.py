@@ -30,6 +30,11 @@ class MovingClamps:
         self.velocity = wp.zeros(self.count, dtype=wp.float64, device=device)  # [m/s] along the warp
         stepper.clamps = self
 
+    @property
+    def need_forces(self) -> bool:
+        """Whether some of them slide."""
+        return len(self.sliding) > 0
+
     def launches(self) -> list[Launch]:
         """Launches that move the clamps after the step of the rods."""
         return [

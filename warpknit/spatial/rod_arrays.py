@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 import warp as wp
@@ -75,8 +75,7 @@ class RodState:
     mass_factor: wp.array  # (node, FACTORS) vec4d, factors of both
     mass_border: wp.array  # (row, BORDERS) vec4d
     wire_quiet: wp.array  # [wire] int, see kernels/banded_mass.py
-    load_force: wp.array  # vec3d [N] dead load
-    load_torque: wp.array  # [N m] about the segment
+    load_force: wp.array  # vec3d [N] dead load, see `set_load`
     position: wp.array  # vec3d [m]
     length: wp.array  # [m]
     curvature: wp.array  # vec2d [rad] turning vector at a node, along the section directors
@@ -104,6 +103,11 @@ class RodState:
         """Restore what `arrays` returned."""
         for name, value in arrays.items():
             store(getattr(self, name), value)
+
+    def set_load(self, force: np.ndarray) -> None:
+        """Put dead loads (node, 3) [N] on the nodes."""
+        store(self.load_force, force)
+        self.write_control({c.HAS_LOAD: 1.0})
 
     def write_control(self, values: dict[int, float]) -> None:
         """Set entries of the control array."""
@@ -215,7 +219,6 @@ def rest_state(rods: Rods, device: str) -> RodState:
         mass_border=zeros((_borders(rods)[1], BORDERS), wp.vec4d, device),
         wire_quiet=zeros(len(rods.wire_first), wp.int32, device),
         load_force=vectors(),
-        load_torque=reals(),
         position=vectors(rods.position),
         length=reals(np.linalg.norm(edge, axis=1)),
         curvature=zeros(nodes, wp.vec2d, device),
@@ -304,46 +307,61 @@ def no_contact(rods: Rods, device: str) -> TouchArrays:
     return TouchArrays.of(rods.node_count, 1, device)
 
 
-Share = Callable[[int], tuple[int, int]]  # begin and number of the share of a thread in so many items
+class StepForces(NamedTuple):
+    """Where forces and torques of a step are stored, and the sweep of its motion."""
+
+    stored_from: int  # node that the arrays begin with
+    force: wp.array  # vec3d [N]
+    torque: wp.array  # [N m]
+    sweep: wp.array  # vec4d
+
+    @staticmethod
+    def of(state: RodState) -> StepForces:
+        """The arrays of a state."""
+        return StepForces(0, state.force, state.torque, state.sweep)
 
 
-def whole(count: int) -> tuple[int, int]:
-    """All items."""
-    return 0, count
-
-
-def frames_launch(arrays: RodArrays, state: RodState, share: Share = whole) -> Launch:
-    """Launch of `update_frames`: edges and directors."""
-    block, threads, a_block = _block_share(arrays, state, share)
+def frames_launch(arrays: RodArrays, state: RodState, blocks: range | None = None) -> Launch:
+    """Launch of `update_frames` for some blocks, default all: edges and directors."""
+    block, threads, a_block = _block_threads(arrays, state, blocks)
     return bind(update_frames, threads, arrays, state, first_block=block, threads_a_block=a_block)
 
 
-def force_launch(rods: Rods, arrays: RodArrays, state: RodState, touch: TouchArrays, share: Share = whole) -> Launch:
-    """Launch of `find_rod_forces`: stretch, bending, twist, and the sum of all forces."""
-    block, threads, a_block = _block_share(arrays, state, share)
-    section = rods.section
+def force_launch(
+    rods: Rods,
+    arrays: RodArrays,
+    state: RodState,
+    touch: TouchArrays,
+    blocks: range | None = None,
+    stored: StepForces | None = None,
+) -> Launch:
+    """Launch of `find_rod_forces` for some blocks, default all: stretch, bending, twist, and the sum of all forces."""
+    block, threads, a_block = _block_threads(arrays, state, blocks)
+    section, stored = rods.section, stored or StepForces.of(state)
     return bind(
         find_rod_forces, threads, arrays, state, touch, first_block=block, threads_a_block=a_block,
+        stored_from=stored.stored_from, force=stored.force, torque=stored.torque,
         bending_stiffness=wp.float64(section.bending_stiffness),
         yield_curvature=wp.float64(section.yield_curvature), hardening=wp.float64(section.hardening),
     )  # fmt: skip
 
 
-def _block_share(arrays: RodArrays, state: RodState, share: Share) -> tuple[int, int, wp.int32 | wp.int64]:
-    """First block of a share, its threads, and those of a block: one, or one a node on a GPU (kernels/rod_blocks.py)."""
-    begin, blocks = share(len(arrays.block_first))
+def _block_threads(arrays: RodArrays, state: RodState, blocks: range | None) -> tuple[int, int, wp.int32 | wp.int64]:
+    """First of some blocks, their threads, and those of a block: one, or one a node on a GPU (kernels/rod_blocks.py)."""
+    blocks = range(len(arrays.block_first)) if blocks is None else blocks
     if is_in_place(state.control.device):
-        return begin, blocks, wp.int32(1)
-    return begin, blocks * ROD_BLOCK, wp.int64(ROD_BLOCK)
+        return blocks.start, len(blocks), wp.int32(1)
+    return blocks.start, len(blocks) * ROD_BLOCK, wp.int64(ROD_BLOCK)
 
 
-def factor_launch(arrays: RodArrays, state: RodState, share: Share = whole) -> Launch:
-    """Launch of `factor_masses`, after the masses have changed."""
-    wire, wires = share(len(arrays.wire_first))
-    return bind(factor_masses, wires, arrays, state, first_wire=wire)
+def factor_launch(arrays: RodArrays, state: RodState, wires: range | None = None) -> Launch:
+    """Launch of `factor_masses` for some wires, default all, after the masses have changed."""
+    wires = range(len(arrays.wire_first)) if wires is None else wires
+    return bind(factor_masses, len(wires), arrays, state, first_wire=wires.start)
 
 
-def motion_launch(arrays: RodArrays, state: RodState, share: Share = whole) -> Launch:
-    """Launch of `move_rods`: accelerations and update."""
-    wire, wires = share(len(arrays.wire_first))
-    return bind(move_rods, wires, arrays, state, first_wire=wire)
+def motion_launch(arrays: RodArrays, state: RodState, wires: range | None = None, stored: StepForces | None = None) -> Launch:
+    """Launch of `move_rods` for some wires, default all: accelerations and update."""
+    wires = range(len(arrays.wire_first)) if wires is None else wires
+    stored = stored or StepForces.of(state)
+    return bind(move_rods, len(wires), arrays, state, first_wire=wires.start, **stored._asdict())

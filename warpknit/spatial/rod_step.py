@@ -41,6 +41,7 @@ from .rod_arrays import (
     upload_rods,
 )
 from .rods import Rods
+from .wire_groups import forces_of_groups, wire_groups
 from .yielding import Yielding
 
 GRAPH_STEPS = (5, 1)  # of one graph replay: capturing more takes longer than replaying few more often
@@ -75,6 +76,10 @@ class Contact(Protocol):
 class Clamps(Protocol):
     """Motion of held nodes."""
 
+    @property
+    def need_forces(self) -> bool:
+        """Whether they move by the forces on their nodes."""
+
     def launches(self) -> Sequence[Launch]:
         """Launches that move held nodes after the step."""
 
@@ -94,30 +99,53 @@ class RodStepper:
         self.team = Team(thread_count(rods.node_count // NODES_A_THREAD) if device == "cpu" else 1, device)
         self._no_contact = no_contact(rods, device)
         self._graphs: dict[tuple[tuple[int, ...], int], list[wp.Graph]] = {}
-        shares = (partial(self.team.share, part=part) for part in range(self.team.threads))
-        factors = [factor_launch(self.arrays, self.state, share) for share in shares]
+        self._groups = [wire_groups(rods, part, self.team.threads, on_cpu=device == "cpu") for part in range(self.team.threads)]
+        factors = [
+            factor_launch(self.arrays, self.state, self._range(len(rods.wire_first), part)) for part in range(self.team.threads)
+        ]
         self._factor = [factor.replay(device) for factor in factors if factor.threads]
         self.factor_masses()
         self._frames = frames_launch(self.arrays, self.state).record(device)
 
-    def _force_launches(self, part: int = 0) -> list[Launch]:
-        """The launches of one thread's part of all forces, in order."""
-        arrays, state, wait, share = self.arrays, self.state, self.team.barrier(), partial(self.team.share, part=part)
+    def _range(self, count: int, part: int) -> range:
+        """The share of a thread in so many items."""
+        begin, share = self.team.share(count, part)
+        return range(begin, begin + share)
+
+    def _contact_launches(self, part: int) -> tuple[list[Launch], TouchArrays]:
+        """The launches of one thread's part of frames and contact, in order, and what the contact finds."""
+        arrays, state, wait = self.arrays, self.state, self.team.barrier()
         touch, contact = self._no_contact, []
         if self.contact is not None:
             touch, contact = self.contact.touch, [*self.contact.launches(part, self.team.threads), *wait]
-        frames = frames_launch(arrays, state, share)
-        return [frames, *wait, *contact, force_launch(self.rods, arrays, state, touch, share), *wait]
+        return [frames_launch(arrays, state, self._range(len(arrays.block_first), part)), *wait, *contact], touch
 
-    def _motion_launches(self, part: int = 0) -> list[Launch]:
-        """The launches of one thread's part of the motion, in order; the first also moves clamps and control."""
-        wait, state = self.team.barrier(), self.state
-        motion = [motion_launch(self.arrays, state, partial(self.team.share, part=part)), *wait]
+    def _evaluation_launches(self, part: int = 0) -> list[Launch]:
+        """The launches of one thread's part of all forces, in order."""
+        launches, touch = self._contact_launches(part)
+        blocks = self._range(len(self.arrays.block_first), part)
+        return [*launches, force_launch(self.rods, self.arrays, self.state, touch, blocks), *self.team.barrier()]
+
+    def _step_launches(self, part: int = 0) -> list[Launch]:
+        """The launches of one thread's part of a step, in order; the first also moves clamps and control.
+
+        The forces of a group of wires move its nodes at once. On a CPU the next group then takes their memory,
+        unless clamps need them.
+        """
+        wait, state, groups = self.team.barrier(), self.state, self._groups[part]
+        launches, touch = self._contact_launches(part)
+        is_kept = self.device != "cpu" or (self.clamps is not None and self.clamps.need_forces)
+        for group, stored in zip(groups, forces_of_groups(groups, state, shared=not is_kept), strict=True):
+            launches += [
+                force_launch(self.rods, self.arrays, state, touch, group.blocks, stored),
+                motion_launch(self.arrays, state, group.wires, stored),
+            ]
+        launches += wait
         if part == 0:
-            motion += self.clamps.launches() if self.clamps is not None else ()
+            launches += self.clamps.launches() if self.clamps is not None else ()
             sums, rows = fewer_rows(state.partial)
-            motion += [*sums, bind(update_control, 1, control=state.control, wire_partial=rows, body_partial=state.no_bodies)]
-        return [*motion, *wait]
+            launches += [*sums, bind(update_control, 1, control=state.control, wire_partial=rows, body_partial=state.no_bodies)]
+        return [*launches, *wait]
 
     def step(self, count: int) -> None:
         """Take `count` steps, fewer where the state freezes (kernels/control.py)."""
@@ -152,7 +180,7 @@ class RodStepper:
 
     def launches(self) -> list[Launch]:
         """The launches of a step, those of its first thread."""
-        return [*self._force_launches(), *self._motion_launches()]
+        return self._step_launches()
 
     def _replay(self, steps: int, times: int) -> None:
         """Replay graphs of so many steps in all threads, while the state does not freeze; for none, the forces alone."""
@@ -173,9 +201,7 @@ class RodStepper:
 
     def _captured(self, part: int, steps: int) -> wp.Graph:
         """The graph of one thread's part."""
-        work = self._force_launches(part)
-        if steps:
-            work += self._motion_launches(part)
+        work = self._step_launches(part) if steps else self._evaluation_launches(part)
         commands = [launch.record(self.device) for launch in work if launch.threads]
         with wp.ScopedCapture(device=self.device) as capture:
             for _ in range(max(steps, 1)):

@@ -1,0 +1,68 @@
+"""Levels that fail: increments of the load are halved from the last equilibrium on."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warpknit import measure
+from warpknit.errors import Diverged, StepLimitExceeded
+from warpknit.model import build_model
+from warpknit.scene import load_scene
+from warpknit.solve.relax import MAX_CUTS, Relaxation
+from warpknit.solve.simulate import Simulation
+
+SCENES = Path(__file__).parent.parent / "scenes"
+LOAD = ("solver.preset=draft", "load.strain_weft=0.04", "load.strain_warp=0.04")
+MODELS = {"planar": SCENES / "atlas_cell.toml", "spatial": SCENES / "atlas_cell_spatial.toml"}
+
+
+def simulation_of(kind: str, frames: int) -> Simulation:
+    return Simulation(build_model(load_scene(MODELS[kind], [*LOAD, f"output.frames={frames}"])))
+
+
+def fail_above(increment: float, monkeypatch: pytest.MonkeyPatch, *, error: type[Diverged] = Diverged) -> list[float]:
+    """Have levels of larger increments of strain fail once their load is applied; returns the strains at which they do."""
+    corrected, failed = Relaxation.corrected, []
+
+    def refused(self: Relaxation, ratio: float) -> float:
+        moved = 0.0 if self._last_gradient is None else float(np.abs(self.state.gradient.ravel() - self._last_gradient).max())
+        if moved > increment:
+            failed.append(float(self.state.gradient[0, 0]) - 1.0)
+            raise error("too far at once")
+        return corrected(self, ratio)
+
+    monkeypatch.setattr(Relaxation, "corrected", refused)
+    return failed
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_a_level_that_fails_is_reached_in_smaller_increments(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """4 % fail, then 2 %, then 1 % do not: the state is that of four levels of 1 %, and a note says so. Records of wires in
+    space search their contacts anew, so bits differ: both are within the drift that counts as none, 1e-3 of the tension."""
+    whole = simulation_of(kind, 4)
+    for _ in whole.run():
+        pass
+    failed = fail_above(0.015, monkeypatch)
+    cut = simulation_of(kind, 1)
+    records = list(cut.run())
+    assert failed == pytest.approx([0.04, 0.02]) and [record.load_factor for record in records] == [0.0, 1.0]
+    of_cut, of_whole = (simulation.mechanics.observe() for simulation in (cut, whole))
+    assert np.array_equal(of_cut.node_position, of_whole.node_position) or kind == "spatial"
+    assert measure.mesh_tension(of_cut) == pytest.approx(measure.mesh_tension(of_whole), rel=1e-3)
+    assert [note for note in cut.notes if "in 4 increments, as larger ones failed" in note]
+    assert records[-1].steps > whole.progress.steps  # those of the levels that failed count
+
+
+def test_what_fails_in_the_smallest_increment_has_failed(monkeypatch: pytest.MonkeyPatch) -> None:
+    failed = fail_above(0.0, monkeypatch)
+    with pytest.raises(Diverged, match="too far at once"):
+        list(simulation_of("planar", 1).run())
+    assert failed == pytest.approx([0.04 * 0.5**cut for cut in range(MAX_CUTS + 1)])
+
+
+def test_the_step_limit_is_no_reason_for_smaller_increments(monkeypatch: pytest.MonkeyPatch) -> None:
+    failed = fail_above(0.0, monkeypatch, error=StepLimitExceeded)
+    with pytest.raises(StepLimitExceeded):
+        list(simulation_of("planar", 1).run())
+    assert failed == pytest.approx([0.04])
