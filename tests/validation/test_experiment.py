@@ -8,6 +8,10 @@ import numpy as np
 import pytest
 from experiment import RAISE, SAMPLES, Row, rows_of, scene_of
 
+from warpknit import measure
+from warpknit.model import build_model
+from warpknit.solve.simulate import Simulation
+
 CONTROL, TIGHT = 0, 1  # of SAMPLES
 TENSION = 1.0  # [N/m] of the control
 SERVICE = 3.4  # [N/m] of the tight mesh
@@ -45,6 +49,19 @@ def test_single_raises_of_the_tight_mesh_differ_by_their_size() -> None:
     assert np.log(single_raises(small)) == pytest.approx(np.log(1.05) / np.log(1.2) * np.log(single_raises(large)), rel=0.2)
     assert large.across_weft == pytest.approx(large.across_warp, rel=(RAISE - 1.0) ** 2)
     assert small.across_weft == pytest.approx(small.across_warp, rel=0.005)
+
+
+def test_loops_of_the_control_set_to_90_percent_spring_open_in_space(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They press on each other as knitted, alike by steps of 2 % and of 1 % of the curvature. Their weft tension falls on the way
+    to 0.5 N/m, which is found beyond."""
+    scene = scene_of(SAMPLES[CONTROL], "spatial", SAMPLES[CONTROL].spacings["base"], {"wire.set_fraction": 0.9}, (0.5,))
+    records = Simulation(build_model(scene)).run()
+    released, loaded = next(records).observables, next(records).observables
+    monkeypatch.setattr("warpknit.spatial.mechanics.RELEASE", 0.01)
+    finer = next(Simulation(build_model(scene)).run()).observables
+    assert measure.mesh_tension(released)[0] < 0.0
+    assert measure.mesh_tension(released) == pytest.approx(measure.mesh_tension(finer), rel=0.01)
+    assert measure.mesh_tension(loaded) == pytest.approx((0.5, 0.5), rel=0.002)
 
 
 def test_models_agree_on_the_control() -> None:
