@@ -180,10 +180,10 @@ class SpatialMechanics:
             return 1
         return max(1, math.ceil((1.0 - self.model.scene.wire.set_fraction) / RELEASE - 1e-9))
 
-    def release(self, share: float) -> None:
+    def release(self, begin: float, end: float) -> None:
         if self.release_parts > 1:
             fraction = self.model.scene.wire.set_fraction
-            before, after = (1.0 + part * (fraction - 1.0) for part in (share - 1.0 / self.release_parts, share))
+            before, after = (1.0 + part * (fraction - 1.0) for part in (begin, end))
             self._release = before, after
             self._apply_release()
 
