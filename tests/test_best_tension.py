@@ -172,3 +172,19 @@ def test_a_range_of_one_record_is_called_so(monkeypatch: pytest.MonkeyPatch) -> 
     answers = found(rows, monkeypatch, jumps=[(rows[3], rows[4]), (rows[4], rows[5])])
     assert answers["best"]["low"] == answers["best"]["high"]
     assert dict(answer_rows(answers, LIMIT))["  may drift"] == "unknown: a single record has this share; more output.frames tell"
+
+
+def test_stresses_at_the_grips_do_not_decide_which_tension_is_best(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wires at the grips carry three times the stress of those inside, and yield at a third of the tension. All contacts close inside
+    below the elastic limit; a jump is found by its records, whatever their stress."""
+    rows = [row(0.1 * k) for k in range(7)]
+    at_grips = [row(0.1 * k) for k in range(7)]
+    for one in at_grips:
+        one.stress_interior_max_Pa, one.stress_max_Pa = one.stress_max_Pa, 3.0 * one.stress_max_Pa
+    best, answers = found(rows, monkeypatch)["best"], found(at_grips, monkeypatch, jumps=[(at_grips[3], at_grips[4])])
+    assert found(at_grips, monkeypatch)["best"] == best and best["active_percent"] == pytest.approx(25.0)
+    assert answers["best"]["active_percent"] == pytest.approx(25.0) and answers["best"]["stress_max_Pa"] <= LIMIT
+    assert answers["first_yield"]["tension_weft_N_per_m"] == pytest.approx(LIMIT / STRESS / 3.0)
+    assert answers["first_yield_interior"] is None
+    text = dict(answer_rows(answers, LIMIT))
+    assert text["  away from the grips"] == "not up to 600 mN/m" and text["first yield at"].startswith("233 mN/m")

@@ -206,14 +206,15 @@ def _wire_share(r: Observables, nodes: np.ndarray) -> float:
 
 def interior_stress(r: Observables) -> float:
     """Largest stress [Pa] away from the grips: beyond INTERIOR of the mesh size from its edge."""
-    stress = r.wire_stress.node
+    stress, peak = r.wire_stress.node, r.wire_stress.contact
     if r.model.panel.boundary == "periodic":
-        return float(stress.max())
+        return stress_extremes(r)[0]
     place = r.node_position[:, :2]
     low, high = place.min(axis=0), place.max(axis=0)
     share = (place - low) / (high - low)
     inside = np.all((share > INTERIOR) & (share < 1.0 - INTERIOR), axis=1)
-    return float(stress[inside].max(initial=0.0))
+    peaks = peak[inside[r.wire_stress.contact_node]]
+    return max(float(stress[inside].max(initial=0.0)), float(peaks.max(initial=0.0)))
 
 
 def axial_strain(r: Observables) -> np.ndarray:

@@ -266,7 +266,7 @@ MEASURES: tuple[Measure, ...] = (
     Measure("axial_strain_max", lambda r: float(np.max(np.abs(r.axial_strain))), summary="wire"),
     Measure("slid_max_m", m.slid, summary="wire", map="details", over_seeds=max),
     Measure("contact_force_max_N", m.largest_contact_force, history=True, map="details", over_seeds=max),
-    Measure("stress_interior_max_Pa", m.interior_stress, summary="wire", map="details", over_seeds=max),
+    Measure("stress_interior_max_Pa", m.interior_stress, history=True, summary="wire", map="details", over_seeds=max),
     # energies and work
     Measure("energy_stretch_J", lambda r: r.energies.stretch, history=True, map="details"),
     Measure("energy_bend_J", lambda r: r.energies.bend, history=True, map="details"),

@@ -31,6 +31,7 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     first_yield.jump                  true where the mesh jumps to another equilibrium between them
     first_yield.slack                 true where the mesh strains freely for most of the way between them
     first_yield.as_knitted            true where the stress of the first record is above the yield stress
+    first_yield_interior              the same away from the grips, which clamp wires twice; without a place
     largest_stress                    the largest stress of the run, and its place
     largest_tension                   the state of the largest tension
     asked_tension_N_per_m             largest mean tension of weft and warp that a stage asks for; null without a stage by tension
@@ -41,8 +42,8 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     heat                              each stage that changes the temperature alone: values at its begin and end
     heat[].held                       what it holds in weft and warp, `tension` or `strain` each
     best                              the state in the middle of the widest range of tension with the most active contacts, up to
-                                      first yield; what a single record alone shows does not count. Stages that go on loading at
-                                      one temperature count as one
+                                      first yield, with the largest stress, both away from the grips; what a single record alone
+                                      shows does not count. Stages that go on loading at one temperature count as one
     best.stage                        the stage of this state
     best.stages                       number of stages among the records up to first yield, all of which are searched
     best.low                          the lower end of this range, in which at most one percentage point of contacts opens along
@@ -98,8 +99,12 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
     service = [service_share(tension, rows, classes, closings, jumps) for tension in wanted]
     asked = _asked_tension(model.scene.stages)
     limit = model.scene.wire.yield_stress
-    yields = _yielding_record(rows, limit)
-    known = rows if yields is None else rows[: yields + 1]  # what is loaded further does not change the best tension
+    inner, inner_jumps = _away_from_grips(rows, jumps)
+    inner_yield = _first_yield(model, inner, inner_jumps)
+    if inner_yield is not None:
+        inner_yield = {name: value for name, value in inner_yield.items() if name not in PEAK}
+    yields = _yielding_record(inner, limit)
+    known = inner if yields is None else inner[: yields + 1]  # what is loaded further does not change the best tension
     until = {one.name: closing(rows, one.name, threshold, measure.least_force(model), jumps, len(known)) for one in classes}
     return {
         "contacts": [
@@ -115,14 +120,23 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
             one for one in service if given is not None or one["state"] or one["jump"] or one["tension_N_per_m"] <= (asked or 0.0)
         ],
         "first_yield": first_yield,
+        "first_yield_interior": inner_yield,
         "largest_stress": _peak(max(rows, key=lambda row: row.stress_max_Pa)),
         "largest_tension": state_of(top),
         "asked_tension_N_per_m": asked,
         "tension_tolerance_N_per_m": ZERO_TENSION * model.scene.solver.residual_tolerance * measure.tension_scale(model),
         "tension_error_percent": tension_error(model.scene),
         "heat": heat_of(rows, model.scene.stages),
-        "best": best_tension(known, limit, classes, until, jumps),
+        "best": best_tension(known, limit, classes, until, inner_jumps),
     }
+
+
+def _away_from_grips(rows: Sequence[Row], jumps: Sequence[Jump]) -> tuple[Sequence[Row], Sequence[Jump]]:
+    """The rows, and the pairs of them between which the mesh jumps, with the largest stress away from the grips."""
+    inner = {
+        id(row): Row(**vars(row) | {"stress_max_Pa": vars(row).get("stress_interior_max_Pa", row.stress_max_Pa)}) for row in rows
+    }
+    return [inner[id(row)] for row in rows], [(inner[id(one)], inner[id(other)]) for one, other in jumps]
 
 
 def _asked_tension(stages: Sequence[Stage]) -> float | None:

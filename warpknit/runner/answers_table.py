@@ -44,6 +44,12 @@ def answer_rows(answers: Mapping[str, Any], yield_stress: float, *, gave_up: boo
             text = f"unknown: the mesh jumps there, from {' to '.join(sides)}"
         yield f"active at {exact(point['tension_N_per_m'], 'N/m')}", text
     yield "first yield at", _yield(answers, yield_stress, reached)
+    inner = answers["first_yield_interior"]
+    if answers["first_yield"] is not None and (inner is None or _mean(inner) > _mean(answers["first_yield"])):
+        yield (
+            "  away from the grips",
+            f"not {reached}" if inner is None else _found(inner) if inner["resolved"] else _records(inner),
+        )
     for stage in answers["heat"]:
         yield from _heat(stage)
     yield from _best(answers, gave_up)
@@ -227,7 +233,7 @@ def _best(answers: Mapping[str, Any], gave_up: bool) -> Iterator[tuple[str, str]
         yield "  may drift", f"unknown: only the last record has this share; {more}"
         return
     of_mean = " of the mean" if " / " in _tension(best) else ""
-    known = [one["closes"] for one in answers["contacts"]] + [answers["first_yield"]]
+    known = [one["closes"] for one in answers["contacts"]] + [answers["first_yield_interior"]]
     lowest, highest = (_end(best, name, of_mean, [one for one in known if one is not None]) for name in ("low", "high"))
     if best["open_low"]:
         lowest = f"at most {lowest}, where the records begin,"
