@@ -21,8 +21,12 @@ def wire_of(model: MeshModel, node: int) -> int:
 
 
 def peak_position(r: Observables) -> np.ndarray:
-    """(2,) [m] weft and warp position of `peak_node` from the corner of the mesh."""
-    return np.asarray(r.node_position[peak_node(r), :2] - r.corner[:2])
+    """(2,) [m] weft and warp position of `peak_node` from the corner of the mesh; of a periodic one within its tile."""
+    place = np.asarray(r.node_position[peak_node(r), :2] - r.corner[:2])
+    if r.model.panel.boundary != "periodic":
+        return place
+    tile = r.stretch @ np.diag(r.model.panel.size)
+    return np.asarray(tile @ (np.linalg.solve(tile, place) % 1.0))
 
 
 def peak_part(r: Observables) -> str | None:
