@@ -175,8 +175,8 @@ def test_a_range_of_one_record_is_called_so(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_stresses_at_the_grips_do_not_decide_which_tension_is_best(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Wires at the grips carry three times the stress of those inside, and yield at a third of the tension. All contacts close inside
-    below the elastic limit; a jump is found by its records, whatever their stress."""
+    """Wires at the grips carry three times the stress of those inside, and yield at a third of the tension; those inside
+    do not yield. A jump is found by its records, whatever their stress."""
     rows = [row(0.1 * k) for k in range(7)]
     at_grips = [row(0.1 * k) for k in range(7)]
     for one in at_grips:
