@@ -320,10 +320,9 @@ def _stress_bar(
     label: str = "stress at nodes [MPa]",
 ) -> None:
     largest = float(np.ma.max(np.ma.masked_invalid(mappable.get_array())))
-    label += f", largest there {float(f'{largest:.3g}'):g}"  # no exponent
+    label += f", square-root scale\nlargest there {float(f'{largest:.3g}'):g}"  # no exponent
     if yield_stress is not None:
         label += f", yield at {1e-6 * yield_stress:.4g}"
-    label += " (square-root scale)"
     is_beyond = yield_stress is not None and largest > mappable.norm.vmax
     _colour_bar(figure, axes, mappable, label, extend="max" if is_beyond else "neither")
 
