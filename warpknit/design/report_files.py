@@ -47,7 +47,9 @@ def write_files(found: Findings, out: Path) -> tuple[str, ...]:
             found.card, found.loading, found.scene, found.where, out, codes=found.codes, warnings=found.model_warnings
         )
         write_card(found.card, found.scene, found.where, out, found.model_warnings, fe_cards)
-        notes = [f"no card for {code}: {result}" for code, result in fe_cards.items() if result not in FILES]
+        notes = [
+            f"no card for {code}: {result.removeprefix('none: ')}" for code, result in fe_cards.items() if result not in FILES
+        ]
         earlier = [name for name in FILES if name not in fe_cards.values() and (out / name).exists()]
         for name in earlier:
             (out / name).unlink()

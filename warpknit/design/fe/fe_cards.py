@@ -10,7 +10,7 @@ from ...runner.history import Row, mean_tension
 from ...scene import Scene
 from ...text import engineering
 from ..card import MaterialCard
-from ..card_files import card_warnings
+from ..card_files import card_warnings, mesh_values
 from . import abaqus, ansys, calculix, lsdyna, nastran, radioss
 from .fe_card import FeCard
 from .tangent import NoConstants
@@ -74,7 +74,8 @@ def write_fe_cards(
     """
     no_curves = why_no_curves(card, path)
     curves = None if no_curves else yarn_curves(card, path)
-    fe = FeCard(scene.name, where, card, curves, no_curves, [*warnings, *card_warnings(card, scene)])
+    all_warnings = [*warnings, *card_warnings(card, scene)]
+    fe = FeCard(scene.name, where, card, curves, no_curves, all_warnings, mesh_values(scene))
     written = {}
     for code in codes:
         name, text = CODES[code]
