@@ -190,10 +190,5 @@ def test_a_cold_temperature_without_a_unit_is_named(given: float | str, says: bo
 def test_a_tension_within_the_tolerance_is_zero_in_every_row(tmp_path: Path) -> None:
     """3.58 mN/m beside 9.22 N/m, with a tolerance of 10 mN/m, as in the rows of the answers."""
     mesh = {"tension_weft_N_per_m": 9.22, "tension_warp_N_per_m": 3.58e-3}
-    top = mesh | {"strain_weft": 0.1, "strain_warp": 0.1}
-    answers = {
-        "contacts": [], "service": [], "first_yield": None, "largest_stress": {"stress_max_Pa": 1e8}, "largest_tension": top,
-        "tension_tolerance_N_per_m": 0.01, "heat": [], "best": None,
-    }  # fmt: skip
-    table = dict(summary_rows({"mesh": mesh, "answers": answers, "wire": {"yield_stress_Pa": 1e9}}, tmp_path))
-    assert table["tension, weft / warp"] == "9.22 N/m / 0 N/m"
+    rows = summary_rows({"mesh": mesh, "answers": {"tension_tolerance_N_per_m": 0.01}}, tmp_path)
+    assert next(text for name, text in rows if name == "tension, weft / warp") == "9.22 N/m / 0 N/m"

@@ -12,7 +12,7 @@ import pytest
 
 from warpknit.design.card import MaterialCard
 from warpknit.design.card_files import write_card
-from warpknit.design.fe import CODES, FILES, limit_of_curves, write_fe_cards
+from warpknit.design.fe import CODES, FILES, limit_of_curves, missing_cards, write_fe_cards
 from warpknit.design.fe.tangent import ENGINEERING, GREEN, LOGARITHMIC, TRUE, tangent
 from warpknit.runner.history import Row
 from warpknit.runner.run_directory import OUTPUT_NAMES
@@ -358,6 +358,7 @@ def test_a_code_that_cannot_hold_the_card_gets_none(tmp_path):
 def test_curves_cross_no_jump_and_drop_no_state_that_matters(tmp_path, card, path, why):
     found = write_fe_cards(card, path, SCENE, "", tmp_path)
     assert found["radioss"] == f"none: {why}"
+    assert f"no card for radioss: {why}" in missing_cards(found)
     text = (tmp_path / found["abaqus"]).read_text(encoding="ascii")
     assert f"FABRIC: none, {why}." in text.replace("\n** ", " ") and "NAME=FABRIC" not in text
 

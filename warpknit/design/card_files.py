@@ -23,7 +23,8 @@ DEFINITION = (
     "Tangent of the tensioned mesh: C = dS/dE with S the second Piola-Kirchhoff stress (force per width) and E the Green-Lagrange"
     " strain, both referred to the tensioned mesh, where they equal the true tension and the small strain. Apply the tension to"
     " the FE model as prestress: its geometric stiffness is not included in C, E1, E2, nu12 and nu21. It is included in D11 to"
-    " D22, which a test machine measures from the tensioned mesh on: a small strain in one direction, with the other held. S = prestress + C (E - alpha (T - T0))."
+    " D22, which a test machine measures from the tensioned mesh on: a small strain in one direction, with the other held."
+    " S = prestress + C (E - alpha (T - T0))."
 )
 
 

@@ -105,8 +105,10 @@ def openings_per_length(scene: Scene) -> float | None:
 
 
 def complete_openings(scene: Scene) -> tuple[int, float]:
-    """Number of complete openings of a repeat, and its area [m2]: those between centre lines in plan view with at least COMPLETE of the largest
-    area. Scatter of the loops does not enter.
+    """Number of complete openings of a repeat, and its area [m2].
+
+    Those between centre lines in plan view count that have at least COMPLETE of the largest area. Scatter of the loops does not
+    enter.
 
     One for each wale and course of a fully threaded knit; two for the two wales and four courses of a half-set double atlas.
     """
