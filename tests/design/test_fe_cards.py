@@ -402,7 +402,7 @@ def test_a_card_tells_wire_knit_preset_and_what_the_preset_is_worth(tmp_path):
     files = write_fe_cards(CARD, PATH, scene, "60 mN/m", tmp_path)
     write_card(CARD, scene, "60 mN/m", tmp_path, (), files)
     card = json.loads((tmp_path / "material_card.json").read_text())
-    assert card["wire"] == "molybdenum, 30 um, plated with 200 nm of gold"
+    assert card["wire"] == "molybdenum, 30 um, plated with 0.2 um of gold"
     assert card["knit"] == "1-0/1-2 threaded | and 1-2/1-0 threaded |, 26 wales and 30 courses an inch"
     assert card["preset"].startswith("draft, ")
     assert any(scene.preset_caveat in warning for warning in card["warnings"])

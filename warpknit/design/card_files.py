@@ -123,7 +123,7 @@ def strength_values(card: MaterialCard, scene: Scene) -> Iterator[tuple[str, flo
 def mesh_values(scene: Scene) -> dict[str, str]:
     """Wire, knit and preset of a scene, in words."""
     wire, knit = scene.wire, scene.knit
-    plating = "" if wire.plating is None else f", plated with {exact(wire.plating.thickness, 'm')} of {wire.plating.material}"
+    plating = "" if wire.plating is None else f", plated with {1e6 * wire.plating.thickness:g} um of {wire.plating.material}"
     ends = "" if wire.ends == 1 else f"{wire.ends} x "
     bars = " and ".join(
         f"{bar.chain} threaded {bar.threading}" + (f" shifted by {bar.shift}" if bar.shift else "") for bar in knit.bars
