@@ -162,3 +162,15 @@ def test_a_mark_in_a_corner_hides_no_tick_label(tmp_path, monkeypatch):
     star = axes.transData.transform((0.0, 0.0)) + 0.5 * 15.0 * drawn[0].dpi / 72.0 * np.array([[-1.0, -1.0], [1.0, 1.0]])
     labels = [*axes.get_xticklabels(), *axes.get_yticklabels()]
     assert not any(label.get_window_extent().overlaps(Bbox(star)) for label in labels if label.get_text())
+
+
+def test_lines_that_would_merge_are_left_out(tmp_path, monkeypatch):
+    """A stress that rises by 800 MPa within a fortieth of the map: seven lines within the height of a name are one."""
+    drawn = []
+    monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
+    strains = np.linspace(0.0, 0.1, 41)
+    stress = np.repeat(np.where(strains > 0.05, 8e8, 0.0)[:, None], 41, axis=1)
+    marks = Marks(stress=stress, yield_stress=1e9, optimum=None)
+    map_figure(tmp_path / "a.png", strains, strains, stress, title="", label="stress", unit="Pa", marks=marks)
+    (lines,) = [item for item in drawn[0].axes[0].collections if isinstance(item, QuadContourSet)]
+    assert len(lines.levels) == 1

@@ -36,6 +36,7 @@ LEAST_LEVEL = 0.02  # of the largest value: lines of less are left out
 LIMIT_COLOUR, OPTIMUM_COLOUR = "#D55E00", "white"
 PLACE_MARKERS = "osD^v"
 LEGEND_COLUMNS, WIDE_LABEL, WIDEST_LABEL = 3, 28, 44  # columns, one less where a label has more characters, and one more
+LINES_APART = 10.0  # [pt] between lines of equal value, which is the height of a name: nearer ones are left out
 NAME_ROOM = 3.0  # [pt] about the name of a line
 PLACES_APART = 2.0  # [pt] along a line, where its name may stand
 STEP = 1e-5  # of the map, on either side of the edge of a cell
@@ -143,11 +144,31 @@ def _draw_levels(
             same.setdefault((known.filled(-np.inf) >= level).tobytes() if percent else level, []).append(level)
     if not same:
         return {}
+    if not percent:
+        same = {level: [level] for level in _levels_apart(axes, x, y, known, [some[0] for some in same.values()])}
     names = {some[-1]: ", ".join(f"{level:g}" for level in some) + (" %" if percent else "") for some in same.values()}
     # a share that reaches a line is on its upper side
     shown = _steps(x, y, known + REACHES * high) if percent else (x, y, known)
     bar.add_lines(axes.contour(*shown, levels=list(names), colors="white", linewidths=0.9))
     return names
+
+
+def _levels_apart(axes: Axes, x: NDArray[Any], y: NDArray[Any], known: Any, levels: Sequence[float]) -> list[float]:
+    """Those of rising levels whose lines are no nearer to the line of the one before than names are high."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    size = 72.0 * axes.get_position().size * figure.get_size_inches() / [np.ptp(x), np.ptp(y)]  # [pt] of a unit
+    drawn = axes.contour(x, y, known, levels=levels)
+    kept: list[float] = []
+    before: NDArray[Any] | None = None
+    for level, path in zip(levels, drawn.get_paths(), strict=True):
+        parts = [_along(size * part, PLACES_APART) for part in path.to_polygons(closed_only=False)]
+        places = np.concatenate([np.zeros((0, 2)), *parts])
+        if before is None or (len(places) and np.median(cKDTree(before).query(places)[0]) >= LINES_APART):
+            kept.append(level)
+            before = places if len(places) else before
+    drawn.remove()
+    return kept
 
 
 def _name_lines(axes: Axes, names: Mapping[float, str]) -> None:
