@@ -157,7 +157,7 @@ def _levels_apart(axes: Axes, x: NDArray[Any], y: NDArray[Any], known: Any, leve
     """Those of rising levels whose lines are no nearer to the line of the one before than names are high."""
     figure = axes.get_figure(root=True)
     assert figure is not None
-    size = 72.0 * axes.get_position().size * figure.get_size_inches() / [np.ptp(x), np.ptp(y)]  # [pt] of a unit
+    size = 72.0 * np.array(axes.get_position().size) * figure.get_size_inches() / [np.ptp(x), np.ptp(y)]  # [pt] of a unit
     drawn = axes.contour(x, y, known, levels=levels)
     kept: list[float] = []
     before: NDArray[Any] | None = None
