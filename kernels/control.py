@@ -41,6 +41,8 @@ RAMP_STEPS = wp.constant(23)
 DRIVE = wp.constant(24)  # 0 relax, 1 ramp
 DAMPING = wp.constant(25)  # [1/s]
 HAS_LOAD = wp.constant(26)  # of wires in space: 1 where dead loads act on the nodes
+LOAD_RESTS = wp.constant(27)  # 1 where the load did not move after the last step
+FRAMES_AHEAD = wp.constant(28)  # of wires in space: 1 where the last step left the frames of this one
 SPEED_LIMIT = wp.constant(29)  # [m] largest displacement a step in relax; speeds are scaled down to it
 # watch
 STEP_LIMIT = wp.constant(30)  # [m] a larger displacement in a step is a divergence
@@ -112,6 +114,12 @@ def advance_load(control: wp.array(dtype=wp.float64)):
             control[GRADIENT + k] = control[FROM + k] + s * (control[TO + k] - control[FROM + k])
     for k in range(4):
         control[LOAD_STEP + k] = control[LOAD_STEP + k] + control[GRADIENT + k]
+
+
+@wp.func
+def is_at_rest(control: wp.array(dtype=wp.float64)) -> bool:
+    """Whether the load neither moved after the last step nor moves after this one."""
+    return control[LOAD_RESTS] == wp.float64(1.0) and control[RAMP_STEP] >= control[RAMP_STEPS]
 
 
 @wp.func
@@ -216,6 +224,8 @@ def renew_control(
         control[STATUS] = STATUS_DIVERGED
     else:
         set_factors(control)
+        control[FRAMES_AHEAD] = wp.where(is_at_rest(control), wp.float64(1.0), wp.float64(0.0))
+        control[LOAD_RESTS] = wp.where(control[RAMP_STEP] >= control[RAMP_STEPS], wp.float64(1.0), wp.float64(0.0))
         factor = control[LENGTH_FACTOR]
         advance_load(control)
         strain = wp.abs(control[LENGTH_FACTOR] - factor)

@@ -390,7 +390,7 @@ def forces_of_block(
     twist: wp.array(dtype=wp.float64),
     bend_energy: wp.array(dtype=wp.float64),
     edge_force: wp.array(dtype=wp.vec3d),
-    # the sums, from this node on
+    # out: the sums, from this node on
     stored_from: wp.int32,
     force: wp.array(dtype=wp.vec3d),
     torque: wp.array(dtype=wp.float64),
@@ -444,7 +444,7 @@ def find_rod_forces(
     twist: wp.array(dtype=wp.float64),
     bend_energy: wp.array(dtype=wp.float64),
     edge_force: wp.array(dtype=wp.vec3d),
-    # the sums, from this node on
+    # out: the sums, from this node on
     stored_from: wp.int32,
     force: wp.array(dtype=wp.vec3d),
     torque: wp.array(dtype=wp.float64),

@@ -16,8 +16,14 @@ from typing import Any
 
 import warp as wp
 
-from .control import GRADIENT, is_halted
+from .control import FRAMES_AHEAD, GRADIENT, is_at_rest, is_halted
 from .rod_blocks import BLOCK
+
+# when the frames are computed: always; before a step, unless the step before has done so; behind a step, for the next one, where
+# nothing else moves nodes until then
+ALWAYS = wp.constant(0)
+UNLESS_AHEAD = wp.constant(1)
+AHEAD = wp.constant(2)
 
 # The sine and the cosine are series to round-off up to HALF a radian, which a step hardly ever exceeds.
 _FRAMES = (
@@ -153,6 +159,7 @@ def update_frames(
     rest_row: wp.array(dtype=wp.int32),
     first_block: int,
     threads_a_block: Any,
+    when: int,
     rest_position: wp.array(dtype=wp.vec3d),
     rest_edge: wp.array(dtype=wp.vec3d),
     # in: what steers the step
@@ -169,6 +176,8 @@ def update_frames(
 ):
     """A thread a block, or with 64-bit `threads_a_block` = ROD_BLOCK a thread a node. `rest_edge` may cross the border of a
     periodic tile."""
+    if (when == UNLESS_AHEAD and control[FRAMES_AHEAD] != wp.float64(0.0)) or (when == AHEAD and not is_at_rest(control)):
+        return
     thread = wp.tid()
     threads = wp.int32(threads_a_block)
     block = first_block + thread / threads

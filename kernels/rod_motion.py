@@ -117,7 +117,7 @@ def move_wire(
     wire_quiet: wp.array(dtype=wp.int32),
     node_mass: wp.array(dtype=wp.vec3d),
     spin_inertia: wp.array(dtype=wp.float64),
-    # in; forces, torques and the sweep from this node on
+    # in: what steers the step; forces, torques and the sweep, from this node on
     control: wp.array(dtype=wp.float64),
     stored_from: wp.int32,
     force: wp.array(dtype=wp.vec3d),
@@ -148,7 +148,7 @@ def move_rods(
     wire_quiet: wp.array(dtype=wp.int32),
     node_mass: wp.array(dtype=wp.vec3d),
     spin_inertia: wp.array(dtype=wp.float64),
-    # in; forces, torques and the sweep from this node on
+    # in: what steers the step; forces, torques and the sweep, from this node on
     control: wp.array(dtype=wp.float64),
     stored_from: wp.int32,
     force: wp.array(dtype=wp.vec3d),

@@ -10,9 +10,10 @@ import pytest
 
 from reference.two_classes import CLOSES, LIMIT, STRAIN, STRESS, found, row
 from warpknit.runner.answers import heat_of
-from warpknit.runner.answers_table import answer_rows
+from warpknit.runner.answers_table import advice_rows, answer_rows
 from warpknit.runner.history import read_history
 from warpknit.runner.run import run_scene
+from warpknit.runner.summary_table import summary_rows
 from warpknit.scene import load_scene
 
 CELL = Path(__file__).parent.parent / "scenes" / "atlas_cell.toml"
@@ -50,6 +51,46 @@ def test_a_limit_of_the_solver_is_told_as_such(monkeypatch: pytest.MonkeyPatch) 
     text = dict(answer_rows(found([row(0.1 * k) for k in range(6)], monkeypatch), LIMIT, gave_up=True))
     assert text["first yield at"].startswith("not up to 500 mN/m, beyond which the relaxation did not converge: 500 MPa")
     assert "did not converge" in text["contacts B close at"]
+    assert text["best tension"].partition(": 25.0 %")[0].endswith("incomplete: the relaxation did not converge beyond its end")
+    assert text["  may drift"].endswith("to at least 500 mN/m (+37 %), beyond which the relaxation did not converge")
+
+
+def test_a_service_tension_that_was_asked_for_is_told_where_it_is_not_reached(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A load to 2 N/m that converges up to 0.5 N/m: 2 N/m is not reached, and 3.4 and 4.9 N/m nobody asked for."""
+    answers = found([row(0.1 * k) for k in range(6)], monkeypatch, asked=2.0)
+    active = {name: text for name, text in answer_rows(answers, LIMIT, gave_up=True) if name.startswith("active")}
+    assert active == {"active at 2 N/m": "not reached; up to 500 mN/m, beyond which the relaxation did not converge"}
+    summary = {"stop_reason": "diverged", "answers": answers, "wire": {"yield_stress_Pa": LIMIT}}
+    assert dict(summary_rows(summary, Path()))["load not reached"] == (
+        "the relaxation converged up to 500 mN/m of the 2 N/m that the scene asks for, strain 10.0 % / 5.0 %"
+    )
+    assert "load not reached" not in dict(summary_rows(summary | {"stop_reason": "steady"}, Path()))
+
+
+def test_one_closing_has_one_figure(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A closes at 0.23 N/m, far between records: about 230 mN/m, where it closes and where the range begins."""
+    text = dict(answer_rows(found([row(one) for one in (0.0, 0.1, 0.3512, 0.45, 0.55)], monkeypatch), LIMIT))
+    assert text["contacts A close at"].startswith("about 230 mN/m, between records at 100 mN/m and 351 mN/m")
+    assert text["  may drift"].startswith("from about 230 mN/m (-41 %) to")
+
+
+def test_what_lies_between_records_far_apart_asks_for_more_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Records 0.25 N/m apart are far apart for A at 0.23 N/m, not for B at 0.61 and first yield at 0.7 N/m."""
+    coarse, fine = (found([row(step * k) for k in range(1 + round(1.0 / step))], monkeypatch) for step in (0.25, 0.1))
+    ((name, text),) = advice_rows(coarse)
+    assert name == "to resolve more"
+    assert text.startswith("contacts A close between records far apart: more output.frames tell the tension, or a first stage")
+    assert list(advice_rows(fine)) == []
+
+
+@pytest.mark.parametrize(("error", "says"), [(1.0, False), (7.0, True), (None, False)])
+def test_an_error_of_the_preset_beyond_the_drift_is_told(
+    error: float | None, says: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All contacts are active from 0.61 N/m to first yield at 0.7 N/m: the best tension may drift by 6.9 %."""
+    text = dict(answer_rows(found([row(0.05 * k) for k in range(16)], monkeypatch, error=error), LIMIT))
+    assert ("  accuracy" in text) == says
+    assert not says or text["  accuracy"].startswith("tensions at this preset are within 7 %, more than it may drift")
 
 
 def test_heat_is_told_stage_by_stage(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -229,7 +270,7 @@ def test_a_tension_within_the_tolerance_is_zero(monkeypatch: pytest.MonkeyPatch)
     answers = found(rows, monkeypatch)
     assert answers["tension_tolerance_N_per_m"] == pytest.approx(1e-5)
     assert dict(answer_rows(answers, LIMIT))["contacts A close at"].startswith(
-        "by 200 mN/m, once the slack is taken up, strain 0.0 % / 0.0 % to 4.0 % / 2.0 %"
+        "200 mN/m or below, once the slack is taken up, strain 0.0 % / 0.0 % to 4.0 % / 2.0 %"
     )
     rows[1].tension_weft_N_per_m = rows[1].tension_warp_N_per_m = 5e-6
     text = dict(answer_rows(found(rows[:2], monkeypatch), LIMIT))["contacts A close at"]

@@ -12,7 +12,7 @@ from warpknit.knit.straight_wires import ROUNDED, least_length
 from warpknit.mesh.layout import knit_scene
 from warpknit.model import build_model
 from warpknit.plan import make_plan
-from warpknit.runner.cautions import cautions, scene_cautions
+from warpknit.runner.cautions import cautions, scene_cautions, sweep_cautions
 from warpknit.runner.history import Row
 from warpknit.runner.run import run_scene
 from warpknit.runner.summary_table import summary_rows
@@ -165,6 +165,35 @@ def test_a_strain_beyond_straight_wires_is_named(knit: str, reached: float, beyo
         scene = load_scene({"wire": wire, "knit": KNITS[knit], "model": {"boundary": "periodic"}, "load": load})
         warnings = [line for line in scene_cautions(scene, knit_scene(scene)) if "beyond that of straight wires" in line]
         assert len(warnings) == says
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"load": {"strain_warp": 0.5, "tension_weft": "1 N/m"}}, False),
+        ({"load": {"strain_warp": 1.5, "tension_weft": "1 N/m"}}, True),
+        ({"load": {"tension_warp": "1 N/m", "tension_weft": "1 N/m"}}, False),
+        ({"sweep": {"strain_weft": [0.7, 0.1], "strain_warp": [0.0, 0.5]}}, False),
+        ({"sweep": {"strain_weft": [0.9, 0.1], "strain_warp": [0.0, 0.9]}}, True),
+    ],
+)
+def test_straight_wires_bound_stages_by_tension_and_the_largest_pair_of_a_sweep(given: dict[str, dict], says: bool) -> None:
+    """A direction under tension may contract to nothing: 150 % in warp is then still beyond the wires of a tricot."""
+    wire = {"material": "molybdenum", "diameter": "30 um"}
+    scene = load_scene({"wire": wire, "knit": KNITS["tricot"], "model": {"boundary": "periodic"}} | given)
+    cloth = knit_scene(scene)
+    warnings = [*scene_cautions(scene, cloth), *sweep_cautions(scene, cloth)]
+    assert sum("beyond that of straight wires" in line for line in warnings) == says
+
+
+@pytest.mark.parametrize(("share", "says"), [(1.01, True), (0.99, False)])
+def test_the_largest_tensions_of_a_sweep_have_the_bound_of_a_stage(share: float, says: bool) -> None:
+    scene = load_scene(SCENE.with_name("contact_map.toml"))
+    cloth = knit_scene(scene)
+    half = 0.5 * share * scene.wire.yield_stress * math.pi * scene.wire.radius**2 * cloth.wire_per_area
+    sweep = replace(scene.sweep, strain_weft=None, strain_warp=None, tension_weft=(0.1, half), tension_warp=(half, 0.2))
+    found = [line for line in sweep_cautions(replace(scene, sweep=sweep), cloth) if "add up" in line]
+    assert bool(found) == says
 
 
 def test_the_table_of_stages_tells_the_temperature_of_the_last_one(tmp_path: Path) -> None:

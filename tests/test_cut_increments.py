@@ -11,6 +11,7 @@ from warpknit.model import build_model
 from warpknit.scene import load_scene
 from warpknit.solve.relax import MAX_CUTS, Relaxation
 from warpknit.solve.simulate import Simulation
+from warpknit.spatial.mechanics import SpatialMechanics
 
 SCENES = Path(__file__).parent.parent / "scenes"
 LOAD = ("solver.preset=draft", "load.strain_weft=0.04", "load.strain_warp=0.04")
@@ -80,3 +81,23 @@ def test_a_larger_tolerance_is_advised_where_it_helps(error: str, residual: floa
     message = str(getattr(relaxation, error)())
     assert ("solver.residual_tolerance" in message) == says
     assert "multipliers" in message or says
+
+
+def test_a_set_that_fails_is_released_in_smaller_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The two parts of 2 % become four of 1 %, without a step of the natural curvature between them."""
+    corrected, release, parts = Relaxation.corrected, SpatialMechanics.release, []
+
+    def refused(self: Relaxation, ratio: float) -> float:
+        if not self.progress.cuts:
+            raise Diverged("too far at once")
+        return corrected(self, ratio)
+
+    def noted(self: SpatialMechanics, begin: float, end: float) -> None:
+        parts.append((begin, end))
+        release(self, begin, end)
+
+    monkeypatch.setattr(Relaxation, "corrected", refused)
+    monkeypatch.setattr(SpatialMechanics, "release", noted)
+    scene = load_scene(MODELS["spatial"], [*LOAD, "wire.set_fraction=0.96", "model.nodes_per_loop=20"])
+    assert next(Simulation(build_model(scene)).run()).load_factor == 0.0
+    assert parts == [(0.0, 0.5), (0.0, 0.25), (0.25, 0.5), (0.5, 0.75), (0.75, 1.0)]

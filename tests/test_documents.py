@@ -20,6 +20,8 @@ from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
 from warpknit.scene.file import SceneFile
 from warpknit.scene.keys import keys_below
+from warpknit.scene.materials import MATERIALS
+from warpknit.text import exact
 
 ROOT = Path(__file__).parents[1]
 PAGES = [path for path in sorted((ROOT / "docs").rglob("*.md")) if "_build" not in path.parts]
@@ -158,3 +160,9 @@ def test_the_site_builds_without_warnings(tmp_path: Path) -> None:
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "site" / "index.html").exists()
+
+
+def test_the_assumed_limits_of_the_materials_are_those_of_the_code() -> None:
+    page = (ROOT / "docs/scenes.md").read_text(encoding="utf-8")
+    for name, material in MATERIALS.items():
+        assert f"| {name} | {exact(material.yield_stress, 'Pa')} | {exact(material.tensile_strength, 'Pa')} |" in page

@@ -151,3 +151,20 @@ def test_the_table_of_a_map_has_the_jumps_in_one_line():
         "stop_reason": "finished",
     }  # fmt: skip
     assert [text for heading, text in map_lines(summary) if heading == "warning"] == [warning]
+
+
+def test_a_jump_behind_slack_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Under tensions the mesh strains freely by 10 % from 0 to 10 N/m, and softens by half from 20 to 30 N/m: both are told, in
+    every knit by the same rule; 5 % of slack as well, and no slack where there is none."""
+    monkeypatch.setattr(warnings, "_driven_by_tension", lambda *_: np.array([True, True]))
+    slack, far, jump = list(warnings._jumped(model(), levels(0.5)))
+    assert slack == "the mesh takes up slack between 0 % and 20 % of the load of stage 'load': it strains freely by 10.0 %"
+    assert far.startswith("the mesh strains by 10.0 % between 20 % and 40 % of the load of stage 'load': several equilibria may")
+    assert jump.startswith("the mesh jumps to another equilibrium between 40 % and 60 % of the load of stage 'load'")
+    rows = levels(1.0)
+    for row in rows:
+        row.strain_weft *= 0.5
+    assert [text.rpartition(" by ")[2] for text in warnings._strained_far(model(), rows)] == ["5.0 %"]
+    for row in rows:
+        row.strain_weft *= 0.1
+    assert list(warnings._strained_far(model(), rows)) == []

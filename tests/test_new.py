@@ -177,7 +177,7 @@ def test_the_list_has_every_knit_with_its_chains() -> None:
         (["--load", "1 %, 2 %, 3 %"], "--load: given '1 %, 2 %, 3 %', allowed: a strain"),
         (["--model", "plane"], "--model: given 'plane', allowed: 'auto', 'planar', 'spatial'"),
         (["--wales", "900"], "knit.wales: given '900 /inch', allowed: at least 60 um"),
-        (["--wales", "26", "--courses", "30"], "allowed: fewer wales, more courses or thinner wire (knit.loop.closed_radius"),
+        (["--wales", "26", "--courses", "28"], "in a scene knit.loop.closed_radius at most 0.5003 course spacings"),
         (["a\nb"], "FILE: given 'a\\nb.toml', allowed: a name"),
         (["folder"], "folder.toml: given a directory"),
     ],
@@ -188,6 +188,29 @@ def test_a_bad_value_is_status_2_and_one_line(arguments: list[str], said: str) -
     assert done.exit_code == 2 and said in done.stderr
     assert done.stderr.startswith("warpknit: ") and done.stderr.count("\n") == 1 and done.stdout == ""
     assert [path.name for path in Path().iterdir()] == ["folder.toml"]
+
+
+def test_loops_without_room_are_told_the_nearest_gauges_that_have_it() -> None:
+    """Of wales 26 an inch, fewer, and of 28 courses more: the nearest that `new` takes, and their neighbours it does not."""
+    said = new("--wales", "26", "--courses", "28").stderr
+    found = re.search(r"allowed: (\d+) wales an inch with these courses, (\d+) courses an inch with these wales", said)
+    assert found is not None
+    wales, courses = map(int, found.groups())
+    assert new("--wales", f"{wales}", "--courses", "28", "a").exit_code == 0
+    assert new("--wales", "26", "--courses", f"{courses}", "b").exit_code == 0
+    assert new("--wales", f"{wales + 1}", "--courses", "28", "c").exit_code == 2
+    assert new("--wales", "26", "--courses", f"{courses - 1}", "d").exit_code == 2
+
+
+def test_a_new_scene_tells_that_the_elastic_limit_is_assumed() -> None:
+    """The line has the value of the material, and is taken without its #."""
+    assert new("--material", "molybdenum").exit_code == 0
+    (line,) = [one for one in Path("double-atlas.toml").read_text().splitlines() if "yield_stress =" in one]
+    assert line.startswith("# yield_stress = ") and "assumed" in line
+    Path("given.toml").write_text(Path("double-atlas.toml").read_text().replace(line, line.removeprefix("# ")))
+    scene, given = load_scene("double-atlas.toml"), load_scene("given.toml")
+    assert scene.wire == given.wire
+    assert set(scene.assumed) - set(given.assumed) == {"wire.yield_stress"}
 
 
 def test_a_file_is_replaced_only_by_force() -> None:
@@ -249,7 +272,7 @@ def test_loops_without_room_are_asked_for_again(terminal: None) -> None:
     """Wire and spacings, with the last answers in brackets."""
     done = new(answers="tricot\n\n0.1 mm\n3\n\n\n" + "30 um\n1\n\n\n" + "\n\n\n")
     assert done.exit_code == 0, done.stderr
-    assert "fewer wales or thinner wire" in done.stdout and "Wires in a yarn [3]: 1" in done.stdout
+    assert "thinner wire: a thickness of at most" in done.stdout and "Wires in a yarn [3]: 1" in done.stdout
     assert load_scene("tricot.toml").wire.ends == 1
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from warpknit.solve.tension import PATIENCE, TOLERANCE, TensionSearch
+from warpknit.solve.tension import MAX_STATES, PATIENCE, TOLERANCE, TensionSearch
 
 BOTH = np.array([True, True])
 SCALE = 20.0  # [N/m]
@@ -45,3 +45,21 @@ def test_the_residual_tolerance_will_do_after_many_equilibria(tried: int) -> Non
     strain, tension, target = np.array([0.1, 0.1]), np.array([1.992, 2.0]), np.array([2.0, 2.0])
     found = search.next_strain(strain, tension, target, BOTH, SCALE, 1e-2) is None
     assert found == (tried == PATIENCE)
+
+
+@pytest.mark.parametrize("mix", [0.2, 0.5, 0.8])
+@pytest.mark.parametrize("width", [0.004, 0.008, 0.015])
+@pytest.mark.parametrize("drop", [0.1, 0.2, 0.3])
+def test_a_tension_beyond_a_snap_is_found(drop: float, width: float, mix: float) -> None:
+    """Along s = weft + mix warp a force of 3 s falls by `drop` around s = 0.15, within a few of `width`, as of an
+    energy. The target lies 0.1 above its maximum, so that only states beyond the fall carry it."""
+    search, target, strain = TensionSearch(), np.array([0.55, 0.45 * mix + 0.3]), np.zeros(2)
+    for _ in range(MAX_STATES):
+        s = strain[0] + mix * strain[1]
+        force = 3.0 * s - drop / (1.0 + np.exp((0.15 - s) / width))
+        tension = np.array([force + 0.5 * strain[0], mix * force + 3.0 * strain[1]])
+        next_strain = search.next_strain(strain, tension, target, BOTH, 2.0, 2e-3)
+        if next_strain is None:
+            break
+        strain = next_strain
+    assert s > 0.15 and tension == pytest.approx(target, rel=TOLERANCE)

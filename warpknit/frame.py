@@ -115,11 +115,6 @@ class WireLayout:
         is_first[self.curve_start[1:] - 1] = False
         return np.flatnonzero(is_first)
 
-    @property
-    def origin(self) -> Floats:
-        """[2] [m]  where pictures have their origin, at rest: the corner of a periodic tile, the centre of a gripped mesh."""
-        return np.zeros(2) if self.wire_closed.any() else 0.5 * self.period
-
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an .npz atomically."""
         _save(self, path)

@@ -120,8 +120,8 @@ class Mechanics(Protocol):
     def release_parts(self) -> int:
         """Equilibria before the first record in which `wire.set_fraction` is applied."""
 
-    def release(self, share: float) -> None:
-        """Apply this share of it: the natural curvature goes from that as knitted to its fraction."""
+    def release(self, begin: float, end: float) -> None:
+        """Apply it from one share to another: the natural curvature goes from that as knitted to its fraction."""
 
     def predict(self, ratio: float) -> None:
         """Extrapolate the state by `ratio` times its last increment, and store it; set velocities to zero."""

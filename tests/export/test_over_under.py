@@ -39,10 +39,10 @@ def test_copies_fill_the_picture(shear: float) -> None:
     assert sorted(map(tuple, shown.reshape(-1, 6).round(9))) == sorted(map(tuple, expected.reshape(-1, 6).round(9)))
 
 
-def test_pictures_of_a_gripped_mesh_count_from_its_centre(
+def test_pictures_of_a_gripped_mesh_count_from_its_corner(
     tmp_path: Path, layout: WireLayout, make_frame: Callable[..., Frame], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Axes of the wires and of the map of a mesh of width w and height h go from -w/2 and -h/2, but those of a tile from 0."""
+    """Axes of the wires and of the map of a mesh go from its corner, as places in tables do; and those of a tile."""
     limits: list[np.ndarray] = []
     monkeypatch.setattr(mesh_figure, "frame_plan_axes", lambda axes, low, high: limits.append(np.stack([low, high])))
     gripped = replace(layout, wire_closed=np.zeros(layout.wire_count, bool), wire_closing=np.zeros((0, 2)))
@@ -51,7 +51,7 @@ def test_pictures_of_a_gripped_mesh_count_from_its_centre(
     monkeypatch.setattr(mesh_figure, "SEGMENTS_DRAWN", 100)
     mesh_figure.mesh_figure(gripped, frame, tmp_path / "map.png", "")
     low, high = frame.node_position[:, :2].min(axis=0), frame.node_position[:, :2].max(axis=0)
-    expected = 1e3 * (np.stack([low, high]) - 0.5 * layout.period)
+    expected = 1e3 * np.stack([low, high])
     assert len(limits) == 3 and all(np.allclose(found, expected, atol=0.02) for found in limits)
     monkeypatch.undo()
     monkeypatch.setattr(mesh_figure, "frame_plan_axes", lambda axes, low, high: limits.append(np.stack([low, high])))

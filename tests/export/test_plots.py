@@ -16,6 +16,7 @@ from warpknit.export import curves_figure, design_figures, mesh_figure
 from warpknit.export.plots import BLUE, scale_of
 from warpknit.export.stage_curves import columns_of, draw_curves, stage_slices
 from warpknit.frame import Frame, WireLayout
+from warpknit.solve.tension import TOLERANCE
 
 
 def check_image(path: Path) -> np.ndarray:
@@ -200,7 +201,7 @@ def test_the_largest_stress_is_written_without_an_exponent() -> None:
     axes = figure.subplots()
     drawn = axes.scatter([0.0, 1.0], [0.0, 1.0], c=[12.0, 1273.4], norm=mesh_figure.stress_colours(np.zeros(1), 2e9)[1])
     mesh_figure._stress_bar(figure, axes, drawn, 2e9)
-    assert "largest 1270, yield at 2000" in figure.axes[1].get_ylabel()
+    assert "largest there 1270, yield at 2000" in figure.axes[1].get_ylabel()
 
 
 def test_the_largest_stress_of_a_picture_is_that_of_a_node(
@@ -212,7 +213,7 @@ def test_the_largest_stress_of_a_picture_is_that_of_a_node(
     peak = np.zeros(layout.node_count)
     peak[7] = 4e8
     mesh_figure.mesh_figure(layout, replace(make_frame(4), node_stress=peak), tmp_path / "mesh.png", "a mesh")
-    assert "largest 400 " in kept[0].axes[1].get_ylabel()
+    assert "largest there 400 " in kept[0].axes[1].get_ylabel()
 
 
 def test_a_line_over_a_jump_is_dotted_and_no_other() -> None:
@@ -270,3 +271,55 @@ def test_labels_of_the_axis_of_tension_do_not_overlap(least: float, tmp_path, mo
     boxes = sorted((label.get_window_extent() for label in labels), key=lambda box: box.x0)
     assert len(boxes) > 1
     assert all(one.x1 < other.x0 for one, other in zip(boxes, boxes[1:], strict=False))
+
+
+def test_the_largest_stress_is_marked_at_its_place_from_the_corner(
+    tmp_path: Path, layout: WireLayout, make_frame: Callable[..., Frame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In pictures of single wires and in maps, with the value of the table; positions of the frame count from the corner."""
+    kept: list[Figure] = []
+    monkeypatch.setattr(mesh_figure, "save_figure", lambda figure, path: kept.append(figure) or path)
+    frame = make_frame(4)
+    x, y = np.asarray(frame.node_position)[7, :2]
+    for drawn in (10**9, 1):
+        monkeypatch.setattr(mesh_figure, "SEGMENTS_DRAWN", drawn)
+        mesh_figure.mesh_figure(layout, frame, tmp_path / "mesh.png", "", peak=mesh_figure.Peak(2.64e8, x, y))
+        (star,) = [line for line in kept[-1].axes[0].lines if line.get_marker() == "*"]
+        assert np.ravel(star.get_data()) == pytest.approx([1e3 * x, 1e3 * y])
+        assert "largest wire stress: 264 MPa" in [text.get_text() for text in kept[-1].legends[0].get_texts()]
+
+
+@pytest.mark.parametrize(
+    ("tension", "text"),
+    [((3.0, 2.99), "tension 3 N/m in weft and warp"), ((3.0, 2.95), "tension weft 3.00 N/m, warp 2.95 N/m")],
+)
+def test_a_title_has_one_tension_where_a_search_finds_one(
+    tension: tuple[float, float], text: str, make_frame: Callable[..., Frame]
+) -> None:
+    """As tables have: what a search leaves between weft and warp is twice its tolerance."""
+    assert mesh_figure.ONE_TENSION == 2.0 * TOLERANCE
+    assert mesh_figure.state_title(make_frame(0), tension).splitlines()[1].startswith(text)
+
+
+@pytest.mark.parametrize(("share", "lines"), [(1.5, 1), (3.0, 0)])
+def test_the_elastic_limit_is_named_on_the_axis_and_beyond(
+    share: float, lines: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept: list[Figure] = []
+    monkeypatch.setattr(curves_figure, "save_figure", lambda figure, path: kept.append(figure) or path)
+    rows = [row | {"stress_max_Pa": 1e7 * k} for k, row in enumerate(history(11))]
+    curves_figure.curves_figure(rows, tmp_path / "curves.png", yield_stress=share * 1e8)
+    axes = kept[0].axes[2]
+    (label,) = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert label.startswith("elastic limit, ") and label.endswith("is beyond the axis") == (not lines)
+    assert sum(line.get_linestyle() == "--" for line in axes.lines) == lines
+
+
+def test_a_logarithmic_axis_of_few_decades_has_more_than_one_label() -> None:
+    """Residuals from 1.5e-5 to 8e-5 lie between two powers of ten."""
+    figure = Figure()
+    axes = figure.subplots()
+    draw_curves(axes, np.arange(3.0), [("load", slice(0, 3))], [("", "black", np.array([1.5e-5, 3e-5, 8e-5]))], True)
+    figure.draw_without_rendering()
+    low, high = axes.get_ylim()
+    assert sum(bool(tick.label1.get_text()) and low <= tick.get_loc() <= high for tick in axes.yaxis.get_major_ticks()) >= 2

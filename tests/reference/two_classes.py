@@ -33,17 +33,21 @@ def found(
     service: float | None = None,
     jumps: list[tuple[Row, Row]] | None = None,
     pairs: tuple[int, int] = (10, 30),
+    asked: float | None = None,
+    error: float | None = None,
 ) -> dict[str, Any]:
-    """The answers from rows of such a mesh."""
+    """The answers from rows of such a mesh. asked [N/m]: tension that its stages give; error [%]: of its tensions."""
     scene = SimpleNamespace(
         hook=None, wire=SimpleNamespace(yield_stress=LIMIT), output=SimpleNamespace(service_tension=service),
         solver=SimpleNamespace(residual_tolerance=1e-3),
-        stages=[SimpleNamespace(name=name, by_tension=(False, False)) for name in ("load", "cold")],
+        stages=[SimpleNamespace(name=name, by_tension=(asked is not None,) * 2, tension_weft=asked, tension_warp=asked)
+                for name in ("load", "cold")],
     )  # fmt: skip
     monkeypatch.setattr(module, "classes_of", lambda _: [ContactClass("A", pairs[0]), ContactClass("B", pairs[1])])
     monkeypatch.setattr(module.measure, "active_threshold", lambda _: 1e-12)
     monkeypatch.setattr(module.measure, "least_force", lambda _: 1e-12)
     monkeypatch.setattr(module.measure, "tension_scale", lambda _: 1.0)
+    monkeypatch.setattr(module, "tension_error", lambda _: error)
     answers = answers_of(SimpleNamespace(scene=scene), rows, jumps or ())
     assert answers is not None
     return answers

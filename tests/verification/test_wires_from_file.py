@@ -61,11 +61,11 @@ def test_open_wires_are_clamped_in_the_middle_of_their_end_segments(tmp_path):
 
 
 def test_places_of_open_wires_count_from_the_corner_of_their_box():
-    """Wires whose loops reach beyond their ends: the middle of pictures is the middle of all nodes."""
+    """Wires whose loops reach beyond their ends: the period is the size of the box of all nodes."""
     model = build_model(load_scene(SCENES / "plain_knit_patch.toml"))
     node, _ = positions(mechanics_of(model, initial_state(model)).observe())
     low, high = node[:, :2].min(axis=0), node[:, :2].max(axis=0)
-    assert low == pytest.approx(0.0, abs=1e-12) and 0.5 * (low + high) == pytest.approx(model.layout().origin, rel=1e-9)
+    assert low == pytest.approx(0.0, abs=1e-12) and high == pytest.approx(model.layout().period, rel=1e-9)
 
 
 def test_wires_that_nothing_holds_are_refused(tmp_path):

@@ -3,9 +3,9 @@
     python tools/studies/experiment.py [DIR] [--quick]
 
 Two samples: a control, on which the models in the plane and in space agree, and a tight mesh, on which they do not. At each
-tension of weft and warp alike, one of them is raised by a fifth with the other held: tangent stiffness and Poisson's ratio. What
-a laboratory would not know is varied one at a time (CASES). Prints and writes a row for each state (experiment.csv) and the
-picture.
+tension of weft and warp alike, one of them is raised by a fifth with the other held: stiffness and Poisson's ratio. Each round
+(STEPS) closes, so that it tells as well whether the mesh has an energy. What a laboratory would not know is varied one at a time
+(CASES). Prints and writes a row for each state (experiment.csv) and the picture.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from warpknit.solve.simulate import Simulation
 
 TENSIONS = (0.5, 1.0, 2.0, 3.4, 4.9)  # [N/m]; the last three are in service
 RAISE = 1.2  # of one tension, with the other held
+STEPS = ((0, 0), (1, 0), (1, 1), (0, 1), (0, 0))  # of a round: whether weft and warp are raised
 GOLD = {"plating": {"material": "gold", "thickness": "0.2 um"}}
 
 
@@ -69,7 +70,11 @@ CASES: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class Row:
-    """A row of experiment.csv: a state under equal tensions, SI. Tangents are secants over RAISE, the other tension held."""
+    """A row of experiment.csv: a state under equal tensions, SI. Stiffness is the secant over RAISE, the other tension held.
+
+    Compliances across are relative to the width before, and means of the steps at either value of the other tension. In a mesh
+    that has an energy they are equal, up to the square of RAISE - 1.
+    """
 
     sample: str
     model: str
@@ -81,6 +86,8 @@ class Row:
     stiffness_warp: float
     poisson_weft: float  # warp contraction by weft extension, the weft tension raised
     poisson_warp: float
+    across_weft: float  # [m/N] contraction in warp by the weft tension
+    across_warp: float
     active_percent: float
     contact_ohm: float  # median
     force_median: float  # [N] of the contacts
@@ -90,13 +97,19 @@ class Row:
 
 
 def scene_of(
-    sample: Sample, model: str, spacing: tuple[float, float], changes: dict[str, Any], tensions: tuple[float, ...]
+    sample: Sample,
+    model: str,
+    spacing: tuple[float, float],
+    changes: dict[str, Any],
+    tensions: tuple[float, ...],
+    raised: float = RAISE,
 ) -> Scene:
-    """One repeat, loaded to each tension of both sides; there weft alone, then warp alone is raised."""
-    stages = []
-    for tension in tensions:
-        for raised in ((1.0, 1.0), (RAISE, 1.0), (1.0, 1.0), (1.0, RAISE)):
-            stages.append({f"tension_{side}": tension * share for side, share in zip(SIDES, raised, strict=True)})
+    """One repeat, loaded to each tension of both sides, and through a round there."""
+    stages = [
+        {f"tension_{side}": tension * raised**share for side, share in zip(SIDES, step, strict=True)}
+        for tension in tensions
+        for step in STEPS
+    ]
     table = {
         "wire": sample.wire,
         "knit": {"bars": list(sample.bars), "wale_spacing": INCH / spacing[0], "course_spacing": INCH / spacing[1]},
@@ -130,23 +143,31 @@ def ends_of(scene: Scene) -> _Ends:
 
 
 def rows_of(sample: Sample, model: str, case: str, scene: Scene, tensions: tuple[float, ...]) -> Iterator[Row]:
-    """A row for each tension that was reached with both of its raises."""
+    """A row for each tension whose round was completed."""
     ends = ends_of(scene)
     if ends.said:
         print(f"{sample.name} {model} {case}: {ends.said}")
-    for number, tension in enumerate(tensions[: len(ends.observed) // 4]):
-        equal, weft, back, warp = ends.observed[4 * number : 4 * number + 4]
+    for number, tension in enumerate(tensions[: len(ends.observed) // len(STEPS)]):
+        equal, weft, both, warp, back = ends.observed[len(STEPS) * number :][: len(STEPS)]
         by_weft, by_warp = _strains(weft) - _strains(equal), _strains(warp) - _strains(back)
         of_weft = measure.mesh_tension(weft)[0] - measure.mesh_tension(equal)[0]
         of_warp = measure.mesh_tension(warp)[1] - measure.mesh_tension(back)[1]
+        across_weft = 0.5 * (_contraction(equal, weft, 0) + _contraction(warp, both, 0))
+        across_warp = 0.5 * (_contraction(back, warp, 1) + _contraction(weft, both, 1))
         ohm, force = contact_resistances(equal), measure.active_forces(equal)
         sheet = [math.nan if value is None else value for value in sheet_resistance(equal)]
         yield Row(
             sample.name, model, case, tension, *_strains(equal), of_weft / by_weft[0], of_warp / by_warp[1],
-            -by_weft[1] / by_weft[0], -by_warp[0] / by_warp[1], measure.contacts(equal).active_percent,
-            float(np.median(ohm)) if len(ohm) else math.nan, float(np.median(force)) if len(force) else 0.0, *sheet,
-            float(measure.stress_extremes(equal)[0]),
+            -by_weft[1] / by_weft[0], -by_warp[0] / by_warp[1], across_weft, across_warp,
+            measure.contacts(equal).active_percent, float(np.median(ohm)) if len(ohm) else math.nan,
+            float(np.median(force)) if len(force) else 0.0, *sheet, float(measure.stress_extremes(equal)[0]),
         )  # fmt: skip
+
+
+def _contraction(before: Any, after: Any, raised: int) -> float:
+    """[m/N] decrease of the other side, relative to its length, by the tension of the `raised` side."""
+    shorter = np.log1p(_strains(before)[1 - raised]) - np.log1p(_strains(after)[1 - raised])
+    return float(shorter / (measure.mesh_tension(after)[raised] - measure.mesh_tension(before)[raised]))
 
 
 def _strains(observed: Any) -> np.ndarray:

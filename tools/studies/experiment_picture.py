@@ -15,7 +15,7 @@ MODELS = ("planar", "spatial")
 SIDES = ("weft", "warp")
 PANELS = (  # title, columns by side, unit of the axis, its factor, logarithmic
     ("tension against strain", "strain_{}", "strain from 0.5 N/m on [%]", 1e2, False),
-    ("tangent stiffness", "stiffness_{}", "N/m", 1.0, True),
+    ("stiffness", "stiffness_{}", "N/m", 1.0, True),
     ("Poisson's ratio", "poisson_{}", "", 1.0, False),
     ("active contacts", "active_percent", "%", 1.0, False),
     ("contact resistance, median", "contact_ohm", "mOhm", 1e3, True),

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
+
+from scipy.constants import inch
 
 from ..errors import InputError
 from ..files import write_aside
 from ..knit.chain import KnitError
 from ..knit.named import NAMED_KNITS
+from ..mesh.layout import knit_scene
 from ..plan import Plan, make_plan
 from ..scene import Scene, make_scene
 from ..scene.new_scene import Refused, SceneRequest, check_file_name, check_value, scene_text
@@ -22,6 +27,9 @@ if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
+
+
+DENSEST = 4.0  # times the courses that were asked for: the most that are tried
 
 
 def checked_request(given: Mapping[str, str]) -> SceneRequest:
@@ -66,10 +74,30 @@ def planned_scene(request: SceneRequest, path: Path) -> tuple[str, Scene, Plan]:
         if isinstance(error.__cause__, KnitError):
             wales, courses = request.spacings
             tight = error.__cause__
-            remedy = "fewer wales, more courses" if "course spacings" in tight.allowed else "fewer wales"
-            allowed = f"{remedy} or thinner wire ({tight.key} {tight.allowed})"
+            gauges = "".join(f"{gauge}, " for gauge in _gauges(request, scene))
+            loop = f", or in a scene {tight.key}" if "loop" in tight.key else ":"
+            allowed = f"{gauges}thinner wire{loop} {tight.allowed}"
             raise InputError(f"--wales, --courses: given {wales!r} and {courses!r}, allowed: {allowed}") from error
         raise
+
+
+def _gauges(request: SceneRequest, scene: Scene) -> Iterator[str]:
+    """The nearest wales and courses an inch at which the loops of a request have room, each with the other as given."""
+    wales, courses = (inch / spacing for spacing in (scene.knit.wale_spacing, scene.knit.course_spacing))
+    fewer, more = range(math.ceil(wales) - 1, 0, -1), range(math.floor(courses) + 1, math.ceil(DENSEST * courses))
+    for kind, counts, other in (("wales", fewer, "courses"), ("courses", more, "wales")):
+        found = next((count for count in counts if _has_room(replace(request, **{kind: f"{count} /inch"}))), None)
+        if found is not None:
+            yield f"{found} {kind} an inch with these {other}"
+
+
+def _has_room(request: SceneRequest) -> bool:
+    """Whether the knit of a request can be laid out."""
+    try:
+        knit_scene(make_scene(tomllib.loads(scene_text(request, ""))))
+    except (KnitError, InputError):
+        return False
+    return True
 
 
 def new_command(request: SceneRequest, path: Path, *, force: bool) -> list[tuple[str, str]]:

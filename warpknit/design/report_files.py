@@ -12,6 +12,7 @@ import numpy as np
 
 from .. import __version__, measure
 from ..files import write_aside, write_table
+from ..measure.stress_peak import peak_position
 from ..mesh.layout import contact_classes
 from ..runner.history import mean_tension
 from ..sweep.contact_map import axes_of, grid, jump_warning, optimum_note, unconverged_warning
@@ -107,7 +108,7 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
     from ..export.heat_figure import heat_figure
     from ..export.knit_figure import knit_figure
     from ..export.map_figure import Marks, map_figure
-    from ..export.mesh_figure import mesh_figure, state_title
+    from ..export.mesh_figure import Peak, mesh_figure, state_title
 
     weft, warp = axes_of(found.rows)
     optimum, limit = found.optimum, found.scene.wire.yield_stress
@@ -146,7 +147,8 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
     if (mesh := found.tensioned) is not None:
         frame = measure.frame(mesh, index=0, stage="card", load_factor=1.0, temperature=found.scene.stages[0].temperature)
         title = state_title(frame, measure.mesh_tension(mesh))
-        draw["mesh"] = lambda path: mesh_figure(mesh.model.layout(), frame, path, title, yield_stress=limit)
+        peak = Peak(measure.stress_extremes(mesh)[0], *peak_position(mesh).tolist())
+        draw["mesh"] = lambda path: mesh_figure(mesh.model.layout(), frame, path, title, yield_stress=limit, peak=peak)
     figures = {name: drawn(folder / f"report_{name}.png") for name, drawn in draw.items()}
     heated = [[vars(row) for row in case.rows] for case in found.heated]
     heat = heat_figure(heated, folder / "report_heat.png")

@@ -122,8 +122,8 @@ def mesh_section(
     if "mesh" in figures:
         page.figure(
             figures["mesh"],
-            "The mesh at the tension of the card: stress of the wires at the nodes, active and open contacts. The largest stress"
-            " may lie between two nodes, under a contact; the tables have it.",
+            "The mesh at the tension of the card: stress of the wires at the nodes, active and open contacts. A star marks the"
+            " largest stress, which may lie between two nodes, under a contact.",
         )
 
 

@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, figure_of, save_figure, scale_of
 from warpknit.export.stage_curves import History, columns_of, draw_curves, history_rows, jump_handle, stage_legend, stage_slices
-from warpknit.text import ZERO_CELSIUS
+from warpknit.text import ZERO_CELSIUS, engineering
 
 __all__ = ["curves_figure"]
 
@@ -83,10 +84,15 @@ def curves_figure(
             axes.set_ylim(bottom=0.0)
     if yield_stress is not None and stress[0][2].max(initial=0.0, where=np.isfinite(stress[0][2])) > 0.0:
         limit = yield_stress * scale_of("Pa", column("stress_max_Pa"))[0]
+        label = f"elastic limit, {engineering(yield_stress, 'Pa')}"
+        look: dict[str, Any] = {"color": ORANGE, "linestyle": "--", "linewidth": 1.0}
         if limit < panels[2].get_ylim()[1] * NEAR_LIMIT:
-            panels[2].axhline(limit, color=ORANGE, linestyle="--", linewidth=1.0, label="elastic limit")
+            panels[2].axhline(limit, **look)
             panels[2].set_ylim(top=max(panels[2].get_ylim()[1], 1.05 * limit))
-            panels[2].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, borderaxespad=0.2)
+        else:
+            label, look["linestyle"] = f"{label}, is beyond the axis", "none"
+        handles = [Line2D([], [], label=label, **look)]
+        panels[2].legend(handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, borderaxespad=0.2)
     for axes in panels[-2:]:
         axes.set_xlabel(abscissa_label)
     if len(stages) > 1 or title:
@@ -155,7 +161,7 @@ def _abscissa(columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[str, s
     if spread.get("clamp_rotation", 0.0) > 1e-9:
         return np.degrees(columns["clamp_rotation"]), "rotation of the clamps [deg]"
     if spread.get("temperature_K", 0.0) > 1e-6:
-        return columns["temperature_K"] - ZERO_CELSIUS, "temperature [degC]"
+        return columns["temperature_K"] - ZERO_CELSIUS, "temperature [°C]"
     if spread.get("load_factor", 0.0) > 0.0:
         return columns["load_factor"], "load factor"
     return np.arange(count, dtype=float), "record"

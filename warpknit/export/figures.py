@@ -7,7 +7,7 @@ from pathlib import Path
 from warpknit.export.curves_figure import curves_figure
 from warpknit.export.heat_figure import heat_figure
 from warpknit.export.hook_figure import hook_figure
-from warpknit.export.mesh_figure import mesh_figure, state_title
+from warpknit.export.mesh_figure import Peak, mesh_figure, state_title
 from warpknit.export.panel_figure import panel_figure
 from warpknit.export.run_record import RunRecord
 from warpknit.frame import Frame
@@ -51,14 +51,27 @@ def export_figures(record: RunRecord) -> list[Path]:
             title = f"{title}\n{unfinished}"
         if tables["map"].is_file():
             paths.append(panel_figure(tables, folder / name.replace("mesh", "panel"), title))
-        paths.append(mesh_figure(record.layout, frame, folder / name, title, yield_stress=yield_stress))
+        peak = _peak_of(rows.get(str(frame.index)))
+        paths.append(mesh_figure(record.layout, frame, folder / name, title, yield_stress=yield_stress, peak=peak))
     return paths
 
 
 def tension_of(row: dict[str, str] | None) -> tuple[float, float] | None:
     """Tension [N/m] in weft and warp in a row of the history; None where it has none."""
+    found = _numbers(row, "tension_weft_N_per_m", "tension_warp_N_per_m")
+    return None if found is None else (found[0], found[1])
+
+
+def _peak_of(row: dict[str, str] | None) -> Peak | None:
+    """The largest stress of a row of the history; None where it has none."""
+    found = _numbers(row, "stress_max_Pa", "stress_max_x_m", "stress_max_y_m")
+    return None if found is None or found[0] <= 0.0 else Peak(*found)
+
+
+def _numbers(row: dict[str, str] | None, *names: str) -> list[float] | None:
+    """The numbers of columns in a row of the history; None where one is missing."""
     try:
-        tension = tuple(float((row or {})[f"tension_{name}_N_per_m"]) for name in ("weft", "warp"))
+        values = [float((row or {})[name]) for name in names]
     except (KeyError, TypeError, ValueError):
         return None
-    return (tension[0], tension[1]) if all(map(math.isfinite, tension)) else None
+    return values if all(map(math.isfinite, values)) else None

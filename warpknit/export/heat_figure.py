@@ -68,7 +68,7 @@ def heat_figure(histories: Sequence[History], path: str | os.PathLike[str]) -> P
         _widen(axes, least)
     panels[0].set_ylim(-3.0, 103.0)
     for axes in panels[2:]:
-        axes.set_xlabel("temperature [degC]")
+        axes.set_xlabel("temperature [°C]")
     if len(stages) > 1:
         stage_legend(figure, [name for name, _ in stages])
     return save_figure(figure, path)

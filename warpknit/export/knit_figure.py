@@ -9,6 +9,7 @@ from matplotlib.artist import Artist
 from matplotlib.colors import to_rgba
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
+from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from warpknit.export.over_under import copied, over_under, tile_copies
@@ -25,8 +26,8 @@ EVERY = 3  # samples of a thread to a piece of the drawn wire
 THINNEST = 1.2  # [pt] line that is still legible
 # Okabe and Ito's colours, distinct without red-green vision.
 BAR_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#606060", "#56B4E9")
-CLASS_MARKERS = "os^Dv<>pPX*h"
-MARK_SIZE, MARK_SPACING = 6.0, 8.0  # [pt] of a contact, and between those at one place
+MARK_SIZE, MARK_SPACING = 7.0, 8.0  # [pt] of a contact, and between those at one place
+HALO = [withStroke(linewidth=2.5, foreground="white")]
 BODY_COLOUR, RHOMBUS_COLOUR = "#111111", "#B00058"
 
 
@@ -62,8 +63,8 @@ def knit_figure(
     classes = np.zeros(len(bodies), dtype=np.intp) if classes is None else classes
     styles: list[dict[str, Any]] = []
     for number in np.unique(classes).tolist():
-        style: dict[str, Any] = {"marker": CLASS_MARKERS[number], "color": BODY_COLOUR, "linestyle": "none"}
-        styles.append(style | {"markeredgecolor": "white", "markeredgewidth": 0.5})
+        letter = rf"$\mathbf{{{CLASS_NAMES[number]}}}$"
+        styles.append({"marker": letter, "color": BODY_COLOUR, "linestyle": "none", "markeredgewidth": 0.0, "path_effects": HALO})
         count = np.count_nonzero(classes == number)
         label = f"contact {CLASS_NAMES[number]}, {count} places ({2 * count} pairs) a repeat"
         handles.append(Line2D([], [], markersize=MARK_SIZE, label=label, **styles[-1]))
@@ -74,7 +75,7 @@ def knit_figure(
         outline = (cloth.rhombus.opening.outline + cell * cloth.size) * MM
         axes.add_patch(Polygon(outline, facecolor=RHOMBUS_COLOUR, alpha=0.12, edgecolor="none", zorder=0.5))
         mine = (bodies[clasps[:, 0]] + (clasps[:, 1:] + cell) * cloth.size) * MM
-        (rings,) = axes.plot(mine[:, 0], mine[:, 1], "o", color=RHOMBUS_COLOUR, fillstyle="none", markersize=8)
+        (rings,) = axes.plot(mine[:, 0], mine[:, 1], "o", color=RHOMBUS_COLOUR, fillstyle="none", markersize=14, zorder=4)
         rings.set_label(f"the {len(clasps)} contacts of one rhombus")
         handles += [rings, Patch(facecolor=RHOMBUS_COLOUR, alpha=0.12, label="its opening")]
 
@@ -94,13 +95,17 @@ def knit_figure(
 
 
 def _places(bodies: NDArray[Any], classes: NDArray[np.intp], spacing: float) -> list[NDArray[Any]]:
-    """[class] (body, 2) [mm] where the marks of the bodies (body, 2) [mm] of each class stand, side by side at one place."""
+    """[class] (body, 2) [mm] where the marks of the bodies (body, 2) [mm] of each class stand, side by side if near."""
     moved = bodies.copy()
     left = list(range(len(bodies)))
     while left:
-        near = [body for body in left if np.linalg.norm(bodies[body] - bodies[left[0]]) < spacing]
-        near.sort(key=lambda body: (classes[body], bodies[body, 0]))
-        moved[near, 0] += spacing * (np.arange(len(near)) - 0.5 * (len(near) - 1))
+        near: list[int] = []
+        more = left[:1]
+        while more:
+            near += more
+            more = [one for one in left if one not in near and np.linalg.norm(bodies[one] - bodies[near], axis=1).min() < spacing]
+        near.sort(key=lambda body: (round(bodies[body, 0] / spacing), classes[body]))
+        moved[near, 0] = bodies[near, 0].mean() + spacing * (np.arange(len(near)) - 0.5 * (len(near) - 1))
         left = [body for body in left if body not in near]
     return [moved[classes == number] for number in np.unique(classes)]
 

@@ -2,6 +2,7 @@
 
 import math
 import os
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +19,12 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from warpknit.export.over_under import EDGE, copied, over_under, tile_copies
-from warpknit.export.plots import BLUE, GREEN, figure_of, frame_plan_axes, plan_scale, save_figure, scale_of
+from warpknit.export.plots import BLUE, GREEN, figure_of, frame_plan_axes, plan_scale, save_figure
 from warpknit.frame import Frame, WireLayout, curve_position
 from warpknit.hermite import hermite
-from warpknit.text import ZERO_CELSIUS
+from warpknit.text import ZERO_CELSIUS, alike, engineering
 
-__all__ = ["mesh_figure", "state_title", "stress_colours"]
+__all__ = ["Peak", "mesh_figure", "state_title", "stress_colours"]
 
 SEGMENTS_DRAWN = 200_000  # above, single wires cannot be told apart: a map is drawn
 OVER_UNDER = 100_000  # points of drawn curves above which wires are drawn without gaps in those below
@@ -35,9 +36,20 @@ OPEN_SIZE = 1.8  # of the mark of an active contact: that of an open one
 SMALLEST_MARK = 2.0  # [pt]
 LEAST_ROOM, ENOUGH_ROOM = 15.0, 22.0  # [pt] between contacts: no white edges and open contacts below; all of the edge above
 LEGEND_COLUMN = 2.5  # [inch]
+ONE_TENSION = 4e-3  # of a tension: what the search of one may leave between weft and warp
+PEAK: dict[str, Any] = {"color": "white", "markeredgecolor": "black", "markeredgewidth": 1.0, "linestyle": "none", "marker": "*"}
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 OUTLINE: dict[str, Any] = {"color": "#404040", "linewidth": 1.2, "linestyle": "--"}
 RING: dict[str, Any] = {"markerfacecolor": "none", "markeredgecolor": GREEN, "linestyle": "none", "marker": "o"}
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The largest wire stress of a state, which may lie between two nodes, and its place from the corner of the mesh."""
+
+    stress: float  # [Pa]
+    weft: float  # [m]
+    warp: float  # [m]
 
 
 def mesh_figure(
@@ -47,18 +59,18 @@ def mesh_figure(
     title: str,
     *,
     yield_stress: float | None = None,
+    peak: Peak | None = None,
 ) -> Path:
     """Draw the deformed mesh in plan view: wires coloured by stress, active and open contacts, the central rhombus.
 
-    A periodic tile is drawn in copies that fill the picture. The origin is the centre of a gripped mesh.
-    `yield_stress` [Pa]: stress beyond it is drawn in cyan.
+    A periodic tile is drawn in copies that fill the picture. The origin is the corner of the mesh, as in the tables.
+    `yield_stress` [Pa]: stress beyond it is drawn in cyan. peak: the largest stress and its place, which is marked.
     """
     frame.require_finite()
-    origin = 1e3 * frame.deformation @ layout.origin
     if layout.curve_segment.size > SEGMENTS_DRAWN:
-        return _mesh_map(layout, frame, path, title, origin, yield_stress)
-    lines, stress = _lines(layout, frame, origin)
-    bodies = 1e3 * np.asarray(frame.body_position)[:, :2] - origin
+        return _mesh_map(layout, frame, path, title, yield_stress, peak)
+    lines, stress = _lines(layout, frame)
+    bodies = 1e3 * np.asarray(frame.body_position)[:, :2]
     offsets, tile = np.zeros((1, 2)), None
     if layout.wire_closed.any():
         tile = 1e3 * frame.deformation @ np.diag(layout.period)
@@ -76,7 +88,7 @@ def mesh_figure(
     _stress_bar(figure, axes, wires, yield_stress)
     spacing = _spacing(bodies, layout.body_count)
     shows_open = spacing * plan_scale(figure, axes) >= LEAST_ROOM  # else they would hide the loops
-    _legend(figure, layout, frame, shows_open)
+    _legend(figure, layout, frame, shows_open, peak)
     if tile is not None:
         axes.add_patch(Polygon(SQUARE @ tile.T, fill=False, zorder=2, **OUTLINE))
     points_per_mm = plan_scale(figure, axes)  # the legend takes room
@@ -89,14 +101,24 @@ def mesh_figure(
         edge = EDGE * float(np.clip((spacing * points_per_mm - LEAST_ROOM) / (ENOUGH_ROOM - LEAST_ROOM), 0.0, 1.0))
         axes.add_collection(over_under(pieces, colour[number], width, points_per_mm, edge))
     _draw_contacts(axes, layout, frame, bodies, offsets, spacing * points_per_mm, shows_open)
+    _draw_peak(axes, peak)
     return save_figure(figure, path)
 
 
-def _lines(layout: WireLayout, frame: Frame, origin: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+def _draw_peak(axes: Axes, peak: Peak | None) -> None:
+    if peak is not None:
+        axes.plot(1e3 * peak.weft, 1e3 * peak.warp, **PEAK, markersize=11, zorder=5)
+
+
+def _peak_handle(peak: Peak) -> Line2D:
+    """The mark of the largest stress, for a legend."""
+    return Line2D([], [], **PEAK, markersize=9, label=f"largest wire stress: {engineering(peak.stress, 'Pa')}")
+
+
+def _lines(layout: WireLayout, frame: Frame) -> tuple[NDArray[Any], NDArray[Any]]:
     """(segment, point, 3) [mm] curves of the wires between their nodes, as recorded or smooth through the nodes; and the
     stress (segment, piece) [MPa] of each straight piece of them."""
     position, segment = 1e3 * curve_position(layout, frame), layout.curve_segment
-    position[:, :2] -= origin
     if layout.curve_parts == 1:
         lines = _smooth(position, segment)
     else:
@@ -131,11 +153,11 @@ def _mesh_map(
     frame: Frame,
     path: str | os.PathLike[str],
     title: str,
-    origin: NDArray[Any],
     yield_stress: float | None,
+    peak: Peak | None,
 ) -> Path:
     """Draw a large mesh as two maps on a grid: the largest stress, and the fraction of active pairs."""
-    position = 1e3 * curve_position(layout, frame)[:, :2] - origin
+    position = 1e3 * curve_position(layout, frame)[:, :2]
     low, high = position.min(axis=0), position.max(axis=0)
     size = high - low
     figure, (left, right) = _plan_figure(size, 2, title)
@@ -146,11 +168,11 @@ def _mesh_map(
     np.fmax.at(stress, _cell_of(position, low, size, shape), 1e-6 * np.abs(frame.node_stress)[layout.curve_node])
     colours, scale = stress_colours(stress, yield_stress)
     image = left.imshow(stress.reshape(shape), origin="lower", extent=extent, cmap=colours, norm=scale, interpolation="nearest")
-    _stress_bar(figure, left, image, yield_stress, "highest wire stress at nodes in each cell [MPa]")
+    _stress_bar(figure, left, image, yield_stress, "highest stress at nodes in each cell [MPa]")
 
-    body = 1e3 * np.asarray(frame.body_position)[:, :2] - origin
+    body = 1e3 * np.asarray(frame.body_position)[:, :2]
     # repeats count from the corner of the mesh; loops at the edge reach a little beyond it
-    corner = -origin if layout.repeats.all() else low
+    corner = np.zeros(2) if layout.repeats.all() else low
     whole = 1e3 * np.diag(frame.deformation) * layout.period if layout.repeats.all() else size
     shape, covered = _cells_of_repeats(layout.repeats, whole, body.shape[0] / 12.0, 250)
     extent = (corner[0], corner[0] + covered[0], corner[1], corner[1] + covered[1])
@@ -169,10 +191,13 @@ def _mesh_map(
             for colour, width in (("black", 3.5), ("white", 1.5)):
                 axes.plot(*rhombus.mean(axis=0), **ring, markeredgecolor=colour, markeredgewidth=width)
         frame_plan_axes(axes, low, high)
+    _draw_peak(left, peak)
+    handles = [] if peak is None else [_peak_handle(peak)]
     if rhombus.size:
         ring = {**ring, "markeredgecolor": "black", "markeredgewidth": 1.5}
-        handle = Line2D([], [], **ring, label="central rhombus")
-        figure.legend(handles=[handle], loc="outside lower center", frameon=False)
+        handles.append(Line2D([], [], **ring, label="central rhombus"))
+    if handles:
+        figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
     return save_figure(figure, path)
 
 
@@ -199,22 +224,22 @@ def _cell_of(position: NDArray[Any], low: NDArray[Any], size: NDArray[Any], shap
     return np.asarray(row * shape[1] + column)
 
 
-def _legend(figure: Figure, layout: WireLayout, frame: Frame, shows_open: bool) -> None:
-    """Say how many contacts are active and open, and how many of the central rhombus."""
-    if not layout.body_count:
-        return
+def _legend(figure: Figure, layout: WireLayout, frame: Frame, shows_open: bool, peak: Peak | None) -> None:
+    """Say how many contacts are active and open, and how many of the central rhombus; and the largest stress."""
     kind = "bodies" if layout.body_radius else "places of contact"
-    handles = []
-    for chosen, name, _, look in _kinds(frame):
+    handles = [] if peak is None else [_peak_handle(peak)]
+    for chosen, name, _, look in _kinds(frame) if layout.body_count else ():
         label, is_drawn = f"{name} {kind}: {np.count_nonzero(chosen)}", name == "active" or shows_open
         shown = {**look, "markersize": 6.5, "markeredgewidth": 1.0} if is_drawn else {"linestyle": "none"}
         handles.append(Line2D([], [], label=label if is_drawn else f"{label}, not drawn", **shown))
-    if layout.wire_closed.any():
+    if layout.body_count and layout.wire_closed.any():
         handles.append(Line2D([], [], **OUTLINE, label="the tile that is counted"))
     elif layout.rhombus_bodies.size:
         both = np.count_nonzero(frame.body_active[layout.rhombus_bodies])
         label = f"central rhombus: {both} of {layout.rhombus_bodies.size} active"
         handles.append(Line2D([], [], label=label, **RING, markersize=10, markeredgewidth=1.5))
+    if not handles:
+        return
     columns = int(np.clip(figure.get_figwidth() / LEGEND_COLUMN, 1, len(handles)))
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, handletextpad=0.5)
 
@@ -292,10 +317,10 @@ def _stress_bar(
     axes: Axes,
     mappable: Any,
     yield_stress: float | None,
-    label: str = "wire stress at nodes [MPa]",
+    label: str = "stress at nodes [MPa]",
 ) -> None:
     largest = float(np.ma.max(np.ma.masked_invalid(mappable.get_array())))
-    label += f", largest {float(f'{largest:.3g}'):g}"  # no exponent
+    label += f", largest there {float(f'{largest:.3g}'):g}"  # no exponent
     if yield_stress is not None:
         label += f", yield at {1e-6 * yield_stress:.4g}"
     label += " (square-root scale)"
@@ -317,8 +342,15 @@ def state_title(frame: Frame, tension: tuple[float, float] | None, *, names_stag
         load.append(f"shear {100.0 * frame.shear:.1f} %")
     answer = []
     if tension is not None:
-        scale, unit = scale_of("N/m", np.array(tension))
-        answer.append(f"tension weft {scale * tension[0]:.3g} {unit}, warp {scale * tension[1]:.3g} {unit}")
+        answer.append(f"tension {_both(tension)}")
     if abs(frame.temperature - ROOM) > 0.05:
         answer.append(f"{frame.temperature - ZERO_CELSIUS:.4g} °C")
     return "\n".join("   ".join(parts) for parts in (load, answer) if parts)
+
+
+def _both(tension: tuple[float, float]) -> str:
+    """Tensions [N/m] in weft and warp; one where they differ by no more than a search allows."""
+    weft, warp = alike(tension, "N/m")
+    if abs(tension[0] - tension[1]) <= ONE_TENSION * max(map(abs, tension)):
+        return f"{engineering(0.5 * sum(tension), 'N/m')} in weft and warp"
+    return f"weft {weft}, warp {warp}"

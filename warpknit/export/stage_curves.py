@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from warpknit.export.plots import GREY, WIDTHS
@@ -22,6 +23,7 @@ __all__ = [
 
 History = Iterable[Mapping[str, Any]] | str | os.PathLike[str]
 DECADES_DRAWN = 1e-9  # of the largest value of a logarithmic axis: less is not drawn, and does not flatten the others
+FEW_DECADES = 1e3  # of a logarithmic axis: with fewer, 2 and 5 have ticks as well
 JUMP_STYLE: dict[str, Any] = {"linestyle": ":", "linewidth": 1.2}  # no state is interpolated over a jump
 STAGE_STYLES: tuple[tuple[str | tuple[int, tuple[float, ...]], str], ...] = (
     ("-", "o"),
@@ -93,7 +95,12 @@ def draw_curves(
         axes.set_yscale("log")
         low, high = axes.get_ylim()
         if high < 10.0 * low:
-            axes.set_ylim(np.sqrt(low * high / 10.0), np.sqrt(10.0 * low * high))  # a decade
+            low, high = np.sqrt(low * high / 10.0), np.sqrt(10.0 * low * high)  # a decade
+            axes.set_ylim(low, high)
+        if high < FEW_DECADES * low:
+            axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axes.yaxis.set_major_formatter(LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf)))
+            axes.yaxis.set_minor_formatter(NullFormatter())
     if handles:
         axes.legend(
             handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(handles), frameon=False, borderaxespad=0.2

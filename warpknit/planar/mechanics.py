@@ -121,7 +121,7 @@ class PlanarMechanics:
         # bound on the relative affine motion of a body and a wire within the search radius
         self.neighbours.expect(2.0 * float(np.abs(np.subtract(then[:4], now[:4])).max()) * self.neighbours.radius)
 
-    def release(self, share: float) -> None:
+    def release(self, begin: float, end: float) -> None:
         """Nothing: the natural curvature is that of `wire.set_fraction` from the start."""
 
     def load_steps(self, load: LoadPoint, predicted: bool) -> int:

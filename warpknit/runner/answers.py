@@ -33,7 +33,11 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     first_yield.as_knitted            true where the stress of the first record is above the yield stress
     largest_stress                    the largest stress of the run, and its place
     largest_tension                   the state of the largest tension
+    asked_tension_N_per_m             largest mean tension of weft and warp that a stage asks for; null without a stage by tension
+                                      in both
     tension_tolerance_N_per_m         smaller tensions are zero within the tolerance of the equilibria
+    tension_error_percent             known error of tensions at the preset: of tight knits against the reference preset, at nine
+                                      of ten loads; else that of the double atlas mesh; null where it is not known
     heat                              each stage that changes the temperature alone: values at its begin and end
     heat[].held                       what it holds in weft and warp, `tension` or `strain` each
     best                              the state in the middle of the widest range of tension with the most active contacts, up to
@@ -64,6 +68,7 @@ from .. import measure
 from ..measure import MeshModel
 from ..measure.contact_classes import classes_of
 from ..scene import Stage
+from ..scene.model_choice import tension_error
 from .best_tension import best_tension
 from .branches import Jump
 from .closings import STATE, Answer, closing, is_jump, service_share, state_between, state_of, takes_up_slack
@@ -91,6 +96,7 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
     given = model.scene.output.service_tension
     wanted = SERVICE_TENSIONS if given is None else (given,)
     service = [service_share(tension, rows, classes, closings, jumps) for tension in wanted]
+    asked = _asked_tension(model.scene.stages)
     limit = model.scene.wire.yield_stress
     yields = _yielding_record(rows, limit)
     known = rows if yields is None else rows[: yields + 1]  # what is loaded further does not change the best tension
@@ -105,14 +111,24 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
             }
             for one in classes
         ],
-        "service": service if given is not None else [point for point in service if point["state"] or point["jump"]],
+        "service": [
+            one for one in service if given is not None or one["state"] or one["jump"] or one["tension_N_per_m"] <= (asked or 0.0)
+        ],
         "first_yield": first_yield,
         "largest_stress": _peak(max(rows, key=lambda row: row.stress_max_Pa)),
         "largest_tension": state_of(top),
+        "asked_tension_N_per_m": asked,
         "tension_tolerance_N_per_m": ZERO_TENSION * model.scene.solver.residual_tolerance * measure.tension_scale(model),
+        "tension_error_percent": tension_error(model.scene),
         "heat": heat_of(rows, model.scene.stages),
         "best": best_tension(known, limit, classes, until, jumps),
     }
+
+
+def _asked_tension(stages: Sequence[Stage]) -> float | None:
+    """[N/m] the largest mean tension of stages that give both tensions; None without one."""
+    both = [(stage.tension_weft, stage.tension_warp) for stage in stages if all(stage.by_tension)]
+    return max((0.5 * ((weft or 0.0) + (warp or 0.0)) for weft, warp in both), default=None)
 
 
 def _peak(row: Row) -> Answer:

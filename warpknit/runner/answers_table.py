@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -11,6 +12,7 @@ from ..text import alike, celsius, engineering, exact, percent
 State = Mapping[str, Any]
 LEAST_SHARE = 1e-4  # of the larger of both: smaller tensions are scatter about zero
 LEAST_CHANGE = 1e-7  # of a strain
+SAME = 1e-9  # of a tension: round-off of a state found twice
 WIDE = 0.5  # of a tension: distance of two records that is given with the tension between them
 
 
@@ -44,7 +46,34 @@ def answer_rows(answers: Mapping[str, Any], yield_stress: float, *, gave_up: boo
     yield "first yield at", _yield(answers, yield_stress, reached)
     for stage in answers["heat"]:
         yield from _heat(stage)
-    yield from _best(answers["best"])
+    yield from _best(answers, gave_up)
+
+
+def advice_rows(answers: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """What a closing or a first yield between records far apart asks for; nothing where there is none."""
+    closes = [(one["name"], one["closes"]) for one in answers["contacts"] if one["closes"] is not None]
+    coarse = [name for name, one in closes if not one["jump"] and _is_far_apart(one)]
+    of_names = f" {' and '.join(coarse)}" if len(answers["contacts"]) > 1 else ""
+    found = [f"contacts{of_names} close"] if coarse else []
+    first_yield = answers["first_yield"]
+    if first_yield is not None and not first_yield["jump"] and _is_far_apart(first_yield):
+        found.append("the wire first yields")
+    if found:
+        what = f"{', and '.join(found)} between records far apart"
+        yield "to resolve more", f"{what}: more output.frames tell the tension, or a first stage to a smaller load"
+
+
+def _is_far_apart(one: Mapping[str, Any]) -> bool:
+    """Whether the records on both sides of a state are far apart for its tension."""
+    low, high = one["between"]
+    return _mean(high) - _mean(low) > WIDE * _mean(one)
+
+
+def unreached_text(answers: Mapping[str, Any]) -> str:
+    """How far a run that did not converge got, of the tension that it was asked for."""
+    top, asked = answers["largest_tension"], answers["asked_tension_N_per_m"]
+    of_asked = "" if asked is None else f" of the {exact(asked, 'N/m')} that the scene asks for"
+    return f"the relaxation converged up to {_tension(top)}{of_asked}, {_strain(top)}"
 
 
 def _without_scatter(part: Any, least: float) -> Any:
@@ -109,7 +138,7 @@ def _records(one: Mapping[str, Any]) -> str:
     unloaded = _mean(low) == _mean(high) == 0.0
     if (one.get("slack") or unloaded) and not jump:
         strains = f"{_strain(low)} to {_strain(high).removeprefix('strain ')}"
-        return f"{'without tension' if unloaded else f'by {_tension(high)}'}, once the slack is taken up, {strains}"
+        return f"{'without tension' if unloaded else f'{_tension(high)} or below'}, once the slack is taken up, {strains}"
     return f"between {_tension(low)} and {_tension(high)}, {_strain(low)} and {_strain(high).removeprefix('strain ')}{jump}"
 
 
@@ -122,9 +151,13 @@ def _shares(between: Sequence[State]) -> str:
 def _found(one: Mapping[str, Any]) -> str:
     """A state between two records, and the records where they are far apart."""
     low, high = one["between"]
-    if _mean(high) - _mean(low) > WIDE * _mean(one):
-        return f"about {_tension(one, _digits(one))}, between records at {_tension(low)} and {_tension(high)}, {_strain(one)}"
-    return f"{_tension(one)}, {_strain(one)}"
+    between = f", between records at {_tension(low)} and {_tension(high)}" if _is_far_apart(one) else ""
+    return f"{_known_tension(one)}{between}, {_strain(one)}"
+
+
+def _known_tension(one: Mapping[str, Any]) -> str:
+    """The tension of a state between two records, with two digits where they are far apart."""
+    return f"about {_tension(one, _digits(one))}" if _is_far_apart(one) else _tension(one)
 
 
 def _digits(one: Mapping[str, Any]) -> int:
@@ -173,13 +206,15 @@ def _heat(stage: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield f"heat, {celsius(begin['temperature_K']).split()[0]} to {celsius(end['temperature_K'])}", held + ", ".join(parts)
 
 
-def _best(best: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
+def _best(answers: Mapping[str, Any], gave_up: bool) -> Iterator[tuple[str, str]]:
+    best = answers["best"]
     if best is None:
         yield "best tension", "none: no tensile state with an active contact is below the elastic limit"
         return
     low, high = best["low"], best["high"]
-    cut = " and ".join(text for name, text in (("low", "begin"), ("high", "end")) if best[f"open_{name}"])
-    incomplete = f", incomplete: the records {cut} within it" if cut else ""
+    end = "the relaxation did not converge beyond its end" if gave_up else "the records end within it"
+    cut = " and ".join(text for name, text in (("low", "the records begin within it"), ("high", end)) if best[f"open_{name}"])
+    incomplete = f", incomplete: {cut}" if cut else ""
     middle = "" if best["grows"] or low == high else f", the middle of its range{incomplete}"
     stress = engineering(best["stress_max_Pa"], "Pa")
     stage = f" in stage '{best['stage']}'" if best["stages"] > 1 else ""
@@ -188,22 +223,34 @@ def _best(best: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
         yield "  may drift", "unknown: a single record has this share; more output.frames tell"
         return
     if best["grows"]:
-        yield "  may drift", "unknown: only the last record has this share; a larger load would tell"
+        more = "beyond it the relaxation did not converge" if gave_up else "a larger load would tell"
+        yield "  may drift", f"unknown: only the last record has this share; {more}"
         return
     of_mean = " of the mean" if " / " in _tension(best) else ""
-    lowest, highest = (_end(best, name, of_mean) for name in ("low", "high"))
+    known = [one["closes"] for one in answers["contacts"]] + [answers["first_yield"]]
+    lowest, highest = (_end(best, name, of_mean, [one for one in known if one is not None]) for name in ("low", "high"))
     if best["open_low"]:
         lowest = f"at most {lowest}, where the records begin,"
     if best["open_high"]:
-        highest = f"at least {highest}, where the records end"
+        highest = f"at least {highest}, {'beyond which the relaxation did not converge' if gave_up else 'where the records end'}"
     snaps = "; ".join(" and ".join(map(_tension, jump)) for jump in best["jumps"])
     inside = f"; the mesh jumps between {snaps}" if snaps else ""
     yield "  may drift", f"from {lowest} to {highest.removesuffix(',')}{inside}"
+    error = answers["tension_error_percent"]
+    nearest = min(abs(_mean(one) / _mean(best) - 1.0) for one in (low, high))
+    if error is not None and nearest < 0.01 * error:
+        yield "  accuracy", f"tensions at this preset are within {error:g} %, more than it may drift: a finer solver.preset tells"
 
 
-def _end(best: Mapping[str, Any], name: str, of_mean: str) -> str:
-    """An end of the range of the best tension, and the records on both sides where it is not known."""
-    text = f"{_tension(best[name])} ({percent(_mean(best[name]) / _mean(best) - 1.0, 0, signed=True)}{of_mean})"
+def _end(best: Mapping[str, Any], name: str, of_mean: str, known: Sequence[Mapping[str, Any]]) -> str:
+    """An end of the range of the best tension, and the records on both sides where it is not known.
+
+    known: closings and first yield, one of which it may be.
+    """
+    end = best[name]
+    same = next((one for one in known if one["resolved"] and math.isclose(_mean(one), _mean(end), rel_tol=SAME)), None)
+    shown = _tension(end) if same is None else _known_tension(same)
+    text = f"{shown} ({percent(_mean(end) / _mean(best) - 1.0, 0, signed=True)}{of_mean})"
     if (sides := best.get(f"{name}_between")) is None:
         return text
     jump = ", where the mesh jumps" if best.get(f"{name}_jump") else ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -47,8 +47,8 @@ def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
     if scene.hook is None and nodes < FEWEST_NODES:
         yield f"{nodes} nodes a loop are few: errors of tension and contact force may exceed 10 %"
     if cloth is not None:
-        yield from _about_tension(scene, cloth)
-        yield from _about_strain(scene, cloth)
+        yield from _about_tension(scene, cloth, scene.stages)
+        yield from _about_strain(scene, cloth, scene.stages)
         if scene.model.kind == "spatial" and not scene.depends_on_path and smaller_scene(scene) is None:
             yield from _about_increments(scene)
     if scene.solver.drive == "relax" and scene.contact.friction > SMALL_FRICTION:
@@ -68,7 +68,15 @@ def preset_cautions(scene: Scene) -> Iterator[str]:
         yield f"preset {scene.preset_in_force}: {scene.preset_caveat}"
 
 
-def _about_tension(scene: Scene, cloth: Cloth) -> Iterator[str]:
+def sweep_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
+    """Warnings about the largest loads of a sweep, one line each; none without one."""
+    if cloth is not None and scene.sweep is not None:
+        largest = [scene.sweep.stage(scene.stages[0], scene.sweep.pairs[-1])]
+        yield from _about_tension(scene, cloth, largest)
+        yield from _about_strain(scene, cloth, largest)
+
+
+def _about_tension(scene: Scene, cloth: Cloth, loads: Sequence[Stage]) -> Iterator[str]:
     """Tensions that no arrangement of elastic wires carries.
 
     The sum of weft and warp is the mean axial force of the wires times their length in an area, which extension makes smaller.
@@ -76,7 +84,7 @@ def _about_tension(scene: Scene, cloth: Cloth) -> Iterator[str]:
     wire = scene.wire
     radius = wire.radius + (0.0 if wire.plating is None else wire.plating.thickness)
     most = wire.yield_stress * wire.ends * math.pi * radius**2 * cloth.wire_per_area
-    largest = max((stage.tension_weft or 0.0) + (stage.tension_warp or 0.0) for stage in scene.stages)
+    largest = max((load.tension_weft or 0.0) + (load.tension_warp or 0.0) for load in loads)
     if largest > most:
         yield (
             f"the given tensions of weft and warp add up to {engineering(largest, 'N/m')}; with all wires straight and at"
@@ -84,22 +92,24 @@ def _about_tension(scene: Scene, cloth: Cloth) -> Iterator[str]:
         )
 
 
-def _about_strain(scene: Scene, cloth: Cloth) -> Iterator[str]:
-    """Strains that no arrangement of wires below their strength reaches.
+def _about_strain(scene: Scene, cloth: Cloth, loads: Sequence[Stage]) -> Iterator[str]:
+    """Strains that no arrangement of wires below their strength reaches, of the first load that has one.
 
-    The bound is for points of hooking; between two of them a wire is shorter by its thickness at most.
+    The bound is for points of hooking; between two of them a wire is shorter by its thickness at most. A direction under a given
+    tension may contract to any length.
     """
     wire = scene.wire
     laid = cloth.wire_length * len(cloth.stitches)
     longest = laid * (1.0 + wire.tensile_strength / wire.youngs_modulus) + piece_count(cloth) * wire.thickness
-    for stage in scene.stages:
-        if stage.strain_weft is None or stage.strain_warp is None:
-            continue
-        gradient = np.array([[1.0 + stage.strain_weft, stage.shear], [0.0, 1.0 + stage.strain_warp]])
-        needed = least_length(cloth, gradient, enough=BEYOND_ERROR * longest)
-        if needed > BEYOND_ERROR * longest:
+    most = BEYOND_ERROR * longest
+
+    for load in loads:
+        weft, warp = (0.0 if strain is None else 1.0 + strain for strain in (load.strain_weft, load.strain_warp))
+        shear = load.shear if weft and warp else 0.0
+        needed = least_length(cloth, np.array([[weft, shear], [0.0, warp]]), enough=most)
+        if needed > most:
             yield (
-                f"the strain of stage {stage.name!r} is beyond that of straight wires: from one place of hooking to the next they"
+                f"the strain of stage {load.name!r} is beyond that of straight wires: from one place of hooking to the next they"
                 f" would need {needed / longest:.3g} times the length at which they break, however they slide"
             )
             return

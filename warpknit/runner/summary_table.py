@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from ..text import alike, celsius, duration, engineering, percent, short_percent
-from .answers_table import LEAST_SHARE, answer_rows
+from .answers_table import LEAST_SHARE, advice_rows, answer_rows, unreached_text
 from .strength import assumed_note
 
 TIMED = "for steps, checks and files"  # what the wall time of a run or map includes: neither the model nor compilation
@@ -32,6 +32,8 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
         temperature = value("mesh", "temperature_K")
         at = "" if temperature is None else f", at {celsius(temperature)}"
         yield place, f"{stages[-1].get('name')}{at} ({len(stages)} stages; summary.json has all)"
+    if diverged and (reached := value("answers")) is not None:
+        yield "load not reached", unreached_text(reached)
     hook = value("hook")
     if hook is not None:
         yield from _hook_rows(hook)
@@ -73,6 +75,7 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
     if (answers := value("answers")) is not None:
         ends_at_top = diverged and value("mesh", "tension_warp_N_per_m") == answers["largest_tension"]["tension_warp_N_per_m"]
         yield from answer_rows(answers, value("wire", "yield_stress_Pa"), gave_up=ends_at_top)
+        yield from advice_rows(answers)
     if (error := value("quality", "estimated_error")) is not None:
         yield "estimated error", short_percent(error)
     if (steps := value("solver", "steps")) is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from ..mechanics import TOO_THICK
 from ..text import alike, engineering, percent, short_percent
 from .branches import jumps_of, tensions_text
 from .cautions import cautions
+from .closings import SLACK_STRAIN, is_jump, takes_up_slack
 from .history import Row
 from .strength import limit_text, strength_text
 
@@ -146,18 +148,31 @@ def _lost_contact(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _jumped(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
+    """Slack that is taken up, and jumps to other equilibria."""
     if model.scene.solver.drive != "relax":
         return
-    for a, b in zip(rows, rows[1:], strict=False):
-        by_tension = _driven_by_tension(model, b.stage)
-        jump = float(np.max(np.abs([b.strain_weft - a.strain_weft, b.strain_warp - a.strain_warp]) * by_tension))
-        if jump > STRAIN_JUMP:
-            yield (
-                f"the mesh jumps by {percent(jump)} strain between {_between(a, b)}: slack was taken up, or several equilibria"
-                " exist at this load and the result depends on the load history"
-            )
-            return
+    yield from _strained_far(model, rows)
     yield from _changed_branch(model, rows)
+
+
+def _strained_far(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
+    """The first two neighbouring levels under given tensions between which the mesh takes up slack, and the first two others
+    that are far apart in strain without a jump that `_changed_branch` tells."""
+    jumps, told = jumps_of(model, rows), set()
+    for a, b in pairwise(rows):
+        change = np.abs([b.strain_weft - a.strain_weft, b.strain_warp - a.strain_warp])
+        step = float(np.max(change * _driven_by_tension(model, b.stage)))
+        is_slack = takes_up_slack(a, b)
+        if step <= (SLACK_STRAIN if is_slack else STRAIN_JUMP) or is_slack in told or is_jump(a, b, jumps):
+            continue
+        told.add(is_slack)
+        if is_slack:
+            yield f"the mesh takes up slack between {_between(a, b)}: it strains freely by {percent(step)}"
+        else:
+            yield (
+                f"the mesh strains by {percent(step)} between {_between(a, b)}: several equilibria may exist there, and the"
+                " result may depend on the load history; more output.frames tell"
+            )
 
 
 def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:

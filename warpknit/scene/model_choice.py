@@ -96,6 +96,14 @@ def first_touch(scene: Scene) -> float:
     return _laid_out(scene.knit.even, wire.thickness, model.body_radius)[0]
 
 
+def tension_error(scene: Scene) -> float | None:
+    """[%] known error of tensions at the preset in force, of tight knits against the reference preset; None if unknown."""
+    name = scene.preset_in_force
+    if name is None or first_touch(scene) >= PLANE_IS_GOOD:
+        return scene.preset_error_percent
+    return PRESETS[name].of(scene.model.kind, scene.solver.drive).tight_error_percent
+
+
 @lru_cache(maxsize=64)
 def _laid_out(knit: Knit, thickness: float, body_radius: float) -> tuple[float, int]:
     """`first_touch` of one repeat, and its loops; lengths in [m]."""

@@ -213,6 +213,8 @@ def _wire(request: SceneRequest) -> Iterator[str]:
     plating = f"{{material = {_toml(metal)}, thickness = {_toml(thickness)}}}"
     yield (_key if request.plating else _off)("plating", plating, "adds stiffness, mass and thickness")
     yield _off("youngs_modulus", modulus, "instead of that of the material; other constants in the same way")
+    limit = _toml(exact(MATERIALS[request.material].yield_stress, "Pa"))
+    yield _off("yield_stress", limit, "elastic limit, assumed: that of your wire decides first yield and best tension")
     if _strained(request):
         yield _off("plastic", "true", "the wire yields at yield_stress and keeps a set")
 

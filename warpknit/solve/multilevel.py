@@ -122,11 +122,11 @@ class MultilevelRelaxation(Relaxation):
             self._response = load_response(kept, self.cell.model)
             self.membrane.renew(self._response)
 
-    def release(self, share: float) -> None:
-        super().release(share)
+    def release(self, begin: float, end: float) -> None:
+        super().release(begin, end)
         for smaller in (self.smaller, self.cell):
             if smaller is not None:
-                smaller.release(share)
+                smaller.release(begin, end)
 
     def _prepare(self, load: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
         if self.smaller is not None:

@@ -130,7 +130,7 @@ class Relaxation(Drive):
                 there = max(0.0, factor - (parts - progress.part - 1) / (parts * levels))
                 progress.load_factor = there
                 if factor == 0.0:
-                    self.release((progress.part + 1) / parts)
+                    self.release(progress.part / parts, (progress.part + 1) / parts)
                 wanted = None
                 if driven.any() and there > 0.0:
                     wanted = WantedTension(driven, tension_start + there * (tension_end - tension_start))
@@ -171,9 +171,9 @@ class Relaxation(Drive):
             return 1
         return history_steps(self.target(stage, factor - 1.0 / levels), self.target(stage, factor), self.rim)
 
-    def release(self, share: float) -> None:
-        """Apply this share of `wire.set_fraction`."""
-        self.mechanics.release(share)
+    def release(self, begin: float, end: float) -> None:
+        """Apply `wire.set_fraction` from one share of it to another."""
+        self.mechanics.release(begin, end)
 
     def reach(self, load: LoadPoint, wanted: WantedTension | None) -> Iterator[Unsolved]:
         """Find the equilibrium at a load, or continue an unfinished one."""

@@ -1,8 +1,9 @@
 """The strain at which the mesh carries a prescribed tension, by Broyden's method over equilibria.
 
 Only tension-driven directions are unknowns. The mesh stiffens with strain, so steps are bounded and the diagonal of the
-tangent is kept positive. The tensions of equilibria scatter by the tolerance of their convergence: a change of tension that is
-not well above it does not renew the tangent.
+tangent is kept positive. Where the mesh snaps, the tension falls with strain: the states that carry more lie beyond. The tensions
+of equilibria scatter by the tolerance of their convergence: a change of tension that is not well above it does not renew the
+tangent.
 """
 
 from __future__ import annotations
@@ -68,6 +69,8 @@ class TensionSearch:
         """Strain step (2,) that the tangent gives for a change of tension, at most STEP_LIMIT."""
         k, step, index = np.array(self.stiffness), np.zeros(2), np.nonzero(driven)[0]
         step[index] = np.linalg.lstsq(k[np.ix_(index, index)], miss[index], rcond=None)[0]
+        if step @ miss <= 0.0:  # of a stable mesh it is positive, as its tangent is: go on, past the snap
+            step[index] = miss[index] / np.diag(k)[index]
         return np.asarray(step * min(1.0, STEP_LIMIT / max(float(np.abs(step).max()), 1e-300)))
 
     def _renew_tangent(

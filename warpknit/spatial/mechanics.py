@@ -81,6 +81,7 @@ class SpatialMechanics:
         self.stability = Stability(model, self.relaxation, self.contact, self.notes)
         # a large gripped mesh starts from a smaller one that was tested
         self._is_tested = not scene.depends_on_path and (scene.model.boundary == "periodic" or smaller_scene(scene) is None)
+        self._release: tuple[float, float] | None = None  # natural over rest curvature before and after the part in progress
         self._last: tuple[np.ndarray, np.ndarray] | None = None  # gradient and displacement of the previous level
         if model.ramp is not None:
             self._take_real_masses(model.ramp.node_mass, model.ramp.spin_inertia, model.ramp.damping)
@@ -151,6 +152,7 @@ class SpatialMechanics:
         state.write_control(ramp | {int(c.RAMP_STEP): 0.0, int(c.RAMP_STEPS): float(steps), int(c.EVEN_RAMP): float(evenly)})
         if self.model.ramp is not None:
             return
+        self._apply_release()
         self.relaxation.set_thermal_strain(
             segment_thermal_strain(self.model, load.temperature, np.array(load.temperature_gradient))
         )
@@ -178,10 +180,23 @@ class SpatialMechanics:
             return 1
         return max(1, math.ceil((1.0 - self.model.scene.wire.set_fraction) / RELEASE - 1e-9))
 
-    def release(self, share: float) -> None:
+    def release(self, begin: float, end: float) -> None:
         if self.release_parts > 1:
-            fraction = 1.0 + share * (self.model.scene.wire.set_fraction - 1.0)
-            set_natural_shape(self.stepper.arrays, self.model.rods, self.model.device, fraction)
+            fraction = self.model.scene.wire.set_fraction
+            before, after = (1.0 + part * (fraction - 1.0) for part in (begin, end))
+            self._release = before, after
+            self._apply_release()
+
+    def _apply_release(self) -> None:
+        """Release as much curvature as belongs to the steps up to the next convergence check, over those of the load.
+
+        Released at once, wires would move farther until then than the masses allow for contacts.
+        """
+        if self._release is None:
+            return
+        control, (before, after) = self.state.read_control(), self._release
+        share = min(1.0, float((control[int(c.RAMP_STEP)] + CHECK_STEPS) / max(control[int(c.RAMP_STEPS)], CHECK_STEPS)))
+        set_natural_shape(self.stepper.arrays, self.model.rods, self.model.device, before + share * (after - before))
 
     def load_steps(self, load: LoadPoint, predicted: bool) -> int:
         strain = float(np.abs(load.gradient - self.state.gradient).max())
@@ -251,6 +266,9 @@ class SpatialMechanics:
             self.stability.begin_level()
 
     def check(self, checks: int, *, loading: bool) -> Check:
+        self._apply_release()
+        if not loading:
+            self._release = None
         self.stepper.evaluate(0.0)
         self.relaxation.renew_damping()
         self.stability.hold_damping()

@@ -13,7 +13,7 @@ from ..kernels import control as c
 from ..kernels.banded_mass import BORDERS, FACTORS, factor_masses
 from ..kernels.rod_blocks import ROD_BLOCK
 from ..kernels.rod_forces import find_rod_forces
-from ..kernels.rod_frames import update_frames
+from ..kernels.rod_frames import ALWAYS, update_frames
 from ..kernels.rod_motion import move_rods
 from ..kernels.wire_closest import PLACES
 from ..launch import Launch, bind
@@ -321,10 +321,10 @@ class StepForces(NamedTuple):
         return StepForces(0, state.force, state.torque, state.sweep)
 
 
-def frames_launch(arrays: RodArrays, state: RodState, blocks: range | None = None) -> Launch:
-    """Launch of `update_frames` for some blocks, default all: edges and directors."""
+def frames_launch(arrays: RodArrays, state: RodState, blocks: range | None = None, when: int = ALWAYS) -> Launch:
+    """Launch of `update_frames` for some blocks, default all: edges and directors; when: see there."""
     block, threads, a_block = _block_threads(arrays, state, blocks)
-    return bind(update_frames, threads, arrays, state, first_block=block, threads_a_block=a_block)
+    return bind(update_frames, threads, arrays, state, first_block=block, threads_a_block=a_block, when=int(when))
 
 
 def force_launch(

@@ -43,7 +43,7 @@ APPROACH = 2.4  # of two wires, over the largest displacement
 # thicknesses: largest displacement a step of wires that may touch, and the least limit; up to FASTER times the speed
 CONTACT_SPEED, LEAST_SPEED, FASTER = 0.1, 0.001, 1.5
 # a wire is taut where its mean excess strain is above TAUT_ERROR AXIAL_ERROR and does not fall to a share within so many checks
-TAUT_ERROR, TAUT_PROGRESS = 20.0, (0.5, 8)
+TAUT_ERROR, TAUT_PROGRESS = 5.0, (0.5, 3)
 TAUT_FACTOR = 4.0  # by which a taut wire is made stiffer: its mean excess strain has stalled
 VIBRATION = 3.0  # speed of the whole motion over that of the mean one, from which on it counts
 # largest speed by diagonal masses that counts, over that by banded ones: that of smooth motion grows with the nodes a loop, from

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from itertools import chain
 from typing import Protocol
 
 import numpy as np
@@ -23,6 +24,7 @@ import warp as wp
 from ..host import fetch, store
 from ..kernels import control as c
 from ..kernels.control import update_control
+from ..kernels.rod_frames import AHEAD, ALWAYS, UNLESS_AHEAD
 from ..launch import Launch, bind
 from ..numerics import thread_count
 from ..row_sums import fewer_rows
@@ -112,13 +114,13 @@ class RodStepper:
         begin, share = self.team.share(count, part)
         return range(begin, begin + share)
 
-    def _contact_launches(self, part: int) -> tuple[list[Launch], TouchArrays]:
+    def _contact_launches(self, part: int, when: int = ALWAYS) -> tuple[list[Launch], TouchArrays]:
         """The launches of one thread's part of frames and contact, in order, and what the contact finds."""
         arrays, state, wait = self.arrays, self.state, self.team.barrier()
         touch, contact = self._no_contact, []
         if self.contact is not None:
             touch, contact = self.contact.touch, [*self.contact.launches(part, self.team.threads), *wait]
-        return [frames_launch(arrays, state, self._range(len(arrays.block_first), part)), *wait, *contact], touch
+        return [frames_launch(arrays, state, self._range(len(arrays.block_first), part), when), *wait, *contact], touch
 
     def _evaluation_launches(self, part: int = 0) -> list[Launch]:
         """The launches of one thread's part of all forces, in order."""
@@ -126,20 +128,22 @@ class RodStepper:
         blocks = self._range(len(self.arrays.block_first), part)
         return [*launches, force_launch(self.rods, self.arrays, self.state, touch, blocks), *self.team.barrier()]
 
-    def _step_launches(self, part: int = 0) -> list[Launch]:
-        """The launches of one thread's part of a step, in order; the first also moves clamps and control.
+    def _step_launches(self, part: int = 0, *, is_first: bool = True, is_last: bool = True) -> list[Launch]:
+        """The launches of one thread's part of a step, in order; the first thread also moves clamps and control.
 
-        The forces of a group of wires move its nodes at once. On a CPU the next group then takes their memory,
-        unless clamps need them.
+        The forces of a group of wires move its nodes at once. On a CPU the next group then takes their memory, and steps before
+        the last leave the frames of the next one, while all this is in the cache; not where clamps move by forces.
         """
         wait, state, groups = self.team.barrier(), self.state, self._groups[part]
-        launches, touch = self._contact_launches(part)
-        is_kept = self.device != "cpu" or (self.clamps is not None and self.clamps.need_forces)
-        for group, stored in zip(groups, forces_of_groups(groups, state, shared=not is_kept), strict=True):
+        launches, touch = self._contact_launches(part, ALWAYS if is_first else UNLESS_AHEAD)
+        in_cache = self.device == "cpu" and (self.clamps is None or not self.clamps.need_forces)
+        for group, stored in zip(groups, forces_of_groups(groups, state, shared=in_cache), strict=True):
             launches += [
                 force_launch(self.rods, self.arrays, state, touch, group.blocks, stored),
                 motion_launch(self.arrays, state, group.wires, stored),
             ]
+            if in_cache and not is_last:
+                launches.append(frames_launch(self.arrays, state, group.blocks, AHEAD))
         launches += wait
         if part == 0:
             launches += self.clamps.launches() if self.clamps is not None else ()
@@ -201,12 +205,19 @@ class RodStepper:
 
     def _captured(self, part: int, steps: int) -> wp.Graph:
         """The graph of one thread's part."""
-        work = self._step_launches(part) if steps else self._evaluation_launches(part)
-        commands = [launch.record(self.device) for launch in work if launch.threads]
+
+        def recorded(launches: list[Launch]) -> list[wp.Launch]:
+            return [launch.record(self.device) for launch in launches if launch.threads]
+
+        if steps <= 1:
+            work = [recorded(self._step_launches(part) if steps else self._evaluation_launches(part))]
+        else:
+            ends = [recorded(self._step_launches(part, is_first=first, is_last=not first)) for first in (True, False)]
+            between = recorded(self._step_launches(part, is_first=False, is_last=False))
+            work = [ends[0], *[between] * (steps - 2), ends[1]]
         with wp.ScopedCapture(device=self.device) as capture:
-            for _ in range(max(steps, 1)):
-                for command in commands:
-                    command.launch()
+            for command in chain.from_iterable(work):
+                command.launch()
         return capture.graph
 
     # --- the state on the host ---

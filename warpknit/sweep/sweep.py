@@ -22,6 +22,7 @@ from ..memory import available_memory, required_memory
 from ..mesh.smaller import smaller_scene
 from ..model import estimates_of
 from ..numerics import thread_count
+from ..runner.cautions import sweep_cautions
 from ..runner.interrupts import Interrupted, Interrupts
 from ..runner.progress_display import Progress as Display
 from ..runner.run_directory import CommandResult, continues_earlier, finished_result, open_directory
@@ -243,7 +244,7 @@ class _Mapper:
         rows, wire = self.rows, self.scene.wire
         jumps = find_jumps(self.meshes[0], rows)
         optimum = find_optimum(rows, wire.yield_stress, jumps)
-        warnings = list(self.model_warnings)
+        warnings = [*self.model_warnings, *sweep_cautions(self.scene, self.meshes[0].cloth)]
         limits = unconverged_warning(rows, self.sweep.by_tension), jump_warning(jumps, self.sweep.by_tension)
         warnings += [limit for limit in limits if limit is not None]
         if len(self.scene.stages) > 1:
