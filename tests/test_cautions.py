@@ -200,3 +200,24 @@ def test_the_table_of_stages_tells_the_temperature_of_the_last_one(tmp_path: Pat
     stages = [{"name": "load"}, {"name": "cold"}]
     table = dict(summary_rows({"stages": stages, "mesh": {"temperature_K": 83.15}}, tmp_path))
     assert table["at the end of stage"] == "cold, at -190 degC (2 stages; summary.json has all)"
+
+
+@pytest.mark.parametrize(
+    ("given", "says"), [(20, True), ("20", True), ("20 K", False), ("20 degC", False), (120, False), (293.15, False)]
+)
+@pytest.mark.parametrize("place", ["load", "path"])
+def test_a_cold_temperature_without_a_unit_is_named(given: float | str, says: bool, place: str) -> None:
+    """A bare 20 is 20 K, and was probably meant as 20 degC."""
+    stage = {"temperature": given}
+    scene = load_scene(
+        {"load": {"strain_warp": 0.1} | (stage if place == "load" else {})} | ({"path": [stage]} if place == "path" else {})
+    )
+    found = [line for line in scene_cautions(scene, None) if "without a unit" in line]
+    assert bool(found) == says and all("20 is -253.15 degC" in line for line in found)
+
+
+def test_a_tension_within_the_tolerance_is_zero_in_every_row(tmp_path: Path) -> None:
+    """3.58 mN/m beside 9.22 N/m, with a tolerance of 10 mN/m, as in the rows of the answers."""
+    mesh = {"tension_weft_N_per_m": 9.22, "tension_warp_N_per_m": 3.58e-3}
+    rows = summary_rows({"mesh": mesh, "answers": {"tension_tolerance_N_per_m": 0.01}}, tmp_path)
+    assert next(text for name, text in rows if name == "tension, weft / warp") == "9.22 N/m / 0 N/m"

@@ -69,6 +69,20 @@ def test_the_step_limit_is_no_reason_for_smaller_increments(monkeypatch: pytest.
     assert failed == pytest.approx([0.04])
 
 
+@pytest.mark.parametrize("error", ["stalled", "exceeded_steps"])
+@pytest.mark.parametrize(("residual", "drifts", "says"), [(1.0, False, True), (0.0, True, True), (0.0, False, False)])
+def test_a_larger_tolerance_is_advised_where_it_helps(error: str, residual: float, drifts: bool, says: bool) -> None:
+    """Residual and drift are compared with `solver.residual_tolerance`, multipliers and membrane corrections are not."""
+    simulation = simulation_of("planar", 1)
+    relaxation = simulation.drive
+    assert isinstance(relaxation, Relaxation)
+    relaxation.progress.residual = residual
+    relaxation.equilibrium.convergence._met[0] = int(drifts)
+    message = str(getattr(relaxation, error)())
+    assert ("solver.residual_tolerance" in message) == says
+    assert "multipliers" in message or says
+
+
 def test_a_set_that_fails_is_released_in_smaller_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     """The two parts of 2 % become four of 1 %, without a step of the natural curvature between them."""
     corrected, release, parts = Relaxation.corrected, SpatialMechanics.release, []

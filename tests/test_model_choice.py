@@ -9,6 +9,8 @@ from click.testing import CliRunner
 from reference.interrupted import assert_parts_are_the_whole
 from warpknit.cli import main
 from warpknit.design import curves
+from warpknit.knit.chain import KnitError
+from warpknit.knit.named import NAMED_KNITS
 from warpknit.plan import make_plan
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene, make_scene
@@ -221,3 +223,19 @@ def test_an_error_bound_is_met_in_the_model_that_auto_takes(tmp_path: Path) -> N
 def test_how_bodies_are_placed_does_not_change_the_choice() -> None:
     """Nested lenses count as one, whether each has a body or not."""
     assert load_scene(ATLAS, ["model.merge_lenses=false"]).kind_reason == load_scene(ATLAS).kind_reason
+
+
+@pytest.mark.parametrize("name", NAMED_KNITS)
+def test_loops_narrower_than_their_wire_are_refused_of_every_knit(name: str) -> None:
+    """At 260 wales an inch the feet of a loop, 0.24 of 98 um apart, are closer than a wire of 30 um."""
+    knit = {"bars": [vars(bar) for bar in NAMED_KNITS[name].bars], "wales": "260 /inch", "courses": "60 /inch"}
+    scene = load_scene({"wire": {"diameter": "30 um"}, "knit": knit, "model": {"boundary": "periodic"}})
+    with pytest.raises(KnitError):
+        make_plan(scene)
+
+
+def test_wires_that_overlap_as_knitted_are_for_space() -> None:
+    """At 200 wales an inch all contacts of a single atlas overlap in plan view, so that none has a way to go."""
+    knit = {"bars": [{"chain": "1-0/1-2/2-3/3-4/3-2/2-1"}], "wales": "200 /inch", "courses": "30 /inch"}
+    scene = load_scene({"wire": {"diameter": "30 um"}, "knit": knit, "model": {"boundary": "periodic"}})
+    assert scene.model.kind == "spatial" and "after 0 % of the planar approach" in scene.kind_reason

@@ -148,6 +148,12 @@ def test_finished_run_is_never_lost(tmp_path: Path) -> None:
     assert run_scene(cell(), out=tmp_path / "r", device="cpu", force=True).exit_code == 0
 
 
+def test_resume_of_nothing_is_told_to_be_a_new_run(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    assert run_scene(cell("output.frames=1"), out=tmp_path / "new", device="cpu", resume=True).exit_code == 0
+    (said,) = [record for record in caplog.records if "no checkpoint to continue" in record.message]
+    assert said.levelname == "WARNING" and str(tmp_path / "new") in said.message
+
+
 def test_foreign_directory_is_refused(tmp_path: Path) -> None:
     """A directory with somebody's files is not written into."""
     (tmp_path / "thesis.tex").write_text("x")

@@ -173,6 +173,14 @@ def test_the_first_error_is_told_and_the_others_are_named():
         make_scene({"wire": {"diameter": -1}, "load": {"shear": 7}, "output": {"frames": "x"}})
 
 
+def test_a_list_is_not_wrong_beside_its_wrong_entries():
+    """Of two bars both are refused; the list that is then empty is not told."""
+    with pytest.raises(SceneError, match=r"knit\.bars\[0\]\.chain: given 'hello', [^()]*$"):
+        make_scene({"knit": {"bars": [{"chain": "hello"}]}})
+    with pytest.raises(SceneError, match=r"knit\.bars\[0\]\.chain: .*\(also wrong: knit\.bars\[1\]\.threading\)$"):
+        make_scene({"knit": {"bars": [{"chain": "hello"}, {"chain": "1-0/1-2", "threading": "x"}]}})
+
+
 @pytest.mark.parametrize(
     ("load", "key"),
     [

@@ -18,6 +18,7 @@ from warpknit.processes import start_process
 from warpknit.runner.interrupts import Interrupts
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
+from warpknit.spatial.estimate import START_TIME, endless_size, map_time
 from warpknit.sweep import state_processes
 from warpknit.sweep.state_processes import StateProcesses
 from warpknit.sweep.sweep import run_map
@@ -130,3 +131,13 @@ def test_what_a_map_in_space_cannot_do_is_refused(tmp_path, setting, said):
     done = make_map(tmp_path / "m", "--set", setting)
     assert done.exit_code == 2 and said in done.stderr and len(done.stderr.splitlines()) == 1
     assert not (tmp_path / "m").exists()
+
+
+def test_the_time_of_a_map_counts_the_start_of_its_processes():
+    """Once, as they start side by side; twice the levels take twice the rest."""
+    table = {"load": {"strain_warp": 0.02}, "model": {"kind": "spatial", "boundary": "periodic"}}
+    scene = load_scene(table | {"sweep": {"strain_weft": [0.0], "strain_warp": [0.02]}, "output": {"frames": 2}})
+    size = endless_size(100, 1, 4)
+    one, two = (map_time(scene, size, [levels]) for levels in (1, 2))
+    assert 0.0 < one - START_TIME == pytest.approx(0.5 * (two - START_TIME))
+    assert map_time(scene, size, []) == 0.0

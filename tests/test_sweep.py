@@ -84,6 +84,9 @@ def test_an_interrupted_map_keeps_its_cells_and_goes_on_to_the_same_map(whole_ma
     monkeypatch.undo()
     assert stopped.exit_code == 130 and "--resume" in stopped.stderr
     assert 0 < len(rows(cut / "map.csv")) < 4
+    warnings = json.loads((cut / "map.json").read_text())["warnings"]
+    assert any(warning.startswith(f"the map is incomplete: {len(rows(cut / 'map.csv'))} of 4 pairs") for warning in warnings)
+    assert not any("incomplete" in warning for warning in json.loads((whole / "map.json").read_text())["warnings"])
     assert make_map(cut).exit_code == 2
     assert make_map(cut, "--resume").exit_code == 0
     assert (cut / "map.csv").read_bytes() == (whole / "map.csv").read_bytes()

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from warpknit.design.card import MaterialCard
-from warpknit.design.fe import CODES, FILES, limit_of_curves, write_fe_cards
+from warpknit.design.card_files import write_card
+from warpknit.design.fe import CODES, FILES, limit_of_curves, missing_cards, write_fe_cards
 from warpknit.design.fe.tangent import ENGINEERING, GREEN, LOGARITHMIC, TRUE, tangent
 from warpknit.runner.history import Row
 from warpknit.runner.run_directory import OUTPUT_NAMES
@@ -357,6 +358,7 @@ def test_a_code_that_cannot_hold_the_card_gets_none(tmp_path):
 def test_curves_cross_no_jump_and_drop_no_state_that_matters(tmp_path, card, path, why):
     found = write_fe_cards(card, path, SCENE, "", tmp_path)
     assert found["radioss"] == f"none: {why}"
+    assert f"no card for radioss: {why}" in missing_cards(found)
     text = (tmp_path / found["abaqus"]).read_text(encoding="ascii")
     assert f"FABRIC: none, {why}." in text.replace("\n** ", " ") and "NAME=FABRIC" not in text
 
@@ -389,3 +391,23 @@ def test_every_file_says_that_the_wire_would_break(tmp_path):
         mark = next(line for line in lines if "Warning: at the tension of the card" in line).split()[0]
         comment = " ".join(line.removeprefix(mark).strip() for line in lines if line.startswith(mark))
         assert "largest wire stress is 9 GPa, above the strength" in comment and "the wire would break" in comment, code
+
+
+def test_a_card_tells_wire_knit_preset_and_what_the_preset_is_worth(tmp_path):
+    """In every file: a tight knit at the draft preset is far from the reference preset at one of ten loads."""
+    wire = {"material": "molybdenum", "diameter": "30 um", "plating": {"material": "gold", "thickness": "0.2 um"}}
+    knit = {"bars": [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], "wales": "26 /inch", "courses": "30 /inch"}
+    boundary, preset = {"boundary": "periodic"}, {"preset": "draft"}
+    scene = load_scene({"wire": wire, "knit": knit, "model": boundary, "load": {"strain_warp": 0.1}, "solver": preset})
+    files = write_fe_cards(CARD, PATH, scene, "60 mN/m", tmp_path)
+    write_card(CARD, scene, "60 mN/m", tmp_path, (), files)
+    card = json.loads((tmp_path / "material_card.json").read_text())
+    assert card["wire"] == "molybdenum, 30 um, plated with 0.2 um of gold"
+    assert card["knit"] == "1-0/1-2 threaded | and 1-2/1-0 threaded |, 26 wales and 30 courses an inch"
+    assert card["preset"].startswith("draft, ")
+    assert any(scene.preset_caveat in warning for warning in card["warnings"])
+    table = (tmp_path / "material_card.csv").read_text()
+    assert all(text in table for text in (card["wire"], card["knit"], card["preset"], scene.preset_caveat))
+    for name in files.values():
+        comments = " ".join(re.sub(r"^\W+", "", line) for line in (tmp_path / name).read_text().splitlines())
+        assert "Wire: molybdenum, 30 um" in comments and "of the reference preset at nine of ten loads" in comments

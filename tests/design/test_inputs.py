@@ -51,6 +51,24 @@ def test_the_double_atlas_has_two_openings_a_repeat(scene):
     assert openings_per_length(scene) == pytest.approx(expected, rel=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("name", "loops"),
+    [("tricot", 2), ("open-tricot", 2), ("locknit", 2), ("reverse-locknit", 2), ("atlas", 6), ("full-double-atlas", 4)],
+)
+def test_a_fully_threaded_knit_has_an_opening_for_each_wale_and_course(name, loops):
+    """Of W x C each, 1 / sqrt(W C) per length; a repeat is one wale wide and so many courses long."""
+    knit = {"bars": [vars(bar) for bar in named_knit(name).bars], "wales": "26 /inch", "courses": "30 /inch"}
+    made = load_scene({"wire": {"diameter": "30 um"}, "knit": knit, "model": {"boundary": "periodic"}})
+    assert inputs.complete_openings(made)[0] == loops
+    assert openings_per_length(made) == pytest.approx(np.sqrt(26.0 * 30.0) / INCH)
+
+
+@pytest.mark.parametrize(("factor", "says"), [(1.2, False), (1.3, True), (0.85, False), (0.75, True)])
+def test_openings_that_change_the_spacings_by_more_than_a_quarter_are_told(scene, factor, says):
+    notes = with_openings(scene, factor * openings_per_length(scene)).notes
+    assert any("change both spacings by a factor of" in note for note in notes) == says
+
+
 def test_scatter_of_the_loops_does_not_change_what_an_opening_is(scene):
     scattered = replace(scene, knit=replace(scene.knit, scatter=0.1))
     assert openings_per_length(scattered) == openings_per_length(scene)

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -112,3 +113,23 @@ def test_missing_and_foreign_directories_are_refused(tmp_path: Path) -> None:
 def test_unknown_format_is_refused(run_dir: Path) -> None:
     with pytest.raises(ExportError, match="usd, vtk, csv, png"):
         export_run(run_dir, "stl")
+
+
+def test_a_map_is_told_from_a_run(tmp_path: Path) -> None:
+    (tmp_path / "map.json").write_text("{}")
+    with pytest.raises(ExportError, match=r"it holds a map, .* no states; `warpknit run`"):
+        export_run(tmp_path, "csv")
+
+
+@pytest.mark.parametrize("name", ["summary.json", "layout.npz"])
+@pytest.mark.parametrize("missing", [True, False])
+def test_a_damaged_file_is_named_before_anything_else(run_dir: Path, name: str, missing: bool) -> None:
+    """Also without states, which a missing layout does not mean."""
+    if missing and name == "layout.npz":
+        (run_dir / name).unlink()
+    else:
+        (run_dir / name).write_text("torn")
+    if name == "summary.json" and missing:
+        shutil.rmtree(run_dir / "states")
+    with pytest.raises(ExportError, match=name):
+        export_run(run_dir, "csv")

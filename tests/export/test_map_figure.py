@@ -134,3 +134,43 @@ def test_no_line_of_equal_value_runs_through_a_cell_with_a_jump() -> None:
     marks = Marks(stress=np.zeros((3, 3)), yield_stress=1.0, optimum=None, jumps=[((0.02, 0.04), (0.04, 0.04))])
     shown = module._smooth(np.arange(9.0).reshape(3, 3), x, y, marks, 100.0)
     assert np.argwhere(np.ma.getmaskarray(shown)).tolist() == [[2, 1], [2, 2]]
+
+
+def test_each_line_of_a_stress_has_its_own_value(tmp_path, monkeypatch):
+    """204 MPa below and 608 MPa above: lines of 300, 400, 500 and 600 MPa lie where a straight line between both has them."""
+    drawn = []
+    monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
+    stress = 1e6 * np.array([[0.0, 0.0, 0.0], [204.0, 204.0, 204.0], [608.0, 608.0, 608.0]])
+    marks = Marks(stress=stress, yield_stress=1e9, optimum=None)
+    map_figure(tmp_path / "a.png", STRAINS, STRAINS, stress, title="", label="stress", unit="Pa", marks=marks)
+    axes = drawn[0].axes[0]
+    (lines,) = [item for item in axes.collections if isinstance(item, QuadContourSet)]
+    places = {level: path.vertices[:, 1].mean() for level, path in zip(lines.levels, lines.get_paths(), strict=True)}
+    assert {300.0, 400.0, 500.0, 600.0} <= set(places)
+    for level in (300.0, 400.0, 500.0, 600.0):
+        assert places[level] == pytest.approx(5.0 + 5.0 * (level - 204.0) / 404.0, abs=0.01)
+    named = {float(label.get_text()): label.get_position()[1] for label in axes.texts}
+    assert named and all(place == pytest.approx(places[level], abs=0.01) for level, place in named.items())
+
+
+def test_a_mark_in_a_corner_hides_no_tick_label(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
+    draw(tmp_path / "a.png", RISING, optimum=(0.0, 0.0))
+    drawn[0].draw_without_rendering()
+    axes = drawn[0].axes[0]
+    star = axes.transData.transform((0.0, 0.0)) + 0.5 * 15.0 * drawn[0].dpi / 72.0 * np.array([[-1.0, -1.0], [1.0, 1.0]])
+    labels = [*axes.get_xticklabels(), *axes.get_yticklabels()]
+    assert not any(label.get_window_extent().overlaps(Bbox(star)) for label in labels if label.get_text())
+
+
+def test_lines_that_would_merge_are_left_out(tmp_path, monkeypatch):
+    """A stress that rises by 800 MPa within a fortieth of the map: seven lines within the height of a name are one."""
+    drawn = []
+    monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
+    strains = np.linspace(0.0, 0.1, 41)
+    stress = np.repeat(np.where(strains > 0.05, 8e8, 0.0)[:, None], 41, axis=1)
+    marks = Marks(stress=stress, yield_stress=1e9, optimum=None)
+    map_figure(tmp_path / "a.png", strains, strains, stress, title="", label="stress", unit="Pa", marks=marks)
+    (lines,) = [item for item in drawn[0].axes[0].collections if isinstance(item, QuadContourSet)]
+    assert len(lines.levels) == 1

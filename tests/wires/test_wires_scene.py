@@ -11,6 +11,8 @@ from click.testing import CliRunner
 
 from warpknit.cli import main
 from warpknit.errors import SceneError
+from warpknit.plan import make_plan
+from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
 from warpknit.scene.resolved import resolved_toml
 from warpknit.scene.scene_loader import make_scene
@@ -161,3 +163,20 @@ def test_wires_from_a_file_are_planned_and_run_only(command, tmp_path):
     assert result.exit_code == 2
     assert f"{CELL}: wires.file: given 'plain_knit.pyp', allowed: [knit]" in result.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_a_weave_that_overlaps_is_told_when_planned_and_run(tmp_path):
+    """A wire over another, 0.7 diameters apart: no hook, an overlap of 30 %, and tension at zero load."""
+    along = np.linspace(-0.5, 0.5, 21)
+    lines = [f"0,{x:.3f},0,{0.021 * np.exp(-((x / 0.2) ** 2)):.6f}" for x in along] + [f"1,0,{y:.3f},0" for y in along]
+    (tmp_path / "weave.csv").write_text("\n".join(["wire,x [mm],y [mm],z [mm]", *lines, ""]))
+    table = {
+        "wires": {"file": "weave.csv", "node_spacing": "25 um"}, "wire": {"material": "molybdenum", "diameter": "30 um"},
+        "load": {"strain_weft": 0.005}, "output": {"frames": 1, "figures": False, "usd": False}, "solver": {"preset": "draft"},
+    }  # fmt: skip
+    scene = make_scene(table, path=tmp_path / "weave.toml")
+    planned = make_plan(scene).lines()
+    assert any("by up to 30 % of their thickness" in line and "prestresses the mesh" in line for line in planned)
+    assert any("no wires hook each other" in line for line in planned)
+    said = run_scene(scene, out=tmp_path / "run").summary["warnings"]
+    assert any(line.startswith("the mesh is prestressed before it is loaded") for line in said), said

@@ -10,18 +10,21 @@ from typing import Any
 import numpy as np
 
 from ..files import write_aside, write_table
+from ..runner.cautions import preset_cautions
 from ..runner.strength import assumed_text, exceeded_text
 from ..scene import Scene
-from ..text import celsius, engineering, percent
+from ..text import celsius, engineering, exact, percent
 from .card import AGREEMENT, MaterialCard
 
+INCH = 0.0254  # [m]
 CARD = "material_card.json"
 AXES = {"1": "weft (x)", "2": "warp (y)", "3": "shear, engineering shear strain 2 E12"}
 DEFINITION = (
     "Tangent of the tensioned mesh: C = dS/dE with S the second Piola-Kirchhoff stress (force per width) and E the Green-Lagrange"
     " strain, both referred to the tensioned mesh, where they equal the true tension and the small strain. Apply the tension to"
     " the FE model as prestress: its geometric stiffness is not included in C, E1, E2, nu12 and nu21. It is included in D11 to"
-    " D22, the slopes of measured tension-strain curves. S = prestress + C (E - alpha (T - T0))."
+    " D22, which a test machine measures from the tensioned mesh on: a small strain in one direction, with the other held."
+    " S = prestress + C (E - alpha (T - T0))."
 )
 
 
@@ -78,6 +81,7 @@ def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[str]:
             f" {percent(card.difference, 0)}"
             " of its largest entry, probably because contacts are about to close; choose another tension"
         )
+    yield from preset_cautions(scene)
     if card.jumps:
         yield f"on the way to the state of the material card {card.jumps}"
     if card.shear_coupling > AGREEMENT:
@@ -116,10 +120,28 @@ def strength_values(card: MaterialCard, scene: Scene) -> Iterator[tuple[str, flo
     yield "stress_over_strength", card.stress_max / wire.tensile_strength, "1", "largest stress over the tensile strength"
 
 
+def mesh_values(scene: Scene) -> dict[str, str]:
+    """Wire, knit and preset of a scene, in words."""
+    wire, knit = scene.wire, scene.knit
+    plating = "" if wire.plating is None else f", plated with {1e6 * wire.plating.thickness:g} um of {wire.plating.material}"
+    ends = "" if wire.ends == 1 else f"{wire.ends} x "
+    bars = " and ".join(
+        f"{bar.chain} threaded {bar.threading}" + (f" shifted by {bar.shift}" if bar.shift else "") for bar in knit.bars
+    )
+    gauge = f"{INCH / knit.wale_spacing:.4g} wales and {INCH / knit.course_spacing:.4g} courses an inch"
+    nodes = f"{scene.model.nodes_per_loop} nodes a loop"
+    return {
+        "wire": f"{wire.material}, {ends}{exact(wire.diameter, 'm')}{plating}",
+        "knit": f"{bars}, {gauge}",
+        "preset": f"{scene.preset_in_force}, {nodes}" if scene.preset_in_force else f"none, {nodes}",
+    }
+
+
 def validity(scene: Scene, model_warnings: Sequence[str]) -> tuple[str, float, str, str]:
-    """Row on whether the model is good for the mesh, with its warnings, and which model it is and why."""
+    """Row on whether the model is good for the mesh, with its warnings, which model it is and why, and what the mesh is."""
     said = "; ".join(model_warnings) or "1 if the model is good for the knit, else 0"
-    return "model_valid", float(not model_warnings), "1", f"{said}; model: {scene.model.kind}, {scene.kind_reason}"
+    mesh = "; ".join([*(f"{name}: {text}" for name, text in mesh_values(scene).items()), *preset_cautions(scene)])
+    return "model_valid", float(not model_warnings), "1", f"{said}; model: {scene.model.kind}, {scene.kind_reason}; {mesh}"
 
 
 def write_card(
@@ -139,7 +161,8 @@ def write_card(
     write_table(out / "material_card.csv", {heading: np.array(column, dtype=object) for heading, column in columns})
     content: dict[str, Any] = {
         "mesh": scene.name,
-        "warnings": list(model_warnings),
+        **mesh_values(scene),
+        "warnings": [*model_warnings, *card_warnings(card, scene)],
         "model": {"kind": scene.model.kind, "kind_reason": scene.kind_reason},
         "state": where,
         "temperature_K": card.temperature,

@@ -27,7 +27,8 @@ from .fine_states import states_at
 from .loop_fit import FIT_TOLERANCE, Fitted, factors, fit_loop_length, fit_run_in, fitted_by, scaled
 
 INCH = 0.0254  # [m]
-SAME_AREA = 0.99  # of the rhombus's area: openings that are counted
+COMPLETE = 2.0 / 3.0  # of the largest area: openings that are counted; between wales 0.72 or more, within loops 0.58 or less
+FAR = 1.25  # change of the spacings, or its inverse, that is told
 COLUMNS = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m")  # of a measured curve
 POOR_FIT, NO_FIT = 0.1, 0.5  # rms error over the tensions: reported; refused
 FIT = "fit.json"
@@ -98,16 +99,22 @@ def fitted_overrides(knit: Knit) -> list[Override]:
 
 
 def openings_per_length(scene: Scene) -> float | None:
-    """[1/m] square root of the number of openings per area; None where wires leave none.
+    """[1/m] square root of the number of complete openings per area; None where wires leave none."""
+    count, area = complete_openings(scene)
+    return math.sqrt(count / area) if count else None
 
-    Those count that are as large as the rhombus, or, where a knit has none, as the largest. Scatter of the loops does not enter.
+
+def complete_openings(scene: Scene) -> tuple[int, float]:
+    """Number of complete openings of a repeat, and its area [m2].
+
+    Those between centre lines in plan view count that have at least COMPLETE of the largest area. Scatter of the loops does not
+    enter.
+
+    One for each wale and course of a fully threaded knit; two for the two wales and four courses of a half-set double atlas.
     """
     cloth = knit_scene(replace(scene, knit=replace(scene.knit, scatter=0.0)))
     found = find_openings(cloth.threads, cloth.crossings, cloth.size)
-    if not found:
-        return None
-    whole = cloth.rhombus.opening.area if cloth.rhombus is not None else found[0].area
-    return math.sqrt(sum(opening.area > SAME_AREA * whole for opening in found) / float(np.prod(cloth.size)))
+    return sum(opening.area >= COMPLETE * found[0].area for opening in found), float(np.prod(cloth.size))
 
 
 def with_openings(scene: Scene, wanted: float) -> Fitted:
@@ -122,9 +129,14 @@ def with_openings(scene: Scene, wanted: float) -> Fitted:
         allowed = f"at most {at_most(INCH * most, 'per inch')} (loops two wires apart)"
         raise InputError(f"--openings: given {exact(INCH * wanted, 'per inch')}, allowed: {allowed}")
     resized = replace(scene, knit=replace(knit, wale_spacing=wale, course_spacing=course))
-    return Fitted(
-        resized, (f"wale spacing {1e3 * wale:.4g} mm and course spacing {1e3 * course:.4g} mm, from the openings per inch",)
-    )
+    notes = [f"wale spacing {1e3 * wale:.4g} mm and course spacing {1e3 * course:.4g} mm, from the openings per inch"]
+    if not 1.0 / FAR < now / wanted < FAR:
+        notes.append(
+            f"the openings per inch change both spacings by a factor of {now / wanted:.2g}, to {INCH / wale:.3g} wales and"
+            f" {INCH / course:.3g} courses an inch: the scene has {INCH * now:.3g} openings per inch,"
+            f" {complete_openings(scene)[0]} in a repeat; check the knit, and what was counted"
+        )
+    return Fitted(resized, tuple(notes))
 
 
 def fit_curve(scene: Scene, path: Path) -> Fitted:

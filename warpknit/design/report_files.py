@@ -20,7 +20,7 @@ from ..text import celsius
 from .card_files import write_card
 from .curves import CurvePoint
 from .equal_tension import jump_text
-from .fe import FILES, write_fe_cards
+from .fe import FILES, missing_cards, write_fe_cards
 from .findings import Findings
 from .network import contact_resistances, sheet_resistance
 from .opening_size import BANDS
@@ -48,7 +48,7 @@ def write_files(found: Findings, out: Path) -> tuple[str, ...]:
             found.card, found.loading, found.scene, found.where, out, codes=found.codes, warnings=found.model_warnings
         )
         write_card(found.card, found.scene, found.where, out, found.model_warnings, fe_cards)
-        notes = [f"no card for {code}: {result}" for code, result in fe_cards.items() if result not in FILES]
+        notes = list(missing_cards(fe_cards))
         earlier = [name for name in FILES if name not in fe_cards.values() and (out / name).exists()]
         for name in earlier:
             (out / name).unlink()

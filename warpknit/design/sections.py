@@ -23,7 +23,7 @@ from .card import AGREEMENT, MaterialCard
 from .card_files import DEFINITION, card_values, card_warnings, strength_values
 from .curves import CurvePoint
 from .equal_tension import EqualTensionPath
-from .inputs import INCH, openings_per_length
+from .inputs import INCH, complete_openings, openings_per_length
 from .network import surface, wire_resistance
 from .opening_size import BANDS, FINE_ENOUGH, Opening
 from .page import Page
@@ -108,7 +108,10 @@ def mesh_section(
         if knitted is not None:
             rows.append(("areal mass as knitted", f"{1e3 * measure.areal_mass(knitted):.3g} g/m2"))
         if (count := openings_per_length(scene)) is not None:
-            rows.append(("openings as knitted", f"{count * INCH:.3g} per inch (square root of the number per square inch)"))
+            counted = f"{complete_openings(scene)[0]} in a repeat, those with at least two thirds of the largest area"
+            rows.append(
+                ("openings as knitted", f"{count * INCH:.3g} per inch: square root of the number per square inch; {counted}")
+            )
     if card is not None:
         rows.append(("areal mass at the tension of the card", f"{1e3 * card.areal_mass:.3g} g/m2"))
     page.table(rows)
@@ -141,8 +144,9 @@ def map_section(
     page.heading("Active contacts and the optimum", new_page=True)
     page.figure(
         figure,
-        "Active contacts over the loads of the map; each tile shows the state at its middle. Orange line: elastic"
-        " limit of the wire; star: optimum; other markers: service tensions, in the colour of their own contacts.",
+        "Active contacts over the loads of the map; a tile shows the state at its middle; tiles are cut at the edge of the map,"
+        " and show the state on the edge. Orange line: elastic limit of the wire; star: optimum; other markers: service tensions,"
+        " in the colour of their own contacts.",
     )
     if optimum is None:
         page.warning("No tensile load of the map has active contacts with the wire below its elastic limit.")

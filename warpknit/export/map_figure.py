@@ -36,11 +36,13 @@ LEAST_LEVEL = 0.02  # of the largest value: lines of less are left out
 LIMIT_COLOUR, OPTIMUM_COLOUR = "#D55E00", "white"
 PLACE_MARKERS = "osD^v"
 LEGEND_COLUMNS, WIDE_LABEL, WIDEST_LABEL = 3, 28, 44  # columns, one less where a label has more characters, and one more
+LINES_APART = 10.0  # [pt] between lines of equal value, which is the height of a name: nearer ones are left out
 NAME_ROOM = 3.0  # [pt] about the name of a line
 PLACES_APART = 2.0  # [pt] along a line, where its name may stand
 STEP = 1e-5  # of the map, on either side of the edge of a cell
 REACHES = 1e-9  # of the largest share: a share this little below a line has reached it
 TITLE_PAD = 14.0  # [pt] room for the mark of an optimum at the upper edge
+TICK_PAD = 8.0  # [pt] the same at the other edges
 WARNING_WIDTH = 100  # characters of a line
 
 
@@ -107,6 +109,7 @@ def map_figure(
     for limits, ticks in ((axes.set_xlim, x), (axes.set_ylim, y)):
         if len(ticks) > 1:  # cells at the edge are shown by half: strains that were not run are not in the picture
             limits(ticks[0], ticks[-1])
+    axes.tick_params(pad=TICK_PAD)
     axes.set_xlabel(f"weft {quantity} [{of_load[1]}]")
     axes.set_ylabel(f"warp {quantity} [{of_load[1]}]")
     axes.set_title(title, fontsize="medium", pad=TITLE_PAD)
@@ -135,17 +138,37 @@ def _draw_levels(
     low, high = float(known.min()), min(top, float(known.max()))
     # what is small beside the largest wanders about zero, and a line at zero with it
     levels = PERCENT_LEVELS if percent else [v for v in MaxNLocator(7).tick_values(low, high) if abs(v) > LEAST_LEVEL * high]
-    same: dict[bytes, list[float]] = {}  # levels of lines round the same cells
+    same: dict[Any, list[float]] = {}  # levels of one line: shares whose lines run round the same cells
     for level in levels:
         if low < level < high or (percent and level == high):
-            same.setdefault((known.filled(-np.inf) >= level).tobytes(), []).append(level)
+            same.setdefault((known.filled(-np.inf) >= level).tobytes() if percent else level, []).append(level)
     if not same:
         return {}
+    if not percent:
+        same = {level: [level] for level in _levels_apart(axes, x, y, known, [some[0] for some in same.values()])}
     names = {some[-1]: ", ".join(f"{level:g}" for level in some) + (" %" if percent else "") for some in same.values()}
     # a share that reaches a line is on its upper side
     shown = _steps(x, y, known + REACHES * high) if percent else (x, y, known)
     bar.add_lines(axes.contour(*shown, levels=list(names), colors="white", linewidths=0.9))
     return names
+
+
+def _levels_apart(axes: Axes, x: NDArray[Any], y: NDArray[Any], known: Any, levels: Sequence[float]) -> list[float]:
+    """Those of rising levels whose lines are no nearer to the line of the one before than names are high."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    size = 72.0 * np.array(axes.get_position().size) * figure.get_size_inches() / [np.ptp(x), np.ptp(y)]  # [pt] of a unit
+    drawn = axes.contour(x, y, known, levels=levels)
+    kept: list[float] = []
+    before: NDArray[Any] | None = None
+    for level, path in zip(levels, drawn.get_paths(), strict=True):
+        parts = [_along(size * part, PLACES_APART) for part in path.to_polygons(closed_only=False)]
+        places = np.concatenate([np.zeros((0, 2)), *parts])
+        if before is None or (len(places) and np.median(cKDTree(before).query(places)[0]) >= LINES_APART):
+            kept.append(level)
+            before = places if len(places) else before
+    drawn.remove()
+    return kept
 
 
 def _name_lines(axes: Axes, names: Mapping[float, str]) -> None:
@@ -234,7 +257,7 @@ def _draw_marks(
         style["path_effects"] = [withStroke(linewidth=3.0, foreground="white")]
         cells = of_load[0] * np.array(sorted({tuple(cell) for pair in marks.jumps for cell in pair}))
         axes.plot(cells[:, 0], cells[:, 1], zorder=6, clip_on=False, **style)
-        handles.append(Line2D([], [], label="jump to a neighbouring cell", **style))
+        handles.append(Line2D([], [], label="jump to a neighbouring cell: lines end", **style))
     if marks.optimum is not None:
         style = {"marker": "*", "markersize": 15, "markeredgecolor": "black", "linestyle": "none"}
         place = of_load[0] * marks.optimum[0], of_load[0] * marks.optimum[1]

@@ -63,20 +63,28 @@ def read_run(directory: Path, *, also_running: bool = False) -> RunRecord:
     layout_path, summary_path = directory / "layout.npz", directory / "summary.json"
     states = state_files(directory)
     if not layout_path.is_file() and not summary_path.is_file():
-        raise ExportError(f"{directory}: not the directory of a run: it has no layout.npz and no summary.json")
+        raise ExportError(f"{directory}: not the directory of a run: {_held(directory)}")
     if not also_running and not summary_path.is_file():
         raise ExportError(f"{directory}: the run is not finished (no summary.json); continue it with --resume")
-    if not layout_path.is_file() or not states:
-        raise ExportError(f"{directory}: the run has no states")
     path = summary_path
     try:
         summary = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+        if not states:
+            raise ExportError(f"{directory}: the run has no states")
         layout = WireLayout.load(path := layout_path)
     except DAMAGED as error:  # JSONDecodeError is a ValueError
         raise _unreadable(path, error) from error
     if not isinstance(summary, dict) or (summary and not isinstance(item(summary, ("scene", "name")), str)):
         raise ExportError(f"{summary_path}: not the summary of a run: it has no scene name")
     return RunRecord(directory, summary, layout, tuple(states))
+
+
+def _held(directory: Path) -> str:
+    """What a directory without a run has in its place, and where states are."""
+    for name, kind in (("map.json", "map"), ("map.csv", "map"), ("trade.json", "study of settings")):
+        if (directory / name).is_file():
+            return f"it holds a {kind}, which keeps tables and figures, no states; `warpknit run` at one of its loads leaves them"
+    return "it has no layout.npz and no summary.json; give --out of a `warpknit run`"
 
 
 def state_files(directory: Path) -> list[Path]:

@@ -93,7 +93,7 @@ class LoopFrame:
         return HEIGHTS[self.shape]
 
     def check(self) -> None:
-        """Raise `KnitError` where loops of neighbouring wales would run into each other."""
+        """Raise `KnitError` where loops of neighbouring wales, or the feet of a loop, would run into each other."""
         loops = self.loops or (self.proportions,)
         if self.shape == "circular-oval":
             key, given = "knit.loop.closed_radius", max(loop.closed_radius for loop in loops)
@@ -103,6 +103,11 @@ class LoopFrame:
             key, given = "knit.loop.leg_half_width", max(loop.leg_half_width for loop in loops)
             half, share = 0.5 * self.wale, 0.5 + NEST_STEP * (self.layers - 1)
             spacing, unit = self.wale, "wale spacings"
+            narrowest = 2.0 * min(loop.foot_half_width for loop in loops) * self.wale
+            if self.diameter > narrowest:
+                most = f"a thickness of at most {at_most(narrowest, 'm')}"
+                allowed = f"{most} with these wales, or the feet of a loop run into each other"
+                raise KnitError("wire.diameter", f"a wire {engineering(self.diameter, 'm')} thick", allowed)
         largest, why = (half - share * self.diameter) / spacing, "or loops of neighbouring wales run into each other"
         if given > largest:
             least = RANGES[key.rpartition(".")[2]][0]

@@ -26,9 +26,11 @@ def lens_widths(cloth: Cloth, diameter: float) -> NDArray[np.float64]:
 
 def way_left(cloth: Cloth, diameter: float, closing: float) -> float:
     """The least share, over all clasps, of the way to a lens of the width `closing` [m] that wires in space have gone where they
-    first touch: 1 where none touch before."""
+    first touch. Where none touch before, 1, or 0 if wires overlap in plan view as knitted."""
     width, touching = lens_widths(cloth, diameter).T
     early = (touching > closing) & (width > touching)
+    if not early.any() and np.any(width < diameter):
+        return 0.0
     return float(np.min((width - touching)[early] / (width - closing)[early], initial=1.0))
 
 

@@ -21,6 +21,7 @@ from .history import Row
 
 METAL_STIFFNESS = (10e9, 600e9)  # [Pa] Young's modulus, from lead to osmium
 METAL_DENSITY = (500.0, 23e3)  # [kg/m3] from lithium to osmium
+BARE_KELVIN = 100.0  # [K] a colder temperature without a unit was probably meant in degrees Celsius
 CONSTANTS_HOLD = (70.0, 600.0)  # [K] range in which moduli are within a few percent of those at 20 degC
 QUASI_STATIC = 0.1  # largest kinetic over stored energy of a quasi-static ramp
 FEWEST_NODES = 12  # a loop: the tension error of the double atlas cell is 9 % at 8 nodes, 1 % at 12
@@ -32,7 +33,7 @@ CONVERGED_INCREMENT = 0.0003125  # strain increment at which they no longer depe
 def cautions(model: MeshModel, rows: list[Row]) -> Iterator[str]:
     """Warnings, one line each."""
     yield from scene_cautions(model.scene, model.cloth)
-    yield from _about_preset(model.scene)
+    yield from preset_cautions(model.scene)
     if model.scene.solver.drive == "ramp" and rows:
         yield from _about_ramp(rows)
 
@@ -61,8 +62,8 @@ def _is_loaded(scene: Scene, stage: Stage) -> bool:
     return strained or pulled or heated
 
 
-def _about_preset(scene: Scene) -> Iterator[str]:
-    """What `plan` says of the accuracy of tight knits, beside a result of one."""
+def preset_cautions(scene: Scene) -> Iterator[str]:
+    """What `plan` says of the accuracy of tight knits, beside a result or a card of one."""
     if scene.preset_caveat and first_touch(scene) < PLANE_IS_GOOD:
         yield f"preset {scene.preset_in_force}: {scene.preset_caveat}"
 
@@ -124,6 +125,8 @@ def _about_constants(scene: Scene) -> Iterator[str]:
             metals = f"{exact(low, unit)} to {exact(high, unit)}"
             yield f"wire.{name} = {exact(value, unit)} is outside the range of metals ({metals})"
     temperatures = [wire.reference_temperature, *(stage.temperature for stage in scene.stages)]
+    for bare in sorted({temperature for temperature in scene.bare_temperatures if temperature < BARE_KELVIN}):
+        yield f"a temperature without a unit is in kelvin: {bare:g} is {celsius(bare)}; write '{bare:g} degC' or '{bare:g} K'"
     hottest, melting = max(temperatures), MATERIALS[wire.material].melting if wire.material in MATERIALS else float("inf")
     if hottest > melting:
         yield f"{wire.material} melts at {celsius(melting)}, below the given {celsius(hottest)}"

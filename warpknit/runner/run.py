@@ -65,7 +65,7 @@ def run_scene(
     if resume and ranks.from_first(lambda: has_checkpoint(out)):
         checkpoint = Checkpoint(out, scene.hash, ranks)
     elif resume:
-        _log.info("%s has no checkpoint: starting from the beginning", out)
+        _log.warning("warning: --resume: %s has no checkpoint to continue: a new run begins", out)
     model = build_model(scene, name, ranks)
     simulation, compile_time = _compiled_simulation(model, checkpoint)
     with contextlib.ExitStack() as stack:

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from ..text import alike, celsius, duration, engineering, percent, short_percent
-from .answers_table import advice_rows, answer_rows, unreached_text
+from .answers_table import LEAST_SHARE, advice_rows, answer_rows, unreached_text
 from .strength import assumed_note
 
 TIMED = "for steps, checks and files"  # what the wall time of a run or map includes: neither the model nor compilation
@@ -48,7 +48,8 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
         yield "contacts elsewhere", f"{elsewhere} pairs of segments, up to {most}"
     if hook is None and (tension := value("mesh", "tension_weft_N_per_m")) is not None:
         warp = value("mesh", "tension_warp_N_per_m") or 0.0
-        yield "tension, weft / warp", " / ".join(alike([tension, warp], "N/m"))
+        least = max(LEAST_SHARE * max(abs(tension), abs(warp)), value("answers", "tension_tolerance_N_per_m") or 0.0)
+        yield "tension, weft / warp", " / ".join(alike([part if abs(part) > least else 0.0 for part in (tension, warp)], "N/m"))
         medians = [value("panel", f"tension_median_{side}_N_per_m") for side in ("weft", "warp")]
         if None not in medians:
             yield "  median of the panel", " / ".join(alike(medians, "N/m"))

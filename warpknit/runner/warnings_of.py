@@ -21,6 +21,7 @@ from .strength import limit_text, strength_text
 STEEP = 0.3  # slope above which its square is not small
 LEVELS_FOLLOWED = 4  # of a stage: with fewer the work is too inaccurate to detect a snap-through
 SHORTER = -0.005 * (1.0 + 1e-9)  # imposed strain below which a mesh counts as compressed: 0.5 %, beyond round-off
+PRESTRESS = 0.01  # of the largest tension: less at zero load is not told
 UNEVEN = 0.25  # relative difference between the median tension of a panel and the mean at its edges
 
 Stages = Sequence[dict[str, Any]]
@@ -110,12 +111,29 @@ def _out_of_range(stages: Stages) -> Iterator[str]:
 
 
 def _contacts_as_knitted(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
-    if rows and rows[0].active_pairs:
+    if model.scene.wires is not None:
+        yield from _prestressed(rows)
+    elif rows and rows[0].active_pairs:
         released = model.scene.wire.set_fraction < 1.0
         cause = "wire.set_fraction lets the loops spring open" if released else TOO_THICK
         yield (
             f"{rows[0].active_pairs} pairs are active as knitted, with {engineering(rows[0].tension_weft_N_per_m, 'N/m')} in weft"
             f" and {engineering(rows[0].tension_warp_N_per_m, 'N/m')} in warp at zero strain: {cause}"
+        )
+
+
+def _prestressed(rows: Sequence[Row]) -> Iterator[str]:
+    """Whether wires of a file carry tension before they are loaded, as pushing them apart leaves it."""
+    if not rows or rows[0].load_factor > 0.0:
+        return
+    tension = [rows[0].tension_weft_N_per_m, rows[0].tension_warp_N_per_m]
+    largest = max(max(abs(row.tension_weft_N_per_m), abs(row.tension_warp_N_per_m)) for row in rows)
+    if max(map(abs, tension)) > PRESTRESS * largest:
+        shown = " / ".join(alike(tension, "N/m"))
+        yield (
+            f"the mesh is prestressed before it is loaded: {shown} in weft / warp, with a wire stress of"
+            f" {engineering(rows[0].stress_max_Pa, 'Pa')}, from wires that overlap in the file or are not in equilibrium there;"
+            " all results include this"
         )
 
 

@@ -27,7 +27,10 @@ def scene_error(file: object, key: str, given: str, allowed: str, more: Sequence
 def first_error(file: object, error: ValidationError) -> SceneError:
     """The first of pydantic's errors; unknown keys come first, because they often cause the others."""
     found = sorted(error.errors(include_url=False), key=lambda item: item["type"] not in UNKNOWN)
-    item, more = found[0], [dotted(other["loc"]) for other in found[1:]]
+    wrong = [other["loc"] for other in found]
+    # a list whose entries are wrong counts as empty too
+    causes = [place for place in wrong[1:] if not any(place == entry[: len(place)] for entry in wrong if entry != place)]
+    item, more = found[0], [dotted(place) for place in causes]
     location: Location = item["loc"]
     context = item.get("ctx", {})
     given = shown(item["input"])

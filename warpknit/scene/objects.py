@@ -503,6 +503,7 @@ class Scene:
     sweep: Sweep | None
     kind_reason: str = field(default="as given", compare=False)  # of `model.kind`, which is resolved (model_choice.py)
     assumed: tuple[str, ...] = field(default=(), compare=False)  # dotted keys of the wire with the value of its material
+    bare_temperatures: tuple[float, ...] = field(default=(), compare=False)  # [K] that were given as numbers without a unit
     remake: InitVar[Callable[..., Scene] | None] = None  # from what was written; lost where a scene is replaced in part
 
     def __post_init__(self, remake: Callable[..., Scene] | None) -> None:

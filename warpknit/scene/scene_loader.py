@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -27,7 +27,7 @@ from warpknit.scene.presets import PRESETS, Preset
 from warpknit.scene.resolved import resolved_toml
 from warpknit.scene.source import Source
 from warpknit.scene.stages import hook_stages, mesh_stages
-from warpknit.scene.units import shown
+from warpknit.scene.units import has_unit, shown
 from warpknit.scene.wire import Wire
 from warpknit.scene.wire_file_defaults import wire_file
 from warpknit.text import at_least, at_most, exact
@@ -160,8 +160,18 @@ def make_scene(
         sweep=file.sweep,
         kind_reason=choice.reason,
         assumed=tuple(f"wire.{name}" for name in OF_THE_METAL if getattr(file.wire, name) is None),
+        bare_temperatures=tuple(_bare_temperatures(table)),
         remake=partial(make_scene, table, path=path),
     )
+
+
+def _bare_temperatures(table: Mapping[str, Any]) -> Iterator[float]:
+    """[K] temperatures of a checked table that are numbers without a unit."""
+    stages = [("temperature", stage) for stage in (table.get("load", {}), *table.get("path", ()))]
+    for key, part in [*stages, ("reference_temperature", table.get("wire", {}))]:
+        value = part.get(key, "20 degC")
+        if not isinstance(value, str) or not has_unit(value):
+            yield float(value)
 
 
 def _wire(source: Source, table: Wire) -> Wire:

@@ -271,14 +271,15 @@ class Relaxation(Drive):
         steps = self.equilibrium.convergence.patience * self.mechanics.check_steps
         return Diverged(
             f"{self._level_text()} did not converge: no progress in {steps:,} steps ({self._residual_text()}); a larger"
-            " model.nodes_per_loop or solver.residual_tolerance, or other output.frames, may converge"
+            f" model.nodes_per_loop{self._tolerance_text()}, or other output.frames, may converge"
         )
 
     def exceeded_steps(self) -> Diverged:
         """The error of a level that exceeds its step limit."""
         return StepLimitExceeded(
             f"{self._level_text()} did not converge in {self.step_limit:,} steps ({self._residual_text()}): raise"
-            " solver.max_steps or solver.residual_tolerance"
+            f" solver.max_steps{self._tolerance_text()}"
+            + ("" if self._tolerance_counts else ", or change output.frames or model.nodes_per_loop")
         )
 
     def _level_text(self) -> str:
@@ -288,6 +289,16 @@ class Relaxation(Drive):
             for side in np.nonzero(self._wanted.driven)[0]:
                 load[side] = engineering(float(self._wanted.tension[side]), "N/m")
         return f"level {self.progress.load_factor:.3g} of stage {self.progress.stage!r} ({' / '.join(load)} in weft / warp)"
+
+    @property
+    def _tolerance_counts(self) -> bool:
+        """Whether an unmet criterion depends on `solver.residual_tolerance`: residual or drift, not those of multipliers."""
+        is_above = self.progress.residual >= self.scene.solver.residual_tolerance
+        return is_above or self.equilibrium.convergence.drifts(self.row)
+
+    def _tolerance_text(self) -> str:
+        """The tolerance among what may be raised, where it would help."""
+        return " or solver.residual_tolerance" if self._tolerance_counts else ""
 
     def _unmet_text(self) -> str:
         """The criterion that keeps a mesh from convergence whose forces balance."""

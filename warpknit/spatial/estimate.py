@@ -58,6 +58,7 @@ NODE_TIME = 0.12e-6
 PAIR_TIME = 0.01e-6  # of two segments that are near each other, most of which sleep
 CLOSE_TIME = 0.3e-6  # more of two that touch or nearly do so, at rest
 SITE_TIME = 1.2e-6  # of a place of hooking, whose wires touch for some of the levels
+START_TIME = 3.5  # [s] of each process of a map, side by side: imports, kernels, model
 CLOSE = 0.3  # thicknesses between surfaces
 PAIRS_OF_NODE = 0.45  # pairs of segments near each other: 0.40 and 0.44 on the double atlas, 3.3 on a tight tricot
 
@@ -123,7 +124,7 @@ def map_time(scene: Scene, size: Size, levels: Sequence[int]) -> float | None:
     if not levels:
         return 0.0
     one = replace(scene, stages=(scene.sweep.stage(scene.stages[0], scene.sweep.pairs[-1]),))
-    return sum(levels) / scene.output.frames / thread_count(len(levels)) * cost_of(one, size).seconds
+    return START_TIME + sum(levels) / scene.output.frames / thread_count(len(levels)) * cost_of(one, size).seconds
 
 
 def notes(scene: Scene, size: Size) -> Notes:

@@ -155,6 +155,17 @@ class _Mapper:
     def model_warnings(self) -> list[str]:
         return model_warnings(self.meshes[0], self.rows)
 
+    @property
+    def _missing_warning(self) -> str | None:
+        """That pairs of an interrupted map are missing; None of a whole one."""
+        done, wanted = len(self.rows), len(self.pairs)
+        if done == wanted and all(len(rows) == wanted for rows in self.maps):
+            return None
+        return (
+            f"the map is incomplete: {done} of {wanted} pairs of {self.sweep.quantity} are done, and the optimum is the best of"
+            " these; --resume goes on"
+        )
+
     def estimate(self, size: Size) -> None:
         """Tell the time of the pairs that are missing, where they are solved one after another."""
         estimates = estimates_of(self.scene)
@@ -238,7 +249,9 @@ class _Mapper:
         warnings += [limit for limit in limits if limit is not None]
         if len(self.scene.stages) > 1:
             warnings.append(f"the map is at {celsius(self.scene.stages[0].temperature)}: it does not run the stages of [[path]]")
-        if len(rows) == len(self.pairs):
+        if (missing := self._missing_warning) is not None:
+            warnings.append(missing)
+        else:
             warnings += optimum_warnings(optimum, jumps)
         return {
             "scene": {"name": self.scene.name, "hash": self.scene.hash},
@@ -290,6 +303,7 @@ class _Mapper:
             optimum_note="" if optimum is None else optimum_note(optimum["load"], summary["jumps"]),
         )
         wire, seeds, warnings = self.scene.wire, self.sweep.seeds, self.model_warnings
+        warnings += [] if (missing := self._missing_warning) is None else [missing]
         scatter = f", mean of {seeds} seeds, loops scattered by {percent(self.scene.knit.scatter, 0)}" if seeds > 1 else ""
         mesh = f"{self.scene.name}: {wire.material} {1e6 * wire.diameter:g} um, {self.scene.model.boundary}{scatter}"
         for name, values, label, unit in FIGURES + (SEED_FIGURES if seeds > 1 else ()):

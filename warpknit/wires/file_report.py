@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from warpknit.scene import Scene
+from warpknit.text import percent
 from warpknit.wires.centre_lines import Wires
 from warpknit.wires.hooks import Hooks, find_hooks
 from warpknit.wires.overlaps import Overlaps, find_overlaps
@@ -35,7 +36,18 @@ class WireReport:
                 f"wires are {_millimetres(2.0 * radius)} thick in the file, {_millimetres(self.overlaps.thickness)} in the scene"
             )
         if self.overlaps.crowded or self.overlaps.places:
-            found.append("wires overlap as they come: a run pushes them apart first")
+            closest = self.overlaps.closest
+            depth = (
+                "" if closest is None else f", by up to {percent(1.0 - closest / self.overlaps.thickness, 0)} of their thickness"
+            )
+            found.append(
+                f"wires overlap as they come{depth}: a run pushes them apart first, which prestresses the mesh before"
+                " it is loaded"
+            )
+        if not self.hooks.crowded and not len(self.hooks):
+            found.append(
+                "no wires hook each other: contacts of wires that only cross act, but shares of active contacts leave them out"
+            )
         return found
 
     def as_dict(self) -> dict[str, Any]:

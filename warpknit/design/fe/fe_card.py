@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ...text import celsius
@@ -25,6 +25,7 @@ class FeCard:
     curves: tuple[YarnCurve, YarnCurve] | None  # weft, warp
     no_curves: str  # why there are none
     warnings: Sequence[str]
+    made_of: Mapping[str, str]  # wire, knit and preset, in words
 
     @property
     def prestress(self) -> tuple[float, float]:
@@ -60,6 +61,7 @@ def heading(fe: FeCard, code: str, mark: str, notes: Sequence[str]) -> list[str]
         "Check: an element under this prestress, stretched by a small strain e along weft with the warp held. The force per mm"
         f" of edge (its length before) grows by {number(along)} e N/mm along weft and {number(across)} e N/mm along warp.",
         *notes,
+        f"Wire: {fe.made_of['wire']}. Knit: {fe.made_of['knit']}. Preset: {fe.made_of['preset']}.",
         *(f"Warning: {warning}." for warning in fe.warnings),
     ]
     return [f"{mark} {line}" for text in paragraphs for line in textwrap.wrap(_ascii(text), LINE)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from ...files import write_aside
@@ -10,7 +10,7 @@ from ...runner.history import Row, mean_tension
 from ...scene import Scene
 from ...text import engineering
 from ..card import MaterialCard
-from ..card_files import card_warnings
+from ..card_files import card_warnings, mesh_values
 from . import abaqus, ansys, calculix, lsdyna, nastran, radioss
 from .fe_card import FeCard
 from .tangent import NoConstants
@@ -24,8 +24,16 @@ CODES: dict[str, tuple[str, Callable[[FeCard], str]]] = {
     "lsdyna": ("material_card_lsdyna.k", lsdyna.text),
     "radioss": ("material_card_radioss.inc", radioss.text),
 }
+NONE = "none: "  # before the reason, in place of a file
 FILES = tuple(file for file, _ in CODES.values())
 WITH_CURVES = {"abaqus": "Abaqus", "lsdyna": "LS-DYNA", "radioss": "Radioss"}  # codes with FABRIC, and their names
+
+
+def missing_cards(fe_cards: Mapping[str, str]) -> Iterator[str]:
+    """Why an FE code has no card, a sentence each. fe_cards: what `write_fe_cards` returned."""
+    for code, result in fe_cards.items():
+        if result not in FILES:
+            yield f"no card for {code}: {result.removeprefix(NONE)}"
 
 
 def why_no_curves(card: MaterialCard, path: Sequence[Row]) -> str:
@@ -74,14 +82,15 @@ def write_fe_cards(
     """
     no_curves = why_no_curves(card, path)
     curves = None if no_curves else yarn_curves(card, path)
-    fe = FeCard(scene.name, where, card, curves, no_curves, [*warnings, *card_warnings(card, scene)])
+    all_warnings = [*warnings, *card_warnings(card, scene)]
+    fe = FeCard(scene.name, where, card, curves, no_curves, all_warnings, mesh_values(scene))
     written = {}
     for code in codes:
         name, text = CODES[code]
         try:
             content = text(fe)
         except NoConstants as error:
-            written[code] = f"none: {error}"
+            written[code] = f"{NONE}{error}"
             continue
         with write_aside(out / name) as file:
             file.write(content)
