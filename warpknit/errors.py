@@ -53,6 +53,10 @@ class Diverged(WarpknitError):
     exit_code = 3
 
 
+class NoProgress(Diverged):
+    """A level does not come nearer to convergence, or no strain carries its tension: found after many steps."""
+
+
 class StepLimitExceeded(Diverged):
     """A level took more steps than allowed: the line gives its residual and what to raise."""
 

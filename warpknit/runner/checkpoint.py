@@ -93,6 +93,12 @@ class Checkpoint:
 
     def restore(self, simulation: Simulation) -> None:
         """Restore state and solver variables; `simulation` was made with the progress of this checkpoint."""
-        state = {name[6:]: value for name, value in self._arrays.items() if name.startswith("state_")}
-        simulation.state.restore(state)
-        simulation.load_state_dict({name[7:]: value for name, value in self._arrays.items() if name.startswith("solver_")})
+        state, solver = (
+            {name.removeprefix(prefix): value for name, value in self._arrays.items() if name.startswith(prefix)}
+            for prefix in ("state_", "solver_")
+        )
+        try:
+            simulation.state.restore(state)
+            simulation.load_state_dict(solver)
+        except (AttributeError, KeyError, ValueError) as error:
+            raise RunDirectoryError(f"{FILE}: not a checkpoint of this version ({error}): start over with --force") from error

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import Diverged, StepLimitExceeded
+from ..errors import Diverged, NoProgress, StepLimitExceeded
 from ..measure import tension_scale
 from ..measure.strain import clamp_rotation, rotation, stretch
 from ..mechanics import Mechanics, SingleMesh
@@ -27,6 +27,7 @@ from .tension import MAX_STATES
 
 DEFAULT_STEP_LIMIT = 500_000  # steps of a level, where the scene gives no max_steps
 MAX_CUTS = 4  # how often the increments of a level are halved, before it has failed
+MAX_SLOW_CUTS = 1  # the same where it fails after many steps without progress
 MOST_KEPT = 300_000  # nodes of a mesh whose last equilibrium is kept to return to: some 2 kB each
 
 
@@ -142,8 +143,8 @@ class Relaxation(Drive):
                 self.mechanics.advance_history()
                 progress.part += 1
             if progress.cuts:
-                self.notes.append(f"{self._level_text()} was reached in {parts} increments, as larger ones failed")
-            progress.part = progress.cuts = 0
+                self.mechanics.notes.append(f"{self._level_text()} was reached in {parts} increments, as larger ones failed")
+            progress.part, progress.cuts, self._before = 0, 0, {}
             progress.level += 1
             yield factor
 
@@ -157,9 +158,10 @@ class Relaxation(Drive):
 
     def _cut(self, error: Diverged) -> None:
         """Return to the last equilibrium, with increments half as large; raises the error where that is not to be."""
-        if not self._before or isinstance(error, StepLimitExceeded):
-            raise error
         progress, steps = self.progress, self.progress.steps
+        is_slow = isinstance(error, StepLimitExceeded) or (isinstance(error, NoProgress) and progress.cuts >= MAX_SLOW_CUTS)
+        if not self._before or is_slow:
+            raise error
         self.restore(self._before)
         progress.steps, progress.cuts, progress.part = steps, progress.cuts + 1, 2 * progress.part
 
@@ -244,7 +246,7 @@ class Relaxation(Drive):
                 return
             if self.progress.search.states > MAX_STATES:
                 force = [engineering(float(value), "N/m") for value in (*wanted.tension, *tension)]
-                raise Diverged(
+                raise NoProgress(
                     f"stage {self.progress.stage!r}, load {self.progress.load_factor:.3g}: no strain found at which the mesh"
                     f" carries {force[0]} in weft and {force[1]} in warp (last state: {force[2]} and"
                     f" {force[3]}): give smaller tensions, more output.frames, a smaller solver.residual_tolerance, or strains"
@@ -269,7 +271,7 @@ class Relaxation(Drive):
     def stalled(self) -> Diverged:
         """The error of a level that makes no progress."""
         steps = self.equilibrium.convergence.patience * self.mechanics.check_steps
-        return Diverged(
+        return NoProgress(
             f"{self._level_text()} did not converge: no progress in {steps:,} steps ({self._residual_text()}); a larger"
             f" model.nodes_per_loop{self._tolerance_text()}, or other output.frames, may converge"
         )

@@ -135,8 +135,8 @@ class RodStepper:
         the last leave the frames of the next one, while all this is in the cache; not where clamps move by forces.
         """
         wait, state, groups = self.team.barrier(), self.state, self._groups[part]
-        launches, touch = self._contact_launches(part, ALWAYS if is_first else UNLESS_AHEAD)
         in_cache = self.device == "cpu" and (self.clamps is None or not self.clamps.need_forces)
+        launches, touch = self._contact_launches(part, UNLESS_AHEAD if in_cache and not is_first else ALWAYS)
         for group, stored in zip(groups, forces_of_groups(groups, state, shared=in_cache), strict=True):
             launches += [
                 force_launch(self.rods, self.arrays, state, touch, group.blocks, stored),
