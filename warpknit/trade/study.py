@@ -17,7 +17,7 @@ from ..device import find_device
 from ..errors import Diverged, InputError
 from ..estimate import Size
 from ..files import write_aside, write_table
-from ..model import build_model, estimates_of, trials_of
+from ..model import build_model, estimates_of, node_count, trials_of
 from ..numerics import slowest_rate
 from ..runner.interrupts import Interrupted, Interrupts
 from ..runner.progress_display import Progress as Display
@@ -66,7 +66,7 @@ def run_trade(
         return finished
     resolved = resolved_toml(scene)
     keep = continues_earlier(out, "trade.csv", "trade", resolved, resume=resume, force=force)
-    name = find_device(device)
+    name = find_device(device, nodes=lambda: node_count(scene))
     base = build_model(scene, name)
     open_directory(out, resolved, keep=keep)
     return _Study(load, base, of_reference, name, out, progress or Display()).run()
