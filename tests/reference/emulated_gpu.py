@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from warp._src import codegen, context, types
+from warp._src import codegen, types
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from reference.gpu_cases import CASES, COMPILED, DEVICE, SHARED, scene_of  # noqa: E402
@@ -55,13 +55,14 @@ def set_order(order: str) -> None:
     setattr(codegen, named, template.replace(LOOP, f"{ORDERS[order]}\n        {LOOP.replace('task_index', 'task')}"))
 
 
-def noted(launch: Callable[..., Any], used: dict[context.Module, None]) -> Callable[..., Any]:
-    """`wp.launch` that notes the modules of the kernels of the emulated device."""
+def noted(launch: Callable[..., Any], used: dict[wp.Kernel, None]) -> Callable[..., Any]:
+    """`wp.launch` that notes the kernels, and of generic ones the overloads, that the emulated device launches."""
 
     def noting(kernel: wp.Kernel, *given: Any, **named: Any) -> Any:
-        if str(named["device"]) == DEVICE:
-            used[kernel.module] = None
-        return launch(kernel, *given, **named)
+        recorded = launch(kernel, *given, **named)
+        if str(named["device"]) == DEVICE and recorded is not None:
+            used[recorded.kernel] = None
+        return recorded
 
     return noting
 
@@ -92,11 +93,6 @@ def register() -> None:
     run_ranks(2, lambda ranks: Simulation(build_model(scene_of(SHARED), DEVICE, ranks)).compile())
 
 
-def live_kernels(module: context.Module) -> list[list[wp.Kernel]]:
-    """The overloads of each kernel; of one that is not generic itself."""
-    return [list(kernel.overloads.values()) if kernel.is_generic else [kernel] for kernel in module._get_live_kernels()]
-
-
 def name_of(kernel: wp.Kernel) -> str:
     """Module and key of a kernel, and of an overload the types of the numbers that may be of any type, each once."""
     parent = kernel.generic_parent
@@ -108,23 +104,24 @@ def name_of(kernel: wp.Kernel) -> str:
     return f"{name}[{', '.join(sorted(found))}]"
 
 
-def resources(arch: int, used: Iterable[context.Module]) -> Iterator[tuple[str, list[int]]]:
-    """Compile the modules for `arch`; of each kernel registers and stack [B] a thread and shared memory [B] a block."""
+def resources(arch: int, used: Iterable[wp.Kernel]) -> Iterator[tuple[str, list[int]]]:
+    """Compile modules for `arch`; of each kernel used registers and stack [B] a thread and shared memory [B] a block."""
     tool = shutil.which("cuobjdump") or next(
         (str(path) for path in Path(sys.prefix).glob("lib/python*/site-packages/nvidia/cu*/bin/cuobjdump")), None
     )
-    for module in used:
+    for module in {kernel.module: None for kernel in used}:
         with tempfile.TemporaryDirectory() as folder:
             wp.compile_aot_module(module, arch=arch, module_dir=folder, use_ptx=False)
             if tool is None:
                 continue
-            names = {one.get_mangled_name(): name_of(one) for kernel in live_kernels(module) for one in kernel}
+            names = {kernel.get_mangled_name(): name_of(kernel) for kernel in used if kernel.module is module}
             for cubin in Path(folder).glob("*.cubin"):
                 command = [tool, "--dump-resource-usage", str(cubin)]
                 said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
                 for kernel, line in re.findall(r"Function (\S+)_cuda_kernel_forward:\s*\n\s*(REG:.*)", said):
                     numbers = dict(re.findall(r"(\w+):(\d+)", line))
-                    yield names[kernel], [int(numbers[key]) for key in ("REG", "STACK", "SHARED")]
+                    if kernel in names:  # not an overload for the CPU
+                        yield names[kernel], [int(numbers[key]) for key in ("REG", "STACK", "SHARED")]
 
 
 def main() -> None:
@@ -136,7 +133,7 @@ def main() -> None:
     given = parser.parse_args()
     set_order(given.order)
     importlib.import_module("reference.emulated_device")
-    used: dict[context.Module, None] = {}
+    used: dict[wp.Kernel, None] = {}
     wp.launch = noted(wp.launch, used)
     result: dict[str, Any] = {"states": {}, "figures": {}, "kernels": {}}
     for name, hashes, figures in states(given.only):

@@ -80,6 +80,8 @@ def step_launches(stepper: Any, *, free: bool) -> list[list[Launch]]:
 
 def bytes_of(launch: Launch) -> int:
     """[B] of the arrays of a launch by the comments in its kernel: what it reads, and what it writes."""
+    if launch.threads == 0:
+        return 0
     way, total = "in", 0
     given = dict(zip((argument.label for argument in launch.kernel.adj.args), launch.arguments, strict=True))
     for line in launch.kernel.adj.source.splitlines():
