@@ -25,7 +25,7 @@ def test_a_gpu_is_measured_in_one_command(tmp_path: Path) -> None:
         "--rounds",
         "1",
     ]
-    command += ["--nodes", "200", "1e9", "--minutes", "9", "--json", str(result)]
+    command += ["--nodes", "300", "1e9", "--minutes", "9", "--json", str(result)]
     for setting in SMALL:
         command += ["--set", setting]
     paths = os.pathsep.join(str(ROOT / folder) for folder in ("tests", "tools"))

@@ -114,7 +114,8 @@ def resources(arch: int, used: Iterable[wp.Kernel]) -> Iterator[tuple[str, list[
             wp.compile_aot_module(module, arch=arch, module_dir=folder, use_ptx=False)
             if tool is None:
                 continue
-            names = {kernel.get_mangled_name(): name_of(kernel) for kernel in used if kernel.module is module}
+            known = [*used, *(kernel for kernel in module._get_live_kernels() if not kernel.is_generic)]
+            names = {kernel.get_mangled_name(): name_of(kernel) for kernel in known if kernel.module is module}
             for cubin in Path(folder).glob("*.cubin"):
                 command = [tool, "--dump-resource-usage", str(cubin)]
                 said = subprocess.run(command, capture_output=True, text=True, check=True).stdout

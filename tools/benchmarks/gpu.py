@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpknit.errors import MemoryNeeded, OutOfResources
 from warpknit.kernels import control as c
 from warpknit.launch import Launch
 from warpknit.mesh.load_point import LoadPoint
@@ -36,6 +37,8 @@ CELLS = {"planar": "atlas_cell.toml", "spatial": "atlas_cell_spatial.toml"}
 MILLIONS = ("panel_million.toml", "panel_million_spatial.toml")
 STRAIN = 0.1  # weft and warp
 STEPS = 50  # of a turn: a graph, or a check
+SMALL = 200  # nodes of a mesh that compiles the kernels, before anything is timed
+NO_ROOM = (MemoryError, RuntimeError, MemoryNeeded, OutOfResources)  # Warp's, and those of a model
 # methods of the drive and of the mechanics of the largest mesh, timed each without those inside it
 DRIVE = {"_solve_smaller": "smaller meshes", "_prepare": "response of the cloth", "_start_level": "start from the smaller mesh"}
 MECHANICS = {
@@ -206,22 +209,40 @@ def cases(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     device = wp.get_device(options.device)
     copy = copy_bandwidth(options.device)
     yield {"case": "copy", "device": device.name, "warp": wp.__version__, "copy_bytes_per_s": copy}
-    rate = dict.fromkeys(CELLS, 0.0)  # [s] that a node of the last case took
-    for nodes in options.nodes:
+    spent = {
+        kind: [(SMALL, seconds_of(partial(list, steps(kind, SMALL, options, copy)))) for _ in range(2)][1:] for kind in CELLS
+    }
+    for nodes in map(int, options.nodes):
         for kind in CELLS:
-            begin, needed = time.perf_counter(), rate[kind] * nodes
+            begin, needed = time.perf_counter(), expected(spent[kind], nodes)
             if begin + needed > end - options.scenes * 60.0 * options.minutes:
-                yield {"case": f"{kind}, steps", "nodes": int(nodes), "left_out": f"would take about {needed:.0f} s"}
+                yield {"case": f"{kind}, steps", "nodes": nodes, "left_out": f"no time: would take about {needed:.0f} s"}
                 continue
             try:
-                yield from steps(kind, int(nodes), options, copy)
-            except (MemoryError, RuntimeError) as error:  # Warp's and the model's error of memory
-                yield {"case": f"{kind}, steps", "nodes": int(nodes), "left_out": str(error)}
-            rate[kind] = (time.perf_counter() - begin) / nodes
+                yield from steps(kind, nodes, options, copy)
+            except NO_ROOM as error:
+                yield {"case": f"{kind}, steps", "nodes": nodes, "left_out": str(error)}
+            spent[kind].append((nodes, time.perf_counter() - begin))
     for number, name in enumerate(MILLIONS):
         now = time.perf_counter()
         scene = load_scene(SCENES / name, options.overrides)
-        yield whole(scene, options.device, now + (end - now) / (len(MILLIONS) - number))
+        try:
+            yield whole(scene, options.device, now + (end - now) / (len(MILLIONS) - number))
+        except NO_ROOM as error:
+            yield {"case": f"{scene.name}, whole", "nodes": 0, "left_out": str(error)}
+
+
+def seconds_of(work: Callable[[], object]) -> float:
+    """[s] of a call."""
+    begin = time.perf_counter()
+    work()
+    return time.perf_counter() - begin
+
+
+def expected(spent: list[tuple[int, float]], nodes: int) -> float:
+    """[s] of a case of so many nodes, on the line through the smallest mesh and the last one; the first case is tried."""
+    (first, begin), (last, seconds) = spent[0], spent[-1]
+    return seconds + max(0.0, seconds - begin) * (nodes - last) / max(1, last - first)
 
 
 def table(found: list[dict[str, Any]]) -> str:
