@@ -30,7 +30,7 @@ LAYERS = (
     # ranks that share a mesh; the pattern; the form in which results leave
     {"ranks", "knit", "frame"},
     {"scene"},
-    {"wires", "memory", "device", "numerics", "precision", "team"},
+    {"wires", "memory", "device", "device_choice", "numerics", "precision", "team"},
     {"mesh"},
     {"measure"},
     {"mechanics", "estimate", "trial"},

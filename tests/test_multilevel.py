@@ -98,7 +98,7 @@ def test_a_gripped_mesh_takes_the_place_of_the_smaller_one() -> None:
             for array in (moved.node_ux[moved.parity], moved.body_uy):
                 array.assign(array.numpy() + np.arange(array.shape[0], dtype=np.int64) % 7 * counts)
         assert drive.cell is not None
-        drive.prolongation.carry(zero_response(drive.cell.mechanics))
+        drive.prolongation.carry(zero_response(drive.cell.mechanics, "cpu"))
         names = ("node_ux", "node_uy", "body_ux", "body_uy", "tension_offset", "pair_offset")
         found.append([state.arrays()[name] for name in names])
     assert all(np.array_equal(one, other) for one, other in zip(*found, strict=True))

@@ -185,7 +185,7 @@ def test_no_change_moves_nothing() -> None:
     drive = Simulation(model).drive
     assert isinstance(drive, MultilevelRelaxation) and drive.prolongation is not None and drive.cell is not None
     before = drive.state.displacement.numpy().copy(), drive.state.director.numpy().copy()
-    drive.prolongation.carry(zero_response(drive.cell.mechanics))
+    drive.prolongation.carry(zero_response(drive.cell.mechanics, "cpu"))
     assert np.array_equal(drive.state.displacement.numpy(), before[0])
     assert drive.state.director.numpy() == pytest.approx(before[1], abs=1e-14)
 
@@ -205,7 +205,7 @@ def test_a_gripped_mesh_takes_the_place_of_the_smaller_one() -> None:
             panel = PanelNodes(relaxation.model).of_panel(wave)
             none = dict.fromkeys(relaxation.mechanics.fields.read(), np.zeros(relaxation.model.panel.node_count))
             relaxation.mechanics.fields.add(none | {"x": size * panel, "z": size * panel})
-        drive.prolongation.carry(zero_response(drive.cell.mechanics))
+        drive.prolongation.carry(zero_response(drive.cell.mechanics, "cpu"))
         assert isinstance(drive.mechanics, SpatialMechanics)
         fields.append(drive.mechanics.fields.read())
     without, with_own = fields
@@ -303,7 +303,7 @@ def test_a_rotation_of_the_grid_rotates_wires_rigidly(about: str) -> None:
         mechanics.contact.search()
         grid = mechanics.membrane_grid(low, size / cells, cells)
         if about == "z":
-            grid.spread(angle * np.stack([-place[:, 1], place[:, 0]], axis=1), zero_response(mechanics))
+            grid.spread(angle * np.stack([-place[:, 1], place[:, 0]], axis=1), zero_response(mechanics, "cpu"))
         else:
             grid.spread_across(angle * (place[:, 1] if about == "x" else -place[:, 0]))
         return float(np.abs(mechanics.stepper.forces()[0][inside]).max())

@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpknit import device
+from warpknit import device, memory
 from warpknit.cli import main
 from warpknit.errors import DeviceError, InputError, MemoryNeeded
 from warpknit.knit.chain import KnitError
 from warpknit.memory import MEMORY_PER_NODE
-from warpknit.mesh import layout
 from warpknit.mesh.load_point import LoadPoint
 from warpknit.model import build_model
 from warpknit.plan import make_plan
@@ -252,7 +251,7 @@ def array_bytes(thing, seen):
 
 
 def test_what_cannot_fit_is_refused_and_says_how_much(monkeypatch):
-    monkeypatch.setattr(layout, "available_memory", lambda: 2**30)
+    monkeypatch.setattr(memory, "available_memory", lambda device="cpu": 2**30)
     with pytest.raises(MemoryNeeded, match=r"knit.repeats = \[1000000, 1000000\]: .* GiB, available 1 GiB"):
         make_plan(load_scene(CELL, ["knit.repeats=[1000000, 1000000]"]), "cpu")
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from warpknit.device_choice import DEFAULT_DEVICE
 from warpknit.errors import Diverged
 from warpknit.program import FINISHED, INTERRUPTED, Program, configure_logging
 from warpknit.ranks.ranks import Ranks
@@ -46,11 +47,7 @@ def main(context: click.Context) -> None:
 def scene_options(command: Any) -> Any:
     """The argument and options of the scene."""
     for option in (
-        click.option(
-            "--device",
-            metavar="cpu|cuda:N",
-            help="Default: the first CUDA device for meshes of 100,000 nodes or more, else the CPU. Maps run on the CPU.",
-        ),
+        click.option("--device", metavar="cpu|cuda:N", help=f"Default: {DEFAULT_DEVICE}."),
         click.option("--preset", metavar="draft|standard|reference", help="Accuracy against time; over solver.preset."),
         click.option(
             "--set",

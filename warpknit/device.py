@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import os
 import re
 import sys
@@ -15,11 +14,11 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from .device_choice import device_of_mesh
 from .errors import DeviceError
 
 _log = logging.getLogger(__name__)
 
-LEAST_NODES = 100_000  # below, the launches of a step take a GPU longer than the whole step takes the CPU; not measured
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"  # what Warp's library prints on a machine without a GPU
 
 COMPILED = r" took ([\d.]+) ms +\(compiled\)"  # in Warp's report of a module; that of one from its cache ends with (cached)
@@ -77,19 +76,15 @@ def devices() -> list[str]:
 
 
 def find_device(name: str | None, place: int = 0, nodes: Callable[[], int] | None = None) -> str:
-    """The Warp name of a device; None takes the first CUDA device if there is one and the mesh has LEAST_NODES `nodes` or more.
-    The ranks of a machine (this one stands at `place` among them) take them in turn. Raises `DeviceError`."""
+    """The Warp name of a device; None takes the first CUDA device if there is one and the mesh has as many `nodes` as are
+    faster there. The ranks of a machine (this one stands at `place` among them) take them in turn. Raises `DeviceError`."""
     available = devices()
     if name is None:
         graphics = [d for d in available if d.startswith("cuda")]
-        if graphics and nodes is not None and nodes() < LEAST_NODES:
+        if not graphics:
             return "cpu"
-        return graphics[place % len(graphics)] if graphics else "cpu"
+        turn = graphics[place % len(graphics)]
+        return turn if nodes is None else device_of_mesh(nodes(), turn)
     if name not in available:
         raise DeviceError(f"--device {name}: not on this machine; allowed: {', '.join(available)}")
     return name
-
-
-def free_memory(name: str) -> float:
-    """[bytes] of memory that is free on a GPU; infinite for the CPU, whose memory is that of the machine (memory.py)."""
-    return math.inf if name == "cpu" else float(wp.get_device(name).free_memory)

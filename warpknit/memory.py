@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import psutil
+import warp as wp
 
+from .errors import MemoryNeeded
 from .scene import Scene
 
 LIBRARY_MEMORY = 512 * 2**20  # [bytes] of address space reserved for libraries: threads, compiler, USD
@@ -19,8 +22,20 @@ def required_memory(scene: Scene, nodes: int) -> int:
     return (wire + USD_MEMORY_PER_NODE * scene.output.usd) * nodes
 
 
-def available_memory() -> int:
-    """Bytes of main memory available, within the limit of the process."""
+def refuse_beyond_memory(size: str, scene: Scene, nodes: int, device: str = "cpu") -> None:
+    """Raise `MemoryNeeded` for a mesh of so many nodes, whose size is given in words, that the memory has no room for.
+
+    A mesh on a GPU is laid out in main memory first: it needs room in both.
+    """
+    needed, available = required_memory(scene, nodes), min(available_memory(), available_memory(device))
+    if needed > available or nodes > np.iinfo(np.int32).max:
+        raise MemoryNeeded(f"{size}: {nodes:.3g} nodes need {needed / 2**30:.3g} GiB, available {available / 2**30:.3g} GiB")
+
+
+def available_memory(device: str = "cpu") -> int:
+    """Bytes that are free where the arrays of a device lie: of main memory within the limit of the process, or on a GPU."""
+    if device != "cpu":
+        return int(wp.get_device(device).free_memory)
     available = int(psutil.virtual_memory().available)
     process = psutil.Process()
     if hasattr(process, "rlimit"):

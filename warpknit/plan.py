@@ -13,12 +13,12 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from .device import find_device, free_memory
+from .device import find_device
 from .estimate import Size, levels_of_pairs
 from .knit.chain import parse_chain
 from .knit.cloth import Cloth, same_cloth
 from .memory import available_memory, required_memory
-from .mesh.layout import knit_scene
+from .mesh.layout import knit_scene, refuse_large_mesh
 from .mesh.rim import net_nodes
 from .model import build_model, estimates_of
 from .runner.cautions import scene_cautions, sweep_cautions
@@ -122,6 +122,8 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
     estimates = estimates_of(scene)
     size, counted = estimates.size_of(scene, cloth)
     name = find_device(device, nodes=lambda: size.nodes)
+    if cloth is not None:
+        refuse_large_mesh(scene, cloth, name)
     _refuse_intersecting_wires(scene, file)
     cost, notes = estimates.cost_of(scene, size), estimates.notes(scene, size)
     return Plan(
@@ -132,7 +134,7 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         bodies=size.bodies,
         pairs=2 * size.bodies,
         memory_bytes=PROGRAM_MEMORY + required_memory(scene, size.nodes),
-        available_bytes=int(min(available_memory(), free_memory(name))),
+        available_bytes=min(available_memory(), available_memory(name)),
         time_step_s=size.time_step,
         limited_by=size.limited_by,
         steps=cost.steps,

@@ -2,10 +2,10 @@
 
     python tests/reference/emulated_gpu.py RESULT.json [--order forward|reversed|permuted] [--only WORD] [--arch 90 75]
 
-The device `cuda:0` of this process is the CPU, so that runs take the way of a GPU, and what the host reads are copies. `--order`
-is that in which the threads of every launch run. `--arch` compiles each module that was used, with the overloads that were
-launched, for these compute capabilities, and notes what cuobjdump says of its kernels. A process of its own, with a kernel cache
-of its own, as Warp's templates are changed.
+The scenes are those of gpu_cases.py, the device is `cuda:0` of emulated_device.py. `--order` is that in which the threads of
+every launch run. `--arch` compiles each module that was used, with the overloads that were launched, for these compute
+capabilities, and notes what cuobjdump says of its kernels. A process of its own, with a kernel cache of its own, as Warp's
+templates are changed.
 """
 
 from __future__ import annotations
@@ -25,10 +25,12 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from warp._src import codegen, context
+from warp._src import codegen, types
 
-SCENES = Path(__file__).parents[2] / "scenes"
-DEVICE = "cuda:0"
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from reference.gpu_cases import CASES, COMPILED, DEVICE, SHARED, scene_of  # noqa: E402
+from reference.thread_ranks import run_ranks  # noqa: E402
+
 LOOP = "{name}_cpu_kernel_forward<wp_linear_contiguous>(*dim, task_index, _wp_args);"
 # a stride that shares no factor with the number of threads visits each of them once
 PERMUTED = """size_t stride = dim->size / 2 + 1;
@@ -42,32 +44,6 @@ ORDERS = {
     "reversed": "const size_t task = dim->size - 1 - task_index;",
     "permuted": PERMUTED,
 }
-CASES: dict[str, tuple[str, list[str]]] = {
-    "planar cell": ("atlas_cell.toml", ["solver.preset=draft", "output.frames=1"]),
-    "planar cell, double, friction": (
-        "friction_cycle.toml", ["solver.preset=draft", "solver.precision=double", "output.frames=1"],
-    ),
-    "planar patch, yield": (
-        "atlas_patch.toml", ["knit.repeats=[2, 2]", "solver.preset=draft", "wire.plastic=true", "output.frames=1"],
-    ),
-    "planar panel, from a smaller mesh": (
-        "atlas_patch.toml", ["knit.repeats=[12, 12]", "solver.preset=draft", "output.frames=1", "solver.residual_tolerance=0.05"],
-    ),
-    "planar ramp": (
-        "atlas_cell.toml", ["solver.preset=draft", "solver.drive=ramp", "solver.loading_time=2e-5 s", "output.frames=1"],
-    ),
-    "spatial cell": ("atlas_cell_spatial.toml", ["solver.preset=draft", "output.frames=1"]),
-    "spatial patch, friction, yield": (
-        "atlas_cell_spatial.toml",
-        ["model.boundary=gripped", "knit.repeats=[1, 1]", "solver.preset=draft", "wire.plastic=true", "contact.friction=0.1",
-         "load.strain_weft=0.04", "load.strain_warp=0.04", "output.frames=1"],
-    ),
-    "spatial panel, from a smaller mesh": (
-        "atlas_cell_spatial.toml",
-        ["model.boundary=gripped", "knit.repeats=[11, 11]", "solver.preset=draft", "output.frames=1",
-         "solver.residual_tolerance=0.05"],
-    ),
-}  # fmt: skip
 
 
 def set_order(order: str) -> None:
@@ -79,22 +55,14 @@ def set_order(order: str) -> None:
     setattr(codegen, named, template.replace(LOOP, f"{ORDERS[order]}\n        {LOOP.replace('task_index', 'task')}"))
 
 
-def emulate() -> None:
-    """Have a device of this name, whose arrays the host does not share. To be called before what uses host.py is imported."""
-    context.runtime.device_map[DEVICE] = context.runtime.cpu_device
-    wp.get_devices = lambda: ["cpu", DEVICE]
-    view = wp.array.numpy
-    wp.array.numpy = lambda array: view(array).copy()
-    host = importlib.import_module("warpknit.host")
-    host.is_in_place = lambda device: False
-
-
-def noted(launch: Callable[..., Any], used: dict[context.Module, None]) -> Callable[..., Any]:
-    """`wp.launch` that notes the modules of the kernels."""
+def noted(launch: Callable[..., Any], used: dict[wp.Kernel, None]) -> Callable[..., Any]:
+    """`wp.launch` that notes the kernels, and of generic ones the overloads, that the emulated device launches."""
 
     def noting(kernel: wp.Kernel, *given: Any, **named: Any) -> Any:
-        used[kernel.module] = None
-        return launch(kernel, *given, **named)
+        recorded = launch(kernel, *given, **named)
+        if str(named["device"]) == DEVICE and recorded is not None:
+            used[recorded.kernel] = None
+        return recorded
 
     return noting
 
@@ -103,12 +71,11 @@ def states(only: str) -> Iterator[tuple[str, dict[str, str], list[float]]]:
     """Of each case its name, a hash of each array of its last state, and tension and active share there."""
     from warpknit import measure
     from warpknit.model import build_model
-    from warpknit.scene import load_scene
     from warpknit.solve.simulate import Simulation
 
-    for name, (scene, overrides) in CASES.items():
+    for name in CASES:
         if only in name:
-            simulation = Simulation(build_model(load_scene(SCENES / scene, overrides), DEVICE))
+            simulation = Simulation(build_model(scene_of(name), DEVICE))
             for record in simulation.run():
                 found = record.observables
             arrays = simulation.state.arrays()
@@ -116,21 +83,46 @@ def states(only: str) -> Iterator[tuple[str, dict[str, str], list[float]]]:
             yield name, hashes, [*map(float, measure.mesh_tension(found)), float(measure.contacts(found).active_percent)]
 
 
-def resources(arch: int, used: Iterable[context.Module]) -> Iterator[tuple[str, list[int]]]:
-    """Compile the modules for `arch`; of each kernel, with the types of one of its launches, registers and stack [B] a thread."""
+def register() -> None:
+    """Launch the kernels that the cases do not reach."""
+    from warpknit.model import build_model
+    from warpknit.solve.simulate import Simulation
+
+    for name in COMPILED:
+        Simulation(build_model(scene_of(name), DEVICE)).compile()
+    run_ranks(2, lambda ranks: Simulation(build_model(scene_of(SHARED), DEVICE, ranks)).compile())
+
+
+def name_of(kernel: wp.Kernel) -> str:
+    """Module and key of a kernel, and of an overload the types of the numbers that may be of any type, each once."""
+    parent = kernel.generic_parent
+    name = f"{kernel.module.name.rsplit('.', 1)[-1]}.{kernel.key}"
+    if parent is None:
+        return name
+    generic = [argument.label for argument in parent.adj.args if types.type_is_generic(argument.type)]
+    found = {types.type_repr(getattr(one.type, "dtype", one.type)) for one in kernel.adj.args if one.label in generic}
+    return f"{name}[{', '.join(sorted(found))}]"
+
+
+def resources(arch: int, used: Iterable[wp.Kernel]) -> Iterator[tuple[str, list[int]]]:
+    """Compile modules for `arch`; of each kernel used registers and stack [B] a thread and shared memory [B] a block."""
     tool = shutil.which("cuobjdump") or next(
         (str(path) for path in Path(sys.prefix).glob("lib/python*/site-packages/nvidia/cu*/bin/cuobjdump")), None
     )
-    for module in used:
+    for module in {kernel.module: None for kernel in used}:
         with tempfile.TemporaryDirectory() as folder:
             wp.compile_aot_module(module, arch=arch, module_dir=folder, use_ptx=False)
             if tool is None:
                 continue
+            known = [*used, *(kernel for kernel in module._get_live_kernels() if not kernel.is_generic)]
+            names = {kernel.get_mangled_name(): name_of(kernel) for kernel in known if kernel.module is module}
             for cubin in Path(folder).glob("*.cubin"):
                 command = [tool, "--dump-resource-usage", str(cubin)]
                 said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-                for kernel, line in re.findall(r"Function (\S+)_[0-9a-f]+_cuda_kernel_forward:\s*\n\s*(REG:.*)", said):
-                    yield kernel, [int(number) for number in re.findall(r"(?:REG|STACK):(\d+)", line)]
+                for kernel, line in re.findall(r"Function (\S+)_cuda_kernel_forward:\s*\n\s*(REG:.*)", said):
+                    numbers = dict(re.findall(r"(\w+):(\d+)", line))
+                    if kernel in names:  # not an overload for the CPU
+                        yield names[kernel], [int(numbers[key]) for key in ("REG", "STACK", "SHARED")]
 
 
 def main() -> None:
@@ -141,18 +133,16 @@ def main() -> None:
     parser.add_argument("--arch", type=int, nargs="*", default=[])
     given = parser.parse_args()
     set_order(given.order)
-    wp.init()
-    emulate()
-    used: dict[context.Module, None] = {}
+    importlib.import_module("reference.emulated_device")
+    used: dict[wp.Kernel, None] = {}
     wp.launch = noted(wp.launch, used)
     result: dict[str, Any] = {"states": {}, "figures": {}, "kernels": {}}
     for name, hashes, figures in states(given.only):
         result["states"][name], result["figures"][name] = hashes, figures
+    if given.arch:
+        register()
     for arch in given.arch:
-        most: dict[str, list[int]] = {}
-        for kernel, numbers in sorted(resources(arch, used)):
-            most[kernel] = [max(pair) for pair in zip(numbers, most.get(kernel, [0, 0]), strict=True)]
-        result["kernels"][str(arch)] = most
+        result["kernels"][str(arch)] = dict(sorted(resources(arch, used)))
     given.result.write_text(json.dumps(result, indent=1))
 
 

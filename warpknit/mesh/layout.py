@@ -6,11 +6,10 @@ import math
 
 import numpy as np
 
-from ..errors import MemoryNeeded
 from ..knit.chain import KnitError
 from ..knit.clasp_classes import clasp_classes
 from ..knit.cloth import Cloth, same_cloth
-from ..memory import available_memory, required_memory
+from ..memory import refuse_beyond_memory
 from ..scene import Scene
 from ..text import exact
 from .panel import Panel, build_panel, table_lead
@@ -33,20 +32,20 @@ def copies_of_cloth(scene: Scene) -> tuple[int, int]:
     return (1, 1) if scene.knit.scatter else scene.knit.repeats
 
 
-def knit_scene(scene: Scene) -> Cloth:
-    """One repeat of the scene's cloth, or all of it where loops differ; refuses (`MemoryNeeded`) a mesh that cannot fit before
-    anything is laid out, and (`KnitError`) loops so far from the mean that they hook
+def knit_scene(scene: Scene, device: str = "cpu") -> Cloth:
+    """One repeat of the scene's cloth, or all of it where loops differ; refuses (`MemoryNeeded`) a mesh that cannot fit on
+    the device before anything is laid out, and (`KnitError`) loops so far from the mean that they hook
     otherwise."""
     knit = scene.knit if scene.knit.scatter else scene.knit.even
     cloth = same_cloth(knit, scene.wire.thickness, scene.model.merge_lenses, _tiles(scene))
     _refuse_other_hooks(scene, cloth)
-    nodes = estimated_nodes(scene, cloth)
-    needed, available = required_memory(scene, nodes), available_memory()
-    if needed > available or nodes > np.iinfo(np.int32).max:
-        raise MemoryNeeded(
-            f"{_size_of(scene)}: {nodes:.3g} nodes need {needed / 2**30:.3g} GiB, available {available / 2**30:.3g} GiB"
-        )
+    refuse_large_mesh(scene, cloth, device)
     return cloth
+
+
+def refuse_large_mesh(scene: Scene, cloth: Cloth, device: str) -> None:
+    """Refuse (`MemoryNeeded`) a mesh of the cloth that cannot fit on the device."""
+    refuse_beyond_memory(_size_of(scene), scene, estimated_nodes(scene, cloth), device)
 
 
 def contact_classes(scene: Scene) -> np.ndarray:

@@ -182,7 +182,7 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
     start_warp()
     if scene.hook is not None:
         return _build_hook(scene, scene.hook, device)
-    cloth = knit_scene(scene)
+    cloth = knit_scene(scene, device)
     table, panel, loop_length = lay_out(scene, cloth)
     loop_size = max(scene.knit.wale_spacing, scene.knit.course_spacing)
     furthest = 2 * loop_size + _edge_travel(scene)

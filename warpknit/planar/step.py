@@ -143,12 +143,16 @@ class Stepper:
         return [launch.record(self.model.device) for launch in work if launch.threads > 0]
 
     def _record(self, parity: int, part: int) -> list[wp.Launch]:
+        """One thread's part of a step, recorded."""
+        return self._commands(self.launches(parity, part))
+
+    def launches(self, parity: int, part: int = 0) -> list[Launch]:
         """One thread's part of a step: contact, wires and bodies; the first thread also grips and control."""
         (wires, wire_partial), (bodies, body_partial) = map(fewer_rows, (self.state.wire_partial, self.state.body_partial))
         rows = {"wire_partial": wire_partial, "body_partial": body_partial}
         end = [*wires, *bodies, bind(update_control, 1, control=self.state.control, **rows)]
         work = [*self._contact_work(parity, part), *self.team.barrier(), *self._motion(parity, part)]
-        return self._commands([*work, *(end if part == 0 else []), *self.team.barrier()])
+        return [*work, *(end if part == 0 else []), *self.team.barrier()]
 
     def _motion(self, parity: int, part: int) -> list[Launch]:
         """One thread's part of the motion: wires and bodies; the first thread also grips."""

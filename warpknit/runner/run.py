@@ -58,7 +58,7 @@ def run_scene(
     if finished is not None:
         return finished
     name = find_device(device, ranks.place, lambda: node_count(scene))
-    if ranks.count > 1 and name != "cpu":
+    if ranks.count > 1 and device is not None and name != "cpu":
         _log.warning("warning: --device %s puts all %d ranks on one GPU; without --device they take those of the machine in turn",
                      name, ranks.count)  # fmt: skip
     checkpoint = None

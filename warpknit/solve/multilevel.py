@@ -60,7 +60,7 @@ class MultilevelRelaxation(Relaxation):
         self.prolongation = None if smaller is None else mechanics.prolongation(smaller.mechanics)
         repeated = cell or smaller
         assert repeated is not None
-        self._response = zero_response(cast(MultilevelMechanics, repeated.mechanics))
+        self._response = zero_response(cast(MultilevelMechanics, repeated.mechanics), self.model.device)
         self.membrane: Membrane | None = None
         self._rim: Rim | None = None
         self._stations = np.zeros((0, 2))
@@ -92,8 +92,10 @@ class MultilevelRelaxation(Relaxation):
             super().compile()
             if self.cell is not None:
                 self.cell.compile()
-        else:  # the smaller mesh uses the same kernels
+        else:  # the smaller mesh uses the same kernels, on the same device
             self.smaller.compile()
+            if self.smaller.model.device != self.model.device:
+                super().compile()
             self.prolongation.carry(self._response)
         if self.membrane is not None:
             self.membrane.warm_up(self._response)
@@ -119,7 +121,7 @@ class MultilevelRelaxation(Relaxation):
         if self.cell is not None and self.membrane is not None:
             self._stations = kept["stations"]
             self.cell.restore(_under("cell_", kept))
-            self._response = load_response(kept, self.cell.model)
+            self._response = load_response(kept, self.cell.model, self.model.device)
             self.membrane.renew(self._response)
 
     def release(self, begin: float, end: float) -> None:
@@ -132,7 +134,8 @@ class MultilevelRelaxation(Relaxation):
         if self.smaller is not None:
             load = self._solve_smaller(self.smaller, load, wanted)
         if self.cell is not None and self.membrane is not None:
-            self._response = find_response(self._cell_at, self.cell.model, load.gradient, load.temperature)
+            at = load.gradient, load.temperature
+            self._response = find_response(self._cell_at, self.cell.model, *at, self.model.device)
             self.membrane.renew(self._response)
         return load
 

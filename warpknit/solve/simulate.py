@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from ..device_choice import device_of_mesh
 from ..errors import InputError, ModelError
 from ..mechanics import Model, MultilevelMechanics
 from ..mesh.layout import estimated_nodes
@@ -118,7 +119,7 @@ class Simulation:
             if cell is None or not model.scene.has_moving_edge:
                 return Relaxation(mechanics, progress, watched)
             return MultilevelRelaxation(multilevel, progress, watched, cell=cell)
-        smaller = build_model(scene, model.device, self._ranks_of(model, scene))
+        smaller = build_model(scene, self._device_of(model, scene), self._ranks_of(model, scene))
         below = self._relaxation(smaller, initial_state(smaller), Progress(), cell)
         return MultilevelRelaxation(multilevel, progress, watched, smaller=below, cell=cell)
 
@@ -130,14 +131,21 @@ class Simulation:
         return model.ranks if share >= NODES_A_STRIP else One()
 
     @staticmethod
-    def _cell_of(model: Model) -> Relaxation | None:
+    def _device_of(model: Model, smaller: Scene) -> str:
+        """The device of a smaller mesh: that of the model, or the CPU where it is faster."""
+        assert model.cloth is not None
+        return device_of_mesh(estimated_nodes(smaller, model.cloth), model.device)
+
+    @classmethod
+    def _cell_of(cls, model: Model) -> Relaxation | None:
         """A relaxation of one periodic repeat, for a large gripped mesh, else None."""
         scene = model.scene
         if not model.has_multilevel or model.cloth is None or scene.model.boundary == "periodic":
             return None
         if smaller_scene(scene) is None and not scene.has_moving_edge:
             return None
-        cell = build_model(one_repeat(scene), model.device)
+        repeat = one_repeat(scene)
+        cell = build_model(repeat, cls._device_of(model, repeat))
         return Relaxation(mechanics_of(cell, initial_state(cell)))
 
     # --- the run

@@ -9,10 +9,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..device import start_warp
-from ..errors import MemoryNeeded, ModelError
+from ..errors import ModelError
 from ..frame import WireLayout, curve_parts
 from ..knit.cloth import Cloth
-from ..memory import available_memory, required_memory
+from ..memory import refuse_beyond_memory
 from ..mesh.hook_mesh import hook_panel, hook_table
 from ..mesh.layout import contact_classes, knit_scene, lay_out
 from ..mesh.panel import Panel
@@ -183,10 +183,8 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
     if scene.wires is not None:
         _refuse_fine_nodes(scene, section.thickness)
         found = rest_wires(scene)
-        needed, available = required_memory(scene, found.node_count), available_memory()
-        if needed > available:
-            size = f"{found.node_count:,} nodes need {needed / 2**30:.3g} GiB, available {available / 2**30:.3g} GiB"
-            raise MemoryNeeded(f"wires.node_spacing = {exact(scene.wires.node_spacing, 'm')}: {size}")
+        size = f"wires.node_spacing = {exact(scene.wires.node_spacing, 'm')}"
+        refuse_beyond_memory(size, scene, found.node_count, device)
         panel, wires, rods = panel_of_wires(section, found, scene.wires.loop_length)
         spacing = float(rods.natural_length[rods.following >= 0].min())
         return _assemble(scene, None, None, panel, wires, rods, catmull_rom(rods), spacing, scene.wires.loop_length, device)
@@ -198,7 +196,7 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
         rods, curve = rods_of_wires(section, panel, wires)
         length = scene.hook.length
         return _assemble(scene, None, table, panel, wires, rods, curve, length / segments, length, device)
-    cloth = knit_scene(scene)
+    cloth = knit_scene(scene, device)
     table, panel, loop_length = lay_out(scene, cloth)
     wires = place_wires(cloth, table, panel, section.thickness, evenly=scene.solver.drive == "ramp")
     rods, curve = rods_of_wires(section, panel, wires)

@@ -301,7 +301,7 @@ class WireContact:
     def _capacity(self, total: int, size: int) -> int:
         """Capacity of a list of so many pairs of `size` bytes."""
         capacity = round(CAPACITY_MARGIN * total)
-        needed, available = size * capacity, available_memory()
+        needed, available = size * capacity, available_memory(self.stepper.device)
         if needed > available:
             raise OutOfResources(
                 f"memory ran out: {total:,} pairs of neighbouring segments need {needed / 2**20:,.0f} MiB,"

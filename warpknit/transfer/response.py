@@ -33,8 +33,10 @@ class Response:
         return {f"{KEPT}tangent": self.tangent} | {f"{KEPT}{name}": v.numpy().copy() for name, v in self.change.items()}
 
 
-def find_response(cell_at: CellState, cell: Any, gradient: np.ndarray, temperature: float) -> Response:
+def find_response(cell_at: CellState, cell: Any, gradient: np.ndarray, temperature: float, device: str) -> Response:
     """Response of endless cloth at a load, by finite differences of equilibria of one repeat, the model `cell`.
+
+    device: of the mesh that responds, which may be another than that of the repeat.
 
     Raises `Diverged` where the repeat does not converge.
     """
@@ -59,42 +61,42 @@ def find_response(cell_at: CellState, cell: Any, gradient: np.ndarray, temperatu
     eigenvalues = np.maximum(eigenvalues, LEAST_STIFFNESS * eigenvalues.max())
     return Response(
         ((vectors * eigenvalues) @ vectors.T).reshape(2, 2, 2, 2),
-        _node_of_entry(cell),
-        {name: wp.array(value, dtype=wp.float64, device=cell.device) for name, value in change.items()},
-        _no_change(cell),
+        _node_of_entry(cell, device),
+        {name: wp.array(value, dtype=wp.float64, device=device) for name, value in change.items()},
+        _no_change(cell, device),
     )
 
 
-def zero_response(repeat: MultilevelMechanics) -> Response:
-    """A response of zero, of the cloth of one repeat."""
+def zero_response(repeat: MultilevelMechanics, device: str) -> Response:
+    """A response of zero, of the cloth of one repeat, for a mesh on the device."""
     cell = repeat.model
     change = {
-        name: wp.zeros((4, len(value)), dtype=wp.float64, device=cell.device) for name, value in repeat.state_variables().items()
+        name: wp.zeros((4, len(value)), dtype=wp.float64, device=device) for name, value in repeat.state_variables().items()
     }
-    return Response(np.zeros((2, 2, 2, 2)), _node_of_entry(cell), change, _no_change(cell))
+    return Response(np.zeros((2, 2, 2, 2)), _node_of_entry(cell, device), change, _no_change(cell, device))
 
 
-def load_response(kept: dict[str, np.ndarray], cell: Any) -> Response:
-    """The response of the model `cell` from its `state_dict` in a checkpoint."""
+def load_response(kept: dict[str, np.ndarray], cell: Any, device: str) -> Response:
+    """The response of the model `cell` from its `state_dict` in a checkpoint, for a mesh on the device."""
     values = {name.removeprefix(KEPT): value for name, value in kept.items() if name.startswith(KEPT)}
     tangent = values.pop("tangent")
     return Response(
         tangent,
-        _node_of_entry(cell),
-        {name: wp.array(value, dtype=wp.float64, device=cell.device) for name, value in values.items()},
-        _no_change(cell),
+        _node_of_entry(cell, device),
+        {name: wp.array(value, dtype=wp.float64, device=device) for name, value in values.items()},
+        _no_change(cell, device),
     )
 
 
-def _no_change(cell: Any) -> wp.array:
-    return wp.zeros((4, cell.panel.node_count), dtype=wp.float64, device=cell.device)
+def _no_change(cell: Any, device: str) -> wp.array:
+    return wp.zeros((4, cell.panel.node_count), dtype=wp.float64, device=device)
 
 
-def _node_of_entry(cell: Any) -> wp.array:
+def _node_of_entry(cell: Any, device: str) -> wp.array:
     """[entry of the rest table] node of one repeat."""
     table = cell.table
     ends = np.append(table.start[1:] - table.lead, len(table.x))
     entry = np.arange(len(table.x))
     thread = np.searchsorted(ends, entry, side="right")
     node = cell.panel.wire_first[thread] + np.mod(entry - table.start[thread], table.nodes[thread])
-    return wp.array(node.astype(np.int32), dtype=wp.int32, device=cell.device)
+    return wp.array(node.astype(np.int32), dtype=wp.int32, device=device)

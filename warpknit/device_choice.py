@@ -1,0 +1,11 @@
+"""By which rule a mesh is computed on a GPU or on the CPU; without Warp, for the help of the command line."""
+
+from __future__ import annotations
+
+LEAST_NODES = 100_000  # below, the launches of a step take a GPU longer than the whole step takes the CPU; not measured
+DEFAULT_DEVICE = f"the first CUDA device for meshes of {LEAST_NODES:,} nodes or more, else the CPU"
+
+
+def device_of_mesh(nodes: int, device: str) -> str:
+    """The device, or the CPU for a mesh of so few nodes that it is faster there."""
+    return device if nodes >= LEAST_NODES else "cpu"
