@@ -11,7 +11,6 @@ import pytest
 import warp as wp
 
 from warpknit import device, memory
-from warpknit.cli import main
 from warpknit.errors import DeviceError, InputError, MemoryNeeded
 from warpknit.knit.chain import KnitError
 from warpknit.memory import MEMORY_PER_NODE
@@ -268,12 +267,6 @@ def test_the_default_device_goes_by_the_size_of_the_mesh(monkeypatch):
     assert [device.find_device(None, place, lambda: 10**6) for place in range(3)] == ["cuda:0", "cuda:1", "cuda:0"]
     assert device.find_device("cuda:1", nodes=lambda: 1000) == "cuda:1"
     assert make_plan(load_scene(CELL)).device == "cpu"
-
-
-def test_the_help_gives_the_size_from_which_a_gpu_is_the_default():
-    for command in ("run", "plan", "trade"):
-        (option,) = [one for one in main.commands[command].params if one.name == "device"]
-        assert f"{device.LEAST_NODES:,} nodes" in option.help
 
 
 def test_a_knit_that_cannot_be_made_is_refused():
