@@ -52,6 +52,9 @@ def draw_knots(path: Path, rows: Sequence[State]) -> None:
         press.plot(e, [r.contact_force for r in own] / e**3, "o", **style)
         press.plot([0.0], [b.sigma], "D", color=colour)
     free.plot([], [], color="grey", linestyle=":", label="by the measured energy, -dE/dS")
+    for axes in (free, stored):
+        axes.plot([], [], color="grey", label="first order in e")
+    press.plot([], [], "D", color="grey", markersize=4, label="limit of the first order")
     for axes, n_of in ((one, (1,)), (more, tuple(n for n in colours if n > 1))):
         for n in n_of:
             for friction, marker in MARKERS.items():
@@ -73,13 +76,13 @@ def draw_knots(path: Path, rows: Sequence[State]) -> None:
         axes.plot([], [], color="grey", linestyle="--", label="long knot that slides (Jawed and others)")
     for n in list(colours)[1:]:
         more.plot([], [], color=colours[n], label=turns_of(n))
-    free.axhline(0.5, color="#999999", linestyle=":")
+    free.axhline(0.5, color="#999999", linestyle="-.", linewidth=0.8, label="loop alone, 1/2")
     added.axhline(1.0, color="#999999", linestyle=":")
     free.set(xlabel="e = (h/R)^(1/2)", ylabel="F R^2/B without friction", xlim=(0.0, None))
     stored.set(xlabel="e", ylabel="energy without friction, of pi B/R", xlim=(0.0, None), ylim=(1.0, None))
     press.set(xlabel="e", ylabel="contact force h^2/(B e^3) without friction", xlim=(-0.005, None), ylim=(0.0, None))
     one.set(xlabel="e", ylabel="F R^2/B, one turn with friction", ylim=(0.0, 8.5))
-    more.set(xlabel="e", ylabel="F R^2/B, more turns with friction", ylim=(0.0, None))
+    more.set(xlabel="e", ylabel="F R^2/B, more turns with friction", yscale="log", ylim=(1.0, None))
     added.set(xlabel="e", ylabel="(F - energy force) over friction x contact force", ylim=(0.5, 1.2))
     tidy(np.array([free, stored, press, one, more, added]))
     figure.savefig(path)
