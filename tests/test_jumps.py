@@ -140,7 +140,7 @@ def test_a_picture_marks_the_cells_of_a_jump(tmp_path: Path, monkeypatch: pytest
     axes = kept[0].axes[0]
     (crosses,) = [line for line in axes.lines if line.get_marker() == "x"]
     assert np.column_stack(crosses.get_data()) == pytest.approx(np.array([[20.0, 0.0], [30.0, 0.0], [30.0, 10.0]]))
-    assert "jump to a neighbouring cell" in [text.get_text() for text in axes.get_legend().get_texts()]
+    assert "jump to a neighbouring cell: lines end" in [text.get_text() for text in axes.get_legend().get_texts()]
 
 
 def test_the_table_of_a_map_has_the_jumps_in_one_line():

@@ -49,6 +49,7 @@ def test_a_yarn_of_many_ends_leaves_smaller_openings():
     diameter; a step of the grid is a fifth of one thickness."""
     found, diameter = [], 60e-6
     for ends in (1, 4):
-        model = build_model(make_scene({"wire": {"diameter": diameter, "ends": ends}, "model": {"boundary": "periodic"}}))
+        scene = {"wire": {"diameter": diameter, "ends": ends}, "model": {"kind": "planar", "boundary": "periodic"}}
+        model = build_model(make_scene(scene))
         found.append(max(opening.circle for opening in openings(read(model, initial_state(model)))))
     assert found[0] - found[1] == pytest.approx(diameter, abs=0.5 * diameter)

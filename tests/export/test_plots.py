@@ -213,7 +213,7 @@ def test_the_largest_stress_of_a_picture_is_that_of_a_node(
     peak = np.zeros(layout.node_count)
     peak[7] = 4e8
     mesh_figure.mesh_figure(layout, replace(make_frame(4), node_stress=peak), tmp_path / "mesh.png", "a mesh")
-    assert "largest there 400 " in kept[0].axes[1].get_ylabel()
+    assert "largest there 400" in kept[0].axes[1].get_ylabel()
 
 
 def test_a_line_over_a_jump_is_dotted_and_no_other() -> None:

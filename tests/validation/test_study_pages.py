@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from knots import FrictionRow
 from knots import Row as Knot
 from pulled_data import MESHES
 from pulled_inputs import InputRow
+from pulled_meshes import LevelRow
 from pulled_meshes import Row as Pulled
 from study import RESULTS, read_rows
 from trefoil import TrefoilRow
@@ -100,9 +102,18 @@ def check_with_range(cell: str, base: Iterable[float], values: Iterable[float]) 
         check(spread, *sorted({min(known), max(known)}))
 
 
+def strain_at(levels: list[LevelRow], pull: Pulled, stress: float) -> float:
+    """Strain at which the axial stress of a wire reaches `stress` [Pa], between two levels; not a number where it does not."""
+    own = [one for one in levels if (one.mesh, one.direction, one.case) == (pull.mesh, pull.direction, pull.case)]
+    for before, after in pairwise(own):
+        if before.axial < stress <= after.axial:
+            return before.strain + (stress - before.axial) / (after.axial - before.axial) * (after.strain - before.strain)
+    return math.nan
+
+
 def test_strips_are_as_pulled() -> None:
-    rows = read_rows(RESULTS / "pulled_meshes.csv", Pulled)
-    for name, measured, stiff, last, straight, force, most in table("pulled_meshes.md", "pulled | measured"):
+    rows, levels = read_rows(RESULTS / "pulled_meshes.csv", Pulled), read_rows(RESULTS / "pulled_meshes_levels.csv", LevelRow)
+    for name, measured, stiff, broken, last, straight, force, fibre, most in table("pulled_meshes.md", "pulled | measured"):
         mesh, direction = name.split(", ")
         pulls = [r for r in rows if (r.mesh, r.direction) == (mesh, DIRECTIONS[direction])]
         (base,) = [r for r in pulls if r.case == "base"]
@@ -112,6 +123,13 @@ def test_strips_are_as_pulled() -> None:
         begins = base.last_strain if math.isnan(base.stiff_strain) else base.stiff_strain
         check_with_range(stiff, [100.0 * begins], [100.0 * r.stiff_strain for r in pulls])
         assert stiff.startswith("not by") == math.isnan(base.stiff_strain)
+        weak = next(m.strength[0] for m in MESHES if m.name == mesh)
+        at_strength = {r.case: 100.0 * strain_at(levels, r, weak) for r in pulls}
+        assert broken.startswith("not by") == math.isnan(at_strength["base"])
+        check_with_range(
+            broken, [100.0 * base.last_strain if broken.startswith("not by") else at_strength["base"]], at_strength.values()
+        )
+        check(fibre, 1e-9 * base.last_fibre)
         check(last, 100.0 * base.last_strain, base.last_force)
         check_with_range(straight, [100.0 * base.straight_strain], [100.0 * r.straight_strain for r in pulls])
         loaded = [r for r in pulls if r.last_axial >= LOADED]

@@ -26,7 +26,8 @@ def clamped_wires(folder: Path, spacing: float) -> Simulation:
     rows = [f"{wire},{place},{wire},0" for wire in (1, 2) for place in x]
     (folder / "wires.csv").write_text("\n".join(["wire,x [mm],y [mm],z [mm]", *rows]))
     wires = {"file": folder / "wires.csv", "node_spacing": spacing}
-    return Simulation(build_model(load_scene({"wire": {"diameter": "50 um"}, "wires": wires, "output": {"frames": 1}})))
+    scene = {"wire": {"diameter": "50 um"}, "wires": wires, "solver": {"residual_tolerance": 1e-3}, "output": {"frames": 1}}
+    return Simulation(build_model(load_scene(scene)))
 
 
 @pytest.mark.parametrize(("spacing", "tolerance"), [(100e-6, 5e-3), (50e-6, 1.25e-3)])  # the error falls with h^2

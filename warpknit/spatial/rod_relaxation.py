@@ -43,7 +43,9 @@ APPROACH = 2.4  # of two wires, over the largest displacement
 # thicknesses: largest displacement a step of wires that may touch, and the least limit; up to FASTER times the speed
 CONTACT_SPEED, LEAST_SPEED, FASTER = 0.1, 0.001, 1.5
 # a wire is taut where its mean excess strain is above TAUT_ERROR AXIAL_ERROR and does not fall to a share within so many checks
-TAUT_ERROR, TAUT_PROGRESS = 5.0, (0.5, 3)
+TAUT_ERROR, TAUT_PROGRESS = 20.0, (0.5, 8)
+# the same where axial strain is what keeps the mesh from convergence
+LEADING_ERROR, LEADING_PROGRESS = 5.0, (0.5, 3)
 TAUT_FACTOR = 4.0  # by which a taut wire is made stiffer: its mean excess strain has stalled
 VIBRATION = 3.0  # speed of the whole motion over that of the mean one, from which on it counts
 # largest speed by diagonal masses that counts, over that by banded ones: that of smooth motion grows with the nodes a loop, from
@@ -110,7 +112,10 @@ class RodRelaxation:
         self._best_ratio: float = math.inf
         self._stalled = 0  # checks without progress
         self._is_too_soft = False  # for the multipliers to converge
-        self._taut = Stalled(len(rods.wire_first), TAUT_ERROR * AXIAL_ERROR, *TAUT_PROGRESS)  # [wire] mean excess strain
+        wires = len(rods.wire_first)  # mean excess strain of each
+        self._taut = Stalled(wires, TAUT_ERROR * AXIAL_ERROR, *TAUT_PROGRESS)
+        self._leading = Stalled(wires, LEADING_ERROR * AXIAL_ERROR, *LEADING_PROGRESS)
+        self._excess_leads = False  # of all criteria, at the last check
 
     def set_thermal_strain(self, thermal_strain: np.ndarray) -> None:
         """Set the strain [node] of the natural lengths beyond the common length factor; the multipliers apply it."""
@@ -289,6 +294,7 @@ class RodRelaxation:
         Wright 2006, Numerical Optimization, 17.3: the penalty of an augmented Lagrangian). Where the axial strain makes no
         progress at the least rate, all wires are made stiffer.
         """
+        self._excess_leads = excess >= SOFT_SHARE * ratio
         if ratio < PROGRESS * self._best_ratio:
             self._best_ratio, self._stalled = ratio, 0
             self._rate = min(MAX_RATE, RAISED_RATE * self._rate)
@@ -297,12 +303,13 @@ class RodRelaxation:
         if self._rate > MIN_RATE and self._stalled >= RATE_PATIENCE:
             self._rate, self._stalled = max(MIN_RATE, LOWERED_RATE * self._rate), 0
         elif self._stalled >= SOFT_PATIENCE:
-            self._is_too_soft = excess >= SOFT_SHARE * ratio
+            self._is_too_soft = self._excess_leads
 
     def _reset_rate(self) -> None:
         """Start with the full rate of the multipliers."""
         self._rate, self._best_ratio, self._stalled, self._is_too_soft = MAX_RATE, math.inf, 0, False
         self._taut.reset()
+        self._leading.reset()
 
     def renew_multipliers(self, sums: StateSums | None = None, *, loading: bool = False) -> None:
         """Move the tension offsets by the error of the softening, in the state last evaluated; stiffen taut wires.
@@ -317,7 +324,9 @@ class RodRelaxation:
     def _stiffening(self, mean_excess: np.ndarray) -> np.ndarray:
         """[wire] factor of the softened axial stiffness where a wire is taut: its mean excess strain is imposed and makes no
         progress."""
-        raised = self._taut.after(np.abs(mean_excess))
+        raised, leading = self._taut.after(np.abs(mean_excess)), self._leading.after(np.abs(mean_excess))
+        if self._excess_leads:
+            raised |= leading
         if self._is_too_soft:
             self._reset_rate()
             return np.full(len(raised), SOFT_FACTOR)
@@ -352,7 +361,9 @@ class RodRelaxation:
     def state_dict(self) -> dict[str, np.ndarray]:
         """Arrays for a checkpoint, in addition to the state of the rods."""
         kept = {"thermal_strain": self.thermal_strain.copy(), "multipliers": np.array(self._has_multipliers)}
-        kept |= self._taut.state_dict("taut")
+        kept |= (
+            self._taut.state_dict("taut") | self._leading.state_dict("leading") | {"excess_leads": np.array(self._excess_leads)}
+        )
         kept["multiplier_rate"] = np.array([self._rate, self._best_ratio, self._stalled])
         if self._has_last:
             kept |= {name: fetch(getattr(self.checks.arrays, name)).copy() for name in LAST}
@@ -366,6 +377,8 @@ class RodRelaxation:
         self._rate, self._best_ratio, stalled = kept["multiplier_rate"].tolist()
         self._stalled = int(stalled)
         self._taut.load_state_dict("taut", kept)
+        self._leading.load_state_dict("leading", kept)
+        self._excess_leads = bool(kept["excess_leads"])
         self._has_last = "last_place" in kept
         if self._has_last:
             self._last_slide = kept["last_slide"]
