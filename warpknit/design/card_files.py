@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.constants import inch
 
 from ..files import write_aside, write_table
 from ..runner.cautions import preset_cautions
@@ -16,7 +17,6 @@ from ..scene import Scene
 from ..text import celsius, engineering, exact, percent
 from .card import AGREEMENT, MaterialCard
 
-INCH = 0.0254  # [m]
 CARD = "material_card.json"
 AXES = {"1": "weft (x)", "2": "warp (y)", "3": "shear, engineering shear strain 2 E12"}
 DEFINITION = (
@@ -128,7 +128,7 @@ def mesh_values(scene: Scene) -> dict[str, str]:
     bars = " and ".join(
         f"{bar.chain} threaded {bar.threading}" + (f" shifted by {bar.shift}" if bar.shift else "") for bar in knit.bars
     )
-    gauge = f"{INCH / knit.wale_spacing:.4g} wales and {INCH / knit.course_spacing:.4g} courses an inch"
+    gauge = f"{inch / knit.wale_spacing:.4g} wales and {inch / knit.course_spacing:.4g} courses an inch"
     nodes = f"{scene.model.nodes_per_loop} nodes a loop"
     return {
         "wire": f"{wire.material}, {ends}{exact(wire.diameter, 'm')}{plating}",

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.constants import inch
 from scipy.optimize import minimize_scalar
 
 from .. import measure
@@ -26,7 +27,6 @@ from ..text import at_most, exact, percent
 from .fine_states import states_at
 from .loop_fit import FIT_TOLERANCE, Fitted, factors, fit_loop_length, fit_run_in, fitted_by, scaled
 
-INCH = 0.0254  # [m]
 COMPLETE = 2.0 / 3.0  # of the largest area: openings that are counted; between wales 0.72 or more, within loops 0.58 or less
 FAR = 1.25  # change of the spacings, or its inverse, that is told
 COLUMNS = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m")  # of a measured curve
@@ -126,14 +126,14 @@ def with_openings(scene: Scene, wanted: float) -> Fitted:
     wale, course = (now / wanted * spacing for spacing in (knit.wale_spacing, knit.course_spacing))
     if min(wale, course) < 2.0 * scene.wire.diameter:
         most = now * min(knit.wale_spacing, knit.course_spacing) / (2.0 * scene.wire.diameter)
-        allowed = f"at most {at_most(INCH * most, 'per inch')} (loops two wires apart)"
-        raise InputError(f"--openings: given {exact(INCH * wanted, 'per inch')}, allowed: {allowed}")
+        allowed = f"at most {at_most(inch * most, 'per inch')} (loops two wires apart)"
+        raise InputError(f"--openings: given {exact(inch * wanted, 'per inch')}, allowed: {allowed}")
     resized = replace(scene, knit=replace(knit, wale_spacing=wale, course_spacing=course))
     notes = [f"wale spacing {1e3 * wale:.4g} mm and course spacing {1e3 * course:.4g} mm, from the openings per inch"]
     if not 1.0 / FAR < now / wanted < FAR:
         notes.append(
-            f"the openings per inch change both spacings by a factor of {now / wanted:.2g}, to {INCH / wale:.3g} wales and"
-            f" {INCH / course:.3g} courses an inch: the scene has {INCH * now:.3g} openings per inch,"
+            f"the openings per inch change both spacings by a factor of {now / wanted:.2g}, to {inch / wale:.3g} wales and"
+            f" {inch / course:.3g} courses an inch: the scene has {inch * now:.3g} openings per inch,"
             f" {complete_openings(scene)[0]} in a repeat; check the knit, and what was counted"
         )
     return Fitted(resized, tuple(notes))

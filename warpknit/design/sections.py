@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.constants import speed_of_light
+from scipy.constants import inch, speed_of_light
 
 from .. import measure
 from ..knit.cloth import Cloth
@@ -23,7 +23,7 @@ from .card import AGREEMENT, MaterialCard
 from .card_files import DEFINITION, card_values, card_warnings, strength_values
 from .curves import CurvePoint
 from .equal_tension import EqualTensionPath
-from .inputs import INCH, complete_openings, openings_per_length
+from .inputs import complete_openings, openings_per_length
 from .network import surface, wire_resistance
 from .opening_size import BANDS, FINE_ENOUGH, Opening
 from .page import Page
@@ -110,7 +110,7 @@ def mesh_section(
         if (count := openings_per_length(scene)) is not None:
             counted = f"{complete_openings(scene)[0]} in a repeat, those with at least two thirds of the largest area"
             rows.append(
-                ("openings as knitted", f"{count * INCH:.3g} per inch: square root of the number per square inch; {counted}")
+                ("openings as knitted", f"{count * inch:.3g} per inch: square root of the number per square inch; {counted}")
             )
     if card is not None:
         rows.append(("areal mass at the tension of the card", f"{1e3 * card.areal_mass:.3g} g/m2"))

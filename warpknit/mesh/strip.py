@@ -39,6 +39,12 @@ class Strip:
     neighbours: tuple[Neighbour, ...]
 
 
+def even_shares(wire_first: np.ndarray, wire_count: np.ndarray, parts: int) -> np.ndarray:
+    """First wire of each part, and the number of wires behind them (parts + 1,): about as many nodes for each."""
+    middle = wire_first + 0.5 * wire_count
+    return np.asarray(np.searchsorted(middle, wire_count.sum() * np.arange(parts + 1) / parts))
+
+
 def wires_of_ranks(panel: Panel, ranks: int) -> np.ndarray:
     """First wire of each rank, and the number of wires behind them (ranks + 1,): about as many nodes for each.
 
@@ -47,8 +53,7 @@ def wires_of_ranks(panel: Panel, ranks: int) -> np.ndarray:
     wires = len(panel.wire_first)
     if wires < ranks:
         raise ModelError(f"knit.repeats: {wires} wires cannot be shared by {ranks} ranks: use more repeats or fewer ranks")
-    middle = panel.wire_first + 0.5 * panel.wire_count
-    first = np.searchsorted(middle, panel.node_count * np.arange(ranks + 1) / ranks)
+    first = even_shares(panel.wire_first, panel.wire_count, ranks)
     # at least a wire for each
     first = np.maximum.accumulate(first - np.arange(ranks + 1)) + np.arange(ranks + 1)
     return np.minimum(first, wires - ranks + np.arange(ranks + 1))

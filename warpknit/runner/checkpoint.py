@@ -16,6 +16,7 @@ import numpy as np
 from ..errors import RunDirectoryError
 from ..files import write_arrays
 from ..ranks.ranks import Ranks
+from ..solve.drive import under
 from ..solve.simulate import Progress, Simulation
 
 FILE = Path("checkpoint") / "checkpoint.npz"
@@ -93,12 +94,8 @@ class Checkpoint:
 
     def restore(self, simulation: Simulation) -> None:
         """Restore state and solver variables; `simulation` was made with the progress of this checkpoint."""
-        state, solver = (
-            {name.removeprefix(prefix): value for name, value in self._arrays.items() if name.startswith(prefix)}
-            for prefix in ("state_", "solver_")
-        )
         try:
-            simulation.state.restore(state)
-            simulation.load_state_dict(solver)
+            simulation.state.restore(under("state_", self._arrays))
+            simulation.load_state_dict(under("solver_", self._arrays))
         except (AttributeError, KeyError, ValueError) as error:
             raise RunDirectoryError(f"{FILE}: not a checkpoint of this version ({error}): start over with --force") from error

@@ -23,6 +23,11 @@ from .progress import LoadStart, Progress, Record
 from .stage_load import load_at, temperature_at
 
 
+def under(prefix: str, kept: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The entries whose names begin with `prefix`, without it."""
+    return {name.removeprefix(prefix): value for name, value in kept.items() if name.startswith(prefix)}
+
+
 class Drive(ABC):
     """Runs the stages of a scene. `watch` is called after every convergence check and may raise to stop."""
 
@@ -80,7 +85,7 @@ class Drive(ABC):
 
     def restore(self, kept: dict[str, np.ndarray]) -> None:
         """Restore a snapshot."""
-        self.state.restore({name[6:]: value for name, value in kept.items() if name.startswith("state_")})
+        self.state.restore(under("state_", kept))
         self.progress.__dict__.update(Progress.from_dict(json.loads(str(kept["progress"]))).__dict__)
         self.load_state_dict(kept)
 

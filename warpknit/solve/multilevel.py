@@ -22,6 +22,7 @@ from ..mesh.rim import Rim, build_rim
 from ..transfer.response import find_response, load_response, zero_response
 from .aitken import Aitken
 from .convergence import TENSION_FLOOR
+from .drive import under
 from .membrane import Correction, Membrane
 from .progress import LoadStart, Progress
 from .relax import Relaxation, WantedTension
@@ -116,11 +117,11 @@ class MultilevelRelaxation(Relaxation):
         self._correction.load_state_dict("correction", kept)
         self._lift.load_state_dict("lift", kept)
         if self.smaller is not None and self.prolongation is not None:
-            self.smaller.restore(_under("smaller_", kept))
+            self.smaller.restore(under("smaller_", kept))
             self.prolongation.load_state_dict(kept)
         if self.cell is not None and self.membrane is not None:
             self._stations = kept["stations"]
-            self.cell.restore(_under("cell_", kept))
+            self.cell.restore(under("cell_", kept))
             self._response = load_response(kept, self.cell.model, self.model.device)
             self.membrane.renew(self._response)
 
@@ -322,8 +323,3 @@ def _load_of(relaxation: Relaxation) -> LoadPoint:
     wire, length = relaxation.scene.wire, float(relaxation.state.read_control()[int(c.LENGTH_FACTOR)])
     temperature = wire.reference_temperature + (length - 1.0) / max(wire.expansion, 1e-12)
     return LoadPoint(relaxation.state.gradient, temperature)
-
-
-def _under(prefix: str, kept: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The entries whose names begin with `prefix`, without it."""
-    return {name.removeprefix(prefix): value for name, value in kept.items() if name.startswith(prefix)}

@@ -19,7 +19,7 @@ from ..mechanics import Mechanics, SingleMesh
 from ..mesh.load_point import LoadPoint
 from ..scene import Stage
 from ..text import engineering, percent
-from .drive import Drive
+from .drive import Drive, under
 from .equilibrium import Equilibrium
 from .progress import Progress, Record
 from .stage_load import history_steps
@@ -93,7 +93,7 @@ class Relaxation(Drive):
         super().load_state_dict(kept)
         self.equilibrium.convergence.load_state_dict(kept)
         self._last_gradient = kept["last_gradient"].copy() if len(kept["last_gradient"]) else None
-        self._before = {name[12:]: value for name, value in kept.items() if name.startswith("equilibrium_")}
+        self._before = under("equilibrium_", kept)
 
     # --- levels
 

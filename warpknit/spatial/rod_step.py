@@ -33,6 +33,7 @@ from .masses import Masses
 from .rod_arrays import (
     RodArrays,
     RodState,
+    StepForces,
     TouchArrays,
     factor_launch,
     force_launch,
@@ -43,7 +44,7 @@ from .rod_arrays import (
     upload_rods,
 )
 from .rods import Rods
-from .wire_groups import forces_of_groups, wire_groups
+from .wire_groups import shared_forces, wire_groups
 from .yielding import Yielding
 
 GRAPH_STEPS = (5, 1)  # of one graph replay: capturing more takes longer than replaying few more often
@@ -101,7 +102,8 @@ class RodStepper:
         self.team = Team(thread_count(rods.node_count // NODES_A_THREAD) if device == "cpu" else 1, device)
         self._no_contact = no_contact(rods, device)
         self._graphs: dict[tuple[tuple[int, ...], int], list[wp.Graph]] = {}
-        self._groups = [wire_groups(rods, part, self.team.threads, on_cpu=device == "cpu") for part in range(self.team.threads)]
+        self._groups = wire_groups(rods, fetch(self.arrays.block_wire), self.team.threads, on_cpu=device == "cpu")
+        self._shared = [shared_forces(groups, self.state) if device == "cpu" else [] for groups in self._groups]
         factors = [
             factor_launch(self.arrays, self.state, self._range(len(rods.wire_first), part)) for part in range(self.team.threads)
         ]
@@ -137,7 +139,8 @@ class RodStepper:
         wait, state, groups = self.team.barrier(), self.state, self._groups[part]
         in_cache = self.device == "cpu" and (self.clamps is None or not self.clamps.need_forces)
         launches, touch = self._contact_launches(part, UNLESS_AHEAD if in_cache and not is_first else ALWAYS)
-        for group, stored in zip(groups, forces_of_groups(groups, state, shared=in_cache), strict=True):
+        forces = self._shared[part] if in_cache else [StepForces.of(state)] * len(groups)
+        for group, stored in zip(groups, forces, strict=True):
             launches += [
                 force_launch(self.rods, self.arrays, state, touch, group.blocks, stored),
                 motion_launch(self.arrays, state, group.wires, stored),

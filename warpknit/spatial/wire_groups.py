@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 import warp as wp
 
-from ..kernels.rod_blocks import ROD_BLOCK
+from ..mesh.strip import even_shares
 from .rod_arrays import RodState, StepForces
 from .rods import Rods
 
@@ -22,27 +23,31 @@ class WireGroup(NamedTuple):
     nodes: range
 
 
-def wire_groups(rods: Rods, part: int, parts: int, *, on_cpu: bool) -> list[WireGroup]:
-    """The groups of one thread: whole wires, about as many nodes for each thread; a single group on a GPU."""
+def wire_groups(rods: Rods, block_wire: np.ndarray, parts: int, *, on_cpu: bool) -> list[list[WireGroup]]:
+    """The groups of each thread: whole wires, about as many nodes for each thread; a single group on a GPU.
+
+    block_wire: wire of each block.
+    """
     largest = GROUP_NODES if on_cpu else rods.node_count
-    middle = rods.wire_first + 0.5 * rods.wire_count
-    begin, end = np.searchsorted(middle, rods.node_count * np.arange(part, part + 2) / parts).tolist()
-    first_node = np.append(rods.wire_first, rods.node_count)
-    first_block = np.concatenate([[0], np.cumsum(-(-rods.wire_count // ROD_BLOCK))])
-    groups = []
-    while begin < end:
-        behind = max(begin + 1, int(np.searchsorted(first_node, first_node[begin] + largest, side="right")) - 1)
-        wires = range(begin, min(behind, end))
-        blocks, nodes = (range(int(of[wires.start]), int(of[wires.stop])) for of in (first_block, first_node))
-        groups.append(WireGroup(wires, blocks, nodes))
-        begin = wires.stop
-    return groups
+    wires = len(rods.wire_first)
+    first_node, first_block = np.append(rods.wire_first, rods.node_count), np.searchsorted(block_wire, np.arange(wires + 1))
+
+    def group(begin: int, end: int) -> WireGroup:
+        blocks, nodes = (range(int(of[begin]), int(of[end])) for of in (first_block, first_node))
+        return WireGroup(range(begin, end), blocks, nodes)
+
+    shares: list[list[WireGroup]] = []
+    for begin, end in pairwise(even_shares(rods.wire_first, rods.wire_count, parts).tolist()):
+        shares.append([])
+        while begin < end:
+            behind = int(np.searchsorted(first_node, first_node[begin] + largest, side="right")) - 1
+            shares[-1].append(group(begin, min(max(begin + 1, behind), end)))
+            begin = shares[-1][-1].wires.stop
+    return shares
 
 
-def forces_of_groups(groups: list[WireGroup], state: RodState, *, shared: bool) -> list[StepForces]:
-    """The arrays for the forces of each group: those of the state, or, `shared`, the same memory for all groups."""
-    if not shared or not groups:
-        return [StepForces.of(state) for _ in groups]
-    nodes = max(len(group.nodes) for group in groups)
+def shared_forces(groups: list[WireGroup], state: RodState) -> list[StepForces]:
+    """The same memory for the forces of all groups of a thread, one after the other."""
+    nodes = max((len(group.nodes) for group in groups), default=0)
     force, torque, sweep = (wp.empty(nodes, dtype=of.dtype, device=of.device) for of in (state.force, state.torque, state.sweep))
     return [StepForces(group.nodes.start, force, torque, sweep) for group in groups]
